@@ -20,6 +20,16 @@ import numpy as np
 
 from benchmarks.keeping import keep, write_between
 from benchmarks.machine import description
+from examples.studies.simulated_scans import (
+    MM,
+    START,
+    TRUTH,
+    Apart,
+    ScannedSet,
+    errors,
+    ratio,
+    scanned_set,
+)
 from workbench import load_body
 from workbench.arrays import Array
 from workbench.blocks import Points
@@ -35,16 +45,6 @@ from workbench.registration.coregistration import (
 from workbench.registration.free_vertices import CLOSE
 from workbench.registration.scan_term import PATCH
 from workbench.residuals import Residual, geman_mcclure, model_to_scan, plane, scaled
-from workbench.studies.coregistration.scans import (
-    MM,
-    START,
-    TRUTH,
-    Apart,
-    ScannedSet,
-    errors,
-    ratio,
-    scanned_set,
-)
 from workbench.training.blocks import BLOCKS, BlockInput
 from workbench.training.estimate import Estimate
 from workbench.training.evaluation import errors_of, evaluate_held_out

@@ -10,24 +10,33 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 RESULTS = Path(__file__).parent / "results" / "ends.csv"
-COLUMNS = ("problem", "start", "solver", "ending", "cause", "cost", "times the least", "optimality")
+COLUMNS = (
+    "problem",
+    "start",
+    "solver",
+    "ending",
+    "verdict",
+    "cost",
+    "times the least",
+    "optimality",
+)
 
 
 def cases(rows: Iterable[Mapping[str, str]]) -> list[dict[str, str]]:
-    """The rows of `results.csv` that have a cause, or whose run was killed."""
+    """The rows of `results.csv` above 1.01 times the least cost, or whose run was killed."""
     found = []
     for row in rows:
-        if not row["cause"] and row["ending"] != "KILLED":
-            continue
         cost = float(row["cost"]) if row["cost"] else None
         least = float(row["best_known_cost"])
+        if (cost is None or cost <= 1.01 * least) and row["ending"] != "KILLED":
+            continue
         found.append(
             {
                 "problem": row["problem"],
                 "start": row["number"],
                 "solver": row["solver"],
                 "ending": row["ending"].lower(),
-                "cause": row["cause"].lower().replace("_", " "),
+                "verdict": row["verdict"].lower().replace("_", " "),
                 "cost": "" if cost is None else f"{cost:.8g}",
                 "times the least": "" if cost is None else f"{cost / least:.4g}",
                 "optimality": f"{float(row['optimality']):.1e}" if row["optimality"] else "",

@@ -25,12 +25,12 @@ import numpy as np
 from benchmarks.coregistration import SETS
 from benchmarks.keeping import keep
 from benchmarks.machine import description
+from examples.studies.simulated_scans import START, ScannedSet, scanned_set
 from workbench import load_body
 from workbench.bodies.files.saving import save_body
 from workbench.registration.coregistration.folder import BODY, SCAN
 from workbench.registration.coregistration.state import FILE
 from workbench.reports.registration import ARRAYS, points, subjects_csv
-from workbench.studies.coregistration.scans import START, ScannedSet, scanned_set
 from workbench.training.folder import TABLE, Row
 from workbench.writing import write_arrays
 

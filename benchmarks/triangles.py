@@ -1,10 +1,10 @@
-"""The table of SMPL beside SCAPE and BlendSCAPE in `workbench/studies/README.md`.
+"""The table of SMPL beside SCAPE and BlendSCAPE in `examples/studies/README.md`.
 
-    workbench triangles WHEEL --mocap FILE
+    python -m examples.studies.triangles WHEEL --mocap FILE
     python -m benchmarks.triangles runs/triangles
 
-The second command keeps the page's numbers in `results/triangles.json` and writes the table between
-the marks of that file.
+The second command keeps the study's numbers in `results/triangles.json` and writes the table
+between the marks of that file.
 """
 
 import argparse
@@ -16,7 +16,7 @@ from typing import Any
 from benchmarks.keeping import keep, write_between
 
 KEPT = Path(__file__).parent / "results" / "triangles.json"
-README = Path(__file__).parents[1] / "workbench" / "studies" / "README.md"
+README = Path(__file__).parents[1] / "examples" / "studies" / "README.md"
 BEGIN, END = "<!-- written by `python -m benchmarks.triangles` -->", "<!-- up to here -->"
 MODELS = ("SMPL", "SCAPE", "BlendSCAPE")
 SHOWN, LEVELS = (1, 5, 10), (0.9, 0.95, 0.99)
@@ -78,9 +78,9 @@ def table(found: dict[str, Any]) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Keep a page's numbers and write the table."""
+    """Keep the study's numbers and write the table."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.triangles", description=__doc__)
-    parser.add_argument("folder", type=Path, help="what `workbench triangles` wrote")
+    parser.add_argument("folder", type=Path, help="what `examples.studies.triangles` wrote")
     folder = parser.parse_args(arguments).folder
     found = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     keep(KEPT, {name: part for name, part in found.items() if name != "files"}, digits=4)

@@ -4,8 +4,8 @@
 
 writes `cmu_gaussian.npz`; `mixture` and `student` write `cmu_mixture.npz` and `cmu_student.npz`.
 The recording is as `workbench.priors.recordings` describes it. `regressor` writes
-`regressor.npz`, the regressor of poses; it takes three minutes, and nothing but the package and scikit-learn (the extra
-`learn`)."""
+`regressor.npz`, the regressor of poses; it takes three minutes, and nothing but the
+package and scikit-learn (the extra `learn`)."""
 
 import argparse
 from dataclasses import replace

@@ -13,7 +13,7 @@ import numpy as np
 import workbench as wb
 from workbench.bodies.ablations import without_pose_blend_shapes
 from workbench.geometry.rotation import matrix_from_vector
-from workbench.studies.blend_shapes.training_data import feature_matrix
+from workbench.lectures.material.blend_shapes import feature_matrix
 
 body = wb.load_body()
 bare = without_pose_blend_shapes(body)

@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 import workbench as wb
-from workbench.experiments.markers import dressed_person, true_measures
+from workbench.experiments.moving_people import dressed_person, true_measures
 from workbench.fitting import default_markers, mosh, read_markers
 from workbench.priors.poses import draw_poses, shipped_gaussian
 

@@ -21,7 +21,7 @@ TOGETHER = {  # files of tests that share what takes long, and a name for them
     "test_repository.py": "repository",
     "test_site.py": "site",
     "test_no_hang.py": "no hang",
-    "test_triangle_study.py": "triangles",
+    "test_studies.py": "studies",
     "test_gauges_of_training.py": "gauges of training",
 }
 LECTURES = ("test_every_lecture.py", "test_prose.py")  # a group for each lecture

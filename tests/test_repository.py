@@ -16,24 +16,23 @@ from workbench import residuals
 
 ROOT = Path(workbench.__file__).parent
 LAYERS = (  # from the ground up: a package imports from its own layer and from those below
-    "arrays blocks compiling environment errors geometry interrupts processes reading threads "
-    "writing",
+    "arrays blocks compiling environment errors geometry identity interrupts processes reading "
+    "threads writing",
     "bodies motions problem residuals",
     "diagnostics priors sampling solvers",
     "conversion fitting registration synthetic training",
-    "comparison experiments plots reports studies",
+    "comparison experiments plots reports",
     "cli course lectures __main__",
 )
 LAYER = {package: height for height, names in enumerate(LAYERS) for package in names.split()}
 EXCEPTIONS: set[tuple[str, str]] = set()  # (module, what it imports from above); only shrinks
-DRAWING = ("plots", "studies")  # packages that draw figures
+DRAWING = ("plots",)  # packages that draw figures
 LOADING = {"np.load", "np.lib.format.read_array", "np.lib.format.open_memmap", "pickle.load"}
 LOADING |= {"pickle.loads", "eval", "exec", "yaml.load"}
 OWN_MESSAGES = {  # between processes of one run, and the code of a user, a lecture or an answer
-    "workbench.experiments.own_file",
+    "workbench.experiments.experiment",
     "workbench.comparison.worker",
     "workbench.comparison.workers",
-    "workbench.comparison.named_solvers",
     "workbench.course.cells",
 }
 

@@ -17,7 +17,7 @@ from benchmarks.choosing import page
 from benchmarks.choosing.temperaments import TEMPERAMENTS, Temperament
 from benchmarks.keeping import keep
 from workbench.comparison import Budget, Comparison, compare
-from workbench.comparison.log import KINDS
+from workbench.comparison.record import KINDS
 
 HERE = Path(__file__).parent.parent
 KEPT = "choosing.json"
@@ -81,7 +81,7 @@ def efforts(one: Temperament, comparison: Comparison, solver: str) -> Sequence[f
         return [float(x) for x in np.where(np.isnan(needed), np.inf, needed)]
     found = []
     for instance in comparison.starts():
-        counts = comparison.met(instance.name, solver, one.tau)
+        counts = comparison.reached_at(instance.name, solver, one.tau)
         n = comparison.unknowns[instance.problem]
         by_differences = dict.fromkeys(KINDS, 1.0) | {"gradient": n + 1.0, "jacobian": n + 1.0}
         prices = np.array([by_differences[kind] for kind in KINDS])

@@ -15,7 +15,7 @@ solvers began at the same starts, and each run had at most 5,000 evaluations and
 start is *solved* if the run visited a point with f - f* <= tau (f0 - f*), where f is the cost at
 that point, f0 the cost at the start and f* the lowest cost known. *Effort* is counted in
 evaluations of the residual. Other evaluations are converted to these by the prices in
-`workbench.comparison.prices`; a Jacobian of n unknowns, for example, counts as 1 + 1.5 n
+`workbench.comparison.targets`; a Jacobian of n unknowns, for example, counts as 1 + 1.5 n
 evaluations. The table shows the median over all starts, those that were not solved counted as
 infinite; a dash means that at most half of the starts were solved. The intervals are exact 95 %
 intervals (Clopper and Pearson) for independent starts. Starts of the same problem are not

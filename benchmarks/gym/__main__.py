@@ -19,7 +19,7 @@ from benchmarks.gym.peers import ALL
 from benchmarks.gym.runs import BUDGET, run
 from benchmarks.gym.split import tuning
 from benchmarks.keeping import keep
-from workbench.comparison.identity import code_version
+from workbench.identity import code_version
 from workbench.solvers import SOLVERS
 
 HERE = Path(__file__).parent.parent

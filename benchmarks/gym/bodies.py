@@ -3,7 +3,7 @@ at the template. The seeds are others than those that any test of the workbench 
 """
 
 from benchmarks.gym.case import Case, case
-from workbench.experiments.body_problems import body_vertices
+from workbench.experiments.body_fits import body_vertices
 
 SIGMAS = (0.3, 0.6, 1.0)  # rad per axis
 SEEDS = range(1000, 1006)

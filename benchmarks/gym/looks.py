@@ -10,7 +10,7 @@ from pathlib import Path
 
 from benchmarks.gym.case import Case
 from benchmarks.gym.split import untouched
-from workbench.comparison.identity import code_version
+from workbench.identity import code_version
 
 LOG = Path(__file__).parent / "looks.md"
 HEAD = """# Looks at the untouched cases of the gym

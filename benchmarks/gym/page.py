@@ -11,7 +11,7 @@ import numpy as np
 from benchmarks.gym.case import Case
 from benchmarks.gym.runs import Kept
 from workbench.arrays import Array
-from workbench.comparison.profiles import performance_profile
+from workbench.comparison.statistics import performance_profile
 from workbench.solvers import DEFAULT
 
 HEADINGS = {"tuning": "Cases on which solvers may be tuned", "untouched": "Untouched cases"}
@@ -72,7 +72,7 @@ stopped their process until their time was over.
 A performance profile (Dolan and Moré 2002) says for each factor which share of the cases a solver
 solves with at most this factor times the evaluations of the solver in the table that needs the
 fewest. A second table counts effort instead, which is evaluations of the residual at the prices of
-`workbench.comparison.prices`.
+`workbench.comparison.targets`.
 """
 
 ENDS = """## Ends that are called converged

@@ -15,10 +15,9 @@ from benchmarks.gym.case import Case
 from benchmarks.gym.cases import CASES
 from benchmarks.gym.success import counts_until, effort_until, is_solved, target
 from workbench.comparison import Budget
-from workbench.comparison.jobs import Solve
-from workbench.comparison.named_solvers import NamedSolver
-from workbench.comparison.running import run_solver
 from workbench.comparison.targets import claims, stationary
+from workbench.comparison.worker import run_solver
+from workbench.comparison.workers import Solve
 
 BUDGET = Budget(max_evaluations=2_000, max_seconds=30.0)
 
@@ -112,14 +111,12 @@ def _of_case(
             record = run_solver(
                 Solve(
                     key="",
-                    experiment=None,  # type: ignore[arg-type]  # the setup is here already
-                    solver=NamedSolver(name, solver).sent(),
+                    open_experiment=lambda: one.experiment,  # whose setup is here already
+                    solver=name,
+                    open_solver=lambda solver=solver: solver,  # type: ignore[misc]
                     instance=one.name,
-                    repetition=0,
                     budget=budget,
-                    grace=budget.grace,
                     log=str(Path(folder) / "log"),
-                    rehearse=False,
                 ),
                 setup,
                 lambda phase, seconds: None,

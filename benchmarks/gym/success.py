@@ -12,9 +12,8 @@ parameters, each of them must agree to four digits as well (McCullough, The Amer
 
 import numpy as np
 
-from workbench.comparison.log import KINDS
-from workbench.comparison.prices import units
-from workbench.comparison.record import Record
+from workbench.comparison.record import KINDS, Record
+from workbench.comparison.targets import units
 from workbench.fitting.known import KnownAnswer
 
 RELATIVE = 1e-6
@@ -48,5 +47,5 @@ def counts_until(record: Record, enough: float) -> np.ndarray:
 
 
 def effort_until(record: Record, enough: float, unknowns: int) -> float:
-    """Evaluations until then at the prices of `workbench.comparison.prices`, in residuals."""
+    """Evaluations until then at the prices of `workbench.comparison.targets`, in residuals."""
     return float(units(counts_until(record, enough), unknowns))

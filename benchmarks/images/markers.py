@@ -22,7 +22,7 @@ from benchmarks.keeping import keep
 from workbench import load_body
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
-from workbench.experiments.markers import (
+from workbench.experiments.moving_people import (
     Placed,
     anywhere,
     dressed_person,

@@ -22,8 +22,7 @@ from workbench import load_body
 from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
-from workbench.experiments.balance import balance, published
-from workbench.experiments.balance_video import balance_clip
+from workbench.experiments.balance import balance, balance_clip, published
 from workbench.fitting.setup import Setup
 from workbench.fitting.video_mean import video_mean
 from workbench.fitting.videos import EVIDENCE, landmarks_of, video_fit

@@ -26,8 +26,7 @@ from benchmarks.keeping import keep, write_between
 from workbench import load_body
 from workbench.blocks import Block, Values
 from workbench.bodies import SkinnedBody
-from workbench.experiments.balance import published
-from workbench.experiments.balance_video import FPS, balance_clip
+from workbench.experiments.balance import FPS, balance_clip, published
 from workbench.fitting.body_priors import pose_prior, shape_prior
 from workbench.fitting.keypoint_problem import landmark_set, observed_blocks
 from workbench.fitting.videos import (

@@ -15,9 +15,8 @@ import casadi as cs
 import numpy as np
 
 import workbench as wb
-from workbench.comparison.profiles import performance_profile, ratios
-from workbench.comparison.statistics import rate
-from workbench.comparison.targets import TAUS, Yardstick
+from workbench.comparison.statistics import performance_profile, rate, ratios
+from workbench.comparison.targets import TAUS, ReferenceCosts
 from workbench.course import Picture, source
 from workbench.experiments.more_wild import MORE_WILD
 from workbench.geometry.rotation import matrix_from_vector, rodrigues
@@ -165,7 +164,7 @@ Picture(
 # does the same, with room for rounding:
 
 # %%
-source(Yardstick.target)
+source(ReferenceCosts.target)
 
 
 # %%

@@ -22,15 +22,15 @@ from workbench.course import Picture, source
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 from workbench.geometry.solids import mesh_edges
 from workbench.geometry.triangles import Stitching, edges, frames_on, gradients, soup
-from workbench.plots import house_style, plot_stitching, sheet
-from workbench.plots.body import Figurine, front, line_up
-from workbench.reports.replay.sequences import recorded_side_by_side
-from workbench.studies.triangles.explained_variance import (
+from workbench.lectures.material.variance import (
+    additivity_gap,
     explained_by_triangles,
     explained_by_vertices,
     explained_gradients,
 )
-from workbench.studies.triangles.measures import additivity_gap
+from workbench.plots import house_style, plot_stitching, sheet
+from workbench.plots.body import Figurine, front, line_up
+from workbench.reports.replay.sequences import recorded_side_by_side
 
 body = wb.load_body("small")
 faces, template = body.faces, body.template

@@ -20,8 +20,8 @@ import numpy as np
 
 import workbench as wb
 from workbench.course import Picture, source
-from workbench.experiments.balance_video import balance_clip
-from workbench.experiments.markers import dressed_person, true_measures
+from workbench.experiments.balance import balance_clip
+from workbench.experiments.moving_people import dressed_person, true_measures
 from workbench.fitting import (
     Smoothness,
     default_markers,

@@ -12,8 +12,7 @@ from benchmarks.gym.runs import BUDGET, Kept, least_starts, run
 from benchmarks.gym.runs import read as read_runs
 from benchmarks.gym.split import tuning
 from benchmarks.gym.success import is_solved, target
-from workbench.comparison.log import KINDS, Observed
-from workbench.comparison.record import Ending, Record
+from workbench.comparison.record import KINDS, ObservedRun, Record, RunEnding
 from workbench.fitting.known import KnownAnswer
 from workbench.solvers import SOLVERS
 
@@ -25,13 +24,13 @@ SMALL = tuple(
 
 
 def record(cost: float, digits: float = np.nan, inside: bool = True) -> Record:
-    observed = Observed(
+    observed = ObservedRun(
         (0,) * len(KINDS), (0.0,) * len(KINDS), 0, 0.0, np.ones(1), np.zeros((0, 9))
     )
     return Record(
         "a",
         "b",
-        Ending.RETURNED,
+        RunEnding.RETURNED,
         "",
         observed,
         "",

@@ -16,7 +16,7 @@ from workbench import SOLVERS
 from workbench.cli import later
 from workbench.cli.app import NAMES, app
 from workbench.cli.later import Later, summary
-from workbench.experiments.own_file import BESIDE, ENOUGH
+from workbench.experiments.experiment import BESIDE, ENOUGH
 from workbench.solvers.nlopt import ALGORITHMS
 
 ROOM = Path(later.__file__).parent

@@ -139,15 +139,3 @@ def test_compare_on_a_cluster_ignores_workers(
     _, out, err = workbench("compare", "line.py", "--dask", "tcp://somewhere:1", "--workers", "2")
     assert "no cluster in this test" in err
     assert "--workers changes nothing: with --dask, the cluster says how many" in out
-
-
-def test_blendshapes_of_a_recording_ignores_test(
-    workbench: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def stop(*_: object) -> None:
-        raise WorkbenchError("enough for this test")
-
-    monkeypatch.setattr("workbench.cli.blendshapes.predictor_study", stop)
-    _, out, _ = workbench("blendshapes", "--mocap", "walk.npz", "--test", "70")
-    assert "--test changes nothing: the poses of the recording are tested on" in out
-    assert "changes nothing" not in workbench("blendshapes", "--test", "70")[1]

@@ -5,12 +5,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from tests.comparison.problems import slide
-from workbench.comparison import Budget, Comparison, Ending, Record
-from workbench.comparison.description import Description
-from workbench.comparison.design import Design, Instance
-from workbench.comparison.end_analysis import EndAnalysis
-from workbench.comparison.log import KINDS, ROW, Observed
-from workbench.comparison.named_solvers import NamedSolver
+from workbench.comparison import Budget, Comparison, Record, RunEnding
+from workbench.comparison.design import Design, Instance, NamedSolver
+from workbench.comparison.ends import EndAnalysis
+from workbench.comparison.record import KINDS, ROW, Description, ObservedRun
 from workbench.experiments import Experiment
 from workbench.solvers import LevenbergMarquardt
 
@@ -22,7 +20,7 @@ def record(
     solver: str,
     costs: Sequence[float],
     *,
-    ending: Ending = Ending.RETURNED,
+    ending: RunEnding = RunEnding.RETURNED,
     claim: str = "CONVERGED",
     optimality: float = 0.0,
     every: int = 1,
@@ -33,8 +31,8 @@ def record(
     rows = [(every * (k + 1), *others, 0.1 * (k + 1), c) for k, c in enumerate(costs)]
     found = np.array([row for row in rows if np.isfinite(row[-1])], dtype=float).reshape(-1, ROW)
     counts = every * len(costs), *others
-    seen = Observed(counts, (0.0,) * len(KINDS), 0, 0.1 * len(costs), np.zeros(1), found, taken)
-    end = costs[-1] if costs and ending is Ending.RETURNED else np.nan
+    seen = ObservedRun(counts, (0.0,) * len(KINDS), 0, 0.1 * len(costs), np.zeros(1), found, taken)
+    end = costs[-1] if costs and ending is RunEnding.RETURNED else np.nan
     return Record(
         solver,
         instance,
@@ -67,7 +65,7 @@ def comparison(
     solvers = list(dict.fromkeys(solver for _, solver in runs))
     instances = tuple(_instance(p) for p in problems)
     records = {
-        (p, s): record(p, s, costs, ending=Ending.RETURNED if len(costs) else Ending.RAISED)
+        (p, s): record(p, s, costs, ending=RunEnding.RETURNED if len(costs) else RunEnding.RAISED)
         for (p, s), costs in runs.items()
     } | {(r.instance, r.solver): r for r in changed.values()}
     judged = []
@@ -79,22 +77,15 @@ def comparison(
             min((r.cost for r, w in zip(ended, where, strict=True) if w == k), default=0.0)
             for k in range(count)
         )
-        none = (0,) * len(where)
         flat = (0.0,) * count
-        judged.append(
-            EndAnalysis(where, costs, flat, flat, none, none, points=np.zeros((count, 1)))
-        )
-    seconds = {"residual": 1.0, "gradient": 1.0, "jacobian": 1.0}
+        judged.append(EndAnalysis(where, costs, flat, flat, points=np.zeros((count, 1))))
     described = {
         p: Description(
             p,
             1,
             1,
             False,
-            np.zeros(1),
             start,
-            NOTHING,
-            seconds,
             0.0 if known else np.nan,
             "known" if known else "",
             False,

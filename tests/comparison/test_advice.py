@@ -7,10 +7,10 @@ import pytest
 
 from tests.comparison.made_up import comparison, record
 from workbench.comparison import Comparison
-from workbench.comparison.pairs import duels
-from workbench.comparison.prices import PRICES, units
+from workbench.comparison.advice import advice, prices_sentence, reliable
+from workbench.comparison.comparison import by_effort
 from workbench.comparison.statistics import LEVEL
-from workbench.comparison.words import advice, prices_sentence, reliable
+from workbench.comparison.targets import PRICES, units
 
 QUICK, SLOW = [9.0, 1.0], [9.0, 8.0, 7.0, 6.0, 1.0]
 
@@ -106,7 +106,10 @@ def test_starts_of_one_problem_are_no_proof() -> None:
     starts = [f"p, start {k}" for k in range(40)]
     runs = {(p, "quick"): QUICK for p in starts} | {(p, "slow"): SLOW for p in starts}
     found = comparison(runs)
-    assert (duels(found)["quick", "slow"].first, duels(found)["quick", "slow"].p) == (40, 1.0)
+    assert (by_effort(found)["quick", "slow"].first, by_effort(found)["quick", "slow"].p) == (
+        40,
+        1.0,
+    )
     assert "may be chance" in advice(found)[1]
 
 
@@ -140,11 +143,7 @@ def lied_to(found: Comparison, rng: np.random.Generator) -> Comparison:
         spent = tuple(timed(1.0) for _ in run.observed.spent)
         seen = replace(run.observed, trace=trace, spent=spent, seconds=timed(run.observed.seconds))
         records[key] = replace(run, observed=seen)
-    described = {
-        name: replace(about, seconds={kind: timed(s) for kind, s in about.seconds.items()})
-        for name, about in found.described.items()
-    }
-    return replace(found, records=records, described=described)
+    return replace(found, records=records)
 
 
 def test_clock_does_not_rank() -> None:
@@ -154,7 +153,7 @@ def test_clock_does_not_rank() -> None:
     for _ in range(20):
         other = lied_to(found, rng)
         assert advice(other) == advice(found)
-        assert duels(other) == duels(found)
+        assert by_effort(other) == by_effort(found)
         assert other.prices == found.prices
         for tau in found.taus:
             np.testing.assert_array_equal(other.needed(tau), found.needed(tau))

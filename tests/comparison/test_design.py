@@ -8,11 +8,10 @@ import pytest
 import workbench as wb
 from tests.comparison.problems import LINE, SLIDE
 from workbench.comparison import Budget
-from workbench.comparison.design import chosen, design
-from workbench.comparison.identity import digest, identity, of_the_house
-from workbench.comparison.named_solvers import named_solvers
+from workbench.comparison.design import chosen, design, named_solvers
 from workbench.course.outline import lecture
 from workbench.errors import BadFile, UnknownName
+from workbench.identity import NOT_COUNTED, digest, identity, is_own_code
 from workbench.solvers import full_step
 
 SOLVER = """
@@ -31,7 +30,7 @@ def test_solvers_go_by_given_names() -> None:
     assert named_solvers(wb.GaussNewton())[0].name == "gauss-newton"
     assert named_solvers(wb.GaussNewton(max_iterations=3))[0].name == "GaussNewton"
     assert [e.name for e in named_solvers({"a": wb.GaussNewton(), "b": wb.Ipopt()})] == ["a", "b"]
-    assert all(e.of_the_house for e in named_solvers(list(wb.SOLVERS)))
+    assert all(e.is_own_code for e in named_solvers(list(wb.SOLVERS)))
 
 
 def test_files_define_solvers(tmp_path: Path) -> None:
@@ -39,8 +38,8 @@ def test_files_define_solvers(tmp_path: Path) -> None:
     one.write_text(SOLVER + "solver = Mine()\n")
     (named,) = named_solvers(str(one))
     assert (named.name, named.source) == ("mine", str(one.resolve()))
-    assert not named.of_the_house
-    assert type(named.sent().opened()).__name__ == "Mine"
+    assert not named.is_own_code
+    assert type(named.sent()()).__name__ == "Mine"
     two = tmp_path / "ours.py"
     two.write_text(SOLVER + "slow, fast, _hidden = Mine(), Mine(3), Mine(4)\n")
     assert [e.name for e in named_solvers(str(two))] == ["ours:slow", "ours:fast"]
@@ -69,7 +68,7 @@ def test_wrong_files_of_solvers_are_refused(tmp_path: Path) -> None:
 
 
 def test_seeds_number_starts_or_seeds() -> None:
-    who = named_solvers("gauss-newton")
+    who = "gauss-newton"
     found = design(("nist-misra1a", SLIDE, LINE), who, 2, Budget())
     assert [(i.name, i.number) for i in found.instances] == [
         ("nist-misra1a, start 1", 1),
@@ -93,12 +92,19 @@ def test_arguments_go_to_experiments_that_have_them() -> None:
         chosen(["known-correspondences"], {"bodi": "small"})
 
 
+def test_code_that_no_result_depends_on_is_there() -> None:
+    """An edit of it makes no stored run count as new; under another name it would."""
+    root = Path(wb.__file__).parent
+    assert [name for name in NOT_COUNTED if not (root / name).exists()] == []
+    assert {"replay", "comparison/advice.py"} <= set(NOT_COUNTED)
+
+
 def test_keys_change_with_what_a_run_depends_on(tmp_path: Path) -> None:
     file = tmp_path / "mine.py"
     file.write_text(SOLVER + "solver = Mine()\n")
 
     def key(experiment: object = LINE, solver: object = "gauss-newton", **budget: int) -> str:
-        made = design(experiment, named_solvers(solver), 1, Budget(**budget))  # type: ignore[arg-type]
+        made = design(experiment, solver, 1, Budget(**budget))  # type: ignore[arg-type]
         return made.run_key(made.instances[0], made.named_solvers[0])
 
     keys = [
@@ -120,9 +126,9 @@ def test_keys_change_with_what_a_run_depends_on(tmp_path: Path) -> None:
 def test_lectures_are_identified_by_source() -> None:
     """They are no part of the code's version: in a checkout they are not even below the package."""
     for module in ("workbench", "workbench.solvers.dogleg", "workbench.course.checks"):
-        assert of_the_house(module), module
+        assert is_own_code(module), module
     for module in ("workbench.lectures.lec07_trust_region.solutions", "workbenches", "__main__"):
-        assert not of_the_house(module), module
+        assert not is_own_code(module), module
     told = identity(lecture(2).solution("hat"))
     assert told.startswith("workbench.lectures.lec02_rotations.solutions.hat ")
     assert len(told.split()[1]) == 16  # the digest of its source

@@ -1,4 +1,4 @@
-"""Why runs end above the lowest cost: basins, slides, curvature and causes that are known."""
+"""Why runs end above the lowest cost: basins, slides, curvature and outcomes that are known."""
 
 import casadi as cs
 import numpy as np
@@ -6,12 +6,16 @@ import pytest
 
 from tests.comparison.problems import SLIDE, STARTS, Liar, angle, lost_well, slide
 from workbench import Block, LevenbergMarquardt, Problem, Residual, compare
-from workbench.comparison import Budget, Cause, TargetOutcome
-from workbench.comparison.basins import basins
-from workbench.comparison.curvature import SADDLE, least_curvature
-from workbench.comparison.end_analysis import EndAnalysis, analyse_ends
-from workbench.comparison.explanation import explain
-from workbench.comparison.words import advice
+from workbench.comparison import Budget, TargetOutcome
+from workbench.comparison.advice import advice
+from workbench.comparison.ends import (
+    SADDLE,
+    EndAnalysis,
+    analyse_ends,
+    basins,
+    explain,
+    least_curvature,
+)
 from workbench.experiments import Experiment, Setup, find
 from workbench.problem import Constraint
 from workbench.solvers import SOLVERS
@@ -165,19 +169,17 @@ def test_saddles_are_told_from_other_wells() -> None:
     assert all(curvature > 0 for curvature in found.curvatures)
     again = EndAnalysis.of(found.stored())
     assert again.curvatures == found.curvatures
-    assert again.lost_ranks == found.lost_ranks == (0, 0)
-    assert again.hidden == found.hidden == (0, 0)
 
 
-def test_ends_of_a_comparison_have_causes() -> None:
+def test_ends_of_a_comparison_have_outcomes() -> None:
     solvers = {"levenberg-marquardt": LevenbergMarquardt(), "stays": Liar()}
     found = compare([SLIDE], solvers, seeds=3)
-    assert found.causes["slide, start 1", "levenberg-marquardt"] is Cause.SECOND_BASIN
-    assert ("slide, start 0", "levenberg-marquardt") not in found.causes
-    stayed = {why for (_, solver), why in found.causes.items() if solver == "stays"}
-    assert stayed == {Cause.STOPPED_EARLY}
+    outcomes = [found.outcomes[f"slide, start {k}", "levenberg-marquardt"] for k in (0, 1)]
+    assert outcomes == [TargetOutcome.REACHED, TargetOutcome.OTHER_BASIN]
+    assert found.outcome_counts("stays") == {TargetOutcome.FALSE_CLAIM: 3}
     short = compare([SLIDE], solvers, budget=Budget(max_evaluations=3))
-    assert short.causes["slide, start 0", "levenberg-marquardt"] is Cause.LIMIT
+    ended = short.outcomes["slide, start 0", "levenberg-marquardt"]
+    assert ended is TargetOutcome.OUT_OF_BUDGET
 
 
 def test_stops_at_saddles_are_counted() -> None:
@@ -190,9 +192,8 @@ def test_stops_at_saddles_are_counted() -> None:
     }
     for solver in ("lm", "stays"):  # one says so, and the other does not
         assert found.outcomes["ridge, start 0", solver] is TargetOutcome.SADDLE
-        assert found.causes["ridge, start 0", solver] is Cause.SADDLE
-        assert not found.delivered("ridge, start 0", solver, 0.9)
-    assert found.counted("lm")[TargetOutcome.REACHED] == 1
+        assert not found.returned_within("ridge, start 0", solver, 0.9)
+    assert found.outcome_counts("lm")[TargetOutcome.REACHED] == 1
     assert any("ends at a saddle point" in said for said in advice(found))
 
 

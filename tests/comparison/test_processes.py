@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,8 +16,9 @@ import workbench as wb
 from tests.comparison import problems
 from tests.comparison.problems import LINE, SLIDE, Forever
 from workbench import GaussNewton, LevenbergMarquardt
-from workbench.comparison import Budget, Comparison, TargetOutcome, compare
-from workbench.comparison.tidy import deterministic, rows, write_csv
+from workbench.comparison import Budget, Comparison, RunEnding, TargetOutcome, compare, workers
+from workbench.comparison.tables import deterministic, rows, write_csv
+from workbench.errors import WorkbenchError
 
 pytestmark = pytest.mark.thorough
 
@@ -29,7 +31,8 @@ RESUMED = """
 import sys
 from pathlib import Path
 from tests.comparison.test_processes import many
-from workbench.comparison.tidy import deterministic, write_csv
+from workbench.errors import WorkbenchError
+from workbench.comparison.tables import deterministic, write_csv
 found = many(Path(sys.argv[1]))
 write_csv(found, Path(sys.argv[2]), deterministic(found))
 """
@@ -59,6 +62,34 @@ def test_killed_comparison_goes_on_to_the_same_table(tmp_path: Path) -> None:
     assert table.read_bytes() == (tmp_path / "whole.csv").read_bytes()
     assert all(path.stat().st_mtime_ns == when for path, when in done.items())
     assert json.loads((folder / "comparison.json").read_text())["kind"] == "comparison"
+
+
+def test_other_comparisons_keep_their_workers() -> None:
+    """One of two that run side by side ends first, and the run of the other has not crashed."""
+    budget = Budget(max_seconds=5.0, max_evaluations=10**9)
+    with ThreadPoolExecutor(1) as thread:
+        longer = thread.submit(compare, LINE, {"spends": problems.Spendthrift()}, budget=budget)
+        time.sleep(0.5)
+        compare(SLIDE, GOOD, budget=SHORT)
+        assert not longer.done()
+        found = longer.result()
+    assert found.records["line, seed 0", "spends"].ending is RunEnding.CUT
+
+
+def test_worker_that_dies_before_it_begins_is_replaced(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its death says nothing of the solver."""
+    mark = tmp_path / "died"
+    dying = f"import os; m = {str(mark)!r}; os.path.exists(m) or (open(m, 'w'), os._exit(3)); "
+    workers.pool().close()
+    monkeypatch.setattr(workers, "MAIN", dying + workers.MAIN)
+    found = compare(SLIDE, GOOD, budget=SHORT)
+    assert mark.exists()
+    assert {record.ending for record in found.records.values()} == {RunEnding.RETURNED}
+    monkeypatch.setattr(workers, "MAIN", "raise SystemExit(3)")
+    with pytest.raises(WorkbenchError, match=r"3 worker processes ended before .*exit code 3"):
+        compare(SLIDE, GOOD, budget=SHORT)
 
 
 def test_solver_that_dies_ends_its_run_alone() -> None:

@@ -10,9 +10,9 @@ from tests.comparison.made_up import comparison
 from workbench.comparison.statistics import (
     FEWEST,
     LEVEL,
-    duel,
     holm,
     median,
+    paired_test,
     rate,
     sign_test,
 )
@@ -114,13 +114,15 @@ def test_sign_test_has_exact_values() -> None:
 PAIRS: list[int] = [4, 6, 20]
 
 
-def test_duels_of_equals_are_decided_below_the_level() -> None:
+def test_pairs_of_equals_are_decided_below_the_level() -> None:
     """Of two equal solvers on n problems, exactly; at 4:0 Wilson's interval gave 12.5 %."""
     for n in PAIRS:
         alarms = sum(
             float(binom.pmf(k, n, 0.5))
             for k in range(n + 1)
-            if duel(np.r_[np.ones(k), np.full(n - k, 3.0)], np.full(n, 2.0), range(n)).decided
+            if paired_test(
+                np.r_[np.ones(k), np.full(n - k, 3.0)], np.full(n, 2.0), range(n)
+            ).decided
         )
         assert alarms <= LEVEL
         assert (alarms > 0) == (n >= FEWEST)
@@ -135,10 +137,10 @@ def test_sign_test_counts_problems_not_starts() -> None:
         way = np.repeat(rng.integers(0, 2, 8), 10)  # who is better on a problem, by chance
         turned = rng.random(80) < 0.1
         a = 1.0 + (way ^ turned)
-        alarms.append(duel(a, 3.0 - a, problems.tolist()).decided)
+        alarms.append(paired_test(a, 3.0 - a, problems.tolist()).decided)
     # exactly 2 * 9 / 256 = 7 % for 7:1, so 8:0 only: 2 / 256 = 0.8 %, sd of the share 0.3 %
     assert np.mean(alarms) <= 0.02
-    one = duel(np.ones(40), np.full(40, 2.0), ["p"] * 40)
+    one = paired_test(np.ones(40), np.full(40, 2.0), ["p"] * 40)
     assert (one.first, one.problems, one.p) == (40, (1, 0), 1.0)
     assert not one.decided
 
@@ -150,7 +152,9 @@ def test_all_pairs_together_keep_the_level() -> None:
     for _ in range(400):
         cost = rng.lognormal(size=(12, 5))
         needed = {
-            (i, j): duel(cost[:, i], cost[:, j], range(12)).p for i in range(5) for j in range(i)
+            (i, j): paired_test(cost[:, i], cost[:, j], range(12)).p
+            for i in range(5)
+            for j in range(i)
         }
         wrong += min(holm(list(needed.values()))) <= LEVEL
     assert wrong / 400 <= LEVEL  # uncorrected it is 0.2
@@ -163,13 +167,13 @@ def test_holm_has_its_published_values() -> None:
     assert holm([0.9, 0.8]) == [1.0, 1.0]
 
 
-def test_duel_counts_what_only_one_solved() -> None:
+def test_paired_test_counts_what_only_one_solved() -> None:
     inf, unknown = np.inf, np.nan
-    found = duel([1, 5, inf, inf, 100, 2], [2, 1, inf, 7, 100.5, inf], range(6))
+    found = paired_test([1, 5, inf, inf, 100, 2], [2, 1, inf, 7, 100.5, inf], range(6))
     assert (found.first, found.second, found.ties, found.both_fail) == (2, 2, 1, 1)
     assert found.problems == (2, 2)
     assert not found.decided
-    hidden = duel([unknown, unknown, 1], [3, inf, unknown], range(3))
+    hidden = paired_test([unknown, unknown, 1], [3, inf, unknown], range(3))
     assert (hidden.first, hidden.second, hidden.ties) == (1, 0, 0)
     turned = replace(found.turned.turned, corrected=0.0)  # NaN so far, which equals nothing
     assert turned == replace(found, corrected=0.0)

@@ -4,40 +4,40 @@ import numpy as np
 import pytest
 
 from tests.comparison.made_up import comparison, record
-from workbench.comparison import Ending, TargetOutcome
-from workbench.comparison.pairs import duels
-from workbench.comparison.profiles import data_profile, performance_profile, ratios
+from workbench.comparison import RunEnding, TargetOutcome
+from workbench.comparison.advice import advice
+from workbench.comparison.comparison import by_effort
 from workbench.comparison.record import Record
-from workbench.comparison.targets import Yardstick, target_outcome
-from workbench.comparison.words import advice
+from workbench.comparison.statistics import data_profile, performance_profile, ratios
+from workbench.comparison.targets import ReferenceCosts, target_outcome
 
-YARD = Yardstick(start=100.0, best=1.0, origin="")
+COSTS = ReferenceCosts(start=100.0, best=1.0, origin="")
 
 
 def test_target_is_a_share_of_the_way_down() -> None:
-    assert YARD.target(0.1) == pytest.approx(1 + 9.9)
+    assert COSTS.target(0.1) == pytest.approx(1 + 9.9)
     run = record("p", "s", [80.0, 10.0, 1.5])
-    row = YARD.met(run, 0.1)
+    row = COSTS.reached_at(run, 0.1)
     assert row is not None
     assert row[0] == 2
-    assert YARD.met(run, 1e-3) is None
-    assert YARD.met(record("p", "s", []), 0.1) is None
+    assert COSTS.reached_at(run, 1e-3) is None
+    assert COSTS.reached_at(record("p", "s", []), 0.1) is None
 
 
 def test_start_at_minimum_meets_target() -> None:
-    yard = Yardstick(start=1.0, best=1.0 - 1e-16, origin="")
-    assert yard.met(record("p", "s", [1.0]), 1e-7) is not None
+    costs = ReferenceCosts(start=1.0, best=1.0 - 1e-16, origin="")
+    assert costs.reached_at(record("p", "s", [1.0]), 1e-7) is not None
 
 
 def test_forbidden_start_makes_the_lowest_cost_the_target() -> None:
-    yard = Yardstick(start=0.5, best=1.0, origin="")
-    assert yard.met(record("p", "s", [1.0 + 1e-7]), 1e-7) is not None
-    assert yard.met(record("p", "s", [1.0 + 1e-5]), 1e-1) is None
+    costs = ReferenceCosts(start=0.5, best=1.0, origin="")
+    assert costs.reached_at(record("p", "s", [1.0 + 1e-7]), 1e-7) is not None
+    assert costs.reached_at(record("p", "s", [1.0 + 1e-5]), 1e-1) is None
 
 
 def test_without_a_finite_start_there_is_no_target() -> None:
-    assert np.isnan(Yardstick(np.inf, 1.0, "").target(0.1))
-    assert Yardstick(np.nan, 1.0, "").met(record("p", "s", [1.0]), 0.1) is None
+    assert np.isnan(ReferenceCosts(np.inf, 1.0, "").target(0.1))
+    assert ReferenceCosts(np.nan, 1.0, "").reached_at(record("p", "s", [1.0]), 0.1) is None
 
 
 RUNS: list[tuple[object, bool | None, TargetOutcome]] = [
@@ -58,18 +58,18 @@ RUNS: list[tuple[object, bool | None, TargetOutcome]] = [
         None,
         TargetOutcome.OUT_OF_BUDGET,
     ),
-    (record("p", "s", [], ending=Ending.RAISED), None, TargetOutcome.RAISED),
-    (record("p", "s", [1.0], ending=Ending.KILLED), None, TargetOutcome.NOT_STOPPING),
-    (record("p", "s", [1.0], ending=Ending.CRASHED), None, TargetOutcome.CRASHED),
-    (record("p", "s", [1.0], ending=Ending.REFUSED), None, TargetOutcome.REFUSED),
+    (record("p", "s", [], ending=RunEnding.RAISED), None, TargetOutcome.RAISED),
+    (record("p", "s", [1.0], ending=RunEnding.KILLED), None, TargetOutcome.NOT_STOPPING),
+    (record("p", "s", [1.0], ending=RunEnding.CRASHED), None, TargetOutcome.CRASHED),
+    (record("p", "s", [1.0], ending=RunEnding.REFUSED), None, TargetOutcome.REFUSED),
     (record("p", "s", [np.nan]), None, TargetOutcome.NO_SOLUTION),
-    (record("p", "s", [np.nan], ending=Ending.CUT), None, TargetOutcome.OUT_OF_BUDGET),
+    (record("p", "s", [np.nan], ending=RunEnding.CUT), None, TargetOutcome.OUT_OF_BUDGET),
 ]
 
 
 def test_outcomes_of_runs() -> None:
     for run, lowest, expected in RUNS:
-        assert target_outcome(run, YARD, lowest, 1e-6) is expected  # type: ignore[arg-type]
+        assert target_outcome(run, COSTS, lowest, 1e-6) is expected  # type: ignore[arg-type]
 
 
 SADDLE, INSENSITIVE = TargetOutcome.SADDLE, TargetOutcome.INSENSITIVE
@@ -91,25 +91,25 @@ NO_MINIMA: list[tuple[object, bool | None, bool, TargetOutcome | None]] = [
 def test_outcomes_of_ends_that_are_no_minimum() -> None:
     """They are told from minima above the lowest cost; at the lowest cost, the cost decides."""
     for run, lowest, at_saddle, expected in NO_MINIMA:
-        found = target_outcome(run, YARD, lowest, 1e-6, at_saddle)  # type: ignore[arg-type]
+        found = target_outcome(run, COSTS, lowest, 1e-6, at_saddle)  # type: ignore[arg-type]
         if expected is None:
             assert found in (TargetOutcome.REACHED, TargetOutcome.STALLED)
         else:
             assert found is expected
 
 
-def test_lowest_cost_is_the_yardstick_of_all() -> None:
+def test_lowest_cost_is_that_of_all() -> None:
     found = comparison({("p", "a"): [9.0, 3.0], ("p", "b"): [9.0, 4.0]}, basins={("p", "b"): 1})
-    assert found.yardsticks["p"].best == 3
+    assert found.references["p"].best == 3
     assert found.outcomes["p", "a"] is TargetOutcome.REACHED
     assert found.outcomes["p", "b"] is TargetOutcome.OTHER_BASIN
     assert found.success("b", 1e-3).value == 0
 
 
 def test_visited_points_count_for_targets_only() -> None:
-    lost = record("p", "a", [2.0, 0.5], ending=Ending.KILLED)
+    lost = record("p", "a", [2.0, 0.5], ending=RunEnding.KILLED)
     found = comparison({("p", "a"): [], ("p", "b"): [9.0, 4.0]}, lost=lost)
-    assert found.yardsticks["p"].best == 0.5
+    assert found.references["p"].best == 0.5
     assert found.success("a", 1e-7).value == 1
     assert found.reached("a").value == 0
 
@@ -117,7 +117,7 @@ def test_visited_points_count_for_targets_only() -> None:
 def test_no_solver_is_advised_when_all_fail() -> None:
     found = comparison({("p", "a"): [], ("p", "b"): []})
     assert np.isinf(found.needed(0.1)).all()
-    assert duels(found)["a", "b"].both_fail == 1
+    assert by_effort(found)["a", "b"].both_fail == 1
     assert advice(found) == (
         "No solver returned a point within the target τ = 1e-5 from the one start, so none is "
         "advised.",
@@ -206,7 +206,7 @@ def test_effort_is_read_from_traces() -> None:
     )
     np.testing.assert_array_equal(found.needed(0.1), [[2, 2], [INF, 1]])
     np.testing.assert_array_equal(found.needed(1e-3), [[3, 3], [INF, 2]])
-    duel = duels(found, 1e-3)["a", "b"]
+    duel = by_effort(found, 1e-3)["a", "b"]
     assert (duel.first, duel.second, duel.ties, duel.both_fail) == (0, 1, 1, 0)
 
 

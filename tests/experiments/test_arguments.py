@@ -8,7 +8,7 @@ import pytest
 
 from workbench.errors import BadArgument, UnknownName
 from workbench.experiments import find
-from workbench.experiments.arguments import converted
+from workbench.experiments.experiment import converted
 
 CONVERTED: list[tuple[object, object, object]] = [
     (int, "60", 60),

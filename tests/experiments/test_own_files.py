@@ -1,11 +1,15 @@
 """Experiments in a Python file of one's own, and what can be wrong in it."""
 
+import json
+import pickle
+import sys
 from pathlib import Path
 
 import pytest
 
 from workbench.errors import BadFile
 from workbench.experiments import find, run
+from workbench.experiments.experiment import run_file
 
 LINE = '''"""A line through three points."""
 import numpy as np
@@ -142,3 +146,15 @@ def test_error_of_a_file_whose_message_raises_is_told(tmp_path: Path) -> None:
     )
     with pytest.raises(BadFile, match=r"mine\.py line 4: Odd: its message cannot be made: Runtime"):
         find(str(path)).setup()
+
+
+def test_files_of_one_name_keep_their_own_classes(tmp_path: Path) -> None:
+    """Also of the name of a library's module: pickle and dataclasses look classes up by it."""
+    for name in ("mine.py", "mine.py", "json.py"):
+        folder = tmp_path / str(len(list(tmp_path.iterdir())))
+        folder.mkdir()
+        (folder / name).write_text("class Mine:\n    pass\n")
+        module, _ = run_file(folder / name, "nothing")
+        assert type(pickle.loads(pickle.dumps(module.Mine()))) is module.Mine
+    assert json.loads("3") == 3
+    assert sys.modules["json"] is json

@@ -100,3 +100,11 @@ def test_two_cameras_place_the_body_better_than_one() -> None:
         true = places if true is None else true
         apart.append(np.linalg.norm(places - true, axis=-1).mean())
     assert apart[1] < 0.7 * apart[2]
+
+
+def test_markers_keep_what_a_fit_of_markers_doubts() -> None:
+    """Whatever `marker_fit` says of a result, the experiment says too."""
+    setup = find("markers", {"frames": "2", "body": "small"}).setup()
+    away = dict(setup.start) | {"offsets": setup.start["offsets"] + 0.5}  # half a metre off
+    assert setup.doubts(away)
+    assert setup.measures(away)[1].value > 400  # mm, to the synthetic truth

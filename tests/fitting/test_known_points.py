@@ -15,7 +15,7 @@ from workbench.bodies import HAND_POINTS, SkinnedBody, pose_space
 from workbench.bodies.catalogue import load_body, load_skinned
 from workbench.errors import BadBody, BadFile, NonFiniteValue, ShapeMismatch, UnknownName
 from workbench.experiments import Setup, find
-from workbench.experiments.correspondences import known_correspondences
+from workbench.experiments.body_fits import known_correspondences
 from workbench.fitting import BadObservation, hand_fit, hand_problem, hand_start, pose_prior
 from workbench.fitting.body_priors import BESIDE, pose_gaussian
 from workbench.fitting.hand_fit import points_of

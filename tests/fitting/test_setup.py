@@ -25,7 +25,7 @@ from workbench.experiments import (
     find,
     run,
 )
-from workbench.experiments.suites import SUMMARIES
+from workbench.experiments.catalogue import SUMMARIES
 from workbench.fitting.keypoint_files import read_observations
 from workbench.fitting.keypoints import keypoint_fit
 from workbench.fitting.known import digits

@@ -7,7 +7,7 @@ import pytest
 
 from workbench import load_body
 from workbench.errors import BadArgument
-from workbench.experiments.balance_video import balance_clip
+from workbench.experiments.balance import balance_clip
 from workbench.fitting import (
     BadObservation,
     Clip,

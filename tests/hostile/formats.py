@@ -31,12 +31,9 @@ from workbench.bodies.files.embedded import read_embedded
 from workbench.bodies.files.joint_names import joint_names
 from workbench.bodies.skinned import Landmarks
 from workbench.bodies.triangles import TriangleBody, blend_scape
-from workbench.comparison.description import PROBES, Description
-from workbench.comparison.end_analysis import EndAnalysis
-from workbench.comparison.explanation import Component, Explanation
-from workbench.comparison.log import KINDS, ROW, Observed
-from workbench.comparison.record import Ending, Record
-from workbench.comparison.store import Folder
+from workbench.comparison.ends import Component, EndAnalysis, Explanation
+from workbench.comparison.record import KINDS, ROW, Description, ObservedRun, Record, RunEnding
+from workbench.comparison.store import FolderStore
 from workbench.errors import BadFile
 from workbench.fitting.calibration_files import read_calibration
 from workbench.fitting.keypoint_files import read_observations
@@ -214,20 +211,18 @@ def _sound_solution(found: Solution) -> None:
 
 def _record() -> Record:
     trace = np.arange(2.0 * ROW).reshape(2, ROW)[::-1]  # the cost, last, falls
-    seen = Observed((3,) * len(KINDS), (0.1,) * len(KINDS), 0, 0.2, np.ones(2), trace)
-    told = ("lm", "rosenbrock", Ending.RETURNED, "done", seen, "a machine", "CONVERGED")
+    seen = ObservedRun((3,) * len(KINDS), (0.1,) * len(KINDS), 0, 0.2, np.ones(2), trace)
+    told = ("lm", "rosenbrock", RunEnding.RETURNED, "done", seen, "a machine", "CONVERGED")
     return Record(*told, 0.5, 0.5, 1e-9, 8.0, end=np.ones(2))
 
 
 def _description() -> Description:
-    seconds = {"residual": 1e-5, "gradient": 1e-5, "jacobian": 1e-5}
-    start, probes = np.zeros(2), np.ones(len(PROBES))
-    return Description("p", 3, 2, True, start, 1.0, probes, seconds, np.nan, "", False, "which?")
+    return Description("p", 3, 2, True, 1.0, np.nan, "", False, "which?")
 
 
 def _judgement() -> EndAnalysis:
     why = Explanation(2.0, 1.0, 3.0, 0.5, (Component("a twist", 1.0, 0.1),), "the rest", 0.0)
-    facts = (0, 1, 0), (1.0, 2.0), (0.0, 1e-9), (0.5, -0.1), (0, 0, 1), (0, 2, 0)
+    facts = (0, 1, 0), (1.0, 2.0), (0.0, 1e-9), (0.5, -0.1)
     return EndAnalysis(*facts, np.eye(2), {1: why})
 
 
@@ -240,12 +235,14 @@ STORED: dict[str, tuple[Callable[[], Any], Any]] = {
 
 def _write_store(folder: Path) -> None:
     for key, (make, _) in STORED.items():
-        Folder(folder / "comparison").put(key, make().stored())
+        FolderStore(folder / "comparison").put(key, make().stored())
 
 
 def _read_store(folder: Path) -> list[Any]:
     """Whatever is not whole counts as none."""
-    found = [Folder(folder / "comparison").get(key, kind.of) for key, (_, kind) in STORED.items()]
+    found = [
+        FolderStore(folder / "comparison").get(key, kind.of) for key, (_, kind) in STORED.items()
+    ]
     if any(one is None for one in found):
         raise BadFile(f"a {', '.join(STORED)} in {folder} counts as none")
     return found

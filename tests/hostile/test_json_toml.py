@@ -11,9 +11,9 @@ from builder.bodies import already_made
 from builder.sets import SetRecipe
 from tests.hostile.limits import READ, Reader
 from workbench.cli.train import _origin
-from workbench.comparison.store import Folder
+from workbench.comparison.store import FolderStore
 from workbench.errors import BadArgument, BadFile
-from workbench.experiments.arguments import converted
+from workbench.experiments.experiment import converted
 from workbench.reports.folder import SUMMARY, refuse_foreign, replacing_folder
 from workbench.training.evaluation import CARD
 
@@ -161,7 +161,7 @@ def test_folders_of_others_are_not_overwritten(tmp_path: Path) -> None:
     (tmp_path / "held_out").mkdir()
     for content in CONTENTS:
         with pytest.raises(BadFile, match="holds no comparison"):
-            Folder(written(tmp_path / "comparison.json", content).parent)
+            FolderStore(written(tmp_path / "comparison.json", content).parent)
         written(tmp_path / SUMMARY, content)
         with pytest.raises(BadFile, match="of a report, so it is not overwritten"):
             refuse_foreign(tmp_path)

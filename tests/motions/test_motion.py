@@ -20,7 +20,7 @@ from workbench.motions import Bones, Motion, bones_of, read_motion
 from workbench.motions.gaps import without_gaps
 from workbench.plots import caption_motion, plot_motion
 from workbench.plots.style import drawn
-from workbench.priors.recorded_motions import recorded_motions
+from workbench.priors.recordings import recorded_motions
 
 SMALL = wb.load_body("small")
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.comparison.made_up import comparison
-from workbench.comparison.prices import PRICES, SOURCE
+from workbench.comparison.targets import PRICES, SOURCE
 from workbench.reports import write_comparison
 
 RUNS = {

@@ -23,7 +23,7 @@ from workbench import (
 )
 from workbench.errors import NotSupported
 from workbench.experiments import find
-from workbench.experiments.more_wild_formulas import observed
+from workbench.experiments.more_wild import observed
 from workbench.geometry.rotation import rodrigues
 from workbench.problem.naming import Bounds
 from workbench.residuals.kernels import geman_mcclure

@@ -17,11 +17,12 @@ from workbench.arrays import Array
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.errors import BadArgument
 from workbench.geometry.triangles import Stitching, edges, gradients
-from workbench.studies.triangles.explained_variance import (
+from workbench.lectures.material.variance import (
+    additivity_gap,
     explained_by_triangles,
     explained_by_vertices,
+    unposed,
 )
-from workbench.studies.triangles.measures import additivity_gap, unposed
 from workbench.training.registrations import InMemory
 from workbench.training.triangles import alternation
 from workbench.training.triangles.alternation import (

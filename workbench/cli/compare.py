@@ -15,13 +15,13 @@ from workbench.cli.cluster import Dask, Workers, executing
 from workbench.cli.leaving import interrupts_say
 from workbench.cli.output import print_page, say, solver_table, warn_without_effect
 from workbench.cli.run import Setting, settings
+from workbench.comparison.advice import advice, prices_sentence
 from workbench.comparison.comparison import MAIN
 from workbench.comparison.design import chosen, numbering
-from workbench.comparison.measured import seconds_of_runs
-from workbench.comparison.targets import TargetOutcome, named
-from workbench.comparison.words import advice, prices_sentence
+from workbench.comparison.tables import seconds_of_runs
+from workbench.comparison.targets import TargetOutcome, tau_text
 from workbench.experiments import EXPERIMENTS, SUITES
-from workbench.experiments.own_file import ENOUGH
+from workbench.experiments.experiment import ENOUGH
 from workbench.reports import write_comparison
 from workbench.reports.page import Columns, Table
 from workbench.solvers import DEFAULT, SOLVERS
@@ -127,7 +127,7 @@ def compare(
 
 def _table(found: comparison.Comparison) -> Table:
     """The success of each solver by counts alone, to fit a terminal; the page has intervals."""
-    head = (f"met {named(MAIN)}", "lowest", "effort", *TOLD, "failed")
+    head = (f"met {tau_text(MAIN)}", "lowest", "effort", *TOLD, "failed")
     runs, rows = found.comparable, []
     for solver in found.solvers:
         counts = Counter(found.outcomes[i.name, solver] for i in runs)

@@ -14,7 +14,7 @@ from workbench.bodies.catalogue import load_body
 from workbench.bodies.forward.arithmetic import WORTH_COMPILING
 from workbench.bodies.forward.kernels import kernels
 from workbench.bodies.triangles import TriangleBody
-from workbench.comparison.machine import processor
+from workbench.comparison.record import processor
 from workbench.compiling import NoLibrary, cache_folder, find_compiler
 from workbench.environment import DISTRIBUTION, version_of
 from workbench.threads import blas_libraries, thread_count

@@ -12,12 +12,12 @@ from workbench.blocks import Values
 from workbench.cli.leaving import Interrupted
 from workbench.cli.output import folder_to_write, print_page
 from workbench.cli.progress import LiveTrace, print_outcome
-from workbench.comparison.named_solvers import named_solvers
+from workbench.comparison.design import named_solvers
 from workbench.errors import BadArgument, BadFile, joined
 from workbench.experiments import EXPERIMENTS, SUITES, Experiment, find
 from workbench.experiments import run as run_experiment
-from workbench.experiments.own_file import BESIDE, ENOUGH
-from workbench.experiments.suites import SUMMARIES
+from workbench.experiments.catalogue import SUMMARIES
+from workbench.experiments.experiment import BESIDE, ENOUGH
 from workbench.fitting.setup import Setup
 from workbench.reports import write_report
 from workbench.solvers import DEFAULT, SOLVERS, Solver

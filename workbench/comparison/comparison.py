@@ -3,27 +3,33 @@
 from collections import Counter
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import combinations
 
 import numpy as np
 
 from workbench.arrays import Array
 from workbench.comparison import statistics
-from workbench.comparison.causes import Cause, causes
-from workbench.comparison.description import Description
 from workbench.comparison.design import Design, Instance
-from workbench.comparison.end_analysis import EndAnalysis
-from workbench.comparison.log import KINDS
-from workbench.comparison.named_solvers import NamedSolver
-from workbench.comparison.prices import prices, units
-from workbench.comparison.record import Ending, Record, ended
-from workbench.comparison.targets import NEARLY, TAUS, TargetOutcome, Yardstick, target_outcome
-from workbench.experiments.relative_costs import share_left
+from workbench.comparison.ends import EndAnalysis
+from workbench.comparison.record import KINDS, Description, Record, RunEnding, ended
+from workbench.comparison.statistics import PairedTest, holm_corrected, paired_test
+from workbench.comparison.targets import (
+    NEARLY,
+    TAUS,
+    ReferenceCosts,
+    TargetOutcome,
+    prices,
+    target_outcome,
+    units,
+)
+from workbench.experiments.running import share_left
 
 NO_ANSWER = (  # however near the lowest cost these ends are
     TargetOutcome.OTHER_BASIN,
     TargetOutcome.SADDLE,
     TargetOutcome.ALONE,
 )
+Pairs = dict[tuple[str, str], PairedTest]  # by two names, both ways round
 MAIN = 1e-5  # the target by which solvers are told apart where one number has to do
 
 
@@ -56,17 +62,12 @@ class Comparison:
         """The names of the solvers, in the order in which they were given."""
         return tuple(named.name for named in self.design.named_solvers)
 
-    @property
-    def named_solvers(self) -> tuple[NamedSolver, ...]:
-        """The solvers themselves."""
-        return self.design.named_solvers
-
     @cached_property
     def problems(self) -> tuple[str, ...]:
         """Names of the problems, each once."""
         return tuple(dict.fromkeys(instance.problem for instance in self.instances))
 
-    def of(self, problem: str) -> tuple[Instance, ...]:
+    def instances_of(self, problem: str) -> tuple[Instance, ...]:
         """The instances of a problem."""
         return tuple(i for i in self.instances if i.problem == problem)
 
@@ -75,7 +76,10 @@ class Comparison:
     @cached_property
     def unknowns(self) -> dict[str, int]:
         """The number of free numbers of each problem, the largest one if starts differ in it."""
-        return {p: max(self.described[i.name].unknowns for i in self.of(p)) for p in self.problems}
+        return {
+            p: max(self.described[i.name].unknowns for i in self.instances_of(p))
+            for p in self.problems
+        }
 
     @cached_property
     def prices(self) -> dict[str, dict[str, float]]:
@@ -89,7 +93,7 @@ class Comparison:
     # By which everybody is measured.
 
     @cached_property
-    def yardsticks(self) -> dict[str, Yardstick]:
+    def references(self) -> dict[str, ReferenceCosts]:
         """The cost at the start and the lowest cost known, by instance."""
         found = {}
         for group, end_analysis in zip(self.groups, self.end_analyses, strict=True):
@@ -106,7 +110,7 @@ class Comparison:
             others = sum(r.lowest <= min(costs, default=np.inf) for r in runs)  # or that run itself
             alone = len(costs) == 1 and others <= 1 and not np.isfinite(known).any()
             for name in group:
-                found[name] = Yardstick(
+                found[name] = ReferenceCosts(
                     self.described[name].start_cost,
                     best if np.isfinite(best) else np.nan,
                     "the only end: nothing to compare it with" if alone else origin,
@@ -119,7 +123,7 @@ class Comparison:
         """The instances that say something about a solver, because more than one run ended on the
         problem or a cost is known beforehand. All shares, efforts and pairs are over these.
         """
-        return tuple(i for i in self.instances if not self.yardsticks[i.name].alone)
+        return tuple(i for i in self.instances if not self.references[i.name].alone)
 
     @cached_property
     def compared(self) -> tuple[str, ...]:
@@ -150,35 +154,33 @@ class Comparison:
         """The target outcome of each run, by instance and solver."""
         found = {}
         for (instance, solver), record in self.records.items():
-            yardstick, basin = self.yardsticks[instance], self.basins.get((instance, solver))
-            ends, tolerance = self.end_analysis(instance), self.design.budget.stationary
-            lowest = None if basin is None else yardstick.near(ends.costs[basin])
-            bends = basin is not None and ends.at_saddle(basin)
-            found[instance, solver] = target_outcome(record, yardstick, lowest, tolerance, bends)
+            reference, basin = self.references[instance], self.basins.get((instance, solver))
+            lowest, at_saddle = None, False
+            if basin is not None:
+                ends = self.end_analysis(instance)
+                lowest, at_saddle = reference.is_lowest(ends.costs[basin]), ends.at_saddle(basin)
+            found[instance, solver] = target_outcome(
+                record, reference, lowest, self.design.budget.stationary, at_saddle
+            )
         return found
-
-    @cached_property
-    def causes(self) -> dict[tuple[str, str], Cause]:
-        """Why ends that were analysed are above 1.01 times the lowest cost; see `causes.cause`."""
-        return causes(self.ends, self.records, self.yardsticks, self.design.budget.stationary)
 
     # What it took.
 
-    def met(self, instance: str, solver: str, tau: float) -> Array | None:
+    def reached_at(self, instance: str, solver: str, tau: float) -> Array | None:
         """Evaluations by kind, seconds and cost at which a run met a target, or None."""
-        return self.yardsticks[instance].met(self.records[instance, solver], tau)
+        return self.references[instance].reached_at(self.records[instance, solver], tau)
 
     def solved(self, instance: str, solver: str, tau: float) -> bool:
         """Whether a run visited a point that meets a target, or ended at one."""
-        yardstick, record = self.yardsticks[instance], self.records[instance, solver]
-        return yardstick.met(record, tau) is not None or yardstick.ends_below(record, tau)
+        reference, record = self.references[instance], self.records[instance, solver]
+        return reference.reached_at(record, tau) is not None or reference.ends_below(record, tau)
 
-    def delivered(self, instance: str, solver: str, tau: float) -> bool:
+    def returned_within(self, instance: str, solver: str, tau: float) -> bool:
         """Whether a run returned a point that meets a target, at no saddle, in no other basin."""
         record = self.records[instance, solver]
-        meets = self.yardsticks[instance].ends_below(record, tau)
+        meets = self.references[instance].ends_below(record, tau)
         fine = self.outcomes[instance, solver] not in NO_ANSWER
-        return record.ending is Ending.RETURNED and meets and fine
+        return record.ending is RunEnding.RETURNED and meets and fine
 
     def uncounted(self, instance: str, solver: str, tau: float = MAIN) -> bool:
         """Whether it is not known what a run needed to meet a target: it evaluated the graph in its
@@ -186,31 +188,29 @@ class Comparison:
         """
         if self.records[instance, solver].observed.taken:
             return True
-        return self.solved(instance, solver, tau) and self.met(instance, solver, tau) is None
+        return self.solved(instance, solver, tau) and self.reached_at(instance, solver, tau) is None
+
+    def run_effort(self, instance: Instance, solver: str, tau: float) -> float:
+        """What a run needed to meet a target, in evaluations of the residual at published prices;
+        infinite if it never met it, NaN if it did and not everything was counted.
+        """
+        if not self.solved(instance.name, solver, tau):
+            return np.inf
+        row = self.reached_at(instance.name, solver, tau)
+        if row is None or self.records[instance.name, solver].observed.taken:
+            return np.nan
+        return float(self.units(instance.problem, row[: len(KINDS)]))
 
     def needed(self, tau: float) -> Array:
-        """(P, S) effort until the target, by comparable instance and solver, in evaluations of the
-        residual at the published prices; infinite if it was never met, NaN if it was met and not
-        everything was counted.
-        """
-        return self._needed[tau] if tau in self._needed else self._units_to(tau)
+        """(P, S) the `run_effort` until the target, by comparable instance and solver."""
+        if tau not in self._needed:
+            each = [[self.run_effort(i, s, tau) for s in self.solvers] for i in self.comparable]
+            self._needed[tau] = np.array(each).reshape(len(self.comparable), len(self.solvers))
+        return self._needed[tau]
 
     @cached_property
     def _needed(self) -> dict[float, Array]:
-        return {tau: self._units_to(tau) for tau in self.taus}
-
-    def _units_to(self, tau: float) -> Array:
-        found = np.full((len(self.comparable), len(self.solvers)), np.inf)
-        for p, instance in enumerate(self.comparable):
-            for s, solver in enumerate(self.solvers):
-                if not self.solved(instance.name, solver, tau):
-                    continue
-                row = self.met(instance.name, solver, tau)
-                if row is None or self.uncounted(instance.name, solver, tau):
-                    found[p, s] = np.nan
-                else:
-                    found[p, s] = self.units(instance.problem, row[: len(KINDS)])
-        return found
+        return {}
 
     def all_counted(self, tau: float) -> tuple[str, ...]:
         """The solvers whose effort until the target is known from every start."""
@@ -225,16 +225,16 @@ class Comparison:
         """(k, 3) effort, seconds and (f - f*) / (f_0 - f*) of the best point so far; the last row
         is the end of the run, whose effort is NaN if not everything was counted.
         """
-        record, yardstick = self.records[instance.name, solver], self.yardsticks[instance.name]
+        record, reference = self.records[instance.name, solver], self.references[instance.name]
         rows, lowest = record.observed.trace, record.lowest
-        end = record.cost if record.finite and record.inside else np.inf
-        whole = max(yardstick.start - yardstick.best, 0.0)
+        end = record.cost if record.at_end else np.inf
+        whole = max(reference.start - reference.best, 0.0)
         hidden = record.observed.taken or lowest - end > NEARLY * whole
         if np.isinf(min(lowest, end)):
             return np.zeros((0, 3))
         last = (*record.observed.counts, record.observed.seconds, end if hidden else lowest)
         rows = np.vstack([rows, last])
-        gap = share_left(np.minimum.accumulate(rows[:, -1]), yardstick.best, yardstick.start)
+        gap = share_left(np.minimum.accumulate(rows[:, -1]), reference.best, reference.start)
         effort = self.units(instance.problem, rows[:, : len(KINDS)])
         if hidden:
             effort[-1] = np.nan
@@ -279,7 +279,7 @@ class Comparison:
         independent = len(problems) in (1, len(chosen))
         return share if independent else statistics.Interval(share.value)
 
-    def counted(self, solver: str) -> Counter[TargetOutcome]:
+    def outcome_counts(self, solver: str) -> Counter[TargetOutcome]:
         """How many runs of a solver came to each outcome."""
         return Counter(v for (_, name), v in self.outcomes.items() if name == solver)
 
@@ -290,10 +290,26 @@ class Comparison:
 
     def digits(self, solver: str) -> Array:
         """Digits that agree with the certified answer, run by run; 0 of a run without an end."""
-        return np.array(
-            [
-                float(np.nan_to_num(self.records[i.name, solver].digits))
-                for i in self.instances
-                if self.described[i.name].certified
-            ]
-        )
+        certified = [i.name for i in self.instances if self.described[i.name].certified]
+        digits = [float(np.nan_to_num(self.records[name, solver].digits)) for name in certified]
+        return np.array(digits)
+
+
+def by_effort(comparison: Comparison, tau: float = MAIN) -> Pairs:
+    """All pairs of solvers by effort until a target; the tests are corrected for their number."""
+    return _pairs(comparison, comparison.needed(tau))
+
+
+def by_success(comparison: Comparison, tau: float = MAIN) -> Pairs:
+    """By success alone: a win is a target that only one of them met."""
+    return _pairs(comparison, np.where(np.isposinf(comparison.needed(tau)), np.inf, 1.0))
+
+
+def _pairs(comparison: Comparison, amounts: Array) -> Pairs:
+    problems, names = [i.problem for i in comparison.comparable], comparison.solvers
+    pairs = list(combinations(range(len(names)), 2))
+    tests = [paired_test(amounts[:, i], amounts[:, j], problems) for i, j in pairs]
+    both: Pairs = {}
+    for (i, j), one in zip(pairs, holm_corrected(tests), strict=True):
+        both[names[i], names[j]], both[names[j], names[i]] = one, one.turned
+    return both

@@ -1,21 +1,104 @@
-"""What is to be run: every experiment, from every start, by every solver."""
+"""What is to be run: every experiment, from every start, by every solver, within one budget."""
 
 import pickle
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import partial
 from inspect import Parameter
+from pathlib import Path
+from types import ModuleType
 from typing import Any
 
-from workbench.comparison.budget import Budget
-from workbench.comparison.identity import code_version, digest, file_digest, identity
-from workbench.comparison.named_solvers import NamedSolver, pickled
-from workbench.errors import BadArgument, UnknownName
-from workbench.experiments import SUITES, Experiment, find
-from workbench.experiments.arguments import converted, parameters
+import cloudpickle
 
-Opening = Callable[[], Experiment]  # gives an experiment in the process that received it
+from workbench.errors import BadArgument, BadFile, UnknownName
+from workbench.experiments import SUITES, Experiment, find
+from workbench.experiments.experiment import converted, parameters, run_file
+from workbench.experiments.running import catalogue_name
+from workbench.identity import code_version, digest, file_digest, identity, is_own_code
+from workbench.solvers import SOLVERS, Solver
+
+Experiments = str | Experiment | Iterable[str | Experiment]
+Solvers = str | Solver | Iterable[str | Solver] | Mapping[str, Solver]
 NUMBERING = ("start", "seed")  # arguments that number starts or data, the first that there is
+
+
+@dataclass(frozen=True)
+class Budget:
+    """Limits of one run; `given` hands them to a solver, and the metered problem enforces them.
+
+    `gradient_tolerance` is far below what the judgement asks for, so that nobody's stopping rule
+    decides; whether a point is stationary is judged at `stationary` (both are values of
+    `Problem.optimality`). Raises BadArgument for a limit that is not above zero.
+
+    Attributes:
+        max_evaluations: evaluations of residual, gradient, Jacobian and Hessian together.
+        max_seconds: the time of a run.
+        gradient_tolerance: the tolerance that is given to solvers.
+        stationary: the largest `Problem.optimality` of a stationary point.
+        grace: seconds after `max_seconds` until the process is killed; at least three Jacobians.
+        build_seconds: the time for building a problem, which is not counted as the run's.
+        judge_seconds: the time for analysing all ends of one problem.
+    """
+
+    max_evaluations: int = 5_000
+    max_seconds: float = 60.0
+    gradient_tolerance: float = 1e-12
+    stationary: float = 1e-6
+    grace: float = 2.0
+    build_seconds: float = 300.0
+    judge_seconds: float = 900.0
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not value > 0:
+                raise BadArgument(f"{field.name} of a budget must be above 0, not {value!r}")
+
+    def given(self, solver: Solver, repetition: int = 0) -> Solver:
+        """The solver with these limits, as far as it has options of the workbench's names for them.
+
+        If it has a seed, this is the number of the repetition.
+        """
+        wanted = {
+            "max_evaluations": self.max_evaluations,
+            "max_iterations": self.max_evaluations,  # a step takes an evaluation at least
+            "max_seconds": self.max_seconds,
+            "gradient_tolerance": self.gradient_tolerance,
+            "seed": repetition,
+        }
+        options: Any = solver
+        known = {f.name for f in fields(options) if f.init} if is_dataclass(options) else set()
+        limited: Solver = replace(options, **{k: v for k, v in wanted.items() if k in known})
+        return limited if known & wanted.keys() else solver
+
+
+@dataclass(frozen=True)
+class NamedSolver:
+    """A solver and its name; it is defined in the file `source`, under the name `called`."""
+
+    name: str
+    solver: Solver
+    source: str = ""
+    called: str = ""
+
+    @property
+    def is_own_code(self) -> bool:
+        """Whether it is one of the catalogue, or one of those with other options."""
+        return not self.source and is_own_code(type(self.solver).__module__)
+
+    def identity(self) -> Any:
+        """All that its results depend on."""
+        return {"solver": identity(self.solver), "file": file_digest(self.source)}
+
+    def sent(self) -> Callable[[], Solver]:
+        """The solver as it is sent to another process, where a call opens it.
+
+        It goes by its file and name, or pickled; raises BadArgument if it cannot be pickled.
+        """
+        if self.source:
+            return partial(_solver_of_file, self.source, self.called)
+        return partial(pickle.loads, _pickled(self.solver, f"solver {self.name}"))
 
 
 @dataclass(frozen=True)
@@ -46,15 +129,26 @@ class Instance:
         e = self.experiment
         return [e.name, identity(e.build), identity(e.arguments), file_digest(e.source)]
 
-    def sent(self) -> Opening:
-        """The experiment as it is sent to another process: by its file if it has one, or pickled.
+    def sent(self) -> Callable[[], Experiment]:
+        """The experiment as it is sent to another process, by its file if it has one, or pickled.
 
         Raises BadArgument if it cannot be sent.
         """
         e = self.experiment
         if e.source.endswith(".py"):
             return partial(find, e.source, dict(e.arguments))
-        return partial(pickle.loads, pickled(e, f"experiment {e.name}"))
+        return partial(pickle.loads, _pickled(e, f"experiment {e.name}"))
+
+
+def _pickled(thing: Any, what: str) -> bytes:
+    """Also of functions of a notebook."""
+    try:
+        return bytes(cloudpickle.dumps(thing))
+    except Exception as error:
+        raise BadArgument(
+            f"{what} cannot go to another process ({error}); let it hold plain values, and build "
+            "symbols and problems inside of a function"
+        ) from error
 
 
 @dataclass(frozen=True)
@@ -82,55 +176,22 @@ class Design:
         return self.key("run", instance.identity(), named.identity(), instance.repetition)
 
 
-Experiments = str | Experiment | Iterable[str | Experiment]
-
-
-def chosen(names: Iterable[str], arguments: Mapping[str, Any]) -> tuple[Experiment, ...]:
-    """Experiments, problems of suites, whole suites and FILE.py by name, each with those of the
-    arguments that it has. Raises UnknownName for a name or an argument that nobody has.
-    """
-    found = []
-    left = dict(arguments)
-    for name in names:
-        for experiment in _named(name):
-            has = parameters(experiment.build)
-            own = {k: v for k, v in arguments.items() if k in has}
-            left = {k: v for k, v in left.items() if k not in has}
-            if own:
-                changed = {
-                    k: converted(f"{k} of {experiment.name}", has[k].annotation, v)
-                    for k, v in own.items()
-                }
-                experiment = replace(experiment, arguments={**experiment.arguments, **changed})
-            found.append(experiment)
-    for name in left:
-        known = {k for e in found for k in parameters(e.build)}
-        raise UnknownName("argument of any of these experiments", name, known)
-    return tuple(found)
-
-
-def _named(name: str) -> tuple[Experiment, ...]:
-    return SUITES[name] if name in SUITES else (find(name),)
-
-
-def design(
-    experiments: Experiments, named_solvers: tuple[NamedSolver, ...], seeds: int, budget: Budget
-) -> Design:
+def design(experiments: Experiments, solvers: Solvers, seeds: int, budget: Budget) -> Design:
     """The design of a comparison. Raises UnknownName, BadFile or BadArgument."""
+    chosen_solvers = named_solvers(solvers)
     if seeds < 1:
         raise BadArgument(f"seeds is how many starts there are, 1 or more; not {seeds}")
-    single = isinstance(experiments, (str, Experiment))
-    several: Any = (experiments,) if single else experiments
-    found = [
+    several = [experiments] if isinstance(experiments, (str, Experiment)) else experiments
+    members = [
         experiment
         for one in several
-        for experiment in ((one,) if isinstance(one, Experiment) else _named(one))
+        for experiment in ((one,) if isinstance(one, Experiment) else _of_name(one))
     ]
-    if not found:
+    if not members:
         raise BadArgument("no experiment to compare solvers on; give one or more")
-    names = [e.name for e in found]
+    names = [e.name for e in members]
     instances: list[Instance] = []
-    for experiment in found:
+    for experiment in members:
         label = experiment.name
         if names.count(label) > 1 and experiment.arguments:
             label += " (" + ", ".join(f"{k}={v}" for k, v in experiment.arguments.items()) + ")"
@@ -139,7 +200,31 @@ def design(
     twice = [label for label in labels if labels.count(label) > 1]
     if twice:
         raise BadArgument(f"{twice[0]} is there twice; give each experiment once")
-    return Design(tuple(instances), named_solvers, budget, seeds)
+    return Design(tuple(instances), chosen_solvers, budget, seeds)
+
+
+def chosen(names: Iterable[str], arguments: Mapping[str, Any]) -> tuple[Experiment, ...]:
+    """Experiments, problems of suites, whole suites and FILE.py by name, each with those of the
+    arguments that it has. Raises UnknownName for a name or an argument that nobody has.
+    """
+    members, known = [], set[str]()
+    for experiment in (one for name in names for one in _of_name(name)):
+        has = parameters(experiment.build)
+        known |= has.keys()
+        changed = {
+            k: converted(f"{k} of {experiment.name}", has[k].annotation, value)
+            for k, value in arguments.items()
+            if k in has
+        }
+        members.append(replace(experiment, arguments={**experiment.arguments, **changed}))
+    for name in arguments:
+        if name not in known:
+            raise UnknownName("argument of any of these experiments", name, known)
+    return tuple(members)
+
+
+def _of_name(name: str) -> tuple[Experiment, ...]:
+    return SUITES[name] if name in SUITES else (find(name),)
 
 
 def _repeated(label: str, experiment: Experiment, seeds: int) -> list[Instance]:
@@ -149,16 +234,11 @@ def _repeated(label: str, experiment: Experiment, seeds: int) -> list[Instance]:
         return [Instance(label, experiment, "", 0, 0)]
     default = parameters(experiment.build)[name].default
     first = default if isinstance(default, int) else 0
-    return [
-        Instance(
-            label,
-            replace(experiment, arguments={**experiment.arguments, name: first + k}),
-            name,
-            first + k,
-            k,
-        )
+    each = [
+        replace(experiment, arguments={**experiment.arguments, name: first + k})
         for k in range(seeds)
     ]
+    return [Instance(label, one, name, first + k, k) for k, one in enumerate(each)]
 
 
 def numbering(experiment: Experiment) -> str:
@@ -171,3 +251,76 @@ def numbering(experiment: Experiment) -> str:
 def _counts(parameter: Parameter) -> bool:
     """Whether an argument is a whole number: `start="procrustes"` is another thing."""
     return isinstance(parameter.default, int) or parameter.annotation is int
+
+
+def named_solvers(solvers: Solvers) -> tuple[NamedSolver, ...]:
+    """From names of SOLVERS, paths of FILE.py, solvers, or solvers by names of one's own.
+
+    A file defines `solver`, or several solvers by whatever names. Raises UnknownName, BadFile
+    with the line that is to blame, or BadArgument.
+    """
+    if isinstance(solvers, Mapping):
+        named = [NamedSolver(name, _checked(name, solver)) for name, solver in solvers.items()]
+    else:
+        single = isinstance(solvers, str) or hasattr(solvers, "solve")
+        several: Iterable[Any] = (solvers,) if single else solvers  # type: ignore[assignment]
+        named = [entrant for one in several for entrant in _entrants(one)]
+    if not named:
+        raise BadArgument(f"no solver to compare; there are {', '.join(SOLVERS)}, or a FILE.py")
+    names = [entrant.name for entrant in named]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise BadArgument(
+            f"two solvers are called {twice[0]!r}; give them as a dict, by names of your own"
+        )
+    return tuple(named)
+
+
+def _entrants(one: str | Solver) -> tuple[NamedSolver, ...]:
+    if not isinstance(one, str):
+        known = catalogue_name(one) if hasattr(one, "solve") else None
+        return (NamedSolver(known or type(one).__name__, _checked(repr(one), one)),)
+    if one in SOLVERS:
+        return (NamedSolver(one, SOLVERS[one]),)
+    if one.endswith(".py"):
+        return _from_file(Path(one))
+    raise UnknownName("solver", one, SOLVERS, hint="or give a FILE.py")
+
+
+def _is_solver(value: Any) -> bool:
+    is_value = not isinstance(value, (type, ModuleType))
+    return is_value and callable(getattr(value, "solve", None))
+
+
+def _checked(name: str, thing: Any) -> Solver:
+    if not _is_solver(thing):
+        raise BadArgument(
+            f"{name} is no solver: it needs solve(problem, start, *, callback=None) and must be a "
+            "value, not a class"
+        )
+    solver: Solver = thing
+    return solver
+
+
+def _from_file(path: Path) -> tuple[NamedSolver, ...]:
+    module, source = run_file(path, f"one of {', '.join(SOLVERS)}")
+    if hasattr(module, "solver"):
+        try:
+            return (NamedSolver(path.stem, _checked("`solver`", module.solver), source, "solver"),)
+        except BadArgument as error:
+            raise BadFile(f"{path.name}: {error}") from error
+    named = [
+        NamedSolver(f"{path.stem}:{name}", value, source, name)
+        for name, value in vars(module).items()
+        if _is_solver(value) and not name.startswith("_")
+    ]
+    if not named:
+        raise BadFile(
+            f"{path.name} defines no solver; it needs `solver = ...`, or several values with "
+            "solve(problem, start, *, callback=None)"
+        )
+    return tuple(named)
+
+
+def _solver_of_file(source: str, called: str) -> Solver:
+    return {e.called: e.solver for e in _from_file(Path(source))}[called]

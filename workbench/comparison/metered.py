@@ -1,31 +1,53 @@
 """A problem that counts and times every evaluation, and keeps the best point, whoever asks."""
 
 import copy
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterable
 from typing import Any, TypeVar
 
 import casadi as cs
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.comparison.feasible import feasible
-from workbench.comparison.graphs import MeteredFunction
-from workbench.comparison.log import KINDS, Log
-from workbench.problem import Problem
+from workbench.comparison.record import KINDS, RunLog
+from workbench.problem import Linearization, Problem
 from workbench.problem.constraints import ConstraintSet
 from workbench.problem.costs import CostGradients, CostMethod, Costs, Places, interpreted
 from workbench.problem.rounding import half_squared
-from workbench.problem.storage import Matrix
+from workbench.problem.storage import Stored
+from workbench.residuals import Residual
 from workbench.solvers.limits import Meter, limited
+from workbench.threads import limited_threads
 
 T = TypeVar("T")
-Complete = Callable[[Array, Array], tuple[Array, Array]]
-Evaluate = Callable[[Array, Array], T]
-Points = Callable[[Array], tuple[Array, Array]]
+Point = tuple[Array, Array]  # free and fixed numbers
+Complete = Callable[[Array, Array], Point]
 CLOSING = 3  # evaluations after the last one that counts
+ROOM = 1e-9  # of a number: rounding on a bound
 
 
-class Metered:
+def feasible(problem: Problem, x: Array, fixed: Array) -> bool:
+    """Inside the bounds, and no constraint missed by more than its tolerance."""
+    room = ROOM * np.maximum(1, abs(x))
+    if not ((problem.lower <= x + room) & (x - room <= problem.upper)).all():
+        return False
+    there = problem.stacked_constraints
+    return there is None or there.violation(there.values(x, fixed)) <= 1
+
+
+def look(problem: Problem, x: Array, fixed: Array) -> tuple[float, float]:
+    """Cost and optimality of a point by the problem itself; NaN where it cannot be evaluated."""
+    try:
+        with limited_threads():
+            here = problem.linearize_at(x, fixed)
+            if not here.finite:
+                return (here.cost if np.isfinite(here.cost) else np.nan), np.nan
+            return here.cost, problem.optimality(x, here, problem.rounding(x, fixed, here.residual))
+    except Exception:
+        return np.nan, np.nan
+
+
+class RunMeter:
     """Counts, clock and limits of one run.
 
     The clock starts when this is made, and stands still while a graph is built, or while it is
@@ -40,12 +62,13 @@ class Metered:
         fixed: Array,
         max_evaluations: int,
         max_seconds: float,
-        log: Log,
+        log: RunLog,
         closing: float = 0.0,
     ) -> None:
-        self._problem, self._fixed, self._log = problem, fixed, log
+        self.problem, self._fixed, self._log = problem, fixed, log
         self._most, self._longest = max_evaluations, max_seconds
         self._meter = Meter(KINDS, max_evaluations + CLOSING, max_seconds + closing)
+        self.paused, self.taken = self._meter.paused, log.taken
         self._spent = np.zeros(len(KINDS))
         self._not_finite, self._best = 0, np.inf
 
@@ -54,7 +77,7 @@ class Metered:
         """The time on the clock, in s."""
         return self._meter.seconds
 
-    def metered(self) -> Problem:
+    def metered(self) -> "MeteredProblem":
         """A copy of the problem whose evaluations are metered; it shares everything that is built.
 
         If other blocks of it are freed, that problem is metered as well, and its points are
@@ -62,132 +85,18 @@ class Metered:
         problem has another cost: its evaluations are counted, and are never the best point. The
         same holds for what is asked to judge an end (`Problem.for_judging`).
         """
-        return self._copied(self._problem, lambda x, fixed: (x, fixed))
+        return MeteredProblem(self.problem, self, lambda x, fixed: (x, fixed))
 
-    def _copied(self, problem: Problem, whole: Complete | None) -> Problem:
-        constrained = problem.stacked_constraints is not None
-        linearization = {"jacobian": 1} | ({"constraint_jacobian": 1} if constrained else {})
-
-        def metered(
-            kinds: dict[str, int], compute: Evaluate[T], cost: Callable[[T], float]
-        ) -> Evaluate[T]:
-            def evaluate(x: Array, fixed: Array) -> T:
-                return self._asked(
-                    kinds,
-                    lambda: compute(x, fixed),
-                    lambda answer: [cost(answer)],
-                    lambda _: (np.asarray(x, dtype=float).ravel(), fixed),
-                    whole,
-                )
-
-            return evaluate
-
-        def hessian(x: Array, fixed: Array) -> Matrix:
-            with self._meter.paused():
-                _ = problem.hessian
-            return self._asked({"hessian": 1}, lambda: problem.hessian_at(x, fixed))
-
-        def freeing(*names: str) -> Problem:
-            part = problem.freeing(*names)
-            complete = None if whole is None else _completing(part, self._problem)
-            return self._copied(part, complete)
-
-        def together(
-            kind: str, compute: Callable[[Array], T], cost: Callable[[T], Array], at: Points
-        ) -> Callable[[Array], T]:
-            return lambda z: self._asked(
-                {kind: len(z)}, lambda: compute(z), cost, lambda i: at(z[i]), whole
-            )
-
-        def costs(
-            x: Array, fixed: Array, entries: Places | None = None, by: CostMethod = interpreted
-        ) -> Costs:
-            with self._meter.paused():
-                found = problem.costs(x, fixed, entries, by)
-            return together("residual", found, lambda costs: costs, _placed(x, fixed, entries))
-
-        def cost_gradients(x: Array, fixed: Array, entries: Places | None = None) -> CostGradients:
-            with self._meter.paused():
-                found = problem.cost_gradients(x, fixed, entries)
-            return together("gradient", found, lambda both: both[0], _placed(x, fixed, entries))
-
-        def graph(
-            kind: str, build: Callable[[], cs.Function], cost: Callable[[cs.DM], Array] | None
-        ) -> MeteredFunction:
-            def built() -> cs.Function:
-                with self._meter.paused():
-                    return build()
-
-            def call(
-                compute: Callable[[], T], points: Array, fixed: Array, costs: Callable[[T], Array]
-            ) -> T:
-                return self._asked(
-                    {kind: len(points)},
-                    compute,
-                    None if cost is None else costs,
-                    lambda i: (points[i], fixed[i]),
-                    whole,
-                )
-
-            sizes = problem.free.size, problem.fixed.size
-            return MeteredFunction(built, sizes, call, cost or _nothing, self._log.taken)
-
-        def handed_over() -> cs.MX:
-            self._log.taken()
-            return problem.graph()
-
-        methods: dict[str, Any] = dict(
-            residual=metered({"residual": 1}, problem.residual, half_squared),
-            cost_and_gradient=metered(
-                {"gradient": 1}, problem.cost_and_gradient, lambda both: both[0]
-            ),
-            linearize_at=metered(linearization, problem.linearize_at, lambda here: here.cost),
-            hessian_at=hessian,
-            costs=costs,
-            cost_gradients=cost_gradients,
-            freeing=freeing,
-            without=lambda *names: self._copied(problem.without(*names), None),
-            for_judging=lambda: self._copied(problem, None),
-            graph=handed_over,
-        )
-        for name, method in methods.items():  # so that the error of a wrong call has its name
-            method.__qualname__ = f"Problem.{name}"
-        copied = copy.copy(problem)
-        vars(copied).update(  # methods and graphs of this one copy
-            methods,
-            function=graph("residual", lambda: problem.function, _half_squared),
-            derivative=graph("jacobian", lambda: problem.derivative, _half_squared),
-            adjoint=graph("gradient", lambda: problem.adjoint, _plain),
-            hessian=graph("hessian", lambda: problem.hessian, None),
-            stacked_constraints=self._constraints(problem.stacked_constraints),
-            solvers_made=[],  # so that no run is quicker for those before it
-        )
-        return copied
-
-    def _constraints(self, there: ConstraintSet | None) -> ConstraintSet | None:
-        if there is None:
-            return None
-
-        def counted(kind: str, compute: Callable[..., T]) -> Callable[..., T]:
-            return lambda *given: self._asked({kind: 1}, lambda: compute(*given))
-
-        copied = copy.copy(there)
-        vars(copied).update(
-            values=counted("constraint", there.values),
-            linearize=counted("constraint_jacobian", there.linearize),
-            hessian=counted("constraint_hessian", there.hessian),
-        )
-        return copied
-
-    def _asked(
+    def ask(
         self,
         kinds: dict[str, int],
         compute: Callable[[], T],
         costs: Callable[[T], Any] | None = None,
-        point: Callable[[int], tuple[Array, Array]] | None = None,
-        whole: Complete | None = None,
+        point: Callable[[int], Point] | None = None,
+        complete: Complete | None = None,
     ) -> T:
-        """Compute an answer, count it, and keep the best of its points if `whole` completes them.
+        """Compute an answer, count it, and keep the best of its points if `complete` makes them
+        those of the whole problem.
 
         `costs` are those in the answer, and `point` gives the i-th point as (x, fixed).
         """
@@ -201,18 +110,14 @@ class Metered:
         answer = compute()
         after = self.seconds
         self._spent[KINDS.index(first)] += after - before
-        if costs is not None and point is not None and whole is not None:
-            self._keep_best(np.asarray(costs(answer), dtype=float), first, point, whole, after)
+        if costs is not None and point is not None and complete is not None:
+            each = np.asarray(costs(answer), dtype=float).ravel()
+            self._keep_best(each, first, lambda i: complete(*point(i)), after)
         self._log.note(_numbers(self._meter.counts), self._spent, self._not_finite, after)
         return answer
 
     def _keep_best(
-        self,
-        costs: Array,
-        kind: str,
-        point: Callable[[int], tuple[Array, Array]],
-        whole: Complete,
-        seconds: float,
+        self, costs: Array, kind: str, point: Callable[[int], Point], seconds: float
     ) -> None:
         """Keep the best of points with these costs (k,), evaluated one by one or all at once."""
         self._not_finite += int(np.count_nonzero(~np.isfinite(costs)))
@@ -222,14 +127,209 @@ class Metered:
             within = limited(counts) <= self._most and seconds <= self._longest
             if not (within and -np.inf < costs[i] < self._best):
                 continue
-            with self._meter.paused():
-                x, fixed = whole(*point(int(i)))
-                allowed = np.array_equal(fixed, self._fixed) and feasible(
-                    self._problem, x, self._fixed
-                )
+            with self.paused():
+                x, fixed = point(int(i))
+                same = np.array_equal(fixed, self._fixed)
+                allowed = same and feasible(self.problem, x, self._fixed)
             if allowed:
                 self._best = float(costs[i])
                 self._log.better(x, _numbers(counts), seconds, self._best)
+
+
+class MeteredProblem(Problem):
+    """A copy of a problem that a `RunMeter` counts; see `RunMeter.metered`.
+
+    What takes residuals or graphs to where their evaluations cannot be seen is noted in the log.
+    """
+
+    def __init__(self, problem: Problem, meter: RunMeter, complete: Complete | None) -> None:
+        vars(self).update(vars(problem))
+        self._problem, self._meter, self._complete = problem, meter, complete
+        sizes = problem.free.size, problem.fixed.size
+
+        def graph(
+            kind: str, build: Callable[[], cs.Function], costs: Callable[[cs.DM], Array] | None
+        ) -> MeteredFunction:
+            def ask(compute: Callable[[], Any], x: Array, fixed: Array) -> Any:
+                return meter.ask(
+                    {kind: len(x)}, compute, costs, lambda i: (x[i], fixed[i]), complete
+                )
+
+            return MeteredFunction(build, sizes, ask, meter)
+
+        graphs = {  # in place of those of the problem, which are kept there as well
+            "function": graph("residual", lambda: problem.function, _half_squared),
+            "derivative": graph(
+                "jacobian", lambda: problem.derivative, lambda out: _half_squared(out[0])
+            ),
+            "adjoint": graph("gradient", lambda: problem.adjoint, lambda out: np.asarray(out[0])),
+            "hessian": graph("hessian", lambda: problem.hessian, None),
+        }
+        vars(self).update(graphs)
+        self.stacked_constraints = _counted(problem.stacked_constraints, meter)
+        self.solvers_made = []  # so that no run is quicker for those before it
+
+    @property
+    def residuals(self) -> tuple[Residual, ...]:  # type: ignore[override]
+        """The residuals; who takes them from outside of the workbench can ask them unseen."""
+        if sys._getframe(1).f_globals.get("__name__", "").partition(".")[0] != "workbench":
+            self._meter.taken()
+        return self._problem.residuals
+
+    def variant(self, residuals: Iterable[Residual], names: Iterable[str]) -> Problem:
+        """Another problem, whose evaluations are not counted."""
+        self._meter.taken()
+        return self._problem.variant(residuals, names)
+
+    def graph(self) -> cs.MX:
+        """The graph of the residual, whose evaluations cannot be counted."""
+        self._meter.taken()
+        return self._problem.graph()
+
+    def freeing(self, *names: str) -> Problem:
+        """The problem with other blocks free, metered."""
+        part = self._problem.freeing(*names)
+        whole = self._meter.problem
+        complete = None if self._complete is None else lambda x, f: whole.split(part.values(x, f))
+        return MeteredProblem(part, self._meter, complete)
+
+    def without(self, *residuals: str) -> Problem:
+        """The problem without these residuals: counted, and its points are never the best."""
+        return MeteredProblem(self._problem.without(*residuals), self._meter, None)
+
+    def for_judging(self) -> Problem:
+        """A copy whose points are never the best."""
+        return MeteredProblem(self._problem, self._meter, None)
+
+    def residual(self, x: Array, fixed: Array) -> Array:
+        """As of a problem."""
+        return self._one("residual", self._problem.residual, half_squared, x, fixed)
+
+    def cost_and_gradient(self, x: Array, fixed: Array) -> tuple[float, Array]:
+        """As of a problem."""
+        compute = self._problem.cost_and_gradient
+        return self._one("gradient", compute, lambda both: both[0], x, fixed)
+
+    def linearize_at(self, x: Array, fixed: Array) -> Linearization:
+        """As of a problem; constraints are linearized with it."""
+        compute = self._problem.linearize_at
+        return self._one("jacobian", compute, lambda here: here.cost, x, fixed)
+
+    def hessian_at(self, x: Array, fixed: Array) -> Stored:
+        """As of a problem; the time of building its graph does not count."""
+        with self._meter.paused():
+            _ = self._problem.hessian
+        return self._meter.ask({"hessian": 1}, lambda: self._problem.hessian_at(x, fixed))
+
+    def costs(
+        self, x: Array, fixed: Array, entries: Places | None = None, by: CostMethod = interpreted
+    ) -> Costs:
+        """As of a problem: every point is counted."""
+        with self._meter.paused():
+            compute = self._problem.costs(x, fixed, entries, by)
+        return self._batch_of("residual", compute, lambda costs: costs, x, fixed, entries)
+
+    def cost_gradients(
+        self, x: Array, fixed: Array, entries: Places | None = None
+    ) -> CostGradients:
+        """As of a problem: every point is counted."""
+        with self._meter.paused():
+            compute = self._problem.cost_gradients(x, fixed, entries)
+        return self._batch_of("gradient", compute, lambda both: both[0], x, fixed, entries)
+
+    def _one(
+        self,
+        kind: str,
+        compute: Callable[[Array, Array], T],
+        cost: Callable[[T], float],
+        x: Array,
+        fixed: Array,
+    ) -> T:
+        kinds = {kind: 1}
+        if kind == "jacobian" and self.stacked_constraints is not None:
+            kinds["constraint_jacobian"] = 1
+        at = np.asarray(x, dtype=float).ravel(), fixed
+        return self._meter.ask(kinds, lambda: compute(x, fixed), cost, lambda _: at, self._complete)
+
+    def _batch_of(
+        self,
+        kind: str,
+        compute: Callable[[Array], T],
+        costs: Callable[[T], Array],
+        x: Array,
+        fixed: Array,
+        entries: Places | None,
+    ) -> Callable[[Array], T]:
+        def ask(z: Array) -> T:
+            def point(i: int) -> Point:
+                at = np.array(x, dtype=float).ravel()
+                at[slice(None) if entries is None else entries] = z[i]
+                return at, fixed
+
+            return self._meter.ask({kind: len(z)}, lambda: compute(z), costs, point, self._complete)
+
+        return ask
+
+
+class MeteredFunction:
+    """A function (x, fixed) -> outputs of a problem, in the place of the function itself.
+
+    Called with numbers, of one point or of several side by side, every point is counted. In
+    whatever else a CasADi function can be used for (called with symbols or by names, mapped, given
+    to nlpsol, differentiated, saved) its evaluations cannot be seen: then this is noted, and the
+    function itself is handed over. It is built when it is needed first.
+    """
+
+    def __init__(
+        self,
+        build: Callable[[], cs.Function],
+        sizes: tuple[int, int],
+        ask: Callable[[Callable[[], Any], Array, Array], Any],
+        meter: RunMeter,
+    ) -> None:
+        self._build, self._sizes, self._ask, self._meter = build, sizes, ask, meter
+
+    @property  # type: ignore[misc]  # for solvers that ask what they were given
+    def __class__(self) -> Any:
+        return cs.Function
+
+    def __call__(self, *arguments: Any, **named: Any) -> Any:
+        """The outputs, as a CasADi function returns them; a call with numbers is counted."""
+        with self._meter.paused():
+            function = self._build()
+        try:
+            x, fixed = (np.asarray(cs.DM(one), dtype=float).T for one in arguments)
+        except (NotImplementedError, TypeError, ValueError):
+            x = fixed = np.zeros((0, 0))
+        if named or (x.shape[1:], fixed.shape[1:]) != tuple((size,) for size in self._sizes):
+            self._meter.taken()
+            return function(*arguments, **named)
+        fixed = np.broadcast_to(fixed, (len(x), self._sizes[1]))
+        return self._ask(lambda: function(*arguments), x, fixed)
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        if not name.endswith(("_in", "_out")):
+            self._meter.taken()
+        return getattr(self._build(), name)
+
+
+def _counted(there: ConstraintSet | None, meter: RunMeter) -> ConstraintSet | None:
+    """A copy of constraints whose evaluations are counted."""
+    if there is None:
+        return None
+
+    def counted(kind: str, compute: Callable[..., T]) -> Callable[..., T]:
+        return lambda *arguments: meter.ask({kind: 1}, lambda: compute(*arguments))
+
+    copied = copy.copy(there)
+    vars(copied).update(
+        values=counted("constraint", there.values),
+        linearize=counted("constraint_jacobian", there.linearize),
+        hessian=counted("constraint_hessian", there.hessian),
+    )
+    return copied
 
 
 def _numbers(counts: dict[str, int]) -> Array:
@@ -237,30 +337,6 @@ def _numbers(counts: dict[str, int]) -> Array:
     return np.array(list(counts.values()), dtype=float)
 
 
-def _completing(part: Problem, problem: Problem) -> Complete:
-    """A function from the free and fixed numbers of a part to those of the whole problem."""
-    return lambda x, fixed: problem.split(part.values(x, fixed))
-
-
-def _placed(x: Array, fixed: Array, entries: Places | None) -> Points:
-    """The points of `Problem.costs`, which equal x except in some places."""
-
-    def point(z: Array) -> tuple[Array, Array]:
-        at = np.array(x, dtype=float).ravel()
-        at[slice(None) if entries is None else entries] = z
-        return at, fixed
-
-    return point
-
-
 def _half_squared(r: cs.DM) -> Array:
     """The costs (M,) of residuals (m, M), one column for each point."""
     return 0.5 * np.asarray(np.sum(np.asarray(r, dtype=float) ** 2, axis=0))
-
-
-def _plain(cost: cs.DM) -> Array:
-    return np.asarray(cost, dtype=float).ravel()
-
-
-def _nothing(_: cs.DM) -> Array:
-    return np.zeros(0)

@@ -1,23 +1,125 @@
-"""One run: what it cost, where it ended, and what the solver claims."""
+"""What is known of an instance and of a run, and the log that outlives the run's process."""
 
+import os
+import platform
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from enum import Enum
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.comparison.log import KINDS, ROW, ROWS, Observed
 from workbench.errors import BadFile
 from workbench.reading.facts import Facts, amount, whole
 from workbench.solvers import Evaluations, Status
+
+KINDS = (  # of evaluations
+    "residual",
+    "gradient",
+    "jacobian",
+    "hessian",
+    "constraint",
+    "constraint_jacobian",
+    "constraint_hessian",
+)
+LIMITED = 4  # of them a budget limits: all but those of the constraints
+COUNTS = slice(2, 2 + len(KINDS))
+SPENT = slice(COUNTS.stop, COUNTS.stop + len(KINDS))
+NOT_FINITE, SECONDS, TAKEN = SPENT.stop, SPENT.stop + 1, SPENT.stop + 2
+HEAD = TAKEN + 1  # n, rows, counts, times, and these three
+ROW = len(KINDS) + 2  # counts, seconds, cost
+ROWS = 20_000  # improvements that are kept
+
+
+@dataclass(frozen=True, eq=False)
+class ObservedRun:
+    """What a metered problem observed of one run.
+
+    Attributes:
+        counts: the number of evaluations by kind, in the order of KINDS.
+        spent: the seconds spent in the problem by kind, likewise.
+        not_finite: the number of evaluations whose cost was NaN or infinite.
+        seconds: how long the run took.
+        best: (n,) the point of least cost; empty if no cost was finite.
+        trace: (k, kinds + 2) for every improvement the evaluations by kind, the seconds and the
+            cost, which falls.
+        taken: whether a graph was taken to where its evaluations cannot be counted.
+    """
+
+    counts: tuple[int, ...]
+    spent: tuple[float, ...]
+    not_finite: int
+    seconds: float
+    best: Array
+    trace: Array
+    taken: bool = False
+
+    @property
+    def evaluations(self) -> Evaluations:
+        """In the words of the solvers, who do not tell kinds of constraints' evaluations apart."""
+        residual, gradient, jacobian, hessian, *constraints = self.counts
+        return Evaluations(residual, gradient, jacobian, hessian, sum(constraints))
+
+
+class RunLog:
+    """A file that is mapped into memory: what is in it outlives the process that wrote it."""
+
+    def __init__(self, path: str | Path, n: int) -> None:
+        self.n = n
+        shape = (HEAD + n + ROW * ROWS,)
+        self.numbers = np.memmap(path, dtype=float, mode="w+", shape=shape)
+        self.numbers[0] = n
+
+    def better(self, x: Array, counts: Array, seconds: float, cost: float) -> None:
+        """Record an improvement; when the file is full it replaces the last one."""
+        k = min(int(self.numbers[1]), ROWS - 1)
+        at = HEAD + self.n + ROW * k
+        self.numbers[at : at + ROW] = (*counts, seconds, cost)
+        self.numbers[HEAD : HEAD + self.n] = x
+        self.numbers[1] = k + 1
+
+    def note(self, counts: Array, spent: Array, not_finite: int, seconds: float) -> None:
+        """Record the counts, the seconds by kind, and the time until now."""
+        self.numbers[COUNTS], self.numbers[SPENT] = counts, spent
+        self.numbers[NOT_FINITE], self.numbers[SECONDS] = not_finite, seconds
+
+    def taken(self) -> None:
+        """Record that from now on not every evaluation can be counted."""
+        self.numbers[TAKEN] = 1
+
+    def ended(self, seconds: float) -> None:
+        """Record the end of the run, and write everything to the file."""
+        self.numbers[SECONDS] = seconds
+        self.numbers.flush()
+
+    @staticmethod
+    def read(path: str | Path) -> ObservedRun:
+        """What a file holds, whether or not the process that writes it still lives."""
+        numbers = np.fromfile(path, dtype=float)
+        if numbers.size < HEAD:  # of a run that ended before it had begun
+            numbers = np.zeros(HEAD)
+        n, rows = int(numbers[0]), int(numbers[1])
+        trace = numbers[HEAD + n : HEAD + n + ROW * rows].reshape(rows, ROW)
+        best = numbers[HEAD : HEAD + n] if rows else numbers[:0]
+        return ObservedRun(
+            tuple(int(c) for c in numbers[COUNTS]),
+            tuple(float(s) for s in numbers[SPENT]),
+            int(numbers[NOT_FINITE]),
+            float(numbers[SECONDS]),
+            best.copy(),
+            trace.copy(),
+            bool(numbers[TAKEN]),
+        )
+
 
 Stored = tuple[dict[str, Any], dict[str, Array]]  # facts, and arrays by name
 ARRAYS = "end", "best", "trace"  # of a record
 
 
-class Ending(Enum):
+class RunEnding(Enum):
     """How a run came to its end."""
 
     RETURNED = "it returned a solution"
@@ -51,9 +153,9 @@ class Record:
 
     solver: str
     instance: str
-    ending: Ending
+    ending: RunEnding
     message: str
-    observed: Observed
+    observed: ObservedRun
     machine: str
     claim: str = ""
     claimed_cost: float = np.nan
@@ -78,6 +180,11 @@ class Record:
         """Whether it ended at a point of finite cost."""
         return bool(self.end.size and np.isfinite(self.cost))
 
+    @property
+    def at_end(self) -> bool:
+        """Whether it ended at a point of finite cost that bounds and constraints allow."""
+        return self.finite and self.inside
+
     def stored(self) -> Stored:
         """The record as facts and arrays; `of` reads them."""
         facts = asdict(self)
@@ -94,18 +201,21 @@ class Record:
         cost = facts.amount("cost")
         if np.isfinite(cost) and not (end.size and np.isfinite(end).all()):
             raise BadFile(f"its end costs {cost:.3g}, and is no point")
-        trace = finite_array_of(arrays, "trace", 2)
-        if trace.shape[1] != ROW or len(trace) > ROWS or (np.diff(trace[:, -1]) > 0).any():
-            raise BadFile(f"trace has shape {trace.shape}, or its costs do not fall")
+        trace = array_of(arrays, "trace", 2)
+        if trace.shape[1] != ROW or len(trace) > ROWS or not np.isfinite(trace).all():
+            raise BadFile(f"trace has shape {trace.shape}, or is not finite")
+        if (np.diff(trace[:, -1]) > 0).any():
+            raise BadFile("the costs of its trace do not fall")
         counts, spent = facts.several("counts", whole), facts.several("spent", amount)
         if not len(counts) == len(spent) == len(KINDS) or not np.isfinite(spent).all():
             raise BadFile(f"counts are {counts} and times {spent}, of {len(KINDS)} kinds")
+        claim = facts.text("claim")  # older files have older names of statuses
         return Record(
             solver=facts.text("solver"),
             instance=facts.text("instance"),
-            ending=Ending[facts.among("ending", Ending.__members__)],
+            ending=RunEnding[facts.among("ending", RunEnding.__members__)],
             message=facts.text("message"),
-            claim=_claim(facts.text("claim")),
+            claim=Status[claim].name if claim in Status.__members__ else claim,
             claimed_cost=facts.number("claimed_cost"),
             cost=cost,
             optimality=facts.amount("optimality"),
@@ -113,7 +223,7 @@ class Record:
             digits=facts.number("digits"),
             end=end,
             machine=facts.text("machine"),
-            observed=Observed(
+            observed=ObservedRun(
                 counts,
                 spent,
                 facts.whole("not_finite"),
@@ -125,30 +235,80 @@ class Record:
         )
 
 
-def _claim(name: str) -> str:
-    """The present name of a status, which older files may name otherwise."""
-    return Status[name].name if name in Status.__members__ else name
-
-
 def ended(
     group: tuple[str, ...], solvers: tuple[str, ...], records: dict[tuple[str, str], Record]
 ) -> list[tuple[str, str]]:
     """The runs of a group that ended at a point that can be looked at, in a fixed order."""
     keys = [(name, solver) for name in group for solver in solvers]
-    return [key for key in keys if records[key].finite and records[key].inside]
+    return [key for key in keys if records[key].at_end]
 
 
 def array_of(arrays: Mapping[str, Array], name: str, axes: int) -> Array:
     """One of the stored arrays; raises BadFile if it is missing or has other axes."""
-    found = arrays.get(name)
-    if found is None or found.ndim != axes:
+    array = arrays.get(name)
+    if array is None or array.ndim != axes:
         raise BadFile(f"{name} is no array with {axes} axes")
-    return found
+    return array
 
 
-def finite_array_of(arrays: Mapping[str, Array], name: str, axes: int) -> Array:
-    """As `array_of`; raises BadFile also for numbers that are not finite."""
-    found = array_of(arrays, name, axes)
-    if not np.isfinite(found).all():
-        raise BadFile(f"{name} holds numbers that are not finite")
-    return found
+@dataclass(frozen=True)
+class Description:
+    """An instance as a worker process found it.
+
+    Attributes:
+        instance: its name.
+        rows: m, the number of residual rows.
+        unknowns: n, the number of free numbers.
+        bounded: whether there are bounds.
+        start_cost: the cost at the start.
+        known_cost: the cost of the known answer; NaN if none is known.
+        known_source: where the known answer comes from.
+        certified: whether the values of the known answer are known.
+        question: the question that the experiment asks.
+    """
+
+    instance: str
+    rows: int
+    unknowns: int
+    bounded: bool
+    start_cost: float
+    known_cost: float
+    known_source: str
+    certified: bool
+    question: str
+
+    def stored(self) -> Stored:
+        """The description as facts; `of` reads them."""
+        return asdict(self), {}
+
+    @staticmethod
+    def of(stored: Stored) -> "Description":
+        """The description that `stored` gave. Raises BadFile for anything else."""
+        facts = Facts(stored[0])
+        return Description(
+            instance=facts.text("instance"),
+            rows=facts.whole("rows"),
+            unknowns=facts.whole("unknowns"),
+            bounded=facts.truth("bounded"),
+            start_cost=facts.amount("start_cost"),
+            known_cost=facts.number("known_cost"),
+            known_source=facts.text("known_source"),
+            certified=facts.truth("certified"),
+            question=facts.text("question"),
+        )
+
+
+@cache
+def processor() -> str:
+    """The name of the processor, as the system gives it."""
+    try:
+        with open("/proc/cpuinfo", encoding="utf-8") as lines:
+            names = [line.partition(":")[2].strip() for line in lines if "model name" in line]
+    except OSError:
+        names = []
+    return names[0] if names else platform.processor() or "unknown"
+
+
+def machine() -> str:
+    """Processor, cores and system: `AMD EPYC, 2 cores, Linux x86_64`."""
+    return f"{processor()}, {os.cpu_count()} cores, {platform.system()} {platform.machine()}"

@@ -10,7 +10,8 @@ from math import comb
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import betaincinv
+
+from workbench.arrays import Array
 
 LEVEL = 0.05  # of every test; intervals have the confidence 1 - LEVEL
 FEWEST = 6  # numbers for an interval of their median, and decided problems for a test
@@ -41,6 +42,8 @@ def rate(successes: int, trials: int) -> Interval:
     """
     if trials == 0:
         return Interval(np.nan)
+    from scipy.special import betaincinv  # which takes a quarter of a second to import
+
     k, n, tail = successes, trials, LEVEL / 2
     low = 0.0 if k == 0 else float(betaincinv(k, n - k + 1, tail))
     high = 1.0 if k == n else float(betaincinv(k + 1, n - k, 1 - tail))
@@ -102,7 +105,7 @@ def holm(p_values: Sequence[float]) -> list[float]:
 
 
 @dataclass(frozen=True)
-class Duel:
+class PairedTest:
     """Two solvers compared from the same starts.
 
     Several starts of one problem are not independent evidence. A problem is therefore won by the
@@ -136,7 +139,7 @@ class Duel:
         return (self.p if np.isnan(self.corrected) else self.corrected) <= LEVEL
 
     @property
-    def turned(self) -> "Duel":
+    def turned(self) -> "PairedTest":
         """The same comparison with the two solvers exchanged."""
         return replace(
             self,
@@ -151,7 +154,9 @@ class Duel:
         return self.decided and self.problems[0] > self.problems[1]
 
 
-def duel(a: ArrayLike, b: ArrayLike, problems: Sequence[Hashable], tie: float = TIE) -> Duel:
+def paired_test(
+    a: ArrayLike, b: ArrayLike, problems: Sequence[Hashable], tie: float = TIE
+) -> PairedTest:
     """Compare two solvers by their efforts (P,) from the same starts, infinite where one failed.
 
     `problems` names the problem of each start. Efforts that differ by at most the share `tie` are a
@@ -167,9 +172,45 @@ def duel(a: ArrayLike, b: ArrayLike, problems: Sequence[Hashable], tie: float = 
     for problem, won in zip(problems, first.astype(int) - second.astype(int), strict=True):
         ahead[problem] = ahead.get(problem, 0) + int(won)
     of_problems = sum(v > 0 for v in ahead.values()), sum(v < 0 for v in ahead.values())
-    return Duel(int(first.sum()), int(second.sum()), int(tied.sum()), int(fails.sum()), of_problems)
+    return PairedTest(
+        int(first.sum()), int(second.sum()), int(tied.sum()), int(fails.sum()), of_problems
+    )
 
 
-def among(duels: Sequence[Duel]) -> list[Duel]:
+def holm_corrected(tests: Sequence[PairedTest]) -> list[PairedTest]:
     """The comparisons with p-values corrected for their number."""
-    return [replace(d, corrected=p) for d, p in zip(duels, holm([d.p for d in duels]), strict=True)]
+    return [replace(d, corrected=p) for d, p in zip(tests, holm([d.p for d in tests]), strict=True)]
+
+
+def ratios(times: ArrayLike) -> Array:
+    """(P, S): each solver's effort over the least on the problem; infinite if it failed."""
+    t = np.asarray(times, dtype=float)
+    if t.shape[1] == 0:
+        return t
+    least = t.min(axis=1, keepdims=True)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        found = np.where(t == least, 1.0, t / least)
+    return np.where(np.isinf(t), np.inf, found)
+
+
+def performance_profile(times: ArrayLike, alphas: ArrayLike) -> Array:
+    """rho_s(alpha), (len(alphas), S): the share of problems on which a solver needs at most alpha
+    times what the best of them needs (Dolan and More, Math. Program. 91, 2002).
+    """
+    return _shares(ratios(times), alphas)
+
+
+def data_profile(times: ArrayLike, unknowns: ArrayLike, kappas: ArrayLike) -> Array:
+    """d_s(kappa), (len(kappas), S): the share of problems solved within kappa simplex gradients,
+    that is kappa (n_p + 1) residuals (More and Wild, SIAM J. Optim. 20, 2009).
+    """
+    t, n = np.asarray(times, dtype=float), np.asarray(unknowns, dtype=float)
+    return _shares(t / (n[:, None] + 1), kappas)
+
+
+def _shares(amounts: Array, limits: ArrayLike) -> Array:
+    limit = np.asarray(limits, dtype=float)
+    if not len(amounts):
+        return np.zeros((limit.size, amounts.shape[1]))
+    within = amounts[None] <= limit[:, None, None] * (1 + 1e-12)
+    return np.asarray(np.mean(within & np.isfinite(amounts)[None], axis=1))

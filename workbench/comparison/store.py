@@ -19,7 +19,7 @@ RUNS = "runs"
 FACTS = "facts"
 
 
-class Memory:
+class MemoryStore:
     """A store that lasts as long as the process."""
 
     def __init__(self) -> None:
@@ -41,7 +41,7 @@ class Memory:
         self._held[key] = json.loads(json.dumps(facts)), arrays
 
 
-class Folder:
+class FolderStore:
     """One file for each result in FOLDER/runs, written whole or not at all.
 
     Raises BadFile if the folder holds something else, or cannot be made.
@@ -87,9 +87,6 @@ class Folder:
         facts, arrays = stored
         named = {**arrays, FACTS: np.array(json.dumps(facts))}
         write_arrays(self._runs / f"{key}.npz", named)
-
-
-Store = Memory | Folder  # results are got and put by their keys
 
 
 def _ours(mark: Path) -> bool:

@@ -4,24 +4,81 @@ A run meets the target tau when it has visited a point with f - f* <= tau (f_0 -
 cost at its start, f* the lowest cost that anybody found for this problem, polished, or the known
 one where that is lower (More and Wild, Benchmarking derivative-free optimization algorithms, SIAM
 J. Optim. 20, 2009, section 2). No solver's own word counts.
+
+Effort is a sum of counts times prices, so the same runs have the same effort on every machine. A
+residual is the unit. The derivatives cost what Griewank and Walther (Evaluating Derivatives, second
+edition, SIAM 2008, chapters 3 and 4) show to be enough for any program by algorithmic
+differentiation, in their model of what operations and memory take, n being the number of free
+numbers: a gradient of the cost, one reverse sweep, 4; residual and Jacobian, n directions forwards,
+1 + 1.5 n; a Hessian of the cost, n second-order adjoints, 4 + 6 n. These are upper bounds of
+operations, not of seconds: a sparse Jacobian takes less than its price, and a gradient of a very
+quick residual may take many times its price on the clock. The page of a comparison therefore shows
+the measured ratios beside the prices. All constraints together are priced as one residual by
+convention, and their derivatives follow the same bounds.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
-from workbench.comparison.record import Ending, Record
-from workbench.experiments.relative_costs import SMALLEST, relative_excess
+from workbench.comparison.record import KINDS, LIMITED, Record, RunEnding
+from workbench.experiments.running import SMALLEST, relative_excess
 from workbench.solvers import Status
 from workbench.solvers.starts import AS_GOOD
+
+
+@dataclass(frozen=True)
+class Price:
+    """The price of one kind of evaluation.
+
+    Attributes:
+        name: the name of the kind.
+        formula: the formula, as text.
+        of: the formula as a function of n; it returns evaluations of the residual.
+    """
+
+    name: str
+    formula: str
+    of: Callable[[int], float]
+
+
+PRICES = {
+    "residual": Price("residual", "1", lambda n: 1.0),
+    "gradient": Price("gradient", "4", lambda n: 4.0),
+    "jacobian": Price("Jacobian", "1 + 1.5 n", lambda n: 1.0 + 1.5 * n),
+    "hessian": Price("Hessian", "4 + 6 n", lambda n: 4.0 + 6.0 * n),
+    "constraint": Price("constraints", "1", lambda n: 1.0),
+    "constraint_jacobian": Price("Jacobian of constraints", "1 + 1.5 n", lambda n: 1.0 + 1.5 * n),
+    "constraint_hessian": Price("Hessian of constraints", "4 + 6 n", lambda n: 4.0 + 6.0 * n),
+}
+SOURCE = "Griewank and Walther, Evaluating Derivatives (2008)"
+
+
+def prices(n: int) -> dict[str, float]:
+    """The price of each kind of evaluation, for n free numbers."""
+    return {kind: PRICES[kind].of(n) for kind in KINDS}
+
+
+def units(counts: ArrayLike, n: int) -> Array:
+    """The effort in evaluations of the residual: the counts (..., kinds) times their prices."""
+    return np.asarray(np.asarray(counts, dtype=float) @ np.array(list(prices(n).values())))
+
+
+def prices_in_words() -> str:
+    """The prices in a sentence."""
+    short = (f"{PRICES[kind].name} {PRICES[kind].formula}" for kind in KINDS[: LIMITED + 1])
+    return f"{', '.join(short)}, for n free numbers"
+
 
 TAUS = (1e-1, 1e-3, 1e-5, 1e-7)
 NEARLY = 1e-9  # of the whole way: nearer than that, a run is at the lowest cost
 
 
-def named(tau: float) -> str:
+def tau_text(tau: float) -> str:
     """`1e-5`, as it is written."""
     return f"{tau:g}".replace("e-0", "e-")
 
@@ -48,16 +105,16 @@ class TargetOutcome(Enum):
 
 LIMITS = {Status.MAX_EVALUATIONS.name, Status.MAX_ITERATIONS.name, Status.MAX_SECONDS.name}
 EARLY = {
-    Ending.KILLED: TargetOutcome.NOT_STOPPING,
-    Ending.CRASHED: TargetOutcome.CRASHED,
-    Ending.RAISED: TargetOutcome.RAISED,
-    Ending.BROKEN: TargetOutcome.NO_SOLUTION,
-    Ending.REFUSED: TargetOutcome.REFUSED,
+    RunEnding.KILLED: TargetOutcome.NOT_STOPPING,
+    RunEnding.CRASHED: TargetOutcome.CRASHED,
+    RunEnding.RAISED: TargetOutcome.RAISED,
+    RunEnding.BROKEN: TargetOutcome.NO_SOLUTION,
+    RunEnding.REFUSED: TargetOutcome.REFUSED,
 }
 
 
 @dataclass(frozen=True)
-class Yardstick:
+class ReferenceCosts:
     """The two costs by which the runs from one start are measured.
 
     Attributes:
@@ -84,7 +141,7 @@ class Yardstick:
         slack = max(room * abs(self.best), SMALLEST * abs(self.start))
         return self.best + max(tau * (self.start - self.best), slack)
 
-    def met(self, record: Record, tau: float) -> Array | None:
+    def reached_at(self, record: Record, tau: float) -> Array | None:
         """The row of the trace (counts, seconds, cost) at which a run met the target, or None."""
         rows = record.observed.trace
         below = np.flatnonzero(rows[:, -1] <= self.target(tau)) if rows.size else np.zeros(0, int)
@@ -92,16 +149,15 @@ class Yardstick:
 
     def ends_below(self, record: Record, tau: float) -> bool:
         """Whether the end of a run meets the target, even if the run never evaluated that point."""
-        return record.finite and record.inside and record.cost <= self.target(tau)
+        return record.at_end and record.cost <= self.target(tau)
 
-    def near(self, cost: float) -> bool:
+    def is_lowest(self, cost: float) -> bool:
         """Whether a cost counts as the lowest one.
 
         It is at most a millionth above it, or 1e-9 of the decrease from the cost at the start.
         """
-        return relative_excess(cost, self.best, self.start) <= AS_GOOD or cost <= self.target(
-            NEARLY
-        )
+        excess = relative_excess(cost, self.best, self.start)
+        return excess <= AS_GOOD or cost <= self.target(NEARLY)
 
 
 def stationary(record: Record, tolerance: float) -> bool:
@@ -117,8 +173,8 @@ def claims(record: Record) -> bool:
 def ended_by_clock(record: Record) -> bool:
     """Whether more time might have led the run further, as on a faster machine."""
     out_of_time = record.claim == Status.MAX_SECONDS.name
-    cut = record.ending is Ending.CUT and record.message == Status.MAX_SECONDS.value
-    return out_of_time or cut or record.ending is Ending.KILLED
+    cut = record.ending is RunEnding.CUT and record.message == Status.MAX_SECONDS.value
+    return out_of_time or cut or record.ending is RunEnding.KILLED
 
 
 SAID = {  # of ends above the lowest cost: what a solver found out there by evaluations
@@ -130,7 +186,7 @@ SAID = {  # of ends above the lowest cost: what a solver found out there by eval
 
 def target_outcome(
     record: Record,
-    yardstick: Yardstick,
+    reference: ReferenceCosts,
     lowest: bool | None,
     tolerance: float,
     at_saddle: bool = False,
@@ -144,16 +200,14 @@ def target_outcome(
     if record.ending in EARLY:
         return EARLY[record.ending]
     if not record.finite:
-        spent = record.ending is Ending.CUT or record.claim in LIMITS
+        spent = record.ending is RunEnding.CUT or record.claim in LIMITS
         return TargetOutcome.OUT_OF_BUDGET if spent else TargetOutcome.NO_SOLUTION
     if not record.inside:
         return TargetOutcome.NOT_ALLOWED
-    settled = stationary(record, tolerance)
-    if yardstick.alone:
+    if reference.alone:
         return TargetOutcome.ALONE
-    if lowest is not False and yardstick.near(record.cost):
-        return TargetOutcome.REACHED
-    if settled and lowest:
+    settled = stationary(record, tolerance)
+    if (settled and lowest) or (lowest is not False and reference.is_lowest(record.cost)):
         return TargetOutcome.REACHED
     if record.claim in SAID and (settled or record.claim != Status.SADDLE.name):
         return SAID[record.claim]
@@ -161,6 +215,6 @@ def target_outcome(
         return TargetOutcome.SADDLE if at_saddle else TargetOutcome.OTHER_BASIN
     if claims(record):
         return TargetOutcome.FALSE_CLAIM
-    if record.ending is Ending.CUT or record.claim in LIMITS:
+    if record.ending is RunEnding.CUT or record.claim in LIMITS:
         return TargetOutcome.OUT_OF_BUDGET
     return TargetOutcome.STALLED

@@ -1,9 +1,8 @@
 """Named problems with a start and, where there is one, a known answer."""
 
-from workbench.experiments.catalogue import EXPERIMENTS, find
+from workbench.experiments.catalogue import EXPERIMENTS, SUITES, find
 from workbench.experiments.experiment import Experiment
 from workbench.experiments.running import Outcome, run
-from workbench.experiments.suites import SUITES
 from workbench.fitting.known import KnownAnswer
 from workbench.fitting.setup import Setup
 

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from workbench.arrays import Array
 from workbench.bodies.body import Body
 from workbench.bodies.catalogue import load_body
-from workbench.errors import UnknownName, check_known, listed
+from workbench.errors import BadArgument, UnknownName, check_known, listed
+from workbench.fitting.clips import Clip, clip_of
 from workbench.fitting.compared_solvers import MANY
 from workbench.fitting.image_fit import image_fit
 from workbench.fitting.image_recipe import ByHeight
@@ -17,6 +18,7 @@ from workbench.fitting.keypoint_problem import landmark_set
 from workbench.fitting.keypoints import keypoint_fit
 from workbench.fitting.observations import Observations, photograph
 from workbench.fitting.setup import Setup, names
+from workbench.fitting.videos import video_fit
 from workbench.reading.arrays import Expected, any_reals, read_expected, reals, shipped, texts
 from workbench.solvers import LevenbergMarquardt
 
@@ -152,4 +154,50 @@ def _asked(
         f"A real person on a beam (frame {frame}) was seen by {len(known)} calibrated cameras. "
         f"Which pose, shape and place of the body explain the 2D keypoints{alone}, and what do "
         "the keypoints leave open?",
+    )
+
+
+FPS = 60.0
+
+
+def balance_clip(frames: Sequence[int], cameras: Sequence[str], fps: float = FPS) -> Clip:
+    """The keypoints of some frames in some cameras. Raises UnknownName."""
+    chosen = []
+    for frame in frames:
+        whole = observations(frame)[0]
+        by_name = {photo.name: photo for photo in whole.photographs}
+        for name in cameras:
+            check_known("camera", name, by_name)
+        chosen.append(Observations(whole.names, tuple(by_name[name] for name in cameras)))
+    return clip_of(chosen, fps)
+
+
+def balance_video(
+    body: str = "default",
+    cameras: Sequence[str] = ("cam01",),
+    first: int = 40,
+    last: int = 60,
+    step: int = 5,
+    sigma: float | None = None,
+) -> Setup:
+    """Fit one shape and the poses of frames `first` to `last`, of which each `step`-th is taken.
+
+    `sigma` is in px; without one it follows the person's size (`video_fit`). Frames are told how
+    much they are worth together by their own errors. Raises BadArgument if there are fewer than two
+    frames, and UnknownName for a camera or a frame that does not exist.
+    """
+    all_ = len(published()["keypoints"])
+    if step < 1 or not 0 <= first < last < all_ or last - first < step:
+        raise BadArgument(
+            f"a video is two frames or more of the frames 0 to {all_ - 1}, from first to last by a "
+            f"step of 1 or more, not {first} to {last} by {step}"
+        )
+    frames, seen = range(first, last + 1, step), names(cameras)
+    return video_fit(
+        balance_clip(frames, seen, FPS / step),
+        load_body(body),
+        f"A real person on a beam was filmed by {' and '.join(seen)} in {len(frames)} frames. "
+        "Which shape and which motion explain the 2D keypoints, and what are the frames worth "
+        "together?",
+        sigma=sigma,
     )

@@ -6,18 +6,45 @@ from pathlib import Path
 from typing import Any
 
 from workbench.errors import BadArgument, BadFile, UnknownName, check_known
-from workbench.experiments.arguments import converted, parameters
-from workbench.experiments.balance import balance, balance_monocular
-from workbench.experiments.balance_video import balance_video
-from workbench.experiments.correspondences import known_correspondences, shape_from_landmarks
-from workbench.experiments.experiment import Experiment
-from workbench.experiments.markers import markers
-from workbench.experiments.own_file import BESIDE, ENOUGH, run_file
-from workbench.experiments.registration import registration
-from workbench.experiments.self_contact import self_contact
-from workbench.experiments.suites import SUITES
-from workbench.experiments.user_errors import user_errors
+from workbench.experiments.balance import balance, balance_monocular, balance_video
+from workbench.experiments.body_fits import (
+    BODIES,
+    MODEL_FITS,
+    known_correspondences,
+    registration,
+    self_contact,
+    shape_from_landmarks,
+)
+from workbench.experiments.experiment import (
+    BESIDE,
+    ENOUGH,
+    Experiment,
+    converted,
+    parameters,
+    run_file,
+    user_errors,
+)
+from workbench.experiments.learning import TRAINING, TRIANGLES
+from workbench.experiments.more_wild import MORE_WILD
+from workbench.experiments.moving_people import markers
+from workbench.experiments.nist import NIST
 from workbench.fitting.setup import Setup
+
+SUITES: Mapping[str, tuple[Experiment, ...]] = {
+    "nist": NIST,
+    "more-wild": MORE_WILD,
+    "bodies": (*BODIES, *MODEL_FITS),
+    "training": TRAINING,
+    "triangles": TRIANGLES,
+}
+SUMMARIES: Mapping[str, str] = {
+    "nist": "regressions, answers certified by NIST",
+    "bodies": "fits of synthetic people, graded",
+    "more-wild": "sums of squares of Moré and Wild",
+    "training": "small trainings of SMPL on symbols",
+    "triangles": "small trainings of SCAPE and BlendSCAPE on symbols",
+}
+
 
 EXPERIMENTS: Mapping[str, Experiment] = {
     experiment.name: experiment

@@ -1,12 +1,218 @@
-"""A named problem: a function that builds its setup, and the arguments of that function."""
+"""A named problem: a function that builds its setup, its arguments, and a user's own file."""
 
-from collections.abc import Callable, Mapping
+import importlib.util
+import json
+import math
+import operator
+import os
+import re
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any
+from inspect import Parameter, signature
+from pathlib import Path
+from types import ModuleType, NoneType, UnionType
+from typing import Any, Union, get_args, get_origin
 
-from workbench.errors import BadSetup
-from workbench.experiments.user_errors import user_errors
-from workbench.fitting.setup import Setup
+import numpy as np
+
+from workbench.errors import (
+    BadArgument,
+    BadFile,
+    BadSetup,
+    WorkbenchError,
+    line_of,
+    message_of,
+    shown,
+)
+from workbench.fitting.setup import Setup, names
+from workbench.identity import file_digest
+
+IN_CASADI = re.compile(r"^\S*casadi\S*:\d+: (Assertion .* failed:\s*)?")  # where in its source
+UNLIKE = re.compile(r"Dimension mismatch for (.+), x is (\d+)x(\d+), while y is (\d+)x(\d+)")
+COLUMNS = (
+    "in expressions points are columns, so that the symbol of a block of shape (N, 3) is 3 x N, as "
+    "that of joints or vertices is"
+)
+NO_NUMBERS = {
+    "Points": "Points are no numbers: take their .symbol",
+    "Block": "a Block is no number: take its .symbol",
+}
+
+
+@contextmanager
+def user_errors(
+    source: str, what: str = "", arguments: Mapping[str, Any] | None = None
+) -> Iterator[None]:
+    """Turn exceptions raised in this context into errors that say what the user can correct.
+
+    If `source` is a user's Python file, any exception becomes a BadFile that names the line.
+    Otherwise an exception of `what`, which was given the user's `arguments`, becomes a
+    BadArgument. A WorkbenchError, and any exception where there are no arguments, is raised as
+    it is.
+    """
+    try:
+        yield
+    except (Exception, SystemExit) as error:
+        if source.endswith(".py"):
+            line = line_of(error, source)
+            place = f"{Path(source).name} line {line}" if line else Path(source).name
+            raise BadFile(f"{place}: {_reason(error)}") from error
+        if isinstance(error, WorkbenchError) or not arguments:
+            raise
+        given = ", ".join(f"{name}={value!r}" for name, value in arguments.items())
+        raise BadArgument(f"{what} cannot be built with {given}: {_reason(error)}") from error
+
+
+def _reason(error: BaseException) -> str:
+    if isinstance(error, WorkbenchError):
+        return str(error)
+    if isinstance(error, SystemExit):
+        return f"it ends the program (sys.exit({error.code})) where it is read; take that out"
+    said = error.msg if isinstance(error, SyntaxError) else message_of(error)
+    for kind, instead in NO_NUMBERS.items():
+        if isinstance(error, TypeError) and f"'{kind}'" in said:
+            return f"{said}; {instead}"
+    if place := IN_CASADI.match(said):
+        return _shapes(said[place.end() :])
+    return f"{type(error).__name__}: {said}" if said else type(error).__name__
+
+
+def _shapes(said: str) -> str:
+    """What CasADi says, and what to do if it is about matrices that do not fit."""
+    if found := UNLIKE.search(said):
+        operation, *sizes = found.groups()
+        a, b, c, d = map(int, sizes)
+        turned = (a, b) == (d, c)
+        said = f"{operation} needs matrices of one shape, but x is {a} x {b} and y is {c} x {d}" + (
+            "; one of them is transposed: take a .T away, or put one in" if turned else ""
+        )
+    return f"{said.rstrip('.')}; {COLUMNS}" if "dimension" in said or "shape" in said else said
+
+
+def parameters(build: Callable[..., object]) -> Mapping[str, Parameter]:
+    """The parameters of a builder, with annotations as texts if they cannot be evaluated."""
+    try:
+        return signature(build, eval_str=True).parameters
+    except (NameError, SyntaxError, AttributeError):
+        return signature(build).parameters
+
+
+def converted(what: str, annotation: object, given: object) -> Any:
+    """A value, or the text that was typed for one, converted to an annotation.
+
+    int, float, bool, str, sequences of str, and unions of these with each other and None are
+    converted. For any other annotation a value stays as it is, and a text is read as JSON if it
+    is JSON. `what` names the argument in the error. Raises BadArgument.
+    """
+    union = get_origin(annotation) in (Union, UnionType)
+    kinds = [_kind(one) for one in (get_args(annotation) if union else (annotation,))]
+    for _, convert in kinds:
+        try:
+            return convert(given)
+        except (ValueError, TypeError, OverflowError, RecursionError):
+            continue
+    raise BadArgument(
+        f"{what} must be {' or '.join(wanted for wanted, _ in kinds)}, not {shown(given)}"
+    )
+
+
+def _kind(annotation: object) -> tuple[str, Callable[[Any], Any]]:
+    several = get_origin(annotation) in (tuple, list, Sequence, Iterable)
+    if several and get_args(annotation)[0] is str:
+        return 'a name, or names such as ["a", "b"]', _names
+    return _KINDS.get(annotation, ("anything", _anything))
+
+
+def _whole(given: Any) -> int:
+    _refuse(isinstance(given, (bool, np.bool_)))
+    return int(given) if isinstance(given, str) else operator.index(given)
+
+
+def _real(given: Any) -> float:
+    _refuse(isinstance(given, (bool, np.bool_)))
+    number = float(given)
+    _refuse(not math.isfinite(number))
+    return number
+
+
+def _truth(given: Any) -> bool:
+    word = str(given).lower()  # also of True and np.True_
+    _refuse(word not in ("true", "false"))
+    return word == "true"
+
+
+def _text(given: Any) -> Any:
+    _refuse(not isinstance(given, (str, os.PathLike)))
+    return given
+
+
+def _names(given: Any) -> tuple[str, ...]:
+    typed = isinstance(given, str) and given.startswith("[")
+    found = names(json.loads(given) if typed else given)
+    _refuse(not all(isinstance(name, str) for name in found))
+    return () if found == ("",) else found
+
+
+def _nothing(given: Any) -> None:
+    _refuse(str(given).lower() not in ("none", "null"))
+
+
+def _anything(given: Any) -> Any:
+    try:
+        return json.loads(given) if isinstance(given, str) else given
+    except ValueError:
+        return given
+
+
+def _refuse(wrong: bool) -> None:
+    if wrong:
+        raise TypeError
+
+
+_KINDS: dict[object, tuple[str, Callable[[Any], Any]]] = {
+    int: ("a whole number", _whole),
+    float: ("a finite number", _real),
+    bool: ("true or false", _truth),
+    str: ("a text", _text),
+    NoneType: ("none", _nothing),
+}
+
+
+# What such a file may define, for --help and for the error of one that defines nothing.
+ENOUGH = (
+    "`problem` and `start`, or `setup` (a Setup, or a function that returns one), or `experiment`"
+)
+BESIDE = (
+    "beside `problem` and `start`, `priors` names the residuals that are not data, `body` is the "
+    "body to draw, `compared` names solvers to run as well, `candidates` are residuals by name "
+    "that could be measured next, and `gauges` are motions (Gauge) that change no residual"
+)
+
+
+def run_file(path: Path, instead: str) -> tuple[ModuleType, str]:
+    """Run a file. Returns its module and its full path; raises BadFile with the line that failed.
+
+    `instead` says what else could have been given, for the error about a missing file.
+    """
+    if not path.is_file():
+        raise BadFile(f"there is no file {path}; give the path of a Python file, or {instead}")
+    source = str(path.resolve())
+    name = path.stem  # under which dataclasses and pickle find its classes
+    if name in sys.modules and getattr(sys.modules[name], "__file__", None) != source:
+        name += f"_{file_digest(source)}"  # another module has its name: that of a library, say
+    spec = importlib.util.spec_from_file_location(name, source)
+    assert spec is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    folder = str(path.resolve().parent)  # where its own imports are, as under `python FILE.py`
+    if folder not in sys.path:
+        sys.path.insert(0, folder)
+    with user_errors(source):
+        # what Python keeps of a file is that of another one of the same size and second
+        exec(compile(path.read_bytes(), source, "exec"), vars(module))
+    return module, source
 
 
 @dataclass(frozen=True)

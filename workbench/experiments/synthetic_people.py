@@ -3,7 +3,7 @@
 All of them are synthetic: nobody was measured.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -20,6 +20,21 @@ from workbench.fitting.setup import Setup
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 from workbench.priors.poses import shipped_gaussian
 from workbench.solvers import Ipopt, LevenbergMarquardt, Solver
+
+SIZE, FOCAL, AWAY = 1000, 1200.0, 4.0  # px, px, m
+
+
+def looking_in(angle: float) -> Mapping[str, Array]:
+    """The calibration of an upright camera on a circle about the origin, in front at angle 0."""
+    forward = -np.array([np.sin(angle), 0.0, np.cos(angle)])
+    down = np.array([0.0, -1.0, 0.0])
+    middle = (SIZE - 1) / 2
+    return {
+        "K": np.array([[FOCAL, 0, middle], [0, FOCAL, middle], [0, 0, 1]]),
+        "R": np.array([np.cross(down, forward), down, forward]),
+        "t": np.array([0.0, 0.0, AWAY]),
+    }
+
 
 TRANS_SIGMA = 0.2  # m
 TIGHT = 1e-9  # gradient tolerance, with which costs have more digits than are ever compared

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from workbench.comparison import Comparison
-from workbench.comparison.targets import named
+from workbench.comparison.targets import tau_text
 from workbench.plots.palette import FAINT, solver_styles
 from workbench.plots.style import decades, plain
 
@@ -37,7 +37,7 @@ def plot_cost_traces(
     comparison: Comparison, problem: str, *, ax: Axes, against: TraceColumn = UNITS
 ) -> Axes:
     """(f - f*) / (f_0 - f*) of the best point so far: a line per run, a colour per solver."""
-    instances = comparison.of(problem)
+    instances = comparison.instances_of(problem)
     alpha = 0.9 if len(instances) == 1 else max(0.25, 0.8 / len(instances) ** 0.5)
     longest = against.least * 10
     for solver, style in solver_styles(comparison.solvers).items():
@@ -68,21 +68,21 @@ def relative_cost_axis(comparison: Comparison, ax: Axes) -> None:
 
 def caption_cost_traces(comparison: Comparison, problem: str) -> str:
     """What `plot_cost_traces` shows."""
-    instances = comparison.of(problem)
+    instances = comparison.instances_of(problem)
     runs = "one run of each solver" if len(instances) == 1 else f"{len(instances)} runs of each"
     return (
         f"{problem}: how far the best point so far was above the lowest known cost, as a share of "
         f"the difference between that and the cost at the start; {runs}, with a dot where a run "
         "ended. Dotted lines are the targets. Values below "
-        f"{named(LOWEST)} are drawn there. A line that stays flat above the targets is in another "
-        "basin, or stuck. Effort is counted at fixed prices; time is measured, and differs from "
-        "machine to machine and from run to run."
+        f"{tau_text(LOWEST)} are drawn there. A line that stays flat above the targets is in "
+        "another basin, or stuck. Effort is counted at fixed prices; time is measured, and "
+        "differs from machine to machine and from run to run."
     )
 
 
 def plot_waterfall(comparison: Comparison, problem: str, *, ax: Axes) -> Axes:
     """(f - f*) / (f_0 - f*) at the ends on one problem, sorted for each solver, the worst last."""
-    instances = comparison.of(problem)
+    instances = comparison.instances_of(problem)
     for solver, style in solver_styles(comparison.solvers).items():
         gaps = [t[-1, 2] for i in instances if len(t := comparison.trace(i, solver))]
         y = np.maximum(np.sort(np.array(gaps, dtype=float)), LOWEST)
@@ -104,7 +104,7 @@ def plot_waterfall(comparison: Comparison, problem: str, *, ax: Axes) -> Axes:
 
 def caption_waterfall(comparison: Comparison, problem: str) -> str:
     """What `plot_waterfall` shows."""
-    runs = len(comparison.of(problem))
+    runs = len(comparison.instances_of(problem))
     return (
         f"{problem}: how far above the lowest cost known each solver's {runs} "
         "runs got at best, sorted for each solver separately. Flat steps are basins that several "

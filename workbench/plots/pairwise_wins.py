@@ -4,10 +4,9 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from workbench.comparison import Comparison
-from workbench.comparison.comparison import MAIN
-from workbench.comparison.pairs import duels
+from workbench.comparison.comparison import MAIN, by_effort
 from workbench.comparison.statistics import FEWEST, LEVEL
-from workbench.comparison.targets import named
+from workbench.comparison.targets import tau_text
 from workbench.diagnostics.words import counted
 from workbench.plots.palette import INK
 from workbench.plots.style import plain
@@ -18,18 +17,18 @@ def plot_pairwise_wins(comparison: Comparison, tau: float = MAIN, *, ax: Axes) -
 
     Below these numbers is the p-value of the sign test on problems, corrected for all pairs.
     """
-    names, pairs = comparison.solvers, duels(comparison, tau)
+    names, pairs = comparison.solvers, by_effort(comparison, tau)
     n = len(names)
     shares = np.full((n, n), np.nan)
     for i, a in enumerate(names):
         for j, b in enumerate(names):
             if i == j:
                 continue
-            duel = pairs[a, b]
-            decided = duel.first + duel.second
-            shares[i, j] = duel.first / decided if decided else np.nan
-            said = f"{duel.first}:{duel.second}\np {min(duel.corrected, 1):.2g}"
-            weight = "bold" if duel.decided else "normal"
+            pair = pairs[a, b]
+            decided = pair.first + pair.second
+            shares[i, j] = pair.first / decided if decided else np.nan
+            said = f"{pair.first}:{pair.second}\np {min(pair.corrected, 1):.2g}"
+            weight = "bold" if pair.decided else "normal"
             ax.text(j, i, said, ha="center", va="center", size=8, color=INK, weight=weight)
     ax.imshow(shares, cmap="PuOr_r", vmin=-0.35, vmax=1.35)
     ax.set_xticks(range(n), [plain(s) for s in names], rotation=35, ha="right")
@@ -45,12 +44,12 @@ def caption_pairwise_wins(comparison: Comparison, tau: float = MAIN) -> str:
     """What `plot_pairwise_wins` shows."""
     problems = counted(len(comparison.compared), "problem")
     return (
-        f"Pairs of solvers from the same starts, at the target {named(tau)}: the number of starts "
-        "from which the solver of the row needed less effort than that of the column, and the "
-        "number from which it needed more. If only one of them met the target, it wins; efforts "
-        "within 1 % are a tie; a start from which both failed counts for neither. A solver whose "
-        "effort was not counted wins only where the other one failed. Below is the p-value of "
-        f"the exact two-sided sign test on {problems}, each of which goes "
+        f"Pairs of solvers from the same starts, at the target {tau_text(tau)}: the number of "
+        "starts from which the solver of the row needed less effort than that of the column, and "
+        "the number from which it needed more. If only one of them met the target, it wins; "
+        "efforts within 1 % are a tie; a start from which both failed counts for neither. A solver "
+        "whose effort was not counted wins only where the other one failed. Below is the p-value "
+        f"of the exact two-sided sign test on {problems}, each of which goes "
         "to the solver that won more of its starts, corrected for the number of pairs (Holm). "
         f"Bold pairs differ significantly at the level of {LEVEL:.0%} for all pairs together, "
         f"which takes at least {FEWEST} decided problems."

@@ -6,8 +6,8 @@ from matplotlib.ticker import PercentFormatter
 
 from workbench.arrays import Array
 from workbench.comparison import Comparison
-from workbench.comparison.profiles import data_profile, performance_profile, ratios
-from workbench.comparison.targets import named
+from workbench.comparison.statistics import data_profile, performance_profile, ratios
+from workbench.comparison.targets import tau_text
 from workbench.plots.palette import FAINT, solver_styles
 from workbench.plots.style import decades, plain
 
@@ -60,7 +60,7 @@ def _curves(
     ax.set(xscale="log", xlim=(x[0], x[-1]), ylim=(-0.03, 1.05), ylabel="share of the starts")
     decades(ax.xaxis, x[0], x[-1])
     ax.yaxis.set_major_formatter(PercentFormatter(1.0))
-    ax.set_title(f"target τ = {named(tau)}", loc="left")
+    ax.set_title(f"target τ = {tau_text(tau)}", loc="left")
     ax.grid(color=FAINT, alpha=0.25, linewidth=0.6)
 
 

@@ -11,7 +11,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 
 from workbench.arrays import Array
 from workbench.errors import BadArgument
-from workbench.experiments.relative_costs import (
+from workbench.experiments.running import (
     SMALLEST,
     as_good,
     best_cost,

@@ -32,7 +32,7 @@ Part = tuple[str, str, list[int]]  # of the bars: its label, its colour, and a c
 
 def plot_verdicts(comparison: Comparison, *, ax: Axes) -> Axes:
     """A bar per solver, cut into what its runs came to."""
-    counts = [comparison.counted(s) for s in comparison.solvers]
+    counts = [comparison.outcome_counts(s) for s in comparison.solvers]
     parts: list[Part] = [
         (verdict.name.lower().replace("_", " "), colour, [c[verdict] for c in counts])
         for verdict, colour in COLOURS.items()
@@ -45,7 +45,7 @@ def caption_verdicts(comparison: Comparison) -> str:
     """What `plot_verdicts` shows; a colour is explained where it is there."""
     came = Counter[TargetOutcome]()
     for solver in comparison.solvers:
-        came.update(comparison.counted(solver))
+        came.update(comparison.outcome_counts(solver))
     runs = counted(len(comparison.instances), "run")
     text = (
         f"How the {runs} of each solver ended, judged by the problem's "
@@ -75,7 +75,7 @@ def caption_verdicts(comparison: Comparison) -> str:
 
 def plot_basins(comparison: Comparison, problem: str, *, ax: Axes) -> Axes:
     """A bar per solver, cut into the basins that its ends on one problem lead to."""
-    names = [i.name for i in comparison.of(problem)]
+    names = [i.name for i in comparison.instances_of(problem)]
     where = [[comparison.basins.get((name, s)) for name in names] for s in comparison.solvers]
     parts: list[Part] = [
         (f"basin {k + 1}" + ("" if k else ", the lowest"), colour, [row.count(k) for row in where])
@@ -89,7 +89,7 @@ def plot_basins(comparison: Comparison, problem: str, *, ax: Axes) -> Axes:
 
 def caption_basins(comparison: Comparison, problem: str) -> str:
     """What `plot_basins` shows."""
-    own = len({id(comparison.end_analysis(i.name)) for i in comparison.of(problem)})
+    own = len({id(comparison.end_analysis(i.name)) for i in comparison.instances_of(problem)})
     each = " Every start has data, and therefore basins, of its own." if own > 1 else ""
     return (
         f"{problem}: the basins to which the ends lead when Levenberg-Marquardt goes on from them; "

@@ -4,16 +4,14 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from workbench.comparison import Cause, Comparison
+from workbench.comparison import Comparison
+from workbench.comparison.advice import advice, basin_sentence, reliable
 from workbench.comparison.comparison import MAIN
-from workbench.comparison.identity import code_version, identity
-from workbench.comparison.measured import ratios
-from workbench.comparison.prices import SOURCE
 from workbench.comparison.statistics import FEWEST, LEVEL
 from workbench.comparison.store import MARK, RUNS
-from workbench.comparison.targets import TargetOutcome, ended_by_clock, named
-from workbench.comparison.tidy import write_csv
-from workbench.comparison.words import advice, basin_sentence, reliable
+from workbench.comparison.tables import ratios, write_csv
+from workbench.comparison.targets import SOURCE, TargetOutcome, ended_by_clock, tau_text
+from workbench.identity import code_version, identity
 from workbench.plots import comparison_sheets as sheets
 from workbench.plots.accuracy import caption_accuracy
 from workbench.plots.cost_traces import caption_cost_traces, caption_waterfall
@@ -60,21 +58,21 @@ def comparison_data(comparison: Comparison) -> dict[str, Any]:
         "problems": comparison.problems,
         "solvers": {
             e.name: identity(design.budget.given(e.solver)) | {"file": e.source}
-            for e in comparison.named_solvers
+            for e in comparison.design.named_solvers
         },
         "budget": asdict(design.budget),
         "seeds": design.seeds,
         "targets": comparison.taus,
         "prices": comparison.prices,
         "measured_prices": {p: ratios(comparison, p) for p in comparison.problems},
-        "starts": {name: asdict(yardstick) for name, yardstick in comparison.yardsticks.items()},
+        "starts": {name: asdict(costs) for name, costs in comparison.references.items()},
         "basins": [
             {
                 "starts": group,
                 "costs": end_analysis.costs,
                 "optimality": end_analysis.optimality,
                 "curvatures": end_analysis.curvatures,
-                "explanations": {k + 1: e.data() for k, e in end_analysis.explanations.items()},
+                "explanations": {k + 1: asdict(e) for k, e in end_analysis.explanations.items()},
                 "message": end_analysis.message,
             }
             for group, end_analysis in zip(comparison.groups, comparison.end_analyses, strict=True)
@@ -106,7 +104,7 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
         title="Solvers compared",
         comparison=comparison,
         advice=advice(comparison),
-        main=named(MAIN),
+        main=tau_text(MAIN),
         verdicts=drawn(sheets.verdicts_sheet, caption_verdicts, comparison),
         outcomes=tables.verdicts_table(comparison),
         meanings={ends.words_of(v): v.value for v in TargetOutcome},
@@ -136,11 +134,10 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
         each=[_of(comparison, problem) for problem in comparison.problems],
         table=tables.problems_table(comparison),
         ends=ends.ends_table(comparison),
-        causes={ends.words_of(c): c.value for c in Cause},
         failures=ends.failures_table(comparison),
         options=tables.options_table(comparison),
         budget=comparison.design.budget,
-        taus=", ".join(named(tau) for tau in comparison.taus),
+        taus=", ".join(tau_text(tau) for tau in comparison.taus),
         machines=machines(comparison),
         by_clock=sum(ended_by_clock(r) for r in comparison.records.values()),
         files=files,
@@ -155,7 +152,7 @@ def _accuracy(comparison: Comparison) -> Shown | None:
 
 def _of(comparison: Comparison, problem: str) -> dict[str, Any]:
     """What the page says of one problem."""
-    instances = comparison.of(problem)
+    instances = comparison.instances_of(problem)
     analyses = ends.end_analyses(comparison, problem)
     several = any(len(analysis.costs) > 1 for _, analysis in analyses)
     own = len(analyses) > 1  # data for each start

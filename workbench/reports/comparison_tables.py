@@ -5,15 +5,20 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 import numpy as np
 
 from workbench.comparison import Comparison, TargetOutcome
+from workbench.comparison.advice import percent
 from workbench.comparison.comparison import MAIN
 from workbench.comparison.design import Instance
-from workbench.comparison.identity import identity
-from workbench.comparison.log import KINDS, LIMITED
-from workbench.comparison.measured import Timing, ratios, seconds_of_runs, seconds_to
-from workbench.comparison.prices import PRICES
+from workbench.comparison.record import KINDS, LIMITED
 from workbench.comparison.statistics import Interval, median
-from workbench.comparison.targets import named
-from workbench.comparison.words import percent
+from workbench.comparison.tables import (
+    Seconds,
+    evaluation_seconds,
+    ratios,
+    seconds_of_runs,
+    seconds_to,
+)
+from workbench.comparison.targets import PRICES, tau_text
+from workbench.identity import identity
 from workbench.reports.end_tables import words_of
 from workbench.reports.page import Table, TextRow, number
 
@@ -32,10 +37,10 @@ def success_table(comparison: Comparison) -> Table:
     """How often each solver met each target, and returned a point at the lowest cost; of several
     problems, on how many it met the target from every start.
     """
-    head = [*(f"τ = {named(tau)}" for tau in comparison.taus), "ended at the lowest cost"]
+    head = [*(f"τ = {tau_text(tau)}" for tau in comparison.taus), "ended at the lowest cost"]
     several = len(comparison.compared) > 1
     if several:
-        head.append(f"problems, τ = {named(MAIN)}")
+        head.append(f"problems, τ = {tau_text(MAIN)}")
 
     def shares(solver: str) -> Iterator[Interval]:
         yield from (comparison.success(solver, tau) for tau in comparison.taus)
@@ -48,7 +53,7 @@ def success_table(comparison: Comparison) -> Table:
 
 def verdicts_table(comparison: Comparison) -> Table:
     """How many runs got each verdict; verdicts that no run got are left out."""
-    counts = {solver: comparison.counted(solver) for solver in comparison.solvers}
+    counts = {solver: comparison.outcome_counts(solver) for solver in comparison.solvers}
     there = [v for v in TargetOutcome if any(c[v] for c in counts.values())]
     head = [words_of(v) for v in there]
     return _by_solver(comparison, head, lambda solver: (str(counts[solver][v]) for v in there))
@@ -80,7 +85,7 @@ def seconds_table(comparison: Comparison, tau: float = MAIN) -> Table:
         until = _spread(seconds_to(comparison, solver, tau))
         return *until, *_spread(seconds_of_runs(comparison, solver))
 
-    spans = f"until τ = {named(tau)}", "whole run"
+    spans = f"until τ = {tau_text(tau)}", "whole run"
     head = [f"{span}, {s}" for span in spans for s in ("least", "median", "most")]
     return _by_solver(comparison, head, cells)
 
@@ -95,7 +100,7 @@ def _by_solver(
 
 def problem_table(comparison: Comparison, problem: str, tau: float = MAIN) -> Table:
     """Success, effort and ends of every solver on one problem; the last column has seconds."""
-    chosen, kinds = comparison.of(problem), _asked(comparison)
+    chosen, kinds = comparison.instances_of(problem), _asked(comparison)
     rows = []
     for solver in comparison.solvers:
         ends = [comparison.records[i.name, solver] for i in chosen]
@@ -113,7 +118,7 @@ def problem_table(comparison: Comparison, problem: str, tau: float = MAIN) -> Ta
         )
     head = (
         "solver",
-        f"met τ = {named(tau)}",
+        f"met τ = {tau_text(tau)}",
         *(PLURAL[kind] for kind in kinds),
         "effort",
         "lowest end",
@@ -130,13 +135,13 @@ def problems_table(comparison: Comparison) -> Table:
     kinds = _asked(comparison)[1:]
     rows = []
     for problem in comparison.problems:
-        chosen = comparison.of(problem)
+        chosen = comparison.instances_of(problem)
         about = [comparison.described[i.name] for i in chosen]
         prices, measured = comparison.prices[problem], ratios(comparison, problem)
-        yard = [comparison.yardsticks[i.name] for i in chosen]
-        best = sorted({y.best for y in yard})
+        known = [comparison.references[i.name] for i in chosen]
+        best = sorted({k.best for k in known})
         told = number(best[0], 7) + (f" to {number(best[-1], 7)}" if len(best) > 1 else "")
-        residual = 1e6 * float(np.median([d.seconds["residual"] for d in about]))
+        residual = 1e6 * evaluation_seconds(comparison, problem)["residual"]
         rows.append(
             (
                 problem,
@@ -146,7 +151,7 @@ def problems_table(comparison: Comparison) -> Table:
                 *(f"{number(prices[k], 4)} ({number(measured[k], 2)})" for k in kinds),
                 number(residual, 3),
                 told,
-                ", ".join(dict.fromkeys(y.origin for y in yard)),
+                ", ".join(dict.fromkeys(k.origin for k in known)),
             )
         )
     head = (
@@ -165,7 +170,7 @@ def problems_table(comparison: Comparison) -> Table:
 def options_table(comparison: Comparison) -> Table:
     """The solvers with all their options, as they ran."""
     rows = []
-    for each in comparison.named_solvers:
+    for each in comparison.design.named_solvers:
         told = identity(comparison.design.budget.given(each.solver))
         options = ", ".join(f"{k}={v}" for k, v in told.items() if k != "type")
         rows.append((each.name, str(told["type"]).split()[0], options, each.source))
@@ -196,14 +201,14 @@ def _counts(
     chosen = comparison.starts(problem)
     if any(comparison.uncounted(i.name, solver, tau) for i in chosen):
         return ("–",) * len(kinds)
-    met = [comparison.met(i.name, solver, tau) for i in chosen]
+    met = [comparison.reached_at(i.name, solver, tau) for i in chosen]
     return tuple(
         _amount(median([np.inf if row is None else row[KINDS.index(k)] for row in met]).value)
         for k in kinds
     )
 
 
-def _spread(spread: Timing) -> tuple[str, str, str]:
+def _spread(spread: Seconds) -> tuple[str, str, str]:
     return number(spread.minimum, 2), number(spread.median, 2), number(spread.maximum, 2)
 
 

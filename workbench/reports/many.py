@@ -13,12 +13,12 @@ from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.bodies.files.saving import save_body
-from workbench.comparison.identity import code_version, digest, file_digest
 from workbench.fitting.depth_interval import FOUND, DepthInterval
 from workbench.fitting.file_jobs import FailedFile, FileJob
 from workbench.fitting.image_jobs import FittedImage, ImageWork, Picture
 from workbench.fitting.regressor_files import shipped_regressor
 from workbench.fitting.stature import stature
+from workbench.identity import code_version, digest, file_digest
 from workbench.plots.palette import BLUE, VERMILLION
 from workbench.reading.arrays import opened, read_expected, reals
 from workbench.registration import FailedScan, Reading, Recipe, RegisteredScan, ScanJob

@@ -18,8 +18,7 @@ from workbench.bodies.forward.arguments import arguments_from_values
 from workbench.bodies.posed_capsules import posed_capsules
 from workbench.diagnostics import Diagnosis
 from workbench.errors import joined, some_of
-from workbench.experiments.relative_costs import ending_in_words
-from workbench.experiments.running import Outcome
+from workbench.experiments.running import Outcome, ending_in_words
 from workbench.fitting.doubts import doubts
 from workbench.fitting.effective_frames import autocorrelation
 from workbench.fitting.keypoints import LEAST_CONFIDENCE

@@ -6,7 +6,7 @@ import numpy as np
 
 from tests.lectures.numerals import above
 from tests.lectures.prose import Run
-from workbench.comparison.prices import prices as published
+from workbench.comparison.targets import prices as published
 
 GN, LM, DOGLEG, LBFGS = range(4)  # the columns of the lecture's tables
 

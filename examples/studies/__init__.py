@@ -1,0 +1,1 @@
+"""Studies: questions that take minutes to answer, with fixed seeds; `README.md` has the answers."""

@@ -1,0 +1,270 @@
+"""What a comparison says, in sentences; each of them is a statement about its numbers."""
+
+import math
+from collections.abc import Iterable
+
+from workbench.comparison.comparison import MAIN, Comparison, by_effort, by_success
+from workbench.comparison.statistics import FEWEST, LEVEL, Interval
+from workbench.comparison.targets import (
+    SOURCE,
+    TargetOutcome,
+    ended_by_clock,
+    prices_in_words,
+    tau_text,
+)
+from workbench.diagnostics.words import counted
+from workbench.errors import joined
+
+LISTED = 5  # groups of problems that are told one by one
+
+
+def percent(interval: Interval) -> str:
+    """`90% (60–98)`, and `90%` where there is no interval."""
+    if math.isnan(interval.value):
+        return "–"
+    if not interval.given:
+        return f"{interval.value:.0%}"
+    return f"{interval.value:.0%} ({100 * interval.low:.0f}–{100 * interval.high:.0f})"
+
+
+def reliable(comparison: Comparison, problems: Iterable[str], tau: float = MAIN) -> tuple[str, ...]:
+    """The solvers that returned an answer within the target from every start of these problems."""
+    starts = [i.name for p in problems for i in comparison.starts(p)]
+    return tuple(
+        s for s in comparison.solvers if all(comparison.returned_within(i, s, tau) for i in starts)
+    )
+
+
+def advice(comparison: Comparison, tau: float = MAIN) -> tuple[str, ...]:
+    """Which solver to take for which problems, and why; nothing if the runs do not show it.
+
+    A solver is advised for problems only if it returned an answer within the target from each of
+    their starts, and if none of its runs failed, not even one that is left out of the comparison.
+    The advice depends on counts and published prices, and not on any clock.
+    """
+    sentences = _nothing_to_compare(comparison)
+    if comparison.compared:
+        everywhere = reliable(comparison, comparison.compared, tau)
+        if everywhere:
+            sentences += _sure(comparison, everywhere, tau)
+            failed = {solver: _failures(comparison, solver) for solver in everywhere}
+            sentences += [text for text in failed.values() if text]
+            sound = tuple(s for s in everywhere if not failed[s])
+            sentences += _cheapest(comparison, sound, tau)
+        else:
+            sentences += _none(comparison, tau)
+    sentences += _uncounted(comparison, tau)
+    return (*sentences, *_wrong_ends(comparison), *_clock(comparison))
+
+
+def _failures(comparison: Comparison, solver: str) -> str:
+    """Why a solver is not advised: of all of its runs, those not at the lowest cost; or empty."""
+    counts = comparison.outcome_counts(solver)
+    runs, fine = counts.total(), (TargetOutcome.REACHED, TargetOutcome.ALONE)
+    how = [
+        f"in {counts[k]} of {runs} runs it {k.value}"
+        for k in TargetOutcome
+        if counts[k] and k not in fine
+    ]
+    return f"{solver} is not advised: {'; '.join(how)}." if how else ""
+
+
+def _nothing_to_compare(comparison: Comparison) -> list[str]:
+    left = len(comparison.instances) - len(comparison.comparable)
+    if not left:
+        return []
+    why = "only one run ended and no known cost shows whether its cost is low"
+    if comparison.comparable:
+        return [f"{left} of {len(comparison.instances)} starts are left out: {why}."]
+    return [
+        f"There is nothing to compare: of each problem {why}. Compare several solvers or several "
+        "starts, or give the experiment its known cost."
+    ]
+
+
+def _all_starts(comparison: Comparison) -> str:
+    starts = len(comparison.comparable)
+    return f"all {starts} starts" if starts > 1 else "the one start"
+
+
+def _sure(comparison: Comparison, everywhere: tuple[str, ...], tau: float) -> list[str]:
+    each = " each" if len(everywhere) > 1 else ""
+    text = (
+        f"{joined(everywhere)}{each} returned a point within the target τ = {tau_text(tau)} from "
+        f"{_all_starts(comparison)}."
+    )
+    others = [s for s in comparison.solvers if s not in everywhere]
+    if others:
+        counts = ", ".join(
+            f"{s} {sum(comparison.returned_within(i.name, s, tau) for i in comparison.comparable)}"
+            for s in others
+        )
+        starts = len(comparison.comparable)
+        text += f" The others did so from fewer of the {starts}: {counts}."
+    pairs = by_success(comparison, tau)
+    undecided = tuple(s for s in others if not pairs[everywhere[0], s].decided)
+    if not undecided:
+        return [text]
+    least = min(pairs[everywhere[0], s].corrected for s in undecided)
+    return [
+        text,
+        f"These runs do not show whether {joined(undecided)} would also fail more often on other "
+        f"problems (sign test over {_problems(comparison)}: p {_at_least(least)}; level "
+        f"{LEVEL:.0%}).",
+    ]
+
+
+def _cheapest(comparison: Comparison, sound: tuple[str, ...], tau: float) -> list[str]:
+    """Which solver that always met the target needed the least effort, and how sure that is."""
+    known = comparison.all_counted(tau)
+    ranked = {s: comparison.effort(s, tau).value for s in sound if s in known}
+    if len(ranked) < 2:
+        return []
+    pairs, test = by_effort(comparison, tau), f"sign test over {_problems(comparison)}: p"
+    level = f"corrected for all pairs; level {LEVEL:.0%}"
+    for one in ranked:
+        others = tuple(s for s in ranked if s != one)
+        if all(pairs[one, s].won for s in others):
+            worst = max(pairs[one, s].corrected for s in others)
+            return [
+                f"Of these, take {one}: it needed less effort than {joined(others)} on more "
+                f"problems than chance would explain ({test} = {worst:.2g}"
+                f"{' or less' if len(others) > 1 else ''}, {level}). "
+                f"Its median effort is {_worth(ranked[one])}."
+            ]
+    least = min(ranked.values())
+    first = tuple(s for s, effort in ranked.items() if effort == least)
+    if len(first) > 1:
+        return [f"Of these, {joined(first)} have the least median effort, {_worth(least)}."]
+    one, others = first[0], tuple(s for s in ranked if s != first[0])
+    ahead = tuple(s for s in others if pairs[s, one].won)
+    unbeaten = tuple(s for s in others if not pairs[one, s].decided)
+    text = f"Of these, {one} has the least median effort, {_worth(least)}"
+    if unbeaten:
+        smallest = min(pairs[one, s].corrected for s in unbeaten)
+        text += (
+            f", but its lead over {joined(unbeaten)} may be chance ({test} "
+            f"{_at_least(smallest)}, {level})"
+        )
+    if ahead:
+        text += (
+            f"; yet {joined(ahead)} needed less than it on more problems than chance would explain"
+        )
+    if len(comparison.compared) < FEWEST:
+        text += f". With fewer than {FEWEST} problems no pair can pass this test"
+    return [f"{text}."]
+
+
+def _worth(effort: float) -> str:
+    return f"{effort:.4g} evaluations of the residual at the published prices"
+
+
+def _none(comparison: Comparison, tau: float) -> list[str]:
+    """If no solver always met the target: which solvers did so on which problems."""
+    several = len(comparison.compared) > 1
+    sentences = [
+        f"No solver returned a point within the target τ = {tau_text(tau)} from "
+        f"{_all_starts(comparison)}, so none is advised"
+        f"{' for all of these problems' if several else ''}."
+    ]
+    if not several:
+        return sentences
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for problem in comparison.compared:
+        groups.setdefault(reliable(comparison, (problem,), tau), []).append(problem)
+    order = sorted(groups, key=lambda who: (not who, -len(groups[who])))
+    for who in order[:LISTED]:
+        did = f"{joined(who)} did so" if who else "no solver did so"
+        sentences.append(f"On {joined(tuple(groups[who]))}: {did} from every start.")
+    if len(order) > LISTED:
+        sentences.append("The page shows the other problems one by one.")
+    return sentences
+
+
+def _uncounted(comparison: Comparison, tau: float) -> list[str]:
+    """The solvers of which not all evaluations were counted."""
+    sentences = []
+    for solver in comparison.solvers:
+        runs = [i.name for i in comparison.instances if comparison.uncounted(i.name, solver, tau)]
+        if runs:
+            sentences.append(
+                f"{solver}: not everything was counted in {len(runs)} of "
+                f"{len(comparison.instances)} runs, so its effort is unknown, and it is left out "
+                "of all statements on effort. It evaluated a graph or the residuals in its own "
+                "code (as nlpsol does), or returned a point that it never evaluated."
+            )
+    return sentences
+
+
+def _wrong_ends(comparison: Comparison) -> list[str]:
+    """The solvers that end in other basins or at saddles, or that claim convergence wrongly."""
+    sentences = []
+    for solver in comparison.solvers:
+        counts = comparison.outcome_counts(solver)
+        runs = counts.total()
+        if wrong := counts[TargetOutcome.FALSE_CLAIM]:
+            sentences.append(
+                f"{solver} claims convergence at points that are not stationary, in {wrong} of "
+                f"{runs} runs: do not believe its status."
+            )
+        elsewhere = counts[TargetOutcome.OTHER_BASIN]
+        if elsewhere and elsewhere >= runs / 2:
+            sentences.append(
+                f"In {elsewhere} of {runs} runs {solver} ends in a basin of higher cost: start it "
+                "from several points."
+            )
+        if saddles := counts[TargetOutcome.SADDLE]:
+            sentences.append(
+                f"In {saddles} of {runs} runs {solver} ends at a saddle point, from which the cost "
+                "falls: start it again from the `lower` point of its solution."
+            )
+    return sentences
+
+
+def _clock(comparison: Comparison) -> list[str]:
+    """A sentence if the clock ended any run."""
+    late = sum(ended_by_clock(r) for r in comparison.records.values())
+    if not late:
+        return []
+    return [
+        f"{late} of {len(comparison.records)} runs were ended by the clock: on a faster or less "
+        "busy machine they may get further, and all of these results may change."
+    ]
+
+
+def prices_sentence() -> str:
+    """At which prices effort is counted."""
+    return (
+        "Effort is the number of evaluations until the target is met, each kind times a fixed "
+        f"price in units of one evaluation of the residual: {prices_in_words()} "
+        f"(upper bounds from {SOURCE}; constraints by convention). It does not depend on any clock."
+    )
+
+
+def _problems(comparison: Comparison) -> str:
+    return counted(len(comparison.compared), "problem")
+
+
+def _at_least(p: float) -> str:
+    return "= 1" if p >= 1 else f"= {p:.2g} or more"
+
+
+def basin_sentence(comparison: Comparison, problem: str) -> str:
+    """How many basins the ends of a problem fall into, and how many runs ended in the lowest."""
+    chosen = [i.name for i in comparison.instances_of(problem)]
+    found = {n: comparison.end_analysis(n) for n in chosen}
+    several = max((len(j.costs) for j in found.values()), default=0)
+    counted = [b for (i, _), b in comparison.basins.items() if i in found]
+    lowest = sum(1 for b in counted if b == 0)
+    if not counted:
+        return f"{problem}: no run ended at a point of finite cost."
+    if len(counted) == 1:
+        return f"{problem}: only one run ended, so that no other basin is known."
+    per = "" if len({id(j) for j in found.values()}) == 1 else "up to "
+    if several == 1:
+        each = "on each data set " if per else ""
+        return f"{problem}: {each}all {len(counted)} ends lead to one basin."
+    return (
+        f"{problem}: the ends lead to {per}{several} basins; {lowest} of {len(counted)} ends lead "
+        "to the lowest."
+    )

@@ -1,1 +1,0 @@
-"""Studies: one question each, answered from seeds to a page."""

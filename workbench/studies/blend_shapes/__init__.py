@@ -1,1 +1,0 @@
-"""Ways to predict from the pose what skinning gets wrong, trained on the same data and compared."""

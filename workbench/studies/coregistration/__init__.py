@@ -1,1 +1,0 @@
-"""When it is worth registering scans together: by the number of scans, and the share of holes."""

@@ -1,1 +1,0 @@
-"""SMPL, SCAPE and BlendSCAPE learned from the same synthetic people, and compared."""
