@@ -102,9 +102,9 @@ def test_rank_is_full_without_gauges() -> None:
 def test_weakest_directions_are_those_of_an_svd() -> None:
     """By QR and SVD of the whole Jacobian in yardsticks; from J'J they would be rounding errors."""
     d = diagnosed("E_D")
-    found = d.by_elimination
+    found = d.sparse
     assert found is not None
-    J, forbidden = d.point.measured.here.dense, found.forbidden
+    J, forbidden = d.measured.here.dense, found.forbidden
     allowed = J - (J @ forbidden.T) @ forbidden  # without what the sums of weights forbid
     s = np.linalg.svd(np.linalg.qr(allowed, mode="r"), compute_uv=False)[::-1]
     seen = s[len(forbidden) + found.nullity :]
@@ -120,7 +120,7 @@ def test_training_with_far_fewer_rows_than_unknowns_is_diagnosed() -> None:
     d = diagnose(symbolic.problem(["E_D"]), values)
     assert isinstance(d, Diagnosis)
     assert d.shape == (1260, 4513)
-    S = np.vstack([d.here.dense, d.point.active.rows])
+    S = np.vstack([d.here.dense, d.active.rows])
     s = np.linalg.svd(S / np.linalg.norm(S, axis=1)[:, None], compute_uv=False)
     assert d.rank == int(np.sum(s > 1e-12 * s[0])) == 1501
     assert len(d.null_directions) == d.shape[1] - d.rank

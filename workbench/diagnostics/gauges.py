@@ -23,8 +23,8 @@ from workbench.arrays import Array, Index
 from workbench.blocks import Block, Layout, Values
 from workbench.diagnostics import generators
 from workbench.diagnostics.active_set import ConstrainedJacobian
+from workbench.diagnostics.bases import sparsest
 from workbench.diagnostics.generators import Cloud, Generator, Group, Segment, places_of, together
-from workbench.diagnostics.sparse_bases import sparsest
 from workbench.diagnostics.words import LENGTHS, in_space, listed, things
 from workbench.problem import Problem
 from workbench.problem.sparsity import tied_columns

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, Index
 from workbench.blocks import Layout, Values
-from workbench.diagnostics.diagnose import diagnose_whole
+from workbench.diagnostics.diagnosis import diagnose_whole
 from workbench.diagnostics.gauges import Gauge
 from workbench.diagnostics.null_space import Direction
 from workbench.diagnostics.words import counted

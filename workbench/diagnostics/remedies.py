@@ -237,7 +237,7 @@ def _dropped(d: "Diagnosis") -> Iterator[Suggestion]:
 
 def _priors(d: "Diagnosis") -> Iterator[Suggestion]:
     """Gaussian priors, as wide as the characteristic scales, on the fewest blocks that suffice."""
-    names, sizes, problem = _null_blocks(d), d.point.scales.sizes, d.problem
+    names, sizes, problem = _null_blocks(d), d.scales.sizes, d.problem
     for chosen in _fewest(d, names) if names else ():
         priors, widths = [], []
         for name in chosen:
@@ -275,7 +275,7 @@ def _fewest(d: "Diagnosis", names: Sequence[str]) -> list[Sequence[str]]:
     """
     if d.here.estimated:
         return [names]
-    null = _null_in_scales(d)
+    null = d.null_in_scales
     for count in range(1, len(names)):
         if comb(len(names), count) > MOST_SETS:
             break
@@ -299,7 +299,7 @@ def _fixed(d: "Diagnosis") -> Iterator[Suggestion]:
         if not others or _is_unread(d, name):
             continue
         part = d.free.slices[name]
-        null = d.point.constrained.null_rank(part)
+        null = d.constrained.null_rank(part)
         known = part.stop - part.start - int(null)
         noun = "number that is" if known == 1 else "numbers that are"
         yield from _tried(
@@ -319,11 +319,6 @@ def _null_blocks(d: "Diagnosis") -> list[str]:
     for one in d.null_directions:
         moved |= abs(one.vector) > 1e-6
     return [name for name, at in d.free.slices.items() if moved[at].any()]
-
-
-def _null_in_scales(d: "Diagnosis") -> Array:
-    """(n, d) an orthonormal basis of the null space, with unknowns in characteristic scales."""
-    return d.point.null_in(d.point.measured, d.point.scales.sizes)
 
 
 def _together(names: Sequence[str]) -> str:
@@ -391,7 +386,7 @@ def _least(d: "Diagnosis") -> list[Suggestion]:
     k = d.shape[1] - d.rank
     if not 0 < k <= MOST or k == d.shape[1]:
         return []
-    null, distances, groups = _null_in_scales(d), _distances(d), _things(d)
+    null, distances, groups = d.null_in_scales, _distances(d), _things(d)
     entries = [_held(d.free.label(i), [i]) for i in range(d.free.size)]
     # blocks of one number come before entries: a focal length, and not one point of many
     numbers = [entries[at.start] for at in d.free.slices.values() if at.stop == at.start + 1]

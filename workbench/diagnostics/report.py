@@ -92,7 +92,7 @@ def _values(d: "Diagnosis") -> Iterator[Finding]:
     ):
         if where:
             yield Finding("values", f"{what} is not finite: {some_of(where)}")
-    rng, step = np.random.default_rng(0), NEARBY * d.point.scales.sizes
+    rng, step = np.random.default_rng(0), NEARBY * d.scales.sizes
     x, fixed = d.problem.split(d.values)
     moved = d.problem.values(x + step * rng.standard_normal(x.shape), fixed)
     if d.problem.linearize(d.values | moved).finite:
@@ -140,12 +140,12 @@ def _rank(d: "Diagnosis") -> Iterator[Finding]:
     if d.rank < n:
         text = f"{n - d.rank} of {n} directions change no residual"
         text += " to first order" if d.widths else ""
-        text += f", and no active {_one(d)} forbids them" if d.point.active.any else ""
+        text += f", and no active {_one(d)} forbids them" if d.active.any else ""
         yield Finding("rank", text)
         if text := _invariant(d):
             yield Finding("rank", text, False)
         for gauge in d.gauges:
-            if not is_gauge(gauge, d.problem, d.values, d.point.constrained.null):
+            if not is_gauge(gauge, d.problem, d.values, d.constrained.null):
                 text = f"{gauge.name} is declared to be a gauge, but no other unknowns undo it here"
                 yield Finding("rank", text)
     for names in d.exchanges:
@@ -154,7 +154,7 @@ def _rank(d: "Diagnosis") -> Iterator[Finding]:
             "that every solution has equals elsewhere"
         )
         yield Finding("rank", text, False)
-    if d.point.active.any:
+    if d.active.any:
         yield Finding("rank", held(d), False)
     if nearby.ranks and max(nearby.ranks) > d.rank:
         text = (
@@ -173,7 +173,7 @@ def _rank(d: "Diagnosis") -> Iterator[Finding]:
     if d.weak_count:
         text = (
             f"{counted(d.weak_count, 'weak direction')}: a whole characteristic scale "
-            f"({d.point.scales}) changes the residuals by less than one sigma"
+            f"({d.scales}) changes the residuals by less than one sigma"
         )
         yield Finding("rank", text, False)
 
@@ -202,18 +202,18 @@ def gauges_in_words(directions: Sequence[Direction]) -> str:
 
 def unread(d: "Diagnosis") -> str:
     """The unknowns that no residual depends on, in a sentence."""
-    nothing = f"residual and no active {_one(d)}" if d.point.active.any else "residual"
+    nothing = f"residual and no active {_one(d)}" if d.active.any else "residual"
     return f"no {nothing} depends on {named_groups(d.free, d.structure.unread)}"
 
 
 def _one(d: "Diagnosis") -> str:
     """`bound`, `constraint`, or `bound or constraint`."""
-    return " or ".join(word.removesuffix("s") for word in d.point.active.what.split(" and "))
+    return " or ".join(word.removesuffix("s") for word in d.active.what.split(" and "))
 
 
 def held(d: "Diagnosis") -> str:
     """What bounds and constraints add to the rank, in a sentence."""
-    names, count, what = d.point.active.names, d.point.constrained.count, d.point.active.what
+    names, count, what = d.active.names, d.constrained.count, d.active.what
     return (
         f"active {what} ({some_of(names)}) fix {counted(count, 'direction')}, which "
         f"{'counts' if count == 1 else 'count'} towards the rank"
@@ -243,7 +243,7 @@ def _conditioning(d: "Diagnosis") -> Iterator[Finding]:
     norms = d.here.column_norms[d.here.column_norms > 0]
     if norms.size and norms.max() > UNEVEN * norms.min():
         text = f"the columns differ in length by a factor of {norms.max() / norms.min():.1e}"
-        if np.isfinite(d.condition) and d.by_elimination is None and not d.point.active.any:
+        if np.isfinite(d.condition) and d.sparse is None and not d.active.any:
             s = d.scaled_singular_values
             if BETTER * s[0] < s[-1] * d.condition:
                 text += (
@@ -257,7 +257,7 @@ def _conditioning(d: "Diagnosis") -> Iterator[Finding]:
         text = f"{counted(len(same), 'pair')} of unknowns with parallel columns: {pairs}"
         yield Finding("conditioning", text)
     if d.leverage is not None:
-        data = np.flatnonzero((d.leverage > ALONE) & ~d.point.is_prior).tolist()
+        data = np.flatnonzero((d.leverage > ALONE) & ~d.is_prior).tolist()
         if data:
             rows = ", ".join(d.problem.row_label(i) for i in data[:3])
             which = "it determines" if len(data) == 1 else "each determines"
@@ -324,7 +324,7 @@ def _lines(d: "Diagnosis") -> Iterator[str]:
         yield from (finding.text for finding in d.findings)
         return
     yield f"numerical rank {d.rank} of {n}{gap(d)}"
-    if d.point.active.any:
+    if d.active.any:
         yield held(d)
     if d.rank == n:
         yield f"full rank, condition {d.condition:.3g}"
@@ -336,7 +336,7 @@ def _lines(d: "Diagnosis") -> Iterator[str]:
     if d.weak_count:
         yield (
             f"{counted(d.weak_count, 'weak direction')} (a whole characteristic scale changes the "
-            f"residuals by less than one sigma; the scales are, {d.point.scales})"
+            f"residuals by less than one sigma; the scales are, {d.scales})"
         )
 
 
@@ -354,7 +354,7 @@ def gap(d: "Diagnosis") -> str:
 
     Empty, too, where the rank was found by elimination, without singular values.
     """
-    if d.by_elimination is not None:
+    if d.sparse is not None:
         return ""
     s, rank = d.singular_values, d.reduced_rank
     if not 0 < rank < s.size:
@@ -413,14 +413,14 @@ def _size(d: "Diagnosis") -> Iterator[str]:
     if s.under.columns.size:
         yield (
             f"the under-determined unknowns are {named_groups(d.free, s.under.columns)}, in "
-            f"{named_rows(d.point.rows, s.under.rows) or 'no row'}"
+            f"{named_rows(d.rows, s.under.rows) or 'no row'}"
         )
 
 
 def _ranks(d: "Diagnosis") -> Iterator[str]:
     n = d.shape[1]
     yield f"numerical rank {d.rank} of {n}{gap(d)}; tolerance {d.tolerance:.1e}"
-    if d.point.active.any:
+    if d.active.any:
         yield held(d)
     if d.here.estimated:
         yield (
@@ -524,7 +524,7 @@ def _known(d: "Diagnosis") -> Iterator[str]:
     if d.widths:
         yield "sigmas are those of J'J, which does not show the width along null directions"
     if not d.weak_count:
-        yield f"the characteristic scales are, {d.point.scales}"
+        yield f"the characteristic scales are, {d.scales}"
     for a, b, c in known.correlations[:3]:
         yield f"correlation {c:+.3f}: {d.free.label(a)} and {d.free.label(b)}"
 

@@ -33,7 +33,7 @@ from scipy.sparse import (
 from scipy.sparse.linalg import SuperLU, splu
 
 from workbench.arrays import Array, Mask
-from workbench.diagnostics.row_spaces import row_space
+from workbench.diagnostics.bases import row_space
 from workbench.errors import TooLarge
 from workbench.problem import Linearization
 from workbench.problem.spectrum import largest_eigenpairs, largest_eigenvalue
