@@ -288,6 +288,22 @@ def test_scales_can_be_said() -> None:
         diagnose(problem, at, scales={"focus": 1.0})
 
 
+def test_values_far_from_their_scale_are_noted() -> None:
+    height, spot = Block("height", (), "m"), Block("spot", (), "m")
+    seen = cs.vertcat(height.symbol, spot.symbol)
+    problem = Problem(
+        [Residual("seen", seen, 1e-6, "m", blocks=(height, spot))], ("height", "spot")
+    )
+    at = {"height": np.array(1.7), "spot": np.array(1e-4)}
+
+    def notes(**scales: float) -> list[str]:
+        return [f.text for f in diagnose(problem, at, scales=scales).findings if "scales" in f.text]
+
+    (note,) = notes()
+    assert note.startswith("values of spot and their characteristic scales differ by a factor of")
+    assert not notes(spot=1e-4)
+
+
 def test_a_suggested_prior_is_as_wide_as_the_scales() -> None:
     f, g = Block("focal", (), "px"), Block("scale", (), "1")
     r = Residual("seen", f.symbol * g.symbol - 2000, 1.0, "px", blocks=(f, g))

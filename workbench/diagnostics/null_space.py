@@ -15,14 +15,12 @@ from scipy.sparse import csc_array
 
 from workbench.arrays import Array
 from workbench.blocks import Layout, Tree
-from workbench.blocks.directions import LISTED as SAID
-from workbench.blocks.directions import in_units, leading, signed
+from workbench.blocks.directions import in_units, signed
 from workbench.diagnostics.active_set import ConstrainedJacobian
 from workbench.diagnostics.bases import MANY, beyond, null_basis, sparsest
 from workbench.diagnostics.gauges import PART, SAME, Found, Gauge, Motion, NullSpace, gauges
 from workbench.diagnostics.generators import together
 from workbench.diagnostics.joint_motions import JointMotion, joint_motions
-from workbench.diagnostics.sparse_jacobian import SparseJacobian
 from workbench.diagnostics.words import listed
 from workbench.problem import Linearization
 from workbench.problem.storage import column_norms, unblocked
@@ -73,11 +71,14 @@ def null_directions(d: "Diagnosis") -> tuple[Direction, ...]:
         return ()
     if sparse is not None and count > SEARCHED:
         return tuple(_by_entries(sparse.local_null, d))
-    space, held = null_space(d), d.constrained
+    space, held, free = null_space(d), d.constrained, d.free
     found = Found(space)
-    motions = [*_named(d, found, d.gauges), *_left(d, found)]
-    free = d.problem.free
-    return tuple(_direction(m, space, held.stacked, d.here, free, held.tolerance) for m in motions)
+    directions = []
+    for motion in [*_named(d, found, d.gauges), *_left(d, found)]:
+        y = space.basis @ motion.coefficients
+        v = _without_rounding(y / np.linalg.norm(y), space.lengths, held.stacked, held.tolerance)
+        directions.append(_direction(motion, signed(v), held.stacked, d.here, free, d.scales.sizes))
+    return tuple(directions)
 
 
 def _by_entries(vectors: csc_array, d: "Diagnosis") -> Iterator[Direction]:
@@ -90,31 +91,37 @@ def _by_entries(vectors: csc_array, d: "Diagnosis") -> Iterator[Direction]:
             name = free.label(int(np.argmax(abs(v))))
             yield Direction(name, "entry", (), v, change, f"+1 of {name}")
         else:
-            terms = in_units(v, free, d.here.column_norms)
+            terms = in_units(v, free, d.here.column_norms, scales=d.scales.sizes)
             yield Direction(terms, "mixed", (), v, change, terms)
 
 
 def weak_directions(d: "Diagnosis") -> tuple[Direction, ...]:
     """Directions along which a scale changes the residuals by less than a sigma, weakest first.
 
-    The vectors have length 1 once every unknown is measured by its own characteristic scale. Where
-    the rank was found by elimination there are LISTED at the most, each named by its entries.
+    The vectors have length 1 once every unknown is measured by its own characteristic scale. Of a
+    sparse Jacobian there are LISTED at the most, each named by its entries.
     """
-    if d.sparse is not None:
-        return _weakest(d, d.sparse)
-    nothing = d.constrained.rank == d.here.shape[1] and not count_weak(d)
-    if d.here.estimated or nothing:
+    if not d.weak_count:
         return ()
-    here, sizes = d.measured.stacked, d.scales.sizes
-    values, vectors, rank = here.spectrum.s, here.spectrum.Vt.T, here.spectrum.rank
-    weak = vectors[:, int(np.sum(values > WEAK)) : rank]
+    if d.sparse is not None:
+        with limited_threads():
+            s, vectors = d.sparse.weakest(LISTED)
+        weak = vectors[:, s < WEAK]
+    else:
+        spectrum = d.measured.stacked.spectrum
+        weak = spectrum.Vt[int(np.sum(spectrum.s > WEAK)) : spectrum.rank].T
     if not weak.shape[1]:
         return ()
+    sizes = d.scales.sizes
     space = NullSpace(d.problem.split(d.values)[0], 1 / sizes, weak, NEARLY)
     found = Found(space)
-    motions = [*_named(d, found), *_left(d, found)]
-    held, free = d.constrained.stacked, d.problem.free
-    directions = [_direction(m, space, held, d.here, free) for m in motions]
+    motions = [Motion("mixed", "", a) for a in np.eye(weak.shape[1])]
+    if d.sparse is None:
+        motions = [*_named(d, found), *_left(d, found)]
+    directions = []
+    for motion in motions:
+        v = signed(weak @ motion.coefficients) * sizes
+        directions.append(_direction(motion, v, d.constrained.stacked, d.here, d.free, sizes))
     return tuple(sorted(directions, key=lambda one: one.change))
 
 
@@ -127,7 +134,7 @@ def named_by_joints(
     motions = list(_of_joints(list(joint_motions(free, trees)), free, found))
     rest = _sparse(space, null_basis(found.known.T, 0.5), found.known)
     motions += [Motion("mixed", "", a) for a in rest.T]
-    return tuple(_direction(m, space, here, here, free) for m in motions)
+    return tuple(_direction(m, signed(basis @ m.coefficients), here, here, free) for m in motions)
 
 
 def count_weak(d: "Diagnosis") -> int:
@@ -137,19 +144,6 @@ def count_weak(d: "Diagnosis") -> int:
             return d.sparse.count_below(WEAK)
     noticed = d.constrained.reduced.spectrum.rank
     return int(np.sum(d.measured.reduced.spectrum.s[:noticed] < WEAK))
-
-
-def _weakest(d: "Diagnosis", jacobian: SparseJacobian) -> tuple[Direction, ...]:
-    """The directions of the smallest singular values below WEAK, found without the others."""
-    if not count_weak(d):
-        return ()
-    with limited_threads():
-        s, vectors = jacobian.weakest(LISTED)
-    weak = vectors[:, s < WEAK]
-    x, sizes = d.problem.split(d.values)[0], d.scales.sizes
-    space, held = NullSpace(x, 1 / sizes, weak, NEARLY), d.constrained.stacked
-    motions = (Motion("mixed", "", a) for a in np.eye(weak.shape[1]))
-    return tuple(_direction(m, space, held, d.here, d.problem.free) for m in motions)
 
 
 def null_space(d: "Diagnosis") -> NullSpace:
@@ -314,41 +308,17 @@ def _one_scale(d: "Diagnosis", v: Array) -> float:
 
 def _direction(
     motion: Motion,
-    space: NullSpace,
+    v: Array,
     held: Linearization,
     here: Linearization,
     free: Layout,
-    tolerance: float | None = None,
+    scales: Array | None = None,
 ) -> Direction:
-    """A motion as a vector of the unknowns; of length 1, or of length 1 in scales if it is weak."""
-    y = space.basis @ motion.coefficients
-    v = y / space.lengths
-    if tolerance is not None:
-        v = _without_rounding(y / np.linalg.norm(y), space.lengths, held, tolerance)
-        v = signed(v)
-    else:
-        v = signed(y) / space.lengths
-    change, terms = float(np.linalg.norm(held.along(v))), said(v, free, here)
-    name = motion.name or terms
-    name = f"{name}{terms}" if name.endswith(": ") else name
+    """A motion as a vector v (n,) of the unknowns."""
+    terms = in_units(v, free, here.column_norms, scales=scales)
+    name = f"{motion.name}{terms}" if motion.name.endswith(": ") else motion.name or terms
+    change = float(np.linalg.norm(held.along(v)))
     return Direction(name, motion.kind, motion.joints, v, change, terms)
-
-
-def said(v: Array, free: Layout, here: Linearization) -> str:
-    """A direction in units; if entries are only counted, how much that leaves out.
-
-    `+1 rad of pose[left_hand, y] with ..., 7 more of pose (up to 0.09 rad); those named alone
-    change the residuals by 0.24 sigma`.
-    """
-    effects = here.column_norms
-    order = leading(v, effects)
-    text = in_units(v, free, effects)
-    if len(order) <= SAID:
-        return text
-    w = np.zeros_like(v)
-    w[order[:SAID]] = v[order[:SAID]] / v[order[0]]
-    alone = float(np.linalg.norm(here.along(w)))
-    return f"{text}; those named alone change the residuals by {alone:.2g} sigma"
 
 
 def _without_rounding(y: Array, lengths: Array, held: Linearization, tolerance: float) -> Array:

@@ -10,6 +10,7 @@ from workbench.diagnostics.conditioning import PARALLEL
 from workbench.diagnostics.gauges import is_gauge
 from workbench.diagnostics.identifiability import UNCHANGED, EntryIdentifiability
 from workbench.diagnostics.null_space import Direction
+from workbench.diagnostics.scales import METRES
 from workbench.diagnostics.words import counted, gathered, named_groups, named_rows, sections, table
 from workbench.errors import joined, some_of
 
@@ -26,6 +27,7 @@ FELT = 0.05  # of the best turn of all joints: joints with weaker turns are not 
 WEAKER = 30.0  # times weaker than nearby: the point is near one where the rank falls
 ALONE = 0.999  # leverage from which on a row determines a direction alone
 NEARBY = 1e-3  # characteristic scales: how far from a point that is not finite to look again
+FAR = 1e3  # times a characteristic scale, or less by that: it may not be what matters
 GAUGES = {  # nouns, one and several, by the kinds of directions that are gauges
     "translation": ("translation", "translations"),
     "rotation": ("rotation", "rotations"),
@@ -176,6 +178,24 @@ def _rank(d: "Diagnosis") -> Iterator[Finding]:
             f"({d.scales}) changes the residuals by less than one sigma"
         )
         yield Finding("rank", text, False)
+    yield from _scales(d)
+
+
+def _scales(d: "Diagnosis") -> Iterator[Finding]:
+    """Zeros, and what is small in a unit that has a zero of its own, such as an angle, say nothing."""
+    x, far = d.problem.split(d.values)[0], []
+    for block in d.free.blocks:
+        at = d.free.slices[block.name]
+        size = float((abs(x[at]) / d.scales.sizes[at]).max(initial=0.0))
+        small = 0 < size <= 1 / FAR and block.unit in METRES
+        if (size >= FAR or small) and block.name not in d.given_scales:
+            far.append(block.name)
+    if far:
+        text = (
+            f"values of {joined(far)} and their characteristic scales differ by a factor of "
+            f"{FAR:g} or more: `scales` says how large a change of them matters"
+        )
+        yield Finding("identifiability", text, False)
 
 
 def _null_directions(count: int) -> str:
