@@ -100,7 +100,7 @@ def test_rank_is_full_without_gauges() -> None:
 
 
 def test_weakest_directions_are_those_of_an_svd() -> None:
-    """By QR and SVD of the whole Jacobian in yardsticks; from J'J they would be rounding errors."""
+    """By QR and SVD of the whole Jacobian in characteristic scales; from J'J they would be rounding errors."""
     d = diagnosed("E_D")
     found = d.sparse
     assert found is not None
