@@ -90,9 +90,7 @@ def test_other_poses_hide_other_directions() -> None:
     over = diagnose_over(setup.problem.without(*setup.priors), draws)
     assert (over.ranks == 44).all()  # 22 landmarks of two coordinates in one image
     assert sum(one.most for one in over.null) >= 85 - 44
-    assert {"turns from right_wrist down", "turns from pelvis down"} <= {
-        o.name for o in over.null
-    }
+    assert {"turns from right_wrist down", "turns from pelvis down"} <= {o.name for o in over.null}
     assert over.somewhere
 
 

@@ -193,11 +193,6 @@ class ConstrainedJacobian:
 
     def null_rank(self, part: slice) -> int:
         """In how many independent ways null directions move some of the unknowns."""
-        if self.sparse is not None and self.sparse.wide is not None:
-            seen = self.sparse.wide.directions[1]
-            others = np.delete(seen, part, axis=0)
-            rank = int(np.linalg.matrix_rank(others, tol=MOVES)) if others.size else 0
-            return len(seen) - len(others) - int(seen.shape[1]) + rank
         return int(np.linalg.matrix_rank(self.null[part], tol=MOVES))
 
     @property

@@ -240,16 +240,11 @@ class Diagnosis:
         return rank_and_condition(self.constrained)
 
     @cached_property
-    def scaled_singular_values(self) -> Array:
-        """The singular values with every column scaled to length 1."""
-        return self.constrained.stacked.singular_values
-
-    @cached_property
     def scaled_rank(self) -> int:
         """The rank with every column scaled to length 1."""
         if self.sparse is not None:
             return self.rank  # in such columns
-        s = self.scaled_singular_values
+        s = self.constrained.stacked.singular_values
         relative = self.tolerance / max(float(self.singular_values.max(initial=0.0)), 1e-300)
         return int(np.sum(s > relative * s.max(initial=0.0)))
 

@@ -462,61 +462,28 @@ def rest(problem: Problem) -> Iterator[Generator]:
     """What registrations cannot tell of a body whose arrays are unknown: the gauges of training.
 
     A subject's template and joints move, and every place moves back; so does the root joint, as far
-    as its rotation moves it. Blend shapes of a single joint push the whole surface along the axis
-    of its rotation, which the places undo. (That all templates may turn, and with them joints and
-    blend shapes, is a rotation of points.)
+    as its rotation moves it. (That all templates may turn, and with them joints and blend shapes,
+    is a rotation of points.)
 
     Loper et al. (SMPL, 2015, section 4.1) keep joints near the rings between segments, since data
     do not determine the root.
     """
     free = problem.free
     sources = [getattr(points.source, "rest", None) for points in problem.points]
-    rests = [one for one in sources if one is not None and one.trans in free.slices]
-    if len(rests) < sum(one is not None for one in sources):
-        return
     subjects: dict[object, list[Rest]] = {}
-    families: dict[object, list[Rest]] = {}
-    for one in rests:
-        subject = one.template, one.joints
-        subjects.setdefault(subject, []).append(one)
-        shared = one.posedirs if one.posedirs in free.slices else subject
-        families.setdefault(shared, []).append(one)
-    shift = Segment("translation", 3, _along)
-    for scans in subjects.values():
+    for one in (source for source in sources if source is not None):
+        if one.trans not in free.slices:
+            return
+        subjects.setdefault((one.template, one.joints), []).append(one)
+    for (template, joints), scans in subjects.items():
         back = together(free, list(dict.fromkeys(one.trans for one in scans)))
-        names = [n for n in (scans[0].template, scans[0].joints) if n in free.slices]
-        if names:
-            at = together(free, names)
-            uniform = _identity(3, len(at) // 3)
+        names = [name for name in (template, joints) if name in free.slices]
+        moved = [(listed(names), names, together(free, names))] if names else []
+        if joints in free.slices:
+            moved.append((f"{joints}[root]", [joints], places_of(free, joints)[:3]))
+        for name, blocks, at in moved:
+            segment = Segment("translation", 3, _along)
+            columns = _identity(3, len(at) // 3)
             yield Generator(
-                listed(names), tuple(names), at, uniform, (shift,), others=back, with_others=True
+                name, tuple(blocks), at, columns, (segment,), others=back, with_others=True
             )
-        if scans[0].joints in free.slices:
-            at = places_of(free, scans[0].joints)[:3]
-            name = f"{scans[0].joints}[root]"
-            yield Generator(
-                name, (scans[0].joints,), at, _identity(3), (shift,), others=back, with_others=True
-            )
-    for scans in families.values():
-        back = together(free, list(dict.fromkeys(one.trans for one in scans)))
-        yield from _pushes(free, scans, back)
-
-
-def _pushes(free: Layout, scans: Sequence[Rest], back: Index) -> Iterator[Generator]:
-    name = scans[0].posedirs
-    if name not in free.slices or free[name].base.shape[2:] != (9,) or free[name].whole:
-        return
-    eye = np.eye(3)
-    # d(M) = (tr(M) I - M - M') c is along the axis for every c, and so is d(M) = vee(M - M')
-    along = np.einsum("rs,ac->cars", eye, eye) - np.einsum("ra,sc->cars", eye, eye)
-    along -= np.einsum("rc,sa->cars", eye, eye)
-    sine = np.cross(eye[:, None], eye[None])  # (r, s, a)
-    pushes = [*(push.ravel() for push in along), sine.transpose(2, 0, 1).ravel()]
-    uniform = np.tile(np.stack(pushes, axis=1), (free[name].shape[0], 1))
-    said = [f"(1 - cos) times the axis's {axis}" for axis in "xyz"] + ["sin"]
-    words = "a push of the whole surface along the joint's axis by {}"
-    segment = Segment("gauge", 4, lambda c: words.format(said[int(np.argmax(abs(c)))]))
-    at = places_of(free, name)
-    yield Generator(
-        name, (name,), at, lambda x: uniform, (segment,), single=True, others=back, with_others=True
-    )

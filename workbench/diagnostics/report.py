@@ -182,7 +182,7 @@ def _rank(d: "Diagnosis") -> Iterator[Finding]:
 
 
 def _scales(d: "Diagnosis") -> Iterator[Finding]:
-    """Zeros, and what is small in a unit that has a zero of its own, such as an angle, say nothing."""
+    """Zeros say nothing, nor does what is small in a unit with a zero of its own, as an angle."""
     x, far = d.problem.split(d.values)[0], []
     for block in d.free.blocks:
         at = d.free.slices[block.name]
@@ -264,7 +264,7 @@ def _conditioning(d: "Diagnosis") -> Iterator[Finding]:
     if norms.size and norms.max() > UNEVEN * norms.min():
         text = f"the columns differ in length by a factor of {norms.max() / norms.min():.1e}"
         if np.isfinite(d.condition) and d.sparse is None and not d.active.any:
-            s = d.scaled_singular_values
+            s = d.constrained.stacked.singular_values
             if BETTER * s[0] < s[-1] * d.condition:
                 text += (
                     f"; with columns of length 1, as scaling=columns does, the condition number is "
