@@ -392,7 +392,7 @@ class Diagnosis:
             raise Undiagnosed("; ".join(warning.text for warning in self.warnings))
 
     def __str__(self) -> str:
-        return report.summary(self)
+        return "\n".join(report.summary(self))
 
     def report(self) -> str:
         """Everything in words, section by section."""

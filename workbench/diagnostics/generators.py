@@ -12,7 +12,6 @@ matrix     an array of coefficients: factors and offsets of its rows or columns,
            another, rotations among them, any linear map A E
 shifts     a place is shifted, and other places undo that
 turns      rotation vectors turn about an axis of the world, or about one of their own
-vectors    a vector turns about the origin
 rest       the arrays of a body at rest against the poses and places of its registrations
 groups     offsets and factors of blocks, slices or entries, in a ratio that is the same everywhere
 """
@@ -57,7 +56,6 @@ class Generator(NamedTuple):
         segments: what the columns are, in order. A combination may have parts in earlier segments.
         single: whether each column is asked for by itself, and not their combinations.
         others: the unknowns that may undo it; None for all others.
-        few: whether only nothing or one block may undo it, as where anything else would.
         with_others: whether it counts only if others really move.
         like: the width of rows that may move in the same way in other blocks; 0 for none.
     """
@@ -69,7 +67,6 @@ class Generator(NamedTuple):
     segments: tuple[Segment, ...]
     single: bool = False
     others: Index | None = None
-    few: bool = False
     with_others: bool = False
     like: int = 0
 
@@ -361,7 +358,7 @@ def _along(c: Array) -> str:
     return f"a translation along {axis_of(c)}"
 
 
-def turns(block: Block, at: Index, frames: Index | None, few: bool = False) -> Iterator[Generator]:
+def turns(block: Block, at: Index, frames: Index | None) -> Iterator[Generator]:
     """Rotation vectors (K, 3) turn about an axis of the world, and about one of their own.
 
     What undoes that are the `frames`, or anything if they are None.
@@ -373,36 +370,14 @@ def turns(block: Block, at: Index, frames: Index | None, few: bool = False) -> I
             return np.asarray(sign * inverse_left_jacobian(sign * w).reshape(-1, 3))
 
         segment = Segment("rotation", 3, partial(_about_axis, said))
-        with_others = len(at) == 3 and not few
+        with_others = len(at) == 3
         yield Generator(
-            block.name, (block.name,), at, columns, (segment,), False, frames, few, with_others
+            block.name, (block.name,), at, columns, (segment,), False, frames, with_others
         )
 
 
 def _about_axis(said: str, c: Array) -> str:
     return f"{said} {axis_of(c)}"
-
-
-def vector(free: Layout, block: Block, others: Index | None) -> Generator:
-    """A vector (2,) or (3,) turns about the origin."""
-    at, d = places_of(free, block), block.size
-    count = len(_planes(d))
-
-    def columns(x: Array) -> Array:
-        return point_columns(x[at][None])[:, d : d + count]
-
-    def words(c: Array) -> str:
-        return "a rotation" if d == 2 else f"a rotation about {axis_of(c)}"
-
-    return Generator(
-        block.name,
-        (block.name,),
-        at,
-        columns,
-        (Segment("rotation", count, words),),
-        others=others,
-        with_others=True,
-    )
 
 
 # Groups of numbers.

@@ -8,7 +8,7 @@ import numpy as np
 
 from workbench.diagnostics.conditioning import PARALLEL
 from workbench.diagnostics.gauges import is_gauge
-from workbench.diagnostics.identifiability import UNCHANGED, EntryIdentifiability
+from workbench.diagnostics.identifiability import EntryIdentifiability
 from workbench.diagnostics.null_space import Direction
 from workbench.diagnostics.scales import METRES
 from workbench.diagnostics.words import counted, gathered, named_groups, named_rows, sections, table
@@ -40,12 +40,6 @@ GAUGES = {  # nouns, one and several, by the kinds of directions that are gauges
 }
 # How well entries are identified, from well to not at all: heads of tables.
 VERDICTS = ("identified", "practically not", "numerically not", "structurally not")
-MEANS = (
-    f"sigma is below {UNCHANGED} of the prior's or, without a prior, below a characteristic scale",
-    "the residuals depend on it, but sigma is not below that",
-    "it has a part in a null direction",
-    "the sparsity pattern alone leaves it open",
-)
 
 
 # What it found.
@@ -108,9 +102,10 @@ def _values(d: "Diagnosis") -> Iterator[Finding]:
 def _width(d: "Diagnosis") -> Iterator[Finding]:
     if d.widths:
         low, high = (f"{width:.2g}" for width in (min(d.widths), max(d.widths)))
+        null = counted(d.shape[1] - d.rank, "null direction")
         text = (
-            f"the cost rises along {len(d.widths)} of {_null_directions(d.shape[1] - d.rank)}, by "
-            f"its exact Hessian with a standard deviation of "
+            f"the cost rises along {len(d.widths)} of {null}, by its "
+            f"exact Hessian with a standard deviation of "
             f"{low if low == high else f'{low} to {high}'} characteristic scales: these directions "
             "have a width, which the Jacobian does not show"
         )
@@ -144,7 +139,7 @@ def _rank(d: "Diagnosis") -> Iterator[Finding]:
         text += " to first order" if d.widths else ""
         text += f", and no active {_one(d)} forbids them" if d.active.any else ""
         yield Finding("rank", text)
-        if text := _invariant(d):
+        if text := gauges_in_words(() if d.widths else d.null_directions):
             yield Finding("rank", text, False)
         for gauge in d.gauges:
             if not is_gauge(gauge, d.problem, d.values, d.constrained.null):
@@ -198,26 +193,16 @@ def _scales(d: "Diagnosis") -> Iterator[Finding]:
         yield Finding("identifiability", text, False)
 
 
-def _null_directions(count: int) -> str:
-    return counted(count, "null direction")
-
-
-def _invariant(d: "Diagnosis") -> str:
-    """The gauges; where the cost rises along null directions it is not invariant to all of them."""
-    return "" if d.widths else gauges_in_words(d.null_directions)
-
-
 def gauges_in_words(directions: Sequence[Direction]) -> str:
-    """`nothing changes under 3 translations and 1 rotation (4 of 6 null directions)`, or empty."""
+    """`no residual changes under 3 translations: 3 of 6 null directions are gauges`, or empty."""
     counts = {kind: sum(x.kind == kind for x in directions) for kind in GAUGES}
     parts = [f"{count} {GAUGES[kind][count > 1]}" for kind, count in counts.items() if count]
     if not parts:
         return ""
     count = sum(counts.values())
-    return (
-        f"no residual changes under {joined(parts)}: {count} of "
-        f"{_null_directions(len(directions))} {'is a gauge' if count == 1 else 'are gauges'}"
-    )
+    null, are = counted(len(directions), "null direction"), "is a" if count == 1 else "are"
+    gauges = "gauge" if count == 1 else "gauges"
+    return f"no residual changes under {joined(parts)}: {count} of {null} {are} {gauges}"
 
 
 def unread(d: "Diagnosis") -> str:
@@ -330,12 +315,8 @@ def further(d: "Diagnosis") -> str:
 # A few lines.
 
 
-def summary(d: "Diagnosis") -> str:
-    """Size, rank, and the names of the null directions."""
-    return "\n".join(_lines(d))
-
-
-def _lines(d: "Diagnosis") -> Iterator[str]:
+def summary(d: "Diagnosis") -> Iterator[str]:
+    """Lines of size, rank, and the names of the null directions."""
     m, n = d.shape
     yield f"Jacobian {m} x {n}, {d.nonzeros} nonzeros ({d.density:.1%})"
     structural = f"structural rank {d.structural_rank} of {n}"
@@ -349,9 +330,10 @@ def _lines(d: "Diagnosis") -> Iterator[str]:
     if d.rank == n:
         yield f"full rank, condition {d.condition:.3g}"
     else:
-        if text := _invariant(d):
+        if text := gauges_in_words(() if d.widths else d.null_directions):
             yield text
-        yield f"{_null_directions(len(d.null_directions))} (no residual changes along them):"
+        null = counted(len(d.null_directions), "null direction")
+        yield f"{null} (no residual changes along them):"
         yield from (f"  {line}" for line in names_of(d.null_directions))
     if d.weak_count:
         yield (
@@ -477,7 +459,7 @@ def _null(d: "Diagnosis") -> Iterator[str]:
         f"{counted(count, 'direction')}; one unit along {which} changes the residuals by at most "
         f"{worst:.1e} sigma"
     )
-    if text := _invariant(d):
+    if text := gauges_in_words(() if d.widths else d.null_directions):
         yield text
     yield from names_of(d.null_directions)
 
@@ -540,7 +522,8 @@ def _known(d: "Diagnosis") -> Iterator[str]:
         used = [some or count > 0 for some, count in zip(used, counts, strict=True)]
         rows.append((block.name, block.unit, spread, *map(str, counts)))
     yield from table(("block", "unit", "sigma", *VERDICTS), rows)
-    yield "; ".join(f"{v}: {m}" for v, m, some in zip(VERDICTS, MEANS, used, strict=True) if some)
+    means = zip(VERDICTS, reversed(EntryIdentifiability), used, strict=True)
+    yield "; ".join(f"{head}: {verdict.value}" for head, verdict, some in means if some)
     if d.widths:
         yield "sigmas are those of J'J, which does not show the width along null directions"
     if not d.weak_count:
