@@ -110,8 +110,8 @@ def weakest(d: "Diagnosis", most: int = 3) -> tuple[WeakestDirection, ...]:
         if 1 < group.size < 12:
             basis = sparsest(basis, np.zeros((len(basis), 0)))
         basis = constrained.tangent @ basis if len(constrained.rows) else basis
-        for i, d in zip(group[: most - len(directions)], basis.T, strict=False):
-            directions.append(_weak(constrained.here, float(s[i]), d))
+        for i, v in zip(group[: most - len(directions)], basis.T, strict=False):
+            directions.append(_weak(constrained.here, float(s[i]), v))
         k -= group.size
     return tuple(directions)
 

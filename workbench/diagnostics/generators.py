@@ -445,16 +445,16 @@ def rest(problem: Problem) -> Iterator[Generator]:
     """
     free = problem.free
     sources = [getattr(points.source, "rest", None) for points in problem.points]
-    subjects: dict[object, list[Rest]] = {}
+    subjects: dict[tuple[str | None, str | None], list[Rest]] = {}
     for one in (source for source in sources if source is not None):
         if one.trans not in free.slices:
             return
         subjects.setdefault((one.template, one.joints), []).append(one)
     for (template, joints), scans in subjects.items():
         back = together(free, list(dict.fromkeys(one.trans for one in scans)))
-        names = [name for name in (template, joints) if name in free.slices]
+        names = [name for name in (template, joints) if name and name in free.slices]
         moved = [(listed(names), names, together(free, names))] if names else []
-        if joints in free.slices:
+        if joints and joints in free.slices:
             moved.append((f"{joints}[root]", [joints], places_of(free, joints)[:3]))
         for name, blocks, at in moved:
             segment = Segment("translation", 3, _along)
