@@ -99,7 +99,6 @@ def bundle_adjustment_is_invariant_to_similarities(example: Any) -> None:
     first = example.remedies[0]
     assert (first.acts, first.numbers, first.cured) == (2, 7, True)
     assert first.what.startswith("hold camera ")
-    assert any("the distance of points[" in remedy.what for remedy in example.remedies)
     assert example.solution.converged
 
 

@@ -127,7 +127,7 @@ def test_a_body_whose_wrist_is_held_in_place() -> None:
     free, at = ("pose", "trans"), body.start()
     d, other = (diagnose(Problem([seen], free, constraints=c), at) for c in ([fixed], []))
     assert other.rank == d.rank == 43  # the joints tell all of that already
-    assert d.point.constrained.count == 3
+    assert d.constrained.count == 3
     assert d.rank_law is None
     assert other.rank_law is not None
     assert len(d.null_directions) == 75 - 43
@@ -169,7 +169,7 @@ def test_between_its_bounds_it_counts_for_nothing() -> None:
     d = bounded(0.0, 2.0, (0.5, 0.5))
     assert d.rank == d.structural_rank == 1
     assert len(d.null_directions) == 1
-    assert not d.point.active.any
+    assert not d.active.any
     assert d.data()["held"] == []
 
 
@@ -190,7 +190,7 @@ def test_bounds_and_the_same_limits_as_constraints_are_one() -> None:
         other = diagnose(Problem([r], "x", constraints=[tie, limit]), values)
         assert one.rank == other.rank == min(6, 3 + count + 1)
         assert one.structural_rank == other.structural_rank
-        assert one.point.constrained.count == other.point.constrained.count == count + 1
+        assert one.constrained.count == other.constrained.count == count + 1
         np.testing.assert_allclose(
             one.singular_values, other.singular_values, rtol=1e-9, atol=1e-13
         )
@@ -222,12 +222,10 @@ def test_equal_bound_and_constraint_count_once() -> None:
     same = Constraint("same", X.symbol[1], lower=0)
     d = bounded(0.0, 2.0, (1.0, 0.0), same)
     assert d.rank == 2
-    assert d.point.constrained.count == 1
+    assert d.constrained.count == 1
     assert "active bounds and constraints (same, x[1] >= 0) fix" in str(d)
     away = bounded(0.0, 2.0, (1.0, 0.0), Constraint("tie", X.symbol[0] - X.symbol[1], 1, 1))
-    assert (
-        away.point.constrained.count == 2
-    )  # both unknowns are held, and the residual decides nothing
+    assert away.constrained.count == 2  # both unknowns are held, and the residual decides nothing
     assert away.rank == 2
 
 
@@ -254,7 +252,7 @@ def test_a_fit_that_ends_on_its_bounds_is_told_so() -> None:
     on = solution.values["x"] < 1e-7
     assert 0 < on.sum() < 5
     d = diagnose(problem, solution.values)
-    np.testing.assert_array_equal(d.point.active.bounded, on)
+    np.testing.assert_array_equal(d.active.bounded, on)
     sigma = np.zeros(5)
     sigma[~on] = 0.2 * np.sqrt(np.diag(np.linalg.inv(A[:, ~on].T @ A[:, ~on])))
     np.testing.assert_allclose(d.identifiability.sigma, sigma, rtol=1e-9)

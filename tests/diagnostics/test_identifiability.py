@@ -227,8 +227,8 @@ def test_a_prior_is_a_scale() -> None:
         prior = residuals.gaussian(f.symbol, mean=1000, covariance=50.0**2, name="prior")
         d = diagnose(Problem([data, prior], "focal"), {"focal": np.array(1000.0)}, priors="prior")
         assert d.identifiability.verdicts == (verdict,)
-        assert d.point.scales.sizes.tolist() == [pytest.approx(50.0)]
-        assert "the standard deviation of its prior" in str(d.point.scales)
+        assert d.scales.sizes.tolist() == [pytest.approx(50.0)]
+        assert "the standard deviation of its prior" in str(d.scales)
         assert d.weak_count == 0  # the prior knows it
 
 
@@ -254,7 +254,7 @@ def test_every_block_has_a_scale(unit: str, values: list[float], size: float, sa
     }
     if unit == "px" and not any(values):
         at["image"] = np.sqrt([2 * 600.0**2, 2 * 600.0**2])  # with the zeros of x: 600
-    scales = diagnose(Problem([r], "x"), at).point.scales
+    scales = diagnose(Problem([r], "x"), at).scales
     np.testing.assert_allclose(scales.sizes, size)
     assert str(scales) == f"for x: {said}"
 
@@ -269,7 +269,7 @@ def test_lengths_unlike_people_are_compared_with_their_size(
     problem = Problem([Residual("seen", x.symbol - size, sigma, "m", blocks=(x,))], "radius")
     d = diagnose(problem, {"radius": np.array(size)})
     assert (d.identifiability.verdicts[0] == EntryIdentifiability.IDENTIFIED) == identified
-    assert d.point.scales.sizes == pytest.approx(1.0 if size == 1.7 else size)
+    assert d.scales.sizes == pytest.approx(1.0 if size == 1.7 else size)
 
 
 def test_scales_can_be_said() -> None:
@@ -278,14 +278,30 @@ def test_scales_can_be_said() -> None:
     problem = Problem([r], ("focal", "shift"), blocks=(f, g))
     at = {"focal": np.array(1000.0), "shift": np.array([0.1, 0.3])}
     d = diagnose(problem, at, scales={"focal": 3.0, "shift": [0.1, 0.2]})
-    assert d.point.scales.sizes.tolist() == [3.0, 0.1, 0.2]
-    assert str(d.point.scales) == "for focal: 3 px, as given; for shift: 0.1 to 0.2 m, as given"
+    assert d.scales.sizes.tolist() == [3.0, 0.1, 0.2]
+    assert str(d.scales) == "for focal: 3 px, as given; for shift: 0.1 to 0.2 m, as given"
     priors = [s.what for s in diagnose(problem, at, scales={"shift": 0.25}).suggestions]
     assert "add a Gaussian prior on shift (sigma 0.25 m)" in priors
     with pytest.raises(BadArgument, match="above zero"):
         diagnose(problem, at, scales={"focal": -1.0})
     with pytest.raises(UnknownName, match="focus"):
         diagnose(problem, at, scales={"focus": 1.0})
+
+
+def test_values_far_from_their_scale_are_noted() -> None:
+    height, spot = Block("height", (), "m"), Block("spot", (), "m")
+    seen = cs.vertcat(height.symbol, spot.symbol)
+    problem = Problem(
+        [Residual("seen", seen, 1e-6, "m", blocks=(height, spot))], ("height", "spot")
+    )
+    at = {"height": np.array(1.7), "spot": np.array(1e-4)}
+
+    def notes(**scales: float) -> list[str]:
+        return [f.text for f in diagnose(problem, at, scales=scales).findings if "scales" in f.text]
+
+    (note,) = notes()
+    assert note.startswith("values of spot and their characteristic scales differ by a factor of")
+    assert not notes(spot=1e-4)
 
 
 def test_a_suggested_prior_is_as_wide_as_the_scales() -> None:
@@ -334,7 +350,7 @@ def test_a_density_in_one_row_has_a_width(at: tuple[float, ...]) -> None:
     said = d.report()
     assert "gauge" not in said
     assert "cannot determine" not in said
-    scale = d.point.scales.sizes
+    scale = d.scales.sizes
     widths = np.array(d.widths) * scale[0]  # between the smallest and the largest
     assert widths.min() >= 0.5 - 1e-3
     assert widths.max() <= 2 + 1e-3

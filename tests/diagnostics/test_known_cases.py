@@ -11,7 +11,7 @@ from workbench import Block, Diagnosis, Problem, Residual, diagnose, residuals
 from workbench.diagnostics.null_space import Direction
 
 
-def unseen(diagnosis: Diagnosis) -> list[tuple[str, str]]:
+def null_names(diagnosis: Diagnosis) -> list[tuple[str, str]]:
     return [(d.kind, d.name) for d in diagnosis.null_directions]
 
 
@@ -53,14 +53,14 @@ def test_a_joint_after_a_full_turn_has_one_axis_left() -> None:
 def test_a_shape_without_effect_is_named() -> None:
     found = cases.diagnosed(cases.shape_without_effect)
     assert found.rank == 5
-    assert unseen(found) == [("entry", "betas[1]")]
+    assert null_names(found) == [("entry", "betas[1]")]
     assert suggested(found, "fix") == ["fix betas"]
 
 
 def test_a_free_block_that_nobody_reads_is_named() -> None:
     found = cases.diagnosed(cases.pose_that_nobody_reads)
     assert (found.rank, found.structural_rank) == (3, 3)
-    assert {kind for kind, _ in unseen(found)} == {"entry"}
+    assert {kind for kind, _ in null_names(found)} == {"entry"}
     assert len(found.null_directions) == 72
     assert "no residual depends on all of pose" in warned(found)
     assert found.free.label(int(found.structure.unread[0])) == "pose[pelvis, x]"
@@ -94,7 +94,7 @@ def test_two_measurements_of_the_same_thing_are_no_duplicates() -> None:
 def test_a_freed_template_can_move_against_the_translation() -> None:
     found = cases.diagnosed(cases.template_and_translation)
     assert (found.rank, found.shape[1]) == (90, 93)
-    assert sorted(unseen(found)) == [
+    assert sorted(null_names(found)) == [
         ("translation", f"a translation along {axis} of template, undone by trans")
         for axis in "xyz"
     ]
@@ -108,7 +108,7 @@ def test_a_freed_template_can_move_against_the_translation() -> None:
 def test_scale_and_distance_are_one_direction() -> None:
     found = cases.diagnosed(cases.scale_against_depth)
     assert found.rank == 3
-    ((kind, name),) = unseen(found)
+    ((kind, name),) = null_names(found)
     assert kind == "scale"
     assert name == "a common factor of scale and trans"
     (direction,) = found.null_directions
@@ -121,14 +121,16 @@ def test_scale_and_distance_are_one_direction() -> None:
 def test_points_in_one_piece_can_be_shifted() -> None:
     found = cases.diagnosed(cases.one_piece)
     assert found.rank == 24
-    assert unseen(found) == [("translation", f"a translation along {a} of points") for a in "xyz"]
+    assert null_names(found) == [
+        ("translation", f"a translation along {a} of points") for a in "xyz"
+    ]
 
 
 def test_points_in_two_pieces_can_be_shifted_piece_by_piece() -> None:
     found = cases.diagnosed(cases.two_pieces)
     assert (found.rank, found.structural_rank) == (21, 27)
     pieces = ("4 rows of points (0, 1, 2, ...)", "5 rows of points (4, 5, 6, ...)")
-    assert unseen(found) == [
+    assert null_names(found) == [
         ("translation", f"a translation along {axis} of {piece}")
         for piece in pieces
         for axis in "xyz"

@@ -89,10 +89,8 @@ def test_other_poses_hide_other_directions() -> None:
     draws = prior_draws(setup.problem, setup.start, setup.priors, 4, seed=1)
     over = diagnose_over(setup.problem.without(*setup.priors), draws)
     assert (over.ranks == 44).all()  # 22 landmarks of two coordinates in one image
-    assert sum(one.most for one in over.unseen) >= 85 - 44
-    assert {"turns from right_wrist down", "turns from pelvis down"} <= {
-        o.name for o in over.unseen
-    }
+    assert sum(one.most for one in over.null) >= 85 - 44
+    assert {"turns from right_wrist down", "turns from pelvis down"} <= {o.name for o in over.null}
     assert over.somewhere
 
 

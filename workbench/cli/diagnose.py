@@ -40,7 +40,7 @@ def diagnose(
         int,
         typer.Option(
             help="Diagnose at so many draws of the priors too, and say how often each direction "
-            "is unseen."
+            "is null."
         ),
     ] = 0,
     profile: Annotated[

@@ -28,8 +28,13 @@ from workbench.diagnostics.design import (
     sd_of,
     with_candidates,
 )
-from workbench.diagnostics.diagnose import diagnose, diagnose_whole
-from workbench.diagnostics.diagnosis import Diagnosis, Undiagnosed
+from workbench.diagnostics.diagnosis import (
+    Diagnosis,
+    Neighbourhood,
+    Undiagnosed,
+    diagnose,
+    diagnose_whole,
+)
 from workbench.diagnostics.diagnosis_comparison import DiagnosisComparison
 from workbench.diagnostics.gauges import Gauge
 from workbench.diagnostics.identifiability import (
@@ -39,7 +44,6 @@ from workbench.diagnostics.identifiability import (
 )
 from workbench.diagnostics.null_space import Direction
 from workbench.diagnostics.over_points import PointsDiagnosis, Recurring, diagnose_over, prior_draws
-from workbench.diagnostics.point import Neighbourhood
 from workbench.diagnostics.rank_law import JointTurn
 from workbench.diagnostics.remedies import RankAndCondition, Suggestion
 from workbench.diagnostics.report import Finding

@@ -1,28 +1,37 @@
-"""The Jacobian that is diagnosed, and under which bounds and constraints, active at a point."""
+"""The Jacobian that is diagnosed, under the bounds and constraints that are active at a point.
 
-from collections.abc import Mapping
+And the same at points nearby, at which active constraints hold as well.
+"""
+
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.sparse import csc_array, vstack
+from scipy.sparse import csc_array, csr_array, vstack
 
 from workbench.arrays import Array, Index, Mask
-from workbench.blocks import Layout
-from workbench.diagnostics.row_spaces import row_space, tangent_space
+from workbench.blocks import Layout, Values
+from workbench.diagnostics.bases import row_space, tangent_space
 from workbench.diagnostics.sparse_jacobian import SparseJacobian
 from workbench.errors import NotFinite
 from workbench.problem import Linearization, Problem
 from workbench.problem.steps import EPS
-from workbench.problem.storage import stacked
+from workbench.problem.storage import by_nonzeros, stacked
 from workbench.threads import limited_threads
 
-BLIND = 1e-9  # squared part of an entry in the null space, from which on it is not known
+UNKNOWN = 1e-9  # squared part of an entry in the null space, from which on it is not known
 MOVES = 1e-8  # of null vectors of length 1: by less, unknowns are not moved
 NEAR = 1e-6  # of the size of a bound: nearer points are on it, as for the sampler
 NEAR_OF_WIDTH = 1e-3  # of the way between two bounds, the most that counts as on one
+COUNT, FEWER = 4, 2  # points nearby: in a space of g motions, chance leaves nothing at each point
+MANY, MOST = 400, 3000  # unknowns from which on there are fewer, and none
+NEARBY = 0.1  # of a scale, how far they are away in each entry
+CLOSER = 0.1  # of that, where nothing finite is found so far away
+STEPS = 20  # of Newton's method back to what is held, at the most
+REACHED = 1e-12  # of the length of what is held
 BY_GRAPH = 1e7  # entries up to which the graph of a Jacobian is asked for its pattern
 
 
@@ -162,8 +171,8 @@ class ConstrainedJacobian:
         return Linearization(r, stacked(self.here.jacobian, A))
 
     @cached_property
-    def by_elimination(self) -> SparseJacobian | None:
-        """What is known by a sparse factorization; None for a dense Jacobian.
+    def sparse(self) -> SparseJacobian | None:
+        """The same by a sparse factorization; None for a dense Jacobian.
 
         Raises NotFinite, TooLarge.
         """
@@ -176,34 +185,29 @@ class ConstrainedJacobian:
     @cached_property
     def null(self) -> Array:
         """(n, n - rank), orthonormal: what no residual notices and no constraint forbids."""
-        if self.by_elimination is None:
+        if self.sparse is None:
             spectrum = self.stacked.spectrum
             return spectrum.Vt[spectrum.rank :].T
         with limited_threads():
-            return self.by_elimination.null
+            return self.sparse.null
 
     def null_rank(self, part: slice) -> int:
         """In how many independent ways null directions move some of the unknowns."""
-        if self.by_elimination is not None and self.by_elimination.wide is not None:
-            seen = self.by_elimination.wide.directions[1]
-            others = np.delete(seen, part, axis=0)
-            rank = int(np.linalg.matrix_rank(others, tol=MOVES)) if others.size else 0
-            return len(seen) - len(others) - int(seen.shape[1]) + rank
         return int(np.linalg.matrix_rank(self.null[part], tol=MOVES))
 
     @property
     def tolerance(self) -> float:
         """By how much a vector of length 1 may change J above A if that counts as nothing."""
-        if self.by_elimination is None:
+        if self.sparse is None:
             return self.stacked.spectrum.tolerance
-        return self.by_elimination.factored.tolerance * float(self.stacked.column_norms.max())
+        return self.sparse.factored.tolerance * float(self.stacked.column_norms.max())
 
     @property
     def rank(self) -> int:
         """The rank: directions that change a residual or that a constraint forbids."""
-        if self.by_elimination is not None:
+        if self.sparse is not None:
             with limited_threads():
-                return self.by_elimination.rank
+                return self.sparse.rank
         return self.count + self.reduced.spectrum.rank
 
     @property
@@ -212,9 +216,9 @@ class ConstrainedJacobian:
         n = self.here.shape[1]
         if self.rank < n or not n:
             return float("inf")
-        if self.by_elimination is not None:
+        if self.sparse is not None:
             with limited_threads():
-                return self.by_elimination.condition
+                return self.sparse.condition
         s = self.reduced.spectrum.s
         return float(s[0] / s[-1]) if s.size else 1.0
 
@@ -233,7 +237,7 @@ class ConstrainedJacobian:
             forbidden = 1 - np.sum(self.tangent**2, axis=1)
         half = along / s
         sigma = np.sqrt(np.sum(half**2, axis=1))
-        sigma[1 - np.sum(along**2, axis=1) - forbidden > BLIND] = np.inf
+        sigma[1 - np.sum(along**2, axis=1) - forbidden > UNKNOWN] = np.inf
         return sigma, half
 
     def only(self, part: Index) -> "ConstrainedJacobian":
@@ -316,3 +320,84 @@ def pattern_of(function: cs.Function) -> csc_array:
     sparsity = function.jac_sparsity(0, 0)
     starts, rows = sparsity.get_ccs()
     return csc_array((np.ones(len(rows), dtype=bool), rows, starts), shape=sparsity.shape)
+
+
+# Points nearby.
+
+
+def points_nearby(
+    problem: Problem,
+    values: Values,
+    active: ActiveSet,
+    pattern: csc_array,
+    sizes: Array,
+) -> tuple[tuple[Array, ConstrainedJacobian], ...]:
+    """Points x (n,) near these values, and the constrained Jacobian at each.
+
+    A symmetry of a problem is undone wherever its unknowns are, and a coincidence only at one
+    point: two decays of the same rate, a board that stands exactly across the view. Unknowns
+    move at random by a share of their scales `sizes` (n,). Active constraints and bounds hold at
+    the new points too, and so does what residuals say of one block in a problem that ties it to
+    others: a quaternion keeps its length, and a corner that a prior holds its place. There are no
+    points for a very large problem, and where nothing finite is found.
+    """
+    n = problem.free.size
+    if not 0 < n <= MOST:
+        return ()
+    count, rows = COUNT if n <= MANY else FEWER, _rows_of_one_block(problem, pattern)
+    points: list[tuple[Array, ConstrainedJacobian]] = []
+    for share in (NEARBY, NEARBY * CLOSER):
+        points = [*_at_random(problem, values, active, share * sizes, rows, count)]
+        if len(points) == count:
+            break
+    return tuple(points)
+
+
+def _rows_of_one_block(problem: Problem, pattern: csc_array) -> Index:
+    """The rows that read one block, which other rows read together with others."""
+    part = [csr_array(pattern[:, at]) for at in problem.free.slices.values()]
+    reads = np.column_stack([np.diff(one.indptr) > 0 for one in part])
+    alone = reads.sum(axis=1) == 1
+    shared = reads[reads.sum(axis=1) > 1].any(axis=0)
+    return np.flatnonzero(alone & reads[:, shared].any(axis=1))
+
+
+def _at_random(
+    problem: Problem, values: Values, active: ActiveSet, sizes: Array, rows: Index, count: int
+) -> Iterator[tuple[Array, ConstrainedJacobian]]:
+    """Points about as far away as these sizes (n,), at which active constraints and rows hold.
+
+    By Newton's method with the smallest steps, in these sizes.
+    """
+    rng = np.random.default_rng(0)
+    x, fixed = problem.split(values)
+    held, _ = _held(problem, active, rows, x, fixed)
+    for _ in range(count):
+        y = x + np.where(active.bounded, 0.0, sizes * rng.standard_normal(x.size))
+        for _ in range(STEPS if held.size else 0):
+            there, A = _held(problem, active, rows, y, fixed)
+            missed = there - held
+            if not np.isfinite(missed).all() or not np.isfinite(A).all():
+                y = np.full(y.shape, np.nan)
+            if not np.linalg.norm(missed) > REACHED * (1 + np.linalg.norm(held)):
+                break
+            y = y - sizes * np.linalg.lstsq(A * sizes, missed)[0]
+        if np.isfinite(y).all():
+            near = constrained_jacobian_at(problem, problem.values(y, fixed), active)
+            if near.here.finite and np.isfinite(near.rows).all():
+                yield y, near
+
+
+def _held(
+    problem: Problem, active: ActiveSet, rows: Index, x: Array, fixed: Array
+) -> tuple[Array, Array]:
+    """The values (k,) of active constraints and of these rows, and their Jacobian (k, n)."""
+    values, A = np.zeros(0), np.zeros((0, x.size))
+    if rows.size:
+        here = problem.linearize(problem.values(x, fixed)).rows(rows)
+        J = here.jacobian
+        values, A = here.residual, J if isinstance(J, np.ndarray) else by_nonzeros(J).toarray()
+    if problem.stacked_constraints is None or not active.active.any():
+        return values, A
+    there = problem.stacked_constraints.linearize(x, fixed)
+    return np.append(values, there.values[active.active]), np.vstack([A, there.rows(active.active)])

@@ -1,17 +1,20 @@
 """How far columns are from parallel, and which ones make a Jacobian ill-conditioned."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
 from scipy.sparse import csc_array, triu
 
 from workbench.arrays import Array, Index
-from workbench.diagnostics.point import Point
-from workbench.diagnostics.sparse_bases import sparsest
+from workbench.diagnostics.bases import sparsest
 from workbench.diagnostics.sparse_jacobian import SparseJacobian
 from workbench.problem import Linearization
 from workbench.problem.storage import by_nonzeros
+
+if TYPE_CHECKING:
+    from workbench.diagnostics.diagnosis import Diagnosis
 
 PARALLEL = 1e-8  # sine of the angle up to which columns are called parallel
 NEARLY = 1e-3  # sine of the angle up to which columns are called nearly parallel
@@ -89,15 +92,15 @@ def _sine(a: Array, b: Array) -> float:
     return float(min(np.linalg.norm(a - b), np.linalg.norm(a + b)))
 
 
-def weakest(point: Point, most: int = 3) -> tuple[WeakestDirection, ...]:
+def weakest(d: "Diagnosis", most: int = 3) -> tuple[WeakestDirection, ...]:
     """The directions of the smallest singular values above the tolerance, under the constraints.
 
     Directions about as weak, within a factor of three, are separated into vectors that have few
     entries each, unless the Jacobian is sparse.
     """
-    if point.by_elimination is not None:
-        return _weakest_of(point.by_elimination, most)
-    constrained = point.measured
+    if d.sparse is not None:
+        return _weakest_of(d.sparse, most)
+    constrained = d.measured
     s, Vt = constrained.reduced.spectrum.s, constrained.reduced.spectrum.Vt
     directions: list[WeakestDirection] = []
     k = constrained.reduced.spectrum.rank - 1
@@ -107,8 +110,8 @@ def weakest(point: Point, most: int = 3) -> tuple[WeakestDirection, ...]:
         if 1 < group.size < 12:
             basis = sparsest(basis, np.zeros((len(basis), 0)))
         basis = constrained.tangent @ basis if len(constrained.rows) else basis
-        for i, d in zip(group[: most - len(directions)], basis.T, strict=False):
-            directions.append(_weak(constrained.here, float(s[i]), d))
+        for i, v in zip(group[: most - len(directions)], basis.T, strict=False):
+            directions.append(_weak(constrained.here, float(s[i]), v))
         k -= group.size
     return tuple(directions)
 

@@ -44,7 +44,7 @@ def as_data(d: "Diagnosis") -> dict[str, Any]:
             "unread": d.free.labels_of(d.structure.unread),
             "under_determined": {
                 "rows": len(d.structure.under.rows),
-                "of": named_rows(d.point.rows, d.structure.under.rows),
+                "of": named_rows(d.rows, d.structure.under.rows),
                 "unknowns": d.free.labels_of(d.structure.under.columns),
             },
             "square": len(d.structure.square.columns),
@@ -83,10 +83,10 @@ def _numbers(d: "Diagnosis") -> dict[str, Any]:
     known, check, law = d.identifiability, d.derivatives, d.rank_law
     return {
         "rank": d.rank,
-        "held": d.point.active.names,
+        "held": d.active.names,
         "tolerance": d.tolerance,
         "condition": d.condition,
-        "singular_values": [] if d.by_elimination is not None else d.singular_values,
+        "singular_values": [] if d.sparse is not None else d.singular_values,
         "weak_count": d.weak_count,
         "scaled_rank": d.scaled_rank,
         "ranks_nearby": d.nearby.ranks,

@@ -1,15 +1,27 @@
 """The diagnosis of a problem at one point: its rank, null directions, and what to do about them."""
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, Mask
 from workbench.blocks import Layout, Values
+from workbench.blocks.checks import several, texts
 from workbench.diagnostics import conditioning, data, null_space, remedies, report, structure
-from workbench.diagnostics.active_set import not_finite
+from workbench.diagnostics.active_set import (
+    MANY,
+    ActiveSet,
+    ConstrainedJacobian,
+    active_set_at,
+    linearized,
+    not_finite,
+    pattern_at,
+    points_nearby,
+)
 from workbench.diagnostics.derivatives import DerivativeCheck, check_derivatives
 from workbench.diagnostics.gauges import Gauge, exchanges
 from workbench.diagnostics.identifiability import (
@@ -17,21 +29,40 @@ from workbench.diagnostics.identifiability import (
     Identifiability,
     contributions,
     identifiability,
+    sigma_of_priors,
     widths_by_curvature,
 )
 from workbench.diagnostics.null_space import Direction
-from workbench.diagnostics.point import Neighbourhood, Point
 from workbench.diagnostics.rank_law import JointTurn, joint_turns, law_of
 from workbench.diagnostics.remedies import RankAndCondition, Suggestion, rank_and_condition
 from workbench.diagnostics.report import Finding
+from workbench.diagnostics.scales import Scales, checked, scales
 from workbench.diagnostics.sparse_jacobian import SparseJacobian
 from workbench.diagnostics.structure import Structure, TermBlock
-from workbench.errors import WorkbenchError
+from workbench.errors import BadArgument, WorkbenchError
 from workbench.problem import Linearization, Problem
+from workbench.problem.storage import check_wide, is_long
+
+if TYPE_CHECKING:
+    from workbench.diagnostics.sequences import SequenceDiagnosis
 
 
 class Undiagnosed(WorkbenchError, AssertionError):
     """An assertion about a diagnosis that does not hold."""
+
+
+@dataclass(frozen=True)
+class Neighbourhood:
+    """Rank and singular values at a few random points, a tenth of a scale away in each entry.
+
+    Attributes:
+        ranks: the rank at each of the points; none of a large problem.
+        weaker_here: how many times smaller the smallest nonzero singular value is here than
+            typically there.
+    """
+
+    ranks: tuple[int, ...] = ()
+    weaker_here: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +81,7 @@ class Diagnosis:
         here: its linearization at these values, without columns of rounding errors.
         priors: the names of the residuals that are priors, not data.
         gauges: motions that were declared to be gauges.
-        scales: by block, the characteristic scales that were said.
+        given_scales: by block, the characteristic scales that a caller said.
     """
 
     problem: Problem = field(repr=False)
@@ -58,7 +89,7 @@ class Diagnosis:
     here: Linearization = field(repr=False)
     priors: tuple[str, ...] = ()
     gauges: tuple[Gauge, ...] = field(default=(), repr=False)
-    scales: Values = field(default_factory=dict, repr=False)
+    given_scales: Values = field(default_factory=dict, repr=False)
 
     @property
     def free(self) -> Layout:
@@ -71,14 +102,60 @@ class Diagnosis:
         return self.here.shape
 
     @cached_property
-    def point(self) -> Point:
-        """The active constraints at this point, and the characteristic scale of each unknown."""
-        return Point(self.problem, self.values, self.here, self.priors, self.scales)
+    def active(self) -> ActiveSet:
+        """The bounds and constraints that are active here."""
+        return active_set_at(self.problem, self.values)
+
+    @cached_property
+    def constrained(self) -> ConstrainedJacobian:
+        """The Jacobian under the active bounds and constraints."""
+        return ConstrainedJacobian(self.here, self.active.rows)
+
+    @cached_property
+    def scales(self) -> Scales:
+        """The characteristic scale of each unknown."""
+        return scales(
+            self.free,
+            self.problem.known.values(),
+            self.values,
+            self.prior_sigma,
+            self.given_scales,
+            of_people=bool(self.problem.trees),
+        )
+
+    @cached_property
+    def measured(self) -> ConstrainedJacobian:
+        """The constrained Jacobian with every unknown in units of its scale."""
+        return self.constrained.measured(self.scales.sizes)
+
+    @cached_property
+    def sparse(self) -> SparseJacobian | None:
+        """The same by a sparse factorization; None where there are singular values instead."""
+        sparse = self.constrained.sparse
+        return None if sparse is None else sparse.scaled(self.scales.sizes)
+
+    @cached_property
+    def is_prior(self) -> Mask:
+        """Which rows are priors, (m,)."""
+        return self.problem.rows_named(self.priors)
+
+    @cached_property
+    def prior_sigma(self) -> Array:
+        """Standard deviations by the priors alone (n,), infinite where they say nothing."""
+        if not self.here.finite:
+            return np.full(self.shape[1], np.inf)
+        return sigma_of_priors(self.here, self.is_prior)
+
+    @cached_property
+    def points_nearby(self) -> tuple[tuple[Array, ConstrainedJacobian], ...]:
+        """Points x (n,) near this one, and the constrained Jacobian at each."""
+        pattern, sizes = self.structure.pattern, self.scales.sizes
+        return points_nearby(self.problem, self.values, self.active, pattern, sizes)
 
     @cached_property
     def structure(self) -> Structure:
         """The decomposition of the pattern; active bounds and constraints are part of it."""
-        return structure.decomposed(self.point.pattern, self.point.active_pattern)
+        return structure.decomposed(pattern_at(self.problem), self.active.pattern(self.problem))
 
     @property
     def pattern(self) -> Mask:
@@ -101,6 +178,13 @@ class Diagnosis:
         return self.structure.rank
 
     @property
+    def rows(self) -> dict[str, slice]:
+        """The rows of each residual, followed by those of active bounds and constraints."""
+        m, of_residuals = self.shape[0], dict(self.problem.rows)
+        names = enumerate(self.active.names, m)
+        return of_residuals | {name: slice(i, i + 1) for i, name in names}
+
+    @property
     def row_edges(self) -> tuple[int, ...]:
         """The first row of each residual, and m at the end."""
         return (*(rows.start for rows in self.problem.rows.values()), self.problem.size)
@@ -121,34 +205,29 @@ class Diagnosis:
         return not_finite(self.here)
 
     @property
-    def by_elimination(self) -> SparseJacobian | None:
-        """By a sparse factorization, in scales; None where there are singular values instead."""
-        return self.point.by_elimination
-
-    @property
     def singular_values(self) -> Array:
         """The singular values of the (reduced) Jacobian, (min(m, n),), falling.
 
-        With `by_elimination` nothing else asks for them. Raises TooLarge above 4,000 unknowns.
+        Of a `sparse` Jacobian nothing else asks for them. Raises TooLarge above 4,000 unknowns.
         """
-        return self.point.constrained.reduced.spectrum.s
+        return self.constrained.reduced.spectrum.s
 
     @property
     def tolerance(self) -> float:
         """The singular value below which a direction counts as null."""
-        if self.by_elimination is not None:
-            return self.point.constrained.tolerance
-        return self.point.constrained.reduced.spectrum.tolerance
+        if self.sparse is not None:
+            return self.constrained.tolerance
+        return self.constrained.reduced.spectrum.tolerance
 
     @property
     def rank(self) -> int:
         """How many independent directions change a residual or are forbidden by constraints."""
-        return self.point.constrained.rank
+        return self.constrained.rank
 
     @property
     def reduced_rank(self) -> int:
         """How many singular values are above the tolerance: the rank without constraints' part."""
-        return self.point.constrained.reduced.spectrum.rank
+        return self.constrained.reduced.spectrum.rank
 
     @property
     def condition(self) -> float:
@@ -158,86 +237,89 @@ class Diagnosis:
     @cached_property
     def state(self) -> RankAndCondition:
         """Unknowns, rank and condition."""
-        return rank_and_condition(self.point.constrained)
-
-    @cached_property
-    def scaled_singular_values(self) -> Array:
-        """The singular values with every column scaled to length 1."""
-        return self.point.constrained.stacked.singular_values
+        return rank_and_condition(self.constrained)
 
     @cached_property
     def scaled_rank(self) -> int:
         """The rank with every column scaled to length 1."""
-        if self.by_elimination is not None:
+        if self.sparse is not None:
             return self.rank  # in such columns
-        s = self.scaled_singular_values
+        s = self.constrained.stacked.singular_values
         relative = self.tolerance / max(float(self.singular_values.max(initial=0.0)), 1e-300)
         return int(np.sum(s > relative * s.max(initial=0.0)))
 
     @cached_property
     def nearby(self) -> Neighbourhood:
-        """Rank and singular values at a few points around."""
-        return Neighbourhood(self.point)
+        """Rank and weakest singular value at the points nearby."""
+        if self.here.estimated or self.free.size > MANY:
+            return Neighbourhood()
+        there = [near.measured(self.scales.sizes) for _, near in self.points_nearby]
+        s, rank = self.measured.reduced.spectrum.s, self.measured.reduced.spectrum.rank
+        ranks = tuple(near.rank for near in there)
+        weakest = [near.reduced.spectrum.s[rank - 1 : rank] for near in there if rank]
+        if not weakest:
+            return Neighbourhood(ranks)
+        return Neighbourhood(ranks, float(np.median(np.concatenate(weakest)) / s[rank - 1]))
 
     @cached_property
     def null_directions(self) -> tuple[Direction, ...]:
         """The directions that change no residual, with their names."""
-        return null_space.null_directions(self.point, self.structure.pattern, self.gauges)
+        return null_space.null_directions(self)
 
     @cached_property
     def exchanges(self) -> tuple[tuple[str, ...], ...]:
         """Groups of blocks whose rows may be exchanged, together, without changing a residual."""
-        return exchanges(self.problem, self.values, self.point.constrained)
+        return exchanges(self.problem, self.values, self.constrained)
 
     @cached_property
     def weak_directions(self) -> tuple[Direction, ...]:
         """Directions along which a scale changes residuals by less than a sigma, weakest first.
 
-        The vectors have length 1 once every unknown is measured by its own scale. With
-        `by_elimination` these are the weakest 12.
+        The vectors have length 1 once every unknown is measured by its own scale. Of a
+        `sparse` Jacobian these are the weakest 12.
         """
-        return null_space.weak_directions(self.point, self.structure.pattern)
+        return null_space.weak_directions(self)
 
     @cached_property
     def weak_count(self) -> int:
         """How many directions change the residuals by less than a sigma per scale."""
-        return null_space.count_weak(self.point)
+        return null_space.count_weak(self)
 
     @cached_property
     def rank_law(self) -> tuple[int, str] | None:
         """The rank that the tree predicts, and why; None unless only joints are observed."""
-        if self.point.active.any:
+        if self.active.any:
             return None
         return law_of(self.problem, self.values)
 
     @cached_property
     def parallel_columns(self) -> tuple[conditioning.ParallelPair, ...]:
         """Pairs of unknowns whose columns are nearly parallel."""
-        return conditioning.parallel_columns(self.point.constrained.stacked)
+        return conditioning.parallel_columns(self.constrained.stacked)
 
     @cached_property
     def joint_turns(self) -> tuple[JointTurn, ...]:
         """The strongest two turns of each joint that the residuals depend on."""
-        return joint_turns(self.point)
+        return joint_turns(self)
 
     @cached_property
     def weakest(self) -> tuple[conditioning.WeakestDirection, ...]:
         """The directions of the smallest nonzero singular values, in scales."""
-        return conditioning.weakest(self.point)
+        return conditioning.weakest(self)
 
     @cached_property
     def leverage(self) -> Array | None:
         """(m,) the leverage of each row, 0 to 1; None for a large sparse Jacobian."""
-        return conditioning.leverage(self.point.constrained.reduced)
+        return conditioning.leverage(self.constrained.reduced)
 
     @cached_property
     def identifiability(self) -> Identifiability:
         """Standard deviations, correlations, the data's share, and what is identified."""
         return identifiability(
-            self.point.constrained,
-            self.point.is_prior,
-            self.point.prior_sigma,
-            self.point.scales.sizes,
+            self.constrained,
+            self.is_prior,
+            self.prior_sigma,
+            self.scales.sizes,
             self.structure.unread,
             self.structure.under.columns,
         )
@@ -248,11 +330,20 @@ class Diagnosis:
 
         The Jacobian does not show them, the exact Hessian does; see `widths_by_curvature`.
         """
-        if self.here.estimated or self.point.active.any or self.rank == self.shape[1]:
+        if self.here.estimated or self.active.any or self.rank == self.shape[1]:
             return ()
-        scales = self.point.scales.sizes
-        null = self.point.null_in(self.point.measured, scales)
-        return widths_by_curvature(self.problem, self.values, null, scales)
+        scales = self.scales.sizes
+        return widths_by_curvature(self.problem, self.values, self.null_in_scales, scales)
+
+    @cached_property
+    def null_in_scales(self) -> Array:
+        """(n, d) an orthonormal basis of the null space, with unknowns in characteristic scales.
+
+        The dimension is that of the Jacobian in the unknowns' own units, which decides the rank.
+        """
+        if self.measured.rank == self.rank:
+            return self.measured.null
+        return np.asarray(np.linalg.qr(self.constrained.null / self.scales.sizes[:, None])[0])
 
     @property
     def has_width(self) -> bool:
@@ -264,8 +355,8 @@ class Diagnosis:
         """What each residual contributes, found by leaving it out."""
         if self.here.estimated or len(self.problem.rows) < 2:
             return ()
-        sizes = self.point.scales.sizes
-        return contributions(self.point.constrained, sizes, self.problem.rows, self.free)
+        sizes = self.scales.sizes
+        return contributions(self.constrained, sizes, self.problem.rows, self.free)
 
     @cached_property
     def derivatives(self) -> DerivativeCheck:
@@ -292,8 +383,8 @@ class Diagnosis:
         if not self.here.finite:
             raise Undiagnosed(f"there is no rank: {self.findings[0].text}")
         if self.rank != rank:
-            unseen = "; ".join(d.name for d in self.null_directions) or "none"
-            raise Undiagnosed(f"the rank is {self.rank}, not {rank}; null directions: {unseen}")
+            names = "; ".join(d.name for d in self.null_directions) or "none"
+            raise Undiagnosed(f"the rank is {self.rank}, not {rank}; null directions: {names}")
 
     def assert_no_warnings(self) -> None:
         """Raise an AssertionError that lists the warnings, if there are any."""
@@ -301,7 +392,7 @@ class Diagnosis:
             raise Undiagnosed("; ".join(warning.text for warning in self.warnings))
 
     def __str__(self) -> str:
-        return report.summary(self)
+        return "\n".join(report.summary(self))
 
     def report(self) -> str:
         """Everything in words, section by section."""
@@ -310,3 +401,81 @@ class Diagnosis:
     def data(self) -> dict[str, Any]:
         """Everything as plain data, for JSON; `schema` and `version` say how to read it."""
         return data.as_data(self)
+
+
+def diagnose(
+    problem: Problem,
+    at: Mapping[str, ArrayLike],
+    *,
+    priors: str | Iterable[str] = (),
+    gauges: Iterable[Gauge] = (),
+    scales: Mapping[str, ArrayLike] | None = None,
+) -> "Diagnosis | SequenceDiagnosis":
+    """Diagnose a problem by its whitened Jacobian at the values `at`.
+
+    For a long sequence of frames, with more than 4,000 unknowns, the result is a SequenceDiagnosis:
+    it answers the same questions about rank and null directions, frame after frame, and has no
+    singular values. For any other problem it is a Diagnosis, which has none either where the
+    Jacobian is large and sparse: it is factorized instead.
+
+    Contacts with a scan, which are chosen anew at every point, are held as they are at `at`.
+
+    `priors` are the names of the residuals that are priors and not data, or one such name; the
+    diagnosis separates what they contribute. `gauges` are motions that the problem is invariant to
+    if other unknowns undo them, and that the diagnosis does not find by itself; see `Gauge`.
+
+    `scales` say how large a change of the unknowns of a block matters, in its unit and of its shape
+    or as one number: `{"radius": 7e6}`. What is called weak or identified is compared with them,
+    and suggested priors are as wide. Without them they are chosen as the module `scales` says.
+
+    Raises UnknownName for a name that no residual has, or no free block, BadArgument for anything
+    but a problem, TooLarge where the factor of a sparse Jacobian would have more than 5e7 entries,
+    or its null space is too large, and whatever `Problem.split` raises for the values.
+    """
+    from workbench.diagnostics.sequences import SequenceDiagnosis  # which diagnoses frames
+
+    d = _of(problem, at, priors, gauges, scales)
+    if not is_long(d.here.jacobian):
+        return _small_enough(d)
+    if d.given_scales:
+        raise BadArgument("a long sequence of frames chooses its own scales; leave them out")
+    return SequenceDiagnosis(d.problem, d.values, d.here, d.priors, d.gauges)
+
+
+def diagnose_whole(
+    problem: Problem,
+    at: Mapping[str, ArrayLike],
+    *,
+    priors: str | Iterable[str] = (),
+    gauges: Iterable[Gauge] = (),
+    scales: Mapping[str, ArrayLike] | None = None,
+) -> Diagnosis:
+    """A diagnosis with singular values. Raises TooLarge for a long sequence."""
+    return _small_enough(_of(problem, at, priors, gauges, scales))
+
+
+def _of(
+    problem: Problem,
+    at: Mapping[str, ArrayLike],
+    priors: str | Iterable[str],
+    gauges: Iterable[Gauge],
+    scales: Mapping[str, ArrayLike] | None,
+) -> Diagnosis:
+    if not isinstance(problem, Problem):
+        raise BadArgument(f"a Problem is diagnosed, not something of type {type(problem).__name__}")
+    names = texts("the names of priors", priors)
+    problem.rows_named(names)
+    declared = several("gauges", gauges, Gauge, BadArgument)
+    problem = problem.frozen(at)
+    here = linearized(problem, at)  # looks at every value
+    return Diagnosis(
+        problem, problem.read(at), here, names, declared, checked(scales, problem.free)
+    )
+
+
+def _small_enough(d: Diagnosis) -> Diagnosis:
+    if d.here.by_frames:
+        check_wide(d.here.jacobian)
+    if d.here.finite and d.here.estimated:
+        _ = d.rank  # what is too large is said at once
+    return d

@@ -90,7 +90,7 @@ def _seen_by(one: Diagnosis, other: Diagnosis) -> tuple[Direction, ...]:
     if not (one.here.finite and other.here.finite):
         return ()
     where = {one.free.label(i): i for i in range(one.free.size)}
-    constrained = one.point.constrained  # what a constraint forbids is seen as well
+    constrained = one.constrained  # what a constraint forbids is seen as well
     seen: list[Direction] = []
     for direction in other.null_directions:
         entries = np.flatnonzero(direction.vector)

@@ -23,8 +23,8 @@ from workbench.arrays import Array, Index
 from workbench.blocks import Block, Layout, Values
 from workbench.diagnostics import generators
 from workbench.diagnostics.active_set import ConstrainedJacobian
+from workbench.diagnostics.bases import sparsest
 from workbench.diagnostics.generators import Cloud, Generator, Group, Segment, places_of, together
-from workbench.diagnostics.sparse_bases import sparsest
 from workbench.diagnostics.words import LENGTHS, in_space, listed, things
 from workbench.problem import Problem
 from workbench.problem.sparsity import tied_columns
@@ -35,7 +35,6 @@ CLOSE = 1e-4  # between coefficients of motions, from spaces that are known up t
 PART = 1e-5  # of the largest coefficient: less takes no part
 MANY = 400  # groups up to which combinations of few are looked for
 LABOUR = 15_000  # unknowns times blocks, up to which each is asked whether it can be left out
-MATRICES = ((3, 3), (3, 4), (4, 4))  # that act on homogeneous coordinates
 EXCHANGED = 8  # rows that may be exchanged, at the most
 SMALL = 400  # unknowns up to which exchanges are tried
 
@@ -247,23 +246,13 @@ def _looked_at(
     islands = _islands(free, pattern)
     posed = {name for tree in problem.trees for name in tree.blocks}
     blocks = [b for b in free.blocks if b.name not in posed]
-    matrices = [b for b in blocks if _is_homogeneous(b, free, space)]
     points: list[Cloud] = []
     for island in islands:
-        for cloud in generators.clouds(free, island, [b for b in blocks if b not in matrices]):
+        for cloud in generators.clouds(free, island, blocks):
             enough = 1 if len(cloud.blocks) == 1 else cloud.places.shape[1]
             if space.fixed(cloud.places.ravel()) >= enough and _are_points(cloud, space):
                 points.append(cloud)
     return blocks, islands, points
-
-
-def _is_homogeneous(block: Block, free: Layout, space: NullSpace) -> bool:
-    """Whether it may be a camera (3, 4) or a homography (3, 3), of which nobody sees a factor."""
-    if block.shape not in MATRICES or block.unit != "1" or block.whole is not None:
-        return False
-    at, factor = places_of(free, block), Segment("scale", 1, lambda c: "")
-    one = Generator(block.name, (block.name,), at, lambda x: x[at, None], (factor,))
-    return bool(space.undone(one, at[:0]).size)
 
 
 def _catalogue(
@@ -302,7 +291,7 @@ def _catalogue(
 
 
 def _turns(problem: Problem, space: NullSpace) -> Iterator[Generator]:
-    """Turns of roots and of rotation vectors, and of vectors.
+    """Turns of roots and of rotation vectors.
 
     A single turn that others undo in every way, or in all but one, says little: these have to be
     turns and places.
@@ -322,14 +311,6 @@ def _turns(problem: Problem, space: NullSpace) -> Iterator[Generator]:
             yield from generators.turns(block, at, together(free, frames))
         if len(at) > 3 or (space.nearby and space.fixed(at) > 1):
             yield from generators.turns(block, at, None)
-    for block in [b for b in free.blocks if b.shape in ((2,), (3,)) and b.unit in LENGTHS[1:]]:
-        if angles:
-            yield generators.vector(free, block, together(free, angles))
-        if space.nearby and space.fixed(places_of(free, block)):
-            yield generators.vector(free, block, None)
-    for block in blocks if space.nearby else ():
-        if block.size == 3:
-            yield from generators.turns(block, places_of(free, block), None, few=True)
 
 
 def _are_points(cloud: Cloud, space: NullSpace) -> bool:
@@ -375,7 +356,7 @@ def _of_generator(
     others = generator.others
     if others is None:
         others = np.setdiff1d(np.arange(free.size), at)
-        if not generator.few and not space.fixed(at):
+        if not space.fixed(at):
             return
     lengths = space.in_columns(generator)
     Q = space.undone(generator, others)
@@ -444,7 +425,7 @@ def _ways(
     space = found.space
     nobody, at = np.zeros(0, dtype=np.int64), generator.places
     choice = _range(space.basis[at], space.same)[1].size < space.basis.shape[1]
-    if not choice and not generator.few:
+    if not choice:
         yield space.whole(v, others)
         return
     along = generator._replace(columns=lambda x: (generator.columns(x) @ c)[:, None])
@@ -459,7 +440,7 @@ def _ways(
             alone = True
             if not some.size:
                 return
-    if alone or generator.few:
+    if alone:
         return
     left = choices
     for one in reversed(choices if few else []):

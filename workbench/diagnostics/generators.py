@@ -12,7 +12,6 @@ matrix     an array of coefficients: factors and offsets of its rows or columns,
            another, rotations among them, any linear map A E
 shifts     a place is shifted, and other places undo that
 turns      rotation vectors turn about an axis of the world, or about one of their own
-vectors    a vector turns about the origin
 rest       the arrays of a body at rest against the poses and places of its registrations
 groups     offsets and factors of blocks, slices or entries, in a ratio that is the same everywhere
 """
@@ -57,7 +56,6 @@ class Generator(NamedTuple):
         segments: what the columns are, in order. A combination may have parts in earlier segments.
         single: whether each column is asked for by itself, and not their combinations.
         others: the unknowns that may undo it; None for all others.
-        few: whether only nothing or one block may undo it, as where anything else would.
         with_others: whether it counts only if others really move.
         like: the width of rows that may move in the same way in other blocks; 0 for none.
     """
@@ -69,7 +67,6 @@ class Generator(NamedTuple):
     segments: tuple[Segment, ...]
     single: bool = False
     others: Index | None = None
-    few: bool = False
     with_others: bool = False
     like: int = 0
 
@@ -361,7 +358,7 @@ def _along(c: Array) -> str:
     return f"a translation along {axis_of(c)}"
 
 
-def turns(block: Block, at: Index, frames: Index | None, few: bool = False) -> Iterator[Generator]:
+def turns(block: Block, at: Index, frames: Index | None) -> Iterator[Generator]:
     """Rotation vectors (K, 3) turn about an axis of the world, and about one of their own.
 
     What undoes that are the `frames`, or anything if they are None.
@@ -373,36 +370,14 @@ def turns(block: Block, at: Index, frames: Index | None, few: bool = False) -> I
             return np.asarray(sign * inverse_left_jacobian(sign * w).reshape(-1, 3))
 
         segment = Segment("rotation", 3, partial(_about_axis, said))
-        with_others = len(at) == 3 and not few
+        with_others = len(at) == 3
         yield Generator(
-            block.name, (block.name,), at, columns, (segment,), False, frames, few, with_others
+            block.name, (block.name,), at, columns, (segment,), False, frames, with_others
         )
 
 
 def _about_axis(said: str, c: Array) -> str:
     return f"{said} {axis_of(c)}"
-
-
-def vector(free: Layout, block: Block, others: Index | None) -> Generator:
-    """A vector (2,) or (3,) turns about the origin."""
-    at, d = places_of(free, block), block.size
-    count = len(_planes(d))
-
-    def columns(x: Array) -> Array:
-        return point_columns(x[at][None])[:, d : d + count]
-
-    def words(c: Array) -> str:
-        return "a rotation" if d == 2 else f"a rotation about {axis_of(c)}"
-
-    return Generator(
-        block.name,
-        (block.name,),
-        at,
-        columns,
-        (Segment("rotation", count, words),),
-        others=others,
-        with_others=True,
-    )
 
 
 # Groups of numbers.
@@ -462,61 +437,28 @@ def rest(problem: Problem) -> Iterator[Generator]:
     """What registrations cannot tell of a body whose arrays are unknown: the gauges of training.
 
     A subject's template and joints move, and every place moves back; so does the root joint, as far
-    as its rotation moves it. Blend shapes of a single joint push the whole surface along the axis
-    of its rotation, which the places undo. (That all templates may turn, and with them joints and
-    blend shapes, is a rotation of points.)
+    as its rotation moves it. (That all templates may turn, and with them joints and blend shapes,
+    is a rotation of points.)
 
     Loper et al. (SMPL, 2015, section 4.1) keep joints near the rings between segments, since data
     do not determine the root.
     """
     free = problem.free
     sources = [getattr(points.source, "rest", None) for points in problem.points]
-    rests = [one for one in sources if one is not None and one.trans in free.slices]
-    if len(rests) < sum(one is not None for one in sources):
-        return
-    subjects: dict[object, list[Rest]] = {}
-    families: dict[object, list[Rest]] = {}
-    for one in rests:
-        subject = one.template, one.joints
-        subjects.setdefault(subject, []).append(one)
-        shared = one.posedirs if one.posedirs in free.slices else subject
-        families.setdefault(shared, []).append(one)
-    shift = Segment("translation", 3, _along)
-    for scans in subjects.values():
+    subjects: dict[tuple[str | None, str | None], list[Rest]] = {}
+    for one in (source for source in sources if source is not None):
+        if one.trans not in free.slices:
+            return
+        subjects.setdefault((one.template, one.joints), []).append(one)
+    for (template, joints), scans in subjects.items():
         back = together(free, list(dict.fromkeys(one.trans for one in scans)))
-        names = [n for n in (scans[0].template, scans[0].joints) if n in free.slices]
-        if names:
-            at = together(free, names)
-            uniform = _identity(3, len(at) // 3)
+        names = [name for name in (template, joints) if name and name in free.slices]
+        moved = [(listed(names), names, together(free, names))] if names else []
+        if joints and joints in free.slices:
+            moved.append((f"{joints}[root]", [joints], places_of(free, joints)[:3]))
+        for name, blocks, at in moved:
+            segment = Segment("translation", 3, _along)
+            columns = _identity(3, len(at) // 3)
             yield Generator(
-                listed(names), tuple(names), at, uniform, (shift,), others=back, with_others=True
+                name, tuple(blocks), at, columns, (segment,), others=back, with_others=True
             )
-        if scans[0].joints in free.slices:
-            at = places_of(free, scans[0].joints)[:3]
-            name = f"{scans[0].joints}[root]"
-            yield Generator(
-                name, (scans[0].joints,), at, _identity(3), (shift,), others=back, with_others=True
-            )
-    for scans in families.values():
-        back = together(free, list(dict.fromkeys(one.trans for one in scans)))
-        yield from _pushes(free, scans, back)
-
-
-def _pushes(free: Layout, scans: Sequence[Rest], back: Index) -> Iterator[Generator]:
-    name = scans[0].posedirs
-    if name not in free.slices or free[name].base.shape[2:] != (9,) or free[name].whole:
-        return
-    eye = np.eye(3)
-    # d(M) = (tr(M) I - M - M') c is along the axis for every c, and so is d(M) = vee(M - M')
-    along = np.einsum("rs,ac->cars", eye, eye) - np.einsum("ra,sc->cars", eye, eye)
-    along -= np.einsum("rc,sa->cars", eye, eye)
-    sine = np.cross(eye[:, None], eye[None])  # (r, s, a)
-    pushes = [*(push.ravel() for push in along), sine.transpose(2, 0, 1).ravel()]
-    uniform = np.tile(np.stack(pushes, axis=1), (free[name].shape[0], 1))
-    said = [f"(1 - cos) times the axis's {axis}" for axis in "xyz"] + ["sin"]
-    words = "a push of the whole surface along the joint's axis by {}"
-    segment = Segment("gauge", 4, lambda c: words.format(said[int(np.argmax(abs(c)))]))
-    at = places_of(free, name)
-    yield Generator(
-        name, (name,), at, lambda x: uniform, (segment,), single=True, others=back, with_others=True
-    )

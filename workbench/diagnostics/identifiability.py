@@ -95,11 +95,11 @@ def identifiability(
     a null direction is also judged in these scales, so that units change no verdict. `unread` and
     `under` are the columns that nothing reads and those of the under-determined part.
     """
-    eliminated = constrained.by_elimination
+    sparse = constrained.sparse
     share: Array | None = None
-    if eliminated is not None:
+    if sparse is not None:
         with limited_threads():
-            sigma, pairs, decided, better = _by_elimination(eliminated, prior_rows)
+            sigma, pairs, decided, better = _of_sparse(sparse, prior_rows)
     else:
         measured = constrained.measured(scales)
         sigma, half = measured.laplace
@@ -111,7 +111,7 @@ def identifiability(
     return Identifiability(sigma, prior, pairs, share, decided, better, verdicts)
 
 
-def _by_elimination(
+def _of_sparse(
     jacobian: SparseJacobian, prior_rows: Mask
 ) -> tuple[Array, tuple[tuple[int, int, float], ...], float, int]:
     """Sigmas, correlated pairs, `effective` and `better_from_data` without singular values."""
@@ -147,7 +147,7 @@ def _data_share(here: Linearization, prior_rows: Mask, half: Array) -> Array:
     return np.asarray(np.clip(1 - left, 0.0, 1.0))
 
 
-def prior_sigma(here: Linearization, prior_rows: Mask) -> Array:
+def sigma_of_priors(here: Linearization, prior_rows: Mask) -> Array:
     """Standard deviations by the priors alone (n,), infinite where they say nothing."""
     sigma = np.full(here.shape[1], np.inf)
     if not prior_rows.any():
@@ -163,8 +163,8 @@ def prior_sigma(here: Linearization, prior_rows: Mask) -> Array:
 
 
 def _sigma(constrained: ConstrainedJacobian) -> Array:
-    eliminated = constrained.by_elimination
-    return constrained.laplace[0] if eliminated is None else np.sqrt(eliminated.variances)
+    sparse = constrained.sparse
+    return constrained.laplace[0] if sparse is None else np.sqrt(sparse.variances)
 
 
 def _apart(rows: Linearization, read: Index) -> list[Index]:

@@ -8,24 +8,26 @@ lies in the null space; a weak one lies in the space of weak singular vectors.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.sparse import csc_array
 
 from workbench.arrays import Array
 from workbench.blocks import Layout, Tree
-from workbench.blocks.directions import LISTED as SAID
-from workbench.blocks.directions import in_units, leading, signed
+from workbench.blocks.directions import in_units, signed
+from workbench.diagnostics.active_set import ConstrainedJacobian
+from workbench.diagnostics.bases import MANY, beyond, null_basis, sparsest
 from workbench.diagnostics.gauges import PART, SAME, Found, Gauge, Motion, NullSpace, gauges
 from workbench.diagnostics.generators import together
 from workbench.diagnostics.joint_motions import JointMotion, joint_motions
-from workbench.diagnostics.point import Point, null_in_units
-from workbench.diagnostics.sparse_bases import MANY, beyond, null_basis, sparsest
-from workbench.diagnostics.sparse_jacobian import SparseJacobian
 from workbench.diagnostics.words import listed
 from workbench.problem import Linearization
 from workbench.problem.storage import column_norms, unblocked
 from workbench.threads import limited_threads
+
+if TYPE_CHECKING:
+    from workbench.diagnostics.diagnosis import Diagnosis
 
 NEARLY = 0.05  # of its length: what a gauge may have outside of the weak directions
 WEAK = 0.99  # sigmas per characteristic scale; a prior as wide as that has 1
@@ -59,31 +61,29 @@ class Direction:
     terms: str = field(default="", repr=False)
 
 
-def null_directions(
-    point: Point, pattern: csc_array, declared: Sequence[Gauge] = ()
-) -> tuple[Direction, ...]:
+def null_directions(d: "Diagnosis") -> tuple[Direction, ...]:
     """Directions that change no residual and that no constraint forbids, with names.
 
-    `pattern` (m, n) is where the Jacobian can be nonzero. Single entries come first, then gauges,
-    then motions of joints, then what is left.
+    Single entries come first, then gauges, then motions of joints, then what is left.
     """
-    count, sparse = point.here.shape[1] - point.constrained.rank, point.constrained.by_elimination
+    count, sparse = d.here.shape[1] - d.constrained.rank, d.constrained.sparse
     if not count:
         return ()
     if sparse is not None and count > SEARCHED:
-        return tuple(_by_entries(sparse.local_null, point))
-    space, held = null_space(point), point.constrained
+        return tuple(_by_entries(sparse.local_null, d))
+    space, held, free = null_space(d), d.constrained, d.free
     found = Found(space)
-    motions = [*_named(point, pattern, found, declared), *_left(point, found)]
-    free = point.problem.free
-    return tuple(
-        _direction(m, space, held.stacked, point.here, free, held.tolerance) for m in motions
-    )
+    directions = []
+    for motion in [*_named(d, found, d.gauges), *_left(d, found)]:
+        y = space.basis @ motion.coefficients
+        v = _without_rounding(y / np.linalg.norm(y), space.lengths, held.stacked, held.tolerance)
+        directions.append(_direction(motion, signed(v), held.stacked, d.here, free, d.scales.sizes))
+    return tuple(directions)
 
 
-def _by_entries(vectors: csc_array, point: Point) -> Iterator[Direction]:
+def _by_entries(vectors: csc_array, d: "Diagnosis") -> Iterator[Direction]:
     """Null vectors (n, d), too many for names, each by its entries."""
-    free, held = point.problem.free, point.constrained.stacked
+    free, held = d.problem.free, d.constrained.stacked
     changes = column_norms(csc_array(unblocked(held.jacobian) @ vectors))
     for j, change in enumerate(changes.tolist()):
         v = signed(vectors[:, [j]].toarray().ravel())
@@ -91,31 +91,37 @@ def _by_entries(vectors: csc_array, point: Point) -> Iterator[Direction]:
             name = free.label(int(np.argmax(abs(v))))
             yield Direction(name, "entry", (), v, change, f"+1 of {name}")
         else:
-            terms = in_units(v, free, point.here.column_norms)
+            terms = in_units(v, free, d.here.column_norms, scales=d.scales.sizes)
             yield Direction(terms, "mixed", (), v, change, terms)
 
 
-def weak_directions(point: Point, pattern: csc_array) -> tuple[Direction, ...]:
+def weak_directions(d: "Diagnosis") -> tuple[Direction, ...]:
     """Directions along which a scale changes the residuals by less than a sigma, weakest first.
 
-    The vectors have length 1 once every unknown is measured by its own characteristic scale. Where
-    the rank was found by elimination there are LISTED at the most, each named by its entries.
+    The vectors have length 1 once every unknown is measured by its own characteristic scale. Of a
+    sparse Jacobian there are LISTED at the most, each named by its entries.
     """
-    if point.by_elimination is not None:
-        return _weakest(point, point.by_elimination)
-    nothing = point.constrained.rank == point.here.shape[1] and not count_weak(point)
-    if point.here.estimated or nothing:
+    if not d.weak_count:
         return ()
-    here, sizes = point.measured.stacked, point.scales.sizes
-    values, vectors, rank = here.spectrum.s, here.spectrum.Vt.T, here.spectrum.rank
-    weak = vectors[:, int(np.sum(values > WEAK)) : rank]
+    if d.sparse is not None:
+        with limited_threads():
+            s, vectors = d.sparse.weakest(LISTED)
+        weak = vectors[:, s < WEAK]
+    else:
+        spectrum = d.measured.stacked.spectrum
+        weak = spectrum.Vt[int(np.sum(spectrum.s > WEAK)) : spectrum.rank].T
     if not weak.shape[1]:
         return ()
-    space = NullSpace(point.problem.split(point.values)[0], 1 / sizes, weak, NEARLY)
+    sizes = d.scales.sizes
+    space = NullSpace(d.problem.split(d.values)[0], 1 / sizes, weak, NEARLY)
     found = Found(space)
-    motions = [*_named(point, pattern, found), *_left(point, found)]
-    held, free = point.constrained.stacked, point.problem.free
-    directions = [_direction(m, space, held, point.here, free) for m in motions]
+    motions = [Motion("mixed", "", a) for a in np.eye(weak.shape[1])]
+    if d.sparse is None:
+        motions = [*_named(d, found), *_left(d, found)]
+    directions = []
+    for motion in motions:
+        v = signed(weak @ motion.coefficients) * sizes
+        directions.append(_direction(motion, v, d.constrained.stacked, d.here, d.free, sizes))
     return tuple(sorted(directions, key=lambda one: one.change))
 
 
@@ -128,53 +134,60 @@ def named_by_joints(
     motions = list(_of_joints(list(joint_motions(free, trees)), free, found))
     rest = _sparse(space, null_basis(found.known.T, 0.5), found.known)
     motions += [Motion("mixed", "", a) for a in rest.T]
-    return tuple(_direction(m, space, here, here, free) for m in motions)
+    return tuple(_direction(m, signed(basis @ m.coefficients), here, here, free) for m in motions)
 
 
-def count_weak(point: Point) -> int:
+def count_weak(d: "Diagnosis") -> int:
     """How many directions change the residuals by less than a sigma per characteristic scale."""
-    if point.by_elimination is not None:
+    if d.sparse is not None:
         with limited_threads():
-            return point.by_elimination.count_below(WEAK)
-    noticed = point.constrained.reduced.spectrum.rank
-    return int(np.sum(point.measured.reduced.spectrum.s[:noticed] < WEAK))
+            return d.sparse.count_below(WEAK)
+    noticed = d.constrained.reduced.spectrum.rank
+    return int(np.sum(d.measured.reduced.spectrum.s[:noticed] < WEAK))
 
 
-def _weakest(point: Point, jacobian: SparseJacobian) -> tuple[Direction, ...]:
-    """The directions of the smallest singular values below WEAK, found without the others."""
-    if not count_weak(point):
-        return ()
-    with limited_threads():
-        s, vectors = jacobian.weakest(LISTED)
-    weak = vectors[:, s < WEAK]
-    x, sizes = point.problem.split(point.values)[0], point.scales.sizes
-    space, held = NullSpace(x, 1 / sizes, weak, NEARLY), point.constrained.stacked
-    motions = (Motion("mixed", "", a) for a in np.eye(weak.shape[1]))
-    return tuple(_direction(m, space, held, point.here, point.problem.free) for m in motions)
-
-
-def null_space(point: Point) -> NullSpace:
+def null_space(d: "Diagnosis") -> NullSpace:
     """What no residual notices at the point and nearby, its columns having length 1."""
-    lengths, sizes = point.constrained.stacked.column_norms, point.scales.sizes
+    lengths, sizes = d.constrained.stacked.column_norms, d.scales.sizes
     lengths = np.where(lengths > 0, lengths, 1 / sizes)
-    basis = null_in_units(point.constrained, lengths)
-    x = point.problem.split(point.values)[0]
+    basis = null_in_units(d.constrained, lengths)
+    x = d.problem.split(d.values)[0]
     silent = int(np.sum(np.sum(basis**2, axis=1) >= 1 - SAME**2))
-    nearby = point.nearby if silent < basis.shape[1] else ()
+    nearby = d.points_nearby if silent < basis.shape[1] else ()
     there = tuple((y, null_in_units(held, lengths)) for y, held in nearby)
     return NullSpace(x, lengths, basis, nearby=there)
 
 
-def _named(
-    point: Point, pattern: csc_array, found: Found, declared: Sequence[Gauge] = ()
-) -> Iterator[Motion]:
+def null_in_units(constrained: ConstrainedJacobian, lengths: Array) -> Array:
+    """(n, d) an orthonormal basis of the null space of unknowns y = lengths * x.
+
+    The dimension is that of the Jacobian in the unknowns' own units, which decides the rank. From
+    columns of length 1, or nearly so, by singular vectors; of a sparse Jacobian, from its
+    factorization.
+    """
+    n = len(lengths)
+    d, held = n - constrained.rank, constrained.stacked
+    if constrained.sparse is not None or held.estimated:
+        null = constrained.null * lengths[:, None]
+        return np.asarray(np.linalg.qr(null / np.linalg.norm(null, axis=0))[0])
+    read = np.flatnonzero(held.column_norms > 0)
+    R = held.unit_triangle[:, read] * (held.column_norms / lengths)[read]
+    Vt = np.linalg.svd(R, full_matrices=True)[2]
+    basis = np.zeros((n, d))
+    silent = np.setdiff1d(np.arange(n), read)[:d]
+    basis[silent, np.arange(len(silent))] = 1.0
+    basis[read, len(silent) :] = Vt[len(read) - (d - len(silent)) :].T
+    return basis
+
+
+def _named(d: "Diagnosis", found: Found, declared: Sequence[Gauge] = ()) -> Iterator[Motion]:
     """The motions that have a name: single entries, gauges, motions of joints."""
-    problem = point.problem
+    problem = d.problem
     free = problem.free
     motions = list(joint_motions(free, problem.trees))
     yield from _of_joints([one for one in motions if one.kind == "entry"], free, found)
     if not found.all():
-        yield from gauges(problem, point.values, found, pattern, declared)
+        yield from gauges(problem, d.values, found, d.structure.pattern, declared)
     yield from _of_joints([one for one in motions if one.kind != "entry"], free, found)
 
 
@@ -211,24 +224,24 @@ def _sparse(space: NullSpace, new: Array, known: Array) -> Array:
     return np.asarray(space.basis.T @ vectors)
 
 
-def _left(point: Point, found: Found) -> Iterator[Motion]:
+def _left(d: "Diagnosis", found: Found) -> Iterator[Motion]:
     """What has no other name: a few numbers that undo each other, or many."""
     space = found.space
     if found.all():
         return
     if len(space.basis) > MANY and space.exact:
-        yield from _of_rows(point, found)
+        yield from _of_rows(d, found)
     rest = null_basis(found.known.T, 0.5)
     for a in _sparse(space, rest, found.known).T if rest.size else ():
         if found.adds(a):
-            yield _unnamed(point, space, a)
+            yield _unnamed(d, space, a)
     for a in null_basis(found.known.T, 0.5).T:  # such as rounding took away
-        yield _unnamed(point, space, a)
+        yield _unnamed(d, space, a)
 
 
-def _of_rows(point: Point, found: Found) -> Iterator[Motion]:
+def _of_rows(d: "Diagnosis", found: Found) -> Iterator[Motion]:
     """Motions of one row of a block alone: of a point that one camera sees, along its ray."""
-    space, free = found.space, point.problem.free
+    space, free = found.space, d.problem.free
     for block in free.blocks:
         wide = block.shape[-1] if len(block.shape) > 1 else block.size
         at = np.arange(free.slices[block.name].start, free.slices[block.name].stop)
@@ -238,21 +251,21 @@ def _of_rows(point: Point, found: Found) -> Iterator[Motion]:
             _, s, Vt = np.linalg.svd(space.basis[row], full_matrices=False)
             for a in Vt[s >= np.sqrt(1 - SAME**2)]:
                 if found.adds(a):
-                    yield _unnamed(point, space, a)
+                    yield _unnamed(d, space, a)
 
 
-def _unnamed(point: Point, space: NullSpace, a: Array) -> Motion:
+def _unnamed(d: "Diagnosis", space: NullSpace, a: Array) -> Motion:
     """A trade-off of a few numbers, or a direction that has only its entries for a name.
 
     Numbers that undo each other at points nearby as well, or however far, are a trade-off; not
     where there are no more rows than directions that they determine, so that counting alone leaves
     others open everywhere. What holds to first order only says so.
     """
-    free, v = point.problem.free, space.basis @ a
+    free, v = d.problem.free, space.basis @ a
     some = np.flatnonzero(abs(v) > PART * abs(v).max())
-    change = _one_scale(point, v / space.lengths) if space.exact else 0.0
+    change = _one_scale(d, v / space.lengths) if space.exact else 0.0
     straight = change <= SAME
-    counted = point.constrained.rank >= point.constrained.stacked.shape[0]
+    counted = d.constrained.rank >= d.constrained.stacked.shape[0]
     everywhere = bool(space.nearby) and not counted
     for _, basis in space.nearby if everywhere else ():
         s = np.linalg.svd(basis[some], compute_uv=False)
@@ -279,15 +292,15 @@ def _parallel(v: Array, w: Array) -> bool:
     return bool(lengths > 0 and abs(abs(v @ w) - lengths) <= SAME**2 * lengths)
 
 
-def _one_scale(point: Point, v: Array) -> float:
+def _one_scale(d: "Diagnosis", v: Array) -> float:
     """How much the residuals change a step along v (n,) of at most one scale of each unknown.
 
     In sigmas, or relative to the residuals where these are larger.
     """
-    x, fixed = point.problem.split(point.values)
-    before = point.problem.residual(x, fixed)
-    step = v / float(np.max(abs(v) / point.scales.sizes))
-    after = point.problem.residual(x + step, fixed)
+    x, fixed = d.problem.split(d.values)
+    before = d.problem.residual(x, fixed)
+    step = v / float(np.max(abs(v) / d.scales.sizes))
+    after = d.problem.residual(x + step, fixed)
     if not np.isfinite(after).all():
         return float("inf")
     return float(np.linalg.norm(after - before) / max(1.0, float(np.linalg.norm(before))))
@@ -295,41 +308,17 @@ def _one_scale(point: Point, v: Array) -> float:
 
 def _direction(
     motion: Motion,
-    space: NullSpace,
+    v: Array,
     held: Linearization,
     here: Linearization,
     free: Layout,
-    tolerance: float | None = None,
+    scales: Array | None = None,
 ) -> Direction:
-    """A motion as a vector of the unknowns; of length 1, or of length 1 in scales if it is weak."""
-    y = space.basis @ motion.coefficients
-    v = y / space.lengths
-    if tolerance is not None:
-        v = _without_rounding(y / np.linalg.norm(y), space.lengths, held, tolerance)
-        v = signed(v)
-    else:
-        v = signed(y) / space.lengths
-    change, terms = float(np.linalg.norm(held.along(v))), said(v, free, here)
-    name = motion.name or terms
-    name = f"{name}{terms}" if name.endswith(": ") else name
+    """A motion as a vector v (n,) of the unknowns."""
+    terms = in_units(v, free, here.column_norms, scales=scales)
+    name = f"{motion.name}{terms}" if motion.name.endswith(": ") else motion.name or terms
+    change = float(np.linalg.norm(held.along(v)))
     return Direction(name, motion.kind, motion.joints, v, change, terms)
-
-
-def said(v: Array, free: Layout, here: Linearization) -> str:
-    """A direction in units; if entries are only counted, how much that leaves out.
-
-    `+1 rad of pose[left_hand, y] with ..., 7 more of pose (up to 0.09 rad); those named alone
-    change the residuals by 0.24 sigma`.
-    """
-    effects = here.column_norms
-    order = leading(v, effects)
-    text = in_units(v, free, effects)
-    if len(order) <= SAID:
-        return text
-    w = np.zeros_like(v)
-    w[order[:SAID]] = v[order[:SAID]] / v[order[0]]
-    alone = float(np.linalg.norm(here.along(w)))
-    return f"{text}; those named alone change the residuals by {alone:.2g} sigma"
 
 
 def _without_rounding(y: Array, lengths: Array, held: Linearization, tolerance: float) -> Array:

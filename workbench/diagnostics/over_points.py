@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, Index
 from workbench.blocks import Layout, Values
-from workbench.diagnostics.diagnose import diagnose_whole
+from workbench.diagnostics.diagnosis import diagnose_whole
 from workbench.diagnostics.gauges import Gauge
 from workbench.diagnostics.null_space import Direction
 from workbench.diagnostics.words import counted
@@ -52,14 +52,14 @@ class PointsDiagnosis:
         unknowns: n.
         ranks: (M,) the rank at each point.
         conditions: (M,) the largest singular value over the smallest one that is not zero.
-        unseen: the null directions, the most frequent first.
+        null: the null directions, the most frequent first.
         weak: the weak directions likewise.
     """
 
     unknowns: int
     ranks: Index
     conditions: Array = field(repr=False)
-    unseen: tuple[Recurring, ...]
+    null: tuple[Recurring, ...]
     weak: tuple[Recurring, ...]
 
     @property
@@ -70,12 +70,12 @@ class PointsDiagnosis:
     @property
     def everywhere(self) -> tuple[Recurring, ...]:
         """The directions that are null at every point."""
-        return tuple(one for one in self.unseen if one.count == self.count)
+        return tuple(one for one in self.null if one.count == self.count)
 
     @property
     def somewhere(self) -> tuple[Recurring, ...]:
         """The directions that are null at some points and not at others."""
-        return tuple(one for one in self.unseen if one.count < self.count)
+        return tuple(one for one in self.null if one.count < self.count)
 
     def report(self) -> str:
         """All of it in sentences."""
@@ -110,7 +110,7 @@ class PointsDiagnosis:
             "unknowns": self.unknowns,
             "ranks": self.ranks.tolist(),
             "conditions": self.conditions.tolist(),
-            "unseen": [asdict(one) for one in self.unseen],
+            "null": [asdict(one) for one in self.null],
             "weak": [asdict(one) for one in self.weak],
         }
 

@@ -9,6 +9,7 @@ for each joint with one (its twist about the bone is hidden), 0 for a leaf.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import casadi as cs
 import numpy as np
@@ -18,8 +19,10 @@ from workbench.arrays import Array
 from workbench.blocks import Tree
 from workbench.blocks.functions import Buffered
 from workbench.bodies.forward.sources import BodySource
-from workbench.diagnostics.point import Point
 from workbench.problem import Problem
+
+if TYPE_CHECKING:
+    from workbench.diagnostics.diagnosis import Diagnosis
 
 SMALL = 1e-9  # of a singular value, bones having length 1
 
@@ -157,15 +160,15 @@ class JointTurn:
     second: float
 
 
-def joint_turns(point: Point) -> tuple[JointTurn, ...]:
+def joint_turns(d: "Diagnosis") -> tuple[JointTurn, ...]:
     """The strongest two turns of each joint, all other joints at rest.
 
     Points in space show two turns of a bone equally well. One image shows only one of them if the
     bone lies across the line of sight: the other turn moves its end in depth.
     """
-    found, here, tolerance = [], point.here, point.constrained.tolerance
-    for tree in point.problem.trees:
-        for k, place in tree.turned(point.problem.free).items():
+    found, here, tolerance = [], d.here, d.constrained.tolerance
+    for tree in d.problem.trees:
+        for k, place in tree.turned(d.free).items():
             some = np.arange(place.start, place.stop)
             columns = here.columns(some).dense if here.estimated else here.R[:, place]
             best, second, *_ = *np.linalg.svd(columns, compute_uv=False), 0.0, 0.0

@@ -1,9 +1,8 @@
 """Remedies for null directions: each is carried out before it is suggested.
 
 A null space of dimension d needs d numbers, and no d numbers serve if a null direction changes none
-of them. In rows of an orthonormal basis N (n, d), measured in characteristic scales, an action that
-determines g numbers W x sees W N (g, d). A user does not hold numbers but things, a camera or a row
-of points, or measures the distance between two points, which is one number. Actions are chosen
+of them: to hold g numbers takes g rows of an orthonormal basis N (n, d), measured in characteristic
+scales. A user does not hold numbers but things, a camera or a row of points. Things are chosen
 greedily: the one of the most numbers that are all still unknown, and of these the one of the
 largest volume; single numbers by QR with pivoting (Golub and Van Loan, Matrix Computations, section
 5.4). So no more is held than is unknown.
@@ -13,20 +12,20 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 from math import comb
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import scipy.linalg
 from scipy.sparse import csr_array
 
-from workbench.arrays import Array, Index
+from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.diagnostics.active_set import ConstrainedJacobian, constrained_jacobian_at
 from workbench.diagnostics.null_space import SEARCHED
 from workbench.diagnostics.scales import with_unit
-from workbench.diagnostics.words import families, gathered, in_space, row_label
+from workbench.diagnostics.words import families, gathered, row_label
 from workbench.errors import TooLarge, joined, some_of
-from workbench.problem import Constraint, Problem
+from workbench.problem import Problem
 from workbench.residuals import Residual, gaussian
 
 if TYPE_CHECKING:
@@ -37,12 +36,10 @@ MOST = 200  # null directions up to which the fewest things to hold are searched
 MOST_SETS = 500  # sets of blocks of one size that are compared
 LISTED = 3  # priors that are suggested
 NAMED = 5  # blocks in a suggestion; there may be dozens
-FEW = 5  # actions of a least remedy, from which on a prior leads that takes fewer
+FEW = 5  # things of a least remedy, from which on a prior leads that takes fewer
 DETERMINED = 1e-3  # of a null direction: what a prior on some blocks must see of each
-INDEPENDENT = 1e-3  # smallest singular value of what an action sees, of the largest
+INDEPENDENT = 1e-3  # smallest singular value of the rows of a thing, of the largest
 TIE = 1e-6  # of a column: by less two count as equal, and the first one leads
-RIGID = ("translation", "rotation", "shift")  # of points, between which there are distances
-ENDS = 30  # points of a block between which distances are tried
 WIDE = 2000  # rows of a block up to which each is tried as a thing
 
 
@@ -83,7 +80,7 @@ class Suggestion:
         values: the values with the suggestion carried out.
         kind: `least`, `fix`, `prior`, `drop` or `rewrap`.
         acts: how many things a user does for it.
-        numbers: how many numbers a least remedy holds or measures; 0 for others.
+        numbers: how many numbers a least remedy holds; 0 for others.
     """
 
     what: str
@@ -111,16 +108,14 @@ def rank_and_condition(constrained: ConstrainedJacobian) -> RankAndCondition:
     return RankAndCondition(n, constrained.rank, constrained.condition)
 
 
-def with_more(
-    problem: Problem, residuals: Iterable[Residual] = (), constraints: Iterable[Constraint] = ()
-) -> Problem:
-    """The problem with further residuals and constraints; nothing else changes."""
+def with_more(problem: Problem, residuals: Iterable[Residual]) -> Problem:
+    """The problem with further residuals; nothing else changes."""
     return Problem(
         (*problem.residuals, *residuals),
         problem.free.spelled(),
         problem.bounds,
         problem.known.values(),
-        (*problem.constraints, *constraints),
+        problem.constraints,
     )
 
 
@@ -237,7 +232,7 @@ def _dropped(d: "Diagnosis") -> Iterator[Suggestion]:
 
 def _priors(d: "Diagnosis") -> Iterator[Suggestion]:
     """Gaussian priors, as wide as the characteristic scales, on the fewest blocks that suffice."""
-    names, sizes, problem = _null_blocks(d), d.point.scales.sizes, d.problem
+    names, sizes, problem = _null_blocks(d), d.scales.sizes, d.problem
     for chosen in _fewest(d, names) if names else ():
         priors, widths = [], []
         for name in chosen:
@@ -275,7 +270,7 @@ def _fewest(d: "Diagnosis", names: Sequence[str]) -> list[Sequence[str]]:
     """
     if d.here.estimated:
         return [names]
-    null = _null_in_scales(d)
+    null = d.null_in_scales
     for count in range(1, len(names)):
         if comb(len(names), count) > MOST_SETS:
             break
@@ -299,7 +294,7 @@ def _fixed(d: "Diagnosis") -> Iterator[Suggestion]:
         if not others or _is_unread(d, name):
             continue
         part = d.free.slices[name]
-        null = d.point.constrained.null_rank(part)
+        null = d.constrained.null_rank(part)
         known = part.stop - part.start - int(null)
         noun = "number that is" if known == 1 else "numbers that are"
         yield from _tried(
@@ -321,11 +316,6 @@ def _null_blocks(d: "Diagnosis") -> list[str]:
     return [name for name, at in d.free.slices.items() if moved[at].any()]
 
 
-def _null_in_scales(d: "Diagnosis") -> Array:
-    """(n, d) an orthonormal basis of the null space, with unknowns in characteristic scales."""
-    return d.point.null_in(d.point.measured, d.point.scales.sizes)
-
-
 def _together(names: Sequence[str]) -> str:
     """All names, or the first few and how many more there are."""
     return " and ".join(names) if len(names) <= NAMED else some_of(names, NAMED)
@@ -339,120 +329,91 @@ def _unused(name: str, taken: Iterable[str]) -> str:
     return name
 
 
-# The fewest things to hold or to measure.
+# The fewest things to hold.
 
 
-@dataclass(frozen=True, eq=False)
-class Action:
-    """One thing that a user does to make something known.
-
-    Attributes:
-        what: what is held or measured, such as `cam0` or `the distance of points[1] and points[7]`.
-        weights: (g, q) the combinations of unknowns that it determines, rows of one length.
-        places: (q,) the places of these unknowns.
-        ends: the block and the two rows between which a distance is measured; None if unknowns are
-            held.
-    """
+class Thing(NamedTuple):
+    """What can be held as one thing, such as `cam0`: the places of its unknowns."""
 
     what: str
-    weights: Array = field(repr=False)
-    places: Index = field(repr=False)
-    ends: tuple[str, int, int] | None = None
-
-    @property
-    def size(self) -> int:
-        """How many numbers it determines."""
-        return len(self.weights)
-
-    def seen(self, null: Array) -> Array:
-        """How its numbers change along the directions of a null space (n, d): (g, d)."""
-        return np.asarray(self.weights @ null[self.places])
+    places: list[int]
 
     def volume(self, null: Array) -> float:
-        """The mean logarithm of the singular values of what it sees; -inf if one is nothing."""
-        s = np.linalg.svd(self.seen(null), compute_uv=False)
-        length = float(np.linalg.norm(self.weights[0]))
-        if len(s) < self.size or s[-1] <= INDEPENDENT * max(s[0], 1e-3 * length):
+        """The mean logarithm of the singular values of its rows; -inf if one is nothing."""
+        s = np.linalg.svd(null[self.places], compute_uv=False)
+        if len(s) < len(self.places) or s[-1] <= INDEPENDENT * max(s[0], 1e-3):
             return -np.inf
-        return float(np.round(np.mean(np.log(s / length)), 1))  # of nearly equal ones the first
-
-
-def _held(what: str, entries: Sequence[int]) -> Action:
-    return Action(what, np.eye(len(entries)), np.array(entries, dtype=np.int64))
+        return float(np.round(np.mean(np.log(s)), 1))  # of nearly equal ones the first
 
 
 def _least(d: "Diagnosis") -> list[Suggestion]:
-    """Up to three remedies of the least number of numbers, fewest actions first.
+    """Up to two remedies of the least number of numbers, fewest things first.
 
-    They hold things and entries, or entries alone, or measure distances where points move rigidly.
-    Of as many actions those that measure nothing come first, because every solver takes them, and
-    then those after which no direction is nearly unknown.
+    They hold things and entries, or entries alone. Of as many things those come first after which
+    no direction is nearly unknown.
     """
     k = d.shape[1] - d.rank
     if not 0 < k <= MOST or k == d.shape[1]:
         return []
-    null, distances, groups = _null_in_scales(d), _distances(d), _things(d)
-    entries = [_held(d.free.label(i), [i]) for i in range(d.free.size)]
+    entries = [Thing(d.free.label(i), [i]) for i in range(d.free.size)]
     # blocks of one number come before entries: a focal length, and not one point of many
     numbers = [entries[at.start] for at in d.free.slices.values() if at.stop == at.start + 1]
-    preferred = [[numbers, entries], *([[distances, numbers, entries]] if distances else [])]
-    choices = [_chosen(null, some, *singles) for singles in preferred for some in (groups, [])]
-    ranked: list[tuple[int, bool, float, Suggestion]] = []
-    for actions in {frozenset(a.what for a in some): some for some in choices}.values():
-        seen = np.vstack([action.seen(null) for action in actions])
-        if len(seen) == k:
-            least = float(np.round(np.linalg.svd(seen, compute_uv=False)[-1], 6))
-            measures = any(action.ends for action in actions)
-            tried = _carried_out(d, actions)
-            ranked += [(len(actions), measures, -least, suggestion) for suggestion in tried]
-    ranked.sort(key=lambda one: one[:3])
-    measured = [one for one in ranked if one[1]]
-    single = [one for one in ranked if one[0] == k]
-    kept = {id(one) for one in (*ranked[:1], *measured[:1], *single[:1])}
-    return [one[3] for one in ranked if id(one) in kept]
+    choices = [_chosen(d.null_in_scales, some, numbers, entries) for some in (_things(d), [])]
+    ranked: list[tuple[int, float, Suggestion]] = []
+    for things in {frozenset(one.what for one in some): some for some in choices}.values():
+        rows = _rows(d.null_in_scales, things)
+        if len(rows) == k:
+            least = float(np.round(np.linalg.svd(rows, compute_uv=False)[-1], 6))
+            ranked += [(len(things), -least, one) for one in _held(d, things)]
+    ranked.sort(key=lambda one: one[:2])
+    return [one[2] for i, one in enumerate(ranked) if i == 0 or one[0] == k]
 
 
-def _chosen(null: Array, groups: Sequence[Action], *singles: Sequence[Action]) -> list[Action]:
-    """Actions that together determine the null space (n, d), greedily: the largest first.
+def _rows(null: Array, things: Sequence[Thing]) -> Array:
+    return null[[i for one in things for i in one.places]]
 
-    `singles` are lists of actions of one number, the preferred ones first.
+
+def _chosen(null: Array, groups: Sequence[Thing], *singles: Sequence[Thing]) -> list[Thing]:
+    """Things that together determine the null space (n, d), greedily: the largest first.
+
+    `singles` are lists of things of one number, the preferred ones first.
     """
-    chosen: list[Action] = []
+    chosen: list[Thing] = []
     left = null
     while left.shape[1]:
-        fitting = [(a.size, a.volume(left), a) for a in groups if a.size <= left.shape[1]]
+        fitting = [(len(one.places), one.volume(left), one) for one in groups]
         fitting = [one for one in fitting if np.isfinite(one[1])]
         if not fitting:
             break
         chosen.append(max(fitting, key=lambda one: one[:2])[2])
         left = _left(null, chosen)
-        groups = [a for *_, a in fitting if a is not chosen[-1]]
-    for actions in singles:
-        if left.shape[1] and actions:
-            chosen += _pivoted(actions, left)
+        groups = [one for *_, one in fitting if one is not chosen[-1]]
+    for things in singles:
+        if left.shape[1] and things:
+            chosen += _pivoted(things, left)
             left = _left(null, chosen)
     return chosen
 
 
-def _left(null: Array, actions: Sequence[Action]) -> Array:
-    """What of the null space (n, d) is still free when these actions are done."""
-    if not actions:
+def _left(null: Array, things: Sequence[Thing]) -> Array:
+    """What of the null space (n, d) is still free when these things are held."""
+    if not things:
         return null
-    _, s, Vt = np.linalg.svd(np.vstack([action.seen(null) for action in actions]))
+    _, s, Vt = np.linalg.svd(_rows(null, things))
     rank = int(np.sum(s > 1e-3 * INDEPENDENT * s.max(initial=0.0)))
     return np.asarray(null @ Vt[rank:].T)
 
 
-def _pivoted(actions: Sequence[Action], null: Array) -> list[Action]:
-    """As many independent actions of one number as there are, up to the dimension of `null`."""
-    rows = np.vstack([action.seen(null) for action in actions])
+def _pivoted(things: Sequence[Thing], null: Array) -> list[Thing]:
+    """As many independent things of one number as there are, up to the dimension of `null`."""
+    rows = _rows(null, things)
     first = 1 - TIE * np.arange(len(rows)) / len(rows)  # of equal ones the first one leads
     R, pivots = scipy.linalg.qr(rows.T * first, mode="r", pivoting=True)
     count = int(np.sum(abs(np.diag(R)) > INDEPENDENT))
-    return [actions[int(p)] for p in np.sort(pivots[:count])]
+    return [things[int(p)] for p in np.sort(pivots[:count])]
 
 
-def _things(d: "Diagnosis") -> list[Action]:
+def _things(d: "Diagnosis") -> list[Thing]:
     """What can be held as one thing: families of blocks, blocks, rows, and rows of two blocks.
 
     Rows of the same number in two blocks are one thing, unless a residual reads different rows of
@@ -474,7 +435,7 @@ def _things(d: "Diagnosis") -> list[Action]:
             for some in (*((name,) for name in names), *pairs):
                 entries = [i for n in some for i in np.reshape(at[n], (count, -1))[row].tolist()]
                 named.setdefault(tuple(entries), " and ".join(_row(d, n, row) for n in some))
-    return [_held(what, entries) for entries, what in named.items() if 1 < len(entries) <= most]
+    return [Thing(what, list(at)) for at, what in named.items() if 1 < len(at) <= most]
 
 
 def _row_by_row(d: "Diagnosis", pair: tuple[str, str], count: int) -> bool:
@@ -498,45 +459,14 @@ def _row(d: "Diagnosis", name: str, row: int) -> str:
     return f"{name}[{row_label(d.free[name], row, d.free[name].shape[-1])}]"
 
 
-def _distances(d: "Diagnosis") -> list[Action]:
-    """Distances between points that move in the null space."""
-    x = d.problem.split(d.values)[0]
-    moved = np.zeros(d.free.size, dtype=bool)
-    for direction in d.null_directions:
-        if direction.kind in RIGID:
-            moved |= direction.vector != 0
-    actions = []
-    for block in d.free.blocks:
-        at, wide = d.free.slices[block.name], block.shape[-1] if block.shape else 0
-        points = in_space(block) and block.size > wide and block.whole is None
-        if not points or not moved[at].all():
-            continue
-        X = x[at].reshape(-1, wide)
-        for i, j in combinations(range(0, len(X), -(-len(X) // ENDS)), 2):
-            apart = X[i] - X[j]
-            if length := float(np.linalg.norm(apart)):
-                weights = np.concatenate([apart, -apart])[None] / length
-                places = at.start + np.concatenate([wide * k + np.arange(wide) for k in (i, j)])
-                ends = f"{_row(d, block.name, i)} and {_row(d, block.name, j)}"
-                what = f"the distance of {ends}"
-                actions.append(Action(what, weights, places, (block.name, i, j)))
-    return actions
-
-
-def _carried_out(d: "Diagnosis", actions: Sequence[Action]) -> Iterator[Suggestion]:
-    """What is held is not free any more, and a distance is a constraint."""
-    holding = [action for action in actions if action.ends is None]
-    held = [i for action in holding for i in action.places.tolist()]
-    left = np.setdiff1d(np.arange(d.free.size), held)
+def _held(d: "Diagnosis", things: Sequence[Thing]) -> Iterator[Suggestion]:
+    """What is held is not free any more."""
+    left = np.setdiff1d(np.arange(d.free.size), [i for one in things for i in one.places])
     if not left.size:
         return
-    k = sum(action.size for action in actions)
-    problem = d.problem.freeing(*d.free.chosen(left).spelled())
-    problem = with_more(
-        problem, constraints=[_measured(d, action, problem) for action in actions if action.ends]
-    )
-    entries = [action.what for action in holding if action.size == 1]
-    others = [action.what for action in actions if action.what not in entries]
+    k = d.free.size - left.size
+    entries = [one.what for one in things if len(one.places) == 1]
+    others = [one.what for one in things if len(one.places) > 1]
     yield from _tried(
         d,
         "least",
@@ -544,21 +474,8 @@ def _carried_out(d: "Diagnosis", actions: Sequence[Action]) -> Iterator[Suggesti
         f"{'one number' if k == 1 else f'{k} numbers'} for as many null directions: the fewest "
         "that can determine everything",
         "nothing where these directions are gauges; elsewhere what is held must be right",
-        problem,
+        d.problem.freeing(*d.free.chosen(left).spelled()),
         better=lambda a, b: fewer_null(a, b) and b.rank == b.unknowns,
-        acts=len(actions),
+        acts=len(things),
         numbers=k,
     )
-
-
-def _measured(d: "Diagnosis", action: Action, problem: Problem) -> Constraint:
-    """The distance held at its present value."""
-    assert action.ends is not None
-    name, i, j = action.ends
-    block = d.problem.known[name]
-    X = np.asarray(d.values[name]).reshape(block.shape)
-    length = float(np.linalg.norm(X[i] - X[j]))
-    apart = block.symbol[:, i] - block.symbol[:, j]
-    square = (apart.T @ apart) / (2 * length) - length / 2  # of slope 1 in the distance
-    called = _unused(action.what, (constraint.name for constraint in problem.constraints))
-    return Constraint(called, square, 0.0, 0.0, block.unit)

@@ -8,8 +8,9 @@ import numpy as np
 
 from workbench.diagnostics.conditioning import PARALLEL
 from workbench.diagnostics.gauges import is_gauge
-from workbench.diagnostics.identifiability import UNCHANGED, EntryIdentifiability
+from workbench.diagnostics.identifiability import EntryIdentifiability
 from workbench.diagnostics.null_space import Direction
+from workbench.diagnostics.scales import METRES
 from workbench.diagnostics.words import counted, gathered, named_groups, named_rows, sections, table
 from workbench.errors import joined, some_of
 
@@ -26,6 +27,7 @@ FELT = 0.05  # of the best turn of all joints: joints with weaker turns are not 
 WEAKER = 30.0  # times weaker than nearby: the point is near one where the rank falls
 ALONE = 0.999  # leverage from which on a row determines a direction alone
 NEARBY = 1e-3  # characteristic scales: how far from a point that is not finite to look again
+FAR = 1e3  # times a characteristic scale, or less by that: it may not be what matters
 GAUGES = {  # nouns, one and several, by the kinds of directions that are gauges
     "translation": ("translation", "translations"),
     "rotation": ("rotation", "rotations"),
@@ -38,12 +40,6 @@ GAUGES = {  # nouns, one and several, by the kinds of directions that are gauges
 }
 # How well entries are identified, from well to not at all: heads of tables.
 VERDICTS = ("identified", "practically not", "numerically not", "structurally not")
-MEANS = (
-    f"sigma is below {UNCHANGED} of the prior's or, without a prior, below a characteristic scale",
-    "the residuals depend on it, but sigma is not below that",
-    "it has a part in a null direction",
-    "the sparsity pattern alone leaves it open",
-)
 
 
 # What it found.
@@ -92,7 +88,7 @@ def _values(d: "Diagnosis") -> Iterator[Finding]:
     ):
         if where:
             yield Finding("values", f"{what} is not finite: {some_of(where)}")
-    rng, step = np.random.default_rng(0), NEARBY * d.point.scales.sizes
+    rng, step = np.random.default_rng(0), NEARBY * d.scales.sizes
     x, fixed = d.problem.split(d.values)
     moved = d.problem.values(x + step * rng.standard_normal(x.shape), fixed)
     if d.problem.linearize(d.values | moved).finite:
@@ -106,9 +102,10 @@ def _values(d: "Diagnosis") -> Iterator[Finding]:
 def _width(d: "Diagnosis") -> Iterator[Finding]:
     if d.widths:
         low, high = (f"{width:.2g}" for width in (min(d.widths), max(d.widths)))
+        null = counted(d.shape[1] - d.rank, "null direction")
         text = (
-            f"the cost rises along {len(d.widths)} of {_null_directions(d.shape[1] - d.rank)}, by "
-            f"its exact Hessian with a standard deviation of "
+            f"the cost rises along {len(d.widths)} of {null}, by its "
+            f"exact Hessian with a standard deviation of "
             f"{low if low == high else f'{low} to {high}'} characteristic scales: these directions "
             "have a width, which the Jacobian does not show"
         )
@@ -140,12 +137,12 @@ def _rank(d: "Diagnosis") -> Iterator[Finding]:
     if d.rank < n:
         text = f"{n - d.rank} of {n} directions change no residual"
         text += " to first order" if d.widths else ""
-        text += f", and no active {_one(d)} forbids them" if d.point.active.any else ""
+        text += f", and no active {_one(d)} forbids them" if d.active.any else ""
         yield Finding("rank", text)
-        if text := _invariant(d):
+        if text := gauges_in_words(() if d.widths else d.null_directions):
             yield Finding("rank", text, False)
         for gauge in d.gauges:
-            if not is_gauge(gauge, d.problem, d.values, d.point.constrained.null):
+            if not is_gauge(gauge, d.problem, d.values, d.constrained.null):
                 text = f"{gauge.name} is declared to be a gauge, but no other unknowns undo it here"
                 yield Finding("rank", text)
     for names in d.exchanges:
@@ -154,7 +151,7 @@ def _rank(d: "Diagnosis") -> Iterator[Finding]:
             "that every solution has equals elsewhere"
         )
         yield Finding("rank", text, False)
-    if d.point.active.any:
+    if d.active.any:
         yield Finding("rank", held(d), False)
     if nearby.ranks and max(nearby.ranks) > d.rank:
         text = (
@@ -173,47 +170,55 @@ def _rank(d: "Diagnosis") -> Iterator[Finding]:
     if d.weak_count:
         text = (
             f"{counted(d.weak_count, 'weak direction')}: a whole characteristic scale "
-            f"({d.point.scales}) changes the residuals by less than one sigma"
+            f"({d.scales}) changes the residuals by less than one sigma"
         )
         yield Finding("rank", text, False)
+    yield from _scales(d)
 
 
-def _null_directions(count: int) -> str:
-    return counted(count, "null direction")
-
-
-def _invariant(d: "Diagnosis") -> str:
-    """The gauges; where the cost rises along null directions it is not invariant to all of them."""
-    return "" if d.widths else gauges_in_words(d.null_directions)
+def _scales(d: "Diagnosis") -> Iterator[Finding]:
+    """Zeros say nothing, nor does what is small in a unit with a zero of its own, as an angle."""
+    x, far = d.problem.split(d.values)[0], []
+    for block in d.free.blocks:
+        at = d.free.slices[block.name]
+        size = float((abs(x[at]) / d.scales.sizes[at]).max(initial=0.0))
+        small = 0 < size <= 1 / FAR and block.unit in METRES
+        if (size >= FAR or small) and block.name not in d.given_scales:
+            far.append(block.name)
+    if far:
+        text = (
+            f"values of {joined(far)} and their characteristic scales differ by a factor of "
+            f"{FAR:g} or more: `scales` says how large a change of them matters"
+        )
+        yield Finding("identifiability", text, False)
 
 
 def gauges_in_words(directions: Sequence[Direction]) -> str:
-    """`nothing changes under 3 translations and 1 rotation (4 of 6 null directions)`, or empty."""
+    """`no residual changes under 3 translations: 3 of 6 null directions are gauges`, or empty."""
     counts = {kind: sum(x.kind == kind for x in directions) for kind in GAUGES}
     parts = [f"{count} {GAUGES[kind][count > 1]}" for kind, count in counts.items() if count]
     if not parts:
         return ""
     count = sum(counts.values())
-    return (
-        f"no residual changes under {joined(parts)}: {count} of "
-        f"{_null_directions(len(directions))} {'is a gauge' if count == 1 else 'are gauges'}"
-    )
+    null, are = counted(len(directions), "null direction"), "is a" if count == 1 else "are"
+    gauges = "gauge" if count == 1 else "gauges"
+    return f"no residual changes under {joined(parts)}: {count} of {null} {are} {gauges}"
 
 
 def unread(d: "Diagnosis") -> str:
     """The unknowns that no residual depends on, in a sentence."""
-    nothing = f"residual and no active {_one(d)}" if d.point.active.any else "residual"
+    nothing = f"residual and no active {_one(d)}" if d.active.any else "residual"
     return f"no {nothing} depends on {named_groups(d.free, d.structure.unread)}"
 
 
 def _one(d: "Diagnosis") -> str:
     """`bound`, `constraint`, or `bound or constraint`."""
-    return " or ".join(word.removesuffix("s") for word in d.point.active.what.split(" and "))
+    return " or ".join(word.removesuffix("s") for word in d.active.what.split(" and "))
 
 
 def held(d: "Diagnosis") -> str:
     """What bounds and constraints add to the rank, in a sentence."""
-    names, count, what = d.point.active.names, d.point.constrained.count, d.point.active.what
+    names, count, what = d.active.names, d.constrained.count, d.active.what
     return (
         f"active {what} ({some_of(names)}) fix {counted(count, 'direction')}, which "
         f"{'counts' if count == 1 else 'count'} towards the rank"
@@ -243,8 +248,8 @@ def _conditioning(d: "Diagnosis") -> Iterator[Finding]:
     norms = d.here.column_norms[d.here.column_norms > 0]
     if norms.size and norms.max() > UNEVEN * norms.min():
         text = f"the columns differ in length by a factor of {norms.max() / norms.min():.1e}"
-        if np.isfinite(d.condition) and d.by_elimination is None and not d.point.active.any:
-            s = d.scaled_singular_values
+        if np.isfinite(d.condition) and d.sparse is None and not d.active.any:
+            s = d.constrained.stacked.singular_values
             if BETTER * s[0] < s[-1] * d.condition:
                 text += (
                     f"; with columns of length 1, as scaling=columns does, the condition number is "
@@ -257,7 +262,7 @@ def _conditioning(d: "Diagnosis") -> Iterator[Finding]:
         text = f"{counted(len(same), 'pair')} of unknowns with parallel columns: {pairs}"
         yield Finding("conditioning", text)
     if d.leverage is not None:
-        data = np.flatnonzero((d.leverage > ALONE) & ~d.point.is_prior).tolist()
+        data = np.flatnonzero((d.leverage > ALONE) & ~d.is_prior).tolist()
         if data:
             rows = ", ".join(d.problem.row_label(i) for i in data[:3])
             which = "it determines" if len(data) == 1 else "each determines"
@@ -310,12 +315,8 @@ def further(d: "Diagnosis") -> str:
 # A few lines.
 
 
-def summary(d: "Diagnosis") -> str:
-    """Size, rank, and the names of the null directions."""
-    return "\n".join(_lines(d))
-
-
-def _lines(d: "Diagnosis") -> Iterator[str]:
+def summary(d: "Diagnosis") -> Iterator[str]:
+    """Lines of size, rank, and the names of the null directions."""
     m, n = d.shape
     yield f"Jacobian {m} x {n}, {d.nonzeros} nonzeros ({d.density:.1%})"
     structural = f"structural rank {d.structural_rank} of {n}"
@@ -324,19 +325,20 @@ def _lines(d: "Diagnosis") -> Iterator[str]:
         yield from (finding.text for finding in d.findings)
         return
     yield f"numerical rank {d.rank} of {n}{gap(d)}"
-    if d.point.active.any:
+    if d.active.any:
         yield held(d)
     if d.rank == n:
         yield f"full rank, condition {d.condition:.3g}"
     else:
-        if text := _invariant(d):
+        if text := gauges_in_words(() if d.widths else d.null_directions):
             yield text
-        yield f"{_null_directions(len(d.null_directions))} (no residual changes along them):"
+        null = counted(len(d.null_directions), "null direction")
+        yield f"{null} (no residual changes along them):"
         yield from (f"  {line}" for line in names_of(d.null_directions))
     if d.weak_count:
         yield (
             f"{counted(d.weak_count, 'weak direction')} (a whole characteristic scale changes the "
-            f"residuals by less than one sigma; the scales are, {d.point.scales})"
+            f"residuals by less than one sigma; the scales are, {d.scales})"
         )
 
 
@@ -354,7 +356,7 @@ def gap(d: "Diagnosis") -> str:
 
     Empty, too, where the rank was found by elimination, without singular values.
     """
-    if d.by_elimination is not None:
+    if d.sparse is not None:
         return ""
     s, rank = d.singular_values, d.reduced_rank
     if not 0 < rank < s.size:
@@ -413,14 +415,14 @@ def _size(d: "Diagnosis") -> Iterator[str]:
     if s.under.columns.size:
         yield (
             f"the under-determined unknowns are {named_groups(d.free, s.under.columns)}, in "
-            f"{named_rows(d.point.rows, s.under.rows) or 'no row'}"
+            f"{named_rows(d.rows, s.under.rows) or 'no row'}"
         )
 
 
 def _ranks(d: "Diagnosis") -> Iterator[str]:
     n = d.shape[1]
     yield f"numerical rank {d.rank} of {n}{gap(d)}; tolerance {d.tolerance:.1e}"
-    if d.point.active.any:
+    if d.active.any:
         yield held(d)
     if d.here.estimated:
         yield (
@@ -457,7 +459,7 @@ def _null(d: "Diagnosis") -> Iterator[str]:
         f"{counted(count, 'direction')}; one unit along {which} changes the residuals by at most "
         f"{worst:.1e} sigma"
     )
-    if text := _invariant(d):
+    if text := gauges_in_words(() if d.widths else d.null_directions):
         yield text
     yield from names_of(d.null_directions)
 
@@ -520,11 +522,12 @@ def _known(d: "Diagnosis") -> Iterator[str]:
         used = [some or count > 0 for some, count in zip(used, counts, strict=True)]
         rows.append((block.name, block.unit, spread, *map(str, counts)))
     yield from table(("block", "unit", "sigma", *VERDICTS), rows)
-    yield "; ".join(f"{v}: {m}" for v, m, some in zip(VERDICTS, MEANS, used, strict=True) if some)
+    means = zip(VERDICTS, reversed(EntryIdentifiability), used, strict=True)
+    yield "; ".join(f"{head}: {verdict.value}" for head, verdict, some in means if some)
     if d.widths:
         yield "sigmas are those of J'J, which does not show the width along null directions"
     if not d.weak_count:
-        yield f"the characteristic scales are, {d.point.scales}"
+        yield f"the characteristic scales are, {d.scales}"
     for a, b, c in known.correlations[:3]:
         yield f"correlation {c:+.3f}: {d.free.label(a)} and {d.free.label(b)}"
 

@@ -11,9 +11,9 @@ from scipy.sparse import csc_array, hstack
 from workbench.arrays import Array, Index, Mask
 from workbench.blocks import Layout
 from workbench.blocks.directions import in_units
+from workbench.diagnostics.bases import FRESH, beyond
 from workbench.diagnostics.gauges import Found, Gauge, NullSpace, gauges
 from workbench.diagnostics.joint_motions import JointMotion, joint_motions
-from workbench.diagnostics.sparse_bases import FRESH, beyond
 from workbench.diagnostics.words import counted, gathered
 
 if TYPE_CHECKING:

@@ -11,23 +11,23 @@ from scipy.sparse import csc_array
 from workbench.arrays import Array, Index, Mask
 from workbench.blocks import Block, Layout, Tree, Values
 from workbench.diagnostics.active_set import check_finite, linearized, not_finite
+from workbench.diagnostics.bases import FRESH
 from workbench.diagnostics.data import plain
 from workbench.diagnostics.diagnosis import Diagnosis, Undiagnosed
 from workbench.diagnostics.elimination import Elimination, FrameRows, frames_of_rows
 from workbench.diagnostics.gauges import Gauge
-from workbench.diagnostics.identifiability import prior_sigma
+from workbench.diagnostics.identifiability import sigma_of_priors
 from workbench.diagnostics.null_space import WEAK
 from workbench.diagnostics.report import Finding, listed
 from workbench.diagnostics.scales import Scales, scales
 from workbench.diagnostics.sequence_names import NullDirections, named
-from workbench.diagnostics.sparse_bases import FRESH
 from workbench.diagnostics.words import counted, sections, table
 from workbench.errors import BadArgument, some_of
 from workbench.problem import Linearization, Problem
 from workbench.problem.sparsity import columns_of_nonzeros
 
 SCHEMA = "workbench.sequence-diagnosis"
-VERSION = 1  # raised when a key is removed or changes its meaning; new keys do not raise it
+VERSION = 2  # raised when a key is removed or changes its meaning; new keys do not raise it
 FEW = 0.1  # of the frames: a shared unknown that at most so many see causes a warning
 RUNS = 5  # of frames that are listed
 
@@ -282,7 +282,7 @@ class SequenceDiagnosis:
         at = np.flatnonzero(self.problem.rows_named(self.priors) & read)
         part = self.rows.rest[at][:, border].toarray() * self.rows.lengths[border]
         reads = np.asarray(part.any(axis=1))
-        prior = prior_sigma(Linearization(np.zeros(len(part)), part), reads)
+        prior = sigma_of_priors(Linearization(np.zeros(len(part)), part), reads)
         sizes = scales(layout, self.problem.known.values(), self.values, prior)
         return SharedUnknowns.of(self.rows, layout, sizes, self.sigma[border], self.null_vectors)
 
@@ -511,7 +511,7 @@ class SequenceDiagnosis:
             ],
             "shared_ranks": known.ranks,
             "largest_sigma": self.largest_sigma,
-            "blind": {name: some for name, some in self.insensitive.items() if some},
+            "insensitive": {name: some for name, some in self.insensitive.items() if some},
             "missing": self.missing,
         }
 

@@ -33,7 +33,7 @@ from scipy.sparse import (
 from scipy.sparse.linalg import SuperLU, splu
 
 from workbench.arrays import Array, Mask
-from workbench.diagnostics.row_spaces import row_space
+from workbench.diagnostics.bases import row_space
 from workbench.errors import TooLarge
 from workbench.problem import Linearization
 from workbench.problem.spectrum import largest_eigenpairs, largest_eigenvalue
@@ -305,8 +305,8 @@ class SparseJacobian:
         """
         found = self._generalized(B)
         if len(self.forbidden):
-            P, inner = self._across
-            found -= P @ np.linalg.solve(inner, P.T @ B)
+            P = self._across
+            found -= P @ np.linalg.solve(self.forbidden @ P, P.T @ B)
         return found
 
     def covariances(self) -> Iterator[tuple[int, Array]]:
@@ -377,10 +377,9 @@ class SparseJacobian:
         return np.asarray(self.factored.covariance_times(B / by) / by)
 
     @cached_property
-    def _across(self) -> tuple[Array, Array]:
-        """P A' (n, r) and A P A' (r, r) for an orthonormal basis A of what is forbidden."""
-        P = self._generalized(self.forbidden.T)
-        return P, self.forbidden @ P
+    def _across(self) -> Array:
+        """That times an orthonormal basis of what is forbidden, (n, r)."""
+        return self._generalized(self.forbidden.T)
 
     def _seen(self, v: Array) -> Array:
         """What is left of v (n,) without null directions."""
@@ -443,11 +442,11 @@ def _system(S: csc_array, signs: Array, shift: Array, forbidden: Array | None = 
 def _factorized(K: csc_array) -> SuperLU:
     """A symmetric matrix K = L U with pivots on the diagonal. Raises TooLarge."""
     n = K.shape[0]
-    if n**2 > LARGEST and (size := factor_size(K)) > LARGEST:
+    if n**2 > LARGEST and factor_size(K) > LARGEST:
         raise TooLarge(
-            f"the factor of a sparse Jacobian with {n:,} unknowns would have "
-            f"{size:,} entries, and up to {LARGEST:,.0f} are computed: free fewer blocks, or "
-            "divide the problem into parts with few common unknowns"
+            f"the factor of a sparse Jacobian with {n:,} unknowns would have more than "
+            f"{LARGEST:,.0f} entries: free fewer blocks, or divide the problem into parts with few "
+            "common unknowns"
         )
     return splu(
         K,
@@ -460,47 +459,24 @@ def _factorized(K: csc_array) -> SuperLU:
 def factor_size(K: csc_array) -> int:
     """How many nonzeros the Cholesky factor of a matrix with this symmetric pattern has.
 
-    For an approximate minimum degree ordering, without the factor (Gilbert, Ng and Peyton, An
-    efficient algorithm to compute row and column counts for sparse Cholesky factorization, SIAM
-    Journal on Matrix Analysis and Applications 15, 1994).
+    For an approximate minimum degree ordering, without the factor; counted no further than LARGEST.
+    In row i they are on the paths from its nonzeros up the elimination tree to i (Liu, The role of
+    elimination trees in sparse factorization, SIAM Journal on Matrix Analysis and Applications 11,
+    1990).
     """
-    n = K.shape[0]
-    order = _pattern(K).amd()
+    n, order = K.shape[0], _pattern(K).amd()
     K = csc_array(csc_array(K[:, order])[order])
-    parent, lower = _pattern(csc_array(triu(K))).etree(), csc_array(tril(K, -1))
-    children: list[list[int]] = [[] for _ in range(n)]
-    for j in range(n):
-        if parent[j] >= 0:
-            children[parent[j]].append(j)
-    order, left = [], [j for j in range(n) if parent[j] < 0]
-    while left:
-        order.append(j := left.pop())
-        left += children[j]
-    order.reverse()  # children before their parents, a family together
-    first, counts = [-1] * n, [0 if some else 1 for some in children]
-    for place, j in enumerate(order):
-        while j >= 0 and first[j] < 0:
-            first[j], j = place, parent[j]
-    latest, leaf, root = [-1] * n, [-1] * n, list(range(n))
-    starts, rows = lower.indptr.tolist(), lower.indices.tolist()
-    for j in order:
-        for i in rows[starts[j] : starts[j + 1]]:
-            if first[j] <= latest[i]:
-                continue
-            latest[i], before, leaf[i] = first[j], leaf[i], j
-            counts[j] += 1
-            if before >= 0:
-                while root[before] != before:
-                    root[before] = root[root[before]]
-                    before = root[before]
-                counts[before] -= 1
-        if parent[j] >= 0:
-            counts[parent[j]] -= 1
-            root[j] = parent[j]
-    for j in range(n):
-        if parent[j] >= 0:
-            counts[parent[j]] += counts[j]
-    return sum(counts)
+    parent, lower = _pattern(csc_array(triu(K))).etree(), csr_array(tril(K, -1))
+    size, reached = n, [-1] * n
+    starts, columns = lower.indptr.tolist(), lower.indices.tolist()
+    for i in range(n):
+        reached[i] = i
+        for j in columns[starts[i] : starts[i + 1]]:
+            while reached[j] != i:
+                size, reached[j], j = size + 1, i, parent[j]
+        if size > LARGEST:
+            break
+    return size
 
 
 def _pattern(matrix: csc_array) -> cs.Sparsity:

@@ -123,7 +123,7 @@ def other_minima(
     if directions < 1:
         raise BadArgument(f"one direction or more is looked along, not {directions}")
     here = diagnose_whole(problem, values)
-    sizes = here.point.scales.sizes
+    sizes = here.scales.sizes
     s, basis = _weakest(here.here.dense * sizes, directions)
     x, fixed = problem.split(values)
     starts = [

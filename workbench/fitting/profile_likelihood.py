@@ -143,7 +143,7 @@ def profile_likelihood(
         )
     found = diagnose_whole(problem, values)
     sd = float(found.identifiability.sigma[labels[entry]])
-    yardstick = float(found.point.scales.sizes[labels[entry]])
+    yardstick = float(found.scales.sizes[labels[entry]])
     walk = _Walk(
         problem,
         problem.freeing(*(name for name in labels if name != entry)),

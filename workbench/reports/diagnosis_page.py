@@ -10,7 +10,7 @@ import numpy as np
 from workbench import plots
 from workbench.bodies.body import Body
 from workbench.diagnostics import Diagnosis, DiagnosisComparison, SequenceDiagnosis
-from workbench.diagnostics.diagnose import diagnose_whole
+from workbench.diagnostics.diagnosis import diagnose_whole
 from workbench.diagnostics.report import compared_blocks, further, held
 from workbench.errors import BadArgument, joined
 from workbench.fitting.profile_likelihood import Profile
@@ -101,7 +101,7 @@ def diagnosis_page(
         d=d,
         suggestions=diagnosis_tables.suggestions_table(d),
         further=further(d),
-        held=held(d) if d.point.active.any else "",
+        held=held(d) if d.active.any else "",
         sparsity=(None if d.here.estimated else drawn(sparsity_sheet, plots.caption_sparsity, d)),
         terms=terms_table(d),
         parts=diagnosis_tables.parts_table(d),
@@ -152,11 +152,11 @@ def _drawn_sigmas(d: Diagnosis) -> Shown:
 def _numbers(d: Diagnosis, body: Body | None, views: Sequence[View]) -> dict[str, Any]:
     """What the page says of a Jacobian whose numbers are finite."""
     return {
-        "scales": str(d.point.scales),
+        "scales": str(d.scales),
         "ranks": diagnosis_tables.ranks_table(d),
         "spectrum": spectrum(d),
-        "unseen": gathered_directions_table(d.null_directions),
-        "unseen_pictures": pictures(d, d.null_directions, body),
+        "null_table": gathered_directions_table(d.null_directions),
+        "null_pictures": pictures(d, d.null_directions, body),
         "weak": gathered_directions_table(d.weak_directions, "characteristic scale"),
         "weak_pictures": pictures(d, d.weak_directions, body),
         "recording": recorded_diagnosis(d, body, views),

@@ -28,7 +28,7 @@ def parts_table(d: Diagnosis) -> Table:
         "part": lambda of: of[0],
         "rows": lambda of: f"{len(of[1].rows):,}",
         "unknowns": lambda of: f"{len(of[1].columns):,}",
-        "which rows": lambda of: named_rows(d.point.rows, of[1].rows) or "–",
+        "which rows": lambda of: named_rows(d.rows, of[1].rows) or "–",
         "which unknowns": lambda of: named_groups(d.free, of[1].columns) or "–",
     }
     return Table.of(parts, columns, (1, 2))
@@ -101,7 +101,7 @@ def known_table(d: Diagnosis) -> Table:
 
 def entries_table(d: Diagnosis) -> Table:
     """A table with a row for every unknown."""
-    known, sizes = d.identifiability, d.point.scales.sizes
+    known, sizes = d.identifiability, d.scales.sizes
     columns: Columns[int] = {
         "unknown": d.free.label,
         "unit": d.free.unit,

@@ -110,7 +110,7 @@ def plotted(
 
 def spectrum(diagnosis: Diagnosis) -> Shown | None:
     """The singular values of a diagnosis; None where its rank was found without them."""
-    if diagnosis.by_elimination is not None:
+    if diagnosis.sparse is not None:
         return None
     return drawn(singular_values_sheet, caption_singular_values, diagnosis)
 

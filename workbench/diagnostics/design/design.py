@@ -38,8 +38,7 @@ from workbench.diagnostics.design.search import (
     directions_left,
     null,
 )
-from workbench.diagnostics.diagnose import diagnose
-from workbench.diagnostics.point import Point
+from workbench.diagnostics.diagnosis import Diagnosis, diagnose
 from workbench.errors import BadArgument, some_of
 from workbench.problem import Problem
 
@@ -315,11 +314,11 @@ def _points(values: object) -> list[Values]:
     return list(several)
 
 
-def _point(problem: Problem, at: Values) -> Point:
+def _point(problem: Problem, at: Values) -> Diagnosis:
     held = problem.frozen(at)
     here = linearized(held, at)
     check_finite(here)
-    return Point(held, held.read(at), here)
+    return Diagnosis(held, held.read(at), here)
 
 
 def _gradients(

@@ -17,9 +17,9 @@ from math import comb
 import numpy as np
 
 from workbench.arrays import Array
+from workbench.diagnostics.bases import tangent_space
 from workbench.diagnostics.design.candidates import Size
-from workbench.diagnostics.point import Point
-from workbench.diagnostics.row_spaces import tangent_space
+from workbench.diagnostics.diagnosis import Diagnosis
 from workbench.problem import Linearization
 
 FEW = 3000  # combinations times points, up to which every one of them is looked at
@@ -95,21 +95,19 @@ class Uncertainty:
         return rank, self.half.T @ gradients @ Vt[rank:].T
 
 
-def directions_left(point: Point, scales: Array) -> Array | None:
+def directions_left(d: Diagnosis, scales: Array) -> Array | None:
     """An orthonormal basis (n, p), in these scales, of what equations leave free; None without any.
 
     Equations are those among the constraints, and equal bounds of an unknown.
     """
-    rows = point.active.rows[_equations(point)]
+    rows = d.active.rows[_equations(d)]
     return tangent_space(rows * scales) if len(rows) else None
 
 
-def active_inequalities(point: Point) -> tuple[str, ...]:
+def active_inequalities(d: Diagnosis) -> tuple[str, ...]:
     """The bounds and inequality constraints that are active, such as `x[0] >= 0`."""
-    equations = _equations(point)
-    return tuple(
-        name for name, holds in zip(point.active.names, equations, strict=True) if not holds
-    )
+    equations = _equations(d)
+    return tuple(name for name, holds in zip(d.active.names, equations, strict=True) if not holds)
 
 
 def combinations_left(gradients: Array, left: Array) -> Array:
@@ -122,9 +120,9 @@ def combinations_left(gradients: Array, left: Array) -> Array:
     return np.asarray(gradients @ Vt[s > NOTHING * np.linalg.norm(gradients)].T)
 
 
-def _equations(point: Point) -> Array:
+def _equations(d: Diagnosis) -> Array:
     """Which active rows are equations, (k,)."""
-    problem, active = point.problem, point.active
+    problem, active = d.problem, d.active
     there = problem.stacked_constraints
     of_constraints = np.zeros(0, dtype=bool) if there is None else there.equal[active.active]
     return np.concatenate([of_constraints, (problem.lower == problem.upper)[active.bounded]])
@@ -165,8 +163,8 @@ class Board:
     """What a search looks at: T points, and rows for each candidate at each of them.
 
     Attributes:
-        before: what is known at each point.
-        gradients: (n, q) of what matters, at each point.
+        before: what is known at each d.
+        gradients: (n, q) of what matters, at each d.
         size: the criterion's number for a half of a covariance.
         rows: by candidate and point, the whitened rows (m, n).
     """

@@ -1,4 +1,9 @@
-"""Bases of a null space: orthonormal ones, and ones whose vectors have few entries."""
+"""Bases of spaces: of what constraints span and leave free, and of null spaces by few entries.
+
+A row of one entry, such as that of a bound, holds an unknown exactly: bases of what constraints
+span or leave have a unit vector for it, or a zero in every vector. Other rows count in length 1, so
+that the units of constraints change no rank.
+"""
 
 from collections.abc import Iterable
 
@@ -7,7 +12,8 @@ import scipy.linalg
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
-from workbench.arrays import Array
+from workbench.arrays import Array, Index
+from workbench.problem.steps import EPS
 
 MANY = 400  # entries up to which a linear program looks for few of them
 FRESH = 1e-6  # sine of the angle to the directions so far, above which a direction is new
@@ -109,3 +115,45 @@ def _polished(v: Array, space: Array) -> Array:
     if np.linalg.norm(exact - v) > 1e-5 * np.linalg.norm(v):
         exact = v
     return np.asarray(exact / np.linalg.norm(exact))
+
+
+# What constraints span.
+
+
+def row_space(rows: Array) -> Array:
+    """An orthonormal basis (r, n) of the span of rows (k, n)."""
+    fixed, read, rank, Vt = _spanned(rows)
+    space = np.zeros((fixed.size + rank, rows.shape[1]))
+    space[np.arange(fixed.size), fixed] = 1.0
+    space[fixed.size :, read] = Vt[:rank]
+    return space
+
+
+def tangent_space(rows: Array) -> Array:
+    """An orthonormal basis (n, n - r) of what rows (k, n) leave free.
+
+    For each unknown that no row reads it has a unit vector.
+    """
+    fixed, read, rank, Vt = _spanned(rows)
+    unread = np.setdiff1d(np.arange(rows.shape[1]), np.append(fixed, read))
+    space = np.zeros((rows.shape[1], unread.size + len(Vt) - rank))
+    space[unread, np.arange(unread.size)] = 1.0
+    space[read, unread.size :] = Vt[rank:].T
+    return space
+
+
+def _spanned(rows: Array) -> tuple[Index, Index, int, Array]:
+    """The unknowns that rows of one entry hold; those that the others read, their rank, and Vt.
+
+    The others (l, n) are scaled to length 1 before what is held is taken from them. Rows of which
+    only rounding is left then are dropped, and so are rows of zeros.
+    """
+    alone = np.count_nonzero(rows, axis=1) == 1
+    held = rows[alone].any(axis=0)
+    others = rows[rows.any(axis=1) & ~alone]
+    others = np.where(held, 0.0, others / np.linalg.norm(others, axis=1)[:, None])
+    others = others[np.linalg.norm(others, axis=1) > EPS]
+    read = np.flatnonzero(others.any(axis=0))
+    _, s, Vt = np.linalg.svd(others[:, read], full_matrices=True)
+    rank = int(np.sum(s > EPS * max(1, len(others), read.size)))
+    return np.flatnonzero(held), read, rank, Vt
