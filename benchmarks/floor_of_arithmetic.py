@@ -56,8 +56,6 @@ def products(packed: PackedVertices) -> tuple[int, int]:
     by_pose = carriers * of["below"] + movers * (of["arm"] + of["turned"]) + benders * of["bulged"]
     by_betas = B * (groups * of["by_beta"] + carriers * of["shifted"])
     alone, with_slopes = 9 * of["bent"], 9 * (of["bent"] + of["bulging"])
-    if packed.by_halves:
-        with_slopes = alone + of["curving"]
     each = points + benders * alone, points + benders * with_slopes + by_pose + by_betas
     lanes = packed.vertices.shape[2]
     return lanes * each[0], lanes * each[1]

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import casadi as cs
 
-from workbench.bodies.forward.halves import halved_features, numbers_of
 from workbench.bodies.forward.kinematics import bound_motion, followed, local_slopes, turning_axes
 from workbench.bodies.forward.vertex import function_of_columns, matrix_of_rows
 from workbench.geometry.rotation import rodrigues
@@ -22,10 +21,8 @@ def joint_functions() -> dict[str, cs.Function]:
     `above` is the motion of the parent in the world, `unbind` the transpose of the joint's rotation
     in the bind pose.
 
-        local        (pose_k) -> R_k, (9,), and what halves of its pose directions are multiplied
-                     with, (9,)
+        local        (pose_k) -> R_k, (9,)
         local_slopes (pose_k) -> R_k and its derivative by each of the three numbers, (36,)
-        halves       (pose_k) -> what the derivative of what these displace is made of, (9,)
         placed       (unbind of the parent, from the parent to k at rest) -> in its frame, (3,) m
         follow       (above, R_k, place in the parent's frame) -> the motion in the world, (12,)
         bound        (motion in the world, unbind, joint at rest) -> G_k, (12,)
@@ -40,12 +37,10 @@ def joint_functions() -> dict[str, cs.Function]:
     R_k, t_k = _motion(world)
     own, *slopes = (_square(part) for part in cs.vertsplit(sloped, 9))
     axes = turning_axes([slopes], own, [R_up])
-    local = cs.cse(cs.vertcat(_rows(turn), halved_features(pose)))  # both need the same sines
     turns = turn, by_x, by_y, by_z
     made = (
-        function_of_columns("local", local, pose=pose),
+        function_of_columns("local", _rows(turn), pose=pose),
         function_of_columns("local_slopes", cs.vertcat(*map(_rows, turns)), pose=pose),
-        function_of_columns("halves", numbers_of(pose), pose=pose),
         function_of_columns("placed", _square(unbind) @ place, unbind=unbind, place=place),
         function_of_columns(
             "follow",

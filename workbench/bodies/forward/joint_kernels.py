@@ -18,7 +18,7 @@ from workbench.bodies.forward.kernel_code import kernel, tree_sizes
 from workbench.bodies.forward.kinematics import world_rotations
 from workbench.bodies.forward.motion import Kinematics, Motion, Slopes
 from workbench.bodies.forward.skeleton import Skeleton
-from workbench.bodies.forward.vertex import OF_JOINT, SLOPED, motion_column, slopes_column
+from workbench.bodies.forward.vertex import OF_JOINT, motion_column, slopes_column
 from workbench.compiling import (
     address,
     function_of_addresses,
@@ -35,7 +35,7 @@ SMALL = 1e-3  # rad: so near to zero, rotations are series
 @cache
 def joint_kernels(parents: tuple[int, ...], B: int) -> ctypes.CDLL | None:
     """The library for bodies with B betas on this tree, once per process; None without compiler."""
-    sizes = {**tree_sizes(parents, B), "SLOPED": SLOPED, "OF_JOINT": OF_JOINT}
+    sizes = {**tree_sizes(parents, B), "OF_JOINT": OF_JOINT}
     defines = [f"#define {name} {size}" for name, size in sizes.items()]
     written = [kernel(function, "=", C_OF) for function in joint_functions().values()]
     head, loops = (source_beside(__package__, name) for name in ("one_number.h", "joint_loops.c"))
@@ -111,12 +111,10 @@ class CompiledJoints:
     def _moved(self, found: Array) -> Motion:
         K, some = len(self.bind), found.shape[:-1]
         bent, turned = 9 * (K - 1), 9 * (K - 1) + 12 * K
-        placed = turned + 3 * K
         return Motion(
             found[..., bent:turned].reshape(*some, K, 3, 4),
             found[..., :bent],
-            found[..., turned:placed].reshape(*some, K, 3),
-            found[..., placed:],
+            found[..., turned:].reshape(*some, K, 3),
             found,
         )
 
@@ -128,7 +126,6 @@ class CompiledJoints:
             found[..., own:turned].reshape(*some, K, 9, 3),
             found[..., turned:bulged].reshape(*some, K - 1, 3, 9),
             found[..., bulged:].reshape(*some, 3 * B, K),
-            found[..., : OF_JOINT * K].reshape(*some, K, OF_JOINT)[..., SLOPED:],
             found[..., :own],
         )
 
@@ -136,7 +133,7 @@ class CompiledJoints:
     def _sizes(self) -> tuple[int, int]:
         """How many numbers `motion` and `slopes` find."""
         K, B = len(self.bind), self.skeleton.slopes.shape[2]
-        return 18 * (K - 1) + 15 * K, (OF_JOINT + 27) * K + 27 * (K - 1) + 6 * B * K
+        return 9 * (K - 1) + 15 * K, (OF_JOINT + 27) * K + 27 * (K - 1) + 6 * B * K
 
     @cached_property
     def structure(self) -> NDArray[np.intp]:

@@ -30,21 +30,14 @@ static void walk(const skeleton_t *of, const double *local, const double *betas,
     }
 }
 
-/* found: the features 9 (K - 1), the motions G (K, 12), the joints (K, 3), and what halves are multiplied with in
-place of features, at a pose (K, 3); and the motion of each joint in the world. Not inlined, so that its bits are
-the same for whoever calls it */
+/* found: the features 9 (K - 1), the motions G (K, 12) and the joints (K, 3) at a pose (K, 3); and the motion of
+each joint in the world. Not inlined, so that its bits are the same for whoever calls it */
 static __attribute__((noinline)) void moved(const skeleton_t *of, const double *pose, const double *betas,
                                             double world[JOINTS][12], double *found)
 {
     double turn[JOINTS][9], rest[JOINTS][3];
     double *features = found, *G = features + 9 * (JOINTS - 1), *joints = G + 12 * JOINTS;
-    double *halved = joints + 3 * JOINTS;
-    for (integer k = 0; k < JOINTS; ++k) {
-        double own[18];
-        local(pose + 3 * k, own);
-        memcpy(turn[k], own, sizeof turn[k]);
-        if (k) memcpy(halved + 9 * (k - 1), own + 9, 9 * sizeof(double));
-    }
+    for (integer k = 0; k < JOINTS; ++k) local(pose + 3 * k, turn[k]);
     walk(of, turn[0], betas, world, G, rest);
     for (integer k = 0; k < JOINTS; ++k) {
         for (int n = 0; k && n < 9; ++n) features[9 * (k - 1) + n] = turn[k][n] - of->bind[9 * k + n];
@@ -58,12 +51,11 @@ EXPORT void motion(const skeleton_t *of, const double *pose, const double *betas
     moved(of, pose, betas, world, found);
 }
 
-/* found, for vertices: three axes, slopes (9, 3) of features and what slopes by halves are made of, of each
-joint (K, OF_JOINT), and the shifts of G by betas (B, K, 3); and once more as NumPy reads it: the turns
+/* found, for vertices: three axes and slopes (9, 3) of features, of each joint (K, OF_JOINT), and the shifts of G by betas (B, K, 3); and once more as NumPy reads it: the turns
 (K, 9, 3), the slopes (K - 1, 3, 9), and the shifts (3 B, K). `moving` is what `motion` finds, or absent */
 EXPORT void slopes(const skeleton_t *of, const double *pose, const double *betas, double *found, double *moving)
 {
-    double world[JOINTS][12], aside[18 * (JOINTS - 1) + 15 * JOINTS];
+    double world[JOINTS][12], aside[9 * (JOINTS - 1) + 15 * JOINTS];
     double *of_joints = found, *of_betas = of_joints + OF_JOINT * JOINTS, *turns = of_betas + 3 * BETAS * JOINTS;
     double *d_features = turns + 27 * JOINTS, *d_shift = d_features + 27 * (JOINTS - 1);
     if (!moving) moving = aside;
@@ -74,7 +66,6 @@ EXPORT void slopes(const skeleton_t *of, const double *pose, const double *betas
         const double *above = k ? G + 12 * parents[k] : nowhere;
         double turn[36], *own = of_joints + OF_JOINT * k;
         local_slopes(pose + 3 * k, turn);
-        halves(pose + 3 * k, own + SLOPED);
         axes(k ? world[parents[k]] : nowhere, turn, own);
         for (int a = 0; a < 3; ++a) {
             const double *axis = own + 3 * a;
@@ -101,7 +92,7 @@ EXPORT void slopes(const skeleton_t *of, const double *pose, const double *betas
 EXPORT void motions(const skeleton_t *of, const double *poses, const double *betas, double *found, integer count)
 {
     for (integer m = 0; m < count; ++m)
-        motion(of, poses + 3 * JOINTS * m, betas + BETAS * m, found + (18 * (JOINTS - 1) + 15 * JOINTS) * m);
+        motion(of, poses + 3 * JOINTS * m, betas + BETAS * m, found + (9 * (JOINTS - 1) + 15 * JOINTS) * m);
 }
 
 /* what `slopes` finds at each of them */

@@ -6,8 +6,7 @@ import casadi as cs
 
 from workbench.blocks.simd import C_OF, statements
 from workbench.bodies.forward.exact_storage import Stored
-from workbench.bodies.forward.halves import SCALED
-from workbench.bodies.forward.vertex import ADDED, OF_JOINT, SLOPED
+from workbench.bodies.forward.vertex import ADDED, OF_JOINT
 from workbench.compiling import source_beside, vectors
 
 SUMS_AND_PRODUCTS = {op: C_OF[op] for op in (cs.OP_ADD, cs.OP_SUB, cs.OP_MUL, cs.OP_NEG)}
@@ -24,12 +23,10 @@ def vertex_code(
     parents: tuple[int, ...],
     B: int,
     kind: Stored = Stored.DOUBLE,
-    by_halves: bool = False,
 ) -> str:
     """The whole source, for this tree and B betas: the kernels, and loops around them.
 
-    `kind` is the type in which directions are stored, `by_halves` whether pose directions are
-    stored by their halves.
+    `kind` is the type in which directions are stored.
     """
     K = len(parents)
     sizes: dict[str, int | str] = {
@@ -42,11 +39,7 @@ def vertex_code(
         "MOTIONS": B + 9 * (K - 1),
         "CENTRES": B + 9 * (K - 1) + 12 * K,
         "OF_JOINTS": B + 9 * (K - 1) + 15 * K,
-        "HALVED": 9 * (K - 1) + 15 * K,
-        "SLOPED": SLOPED,
-        "SCALED": SCALED,
         "OF_JOINT": OF_JOINT,
-        "BY_HALVES": int(by_halves),
         "OF_BETAS": B + 9 * (K - 1) + (15 + OF_JOINT) * K,
     }
     head, *loops = (

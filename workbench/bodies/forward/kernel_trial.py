@@ -42,19 +42,17 @@ def agrees_with_numpy(
     """
     rng, K = np.random.default_rng(0), len(parents)
     arrays = _random_arrays(rng, K, B, packing)
-    features, d_features, halved, halves = _of_rotations(rng.standard_normal((K, 3)))
+    features, d_features = _of_rotations(rng.standard_normal((K, 3)))
     axes = rng.standard_normal((K, 3, 1, 3))
     motion = Motion(
         G=rng.standard_normal((K, 3, 4)),
         features=features,
         joints=rng.standard_normal((K, 3)),
-        halved=halved,
     )
     slopes = Slopes(
         turns=np.cross(np.eye(3), axes).reshape(K, 9, 3),  # antisymmetric, as of rotations
         d_features=d_features,
         d_shift=rng.standard_normal((3 * B, K)),
-        halves=halves,
     )
     betas, scale = rng.standard_normal(B), rng.standard_normal(3 * TRIED)
     trans = rng.standard_normal(3)
@@ -73,10 +71,10 @@ def agrees_with_numpy(
     )
 
 
-def packing_tried(kind: Stored, by_halves: bool) -> Packing:
+def packing_tried(kind: Stored) -> Packing:
     """The packing of the numbers that are tried."""
     storage = Storage(kind, STEP if kind is Stored.STEPS else 1.0)
-    return Packing(storage, storage, by_halves)
+    return Packing(storage, storage)
 
 
 def _random_arrays(rng: np.random.Generator, K: int, B: int, packing: Packing) -> _Arrays:
@@ -96,13 +94,11 @@ def _as_stored(array: Array, storage: Storage) -> Array:
     return storage.stored(array) * np.float64(storage.step)
 
 
-def _of_rotations(pose: Array) -> tuple[Array, Array, Array, Array]:
-    """The features of a pose (K, 3), their slopes (K - 1, 3, 9), and the same for halves."""
-    functions = joint_functions()
-    turns = np.array([functions["local_slopes"](own).full().reshape(4, 9) for own in pose])
-    halved = np.array([functions["local"](own).full().ravel()[9:] for own in pose[1:]])
-    halves = np.array([functions["halves"](own).full().ravel() for own in pose])
-    return (turns[1:, 0] - np.eye(3).ravel()).ravel(), turns[1:, 1:], halved.ravel(), halves
+def _of_rotations(pose: Array) -> tuple[Array, Array]:
+    """The features of a pose (K, 3), and their slopes (K - 1, 3, 9)."""
+    of_joint = joint_functions()["local_slopes"]
+    turns = np.array([of_joint(own).full().reshape(4, 9) for own in pose])
+    return (turns[1:, 0] - np.eye(3).ravel()).ravel(), turns[1:, 1:]
 
 
 def _answers(surface: Callable[[], Any], slopes: Slopes, scale: Array) -> list[Array]:

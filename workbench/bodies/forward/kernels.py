@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from workbench.arrays import Array
 from workbench.bodies.forward.arrays import SkinnedArrays
 from workbench.bodies.forward.exact_storage import Stored
-from workbench.bodies.forward.halves import gradient_by_features
 from workbench.bodies.forward.kernel_code import vertex_code
 from workbench.bodies.forward.kernel_trial import agrees_with_numpy, packing_tried
 from workbench.bodies.forward.motion import Motion, Slopes
@@ -44,30 +43,27 @@ FLAGS = ("-O3",)  # a quarter less time than with -O2, and the same numbers
 
 @cache
 def kernels(
-    parents: tuple[int, ...], B: int, kind: Stored = Stored.DOUBLE, by_halves: bool = False
+    parents: tuple[int, ...], B: int, kind: Stored = Stored.DOUBLE
 ) -> tuple[ctypes.CDLL | None, str]:
     """The library for bodies with B betas on this tree, once per process; or None, and why.
 
-    `kind` is the type in which shape and pose directions are stored, and `by_halves` says whether
-    pose directions are stored by their halves.
+    `kind` is the type in which shape and pose directions are stored.
     """
     try:
-        source = vertex_code(vertex_functions(B), parents, B, kind, by_halves)
-        return library(NAME, source, partial(_agrees, parents, B, kind, by_halves), FLAGS), ""
+        source = vertex_code(vertex_functions(B), parents, B, kind)
+        return library(NAME, source, partial(_agrees, parents, B, kind), FLAGS), ""
     except (NoLibrary, NotSupported) as error:
         LOG.info("surfaces are computed by NumPy: %s", error)
         return None, str(error)
 
 
-def _agrees(
-    parents: tuple[int, ...], B: int, kind: Stored, by_halves: bool, loaded: ctypes.CDLL
-) -> bool:
+def _agrees(parents: tuple[int, ...], B: int, kind: Stored, loaded: ctypes.CDLL) -> bool:
     """Whether the library says what NumPy says."""
 
     def compiled(packed: PackedVertices) -> Callable[..., CompiledSurface]:
         return partial(CompiledSurface, CompiledArithmetic(loaded, packed))
 
-    packing = packing_tried(kind, by_halves)
+    packing = packing_tried(kind)
     return agrees_with_numpy(compiled, int(loaded.lanes()), parents, B, packing)
 
 
@@ -97,7 +93,7 @@ class CompiledArithmetic:
         """A body's vertices, or some of them, in order; None if nothing can be compiled."""
         packing = _packing_of(arrays)
         B = arrays.shapedirs.shape[2]
-        library, _ = kernels(parents, B, packing.bend.kind, packing.by_halves)
+        library, _ = kernels(parents, B, packing.bend.kind)
         if library is None:
             return None
         lanes = int(library.lanes())
@@ -206,8 +202,6 @@ class CompiledSurface:
         felt = np.empty(B + features + 12 * K)
         self.of.run("adjoint", *self._moved, pulled, felt)
         on_betas, on_features, on_G = np.split(felt, [B, B + features])
-        if self.of.packed.by_halves:
-            on_features = gradient_by_features(on_features.reshape(-1, 9)).ravel()
         shape, bend = self.of.packed.steps
         return on_G.reshape(K, 3, 4), bend * on_features, shape * on_betas
 

@@ -12,7 +12,6 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.blocks.functions import Batched, Buffered, Mapped
-from workbench.bodies.forward.halves import NUMBERS, halved_features, numbers_of
 from workbench.bodies.forward.kinematics import (
     ancestors,
     binding_motions,
@@ -34,15 +33,12 @@ class Motion:
         G: (..., K, 3, 4) the motion of each joint, which takes what is at rest to where it is.
         features: (..., 9 (K - 1)) what the pose blend shapes are multiplied with.
         joints: (..., K, 3) m, the posed joints.
-        halved: (..., 9 (K - 1)) what halves of pose directions are multiplied with in place of
-            features; see `halves`. It is None where no compiled surface is to be moved.
-        column: features, G, joints and halved as one array, of which they are parts, if they are.
+        column: features, G and joints as one array, of which they are parts, if they are.
     """
 
     G: Array
     features: Array
     joints: Array
-    halved: Array | None = None
     column: Array | None = None
 
     def __getitem__(self, which: int | slice) -> Motion:
@@ -58,14 +54,12 @@ class Slopes:
         turns: (..., K, 9, 3) with rows (a, d), the map u -> (axis of pose[k, a] x u)_d.
         d_features: (..., K - 1, 3, 9) the features of joint k + 1 by its own three numbers.
         d_shift: (..., 3 B, K) with rows (b, d), the last column of G_k by betas[b].
-        halves: (..., K, 9) what the derivatives by halves are made of; see `halves`.
         column: these numbers in the order of `vertex.slopes_column`, if they are known in it.
     """
 
     turns: Array
     d_features: Array
     d_shift: Array
-    halves: Array
     column: Array | None = None
 
     def __getitem__(self, which: int | slice) -> Slopes:
@@ -190,14 +184,11 @@ class Kinematics:
         stacked = cs.horzcat(*G)  # (3, 4 K)
         turns = [cs.SX.eye(3), *(motion[:, :3] for motion in G)]
         steps = [turns[parent + 1] - turn for parent, turn in zip(parents, turns[1:], strict=True)]
-        each = cs.horzsplit(pose)
-        halved = cs.vertcat(cs.SX(0, 1), *[halved_features(own) for own in each[1:]])
-        outputs = [cs.vertcat(*[cs.vec(motion.T) for motion in G]), features, joints, halved]
+        outputs = [cs.vertcat(*[cs.vec(motion.T) for motion in G]), features, joints]
         slopes = [
             cs.vertcat(*[cs.vec(cs.skew(axis).T) for axis in axes]),
             cs.vertcat(*d_features) if d_features else cs.SX(0, 1),
             cs.vertcat(*[cs.vec(step.T) for step in steps]),
-            cs.vertcat(*[numbers_of(own) for own in each]),
         ]
         pull_G = cs.SX.sym("pull_G", 3, 4 * K)
         pull_f = cs.SX.sym("pull_f", features.shape[0])
@@ -268,17 +259,16 @@ class Kinematics:
         return Mapped(self._functions.slopes.function, (False, False))
 
     def _shaped(self, outputs: Sequence[Array]) -> Motion:
-        (K, _), (G, features, joints, halved) = self._sizes, outputs
+        (K, _), (G, features, joints) = self._sizes, outputs
         some = features.shape[:-1]
         return Motion(
             G.reshape(*some, K, 3, 4),
             features,
             joints.reshape(*some, K, 3),
-            halved,
         )
 
     def _shaped_slopes(self, outputs: Sequence[Array]) -> Slopes:
-        (K, B), (turns, d_features, steps, halves) = self._sizes, outputs
+        (K, B), (turns, d_features, steps) = self._sizes, outputs
         some = steps.shape[:-1]
         # Joint k is where G_k and its parent's G agree, so the last column of G_k is that of its
         # parent plus (R_parent - R_k) J_k, and J_k is linear in betas.
@@ -287,7 +277,6 @@ class Kinematics:
             turns.reshape(*some, K, 9, 3),
             d_features.reshape(*some, max(0, K - 1), 3, 9),
             own.swapaxes(-1, -3).reshape(*some, 3 * B, K) @ self.ancestors.T,
-            halves.reshape(*some, K, NUMBERS),
         )
 
     def vjp(

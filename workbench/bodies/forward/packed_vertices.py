@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from workbench.arrays import Array, Mask
 from workbench.bodies.forward.arrays import SkinnedArrays, SurfaceArrays
 from workbench.bodies.forward.exact_storage import Storage, Stored, storages
-from workbench.bodies.forward.halves import halved
 from workbench.bodies.forward.kinematics import ancestors
 from workbench.bodies.forward.vertex import shape_columns, vertex_columns
 
@@ -32,28 +31,21 @@ WORTH_NARROWING = 4e6  # bytes: below, making doubles costs more than reading th
 
 
 class Packing(NamedTuple):
-    """How shapedirs and posedirs are stored, and whether posedirs by their halves."""
+    """How shapedirs and posedirs are stored."""
 
     shape: Storage
     bend: Storage
-    by_halves: bool
 
     @staticmethod
     def of(arrays: SkinnedArrays) -> Packing:
-        """What takes the least time: directions are stored as they are if the cache holds them.
-
-        Halves are sums of directions. If these are whole steps and stored as counts of them, the
-        halves are exact; where they are stored as doubles, the sums are rounded, by 1e-16 of them.
-        """
+        """What takes the least time: directions are stored as they are if the cache holds them."""
         shapes, bends = arrays.shapedirs, arrays.posedirs
-        shape, bend = storages(shapes, bends)
-        by_halves = bend.kind is Stored.STEPS and not np.any(arrays.bind_pose)
         if 8 * (shapes.size + np.count_nonzero(bends)) < WORTH_NARROWING:
-            shape = bend = Storage(Stored.DOUBLE)
-        return Packing(shape, bend, by_halves)
+            return PLAIN
+        return Packing(*storages(shapes, bends))
 
 
-PLAIN = Packing(Storage(Stored.DOUBLE), Storage(Stored.DOUBLE), False)
+PLAIN = Packing(Storage(Stored.DOUBLE), Storage(Stored.DOUBLE))
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +60,6 @@ class PackedVertices:
         vertices: (groups, 3 + K, lanes).
         shapes: (groups, 3 B, lanes), as they are stored.
         bends: (., 27, lanes), as they are stored, for each group and each joint that bends it.
-        by_halves: whether their halves are stored; see `halves`.
         steps: (2,) by which the stored shapes and bends are multiplied.
         joints: for each group three lists, each after its length: the joints that carry it, bend
             it, and have joints that carry it at or below them.
@@ -81,7 +72,6 @@ class PackedVertices:
     vertices: Array
     shapes: NDArray[Any]
     bends: NDArray[Any]
-    by_halves: bool
     steps: Array
     joints: NDArray[np.intp]
     still: NDArray[np.intp]
@@ -97,7 +87,7 @@ class PackedVertices:
         """Some vertices of a surface on this tree, in order."""
         chosen = np.arange(len(arrays.template))[vertices]
         K, B, N = arrays.weights.shape[1], arrays.shapedirs.shape[2], len(chosen)
-        groups, (shape, bend, by_halves) = -(-N // lanes), packing
+        groups, (shape, bend) = -(-N // lanes), packing
         packed = _aligned((groups, 3 + K, lanes))
         shapes = _aligned((groups, 3 * B, lanes), shape.kind)
         carried, bent = np.zeros((groups, K), dtype=bool), np.zeros((groups, K), dtype=bool)
@@ -115,8 +105,6 @@ class PackedVertices:
         bends, end = _aligned((int(bent.sum()), 27, lanes), bend.kind), 0
         for some, here in pieces:
             by_joint = arrays.posedirs[some].reshape(len(some), 3, K - 1, 9)
-            if by_halves:
-                by_joint = halved(by_joint)
             planar = by_joint.transpose(2, 3, 1, 0).reshape(27 * (K - 1), len(some))
             joints = bent[here, 1:]
             own = _grouped(planar, lanes).reshape(*joints.shape, 27, lanes)[joints]
@@ -129,7 +117,6 @@ class PackedVertices:
             packed,
             shapes,
             bends,
-            by_halves,
             np.array([shape.step, bend.step]),
             _lists(carried, bent, moved),
             _stretches(moved | bent, lanes, N),

@@ -7,13 +7,9 @@ columns of numbers whose order is known here only:
     shapedirs  (B, 3) of one vertex
     posedirs   (9, 3) of one vertex and one joint; most are zero, and left out
     motion     what the kinematics say at one pose and shape, the same for all vertices: betas,
-               features, G (K, 3, 4), joints (K, 3), then per joint three axes, the slopes of its
-               nine features by its three numbers and what derivatives by halves are made of
-               (9 + 27 + 9; zeros for the root's slopes), then per beta and joint its shift of G
-               (3,)
-
-Where `posedirs` are stored by their halves (`halves`), the features of `motion` are what these are
-multiplied with.
+               features, G (K, 3, 4), joints (K, 3), then per joint three axes and the slopes of
+               its nine features by its three numbers (9 + 27; zeros for the root's slopes), then
+               per beta and joint its shift of G (3,)
 """
 
 from __future__ import annotations
@@ -25,7 +21,6 @@ import numpy as np
 
 from workbench.arrays import Array, Index
 from workbench.bodies.forward.arrays import SurfaceArrays
-from workbench.bodies.forward.halves import NUMBERS, slopes_of
 from workbench.bodies.forward.motion import Motion, Slopes
 
 ADDED = frozenset(
@@ -34,8 +29,7 @@ ADDED = frozenset(
         *("on_features", "on_motion", "on_betas"),
     )
 )
-SLOPED = 9 + 27  # numbers of motion, of each joint: three axes, and the slopes of nine features
-OF_JOINT = SLOPED + NUMBERS
+OF_JOINT = 9 + 27  # numbers of motion, of each joint: three axes, and slopes of nine features
 
 
 def vertex_columns(arrays: SurfaceArrays, vertices: Index) -> Array:
@@ -50,14 +44,10 @@ def shape_columns(arrays: SurfaceArrays, vertices: Index) -> Array:
 
 
 def motion_column(motion: Motion) -> Array:
-    """The part of the column that all vertices share which is the motion itself.
-
-    The features for halves follow it; the library takes them in place of features if it needs them.
-    """
+    """The part of the column that all vertices share which is the motion itself."""
     if motion.column is not None:
         return motion.column
-    assert motion.halved is not None
-    parts = motion.features, motion.G, motion.joints, motion.halved
+    parts = motion.features, motion.G, motion.joints
     return np.concatenate([part.ravel() for part in parts])
 
 
@@ -69,8 +59,7 @@ def slopes_column(slopes: Slopes) -> Array:
     of_joints = np.zeros((K, OF_JOINT))
     turns = slopes.turns.reshape(K, 3, 3, 3)  # [axis]x
     of_joints[:, :9] = turns[:, :, (2, 0, 1), (1, 2, 0)].reshape(K, 9)
-    of_joints[1:, 9:SLOPED] = slopes.d_features.swapaxes(1, 2).reshape(K - 1, 27)
-    of_joints[:, SLOPED:] = slopes.halves
+    of_joints[1:, 9:] = slopes.d_features.swapaxes(1, 2).reshape(K - 1, 27)
     shifts = slopes.d_shift.reshape(-1, 3, K).swapaxes(1, 2)
     return np.concatenate([of_joints.ravel(), shifts.ravel()])
 
@@ -93,8 +82,6 @@ def vertex_functions(B: int) -> dict[str, cs.Function]:
         hung         (hanging_k) -> itself, which is added to what hangs from the parent, (4,)
         arm          (hanging_k, joint_k) -> sum_{j at or below k} w_j (G'_j v - t_k), (3,) m
         bulging      (posedirs_kn, slopes_kn) -> what it adds to P_k df_k/d(pose_k), (3, 3) m/rad
-        curving      (halves of posedirs_k, their e, their numbers) -> P_k df_k/d(pose_k), (3, 3)
-                     m/rad: in place of `bulging` where halves are stored
         bulged       (M, P_k df_k/d(pose_k)) -> the same, turned by R, (3, 3) m/rad; with
         turned       (arm_k, motion_k) -> axes x arm_k it is d(point)/d(pose_k), (3, 3) m/rad
         by_beta      (shapedirs_b, M) -> R S_b, which is d(point)/d(beta_b), (3,) m,
@@ -112,7 +99,6 @@ def vertex_functions(B: int) -> dict[str, cs.Function]:
     S_b, arm, shift = cs.SX.sym("S_b", 3), cs.SX.sym("arm", 3), cs.SX.sym("shift", 3)
     axes, slopes_n, bulging = cs.SX.sym("axes", 3, 3), cs.SX.sym("df", 3), cs.SX.sym("Pdf", 3, 3)
 
-    e, numbers = cs.SX.sym("e", 3), cs.SX.sym("numbers", NUMBERS)
     R = matrix_of_rows(M, 3, 4)[:, :3]
     moved, carried = _moved(M, v), w * _moved(G, v)
     turned = cs.horzcat(*[cs.cross(axis, arm) for axis in cs.horzsplit(axes)])
@@ -125,7 +111,6 @@ def vertex_functions(B: int) -> dict[str, cs.Function]:
         function_of_columns("hung", hanging, hanging=hanging),
         function_of_columns("arm", hanging[:3] - hanging[3] * joint, hanging=hanging, motion=joint),
         function_of_columns("bulging", P[:, 0] @ slopes_n.T, posedirs=P[:, 0], motion=slopes_n),
-        function_of_columns("curving", slopes_of(P, e, numbers), posedirs=P, e=e, motion=numbers),
         function_of_columns("bulged", R @ bulging, M=M, bulging=bulging),
         function_of_columns("turned", turned, arm=arm, motion=axes),
         function_of_columns("by_beta", R @ S_b, shapedirs=S_b, M=M),

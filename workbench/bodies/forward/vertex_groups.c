@@ -14,7 +14,7 @@ typedef struct {
     integer N;              /* how many vertices there are; in a part of a body see `first` */
     const double *vertices; /* ROWS x LANES numbers for every group */
     const STORED *shapes;   /* 3 BETAS x LANES for every group */
-    const STORED *bends;    /* 27 x LANES for every group and every joint that bends it, or their halves */
+    const STORED *bends;    /* 27 x LANES for every group and every joint that bends it */
     const double *steps;    /* what a stored 1 of shapes and of bends is worth; columns are in these units */
     const integer *joints;  /* for every group three lists, each after its length: the joints that
                                carry it, bend it, and have joints that carry it at or below them */
@@ -86,13 +86,12 @@ static void column_of(const body_t *body, const double *betas, const double *mot
 {
     const double shape = body->steps[0], bend = body->steps[1];
     for (integer b = 0; b < BETAS; ++b) found[b] = shape * betas[b];
-    const double *features = BY_HALVES ? motion + HALVED : motion;
-    for (integer i = 0; i < MOTIONS - FEATURES; ++i) found[FEATURES + i] = bend * features[i];
+    for (integer i = 0; i < MOTIONS - FEATURES; ++i) found[FEATURES + i] = bend * motion[i];
     memcpy(found + MOTIONS, motion + MOTIONS - FEATURES, (OF_JOINTS - MOTIONS) * sizeof(double));
     if (!slopes) return;
     memcpy(found + OF_JOINTS, slopes, (COLUMN - OF_JOINTS) * sizeof(double));
     for (integer k = 0; k < JOINTS; ++k)
-        for (integer i = 9; i < SLOPED + SCALED; ++i) found[OF_JOINTS + OF_JOINT * k + i] *= bend;
+        for (integer i = 9; i < OF_JOINT; ++i) found[OF_JOINTS + OF_JOINT * k + i] *= bend;
 }
 
 /* (3, LANES) to (LANES, 3) */

@@ -25,15 +25,12 @@ static ALWAYS_INLINE void at_rest(const group_t *of, const double *motion, const
         const double *feature = motion + FEATURES + 9 * (k - 1);
         const double *slope = motion + OF_JOINTS + OF_JOINT * k + 9;
         const stored *bend = of->bends + 27 * i;
-        v squared[3] = {{0}}, own[9] = {{0}};
+        v own[9] = {{0}};
         if (bulges) look_ahead(bend + 27 * AHEAD, 27 * sizeof(stored));
         _Pragma("GCC unroll 9") for (integer n = 0; n < 9; ++n) {
-            bent(bend + 3 * n, feature + n, BY_HALVES && n >= 3 ? squared : sum);
-            if (bulges && !BY_HALVES) bulging(bend + 3 * n, slope + 3 * n, own);
+            bent(bend + 3 * n, feature + n, sum);
+            if (bulges) bulging(bend + 3 * n, slope + 3 * n, own);
         }
-        for (int d = 0; BY_HALVES && d < 3; ++d) sum[d] += squared[d];
-        if (bulges && BY_HALVES)
-            curving(bend, (const anywhere *)squared, motion + OF_JOINTS + OF_JOINT * k + SLOPED, own);
         if (bulges) bulged((const anywhere *)M, (const anywhere *)own, bulges + 9 * i);
     }
     memcpy(rest, sum, sizeof sum);
