@@ -8,7 +8,7 @@ from typing import Protocol
 from workbench.arrays import Array
 from workbench.bodies.forward.arrays import SkinnedArrays, Vertices
 from workbench.bodies.forward.kernels import CompiledArithmetic
-from workbench.bodies.forward.motion import Motion, Slopes
+from workbench.bodies.forward.motion import Slopes
 from workbench.bodies.forward.numeric import Chunk, ChunkedArithmetic, chunks_of
 from workbench.bodies.forward.rows import Target
 
@@ -19,13 +19,12 @@ PART = 100  # vertices, from which on a part of a body with so many is compiled 
 class AtOrigin(Protocol):
     """Points of a body at one motion and shape; see `numeric`.
 
-    They are before translation, except where `Translating.evaluate_translated` made them. What is
-    found on the way to one answer is kept for the next.
+    They are before translation. What is found on the way to one answer is kept for the next.
     """
 
     @property
     def points(self) -> Array:
-        """The posed points (N, 3) in metres, before translation unless they are translated."""
+        """The posed points (N, 3) in metres, before translation."""
 
     def write_jacobian(
         self, slopes: Slopes, into: Mapping[str, Target], scale: Array | None
@@ -41,17 +40,6 @@ class Displaced(Protocol):
 
     def pulled_by_offsets(self, cotangent: Array) -> Array:
         """The gradient of cotangent (N, 3) . points by the offsets, (N, 3)."""
-
-
-class Translating(Protocol):
-    """What Arithmetic of a compiled surface provides in addition: see `translated`."""
-
-    def evaluate_translated(self, motion: Motion, betas: Array, trans: Array) -> AtOrigin:
-        """The same as `evaluate`, with `points` that are moved by trans (3,) m already.
-
-        Derivatives and gradients are the same as without. Raises ValueError for a trans of
-        another size.
-        """
 
 
 class Arithmetic(Protocol):

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import ctypes
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache, partial
 from weakref import WeakKeyDictionary
@@ -29,15 +29,13 @@ from workbench.bodies.forward.rows import Rows, Target
 from workbench.bodies.forward.vertex import motion_column, slopes_column, vertex_functions
 from workbench.compiling import NoLibrary, address, function_of_addresses, library
 from workbench.errors import NotSupported
-from workbench.threads import for_each, thread_count
 
 LOG = logging.getLogger(__name__)
 NAME = "vertex-kernels"
-WORTH_SHARING = 16e6  # bytes of directions: below, two threads are hardly faster (measured)
 BLOCKS = ("pose", "betas", "trans")
 _PACKINGS: WeakKeyDictionary[SkinnedArrays, Packing] = WeakKeyDictionary()
 MANY_PLACES = 64  # of arrays whose rows' addresses are remembered
-ARGUMENTS = {"points": 5, "tangent": 10, "clear": 2, "adjoint": 5}  # of the library's functions
+ARGUMENTS = {"points": 4, "tangent": 9, "clear": 2, "adjoint": 5}  # of the library's functions
 FLAGS = ("-O3",)  # a quarter less time than with -O2, and the same numbers
 
 
@@ -105,38 +103,9 @@ class CompiledArithmetic:
         """The surface moved by a motion, of the person with these betas (B,)."""
         return CompiledSurface(self, motion, betas)
 
-    def evaluate_translated(self, motion: Motion, betas: Array, trans: Array) -> CompiledSurface:
-        """The same, whose points are moved by trans (3,) m as they are written.
-
-        Raises ValueError for a trans of another size.
-        """
-        move = np.ascontiguousarray(trans, dtype=np.float64)
-        if move.size != 3:  # the library trusts it
-            raise ValueError(f"trans has {move.size} numbers and not 3")
-        return CompiledSurface(self, motion, betas, move)
-
     def run(self, name: str, *arrays: NDArray[np.generic] | None) -> None:
         """A function of the library, for all vertices, which is given the addresses of arrays."""
         self._functions[name](self._here, *map(_address, arrays))
-
-    def share(
-        self, name: str, arrays: Sequence[NDArray[np.generic] | None], kept: object = None
-    ) -> None:
-        """The same by `thread_count()` threads, each for a part of the vertices, if that pays.
-
-        A vertex has the same bits whichever thread computes it. The threads hold the arrays, and
-        what is `kept` besides, as long as they write.
-        """
-        count = thread_count() if self.packed.size >= WORTH_SHARING else 1
-        if count == 1:
-            self.run(name, *arrays)
-            return
-        function, words = self._functions[name], [*map(_address, arrays)]
-
-        def compute(part: NDArray[np.intp], _: object = (arrays, kept)) -> None:
-            function(address(part), *words)
-
-        for_each(compute, self.packed.parts(count))
 
     @cached_property
     def _functions(self) -> dict[str, Callable[..., None]]:
@@ -149,18 +118,17 @@ class CompiledArithmetic:
 
 @dataclass(frozen=True, eq=False)
 class CompiledSurface:
-    """The points at one motion and shape; before translation (see AtOrigin), or moved by trans."""
+    """The points at one motion and shape, before translation; see AtOrigin."""
 
     of: CompiledArithmetic
     motion: Motion
     betas: Array
-    trans: Array | None = None
 
     @cached_property
     def points(self) -> Array:
-        """The posed vertices, (N, 3) m; before translation, if there is none."""
+        """The posed vertices before translation, (N, 3) m."""
         found = np.empty((self.of.packed.count, 3))
-        self.of.run("points", *self._moved, self.trans, found)
+        self.of.run("points", *self._moved, found)
         return found
 
     def write_jacobian(
@@ -187,9 +155,8 @@ class CompiledSurface:
         found = None if "points" in self.__dict__ else np.empty((self.of.packed.count, 3))
         if clear and "pose" in tables:
             self.of.run("clear", tables["pose"])
-        wanted = factor, *(tables.get(name) for name in BLOCKS), self.trans, found
-        arrays = *self._moved, slopes_column(slopes), *wanted
-        self.of.share("tangent", arrays, kept=(into, copied))
+        wanted = factor, *(tables.get(name) for name in BLOCKS), found
+        self.of.run("tangent", *self._moved, slopes_column(slopes), *wanted)
         if found is not None:
             self.__dict__["points"] = found  # as if they had been asked for
         for array, room in copied:

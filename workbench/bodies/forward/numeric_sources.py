@@ -16,7 +16,7 @@ import numpy as np
 
 from workbench.arrays import Array, Index
 from workbench.blocks.points import LoopedPoints, NumericPoints, PointsAt, PointsOfEach
-from workbench.bodies.forward.arithmetic import Arithmetic, AtOrigin, Displaced, Translating
+from workbench.bodies.forward.arithmetic import Arithmetic, AtOrigin, Displaced
 from workbench.bodies.forward.assembly import ROLES, Assembly, Maps, assembly_of, plain_names
 from workbench.bodies.forward.motion import Kinematics, Posed
 from workbench.bodies.forward.posed_each import ArithmeticOfMany, PosedEach
@@ -239,23 +239,13 @@ class PosedPointsAt:
 
     @cached_property
     def here(self) -> AtOrigin:
-        """The points before translation, unless the arithmetic translates them itself."""
-        motion, betas = self.posed.motion, self.posed.betas
-        if self._translating is not None:
-            return self._translating.evaluate_translated(motion, betas, self.trans)
-        return self.arithmetic.evaluate(motion, betas, *self.offsets)
-
-    @property
-    def _translating(self) -> Translating | None:
-        able = hasattr(self.arithmetic, "evaluate_translated")
-        return cast(Translating, self.arithmetic) if able else None
+        """The points before translation."""
+        return self.arithmetic.evaluate(self.posed.motion, self.posed.betas, *self.offsets)
 
     @cached_property
     def points(self) -> Array:
         """The points, (N, 3) m."""
         at_origin = self.here.points
-        if self._translating is not None:
-            return at_origin
         found = np.empty_like(at_origin)
         for d in range(3):  # one coordinate at a time, so that the inner loop runs along points
             np.add(at_origin[:, d], self.trans[d], out=found[:, d])

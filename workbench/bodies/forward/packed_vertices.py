@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -122,40 +121,12 @@ class PackedVertices:
             _stretches(moved | bent, lanes, N),
         )
 
-    @property
-    def size(self) -> int:
-        """The bytes of shape and pose directions, as they are stored."""
-        return int(self.shapes.nbytes + self.bends.nbytes)
-
     @cached_property
     def structure(self) -> NDArray[np.intp]:
         """The `body_t` of `vertex_loops.c`."""
-        return self._part(0, len(self.vertices))
-
-    def parts(self, count: int) -> list[NDArray[np.intp]]:
-        """As many `body_t` of parts of the body, with about as many groups of vertices each."""
-        bounds = [len(self.vertices) * k // count for k in range(count + 1)]
-        return [self._part(first, last) for first, last in pairwise(bounds) if first < last]
-
-    def _part(self, first: int, last: int) -> NDArray[np.intp]:
-        """The `body_t` of some groups of vertices in a row."""
-        joints, bends = self._begins[first]
-        arrays = (self.vertices[first:], self.shapes[first:], self.bends[bends:], self.steps)
-        addresses = [a.ctypes.data for a in (*arrays, self.joints[joints:], self.still)]
-        lanes = self.vertices.shape[2]
-        end = min(lanes * last, self.count)
-        return np.array([end, *addresses, len(self.still), lanes * first], dtype=np.intp)
-
-    @cached_property
-    def _begins(self) -> list[tuple[int, int]]:
-        """Where the lists of each group begin in `joints`, and its directions in `bends`."""
-        found, at, bends = [(0, 0)], 0, 0
-        for _ in self.vertices:
-            for k in range(3):
-                length = int(self.joints[at])
-                at, bends = at + 1 + length, bends + length * (k == 1)
-            found.append((at, bends))
-        return found
+        arrays = self.vertices, self.shapes, self.bends, self.steps, self.joints, self.still
+        addresses = [array.ctypes.data for array in arrays]
+        return np.array([self.count, *addresses, len(self.still)], dtype=np.intp)
 
 
 def _lists(*groups: Mask) -> NDArray[np.intp]:

@@ -11,7 +11,7 @@ takes longer than it saves.
 #define AHEAD 8 /* joints that bend: so far ahead are their directions asked for */
 
 typedef struct {
-    integer N;              /* how many vertices there are; in a part of a body see `first` */
+    integer N;              /* how many vertices there are */
     const double *vertices; /* ROWS x LANES numbers for every group */
     const STORED *shapes;   /* 3 BETAS x LANES for every group */
     const STORED *bends;    /* 27 x LANES for every group and every joint that bends it */
@@ -21,8 +21,6 @@ typedef struct {
     const integer *still;   /* joint, first vertex, number of vertices: stretches that a joint
                                neither turns nor bends */
     integer stretches;      /* how many of these there are */
-    integer first;          /* in a part of a body, the first vertex; N is the one behind the last, the arrays
-                               begin with the part, and what is written to is that of the whole body */
 } body_t;
 
 typedef struct {
@@ -61,7 +59,7 @@ static ALWAYS_INLINE void look_ahead(const void *next, integer bytes)
 /* the next group: every pointer is moved on by what the group before it takes */
 static inline const integer *next_group(const body_t *body, integer i, const integer *joints, group_t *here)
 {
-    if (i == body->first) {
+    if (i == 0) {
         here->vertex = (const anywhere *)body->vertices;
         here->shapes = (const stored *)body->shapes;
         here->bends = (const stored *)body->bends;

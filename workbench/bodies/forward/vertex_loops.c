@@ -36,28 +36,20 @@ static ALWAYS_INLINE void at_rest(const group_t *of, const double *motion, const
     memcpy(rest, sum, sizeof sum);
 }
 
-/* points moved by trans (3), or as they are where there is none */
-static ALWAYS_INLINE void translated(const double *trans, v *restrict here)
-{
-    for (int d = 0; trans && d < 3; ++d) here[d] += BROADCAST(trans[d]);
-}
-
-/* found (N, 3); trans (3) or absent */
-EXPORT void points(const body_t *body, const double *betas, const double *moving, const double *trans,
-                   double *found)
+/* found (N, 3) */
+EXPORT void points(const body_t *body, const double *betas, const double *moving, double *found)
 {
     const v one[3] = {BROADCAST(1.0), BROADCAST(1.0), BROADCAST(1.0)};
     const integer *joints = body->joints;
     double motion[OF_JOINTS];
     group_t of;
     column_of(body, betas, moving, NULL, motion);
-    for (integer i = body->first; i < body->N; i += LANES) {
+    for (integer i = 0; i < body->N; i += LANES) {
         v rest[3], M[12], here[3];
         joints = next_group(body, i, joints, &of);
         motion_of(&of, motion, M);
         at_rest(&of, motion, M, NULL, rest);
         moved((const anywhere *)M, (const anywhere *)rest, here);
-        translated(trans, here);
         put(here[0], here[1], here[2], at_most_all(body->N - i), one, found + 3 * i);
     }
 }
@@ -102,7 +94,6 @@ static ALWAYS_INLINE void by_pose(const group_t *of, const double *motion, const
 typedef struct {
     const double *scale;
     double *const *pose, *const *betas, *const *trans;
-    const double *place; /* where the points are moved to */
     double *points;
 } wanted_t;
 
@@ -123,7 +114,6 @@ static ALWAYS_INLINE void of_group(const body_t *body, const group_t *of, intege
         at_rest(of, motion, M, NULL, rest);
     if (into->points) {
         moved((const anywhere *)M, (const anywhere *)rest, here);
-        translated(into->place, here);
         put(here[0], here[1], here[2], count, one, into->points + 3 * i);
     }
     if (into->pose) by_pose(of, motion, rest, bulges, count, factor, into->pose, i);
@@ -168,16 +158,16 @@ EXPORT void clear(const body_t *body, double *const *pose)
 
 /* pose (3 K, 3 N), betas (B, 3 N), trans (3, 3 N): each absent, or the addresses of its rows, of
 which some may be absent; scale (3 N) multiplies columns, or is absent; found (N, 3), or absent: the
-points, moved by place (3), or absent. Where a joint leaves vertices alone, nothing is written */
+points. Where a joint leaves vertices alone, nothing is written */
 EXPORT void tangent(const body_t *body, const double *person, const double *moving, const double *slopes,
                     const double *scale, double *const *pose, double *const *betas,
-                    double *const *trans, const double *place, double *found)
+                    double *const *trans, double *found)
 {
-    const wanted_t into = {scale, pose, betas, trans, place, found};
+    const wanted_t into = {scale, pose, betas, trans, found};
     const integer *joints = body->joints;
     double motion[COLUMN];
     group_t of;
-    integer i = body->first;
+    integer i = 0;
     column_of(body, person, moving, slopes, motion);
     for (; i + LANES <= body->N; i += LANES) {
         joints = next_group(body, i, joints, &of);
@@ -197,7 +187,7 @@ EXPORT void adjoint(const body_t *body, const double *betas, const double *movin
     double motion[OF_JOINTS];
     group_t of;
     column_of(body, betas, moving, NULL, motion);
-    for (integer i = body->first; i < body->N; i += LANES) {
+    for (integer i = 0; i < body->N; i += LANES) {
         v planar[3], rest[3], M[12], inside[3];
         double some[3 * LANES] = {0};
         joints = next_group(body, i, joints, &of);
