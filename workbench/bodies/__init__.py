@@ -12,8 +12,13 @@ from workbench.bodies.capsule_fitting import fit_capsules
 from workbench.bodies.capsules import Capsules
 from workbench.bodies.checking.check_file import FileCheck, check_body_file
 from workbench.bodies.checking.model_arrays import FileFinding
-from workbench.bodies.forward.skinning import Skinning, dual_quaternion_blend, linear_blend
-from workbench.bodies.forward.skinning_function import skin, skin_vertices
+from workbench.bodies.forward.skinning import (
+    Skinning,
+    dual_quaternion_blend,
+    linear_blend,
+    skin,
+    skin_vertices,
+)
 from workbench.bodies.hand_axes import HandMotion, hand_motions, is_hand
 from workbench.bodies.hand_points import HAND_POINTS, hand_points
 from workbench.bodies.landmarks import Landmarks

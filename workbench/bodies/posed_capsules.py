@@ -10,7 +10,7 @@ from workbench.blocks import Points
 from workbench.bodies.body import Given
 from workbench.bodies.capsules import Capsules, closest_places, segment_distances
 from workbench.bodies.forward import evaluation, sources
-from workbench.bodies.forward.arguments import Arguments
+from workbench.bodies.forward.sources import Arguments
 from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.skinned_only import not_skinned
 from workbench.errors import BadBody

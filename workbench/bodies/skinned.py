@@ -15,14 +15,18 @@ from workbench.blocks import Block, Layout, Points, Values
 from workbench.bodies.body import Given, blocks_of, landmark_set, no_offsets, offsets_of
 from workbench.bodies.capsules import Capsules
 from workbench.bodies.forward import evaluation
-from workbench.bodies.forward.arguments import Arguments
-from workbench.bodies.forward.arrays import ALL
 from workbench.bodies.forward.features import Features, rotation_elements
 from workbench.bodies.forward.freeing import FREEABLE, check_freeable
 from workbench.bodies.forward.motion import Kinematics
-from workbench.bodies.forward.numeric_body import NumericBody
+from workbench.bodies.forward.posed_points import BodyNumbers
 from workbench.bodies.forward.skinning import Skinning, linear_blend
-from workbench.bodies.forward.sources import joint_points, landmark_points, surface_points
+from workbench.bodies.forward.sources import (
+    Arguments,
+    joint_points,
+    landmark_points,
+    surface_points,
+)
+from workbench.bodies.forward.surface import ALL
 from workbench.bodies.landmarks import Landmarks
 from workbench.bodies.readonly import locked, parts_of, readonly_parts, remade
 from workbench.bodies.validation import check, chosen_vertices
@@ -286,13 +290,13 @@ class SkinnedBody:
         return array.toarray() if isinstance(array, csr_array) else array
 
     @cached_property
-    def numeric(self) -> NumericBody:
+    def numeric(self) -> BodyNumbers:
         """What numbers are computed with; free arrays have the numbers that they start from."""
         # not the body itself: what refers to itself is not freed before the garbage collector runs
         parts = {part.name: getattr(self, part.name) for part in fields(self)}
         alone = object.__new__(SkinnedBody)
         alone.__dict__.update(parts | {"free": {}})
-        return NumericBody(alone)
+        return BodyNumbers(alone)
 
     @property
     def kinematics(self) -> Kinematics:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, NoReturn, Protocol
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +14,12 @@ from workbench.blocks.checks import numbers
 from workbench.bodies.body import Body
 from workbench.bodies.capsules import Capsules
 from workbench.bodies.files.reading import SKINNED, clashes
-from workbench.bodies.forward.arrays import SkinnedArrays
 from workbench.bodies.forward.features import count_features, rotation_elements
 from workbench.bodies.landmarks import Landmarks
 from workbench.errors import BadBody, NotNumbers
+
+if TYPE_CHECKING:
+    from workbench.bodies.skinned import SkinnedBody
 
 Refuse = Callable[[str], NoReturn]
 Shaped = NDArray[Any] | csr_array
@@ -25,19 +27,7 @@ FARTHEST = 1e3  # m
 ROW_SUM_TOLERANCE = 1e-3  # single-precision files of many small weights reach 1e-5
 
 
-class Mirrored(SkinnedArrays, Protocol):
-    """A skinned body that may be its own mirror image."""
-
-    @property
-    def mirror(self) -> Index | None:
-        """The vertex on the other side of each, (N,), or None."""
-
-    @property
-    def capsules(self) -> Capsules | None:
-        """The tubes with round ends that stand for it, or None."""
-
-
-def check(body: Mirrored) -> None:
+def check(body: SkinnedBody) -> None:
     """Raise BadBody with what is wrong and where, or return."""
 
     def refuse(reason: str) -> NoReturn:
@@ -91,7 +81,7 @@ def check(body: Mirrored) -> None:
     check_capsules(refuse, body)
 
 
-def check_capsules(refuse: Refuse, body: Mirrored) -> None:
+def check_capsules(refuse: Refuse, body: SkinnedBody) -> None:
     """Refuse what is no Capsules, and those that do not fit the joints or the betas."""
     capsules = body.capsules
     if capsules is None:

@@ -12,18 +12,18 @@ from scipy.sparse import csr_array
 from workbench.arrays import Array
 from workbench.blocks.checks import reals
 from workbench.bodies.body import Body, Given
-from workbench.bodies.forward.numeric import batch_points
-from workbench.bodies.forward.numeric_body import NumericBody
+from workbench.bodies.forward.mesh import batch_points
+from workbench.bodies.forward.posed_points import BodyNumbers
 from workbench.bodies.landmarks import Landmarks
 from workbench.errors import BadBody
 
 
-def vertices(of: NumericBody, pose: Given, betas: Given, trans: Given) -> Array:
+def vertices(of: BodyNumbers, pose: Given, betas: Given, trans: Given) -> Array:
     """The posed surface over a broadcast batch, (..., N, 3) m."""
     body = of.arrays
     batch, theta, beta, move = arguments(body, pose, betas, trans)
     if body.is_smpl:
-        found = batch_points(of.chunks, of.kinematics.motions(theta, beta), beta)
+        found = batch_points(of.chunks, of.kinematics.motion(theta, beta), beta)
     else:
         each = [np.asarray(of.skinned_rest(t.T, b)).T for t, b in zip(theta, beta, strict=True)]
         found = np.array(each).reshape(len(theta), body.n_vertices, 3)
@@ -38,7 +38,7 @@ def regressed(regressor: csr_array, points: Array) -> Array:
 
 
 def displaced(
-    of: NumericBody, landmarks: Landmarks, given: tuple[Given, Given, Given], offsets: ArrayLike
+    of: BodyNumbers, landmarks: Landmarks, given: tuple[Given, Given, Given], offsets: ArrayLike
 ) -> Array:
     """Landmarks with offsets (..., M, 3) m, over a broadcast batch of pose, betas and trans."""
     body, count = of.arrays, len(landmarks.names)
@@ -59,12 +59,10 @@ def displaced(
     return found.reshape(*batch, count, 3)
 
 
-def joints(of: NumericBody, pose: Given, betas: Given, trans: Given) -> Array:
+def joints(of: BodyNumbers, pose: Given, betas: Given, trans: Given) -> Array:
     """The posed joints over a broadcast batch, (..., K, 3) m."""
     batch, theta, beta, move = arguments(of.arrays, pose, betas, trans)
-    found = np.empty((len(theta), of.arrays.n_joints, 3))
-    for i in range(len(theta)):
-        found[i] = of.kinematics.motion(theta[i], beta[i]).joints + move[i]
+    found = of.kinematics.motion(theta, beta).joints + move[:, None]
     return found.reshape(*batch, of.arrays.n_joints, 3)
 
 

@@ -1,9 +1,14 @@
 """Which arrays of a skinned body can be unknowns."""
 
-from collections.abc import Sequence
+from __future__ import annotations
 
-from workbench.bodies.forward.arrays import SkinnedArrays
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
 from workbench.errors import BadBody, UnknownName
+
+if TYPE_CHECKING:
+    from workbench.bodies.skinned import SkinnedBody
 
 FREEABLE = {
     "template": "m",
@@ -15,7 +20,7 @@ FREEABLE = {
 }
 
 
-def check_freeable(body: SkinnedArrays, names: Sequence[object]) -> None:
+def check_freeable(body: SkinnedBody, names: Sequence[object]) -> None:
     """Return if these arrays can be free together with those that are.
 
     Raises UnknownName, or BadBody for a regressor of joints that are free or given.

@@ -17,6 +17,11 @@ from workbench.arrays import Array
 from workbench.bodies.forward.kinematics import ancestors
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 
+# [e]x, row by row, of the three unit vectors e
+CROSS = np.array(
+    [[0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0.0]]
+)
+
 
 @dataclass(frozen=True, eq=False)
 class Posing:
@@ -82,9 +87,9 @@ class Posing:
     def turning_back(self, on_world: Array, on_local: Array) -> Array:
         """The adjoint of `turning`: the gradient (J, K, 3) by the turn, from those by rotations."""
         A = ancestors(self.parents)
-        torque = np.einsum("km,jka->jma", A, axial(on_world, self.world))
+        torque = np.einsum("km,jka->jma", A, axial(on_world @ self.world.swapaxes(-1, -2)))
         by_world: Array = (self.above.swapaxes(-1, -2) @ torque[..., None])[..., 0]
-        return by_world + axial(on_local, self.local)
+        return by_world + axial(on_local @ self.local.swapaxes(-1, -2))
 
 
 def world_rotations(local: Array, parents: Sequence[int]) -> Array:
@@ -105,16 +110,9 @@ def local_rotations(world: Array, parents: Sequence[int]) -> Array:
 
 def crossed(w: Array) -> Array:
     """The matrix [w]x (..., 3, 3) of the cross product v -> w x v."""
-    x, y, z = np.moveaxis(w, -1, 0)
-    o = np.zeros_like(x)
-    rows = np.stack([o, -z, y, z, o, -x, -y, x, o], axis=-1)
-    return rows.reshape(*w.shape, 3)
+    return (w @ CROSS).reshape(*w.shape, 3)
 
 
-def axial(cotangent: Array, R: Array) -> Array:
-    """The gradient by w of sum(cotangent * [w]x R), (..., 3)."""
-    X = cotangent @ R.swapaxes(-1, -2)
-    return np.stack(
-        [X[..., 2, 1] - X[..., 1, 2], X[..., 0, 2] - X[..., 2, 0], X[..., 1, 0] - X[..., 0, 1]],
-        axis=-1,
-    )
+def axial(X: Array) -> Array:
+    """The gradient (..., 3) by w of sum(X * [w]x), for X (..., 3, 3)."""
+    return np.asarray(X.reshape(*X.shape[:-2], 9) @ CROSS.T)

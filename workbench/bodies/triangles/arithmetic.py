@@ -16,28 +16,24 @@ from functools import cached_property
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.bodies.forward.motion import Posed
-from workbench.bodies.forward.rows import Target, write
+from workbench.bodies.forward.motion import JointMotion
+from workbench.bodies.forward.named_points import BodyPoints, BodyPointsAt
+from workbench.bodies.forward.rows import RowTarget, write
 from workbench.bodies.triangles.many import ManySurfaces
 from workbench.bodies.triangles.packed import PackedTriangles
 
 
 @dataclass(frozen=True, eq=False)
-class TriangleArithmetic:
+class TriangleArithmetic(BodyPoints):
     """The vertices of a triangle body by arithmetic; see BodyPoints."""
 
     packed: PackedTriangles
 
-    def evaluate(self, pose: Array, betas: Array, trans: Array | None = None) -> SurfaceNumbers:
+    def evaluate(
+        self, pose: Array, betas: Array, trans: Array | None = None, *_: Array
+    ) -> SurfaceNumbers:
         """The surface at pose (K, 3) rad, betas (B,) and trans (3,) m, zero if it is not given."""
         return SurfaceNumbers(self.packed, pose, betas, np.zeros(3) if trans is None else trans)
-
-    def evaluate_each(self, poses: Array, betas: Array, trans: Array) -> list[SurfaceNumbers]:
-        """The surface at M poses, betas and translations."""
-        return [self.evaluate(*one) for one in zip(poses, betas, trans, strict=True)]
-
-    def together(self, names: Mapping[str, str], *arguments: Array) -> None:
-        """None: there is no arithmetic on several surfaces with their derivatives."""
 
     def evaluate_batch(self, poses: Array, betas: Array, trans: Array) -> Array:
         """The vertices (M, N, 3) m of M poses, betas and translations, all at once."""
@@ -49,7 +45,7 @@ class TriangleArithmetic:
 
 
 @dataclass(frozen=True, eq=False)
-class SurfaceNumbers:
+class SurfaceNumbers(BodyPointsAt):
     """The surface at one pose (K, 3) rad, betas (B,) and trans (3,) m; see BodyPointsAt."""
 
     of: PackedTriangles
@@ -58,14 +54,14 @@ class SurfaceNumbers:
     trans: Array
 
     @cached_property
-    def posed(self) -> Posed:
+    def motion(self) -> JointMotion:
         """The kinematics, of which rotations alone are read."""
-        return self.of.kinematics.evaluate(self.pose, np.zeros(0))
+        return self.of.kinematics.motion_kept(self.pose, np.zeros(0))
 
     @property
     def rotations(self) -> Array:
         """The rotation R of each joint in the world, (K, 3, 3)."""
-        return self.posed.motion.G[:, :, :3]
+        return self.motion.G[:, :, :3]
 
     @cached_property
     def B(self) -> Array:
@@ -109,7 +105,7 @@ class SurfaceNumbers:
         cotangents = of.stitching.pulled(_on_edges(self.B, self.shaped))
         return np.asarray(of.placed(cotangents) + of.root + self.trans)
 
-    def write_jacobian(self, into: Mapping[str, Target], scale: Array | None) -> None:
+    def write_jacobian(self, into: Mapping[str, RowTarget], scale: Array | None) -> None:
         """Write the transposed derivative into `pose`, `betas` and `trans`, (size, 3 N) each."""
         N = self.of.stitching.n_vertices
         cotangents = []
@@ -145,15 +141,14 @@ class SurfaceNumbers:
         on_twists = np.einsum("fia,fiaj->fj", on_shaped @ self.D, of.bends, optimize=True)
         on_G = np.zeros((len(self.pose), 3, 4))
         on_G[:, :, :3] = np.asarray(of.weights.T @ on_B.reshape(-1, 9)).reshape(-1, 3, 3)
-        no_pull = np.zeros_like(self.posed.motion.features)
-        on_pose, _ = of.kinematics.vjp(self.pose, self.posed.betas, on_G, no_pull)
+        on_pose, _ = self.motion.vjp(on_G, np.zeros_like(self.motion.features))
         np.add.at(on_pose, of.near, on_twists.reshape(*of.near.shape, 3))
         on_betas = on_D.ravel() @ of.shape_columns
         return {"pose": on_pose.ravel(), "betas": on_betas, "trans": on_trans}
 
     def _by_joint(self, k: int) -> list[Array]:
         """What each of pose[k]'s three numbers cotangents at the vertices, (N, 3)."""
-        limb, turns = self.of.limbs[k], self.posed.slopes.turns[k].reshape(3, 3, 3)
+        limb, turns = self.of.limbs[k], self.motion.derivatives.turns[k].reshape(3, 3, 3)
         R = self.rotations[limb.joints].reshape(-1, 9)
         B = np.asarray(limb.weights @ R).reshape(-1, 3, 3)
         hanging = _on_edges(B, self.shaped[limb.faces])

@@ -14,7 +14,7 @@ from workbench.arrays import Array, Index
 from workbench.blocks import Block, Layout, Points, Values
 from workbench.bodies.body import Blocks, Given, blocks_of, landmark_set, no_offsets
 from workbench.bodies.forward import evaluation
-from workbench.bodies.forward.arguments import Arguments
+from workbench.bodies.forward.sources import Arguments
 from workbench.bodies.landmarks import Landmarks
 from workbench.bodies.readonly import parts_of, readonly_parts, remade
 from workbench.bodies.triangles import surface

@@ -9,8 +9,8 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
+from workbench.bodies.forward.kinematics import Skeleton
 from workbench.bodies.forward.motion import Kinematics
-from workbench.bodies.forward.skeleton import Skeleton
 from workbench.bodies.triangles.arrays import TriangleArrays
 from workbench.geometry.triangles import edges
 

@@ -13,10 +13,9 @@ from scipy.sparse import csr_array, kron
 from workbench.arrays import Array
 from workbench.blocks import Block
 from workbench.blocks.functions import sparse_constant
-from workbench.bodies.forward.arguments import Arguments
-from workbench.bodies.forward.numeric_sources import BodyPointsAt, Named
-from workbench.bodies.forward.rows import Target, write
-from workbench.bodies.forward.sources import BodySource
+from workbench.bodies.forward.named_points import BlockPoints, BodyPoints, BodyPointsAt
+from workbench.bodies.forward.rows import RowTarget, write
+from workbench.bodies.forward.sources import Arguments, BodySource
 from workbench.bodies.triangles import surface
 from workbench.bodies.triangles.arithmetic import TriangleArithmetic
 from workbench.bodies.triangles.means import StitchedMeans
@@ -38,7 +37,7 @@ def surface_points(
         None,
         tuple(free.values()),
         lambda: surface.posed(arithmetic.packed, *at.symbols, free),
-        lambda maps: None if free else Named(arithmetic, maps),
+        lambda maps: None if free else BlockPoints(arithmetic, maps),
     )
 
 
@@ -64,13 +63,13 @@ def mean_points(
         names,
         tuple(free.values()),
         express,
-        lambda maps: None if free else Named(NumericMeans(arithmetic, regressor), maps),
+        lambda maps: None if free else BlockPoints(NumericMeans(arithmetic, regressor), maps),
         rigid_bones=False,
     )
 
 
 @dataclass(frozen=True, eq=False)
-class NumericMeans:
+class NumericMeans(BodyPoints):
     """Weighted means of the points of a surface: `regressor` (M, N); see BodyPoints."""
 
     surface: TriangleArithmetic
@@ -85,13 +84,6 @@ class NumericMeans:
         """The means at one pose, betas and translation."""
         return MeansAt(self, self.surface.evaluate(pose, betas, trans))
 
-    def evaluate_each(self, poses: Array, betas: Array, trans: Array) -> list[MeansAt]:
-        """The means at M poses, betas and translations."""
-        return [MeansAt(self, here) for here in self.surface.evaluate_each(poses, betas, trans)]
-
-    def together(self, names: Mapping[str, str], *arguments: Array) -> None:
-        """None: there is no arithmetic on several surfaces with their derivatives."""
-
     def evaluate_batch(self, poses: Array, betas: Array, trans: Array) -> Array:
         """The means (M, L, 3) m of M poses, betas and translations."""
         if self.regressor.shape[0] * FEW <= self.regressor.shape[1]:
@@ -105,7 +97,7 @@ class NumericMeans:
 
 
 @dataclass(frozen=True, eq=False)
-class MeansAt:
+class MeansAt(BodyPointsAt):
     """The means at one pose, betas and trans; see BodyPointsAt."""
 
     of: NumericMeans
@@ -116,7 +108,7 @@ class MeansAt:
         """The weighted means of the posed vertices, (M, 3) m."""
         return np.asarray(self.of.regressor @ self.surface.points)
 
-    def write_jacobian(self, into: Mapping[str, Target], scale: Array | None) -> None:
+    def write_jacobian(self, into: Mapping[str, RowTarget], scale: Array | None) -> None:
         """Write the transposed derivative into `pose`, `betas` and `trans`, (size, 3 M) each."""
         N = self.of.regressor.shape[1]
         whole = {name: np.empty((len(target), 3 * N)) for name, target in into.items()}
