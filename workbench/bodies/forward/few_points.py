@@ -20,7 +20,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import casadi as cs
@@ -39,8 +39,16 @@ if TYPE_CHECKING:
     from workbench.bodies.skinned import SkinnedBody
 
 
+@lru_cache
+def _by_trans(N: int) -> Array:
+    """The transposed derivative of N points by a translation, (3, 3 N)."""
+    return np.tile(np.eye(3), N)
+
+
 class FewPointsAt(PointsAtMotion):
     """Points at one motion, or at M motions and shapes: `points` (..., N, 3) m."""
+
+    motion: JointMotion
 
     @abstractmethod
     def derivative(self, by: MotionDerivatives, role: str) -> Array:
@@ -97,10 +105,10 @@ class JointPointsAt(FewPointsAt):
         t = self.points
         *some, K, _ = t.shape
         if role == "trans":
-            return np.tile(np.eye(3), K)
+            return _by_trans(K)
         if role == "betas":
             own = self.motion.G[..., :3] @ self.of.skeleton.by_betas  # (K, 3, B)
-            moved: Array = np.moveaxis(own, -1, -3) + by.d_shift
+            moved: Array = own.swapaxes(-1, -3).swapaxes(-1, -2) + by.d_shift
             return moved.reshape(*some, -1, 3 * K)
         arms = t.swapaxes(-1, -2)[..., None, :, :] - t[..., None]  # (K, 3, K): from joint k to j
         arms *= self.of.ancestors.T[:, None]
@@ -310,7 +318,7 @@ class LandmarkPointsAt(FewPointsAt):
         """The transposed derivative by `pose`, `betas`, `trans` or `offsets`, (..., size, 3 L)."""
         L = len(self.of.rest_points.first)
         if role == "trans":
-            return np.tile(np.eye(3), L)
+            return _by_trans(L)
         if role == "offsets":
             each, turned = np.arange(L), np.moveaxis(self._blended, -1, 0).swapaxes(-1, -2)
             found = np.zeros((*self._blended.shape[:-3], L, 3, L, 3))

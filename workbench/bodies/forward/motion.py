@@ -208,9 +208,11 @@ class Kinematics:
         bones = at.copy()  # each joint in its parent's frame, as an affine function of betas
         bones[1:] = self._bound_above[1:].swapaxes(1, 2) @ (at[1:] - at[self._up[1:]])
         self._rest = np.concatenate([at, bones]).reshape(6 * K, 1 + B).T.copy()
-        depth = self.ancestors.sum(axis=1) - 1
-        levels = (np.flatnonzero(depth == d) for d in range(1, int(depth.max()) + 1))
-        self._generations = [(k, self._up[k]) for k in levels]
+        up = np.append(np.array(self.parents) % (K + 1), K)  # K: the world, which is its own parent
+        self._jumps = []  # to the ancestor 1, 2, 4 and so on generations above
+        while (up < K).any():
+            self._jumps.append(up)
+            up = up[up]
         self._last: tuple[tuple[bytes, bytes], JointMotion] | None = None
 
     def motion_kept(self, pose: Array, betas: Array) -> JointMotion:
@@ -256,12 +258,14 @@ class Kinematics:
         _, n, sine, less = _angles(motion.pose)
         R = _matrices(n, 1 - less, sine, less)
         rest = (self._rest[0] + betas @ self._rest[1:]).reshape(*some, 2, K, 3)
-        world = np.concatenate([R, rest[..., 1, :, :, None]], axis=-1)
-        for k, up in self._generations:
-            above = world[..., up, :, :]
-            own = above[..., :3] @ world[..., k, :, :]
-            own[..., 3] += above[..., 3]
-            world[..., k, :, :] = own
+        world = np.empty((*some, K + 1, 3, 4))
+        world[..., :K, :, :3], world[..., :K, :, 3] = R, rest[..., 1, :, :]
+        world[..., K, :, :] = np.eye(3, 4)
+        for up in self._jumps:  # each motion is from 1, 2, 4 and so on generations above
+            above = world.take(up, axis=-3)
+            world = above[..., :3] @ world
+            world[..., 3] += above[..., 3]
+        world = world[..., :K, :, :]
         motion.features[...] = (R - self.bind)[..., 1:, :, :].reshape(*some, 9 * (K - 1))
         motion.joints[...] = world[..., 3]
         turn = np.matmul(world[..., :3], self.bound.swapaxes(1, 2), out=motion.G[..., :3])

@@ -110,7 +110,8 @@ def local_rotations(world: Array, parents: Sequence[int]) -> Array:
 
 def crossed(w: Array) -> Array:
     """The matrix [w]x (..., 3, 3) of the cross product v -> w x v."""
-    return (w @ CROSS).reshape(*w.shape, 3)
+    found: Array = w.reshape(-1, 3) @ CROSS
+    return found.reshape(*w.shape, 3)
 
 
 def axial(X: Array) -> Array:

@@ -35,7 +35,7 @@ class TriangleArithmetic(BodyPoints):
         """The surface at pose (K, 3) rad, betas (B,) and trans (3,) m, zero if it is not given."""
         return SurfaceNumbers(self.packed, pose, betas, np.zeros(3) if trans is None else trans)
 
-    def evaluate_batch(self, poses: Array, betas: Array, trans: Array) -> Array:
+    def evaluate_batch(self, poses: Array, betas: Array, trans: Array, *_: Array) -> Array:
         """The vertices (M, N, 3) m of M poses, betas and translations, all at once."""
         return self._many(poses, betas) + trans[:, None]
 

@@ -80,11 +80,11 @@ class NumericMeans(BodyPoints):
         """The matrix of weighted means, for each coordinate: (3 M, 3 N)."""
         return csr_array(kron(self.regressor, np.eye(3), format="csr"))
 
-    def evaluate(self, pose: Array, betas: Array, trans: Array) -> MeansAt:
+    def evaluate(self, pose: Array, betas: Array, trans: Array, *_: Array) -> MeansAt:
         """The means at one pose, betas and translation."""
         return MeansAt(self, self.surface.evaluate(pose, betas, trans))
 
-    def evaluate_batch(self, poses: Array, betas: Array, trans: Array) -> Array:
+    def evaluate_batch(self, poses: Array, betas: Array, trans: Array, *_: Array) -> Array:
         """The means (M, L, 3) m of M poses, betas and translations."""
         if self.regressor.shape[0] * FEW <= self.regressor.shape[1]:
             return self._without_surface(poses, betas, trans)
