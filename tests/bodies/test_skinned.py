@@ -402,6 +402,10 @@ BROKEN = [
     ({"bound_in": np.full((5, 3), np.nan)}, "bound_in must be finite"),
     ({"rest_joints": np.zeros((6, 3))}, "rest_joints must be finite"),
     ({"landmarks": {"face": Landmarks(("nose",), csr_array((2, 30)))}}, "'face'"),
+    (
+        {"landmarks": {"face": Landmarks(("nose",), 2 * np.eye(1, 30))}},
+        "weights in landmarks 'face' of point 0 sum to 2, but must sum to 1",
+    ),
 ]
 
 

@@ -295,6 +295,8 @@ def test_unknown_names_and_vertices_are_refused() -> None:
         body.landmark("nose")
     with pytest.raises(BadBody, match="there is no vertex 22"):
         body.points(*symbols(body), vertices=[22])
+    with pytest.raises(UnknownName, match="array to free"):
+        body.freed(["template"])  # type: ignore[arg-type]
 
 
 def test_arrays_that_do_not_fit_are_refused() -> None:

@@ -202,6 +202,9 @@ def check_landmarks(refuse: Refuse, sets: Mapping[str, Landmarks], N: int) -> No
                 f"landmarks {name!r}: {len(landmarks.names)} names and a regressor "
                 f"{landmarks.regressor.shape}, which must be ({len(landmarks.names)}, {N})"
             )
+        if landmarks.names:
+            sums = np.asarray(landmarks.regressor.sum(axis=1))
+            check_rows(refuse, f"weights in landmarks {name!r}", sums, "point")
 
 
 def check_tree(refuse: Refuse, parents: tuple[int, ...]) -> None:

@@ -62,9 +62,7 @@ def displaced(
 def joints(of: NumericBody, pose: Given, betas: Given, trans: Given) -> Array:
     """The posed joints over a broadcast batch, (..., K, 3) m."""
     batch, theta, beta, move = arguments(of.arrays, pose, betas, trans)
-    found = np.empty((len(theta), of.arrays.n_joints, 3))
-    for i in range(len(theta)):
-        found[i] = of.kinematics.motion(theta[i], beta[i]).joints + move[i]
+    found = of.kinematics.motions(theta, beta).joints + move[:, None]
     return found.reshape(*batch, of.arrays.n_joints, 3)
 
 

@@ -152,7 +152,7 @@ class TriangleBody:
         differentiates the whole graph, which is fit for some hundred faces. Raises UnknownName.
         """
         for name in names:
-            if name not in FREEABLE:
+            if not isinstance(name, str) or name not in FREEABLE:
                 raise UnknownName("array to free", str(name), FREEABLE)
         made = {n: Block(prefix + n, getattr(self, n).shape, FREEABLE[n]) for n in names}
         return self._sharing_blocks(replace(self, free={**self.free, **made}))
