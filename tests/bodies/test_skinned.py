@@ -303,6 +303,16 @@ def test_landmark_sets_have_names_and_joints_are_one() -> None:
         body.landmark("fase")
 
 
+def test_posed_surface_is_a_mesh_of_trimesh() -> None:
+    body = smpl_like_body()
+    pose, betas, trans = some_arguments(body)
+    mesh = body.trimesh(pose, betas, trans)
+    np.testing.assert_array_equal(mesh.vertices, body.vertices(pose, betas, trans))
+    np.testing.assert_array_equal(mesh.faces, body.faces)
+    with pytest.raises(BadBody, match=r"in one pose, not in a batch \(2,\)"):
+        body.trimesh(np.zeros((2, 24, 3)))
+
+
 def test_blocks_are_the_same_objects_each_time() -> None:
     body = smpl_like_body()
     assert body.blocks("scan 3/") is body.blocks("scan 3/")

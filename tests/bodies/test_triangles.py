@@ -16,7 +16,7 @@ from tests.differences import assert_hessian, assert_jacobian
 from tests.tiers import few
 from workbench.bodies.body import Body
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
-from workbench.bodies.triangles.recipes import one_part
+from workbench.bodies.triangles.body import one_part
 from workbench.errors import BadBody, UnknownName
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 from workbench.geometry.triangles import edges

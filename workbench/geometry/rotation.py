@@ -97,6 +97,24 @@ def vector_from_matrix(R: ArrayLike) -> Array:
     return Rotation.from_matrix(R.reshape(-1, 3, 3)).as_rotvec().reshape(*R.shape[:-2], 3)
 
 
+def left_jacobian(w: ArrayLike) -> Array:
+    r"""How rotations turn as their vectors (..., 3) rad change by d: exp(w + d) = exp(L d) exp(w).
+
+    To first order, with w = t n and the left Jacobian of SO(3), of shape (..., 3, 3),
+
+        L = sin(t) / t I + (1 - cos(t)) / t [n]x + (1 - sin(t) / t) n n'
+
+    (Sola, Deray and Atchuthan, A micro Lie theory for state estimation in robotics, 2018, eq. 145).
+    """
+    w = np.asarray(w, dtype=float)
+    t = np.linalg.norm(w, axis=-1)[..., None, None]
+    n = w / np.maximum(t[..., 0], np.finfo(float).tiny)
+    sine, half = np.sinc(t / np.pi), np.sinc(t / (2 * np.pi))
+    x = np.cross(n[..., None, :], np.eye(3)).swapaxes(-1, -2)  # [n]x
+    nn = n[..., :, None] * n[..., None, :]
+    return np.asarray(sine * np.eye(3) + np.sin(t / 2) * half * x + (1 - sine) * nn)
+
+
 def inverse_left_jacobian(w: ArrayLike) -> Array:
     r"""How rotation vectors (..., 3) rad move with a small turn u before them: (..., 3, 3).
 

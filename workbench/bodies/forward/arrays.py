@@ -1,18 +1,12 @@
-"""The arrays of a skinned body, as the modules that compute with it see them.
+"""The arrays of a skinned body, as the modules that compute with it see them."""
 
-Modules below `SkinnedBody` are written in these protocols, so that none of them imports it.
-"""
-
-from collections.abc import Mapping, Sequence
-from typing import Protocol
-
-from scipy.sparse import csr_array
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 from workbench.arrays import Array
-from workbench.blocks import Block
-from workbench.bodies.body import Body
-from workbench.bodies.forward.features import Features
-from workbench.bodies.forward.skinning import Skinning
+
+if TYPE_CHECKING:
+    from workbench.bodies.skinned import SkinnedBody
 
 Vertices = Sequence[int] | slice
 ALL = slice(None)
@@ -38,29 +32,4 @@ class SurfaceArrays(Protocol):
         """How much each joint moves each vertex, (N, K); rows sum to one."""
 
 
-class SkinnedArrays(SurfaceArrays, Body, Protocol):
-    """The arrays of a skinned body, the functions that combine them, and which are free."""
-
-    @property
-    def J_regressor(self) -> csr_array:
-        """The joints at rest as weighted means of vertices, (K, N); rows sum to one."""
-
-    @property
-    def rest_joints(self) -> Array | None:
-        """(K, 3) m, the joints at rest if they are given; None if `J_regressor` computes them."""
-
-    @property
-    def skinning(self) -> Skinning:
-        """The function that blends the motions of joints."""
-
-    @property
-    def features(self) -> Features:
-        """The function of the pose by which posedirs are multiplied."""
-
-    @property
-    def is_smpl(self) -> bool:
-        """Whether skinning and pose features are SMPL's, for which there is fast arithmetic."""
-
-    @property
-    def free(self) -> Mapping[str, Block]:
-        """The arrays that are unknowns, by name."""
+SkinnedArrays: TypeAlias = "SkinnedBody"

@@ -9,11 +9,11 @@ import numpy as np
 from scipy.sparse import csc_array
 
 from workbench.blocks.functions import sparse_constant
+from workbench.bodies.body import Landmarks
 from workbench.bodies.forward import surface
 from workbench.bodies.forward.arrays import SkinnedArrays
 from workbench.bodies.forward.rest_points import RestPoints
 from workbench.bodies.forward.skinning import linear_blend
-from workbench.bodies.landmarks import Landmarks
 
 
 def posed_landmarks(

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cache, cached_property, partial
+from typing import TYPE_CHECKING
 
 import casadi as cs
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.bodies.capsules import Capsules
 from workbench.bodies.forward import arithmetic, surface
 from workbench.bodies.forward.arithmetic import arithmetic_of
 from workbench.bodies.forward.arrays import ALL, SkinnedArrays, Vertices
@@ -24,7 +24,10 @@ from workbench.bodies.forward.numeric import Chunk, batch_points, chunks_of
 from workbench.bodies.forward.numeric_sources import PosedPoints
 from workbench.bodies.forward.rest_points import RestPoints
 from workbench.bodies.forward.skeleton import Skeleton
-from workbench.bodies.landmarks import Landmarks
+
+if TYPE_CHECKING:
+    from workbench.bodies.body import Landmarks
+    from workbench.bodies.capsules import Capsules
 
 
 class NumericBody:

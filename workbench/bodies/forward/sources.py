@@ -11,7 +11,7 @@ import casadi as cs
 from workbench.arrays import Array
 from workbench.blocks import Block, NumericPoints, Tree
 from workbench.blocks.tree import Rest
-from workbench.bodies.capsules import Capsules
+from workbench.bodies.body import Landmarks
 from workbench.bodies.forward import surface
 from workbench.bodies.forward.arguments import Arguments
 from workbench.bodies.forward.arrays import SkinnedArrays, Vertices
@@ -19,8 +19,6 @@ from workbench.bodies.forward.assembly import Maps, plain_names
 from workbench.bodies.forward.landmark_symbols import posed_landmarks
 from workbench.bodies.forward.numeric_body import NumericBody
 from workbench.bodies.forward.numeric_sources import Named
-from workbench.bodies.landmarks import Landmarks
-from workbench.errors import BadBody
 
 MOVE_JOINTS = ("template", "shapedirs", "J_regressor")  # what joints are made from, if not given
 
@@ -166,33 +164,3 @@ def landmark_points(
 
     names, free = landmarks.names, tuple(body.free.values())
     return BodySource(at, len(names), names, free, express, compute, body.posedirs)
-
-
-def capsule_points(
-    body: SkinnedArrays, at: Arguments, numeric: NumericBody, capsules: Capsules
-) -> BodySource:
-    """The ends of capsules: rest points, each on one joint, which no pose blend shape moves.
-
-    Raises BadBody where arrays are free that the rest pose is made from.
-    """
-    if body.free:
-        raise BadBody(
-            f"body {body.name!r} has free arrays ({', '.join(body.free)}), but its capsules were "
-            "fitted to fixed ones; take the body with values, and fit capsules to it"
-        )
-
-    def express() -> cs.MX:
-        posture = surface.posture(body, at.pose, at.betas)
-        G, _ = surface.motions(body, posture)
-        points = numeric.capsule_rest(capsules)
-        ends = points.expression(G, cs.MX(0, 1), at.betas)
-        return ends + cs.repmat(at.trans, 1, 2 * len(capsules.names))
-
-    return BodySource(
-        at,
-        2 * len(capsules.names),
-        capsules.end_names,
-        (),
-        express,
-        lambda maps: Named(numeric.capsules(capsules), maps),
-    )
