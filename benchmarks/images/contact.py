@@ -26,9 +26,8 @@ from workbench import SOLVERS, Block, Constraint, Problem, load_body
 from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody, capsule_gaps, capsule_points, capsules_of
-from workbench.bodies.capsule_parts import part_of, parts_of_capsules
 from workbench.bodies.capsules import capsule_distances
-from workbench.bodies.parts import solid_of
+from workbench.bodies.parts import part_of, parts_of_capsules, solid_of
 from workbench.comparison.statistics import rate
 from workbench.fitting.body_priors import pose_prior, shape_prior
 from workbench.priors.mocap import held_out_poses, read_mocap

@@ -1,12 +1,12 @@
 """How far the joints of fingers turn: ranges that were measured on people, and what is assumed.
 
 `python -m builder.joint_limits` writes them as `hand.json`, in degrees, by joint and anatomical
-motion (`workbench.bodies.hand_axes`).
+motion (`workbench.bodies.hands`).
 """
 
 from typing import Any
 
-from workbench.bodies.hand_axes import ABDUCTION, DEVIATION, FLEXION, TWIST
+from workbench.bodies.hands import ABDUCTION, DEVIATION, FLEXION, TWIST
 
 AAOS, MERCK, ASSUMED = "AAOS", "Merck", "assumed"
 SOURCES = {

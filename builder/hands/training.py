@@ -29,8 +29,8 @@ from builder.regressors import regress
 from builder.sets import SetRecipe
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
+from workbench.bodies.body import Landmarks
 from workbench.bodies.files.embedded import read_embedded
-from workbench.bodies.landmarks import Landmarks
 from workbench.synthetic import wheel as published
 from workbench.synthetic.base_mesh import read_base_mesh
 from workbench.synthetic.ground_truth import read_ground_truth

@@ -19,7 +19,7 @@ from workbench import residuals
 from workbench.blocks.affine import Affine
 from workbench.bodies.forward import posed_points
 from workbench.bodies.forward.freed import BLOCKS, FreedSurface
-from workbench.bodies.triangles.recipes import blend_scape
+from workbench.bodies.triangles.body import blend_scape
 from workbench.solvers.judgement import rewrapped
 
 RNG = np.random.default_rng(0)

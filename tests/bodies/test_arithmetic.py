@@ -11,10 +11,9 @@ from pathlib import Path
 import casadi as cs
 import numpy as np
 import pytest
-from scipy.sparse import csr_array
 
 import workbench as wb
-from tests.bodies_made_up import SMPL_PARENTS, random_body, tube_body
+from tests.bodies_made_up import SMPL_PARENTS, random_body
 from tests.tiers import few
 from workbench import compiling
 from workbench.bodies import SkinnedBody
@@ -30,9 +29,6 @@ from workbench.bodies.forward.kinematics import Skeleton
 from workbench.bodies.forward.mesh import NumpyMesh, chunks_of
 from workbench.bodies.forward.motion import Kinematics
 from workbench.bodies.forward.packing import Packing, is_exact, whole_step
-from workbench.bodies.triangles import TriangleBody, blend_scape, scape
-from workbench.bodies.triangles.means import StitchedMeans
-from workbench.bodies.triangles.sources import FEW, NumericMeans
 
 COMPILER = next((c for c in ("gcc", "clang", "cc") if shutil.which(c)), None)
 NEEDS_COMPILER = pytest.mark.skipif(COMPILER is None, reason="no C compiler on the PATH")
@@ -438,35 +434,3 @@ def test_two_processes_compile_at_once(tmp_path: Path) -> None:
     left = [path.name for path in tmp_path.iterdir()]
     assert len(left) in (1, 2)
     assert all(name.startswith(MESH) for name in left)
-
-
-# Means of a stitched surface, as sums over its parts.
-
-
-def triangle_body(name: str) -> TriangleBody:
-    if name.startswith("small"):
-        return wb.load_body(name)
-    body = {"tube-scape": scape, "tube-blend-scape": blend_scape}[name](tube_body())
-    posedirs = 0.1 * np.random.default_rng(5).standard_normal(body.posedirs.shape)
-    return replace(body, posedirs=posedirs)
-
-
-@pytest.mark.parametrize(
-    "name",
-    few(["tube-scape", "tube-blend-scape", "small-blend-scape", "small-scape"], 3),
-)
-def test_means_of_parts_are_those_of_the_surface(name: str) -> None:
-    body, rng = triangle_body(name), np.random.default_rng(5)
-    N, shares = body.n_vertices, rng.random((5, body.n_vertices))
-    given = [rng.standard_normal((4, *s)) for s in [(body.n_joints, 3), (body.n_betas,), (3,)]]
-    surfaces = body.vertices(*given)
-    scattered = csr_array(shares / shares.sum(axis=1, keepdims=True))
-    of_any_sum = csr_array(rng.standard_normal((2, N)) / N)
-    for rows in (body.J_regressor, scattered, of_any_sum):
-        wanted = np.stack([rows @ surface for surface in surfaces])
-        found = StitchedMeans(body.arithmetic.packed, rows)(*given)
-        np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-13)
-    for count in (N // FEW, N // FEW + 1):  # without the surface, and with it
-        means = NumericMeans(body.arithmetic, csr_array(np.eye(N)[:count]))
-        found = means.evaluate_batch(*given)
-        np.testing.assert_allclose(found, surfaces[:, :count], rtol=0, atol=1e-13)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from workbench import load_body, save_body
-from workbench.bodies.triangles.recipes import scape
+from workbench.bodies.triangles.body import scape
 from workbench.errors import BadBody
 
 

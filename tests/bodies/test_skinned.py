@@ -326,6 +326,16 @@ def test_landmark_sets_have_names_and_joints_are_one() -> None:
         body.landmark("fase")
 
 
+def test_posed_surface_is_a_mesh_of_trimesh() -> None:
+    body = smpl_like_body()
+    pose, betas, trans = some_arguments(body)
+    mesh = body.trimesh(pose, betas, trans)
+    np.testing.assert_array_equal(mesh.vertices, body.vertices(pose, betas, trans))
+    np.testing.assert_array_equal(mesh.faces, body.faces)
+    with pytest.raises(BadBody, match=r"in one pose, not in a batch \(2,\)"):
+        body.trimesh(np.zeros((2, 24, 3)))
+
+
 def test_blocks_are_the_same_objects_each_time() -> None:
     body = smpl_like_body()
     assert body.blocks("scan 3/") is body.blocks("scan 3/")
@@ -425,6 +435,10 @@ BROKEN = [
     ({"bound_in": np.full((5, 3), np.nan)}, "bound_in must be finite"),
     ({"rest_joints": np.zeros((6, 3))}, "rest_joints must be finite"),
     ({"landmarks": {"face": Landmarks(("nose",), csr_array((2, 30)))}}, "'face'"),
+    (
+        {"landmarks": {"face": Landmarks(("nose",), 2 * np.eye(1, 30))}},
+        "weights in landmarks 'face' of point 0 sum to 2, but must sum to 1",
+    ),
 ]
 
 

@@ -16,7 +16,7 @@ from tests.differences import assert_hessian, assert_jacobian
 from tests.tiers import few
 from workbench.bodies.body import Body
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
-from workbench.bodies.triangles.recipes import one_part
+from workbench.bodies.triangles.body import one_part
 from workbench.errors import BadBody, UnknownName
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 from workbench.geometry.triangles import edges
@@ -295,6 +295,8 @@ def test_unknown_names_and_vertices_are_refused() -> None:
         body.landmark("nose")
     with pytest.raises(BadBody, match="there is no vertex 22"):
         body.points(*symbols(body), vertices=[22])
+    with pytest.raises(UnknownName, match="array to free"):
+        body.freed(["template"])  # type: ignore[arg-type]
 
 
 def test_arrays_that_do_not_fit_are_refused() -> None:

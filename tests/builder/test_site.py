@@ -105,7 +105,7 @@ INNER = {  # classes in annotations of public ones that users have no reason to 
     "kept by an object for its computations, whose results are properties of the object": {
         "BodyNumbers",
         "Kinematics",
-        "TriangleArithmetic",
+        "TriangleNumbers",
         "Stitching",
         "Rounding",
         "Support",

@@ -7,9 +7,15 @@ is a function from a body to a body. `SkinnedBody` and `TriangleBody` share the 
 that fits, experiments, diagnoses and pages take either.
 """
 
-from workbench.bodies.body import Body
+from workbench.bodies.body import Body, Landmarks
 from workbench.bodies.capsule_fitting import fit_capsules
-from workbench.bodies.capsules import Capsules
+from workbench.bodies.capsules import (
+    Capsules,
+    capsule_ends,
+    capsule_gaps,
+    capsule_points,
+    capsules_of,
+)
 from workbench.bodies.checking.check_file import FileCheck, check_body_file
 from workbench.bodies.checking.model_arrays import FileFinding
 from workbench.bodies.forward.skinning import (
@@ -19,14 +25,16 @@ from workbench.bodies.forward.skinning import (
     skin,
     skin_vertices,
 )
-from workbench.bodies.hand_axes import HandMotion, hand_motions, is_hand
-from workbench.bodies.hand_points import HAND_POINTS, hand_points
-from workbench.bodies.landmarks import Landmarks
-from workbench.bodies.mirrored import mirrored
-from workbench.bodies.pose_space import PoseSpace, pose_space
-from workbench.bodies.posed_capsules import capsule_ends, capsule_gaps, capsule_points, capsules_of
-from workbench.bodies.shape_space import ShapeSpace, shape_space
+from workbench.bodies.hands import (
+    HAND_POINTS,
+    HandMotion,
+    hand_motions,
+    hand_points,
+    is_hand,
+    mirrored,
+)
 from workbench.bodies.skinned import SkinnedBody
+from workbench.bodies.spaces import PoseSpace, ShapeSpace, pose_space, shape_space
 
 __all__ = [
     "HAND_POINTS",

@@ -6,7 +6,7 @@ from matplotlib.patches import Polygon
 from matplotlib.ticker import MultipleLocator
 
 from workbench.arrays import Array, Index
-from workbench.bodies.posed_capsules import PosedCapsules
+from workbench.bodies.capsules import PosedCapsules
 from workbench.plots.body import front, painted, side
 from workbench.plots.palette import BLUE, FAINT, INK, VERMILLION
 

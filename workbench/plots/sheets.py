@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from workbench.arrays import Array, Index
-from workbench.bodies.posed_capsules import PosedCapsules
+from workbench.bodies.capsules import PosedCapsules
 from workbench.diagnostics import Diagnosis
 from workbench.plots.body import plot_body, plot_shape_gallery
 from workbench.plots.capsules import plot_capsules

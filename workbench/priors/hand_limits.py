@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from workbench.arrays import Array
 from workbench.blocks.checks import reals
 from workbench.bodies.body import Body
-from workbench.bodies.hand_axes import HandMotion, hand_motions, hands_of
+from workbench.bodies.hands import HandMotion, hand_motions, hands_of
 from workbench.errors import BadBody
 from workbench.residuals import Residual, limits
 

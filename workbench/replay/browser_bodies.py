@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from workbench.bodies import SkinnedBody
-from workbench.bodies.skinned_only import not_skinned
+from workbench.bodies.body import why_not_skinned
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadArgument
 from workbench.geometry.triangles import banded_factor
@@ -21,7 +21,7 @@ def skinned_data(body: SkinnedBody, kind: str = "f8") -> dict[str, Any]:
     Raises BadArgument for a body that is not SMPL's, is not bound in the pose zero, has free arrays
     or more than four weights in a vertex, or more than 65,536 vertices.
     """
-    if other := not_skinned(body, "the page of sliders", "body.vertices(pose) moves it"):
+    if other := why_not_skinned(body, "the page of sliders", "body.vertices(pose) moves it"):
         raise BadArgument(other)
     most = int(np.count_nonzero(body.weights, axis=1).max())
     for wrong, why in (

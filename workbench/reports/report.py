@@ -10,8 +10,8 @@ import numpy as np
 from workbench import plots
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
+from workbench.bodies.capsules import posed_capsules
 from workbench.bodies.forward.sources import arguments_from_values
-from workbench.bodies.posed_capsules import posed_capsules
 from workbench.diagnostics import Diagnosis
 from workbench.errors import joined
 from workbench.experiments.running import Outcome

@@ -15,7 +15,7 @@ from workbench.bodies.checking.model_arrays import (
 )
 from workbench.bodies.files.joint_names import NAMES, TREES
 from workbench.bodies.files.reading import MIRROR
-from workbench.bodies.shape_space import COUNTS, WITH_FACE
+from workbench.bodies.spaces import COUNTS, WITH_FACE
 from workbench.bodies.validation import ROW_SUM_TOLERANCE
 
 

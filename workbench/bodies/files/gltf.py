@@ -27,7 +27,7 @@ from scipy.spatial.transform import Rotation
 
 from workbench.arrays import Array, Index
 from workbench.blocks.checks import reals
-from workbench.bodies.forward.evaluation import arguments
+from workbench.bodies.body import arguments
 from workbench.bodies.skinned import SkinnedBody
 from workbench.errors import BadArgument, BadBody
 from workbench.geometry.rotation import matrix_from_vector
@@ -187,7 +187,7 @@ def write_gltf(
         )
     if betas is not None and np.ndim(betas) != 1:
         raise BadBody(f"a glTF shows one person, whose betas are (B,), not {np.shape(betas)}")
-    _, theta, people, places = arguments(body, poses, betas, trans)
+    _, (theta, people, places) = arguments(body, poses, betas, trans)
     theta = theta.copy()  # broadcast, it cannot be written, which SciPy asks for
     P, B = len(theta), body.n_betas
     added = np.zeros((P, B)) if moving is None else reals("moving", moving)

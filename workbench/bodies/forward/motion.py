@@ -15,9 +15,6 @@ about the axis w_ka = R_up L_k e_a through the posed joint t_k when pose[k, a] g
 
 Joint k is where G_k and G_up agree, so that betas, in which the joints J are linear, shift G_k by
 as much as G_up, and by (turn_up - turn_k) dJ_k.
-
-Every term is accurate to rounding for all angles: where t is small, what cancels is multiplied by
-n n', which is at most one. So no series is needed near zero.
 """
 
 from __future__ import annotations
@@ -32,14 +29,12 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.bodies.forward.kinematics import Skeleton, ancestors
-from workbench.bodies.forward.posing import axial, crossed, world_rotations
-from workbench.geometry.rotation import matrix_from_vector
+from workbench.bodies.forward.posing import axial, world_rotations
+from workbench.geometry.rotation import crossed, left_jacobian, matrix_from_vector
 
 if TYPE_CHECKING:
     from workbench.bodies.forward.compiled import CompiledJoints
     from workbench.bodies.forward.rows import RowTarget
-
-TINY = 1e-150  # rad: squares of smaller numbers are rounded to zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,13 +90,11 @@ class JointMotion:
     def vjp(self, on_G: Array, on_features: Array) -> tuple[Array, Array]:
         """Gradients (K, 3) and (B,) of sum(on_G * G) + on_features . f, by pose and betas."""
         by, below = self.derivatives, self.kinematics.ancestors.T
-        K, force = len(below), below @ on_G[:, :, 3]
-        products = (on_G @ self.G.swapaxes(1, 2)).reshape(K, 9)
-        torque = axial(
-            (below @ products).reshape(K, 3, 3) - force[:, :, None] * self.joints[:, None]
-        )
+        # all that is at and below a joint turns about where the joint is
+        torque, force = below @ axial(on_G, self.G), below @ on_G[:, :, 3]
+        torque -= np.cross(self.joints, force)
         on_pose = np.einsum("kad,kd->ka", by.axes, torque)
-        on_pose[1:] += np.einsum("kna,kn->ka", by.d_features[1:], on_features.reshape(K - 1, 9))
+        on_pose[1:] += np.einsum("kna,kn->ka", by.d_features[1:], on_features.reshape(-1, 9))
         return on_pose, np.einsum("bkd,kd->b", by.d_shift, on_G[:, :, 3])
 
 
@@ -255,8 +248,7 @@ class Kinematics:
 
     def _move(self, motion: JointMotion, betas: Array) -> None:
         K, some = len(self.parents), betas.shape[:-1]
-        _, n, sine, less = _angles(motion.pose)
-        R = _matrices(n, 1 - less, sine, less)
+        R = matrix_from_vector(motion.pose)
         rest = (self._rest[0] + betas @ self._rest[1:]).reshape(*some, 2, K, 3)
         world = np.empty((*some, K + 1, 3, 4))
         world[..., :K, :, :3], world[..., :K, :, 3] = R, rest[..., 1, :, :]
@@ -276,8 +268,7 @@ class Kinematics:
         turn = motion.G[..., :3]
         above = turn[..., self._up, :, :]
         above[..., 0, :, :] = np.eye(3)
-        t, n, sine, less = _angles(motion.pose)
-        L = _matrices(n, sine / t, less / t, 1 - sine / t)
+        L = left_jacobian(motion.pose)
         by.axes[...] = (above @ self._bound_above @ L).swapaxes(-1, -2)
         R = motion.features.reshape(*some, K - 1, 1, 3, 3) + self.bind[1:, None]
         turned = crossed(L[..., 1:, :, :].swapaxes(-1, -2)) @ R  # (..., K - 1, a, 3, 3)
@@ -286,17 +277,3 @@ class Kinematics:
         own = ((above - turn) @ self.skeleton.by_betas).reshape(*some, K, 3 * B)
         shift = (self.ancestors @ own).reshape(*some, K, 3, B)
         by.d_shift[...] = np.moveaxis(shift, -1, -3)
-
-
-def _angles(theta: Array) -> tuple[Array, Array, Array, Array]:
-    """t, n, sin(t) and 1 - cos(t) of rotation vectors t n (..., 3) rad; n is zero at zero."""
-    t = np.maximum(np.linalg.norm(theta, axis=-1), TINY)
-    return t, theta / t[..., None], np.sin(t), 2 * np.sin(t / 2) ** 2
-
-
-def _matrices(n: Array, unit: Array, cross: Array, outer: Array) -> Array:
-    """unit I + cross [n]x + outer n n', (..., 3, 3), for axes (..., 3)."""
-    found = cross[..., None, None] * crossed(n)
-    found += (outer[..., None] * n)[..., :, None] * n[..., None, :]
-    found.reshape(*n.shape[:-1], 9)[..., ::4] += unit[..., None]
-    return found

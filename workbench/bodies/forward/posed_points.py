@@ -34,8 +34,8 @@ from workbench.bodies.forward.rows import RowTarget
 from workbench.bodies.forward.surface import ALL, Vertices
 
 if TYPE_CHECKING:
+    from workbench.bodies.body import Landmarks
     from workbench.bodies.capsules import Capsules
-    from workbench.bodies.landmarks import Landmarks
     from workbench.bodies.skinned import SkinnedBody
 
 WORTH_COMPILING = 1000  # vertices: with fewer NumPy needs at most two milliseconds

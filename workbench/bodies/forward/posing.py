@@ -15,12 +15,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.bodies.forward.kinematics import ancestors
-from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
-
-# [e]x, row by row, of the three unit vectors e
-CROSS = np.array(
-    [[0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0.0]]
-)
+from workbench.geometry.rotation import CROSS, crossed, matrix_from_vector, vector_from_matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,9 +82,9 @@ class Posing:
     def turning_back(self, on_world: Array, on_local: Array) -> Array:
         """The adjoint of `turning`: the gradient (J, K, 3) by the turn, from those by rotations."""
         A = ancestors(self.parents)
-        torque = np.einsum("km,jka->jma", A, axial(on_world @ self.world.swapaxes(-1, -2)))
+        torque = np.einsum("km,jka->jma", A, axial(on_world, self.world))
         by_world: Array = (self.above.swapaxes(-1, -2) @ torque[..., None])[..., 0]
-        return by_world + axial(on_local @ self.local.swapaxes(-1, -2))
+        return by_world + axial(on_local, self.local)
 
 
 def world_rotations(local: Array, parents: Sequence[int]) -> Array:
@@ -108,12 +103,7 @@ def local_rotations(world: Array, parents: Sequence[int]) -> Array:
     return local
 
 
-def crossed(w: Array) -> Array:
-    """The matrix [w]x (..., 3, 3) of the cross product v -> w x v."""
-    found: Array = w.reshape(-1, 3) @ CROSS
-    return found.reshape(*w.shape, 3)
-
-
-def axial(X: Array) -> Array:
-    """The gradient (..., 3) by w of sum(X * [w]x), for X (..., 3, 3)."""
+def axial(cotangent: Array, G: Array) -> Array:
+    """The gradient (..., 3) by w of sum(cotangent * [w]x G), for G (..., 3, n)."""
+    X = cotangent @ G.swapaxes(-1, -2)
     return np.asarray(X.reshape(*X.shape[:-2], 9) @ CROSS.T)

@@ -19,14 +19,11 @@ from workbench.arrays import Array
 from workbench.blocks import Block, NumericPoints, Points, Tree
 from workbench.blocks.affine import Affine, alone, place_of
 from workbench.blocks.tree import Rest
-from workbench.bodies.body import Body
-from workbench.bodies.capsules import Capsules
+from workbench.bodies.body import Body, Landmarks
 from workbench.bodies.forward import surface
-from workbench.bodies.forward.few_points import RestPoints
 from workbench.bodies.forward.named_points import BlockPoints, Maps, plain_names
 from workbench.bodies.forward.posed_points import BodyNumbers
 from workbench.bodies.forward.surface import Vertices
-from workbench.bodies.landmarks import Landmarks
 from workbench.errors import BadBody
 
 if TYPE_CHECKING:
@@ -284,36 +281,6 @@ def landmark_points(
 
     names, free = landmarks.names, tuple(body.free.values())
     return BodySource(at, len(names), names, free, express, compute, body.posedirs)
-
-
-def capsule_points(
-    body: SkinnedBody, at: Arguments, numeric: BodyNumbers, capsules: Capsules
-) -> BodySource:
-    """The ends of capsules: rest points, each on one joint, which no pose blend shape moves.
-
-    Raises BadBody where arrays are free that the rest pose is made from.
-    """
-    if body.free:
-        raise BadBody(
-            f"body {body.name!r} has free arrays ({', '.join(body.free)}), but its capsules were "
-            "fitted to fixed ones; take the body with values, and fit capsules to it"
-        )
-
-    def express() -> cs.MX:
-        posture = surface.posture(body, at.pose, at.betas)
-        G, _ = surface.motions(body, posture)
-        points = RestPoints.of_capsules(capsules)
-        ends = points.expression(G, cs.MX(0, 1), at.betas)
-        return ends + cs.repmat(at.trans, 1, 2 * len(capsules.names))
-
-    return BodySource(
-        at,
-        2 * len(capsules.names),
-        capsules.end_names,
-        (),
-        express,
-        lambda maps: BlockPoints(numeric.capsules(capsules), maps),
-    )
 
 
 def arguments_from_values(

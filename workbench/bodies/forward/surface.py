@@ -18,8 +18,8 @@ from workbench.bodies.forward.kinematics import Skeleton, binding_motions
 from workbench.bodies.forward.skinning import linear_blend
 
 if TYPE_CHECKING:
+    from workbench.bodies.body import Landmarks
     from workbench.bodies.forward.few_points import RestPoints
-    from workbench.bodies.landmarks import Landmarks
     from workbench.bodies.skinned import SkinnedBody
 
 Vertices = Sequence[int] | slice

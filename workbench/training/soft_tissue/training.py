@@ -9,7 +9,7 @@ from scipy.cluster.vq import kmeans2
 
 from workbench.arrays import Array, Index
 from workbench.bodies import SkinnedBody
-from workbench.bodies.body_mass import body_mass_index
+from workbench.bodies.spaces import body_mass_index
 from workbench.errors import BadArgument
 from workbench.motions.accelerations import MovingFrames
 from workbench.motions.soft_tissue import SoftTissue, free_run
