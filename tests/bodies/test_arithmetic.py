@@ -248,11 +248,13 @@ def test_derivatives_go_into_memory_of_any_layout() -> None:
 def test_compiled_code_is_given_arrays_of_its_sizes() -> None:
     """It trusts its arguments, so that they are checked, and made numbers of one type, before."""
     body = body_of("smpl", 9)
-    pose, betas = np.ones((24, 3)), np.ones(10)
+    pose, betas = np.arange(72.0).reshape(24, 3), np.ones(10)
     expected = body.kinematics.motion(pose, betas)
     for kind in (np.float32, np.int64):
         found = body.kinematics.motion(pose.astype(kind), betas.astype(kind))
         np.testing.assert_array_equal(found.G, expected.G)
+    turned = body.kinematics.motion(np.asfortranarray(pose), betas)
+    np.testing.assert_array_equal(turned.G, expected.G)
     for sizes in (((3,), (10,)), ((3, 24, 3), (2, 10)), ((24, 3), (9,))):
         with pytest.raises(ValueError, match=r"reshape|betas"):
             body.kinematics.motion(*map(np.ones, sizes))

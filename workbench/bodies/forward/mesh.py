@@ -44,24 +44,30 @@ class VertexChunk:
 
     Attributes:
         rows: where these vertices stand among all.
-        template: (3 n,).
-        shapedirs: (B, 3 n).
-        posedirs: (9 U, 3 n), of the U joints that correct any of these vertices.
+        directions: (1 + B + 9 U, 3 n), template, shapedirs and the posedirs of the U joints that
+            correct any of these vertices.
+        edge: 1 + B, the first row of posedirs.
         weights: (K, n).
-        directions: (1 + B + 9 U, 3 n), template, shapedirs and posedirs in one array, of which they
-            are parts.
         corrected: (U,) these joints.
-        used: (9 U,) the features that these posedirs are multiplied with.
+        used: (9 U,) the features that their posedirs are multiplied with.
     """
 
     rows: slice
-    template: Array
-    shapedirs: Array
-    posedirs: Array
-    weights: Array
     directions: Array
+    edge: int
+    weights: Array
     corrected: Index
     used: Index
+
+    @property
+    def shapedirs(self) -> Array:
+        """(B, 3 n)."""
+        return self.directions[1 : self.edge]
+
+    @property
+    def posedirs(self) -> Array:
+        """(9 U, 3 n)."""
+        return self.directions[self.edge :]
 
     @property
     def columns(self) -> slice:
@@ -92,38 +98,23 @@ def chunks_of(arrays: SkinnedBody | TrialArrays, vertices: slice | list[int]) ->
     corrected = [_corrected(arrays.posedirs[rows]) for rows in pieces]
     edge = 1 + arrays.shapedirs.shape[2]
     sizes = [3 * len(r) * (edge + 9 * len(b)) for r, b in zip(pieces, corrected, strict=True)]
-    room, ends = np.empty(sum(sizes)), accumulate(sizes)
+    every, ends = np.empty(sum(sizes)), accumulate(sizes)
     packed: list[VertexChunk] = []
     for rows, joints, size, end in zip(pieces, corrected, sizes, ends, strict=True):
-        whole = room[end - size : end].reshape(-1, 3 * len(rows))
-        packed.append(_chunk(arrays, rows, CHUNK * len(packed), joints, whole))
+        directions, n = every[end - size : end].reshape(-1, 3 * len(rows)), len(rows)
+        used = (9 * (joints[:, None] - 1) + np.arange(9)).ravel()
+        directions[0] = arrays.template[rows].T.ravel()
+        directions[1:edge] = arrays.shapedirs[rows].transpose(2, 1, 0).reshape(edge - 1, 3 * n)
+        directions[edge:] = arrays.posedirs[rows][:, :, used].transpose(2, 1, 0).reshape(-1, 3 * n)
+        places = slice(CHUNK * len(packed), CHUNK * len(packed) + n)
+        weights = np.ascontiguousarray(arrays.weights[rows].T)
+        packed.append(VertexChunk(places, directions, edge, weights, joints, used))
     return packed
 
 
 def _corrected(posedirs: Array) -> Index:
     """The joints whose posedirs (n, 3, 9 (K - 1)) are not all zero; never the root."""
     return 1 + np.flatnonzero(posedirs.any(axis=(0, 1)).reshape(-1, 9).any(axis=1))
-
-
-def _chunk(
-    arrays: SkinnedBody | TrialArrays, rows: Index, first: int, corrected: Index, whole: Array
-) -> VertexChunk:
-    """Some vertices, whose directions are written to `whole`."""
-    used = (9 * (corrected[:, None] - 1) + np.arange(9)).ravel()
-    edge = 1 + arrays.shapedirs.shape[2]
-    whole[0] = arrays.template[rows].T.ravel()
-    whole[1:edge] = _planar(arrays.shapedirs[rows])
-    whole[edge:] = _planar(arrays.posedirs[rows][:, :, used])
-    return VertexChunk(
-        slice(first, first + len(rows)),
-        whole[0],
-        whole[1:edge],
-        whole[edge:],
-        np.ascontiguousarray(arrays.weights[rows].T),
-        whole,
-        corrected,
-        used,
-    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,7 +204,7 @@ def batch_points(chunks: list[VertexChunk], motions: JointMotion, betas: Array) 
     found = np.empty((len(G), chunks[-1].rows.stop if chunks else 0, 3))
     widest = max((chunk.weights.shape[1] for chunk in chunks), default=0)
     # memory that is used again: new pages for every product would cost half as much as it
-    rooms = [np.empty(min(TOGETHER, len(G)) * wide * widest) for wide in WIDE]
+    buffers = [np.empty(min(TOGETHER, len(G)) * wide * widest) for wide in WIDE]
     along = np.concatenate([np.ones((len(G), 1)), betas, features], axis=1)
     ahead = np.arange(1 + betas.shape[1])  # of the features
     for first in range(0, len(G), TOGETHER):
@@ -222,7 +213,7 @@ def batch_points(chunks: list[VertexChunk], motions: JointMotion, betas: Array) 
         m = len(turned) // 12
         for chunk in chunks:
             n = chunk.weights.shape[1]
-            parts = (room[: m * wide * n] for room, wide in zip(rooms, WIDE, strict=True))
+            parts = (buffer[: m * wide * n] for buffer, wide in zip(buffers, WIDE, strict=True))
             M, rest, moved = (part.reshape(m, -1, n) for part in parts)
             np.matmul(turned, chunk.weights, out=M.reshape(12 * m, n))
             taken = along[some][:, np.append(ahead, len(ahead) + chunk.used)]
@@ -232,12 +223,6 @@ def batch_points(chunks: list[VertexChunk], motions: JointMotion, betas: Array) 
             moved += blended[:, :, 3]
             found[some, chunk.rows] = moved.transpose(0, 2, 1)
     return found
-
-
-def _planar(array: Array) -> Array:
-    """Directions (n, 3, B) as (B, 3 n), coordinate by coordinate."""
-    n, _, B = array.shape
-    return array.transpose(2, 1, 0).reshape(B, 3 * n)
 
 
 def _below(chunk: VertexChunk, rest: Array, motion: JointMotion, parents: tuple[int, ...]) -> Array:

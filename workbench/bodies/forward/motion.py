@@ -228,7 +228,7 @@ class Kinematics:
         some = betas.shape[:-1]
         if betas.shape[-1] != B:
             raise ValueError(f"there are {B} betas, not {betas.shape[-1]}")
-        theta = np.array(pose, dtype=np.float64).reshape(*some, K, 3)  # kept for derivatives
+        theta = np.array(pose, dtype=np.float64, order="C").reshape(*some, K, 3)  # kept
         motion = JointMotion(self, theta, np.empty((*some, 24 * K - 9)))
         if self._compiled is not None:
             self._compiled.motion(motion, betas)

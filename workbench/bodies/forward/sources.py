@@ -151,7 +151,6 @@ class BodySource:
         free: the free arrays of the body that the points depend on.
         express: makes the points in symbols, (3, N) m.
         compute: makes the points by arithmetic of affine arguments, or None where there is none.
-        posedirs: the pose blend shapes of a skinned body, if they move the points.
         rigid_bones: whether the body's joints keep their places on rigid bones, as the tree says.
         resting: says which blocks the body at rest is made of.
     """
@@ -162,7 +161,6 @@ class BodySource:
     free: tuple[Block, ...]
     express: Callable[[], cs.MX]
     compute: Callable[[Maps], NumericPoints | None]
-    posedirs: Array | None = None
     rigid_bones: bool = True
     resting: Callable[[Maps], Rest | None] = lambda maps: None
 
@@ -186,11 +184,6 @@ class BodySource:
     def rest(self) -> Rest | None:
         """The body at rest, if it is made of blocks alone; otherwise None."""
         return None if self.arguments.maps is None else self.resting(self.arguments.maps)
-
-    @property
-    def has_pose_blend_shapes(self) -> bool:
-        """Whether pose blend shapes move the points."""
-        return self.posedirs is not None and bool(self.posedirs.any())
 
     @cached_property
     def numeric(self) -> NumericPoints | None:
@@ -232,7 +225,6 @@ def surface_points(
         tuple(body.free.values()),
         lambda: surface.posed(body, *at.symbols, vertices),
         compute,
-        body.posedirs,
         resting=resting,
     )
 
@@ -280,7 +272,7 @@ def landmark_points(
         return BlockPoints(numeric.landmarks(landmarks), maps)
 
     names, free = landmarks.names, tuple(body.free.values())
-    return BodySource(at, len(names), names, free, express, compute, body.posedirs)
+    return BodySource(at, len(names), names, free, express, compute)
 
 
 def arguments_from_values(
@@ -297,8 +289,8 @@ def arguments_from_values(
         pose, betas, trans = (np.asarray(values[name], dtype=float) for name in own)
         return pose, betas, trans
     for one in points:
-        at = getattr(one.source, "arguments", None)
-        if not isinstance(at, Arguments) or at.body is not body or at.maps is None:
+        at = one.source.arguments if isinstance(one.source, BodySource) else None
+        if at is None or at.body is not body or at.maps is None:
             continue
         maps = at.maps[:3]
         if all(name in values for part in maps for name in part.reads):

@@ -20,9 +20,9 @@ from scipy.sparse import csr_array
 from workbench.arrays import Array, Index
 from workbench.bodies.forward.kinematics import ancestors
 from workbench.bodies.forward.named_points import BodyPoints, BodyPointsAt
-from workbench.bodies.forward.posing import axial, crossed, world_rotations
+from workbench.bodies.forward.posing import axial, world_rotations
 from workbench.bodies.forward.rows import RowTarget, write
-from workbench.geometry.rotation import left_jacobian, matrix_from_vector
+from workbench.geometry.rotation import crossed, left_jacobian, matrix_from_vector
 from workbench.geometry.triangles import edges
 
 if TYPE_CHECKING:
