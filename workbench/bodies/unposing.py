@@ -1,7 +1,5 @@
 """The rest shape behind a posed mesh: one linear solve."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from workbench.arrays import Array
@@ -12,29 +10,8 @@ from workbench.bodies.forward.skinning import blend_matrices
 from workbench.errors import BadBody
 
 
-@dataclass(frozen=True, eq=False)
-class Unposed:
-    """The rest shape that a body takes to a posed mesh, and how well it is determined.
-
-    Attributes:
-        vertices: (N, 3) in metres.
-        least_stretch: the smallest singular value of all blended rotations; zero would leave a
-            direction undetermined.
-        condition: the condition number of the equations of the joints.
-    """
-
-    vertices: Array
-    least_stretch: float
-    condition: float
-
-    @property
-    def rank_deficiency(self) -> int:
-        """How many directions of the rest shape the pose hides; only opposite rotations do."""
-        return int(self.least_stretch < 1e-12) + int(self.condition > 1e12)
-
-
-def unpose(body: SkinnedBody, pose: Array, vertices: Array) -> Unposed:
-    """T with W(T + B_P(theta), J_regressor T, theta) = V, for V (N, 3) m in pose (K, 3) rad.
+def unpose(body: SkinnedBody, pose: Array, vertices: Array) -> Array:
+    """T (N, 3) m with W(T + B_P(theta), J_regressor T, theta) = V, for V (N, 3) m in pose (K, 3).
 
     Where the body has joints of its own, they take the place of J_regressor T.
 
@@ -59,12 +36,8 @@ def unpose(body: SkinnedBody, pose: Array, vertices: Array) -> Unposed:
     by_joints = np.linalg.solve(M, np.broadcast_to(levers, (N, 3, 3 * K)))
     by_joints = by_joints * np.repeat(carried, 3, axis=1)[:, None, :]  # (N, 3, 3 K)
     if body.rest_joints is not None:
-        T = without_joints - by_joints @ body.rest_joints.ravel()
-        return Unposed(T, float(np.linalg.svd(M, compute_uv=False).min()), 1.0)
-    regressed = (body.J_regressor @ by_joints.reshape(N, -1)).reshape(3 * K, 3 * K)
-    system = np.eye(3 * K) + regressed
-    joints = np.linalg.solve(system, (body.J_regressor @ without_joints).ravel())
-    T = without_joints - by_joints @ joints
-    return Unposed(
-        T, float(np.linalg.svd(M, compute_uv=False).min()), float(np.linalg.cond(system))
-    )
+        joints = body.rest_joints.ravel()
+    else:
+        system = np.eye(3 * K) + (body.J_regressor @ by_joints.reshape(N, -1)).reshape(3 * K, 3 * K)
+        joints = np.linalg.solve(system, (body.J_regressor @ without_joints).ravel())
+    return np.asarray(without_joints - by_joints @ joints)
