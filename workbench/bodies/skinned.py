@@ -217,7 +217,10 @@ class SkinnedBody(Body):
     def joints(self, pose: Given = None, betas: Given = None, trans: Given = None) -> Array:
         """The posed joints (..., K, 3) m."""
         batch, (theta, beta, move) = arguments(self, pose, betas, trans)
-        joints = self.kinematics.motions(theta, beta).joints + move[:, None]
+        if len(theta) == 1:
+            joints = self.kinematics.motion(theta[0], beta[0]).joints + move
+        else:
+            joints = self.kinematics.motions(theta, beta).joints + move[:, None]
         return joints.reshape(*batch, self.n_joints, 3)
 
     def _displaced(self, name: str, given: tuple[Given, Given, Given], offsets: ArrayLike) -> Array:
