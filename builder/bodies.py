@@ -233,7 +233,7 @@ def unposed(body: SkinnedBody, job: UnposingJob) -> Array:
     batch, poses = job
     assert poses is not None  # they are known
     each = zip(poses, batch.vertices, strict=True)
-    return np.stack([unpose(body, pose, V).vertices for pose, V in each])
+    return np.stack([unpose(body, pose, V) for pose, V in each])
 
 
 def _of(gender: str, those: FolderRegistrations) -> Mask:

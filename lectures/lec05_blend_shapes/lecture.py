@@ -481,7 +481,7 @@ poses = draw_poses(shipped_mixture(), 360, rng)
 who = np.repeat(np.arange(10), 36)
 ten = rng.standard_normal((10, body.n_betas))
 posed = body.vertices(poses, ten[who])
-unposed = [unpose(body, pose, v).vertices for pose, v in zip(poses, posed, strict=True)]
+unposed = [unpose(body, pose, v) for pose, v in zip(poses, posed, strict=True)]
 sets = {
     "10 people, posed": np.array([procrustes(v, posed[0])(v) for v in posed]),
     "10 people, un-posed": np.array(unposed),

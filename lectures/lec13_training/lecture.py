@@ -108,9 +108,7 @@ print(
 source(unpose)
 
 # %%
-people = np.stack(
-    [unpose(true, p, v).vertices for p, v in zip(known.poses, many.vertices, strict=True)]
-)
+people = np.stack([unpose(true, p, v) for p, v in zip(known.poses, many.vertices, strict=True)])
 people -= people.mean(axis=1, keepdims=True)
 print("un-posed, variance explained by 3 directions:", f"{explained(people)[2]:.6f}")
 print(

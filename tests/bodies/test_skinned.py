@@ -421,6 +421,10 @@ BROKEN = [
     ({"faces": np.ones((2, 3))}, "faces .*whole numbers"),
     ({"joint_names": ("a",)}, "1 names for 5 joints"),
     (broken("template", (4, 1), np.nan), r"template\[4, 1\] is not finite"),
+    *(
+        (broken(name, (7, 1), -1e10), rf"{name} of vertex 7 has an entry of 1e\+10 m.*check-body")
+        for name in ("template", "shapedirs", "posedirs")
+    ),
     (broken("J_regressor", (2, 2), np.nan), "J_regressor .*not finite"),
     (broken("weights", 7, 0.0), "weights of vertex 7 sum to 0"),
     (broken("weights", 7, (2, -1, 0, 0, 0)), r"weights\[7, 1\] is negative"),

@@ -3,7 +3,7 @@
 A body is SMPL, or differs from it in the value of a field: `skinning` blends the motions of joints,
 and `features` is the function f of the pose in B_P(theta) = sum of f_n P_n. The arithmetic of
 `forward` covers SMPL's own choice (`is_smpl`); every other choice is part of the graph. An ablation
-is a function from a body to a body. `SkinnedBody` and `TriangleBody` share the protocol `Body`, so
+is a function from a body to a body. `SkinnedBody` and `TriangleBody` are kinds of `Body`, so
 that fits, experiments, diagnoses and pages take either.
 """
 
@@ -33,6 +33,7 @@ from workbench.bodies.hands import (
     is_hand,
     mirrored,
 )
+from workbench.bodies.penetrations import Penetration, penetrations
 from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.spaces import PoseSpace, ShapeSpace, pose_space, shape_space
 
@@ -44,6 +45,7 @@ __all__ = [
     "FileFinding",
     "HandMotion",
     "Landmarks",
+    "Penetration",
     "PoseSpace",
     "ShapeSpace",
     "SkinnedBody",
@@ -60,6 +62,7 @@ __all__ = [
     "is_hand",
     "linear_blend",
     "mirrored",
+    "penetrations",
     "pose_space",
     "shape_space",
     "skin",

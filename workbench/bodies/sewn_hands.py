@@ -99,9 +99,9 @@ def with_hands(body: SkinnedBody, hand: SkinnedBody, sewing: Sewing, name: str) 
 def _straightened(body: SkinnedBody, hand: SkinnedBody, sewing: Sewing) -> tuple[Array, Array]:
     """The right hand of the body with straight fingers, (H, 3) m, and its directions (H, 3, B)."""
     at, held = sewing.vertices, sewing.held
-    flat = unpose(hand, held, body.template[at]).vertices
+    flat = unpose(hand, held, body.template[at])
     people = body.template[at] + np.moveaxis(body.shapedirs[at], 2, 0)
-    return flat, np.stack([unpose(hand, held, one).vertices - flat for one in people], axis=2)
+    return flat, np.stack([unpose(hand, held, one) - flat for one in people], axis=2)
 
 
 def _weights(body: SkinnedBody, hands: Hands, mesh: SewnMesh) -> Array:

@@ -153,7 +153,7 @@ def unposed_people(
             filled = body.vertices(found["pose"], found["betas"], found["trans"])
             V = np.where(confidence[:, None] > 0, V, filled)
         poses.append(found["pose"])
-        people.append(unpose(body, found["pose"], V).vertices)
+        people.append(unpose(body, found["pose"], V))
     return np.stack(poses), np.stack(people)
 
 

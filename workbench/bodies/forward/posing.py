@@ -117,24 +117,8 @@ def axial(cotangent: Array, G: Array) -> Array:
     return np.asarray(X.reshape(*X.shape[:-2], 9) @ CROSS.T)
 
 
-@dataclass(frozen=True, eq=False)
-class Unposed:
-    """The rest shape that a body takes to a posed mesh, and how well it is determined.
-
-    Attributes:
-        vertices: (N, 3) in metres.
-        least_stretch: the smallest singular value of all blended rotations; zero would leave a
-            direction undetermined.
-        condition: the condition number of the equations of the joints.
-    """
-
-    vertices: Array
-    least_stretch: float
-    condition: float
-
-
-def unpose(body: SkinnedBody, pose: Array, vertices: Array) -> Unposed:
-    """T with W(T + B_P(theta), J_regressor T, theta) = V, for V (N, 3) m in pose (K, 3) rad.
+def unpose(body: SkinnedBody, pose: Array, vertices: Array) -> Array:
+    """T (N, 3) m with W(T + B_P(theta), J_regressor T, theta) = V, for V (N, 3) m in pose (K, 3).
 
     Where the body has joints of its own, they take the place of J_regressor T.
 
@@ -159,12 +143,8 @@ def unpose(body: SkinnedBody, pose: Array, vertices: Array) -> Unposed:
     by_joints = np.linalg.solve(M, np.broadcast_to(levers, (N, 3, 3 * K)))
     by_joints = by_joints * np.repeat(carried, 3, axis=1)[:, None, :]  # (N, 3, 3 K)
     if body.rest_joints is not None:
-        T = without_joints - by_joints @ body.rest_joints.ravel()
-        return Unposed(T, float(np.linalg.svd(M, compute_uv=False).min()), 1.0)
-    regressed = (body.J_regressor @ by_joints.reshape(N, -1)).reshape(3 * K, 3 * K)
-    system = np.eye(3 * K) + regressed
-    joints = np.linalg.solve(system, (body.J_regressor @ without_joints).ravel())
-    T = without_joints - by_joints @ joints
-    return Unposed(
-        T, float(np.linalg.svd(M, compute_uv=False).min()), float(np.linalg.cond(system))
-    )
+        joints = body.rest_joints.ravel()
+    else:
+        system = np.eye(3 * K) + (body.J_regressor @ by_joints.reshape(N, -1)).reshape(3 * K, 3 * K)
+        joints = np.linalg.solve(system, (body.J_regressor @ without_joints).ravel())
+    return np.asarray(without_joints - by_joints @ joints)
