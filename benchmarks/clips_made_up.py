@@ -7,7 +7,7 @@ import numpy as np
 import workbench as wb
 from workbench.arrays import Array
 from workbench.bodies.body import Body
-from workbench.bodies.pose_space import pose_space
+from workbench.bodies.spaces import pose_space
 from workbench.priors.poses import shipped_mixture
 
 EVERY = 10  # frames from one drawn pose to the next

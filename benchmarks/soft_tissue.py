@@ -28,7 +28,7 @@ from builder.soft_tissue import (
     tissue_clips,
 )
 from workbench import SkinnedBody, load_body
-from workbench.bodies.body_mass import body_mass_index
+from workbench.bodies.spaces import body_mass_index
 from workbench.motions import Motion, SoftTissue
 from workbench.training.soft_tissue import (
     TissueClip,

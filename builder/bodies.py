@@ -30,7 +30,7 @@ from builder.stored import BuiltBody, TrainedOn, card_of, write_body
 from workbench.arrays import Array, Index, Mask
 from workbench.bodies import SkinnedBody
 from workbench.bodies.files.embedded import read_embedded
-from workbench.bodies.unposing import unpose
+from workbench.bodies.forward.posing import unpose
 from workbench.errors import BadBody, BadFile
 from workbench.geometry.mirror import Mirror
 from workbench.reading.arrays import doubles, open_arrays, read_expected, texts
@@ -331,7 +331,7 @@ def unposed(body: SkinnedBody, job: UnposingJob) -> Array:
     batch, poses = job
     assert poses is not None  # they are known
     each = zip(poses, batch.vertices, strict=True)
-    return np.stack([unpose(body, pose, V).vertices for pose, V in each])
+    return np.stack([unpose(body, pose, V) for pose, V in each])
 
 
 def _of(gender: str, those: FolderRegistrations) -> Mask:

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.bodies.hand_axes import ABDUCTION, DEVIATION, FLEXION, TWIST
+from workbench.bodies.hands import ABDUCTION, DEVIATION, FLEXION, TWIST
 from workbench.geometry.mirror import AXIAL, opposite
 from workbench.priors.recordings import PoseRecording, read_recording
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 import workbench as wb
-from workbench.bodies.body_mass import body_mass_index
+from workbench.bodies.spaces import body_mass_index
 from workbench.motions import load_tissue
 from workbench.synthetic import simulate_tissue
 from workbench.synthetic.made_up import made_up_motion

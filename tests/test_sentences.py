@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from workbench.bodies.triangles.recipes import scape
+from workbench.bodies.triangles.body import scape
 from workbench.errors import (
     BadArgument,
     BadBody,

@@ -2,7 +2,7 @@
 
 Poses of the prior in which `default` penetrates itself are fitted to their joints, without anything
 and with each term for self-contact; and the capsules' alarms are compared with penetrations on the
-mesh (`benchmarks.images.penetrations`), in poses of the prior and of a recording's held-out clips.
+mesh (`workbench.bodies.penetrations`), in poses of the prior and of a recording's held-out clips.
 Numbers go to `results/contact.json`, and the tables of IMAGES.md are written from them. With
 `--tuning` other poses are taken and nothing is kept: settings were chosen there. `--parts` measures
 some of the tables again; the others stay as they are.
@@ -20,15 +20,14 @@ from typing import Any
 import numpy as np
 
 from benchmarks import machine
-from benchmarks.images.penetrations import BodySolids
 from benchmarks.keeping import keep, write_between
 from workbench import SOLVERS, Block, Constraint, Problem, load_body
 from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody, capsule_gaps, capsule_points, capsules_of
-from workbench.bodies.capsule_parts import part_of, parts_of_capsules
 from workbench.bodies.capsules import capsule_distances
-from workbench.bodies.parts import solid_of
+from workbench.bodies.parts import part_of, parts_of_capsules, solid_of
+from workbench.bodies.penetrations import BodySolids
 from workbench.comparison.statistics import rate
 from workbench.fitting.body_priors import pose_prior, shape_prior
 from workbench.priors.poses import draw_poses, shipped_mixture

@@ -28,8 +28,8 @@ from builder.stored import LICENCE, in_steps, sparse, whole_shares, write_arrays
 from builder.wheel import Wheel
 from workbench.arrays import Array, Mask
 from workbench.bodies import SkinnedBody
+from workbench.bodies.body import Landmarks
 from workbench.bodies.files.embedded import read_embedded
-from workbench.bodies.landmarks import Landmarks
 from workbench.geometry.solids import along_edges
 from workbench.threads import limited_threads
 from workbench.training.blend_shapes import RidgeSums, local_features

@@ -16,17 +16,17 @@ import workbench as wb
 from workbench.bodies.ablations import without_pose_blend_shapes
 from workbench.bodies.forward import surface
 from workbench.bodies.forward.features import rotation_elements, rotation_vectors
-from workbench.bodies.forward.kernel_features import (
+from workbench.bodies.forward.kinematics import pose_features
+from workbench.bodies.forward.posing import unpose
+from workbench.course import Picture, source
+from workbench.geometry.rigid import procrustes
+from workbench.geometry.rotation import matrix_from_vector
+from workbench.lectures.material.kernel_features import (
     Examples,
     GaussianKernels,
     NormalisedKernels,
     as_posedirs,
 )
-from workbench.bodies.forward.kinematics import pose_features
-from workbench.bodies.unposing import unpose
-from workbench.course import Picture, source
-from workbench.geometry.rigid import procrustes
-from workbench.geometry.rotation import matrix_from_vector
 from workbench.lectures.material.shape_directions import along, joint_moves, with_joints_of_the_mean
 from workbench.lectures.material.tubes import tube
 from workbench.plots import caption_shape_gallery, house_style, plot_shape_gallery, sheet
@@ -481,7 +481,7 @@ poses = draw_poses(shipped_mixture(), 360, rng)
 who = np.repeat(np.arange(10), 36)
 ten = rng.standard_normal((10, body.n_betas))
 posed = body.vertices(poses, ten[who])
-unposed = [unpose(body, pose, v).vertices for pose, v in zip(poses, posed, strict=True)]
+unposed = [unpose(body, pose, v) for pose, v in zip(poses, posed, strict=True)]
 sets = {
     "10 people, posed": np.array([procrustes(v, posed[0])(v) for v in posed]),
     "10 people, un-posed": np.array(unposed),

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 import workbench as wb
-from workbench.bodies.unposing import unpose
+from workbench.bodies.forward.posing import unpose
 from workbench.course import Picture, source
 from workbench.geometry.mirror import Mirror, find_mirror
 from workbench.lectures.material.pose_in_shape import aligned, pose_share
@@ -106,9 +106,7 @@ print(
 source(unpose)
 
 # %%
-people = np.stack(
-    [unpose(true, p, v).vertices for p, v in zip(known.poses, many.vertices, strict=True)]
-)
+people = np.stack([unpose(true, p, v) for p, v in zip(known.poses, many.vertices, strict=True)])
 people -= people.mean(axis=1, keepdims=True)
 print("un-posed, variance explained by 3 directions:", f"{explained(people)[2]:.6f}")
 print(

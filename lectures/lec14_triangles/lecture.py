@@ -16,7 +16,7 @@ import numpy as np
 
 import workbench as wb
 from workbench.bodies.triangles import blend_scape, scape
-from workbench.bodies.triangles.arithmetic import SurfaceNumbers
+from workbench.bodies.triangles.numbers import TriangleSurface
 from workbench.comparison.statistics import median
 from workbench.course import Picture, source
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
@@ -188,10 +188,10 @@ Picture(
 # with a weight $w_{fk}$ for each triangle and part. In the library these are two lines:
 
 # %%
-source(SurfaceNumbers.B)
+source(TriangleSurface.B)
 
 # %%
-source(SurfaceNumbers.deformations)
+source(TriangleSurface.deformations)
 
 # %% [markdown]
 # We measure the crease by how much two triangles that share an edge differ in their deformation, and look at the

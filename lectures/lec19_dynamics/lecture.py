@@ -17,8 +17,8 @@ from dataclasses import replace
 import numpy as np
 
 import workbench as wb
-from workbench.bodies.body_mass import body_mass_index
 from workbench.bodies.forward.posing import Posing
+from workbench.bodies.spaces import body_mass_index
 from workbench.course import Picture, source
 from workbench.motions import load_tissue
 from workbench.motions.accelerations import MovingFrames, second_differences

@@ -153,6 +153,6 @@ def unposed(body: SkinnedBody | TriangleBody, pose: Array, betas: Array) -> Arra
     """The surface (N, 3) m deformed by pose and shape, before any joint turns it."""
     if isinstance(body, TriangleBody):
         at = body.arithmetic.evaluate(pose, betas)
-        return np.asarray(at.of.placed(body.stitching.pulled(at.shaped)) + at.of.root)
+        return np.asarray(at.of.placed(body.stitching.edge_sums(at.shaped)) + at.of.root)
     bent = body.posedirs @ body.kinematics.motion(pose, betas).features
     return np.asarray(body.template + body.shapedirs @ betas + bent)

@@ -1,6 +1,7 @@
 """Bodies of random numbers in the layout of SMPL's files, for the tests of files."""
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -8,7 +9,9 @@ from scipy.sparse import csr_array
 
 from tests.bodies_made_up import SMPL_PARENTS
 from workbench.arrays import Array
-from workbench.bodies.skinned import Landmarks, SkinnedBody
+from workbench.bodies.body import Landmarks
+from workbench.bodies.catalogue import load_body
+from workbench.bodies.skinned import SkinnedBody
 
 Entries = dict[str, Any]
 
@@ -73,3 +76,19 @@ def same(a: SkinnedBody, b: SkinnedBody) -> None:
         np.testing.assert_array_equal(array, b.extras[key], err_msg=key)
     for name in ("parents", "joint_names", "name", "card"):
         assert getattr(a, name) == getattr(b, name), name
+
+
+def equal_to(raw: Entries, path: Path) -> None:
+    """Assert that the file of a body holds these entries."""
+    body = load_body(path)
+    for name, key in (
+        ("template", "v_template"),
+        ("shapedirs", "shapedirs"),
+        ("posedirs", "posedirs"),
+        ("weights", "weights"),
+    ):
+        np.testing.assert_array_equal(getattr(body, name), raw[key])
+        assert getattr(body, name).dtype == np.float64
+    np.testing.assert_array_equal(body.J_regressor.toarray(), raw["J_regressor"])
+    np.testing.assert_array_equal(body.faces, raw["f"])
+    assert body.parents == (-1, *raw["kintree_table"][0, 1:].tolist())

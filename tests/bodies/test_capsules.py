@@ -12,16 +12,18 @@ from tests.differences import assert_jacobian
 from tests.tiers import few
 from workbench import Problem, load_body
 from workbench.bodies import SkinnedBody, fit_capsules
-from workbench.bodies.capsule_parts import part_of, parts_of_capsules
 from workbench.bodies.capsules import (
     KEYS,
     capsule_distances,
+    capsule_ends,
+    capsule_gaps,
+    capsule_points,
+    capsules_of,
     closest_places,
     segment_distances,
 )
 from workbench.bodies.files.saving import save_body
-from workbench.bodies.parts import owners
-from workbench.bodies.posed_capsules import capsule_ends, capsule_gaps, capsule_points, capsules_of
+from workbench.bodies.parts import owners, part_of, parts_of_capsules
 from workbench.errors import BadBody
 from workbench.geometry.mirror import REFLECTION, opposite
 from workbench.residuals import landmarks

@@ -7,6 +7,11 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from tests.bodies.laws import (
+    assert_bind_pose_leaves_template,
+    assert_root_turns_everything_about_pelvis,
+    some_arguments,
+)
 from tests.bodies_made_up import random_body
 from tests.tiers import few
 from workbench.bodies.catalogue import BODIES, load_body, load_skinned
@@ -14,27 +19,19 @@ from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
 from workbench.cli.app import app
 from workbench.errors import BadFile
-from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 
 EACH = pytest.mark.parametrize("name", few(BODIES, ("small", "hand", "small-scape")))
 
 
 def assert_contract(body: SkinnedBody | TriangleBody) -> None:
-    rng = np.random.default_rng(0)
-    at_rest = body.vertices()
-    np.testing.assert_allclose(at_rest, body.template, atol=1e-9)
-    sums = np.asarray(body.weights.sum(axis=1)).ravel()
-    np.testing.assert_allclose(sums, 1, atol=1e-3)
-    pose, betas = 0.3 * rng.normal(size=(body.n_joints, 3)), rng.normal(size=body.n_betas)
-    posed, root = body.vertices(pose, betas), body.joints(pose, betas)[0]
-    turn, turned = matrix_from_vector([0.5, -1.0, 2.0]), pose.copy()
-    turned[0] = vector_from_matrix(turn @ matrix_from_vector(pose[0]))
-    moved = body.vertices(turned, betas, [1.0, 2.0, 3.0])
-    np.testing.assert_allclose(moved, (posed - root) @ turn.T + root + [1, 2, 3], atol=1e-8)
+    assert_bind_pose_leaves_template(body)
+    assert_root_turns_everything_about_pelvis(body)
+    pose, betas, trans = some_arguments(body)
+    posed = body.vertices(pose, betas, trans)
     points = body.points(*(block.symbol for block in body.blocks()))
     numeric = points.source.numeric
     if numeric is not None:
-        values = dict(zip(numeric.reads, (pose, betas, np.zeros(3)), strict=True))
+        values = dict(zip(numeric.reads, (pose, betas, trans), strict=True))
         np.testing.assert_allclose(numeric.evaluate(values).points, posed, atol=1e-9)
     copied = pickle.loads(pickle.dumps(body))
     np.testing.assert_array_equal(copied.template, body.template)

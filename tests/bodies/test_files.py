@@ -14,7 +14,7 @@ import pytest
 from scipy.sparse import csc_matrix, csr_matrix, issparse
 
 from tests.bodies.model_files import MODELS, written
-from tests.bodies.random_bodies import Entries, decorated, entries, same
+from tests.bodies.random_bodies import Entries, decorated, entries, equal_to, same
 from tests.tiers import few
 from workbench.bodies.catalogue import load_body, load_skinned
 from workbench.bodies.files.layouts import body_from
@@ -32,21 +32,6 @@ def saved(path: Path, raw: Entries) -> Path:
 
 def dense(value: Any) -> Any:
     return value.toarray() if issparse(value) else np.asarray(value)
-
-
-def equal_to(raw: Entries, path: Path) -> None:
-    body = load_body(path)
-    for name, key in (
-        ("template", "v_template"),
-        ("shapedirs", "shapedirs"),
-        ("posedirs", "posedirs"),
-        ("weights", "weights"),
-    ):
-        np.testing.assert_array_equal(getattr(body, name), raw[key])
-        assert getattr(body, name).dtype == np.float64
-    np.testing.assert_array_equal(body.J_regressor.toarray(), raw["J_regressor"])
-    np.testing.assert_array_equal(body.faces, raw["f"])
-    assert body.parents == (-1, *raw["kintree_table"][0, 1:].tolist())
 
 
 def test_unknown_name_lists_what_there_is() -> None:
@@ -216,8 +201,9 @@ def test_arrays_that_do_not_fit_are_refused(tmp_path: Path) -> None:
     tree[0, 3] = 9
     with pytest.raises(BadBody, match="joint 3 has parent 9"):
         load_body(saved(tmp_path / "model.npz", raw | {"kintree_table": tree}))
-    with pytest.raises(BadBody, match="not finite"):
-        load_body(saved(tmp_path / "m.npz", raw | {"v_template": np.full((40, 3), np.nan)}))
+    for number, says in ((np.nan, "not finite"), (1800.0, "beyond 1,000 m")):  # as in millimetres
+        with pytest.raises(BadBody, match=says):
+            load_body(saved(tmp_path / "m.npz", raw | {"v_template": np.full((40, 3), number)}))
 
 
 def test_motions_and_meshes_are_recognised(tmp_path: Path) -> None:

@@ -15,8 +15,7 @@ from workbench.bodies import HAND_POINTS, capsule_ends, hand_points, pose_space
 from workbench.bodies.catalogue import load_skinned
 from workbench.bodies.files.embedded import embedded, embedded_hand, sewing_of
 from workbench.bodies.files.saving import save_body
-from workbench.bodies.sewn_hands import with_hands
-from workbench.bodies.sewn_mesh import border, sewn_mesh
+from workbench.bodies.sewn_hands import border, sewn_mesh, with_hands
 from workbench.errors import BadBody, UnknownName
 from workbench.fitting.keypoint_problem import landmark_set
 from workbench.geometry.mirror import AXIAL, REFLECTION, opposite

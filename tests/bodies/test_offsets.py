@@ -13,7 +13,7 @@ from tests.bodies_made_up import random_body, tube_body
 from tests.problem.sequences import in_blocks_of_frames
 from tests.tiers import few
 from workbench import Landmarks, residuals
-from workbench.bodies.triangles.recipes import blend_scape
+from workbench.bodies.triangles.body import blend_scape
 from workbench.errors import BadBody, NotSupported, UnknownName
 from workbench.problem.banded import BlockMatrix
 

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from scipy.sparse import coo_matrix, csc_array, csc_matrix, csr_matrix
 
-from tests.bodies.random_bodies import Entries, entries
+from tests.bodies.random_bodies import Entries, entries, equal_to
 from tests.tiers import few
 from workbench.bodies.catalogue import load_body
 from workbench.bodies.files.pickles import (
@@ -92,19 +92,6 @@ def python_2_pickle(raw: dict[str, np.ndarray]) -> bytes:
             content + b"tb",
         ]
     return b"".join([*out, b"u."])
-
-
-def equal_to(raw: Entries, path: Path) -> None:
-    body = load_body(path)
-    for name, key in (
-        ("template", "v_template"),
-        ("shapedirs", "shapedirs"),
-        ("posedirs", "posedirs"),
-        ("weights", "weights"),
-    ):
-        np.testing.assert_array_equal(getattr(body, name), raw[key])
-    np.testing.assert_array_equal(body.J_regressor.toarray(), raw["J_regressor"])
-    np.testing.assert_array_equal(body.faces, raw["f"])
 
 
 # What is read.

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from tests.bodies.test_triangles import MADE, made, some_arguments
+from tests.bodies.laws import some_arguments
+from tests.bodies.test_triangles import MADE, made
 from tests.bodies_made_up import tube_body
 from tests.tiers import few
 from workbench.bodies.catalogue import EmbeddedTriangles, load_body, load_skinned

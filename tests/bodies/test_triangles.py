@@ -11,14 +11,19 @@ import pytest
 from scipy.sparse import csr_array
 
 import workbench as wb
+from tests.bodies.laws import (
+    assert_bind_pose_leaves_template,
+    assert_root_turns_everything_about_pelvis,
+    some_arguments,
+)
 from tests.bodies_made_up import random_body, tube_body
 from tests.differences import assert_hessian, assert_jacobian
 from tests.tiers import few
 from workbench.bodies.body import Body
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
-from workbench.bodies.triangles.recipes import one_part
+from workbench.bodies.triangles.body import one_part
 from workbench.errors import BadBody, UnknownName
-from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
+from workbench.geometry.rotation import matrix_from_vector
 from workbench.geometry.triangles import edges
 
 
@@ -57,12 +62,6 @@ def skinned(name: str) -> wb.SkinnedBody:
     return body
 
 
-def some_arguments(body: Body, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    rng = np.random.default_rng(seed)
-    pose = rng.normal(scale=0.5, size=(body.n_joints, 3))
-    return pose, rng.normal(size=body.n_betas), rng.normal(size=3)
-
-
 def world_rotations(body: TriangleBody, pose: np.ndarray) -> list[np.ndarray]:
     found: list[np.ndarray] = []
     for w, parent in zip(pose, body.parents, strict=True):
@@ -96,24 +95,12 @@ def test_triangles_deform_by_the_formula(name: str) -> None:
 
 
 @EACH
-def test_zero_pose_and_shape_give_the_template(name: str) -> None:
-    body = made(name)
-    np.testing.assert_allclose(body.vertices(), body.template, atol=1e-12)
-    np.testing.assert_allclose(body.vertices(*body.start().values()), body.template, atol=1e-12)
-    np.testing.assert_allclose(body.joints(), body.J_regressor @ body.template, atol=1e-12)
-
-
-@EACH
-def test_root_rotation_turns_everything_about_the_pelvis(name: str) -> None:
-    body = made(name)
-    pose, betas, trans = some_arguments(body)
-    before, turn = body.vertices(pose, betas), matrix_from_vector([0.5, -1.0, 2.0])
-    turned = pose.copy()
-    turned[0] = vector_from_matrix(turn @ matrix_from_vector(pose[0]))
-    pelvis = body.joints()[0]
-    np.testing.assert_allclose(body.joints(pose, betas)[0], pelvis, atol=1e-12)
-    expected = (before - pelvis) @ turn.T + pelvis + trans
-    np.testing.assert_allclose(body.vertices(turned, betas, trans), expected, atol=1e-12)
+def test_triangle_bodies_keep_the_laws_of_bodies(name: str) -> None:
+    assert_bind_pose_leaves_template(made(name))
+    assert_root_turns_everything_about_pelvis(made(name))
+    pose, betas, _ = some_arguments(made(name))
+    pelvis = made(name).joints()[0]  # where it is, whatever the pose and the shape
+    np.testing.assert_allclose(made(name).joints(pose, betas)[0], pelvis, atol=1e-12)
 
 
 @SKINNED
@@ -295,6 +282,8 @@ def test_unknown_names_and_vertices_are_refused() -> None:
         body.landmark("nose")
     with pytest.raises(BadBody, match="there is no vertex 22"):
         body.points(*symbols(body), vertices=[22])
+    with pytest.raises(UnknownName, match="array to free"):
+        body.freed(["template"])  # type: ignore[arg-type]
 
 
 def test_arrays_that_do_not_fit_are_refused() -> None:
@@ -304,6 +293,7 @@ def test_arrays_that_do_not_fit_are_refused() -> None:
         ({"weights": np.ones((40, 3))}, "weights of face 0 sum to 3"),
         ({"template": np.full((22, 3), np.nan)}, "not finite"),
         ({"template": np.ones((22, 3))}, "has no area"),
+        ({"template": np.full((22, 3), 1e10)}, "template of vertex 0 has an entry of 1e.10 m"),
         ({"faces": np.full((40, 3), 22)}, "there are 22 vertices"),
         ({"parents": (-1, 2, 1)}, "joint 1 has parent 2"),
     ):

@@ -104,9 +104,9 @@ def test_example_of_the_reference_runs(script: Path, capsys: pytest.CaptureFixtu
 
 INNER = {  # classes in annotations of public ones that users have no reason to name
     "kept by an object for its computations, whose results are properties of the object": {
-        "NumericBody",
+        "BodyNumbers",
         "Kinematics",
-        "TriangleArithmetic",
+        "TriangleNumbers",
         "Stitching",
         "Rounding",
         "Support",

@@ -12,8 +12,8 @@ from benchmarks.clips_made_up import clip
 from tests.bodies.model_files import with_fingers, written
 from tests.bodies_made_up import tube_body
 from workbench.bodies.body import Body
-from workbench.bodies.hand_points import HAND_POINTS
-from workbench.bodies.pose_space import pose_space
+from workbench.bodies.hands import HAND_POINTS
+from workbench.bodies.spaces import pose_space
 from workbench.conversion import (
     conversion_errors,
     convert,

@@ -315,6 +315,18 @@ TWO_FACES = np.array([[0, 1, 2], [2, 1, 3]])
 AREAS = np.array([1.0, 2.0, 0.0, 4.0])
 
 
+def test_a_mesh_is_a_scan_of_its_surface() -> None:
+    ball = trimesh.creation.icosphere(3)
+    ball = trimesh.Trimesh([*ball.vertices, [9, 9, 9]], ball.faces, process=False)  # one alone
+    scan = Scan.of(ball)
+    assert Scan.of(scan) is scan
+    assert scan.normals is not None
+    assert scan.weights is not None
+    np.testing.assert_allclose(scan.normals, scan.points, rtol=0, atol=0.03)
+    assert scan.n_points == 642
+    assert scan.weights.sum() == pytest.approx(ball.area)
+
+
 def test_part_of_a_scan_keeps_what_belongs_to_points() -> None:
     part = Scan(FOUR, FOUR_NORMALS, TWO_FACES, AREAS).some(np.array([False, True, True, True]))
     assert part.n_points == 3

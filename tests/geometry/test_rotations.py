@@ -13,6 +13,8 @@ from tests.tiers import few
 from workbench.geometry.dual_quaternions import dual_quaternions, moved, quaternions
 from workbench.geometry.rotation import (
     SERIES_BELOW,
+    inverse_left_jacobian,
+    left_jacobian,
     matrix_from_vector,
     nearest_rotation,
     quaternions_of_vectors,
@@ -154,6 +156,19 @@ def test_logarithm_undoes_the_exponential() -> None:
     R = matrix_from_vector(random_vectors()).reshape(10, 20, 3, 3)  # also beyond half a turn
     np.testing.assert_allclose(matrix_from_vector(vector_from_matrix(R)), R, atol=1e-13)
     assert np.linalg.norm(vector_from_matrix(R), axis=-1).max() <= np.pi + 1e-12
+
+
+def test_left_jacobian_turns_changes_of_vectors_into_turns() -> None:
+    rng = np.random.default_rng(4)
+    axis = rng.normal(size=3)
+    axis /= np.linalg.norm(axis)
+    for angle in (0.0, 1e-9, 1e-3, 1.0, np.pi, 6.0):
+        w, L, h = angle * axis, left_jacobian(angle * axis), 1e-5
+        for d in np.eye(3):
+            turned = matrix_from_vector(w + h * d) @ matrix_from_vector(w - h * d).T
+            found = vector_from_matrix(turned) / (2 * h)
+            np.testing.assert_allclose(L @ d, found, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(inverse_left_jacobian(w) @ L, np.eye(3), rtol=0, atol=1e-12)
 
 
 def test_no_rotation_is_nearer_than_the_nearest() -> None:

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 import workbench as wb
 from tests.motions.test_expressions import played_by_hand
-from workbench.bodies.body_mass import body_mass_index
+from workbench.bodies.spaces import body_mass_index
 from workbench.cli.app import app
 from workbench.errors import BadArgument, BadFile
 from workbench.motions import Motion, SoftTissue, load_tissue, save_tissue, write_glb

@@ -7,7 +7,7 @@ import pytest
 from matplotlib.patches import Polygon
 
 from workbench import load_body
-from workbench.bodies.posed_capsules import posed_capsules
+from workbench.bodies.capsules import posed_capsules
 from workbench.plots import caption_capsules, plot_capsules, sheet
 
 

@@ -15,7 +15,7 @@ from tests.residuals.test_every_residual import CASES, Case, near
 from tests.tiers import THOROUGH, few
 from workbench import residuals
 from workbench.blocks.points import scalars_repeated
-from workbench.bodies.triangles.recipes import blend_scape
+from workbench.bodies.triangles.body import blend_scape
 from workbench.errors import BadBody, BadResidual, TwoSymbolsOneName
 from workbench.problem import Constraint
 from workbench.residuals import huber

@@ -15,7 +15,7 @@ from tests.browsers import dumped, need_browser
 from workbench.bodies.ablations import ABLATIONS, without_blend_weights, without_pose_blend_shapes
 from workbench.bodies.catalogue import load_body
 from workbench.bodies.triangles import TriangleBody
-from workbench.bodies.triangles.recipes import one_part
+from workbench.bodies.triangles.body import one_part
 from workbench.geometry.solids import volume
 from workbench.geometry.triangles import edges
 from workbench.reports.sliders import sliders_page, write_sliders

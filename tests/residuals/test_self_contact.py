@@ -8,8 +8,7 @@ import pytest
 
 from tests.differences import assert_jacobian
 from workbench import SOLVERS, Block, Constraint, Problem, load_body, residuals, solve
-from workbench.bodies.capsules import segment_distances
-from workbench.bodies.posed_capsules import capsule_gaps, capsule_points
+from workbench.bodies.capsules import capsule_gaps, capsule_points, segment_distances
 from workbench.errors import BadResidual
 from workbench.fitting import pose_prior, shape_prior
 from workbench.priors.poses import draw_poses, shipped_mixture

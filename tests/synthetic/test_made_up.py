@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from workbench.bodies.body_mass import body_mass_index
+from workbench.bodies.spaces import body_mass_index
 from workbench.errors import BadArgument
 from workbench.geometry.solids import mesh_edges
 from workbench.motions import Motion, splined

@@ -11,8 +11,7 @@ from tests.tiers import few
 from workbench import load_body
 from workbench.arrays import Array
 from workbench.bodies.forward.kinematics import ancestors
-from workbench.bodies.forward.posing import Posing
-from workbench.bodies.unposing import unpose
+from workbench.bodies.forward.posing import Posing, unpose
 from workbench.geometry.mirror import NoMirror, find_mirror
 from workbench.geometry.solids import volume
 from workbench.synthetic.made_up import (
@@ -275,8 +274,7 @@ def test_weights_start_near_the_segments_and_rings_between_them() -> None:
 
 def test_unposed_meshes_pose_back() -> None:
     strange = DATA.vertices[0] + 0.02 * np.random.default_rng(0).standard_normal((35, 3))
-    found = unpose(BODY, TRUTH.poses[0], strange)
-    person = replace(BODY, template=found.vertices)
+    person = replace(BODY, template=unpose(BODY, TRUTH.poses[0], strange))
     np.testing.assert_allclose(person.vertices(TRUTH.poses[0]), strange, atol=1e-10)
 
 

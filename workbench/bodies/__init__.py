@@ -3,25 +3,39 @@
 A body is SMPL, or differs from it in the value of a field: `skinning` blends the motions of joints,
 and `features` is the function f of the pose in B_P(theta) = sum of f_n P_n. The arithmetic of
 `forward` covers SMPL's own choice (`is_smpl`); every other choice is part of the graph. An ablation
-is a function from a body to a body. `SkinnedBody` and `TriangleBody` share the protocol `Body`, so
+is a function from a body to a body. `SkinnedBody` and `TriangleBody` are kinds of `Body`, so
 that fits, experiments, diagnoses and pages take either.
 """
 
-from workbench.bodies.body import Body
+from workbench.bodies.body import Body, Landmarks
 from workbench.bodies.capsule_fitting import fit_capsules
-from workbench.bodies.capsules import Capsules
+from workbench.bodies.capsules import (
+    Capsules,
+    capsule_ends,
+    capsule_gaps,
+    capsule_points,
+    capsules_of,
+)
 from workbench.bodies.checking.check_file import FileCheck, check_body_file
 from workbench.bodies.checking.model_arrays import FileFinding
-from workbench.bodies.forward.skinning import Skinning, dual_quaternion_blend, linear_blend
-from workbench.bodies.forward.skinning_function import skin, skin_vertices
-from workbench.bodies.hand_axes import HandMotion, hand_motions, is_hand
-from workbench.bodies.hand_points import HAND_POINTS, hand_points
-from workbench.bodies.landmarks import Landmarks
-from workbench.bodies.mirrored import mirrored
-from workbench.bodies.pose_space import PoseSpace, pose_space
-from workbench.bodies.posed_capsules import capsule_ends, capsule_gaps, capsule_points, capsules_of
-from workbench.bodies.shape_space import ShapeSpace, shape_space
+from workbench.bodies.forward.skinning import (
+    Skinning,
+    dual_quaternion_blend,
+    linear_blend,
+    skin,
+    skin_vertices,
+)
+from workbench.bodies.hands import (
+    HAND_POINTS,
+    HandMotion,
+    hand_motions,
+    hand_points,
+    is_hand,
+    mirrored,
+)
+from workbench.bodies.penetrations import Penetration, penetrations
 from workbench.bodies.skinned import SkinnedBody
+from workbench.bodies.spaces import PoseSpace, ShapeSpace, pose_space, shape_space
 
 __all__ = [
     "HAND_POINTS",
@@ -31,6 +45,7 @@ __all__ = [
     "FileFinding",
     "HandMotion",
     "Landmarks",
+    "Penetration",
     "PoseSpace",
     "ShapeSpace",
     "SkinnedBody",
@@ -47,6 +62,7 @@ __all__ = [
     "is_hand",
     "linear_blend",
     "mirrored",
+    "penetrations",
     "pose_space",
     "shape_space",
     "skin",

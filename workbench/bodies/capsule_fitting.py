@@ -18,9 +18,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from workbench.arrays import Array, Index, Mask
-from workbench.bodies.capsule_parts import part_of, parts_of_capsules
 from workbench.bodies.capsules import Capsules, segment_distances
-from workbench.bodies.parts import BONES, TRUNK, part_joints, separate
+from workbench.bodies.parts import BONES, TRUNK, part_joints, part_of, parts_of_capsules, separate
 from workbench.bodies.skinned import SkinnedBody
 from workbench.geometry.mirror import REFLECTION, opposite
 from workbench.geometry.solids import face_vectors, sums_over_faces

@@ -14,7 +14,7 @@ from workbench.bodies.files.embedded import (
 )
 from workbench.bodies.files.layouts import body_from, is_triangle_body, triangle_body_from
 from workbench.bodies.files.reading import contents_of
-from workbench.bodies.mirrored import mirrored
+from workbench.bodies.hands import mirrored
 from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
 from workbench.environment import expanded

@@ -1,9 +1,9 @@
-"""A body whose surface is skinned to its joints: SMPL and its relatives."""
+"""Linearly blended bodies: SMPL and its relatives."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import casadi as cs
 import numpy as np
@@ -11,28 +11,40 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
-from workbench.blocks import Block, Layout, Points, Values
-from workbench.bodies.body import Given, blocks_of, landmark_set, no_offsets, offsets_of
+from workbench.blocks import Block, Points
+from workbench.blocks.checks import reals
+from workbench.bodies.body import (
+    Body,
+    Given,
+    Landmarks,
+    arguments,
+    check_prefix,
+    landmark_set,
+    no_offsets,
+    of_joints,
+)
 from workbench.bodies.capsules import Capsules
-from workbench.bodies.forward import evaluation
-from workbench.bodies.forward.arguments import Arguments
-from workbench.bodies.forward.arrays import ALL
 from workbench.bodies.forward.features import Features, rotation_elements
-from workbench.bodies.forward.freeing import FREEABLE, check_freeable
+from workbench.bodies.forward.mesh import batch_points
 from workbench.bodies.forward.motion import Kinematics
-from workbench.bodies.forward.numeric_body import NumericBody
+from workbench.bodies.forward.posed_points import BodyNumbers
 from workbench.bodies.forward.skinning import Skinning, linear_blend
-from workbench.bodies.forward.sources import joint_points, landmark_points, surface_points
-from workbench.bodies.landmarks import Landmarks
-from workbench.bodies.readonly import locked, parts_of, readonly_parts, remade
-from workbench.bodies.validation import check, chosen_vertices
-from workbench.errors import BadBody, NotSupported, UnknownName
+from workbench.bodies.forward.sources import (
+    Arguments,
+    joint_points,
+    landmark_points,
+    surface_points,
+)
+from workbench.bodies.forward.surface import ALL
+from workbench.bodies.readonly import readonly_parts
+from workbench.bodies.validation import check_skinned, chosen_vertices
+from workbench.errors import BadBody
 
 REALS = ("template", "shapedirs", "posedirs", "weights", "bound_in", "rest_joints")
 
 
 @dataclass(frozen=True, eq=False)
-class SkinnedBody:
+class SkinnedBody(Body):
     """N vertices on K joints with B shape directions, in the arrays of SMPL's files.
 
     Metres, y up, facing +z. The arrays are numbers; those in `free` are symbols in every
@@ -41,9 +53,10 @@ class SkinnedBody:
     `extras`, such as the principal components of MANO's hands, go where the body goes, and
     `save_body` writes them back.
 
-    A body never changes: it keeps read-only copies of what it is given (float64, int64; read-only
-    arrays as they are), and dataclasses.replace makes another. It pickles and copies; the copy
-    has the same numbers and blocks of its own. Raises BadBody if the arrays do not fit together.
+    Raises BadBody if the arrays do not fit together. `freed` takes `joints` (K, 3) m as well: the
+    joints at rest of every person, in place of J_regressor. `with_values` makes them
+    `rest_joints`; J_regressor is kept, but does not find them: train it on bodies of several
+    shapes, and then replace `rest_joints` by None.
 
     Attributes:
         template: (N, 3) m, the mean rest surface.
@@ -88,10 +101,15 @@ class SkinnedBody:
     extras: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     capsules: Capsules | None = None
     free: Mapping[str, Block] = field(default_factory=dict)
-    _made: dict[str, tuple[Block, Block, Block]] = field(
-        default_factory=dict, init=False, repr=False
-    )
-    _offsets: dict[tuple[str, str], Block] = field(default_factory=dict, init=False, repr=False)
+
+    FREEABLE: ClassVar[Mapping[str, str]] = {
+        "template": "m",
+        "shapedirs": "m",
+        "posedirs": "m",
+        "J_regressor": "1",
+        "weights": "1",
+        "joints": "m",  # at rest, (K, 3), in place of J_regressor (T + S betas)
+    }
 
     def __post_init__(self) -> None:
         for name in ("skinning", "features"):
@@ -102,21 +120,7 @@ class SkinnedBody:
                 )
         matrices, indices = ("J_regressor",), ("faces", "mirror")
         self.__dict__.update(readonly_parts(self, REALS, matrices, indices, ("landmarks", "free")))
-        check(self)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Its parts, without the blocks it made and what it computed with."""
-        return remade, (SkinnedBody, parts_of(self))
-
-    @property
-    def n_vertices(self) -> int:
-        """N, the number of vertices."""
-        return len(self.template)
-
-    @property
-    def n_joints(self) -> int:
-        """K, the number of joints, the root included."""
-        return len(self.parents)
+        check_skinned(self)
 
     @property
     def n_betas(self) -> int:
@@ -131,7 +135,7 @@ class SkinnedBody:
     @property
     def bind_pose(self) -> Array:
         """The pose (K, 3) rad that leaves the template as it is."""
-        return np.zeros((self.n_joints, 3)) if self.bound_in is None else self.bound_in.copy()
+        return super().bind_pose if self.bound_in is None else self.bound_in.copy()
 
     @property
     def vertex_weights(self) -> Array:
@@ -140,71 +144,42 @@ class SkinnedBody:
 
     # What a problem is written with.
 
-    def blocks(self, prefix: str = "") -> tuple[Block, Block, Block]:
-        """`pose` (K, 3) rad, `betas` (B,), `trans` (3,) m: the same objects for the same prefix."""
-        return blocks_of(self, prefix, self._made)
+    @cached_property
+    def _offsets(self) -> dict[tuple[str, str], Block]:
+        return {}
+
+    @property
+    def known_blocks(self) -> tuple[Block, ...]:
+        """Every block that this body has made so far."""
+        return (*super().known_blocks, *self._offsets.values())
 
     def offsets(self, name: str, prefix: str = "") -> Block:
         """`offsets` (M, 3) m of a set of landmarks: the same object for the same set and prefix.
 
         See `landmark_points`. Raises UnknownName, and NotSupported for joints.
         """
-        return offsets_of(self.landmarks, name, prefix, self._offsets)
+        if of_joints(name):
+            raise no_offsets("of joints")
+        names = landmark_set(self.landmarks, name).names
+        check_prefix(prefix)
+        if (prefix, name) not in self._offsets:
+            block = Block(prefix + "offsets", (len(names), 3), "m", names)
+            self._offsets[prefix, name] = block
+        return self._offsets[prefix, name]
 
-    @property
-    def known_blocks(self) -> tuple[Block, ...]:
-        """Every block that this body has made so far."""
-        own = (block for blocks in self._made.values() for block in blocks)
-        return (*own, *self._offsets.values(), *self.free.values())
+    def array(self, name: str) -> Array:
+        """One of the arrays that can be freed, dense; `joints` are those of the mean person.
 
-    def freed(self, *names: str, prefix: str = "") -> "SkinnedBody":
-        """A body with the same numbers, whose named arrays are unknowns in every expression.
-
-        It shares its blocks with this one, so that points of either fit into one problem. `joints`
-        (K, 3) m are the joints at rest of every person; if they are free, J_regressor is not used.
-
-        Raises UnknownName, and BadBody for `joints` together with `J_regressor`, of which only one
-        would be read.
+        Raises UnknownName.
         """
-        check_freeable(self, names)
-        made = {n: Block(prefix + n, self.array(n).shape, FREEABLE[n]) for n in names}
-        return self._sharing_blocks(replace(self, free={**self.free, **made}))
+        return self.numeric.skeleton.mean if of_joints(name) else super().array(name)
 
-    def with_values(self, values: Mapping[str, ArrayLike]) -> "SkinnedBody":
-        """The trained body: each free array has its value among `values`, and is free no longer.
-
-        Joints that were free become `rest_joints`, the same for every person. J_regressor is kept,
-        but does not find them: train it on bodies of several shapes, and then replace `rest_joints`
-        by None.
-
-        Raises MissingValue, NotNumbers, ShapeMismatch or NonFiniteValue for a value, and BadBody
-        where the arrays no longer fit together, as weights that do not sum to one.
-        """
-        found: dict[str, Any] = {
-            name: locked(Layout((block,)).pack(values).reshape(block.shape))
-            for name, block in self.free.items()
-        }
-        if "joints" in found:
-            found["rest_joints"] = found.pop("joints")
-        return self._sharing_blocks(replace(self, free={}, **found))
-
-    def _sharing_blocks(self, other: "SkinnedBody") -> "SkinnedBody":
-        other.__dict__.update(_made=self._made, _offsets=self._offsets)
+    def _replaced(self, **parts: Any) -> "SkinnedBody":
+        if "joints" in parts:
+            parts["rest_joints"] = parts.pop("joints")
+        other = super()._replaced(**parts)
+        other.__dict__["_offsets"] = self._offsets
         return other
-
-    def start(self, prefix: str = "") -> Values:
-        """Values at which the body is its template.
-
-        They are the bind pose, and betas and trans of zero, under names that begin with `prefix`;
-        and the present numbers of the arrays that are free, under names of their own.
-        """
-        pose, betas, trans = self.blocks(prefix)
-        return {
-            pose.name: self.bind_pose,
-            betas.name: np.zeros(betas.shape),
-            trans.name: np.zeros(trans.shape),
-            **{block.name: self.array(name).copy() for name, block in self.free.items()},
-        }
 
     def points(
         self, pose: cs.MX, betas: cs.MX, trans: cs.MX, *, vertices: ArrayLike | None = None
@@ -219,80 +194,67 @@ class SkinnedBody:
         at = Arguments(self, pose, betas, trans)
         return Points.of(joint_points(self, at, self.numeric), "joints")
 
-    def landmark_points(
-        self, name: str, pose: cs.MX, betas: cs.MX, trans: cs.MX, offsets: cs.MX | None = None
+    def _mean_points(
+        self,
+        landmarks: Landmarks,
+        name: str,
+        symbols: tuple[cs.MX, cs.MX, cs.MX],
+        displaced: tuple[Block, cs.MX] | None,
     ) -> Points:
-        """A named set of landmarks on the posed surface, (3, M) m; `joints` are always there.
-
-        `offsets` (3, M) m displace each landmark at rest, and move with the body: landmark m is
-        the mean of its vertices v_i + o_m, each moved as the vertex is. Markers on skin or clothes
-        are such landmarks (Loper et al., MoSh, 2014). They are the symbol of `offsets(name)`, or
-        an expression of blocks. Raises UnknownName, BadBody, and NotSupported for joints.
-        """
-        if isinstance(name, str) and name == "joints":
-            if offsets is not None:
-                raise NotSupported(no_offsets("of joints"))
-            return self.joint_points(pose, betas, trans)
-        found = landmark_set(self.landmarks, name)
-        displaced = None if offsets is None else (self.offsets(name), offsets)
-        at = Arguments(self, pose, betas, trans, displaced)
-        return Points.of(landmark_points(self, at, self.numeric, found), name)
+        at = Arguments(self, *symbols, displaced)
+        return Points.of(landmark_points(self, at, self.numeric, landmarks), name)
 
     # Points in numbers. Any argument may have batch axes in front.
 
     def vertices(self, pose: Given = None, betas: Given = None, trans: Given = None) -> Array:
         """The posed surface (..., N, 3) m of poses (..., K, 3) or (..., 3 K) rad."""
-        return evaluation.vertices(self.numeric, pose, betas, trans)
+        batch, (theta, beta, move) = arguments(self, pose, betas, trans)
+        numeric = self.numeric
+        if self.is_smpl:
+            surfaces = batch_points(numeric.chunks, numeric.kinematics.motion(theta, beta), beta)
+        else:
+            each = zip(theta, beta, strict=True)
+            alone = [np.asarray(numeric.skinned_rest(t.T, b)).T for t, b in each]
+            surfaces = np.array(alone).reshape(len(theta), self.n_vertices, 3)
+        return (surfaces + move[:, None]).reshape(*batch, self.n_vertices, 3)
 
     def joints(self, pose: Given = None, betas: Given = None, trans: Given = None) -> Array:
         """The posed joints (..., K, 3) m."""
-        return evaluation.joints(self.numeric, pose, betas, trans)
+        batch, (theta, beta, move) = arguments(self, pose, betas, trans)
+        joints = self.kinematics.motion(theta, beta).joints + move[:, None]
+        return joints.reshape(*batch, self.n_joints, 3)
 
-    def landmark(
-        self,
-        name: str,
-        pose: Given = None,
-        betas: Given = None,
-        trans: Given = None,
-        offsets: Given = None,
-    ) -> Array:
-        """A named set of landmarks (..., M, 3) m; `joints` are always there.
-
-        `offsets` (..., M, 3) m displace them at rest, with the errors of `landmark_points`.
-        """
-        if isinstance(name, str) and name == "joints":
-            if offsets is not None:
-                raise NotSupported(no_offsets("of joints"))
-            return self.joints(pose, betas, trans)
-        found = landmark_set(self.landmarks, name)
-        if offsets is not None:
-            return evaluation.displaced(self.numeric, found, (pose, betas, trans), offsets)
-        return evaluation.regressed(found.regressor, self.vertices(pose, betas, trans))
-
-    def landmark_names(self, name: str) -> tuple[str, ...]:
-        """The names of the points of a landmark set."""
-        return self.joint_names if name == "joints" else landmark_set(self.landmarks, name).names
-
-    def array(self, name: str) -> Array:
-        """One of the arrays that can be freed, dense; `joints` are those of the mean person.
-
-        Raises UnknownName.
-        """
-        if not isinstance(name, str) or name not in FREEABLE:
-            raise UnknownName("array of a body", str(name), FREEABLE)
-        if name == "joints":
-            return self.numeric.skeleton.mean
-        array = getattr(self, name)
-        return array.toarray() if isinstance(array, csr_array) else array
+    def _displaced(self, name: str, given: tuple[Given, Given, Given], offsets: ArrayLike) -> Array:
+        if of_joints(name):
+            raise no_offsets("of joints")
+        landmarks = landmark_set(self.landmarks, name)
+        moved, count = reals("offsets", offsets), len(landmarks.names)
+        if moved.shape[-2:] != (count, 3):
+            raise BadBody(
+                f"body {self.name!r} takes offsets of shape (..., {count}, 3) for {count} "
+                f"landmarks, not {moved.shape}"
+            )
+        batch, (theta, beta, move, moved) = arguments(self, *given, moved)
+        if self.is_smpl:
+            points = self.numeric.landmarks(landmarks).evaluate_batch(theta, beta, move, moved)
+        else:
+            posed, each = (
+                self.numeric.displaced_rest(landmarks),
+                zip(theta, beta, moved, strict=True),
+            )
+            alone = [np.asarray(posed(t.T, b, o.T)).T for t, b, o in each]
+            points = np.array(alone).reshape(len(theta), count, 3) + move[:, None]
+        return points.reshape(*batch, count, 3)
 
     @cached_property
-    def numeric(self) -> NumericBody:
+    def numeric(self) -> BodyNumbers:
         """What numbers are computed with; free arrays have the numbers that they start from."""
         # not the body itself: what refers to itself is not freed before the garbage collector runs
-        parts = {part.name: getattr(self, part.name) for part in fields(self)}
         alone = object.__new__(SkinnedBody)
-        alone.__dict__.update(parts | {"free": {}})
-        return NumericBody(alone)
+        alone.__dict__.update(
+            {part.name: getattr(self, part.name) for part in fields(self)}, free={}
+        )
+        return BodyNumbers(alone)
 
     @property
     def kinematics(self) -> Kinematics:

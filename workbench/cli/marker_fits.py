@@ -8,8 +8,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from workbench.bodies import SkinnedBody
-from workbench.bodies.body import Body
-from workbench.bodies.skinned_only import not_skinned
+from workbench.bodies.body import Body, why_not_skinned
 from workbench.cli.output import say_notes
 from workbench.cli.run import carry_out
 from workbench.errors import BadArgument, NotSupported
@@ -79,7 +78,7 @@ def fit_markers(
     (T, M) m, `joint_names`, and `fps`, if it is known. `read_motion` reads it.
     """
     if not isinstance(body, SkinnedBody):
-        raise NotSupported(not_skinned(body, "a fit to markers", "take a SkinnedBody"))
+        raise NotSupported(why_not_skinned(body, "a fit to markers", "take a SkinnedBody"))
     recording = read_markers(file)
     worn, places, notes = matched(recording.labels, markers_worn.on(body))
     say_notes(console, (*recording.notes, *notes))

@@ -7,8 +7,7 @@ from rich.markup import escape
 
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
-from workbench.bodies.body import Body
-from workbench.bodies.skinned_only import not_skinned
+from workbench.bodies.body import Body, why_not_skinned
 from workbench.cli.output import say
 from workbench.errors import BadArgument, BadBody
 from workbench.motions import Motion, save_motion, write_bvh, write_glb
@@ -55,7 +54,9 @@ def write_motion(
         save_motion(out, motion)
     else:
         if not isinstance(body, SkinnedBody):
-            raise BadBody(not_skinned(body, "a .glb", "write .npz or .bvh, or take another body"))
+            raise BadBody(
+                why_not_skinned(body, "a .glb", "write .npz or .bvh, or take another body")
+            )
         if correctives is not None or shapes:
             used = min(shapes, body.n_betas)
             found = write_glb(out, motion, body, correctives=correctives, shapes=used)

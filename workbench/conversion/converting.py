@@ -7,7 +7,7 @@ import numpy as np
 from workbench.arrays import Array, Index
 from workbench.blocks import Values
 from workbench.bodies.body import Body
-from workbench.bodies.shape_space import shape_space
+from workbench.bodies.spaces import shape_space
 from workbench.conversion.correspondence import Correspondence, correspond
 from workbench.conversion.parts import HANDS, vertex_parts
 from workbench.conversion.sampled import counted, sampled_vertices

@@ -14,8 +14,7 @@ from scipy.sparse import csr_array, eye_array
 
 from workbench.arrays import Array, Index, Mask
 from workbench.blocks import Block, Values
-from workbench.bodies.body import Body
-from workbench.bodies.forward.evaluation import regressed
+from workbench.bodies.body import Body, regressed
 from workbench.conversion.sampled import sampled_vertices
 from workbench.errors import BadArgument, some_of
 from workbench.fitting.body_priors import shape_prior

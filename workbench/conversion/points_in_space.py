@@ -12,7 +12,7 @@ from workbench.arrays import Array, Index, Mask
 from workbench.blocks import Points, Values
 from workbench.blocks.checks import reals
 from workbench.bodies.body import Body
-from workbench.bodies.hand_points import HAND_POINTS, TIPS, hand_points
+from workbench.bodies.hands import HAND_POINTS, TIPS, hand_points
 from workbench.conversion.tracking import QUICK, Progress, Tracker, quiet, solved
 from workbench.errors import BadArgument, UnknownName, some_of
 from workbench.fitting.body_priors import pose_prior

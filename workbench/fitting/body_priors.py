@@ -7,8 +7,8 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.bodies.body import Body
-from workbench.bodies.hand_axes import hands_of
-from workbench.bodies.pose_space import PoseSpace, has_pose_space, pose_space
+from workbench.bodies.hands import hands_of
+from workbench.bodies.spaces import PoseSpace, has_pose_space, pose_space
 from workbench.priors.joint_limits import hand_limits
 from workbench.priors.poses import numbers_of, shipped_gaussian, shipped_student
 from workbench.residuals import Residual, gaussian, student_t

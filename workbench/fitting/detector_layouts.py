@@ -7,7 +7,7 @@ knuckle. Faces are numbered; no body of the package has landmarks for them.
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from workbench.bodies.hand_points import HAND_POINTS
+from workbench.bodies.hands import HAND_POINTS
 from workbench.fitting.observations import COCO, FEET, HEAD, LIMBS
 
 Names = tuple[str, ...]

@@ -17,8 +17,7 @@ from workbench.blocks import Block, Values
 from workbench.blocks.checks import reals
 from workbench.bodies import HAND_POINTS, SkinnedBody, hand_points
 from workbench.bodies.body import Body
-from workbench.bodies.hand_axes import is_hand
-from workbench.bodies.hand_points import FINGERS, TIPS
+from workbench.bodies.hands import FINGERS, TIPS, is_hand
 from workbench.errors import BadBody
 from workbench.fitting.body_priors import pose_gaussian, usual_priors
 from workbench.fitting.mesh_start import moved

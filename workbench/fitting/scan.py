@@ -1,11 +1,17 @@
 """A scan: points on a surface that nobody labelled, with what a scanner knows of each."""
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from workbench.arrays import Array, Index, Mask
 from workbench.errors import WorkbenchError
+from workbench.geometry.meshes import Mesh
+from workbench.geometry.solids import face_vectors, sums_over_faces, vertex_normals
+
+if TYPE_CHECKING:
+    import trimesh
 
 UNIT = 1e-3  # how far the length of a normal may be from 1: files may hold three digits
 
@@ -76,6 +82,25 @@ class Scan:
     def n_points(self) -> int:
         """M, the number of points."""
         return len(self.points)
+
+    @classmethod
+    def of(cls, mesh: "Scan | Mesh | trimesh.Trimesh") -> "Scan":
+        """The scan of a mesh in m, y up: vertices, their normals and areas; a Scan as it is.
+
+        Vertices around which there is no area are left out. Raises BadMesh for what is no mesh.
+        """
+        if isinstance(mesh, Scan):
+            return mesh
+        mesh = Mesh.of(mesh)
+        points, faces = mesh.vertices, mesh.faces
+        if not len(faces):
+            return cls(points)
+        normals = vertex_normals(points, faces)
+        known = np.asarray(normals.any(axis=1))
+        normals[~known] = [0.0, 1.0, 0.0]
+        thirds = np.linalg.norm(face_vectors(points, faces), axis=1, keepdims=True) / 3
+        areas = sums_over_faces(thirds, faces, len(points))[:, 0]
+        return cls(points, normals, faces, areas).some(known)
 
     def some(self, chosen: Mask) -> "Scan":
         """The scan of the points that a mask (M,) chooses, and of the faces between them.

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 from workbench.arrays import Array
 from workbench.blocks import Block
 from workbench.bodies import SkinnedBody
-from workbench.bodies.skinned_only import not_skinned
+from workbench.bodies.body import why_not_skinned
 from workbench.errors import BadArgument
 from workbench.residuals import Residual
 
@@ -56,7 +56,7 @@ def checked_height(height: float) -> None:
 
 def _linear(body: SkinnedBody) -> tuple[float, Array]:
     """The stature of the mean person in m, and what each of the betas adds to it, (B,)."""
-    if reason := not_skinned(body, "a stature", "measure its vertices"):
+    if reason := why_not_skinned(body, "a stature", "measure its vertices"):
         raise BadArgument(reason)
     y, slopes = body.template[:, 1], body.shapedirs[:, 1]
     top, bottom = int(np.argmax(y)), int(np.argmin(y))

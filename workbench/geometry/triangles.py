@@ -163,8 +163,8 @@ class Stitching:
         where = self.components, np.arange(self.n_vertices)
         return csr_array((1 / sizes[self.components], where))
 
-    def pulled(self, edges: ArrayLike) -> Array:
-        """A' e (N, 3) of edges (F, 2, 3): what they ask of each vertex."""
+    def edge_sums(self, edges: ArrayLike) -> Array:
+        """A' e (N, 3) of edges (F, 2, 3): the right side of the normal equations."""
         return np.asarray(self.A.T @ np.asarray(edges, dtype=float).reshape(2 * len(self.faces), 3))
 
     def vertices(self, edges: ArrayLike, centroids: ArrayLike | None = None) -> Array:
@@ -173,26 +173,26 @@ class Stitching:
         The edges leave the place of each of C components open: its vertices have their mean at
         the given one of the centroids (C, 3) m, or at the origin.
         """
-        V = self.solve(self.pulled(edges))
+        V = self.solve(self.edge_sums(edges))
         wanted = np.zeros((self.n_components, 3)) if centroids is None else np.asarray(centroids)
         return np.asarray(V + (wanted - self.centroids @ V)[self.components])
 
-    def solve(self, pulls: Array) -> Array:
-        """The V (N, k) with A'A V = pulls (N, k), the first vertex of every component at 0."""
+    def solve(self, right_side: Array) -> Array:
+        """The V (N, k) with A'A V = right_side (N, k), the first vertex of every component at 0."""
         lu, kept = self._factors
-        V = np.zeros(pulls.shape)
-        V[kept] = lu.solve(pulls[kept])
+        V = np.zeros(right_side.shape)
+        V[kept] = lu.solve(right_side[kept])
         return V
 
-    def solve_symbolic(self, pulls: cs.MX) -> cs.MX:
+    def solve_symbolic(self, right_side: cs.MX) -> cs.MX:
         """`solve` in symbols: two triangular solves, as sparse as the factors."""
         lu, kept = self._factors
         order = np.argsort(lu.perm_r)  # row i of the factors is row order[i] of what is kept
         L, U = (cs.MX(sparse_constant(factor)) for factor in (lu.L, lu.U))
-        found = cs.solve(U, cs.solve(L, pulls[kept[order].tolist(), :]))
+        found = cs.solve(U, cs.solve(L, right_side[kept[order].tolist(), :]))
         place = np.full(self.n_vertices, len(kept))  # the pinned ones: a row of zeros at the end
         place[kept] = lu.perm_c
-        return cs.vertcat(found, cs.MX.zeros(1, pulls.shape[1]))[place.tolist(), :]
+        return cs.vertcat(found, cs.MX.zeros(1, right_side.shape[1]))[place.tolist(), :]
 
     @cached_property
     def solved(self) -> Index:

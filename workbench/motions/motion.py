@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from workbench.arrays import Array
 from workbench.blocks.checks import reals
 from workbench.bodies.body import Body
-from workbench.bodies.shape_space import shape_space
+from workbench.bodies.spaces import shape_space
 from workbench.errors import BadArgument, some_of
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.motions.bones import Bones
@@ -34,7 +34,7 @@ class Motion:
         joint_names: (K,) different names.
         betas: (B,) the shape of the person; of no length if it is not known.
         expression: (T, E) coefficients of the face, if there are any. They move a body whose betas
-            have an expression (`workbench.bodies.shape_space`): SMPL-X's and FLAME's.
+            have an expression (`workbench.bodies.spaces`): SMPL-X's and FLAME's.
         bones: the skeleton of a motion that brought its own; None if a body has it.
         origin: where the motion comes from.
         notes: sentences on what was guessed, filled or left out.

@@ -26,9 +26,9 @@ from workbench.arrays import Array, Index
 from workbench.blocks import Block, Points
 from workbench.blocks.checks import reals
 from workbench.bodies import Landmarks, SkinnedBody
-from workbench.bodies.body_mass import body_mass_index
+from workbench.bodies.body import why_not_skinned
 from workbench.bodies.readonly import locked
-from workbench.bodies.skinned_only import not_skinned
+from workbench.bodies.spaces import body_mass_index
 from workbench.errors import BadArgument
 from workbench.motions.accelerations import MovingFrames
 from workbench.motions.motion import Motion
@@ -185,7 +185,7 @@ class SoftTissue:
         return whole.landmark_points("surface", pose, betas, trans, offsets=moved)
 
     def _check(self, body: SkinnedBody, motion: Motion) -> None:
-        if reason := not_skinned(body, "soft tissue", "give the skinned body it was made from"):
+        if reason := why_not_skinned(body, "soft tissue", "give the skinned body it was made from"):
             raise BadArgument(reason)
         if body.n_vertices != len(self.part) or tuple(body.joint_names) != self.joint_names:
             raise BadArgument(

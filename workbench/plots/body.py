@@ -18,7 +18,7 @@ from matplotlib.ticker import MultipleLocator
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, Index
-from workbench.bodies.posed_capsules import PosedCapsules
+from workbench.bodies.capsules import PosedCapsules
 from workbench.fitting.setup import distances as distances_between
 from workbench.geometry.solids import face_vectors, sums_over_faces
 from workbench.plots.palette import AMOUNT, BLUE, FAINT, INK, SKIN, VERMILLION

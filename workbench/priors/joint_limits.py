@@ -14,7 +14,7 @@ from workbench.arrays import Array
 from workbench.blocks import Block
 from workbench.blocks.checks import reals
 from workbench.bodies.body import Body
-from workbench.bodies.hand_axes import HandMotion, hand_motions, hands_of
+from workbench.bodies.hands import HandMotion, hand_motions, hands_of
 from workbench.errors import BadArgument, BadBody, check_known
 from workbench.residuals import Residual, limits
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.bodies.body import Body
-from workbench.bodies.hand_axes import is_hand
+from workbench.bodies.hands import is_hand
 
 HEIGHT, LENGTH = "height", "length"
 

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.bodies.body import Body
-from workbench.bodies.pose_space import has_pose_space, pose_space
+from workbench.bodies.spaces import has_pose_space, pose_space
 from workbench.errors import BadArgument
 from workbench.fitting.hand_fit import mean_hand, placed_hand
 from workbench.fitting.scan import Scan

@@ -10,7 +10,7 @@ from workbench.arrays import Mask
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
-from workbench.bodies.hand_axes import is_hand
+from workbench.bodies.hands import is_hand
 from workbench.errors import BadArgument
 from workbench.fitting.scan import Scan
 from workbench.registration.doubts import Doubts

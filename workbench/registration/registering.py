@@ -5,9 +5,12 @@ uphill from a limb that is folded the wrong way; so other poses of limbs are tri
 (`limbs`, `unfolding`). Results hold arrays only, so that they may be computed in another process.
 """
 
+from __future__ import annotations
+
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +21,7 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.fitting.scan import BadScan, Scan
 from workbench.fitting.scan_boundary import boundary
+from workbench.geometry.meshes import Mesh
 from workbench.geometry.surface_tree import SurfaceTree
 from workbench.interrupts import Interrupts
 from workbench.registration.body_size import BodySize, body_size
@@ -29,6 +33,9 @@ from workbench.registration.free_vertices import FreeVertices
 from workbench.registration.model_fit import ModelFit
 from workbench.registration.recipe import Recipe, usual_recipe
 from workbench.registration.support import FACING, NEAR, support
+
+if TYPE_CHECKING:
+    import trimesh
 
 AMONG = "the camera stands among the points, which it cannot have seen; its place was not used"
 LEFT = 20  # points that must be left when those at the boundary are left out
@@ -134,7 +141,7 @@ class Registration:
 
 def register(
     body: Body,
-    scan: Scan,
+    scan: Scan | Mesh | trimesh.Trimesh,
     *,
     recipe: Recipe | None = None,
     camera: ArrayLike | None = None,
@@ -142,7 +149,8 @@ def register(
 ) -> Registration:
     """Fit a body to a scan from many starts, free the vertices, and judge the result.
 
-    The recipe is the `usual_recipe` of the body, unless one is given.
+    A mesh is taken as a scan of its surface; see `Scan.of`. The recipe is the `usual_recipe` of the
+    body, unless one is given.
     `camera` (3,) m is where the scan was taken from, if that was one place; then the body is kept
     out of what the camera saw to be empty, and `doubts` looks for what is left there. A camera
     among the points is not used, and a doubt says so. `progress` is told of every iterate of the
@@ -159,6 +167,7 @@ def register(
     >>> bool(found.median < 0.01), [stage.name for stage in found.stages]  # m
     (True, ['model', 'free'])
     """
+    scan = Scan.of(scan)
     recipe = usual_recipe(body) if recipe is None else recipe
     inner = _inner(scan, recipe.boundary)
     used, left_out = (scan, 0) if inner is None else (scan.some(inner), int((~inner).sum()))

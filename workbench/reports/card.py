@@ -8,8 +8,8 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
+from workbench.bodies.body import why_not_skinned
 from workbench.bodies.files.reading import shapes_in_words
-from workbench.bodies.skinned_only import not_skinned
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadBody
 from workbench.plots import caption_body, caption_shape_gallery
@@ -77,7 +77,7 @@ def check_kind(body: object) -> None:
     """Raise BadBody for what is neither a SkinnedBody nor a TriangleBody."""
     if isinstance(body, TriangleBody):
         return
-    if wrong := not_skinned(body, "a card", "its fields and its `card` say what it is made of"):
+    if wrong := why_not_skinned(body, "a card", "its fields and its `card` say what it is made of"):
         raise BadBody(wrong)
 
 

@@ -14,8 +14,8 @@ from workbench import plots
 from workbench.arrays import Array
 from workbench.blocks import Block, Values
 from workbench.bodies import SkinnedBody
-from workbench.bodies.forward.arguments import arguments_from_values
-from workbench.bodies.posed_capsules import posed_capsules
+from workbench.bodies.capsules import posed_capsules
+from workbench.bodies.forward.sources import arguments_from_values
 from workbench.diagnostics import Diagnosis
 from workbench.errors import joined, some_of
 from workbench.experiments.running import Outcome, ending_in_words

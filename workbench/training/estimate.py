@@ -11,8 +11,9 @@ from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
 from workbench.bodies.forward.kinematics import ancestors
-from workbench.bodies.forward.posing import Posing, crossed
+from workbench.bodies.forward.posing import Posing
 from workbench.bodies.forward.skinning import blend_matrices
+from workbench.geometry.rotation import crossed
 
 Change = dict[str, Array]
 NAMES = ("templates", "posedirs", "joints", "poses", "weights")

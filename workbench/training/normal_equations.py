@@ -18,7 +18,7 @@ import numpy as np
 import scipy.linalg
 
 from workbench.arrays import Array, Mask
-from workbench.bodies.forward.posing import crossed
+from workbench.geometry.rotation import crossed
 from workbench.training.blend_shapes import MaskedCholesky
 from workbench.training.estimate import Change, Estimate, SkinningPass
 from workbench.training.objective import Objective, centred, trusted, weight_grams

@@ -10,7 +10,7 @@ from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
 from workbench.bodies import SkinnedBody
-from workbench.bodies.unposing import unpose
+from workbench.bodies.forward.posing import unpose
 from workbench.geometry.mirror import Mirror
 from workbench.geometry.solids import volume
 from workbench.training.execution import SERIAL, Execution, NotLowered
@@ -154,7 +154,7 @@ def unposed_people(
             filled = body.vertices(found["pose"], found["betas"], found["trans"])
             V = np.where(confidence[:, None] > 0, V, filled)
         poses.append(found["pose"])
-        people.append(unpose(body, found["pose"], V).vertices)
+        people.append(unpose(body, found["pose"], V))
     return np.stack(poses), np.stack(people)
 
 

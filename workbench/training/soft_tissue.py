@@ -17,7 +17,7 @@ from scipy.cluster.vq import kmeans2
 from workbench.arrays import Array, Index
 from workbench.blocks import Block, Values
 from workbench.bodies import SkinnedBody
-from workbench.bodies.body_mass import body_mass_index
+from workbench.bodies.spaces import body_mass_index
 from workbench.errors import BadArgument
 from workbench.motions import Motion
 from workbench.motions.accelerations import MovingFrames

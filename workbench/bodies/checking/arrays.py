@@ -1,6 +1,7 @@
 """Findings about the arrays of a model: sums, faces and landmarks; the tree of joints; betas."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -15,7 +16,7 @@ from workbench.bodies.checking.model_arrays import (
 )
 from workbench.bodies.files.joint_names import NAMES, TREES
 from workbench.bodies.files.reading import MIRROR
-from workbench.bodies.shape_space import COUNTS, WITH_FACE
+from workbench.bodies.spaces import COUNTS, WITH_FACE
 from workbench.bodies.validation import ROW_SUM_TOLERANCE
 
 
@@ -30,25 +31,30 @@ def about_numbers(model: ModelArrays) -> Iterator[FileFinding]:
     yield from _mirror(model)
 
 
-def _row_sums(rows: Array | csr_array) -> tuple[Array, Mask]:
-    """The sum of each row, and which of them are not one."""
+def _sums(
+    key: str, rows: Array | csr_array, which: str, named: Callable[[int], str], harm: str
+) -> Iterator[FileFinding]:
+    """Rows that do not sum to one."""
     with np.errstate(over="ignore"):
         sums = np.asarray(rows.sum(axis=1)).ravel()
-    return sums, np.asarray(~(abs(sums - 1) <= ROW_SUM_TOLERANCE))
+    wrong: Mask = np.asarray(~(abs(sums - 1) <= ROW_SUM_TOLERANCE))
+    if wrong.any():
+        worst = int(np.argmax(abs(sums - 1)))
+        yield FileFinding(
+            key,
+            f"The weights of {of_all(wrong, which)} do not sum to 1, those of {named(worst)} to "
+            f"{sums[worst]:.4g}, {harm}",
+        )
 
 
 def _weights(model: ModelArrays) -> Iterator[FileFinding]:
     if model.weights is None:
         return
-    sums, wrong = _row_sums(model.weights)
-    if wrong.any():
-        worst = int(np.argmax(abs(sums - 1)))
-        yield FileFinding(
-            "weights",
-            f"The weights of {of_all(wrong, 'vertices')} do not sum to 1; those of vertex {worst} "
-            f"sum to {sums[worst]:.4g}. Such vertices lag behind where the body moves. Divide each "
-            "row by its sum: weights / weights.sum(axis=1, keepdims=True).",
-        )
+    harm = (
+        "so that they lag behind where the body moves. Divide each row by its sum: weights / "
+        "weights.sum(axis=1, keepdims=True)."
+    )
+    yield from _sums("weights", model.weights, "vertices", lambda vertex: f"vertex {vertex}", harm)
     negative: Mask = np.asarray((model.weights < -ROW_SUM_TOLERANCE).any(axis=1))
     if negative.any():
         yield FileFinding(
@@ -60,18 +66,13 @@ def _weights(model: ModelArrays) -> Iterator[FileFinding]:
 
 
 def _regressor(model: ModelArrays) -> Iterator[FileFinding]:
-    if model.regressor is None:
-        return
-    sums, wrong = _row_sums(model.regressor)
-    if wrong.any():
-        worst = int(np.argmax(abs(sums - 1)))
-        yield FileFinding(
-            "J_regressor",
-            f"The rows of {of_all(wrong, 'joints')} in J_regressor do not sum to 1; that of "
-            f"{row_name(model.names, worst)} sums to {sums[worst]:.4g}, so that the joint is not "
-            "where its vertices are. Divide each row by its sum, if it is not zero; otherwise take "
-            "J_regressor from the original file.",
-        )
+    harm = (
+        "so that they are not where their vertices are. Divide each row by its sum, if it is not "
+        "zero; otherwise take J_regressor from the original file."
+    )
+    if model.regressor is not None:
+        named = partial(row_name, model.names)
+        yield from _sums("J_regressor", model.regressor, "joints", named, harm)
 
 
 def _faces(model: ModelArrays) -> Iterator[FileFinding]:

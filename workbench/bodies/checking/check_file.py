@@ -43,7 +43,7 @@ from workbench.bodies.files.reading import (
     is_npz,
     sorted_out,
 )
-from workbench.bodies.shape_space import COUNTS, WITH_FACE
+from workbench.bodies.spaces import COUNTS, WITH_FACE
 from workbench.environment import expanded
 from workbench.errors import BadFile, WorkbenchError, cut, some
 from workbench.reading.facts import parsed

@@ -117,7 +117,7 @@ def _axes(model: ModelArrays) -> Iterator[FileFinding]:
             "Left and right are swapped: seen from the front, the joints that are called left are "
             "on the person's right. The model was mirrored, or its joints were named for the other "
             "side. Exchange left and right in joint_names, or mirror the whole model with "
-            "workbench.bodies.mirrored.",
+            "workbench.bodies.hands.",
         )
         return
     up = axes.get("up", "y")

@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from workbench.arrays import Array
+from workbench.bodies.body import Landmarks
 from workbench.bodies.capsules import Capsules
-from workbench.bodies.landmarks import Landmarks
 from workbench.bodies.readonly import locked
-from workbench.bodies.sewn_hands import with_hands
-from workbench.bodies.sewn_mesh import Sewing
+from workbench.bodies.sewn_hands import Sewing, with_hands
 from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.errors import BadFile

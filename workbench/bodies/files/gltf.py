@@ -27,7 +27,7 @@ from scipy.spatial.transform import Rotation
 
 from workbench.arrays import Array, Index
 from workbench.blocks.checks import reals
-from workbench.bodies.forward.evaluation import arguments
+from workbench.bodies.body import arguments
 from workbench.bodies.skinned import SkinnedBody
 from workbench.errors import BadArgument, BadBody
 from workbench.geometry.rotation import matrix_from_vector
@@ -121,7 +121,7 @@ def correctives_of(
         )
     T, N = len(poses), body.n_vertices
     people = np.tile(betas, (T, 1))
-    features = body.kinematics.motions(poses, people).features  # (T, F)
+    features = body.kinematics.motion(poses, people).features  # (T, F)
     P = body.posedirs.reshape(3 * N, -1)
     mixed, shares = np.zeros((T, 0)), np.zeros((T, 0))  # mixtures of poses that are the shapes
     if P.shape[1] and count != 0:
@@ -137,7 +137,7 @@ def correctives_of(
     for first in range(0, T, TOGETHER):
         some = slice(first, first + TOGETHER)
         missing = (features[some] @ P.T - shares[some] @ shapes.T).reshape(-1, N, 3)
-        R = body.kinematics.motions(poses[some], people[some]).G[..., :3]
+        R = body.kinematics.motion(poses[some], people[some]).G[..., :3]
         blended = (body.weights @ R.reshape(len(R), -1, 9)).reshape(-1, N, 3, 3)
         off = np.linalg.norm(np.einsum("tnij,tnj->tni", blended, missing), axis=2)
         total, farthest = total + float(off.sum()), max(farthest, float(off.max()))
@@ -187,7 +187,7 @@ def write_gltf(
         )
     if betas is not None and np.ndim(betas) != 1:
         raise BadBody(f"a glTF shows one person, whose betas are (B,), not {np.shape(betas)}")
-    _, theta, people, places = arguments(body, poses, betas, trans)
+    _, (theta, people, places) = arguments(body, poses, betas, trans)
     theta = theta.copy()  # broadcast, it cannot be written, which SciPy asks for
     P, B = len(theta), body.n_betas
     added = np.zeros((P, B)) if moving is None else reals("moving", moving)
@@ -259,7 +259,7 @@ def _glb(
         nodes[parent].setdefault("children", []).append(k)
     nodes.append({"name": body.name, "mesh": 0, "skin": 0})
     weights = np.hstack([np.zeros((len(poses), shapes)), added[:, used], correctives.shares])
-    slopes = body.numeric.skeleton.slopes[:, :, used]
+    slopes = body.numeric.skeleton.by_betas[:, :, used]
     moved = np.einsum("kab,pb->pka", slopes, added[:, used])
     turned = matrix_from_vector(poses)
     places = {

@@ -21,6 +21,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
+from workbench.bodies.body import Landmarks
 from workbench.bodies.capsules import Capsules
 from workbench.bodies.files.joint_names import family, joint_names
 from workbench.bodies.files.pickles import Contents
@@ -36,7 +37,6 @@ from workbench.bodies.files.reading import (
     sorted_out,
 )
 from workbench.bodies.forward.features import Features, rotation_elements, star_features
-from workbench.bodies.landmarks import Landmarks
 from workbench.bodies.readonly import locked
 from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.triangles.body import TriangleBody
@@ -306,4 +306,4 @@ def _check_shapes(entries: Entries) -> None:
         "shapedirs": (F, 3, 3, "B"),
         "posedirs": (F, 3, 3, 3 * J),
     }
-    check_shapes(refuse, {key: (entries.array(key), sizes) for key, sizes in expected.items()})
+    check_shapes(refuse, entries.array, expected)

@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from workbench.bodies.body import why_not_skinned
 from workbench.bodies.files.joint_names import family
 from workbench.bodies.files.layouts import STYLE
 from workbench.bodies.files.reading import SPARSE_PARTS
 from workbench.bodies.forward.features import rotation_elements, star_features
 from workbench.bodies.forward.skinning import linear_blend
 from workbench.bodies.skinned import SkinnedBody
-from workbench.bodies.skinned_only import not_skinned
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadFile
 from workbench.writing import replacing, write_arrays
@@ -59,7 +59,7 @@ def save_body(body: SkinnedBody | TriangleBody, path: str | Path) -> None:
     format cannot hold.
     """
     if not isinstance(body, TriangleBody) and (
-        wrong := not_skinned(body, "a body's file", "save its arrays")
+        wrong := why_not_skinned(body, "a body's file", "save its arrays")
     ):
         raise BadFile(wrong)
     if not isinstance(path, (str, PathLike)):

@@ -1,6 +1,5 @@
 """Bodies whose triangles deform one by one and are then stitched: SCAPE and BlendSCAPE."""
 
-from workbench.bodies.triangles.body import TriangleBody
-from workbench.bodies.triangles.recipes import blend_scape, scape
+from workbench.bodies.triangles.body import TriangleBody, blend_scape, scape
 
 __all__ = ["TriangleBody", "blend_scape", "scape"]

@@ -1,9 +1,11 @@
-"""A body whose triangles deform one by one and are stitched: SCAPE and BlendSCAPE."""
+"""A body whose triangles deform one by one and are then stitched: SCAPE and BlendSCAPE."""
+
+from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import casadi as cs
 import numpy as np
@@ -11,26 +13,22 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
-from workbench.blocks import Block, Layout, Points, Values
-from workbench.bodies.body import Blocks, Given, blocks_of, landmark_set, no_offsets
-from workbench.bodies.forward import evaluation
-from workbench.bodies.forward.arguments import Arguments
-from workbench.bodies.landmarks import Landmarks
-from workbench.bodies.readonly import parts_of, readonly_parts, remade
-from workbench.bodies.triangles import surface
-from workbench.bodies.triangles.arithmetic import TriangleArithmetic
-from workbench.bodies.triangles.packed import PackedTriangles
-from workbench.bodies.triangles.sources import mean_points, surface_points
-from workbench.bodies.triangles.validation import check
-from workbench.bodies.validation import chosen_vertices
-from workbench.errors import NotSupported, UnknownName
-from workbench.geometry.triangles import Stitching
+from workbench.blocks import Block, Points
+from workbench.bodies.body import Body, Given, Landmarks, arguments, regressed
+from workbench.bodies.forward.sources import Arguments
+from workbench.bodies.readonly import readonly_parts
+from workbench.bodies.triangles.numbers import PackedTriangles, TriangleNumbers
+from workbench.bodies.triangles.points import deformed, surface_points
+from workbench.bodies.validation import check_triangles, chosen_vertices
+from workbench.errors import BadBody
+from workbench.geometry.triangles import Stitching, gradient_derivatives
 
-FREEABLE = {"template": "m", "shapedirs": "1", "posedirs": "1/rad"}  # and their units
+if TYPE_CHECKING:
+    from workbench.bodies.skinned import SkinnedBody
 
 
 @dataclass(frozen=True, eq=False)
-class TriangleBody:
+class TriangleBody(Body):
     """F triangles on N vertices, moved by K joints and B shape directions.
 
         X_f = B_f(pose) D_f(betas) Q_f(pose)                                  (3 x 3)
@@ -49,7 +47,8 @@ class TriangleBody:
     the template has it, plus trans. So the root turns the body about the pelvis, and all joints
     are those of the surface: these bodies have no chain of bones.
 
-    Arrays are copied and read-only, as those of SkinnedBody. Raises BadBody if they do not fit.
+    Points with free arrays have no arithmetic: CasADi differentiates the whole graph, which is fit
+    for some hundred faces. Raises BadBody if the arrays do not fit together.
 
     Attributes:
         template: (N, 3) m.
@@ -82,32 +81,19 @@ class TriangleBody:
     card: Mapping[str, Any] = field(default_factory=dict)
     extras: Mapping[str, NDArray[Any]] = field(default_factory=dict)
     free: Mapping[str, Block] = field(default_factory=dict)
-    _made: dict[str, Blocks] = field(default_factory=dict, init=False, repr=False)
+
+    FREEABLE: ClassVar[Mapping[str, str]] = {"template": "m", "shapedirs": "1", "posedirs": "1/rad"}
 
     def __post_init__(self) -> None:
         reals, matrices = ("template", "shapedirs", "posedirs"), ("weights", "J_regressor")
         parts = readonly_parts(self, reals, matrices, ("faces", "near"), ("landmarks", "free"))
         self.__dict__.update(parts)
-        check(self)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Its parts, without the blocks it made and what it computed with."""
-        return remade, (TriangleBody, parts_of(self))
-
-    @property
-    def n_vertices(self) -> int:
-        """N, the number of vertices."""
-        return len(self.template)
+        check_triangles(self)
 
     @property
     def n_faces(self) -> int:
         """F, the number of triangles."""
         return len(self.faces)
-
-    @property
-    def n_joints(self) -> int:
-        """K, the number of joints, the root included."""
-        return len(self.parents)
 
     @property
     def n_betas(self) -> int:
@@ -120,156 +106,73 @@ class TriangleBody:
         return int(self.weights.count_nonzero()) == self.n_faces  # rows sum to one: none is zero
 
     @property
-    def bind_pose(self) -> Array:
-        """The pose (K, 3) rad that leaves the template as it is: zero."""
-        return np.zeros((self.n_joints, 3))
-
-    @property
     def vertex_weights(self) -> Array:
         """How much each vertex follows each joint, (N, K): the mean of its faces' weights."""
         corners = self.faces.ravel()
         shares = np.repeat(self.weights.toarray(), 3, axis=0) / np.bincount(corners)[corners, None]
-        found = np.zeros((self.n_vertices, self.n_joints))
-        np.add.at(found, corners, shares)
-        return found
-
-    # What a problem is written with.
-
-    def blocks(self, prefix: str = "") -> Blocks:
-        """`pose` (K, 3) rad, `betas` (B,), `trans` (3,) m: the same objects for the same prefix."""
-        return blocks_of(self, prefix, self._made)
-
-    @property
-    def known_blocks(self) -> tuple[Block, ...]:
-        """Every block that this body has made so far."""
-        return (*(b for blocks in self._made.values() for b in blocks), *self.free.values())
-
-    def freed(self, *names: str, prefix: str = "") -> "TriangleBody":
-        """The same body, the named arrays being blocks of unknowns in every expression.
-
-        `template`, `shapedirs` and `posedirs` can be free. It shares its blocks with this one, so
-        that points of either fit into one problem. Its points have no arithmetic: CasADi
-        differentiates the whole graph, which is fit for some hundred faces. Raises UnknownName.
-        """
-        for name in names:
-            if name not in FREEABLE:
-                raise UnknownName("array to free", str(name), FREEABLE)
-        made = {n: Block(prefix + n, getattr(self, n).shape, FREEABLE[n]) for n in names}
-        return self._sharing_blocks(replace(self, free={**self.free, **made}))
-
-    def with_values(self, values: Mapping[str, ArrayLike]) -> "TriangleBody":
-        """The trained body: each free array has its value among `values`, and is free no longer.
-
-        Raises MissingValue, NotNumbers, ShapeMismatch or NonFiniteValue for a value, and BadBody
-        where the arrays no longer fit together.
-        """
-        found: dict[str, Any] = {
-            name: Layout((block,)).pack(values).reshape(block.shape)
-            for name, block in self.free.items()
-        }
-        return self._sharing_blocks(replace(self, free={}, **found))
-
-    def _sharing_blocks(self, other: "TriangleBody") -> "TriangleBody":
-        other.__dict__["_made"] = self._made
-        return other
-
-    def start(self, prefix: str = "") -> Values:
-        """Values at which the body is its template.
-
-        They are a pose, betas and trans of zero, under names that begin with `prefix`; and the
-        present numbers of the arrays that are free, under names of their own.
-        """
-        zeros = {block.name: np.zeros(block.shape) for block in self.blocks(prefix)}
-        return zeros | {b.name: getattr(self, name).copy() for name, b in self.free.items()}
+        weights = np.zeros((self.n_vertices, self.n_joints))
+        np.add.at(weights, corners, shares)
+        return weights
 
     def points(
         self, pose: cs.MX, betas: cs.MX, trans: cs.MX, *, vertices: ArrayLike | None = None
     ) -> Points:
         """The posed surface, (3, N) m, or some of it: a list of vertices, or a mask (N,)."""
-        at = Arguments(self, pose, betas, trans)
+        symbols = pose, betas, trans
         if vertices is None:
-            return Points.of(surface_points(at, self.arithmetic, self.free), "vertices")
+            source = surface_points(Arguments(self, *symbols), self.arithmetic, self.free)
+            return Points.of(source, "vertices")
         chosen = chosen_vertices(self, vertices)
         some = np.arange(len(chosen)), np.array(chosen, dtype=np.int64)
         selection = csr_array((np.ones(len(chosen)), some), shape=(len(chosen), self.n_vertices))
-        names = tuple(f"vertex {i}" for i in chosen)
-        return Points.of(mean_points(at, self.arithmetic, self.free, selection, names), "vertices")
+        return self._means(selection, tuple(f"vertex {i}" for i in chosen), "vertices", symbols)
 
     def deformed_edges(self, pose: cs.MX, betas: cs.MX) -> cs.MX:
         """X_f e_fi, (3, 2 F) m: the edges of every face in turn, before they are stitched."""
-        first, second = surface.deformed(self.arithmetic.packed, pose, betas, self.free)
+        first, second = deformed(self.arithmetic.packed, pose, betas, self.free)
         return cs.reshape(cs.vertcat(first.T, second.T), 3, 2 * self.n_faces)
 
     def joint_points(self, pose: cs.MX, betas: cs.MX, trans: cs.MX) -> Points:
         """The joints as the posed surface has them, (3, K) m: J_regressor times its vertices."""
-        at = Arguments(self, pose, betas, trans)
-        regressor, names = self.J_regressor, self.joint_names
-        source = mean_points(at, self.arithmetic, self.free, regressor, names)
-        return Points.of(source, "joints")
+        return self._means(self.J_regressor, self.joint_names, "joints", (pose, betas, trans))
 
-    def landmark_points(
+    def _mean_points(
         self,
+        landmarks: Landmarks,
         name: str,
-        pose: cs.MX,
-        betas: cs.MX,
-        trans: cs.MX,
-        offsets: cs.MX | None = None,
+        symbols: tuple[cs.MX, cs.MX, cs.MX],
+        displaced: tuple[Block, cs.MX] | None,
     ) -> Points:
-        """A named set of landmarks on the posed surface, (3, M) m; `joints` are always there.
+        return self._means(landmarks.regressor, landmarks.names, name, symbols)
 
-        Raises UnknownName, BadBody for arguments of another shape, and NotSupported for offsets,
-        which only landmarks of a SkinnedBody can have.
-        """
-        if offsets is not None:
-            raise NotSupported(no_offsets(f"on body {self.name!r}, a TriangleBody"))
-        if name == "joints":
-            return self.joint_points(pose, betas, trans)
-        found = landmark_set(self.landmarks, name)
-        at = Arguments(self, pose, betas, trans)
-        source = mean_points(at, self.arithmetic, self.free, found.regressor, found.names)
-        return Points.of(source, name)
+    def _means(
+        self,
+        regressor: csr_array,
+        names: tuple[str, ...],
+        name: str,
+        symbols: tuple[cs.MX, cs.MX, cs.MX],
+    ) -> Points:
+        at = Arguments(self, *symbols)
+        return Points.of(surface_points(at, self.arithmetic, self.free, regressor, names), name)
 
     # Points in numbers. Any argument may have batch axes in front.
 
     def vertices(self, pose: Given = None, betas: Given = None, trans: Given = None) -> Array:
         """The posed surface (..., N, 3) m of poses (..., K, 3) or (..., 3 K) rad."""
-        batch, theta, beta, move = evaluation.arguments(self, pose, betas, trans)
-        found = np.empty((len(theta), self.n_vertices, 3))
-        for i in range(len(theta)):
-            found[i] = self.arithmetic.evaluate(theta[i], beta[i], move[i]).points
-        return found.reshape(*batch, self.n_vertices, 3)
+        batch, each = arguments(self, pose, betas, trans)
+        if len(each[0]) == 1:
+            surfaces = self.arithmetic.evaluate(*(part[0] for part in each)).points
+        else:
+            surfaces = self.arithmetic.evaluate_batch(*each)
+        return surfaces.reshape(*batch, self.n_vertices, 3)
 
     def joints(self, pose: Given = None, betas: Given = None, trans: Given = None) -> Array:
         """The joints of the posed surface (..., K, 3) m."""
-        return evaluation.regressed(self.J_regressor, self.vertices(pose, betas, trans))
-
-    def landmark(
-        self,
-        name: str,
-        pose: Given = None,
-        betas: Given = None,
-        trans: Given = None,
-        offsets: Given = None,
-    ) -> Array:
-        """A named set of landmarks (..., M, 3) m; `joints` are always there.
-
-        Raises UnknownName, and NotSupported for offsets, which only landmarks of a SkinnedBody can
-        have.
-        """
-        if offsets is not None:
-            raise NotSupported(no_offsets(f"on body {self.name!r}, a TriangleBody"))
-        if name == "joints":
-            return self.joints(pose, betas, trans)
-        found = landmark_set(self.landmarks, name)
-        return evaluation.regressed(found.regressor, self.vertices(pose, betas, trans))
-
-    def landmark_names(self, name: str) -> tuple[str, ...]:
-        """The names of the points of a landmark set."""
-        return self.joint_names if name == "joints" else landmark_set(self.landmarks, name).names
+        return regressed(self.J_regressor, self.vertices(pose, betas, trans))
 
     def deformations(self, pose: ArrayLike, betas: ArrayLike) -> Array:
         """X_f (F, 3, 3) at pose (K, 3) rad and betas (B,), before stitching."""
-        _, theta, beta, _ = evaluation.arguments(self, pose, betas, None)
+        _, (theta, beta, _) = arguments(self, pose, betas, None)
         return self.arithmetic.evaluate(theta[0], beta[0]).deformations
 
     @cached_property
@@ -278,6 +181,79 @@ class TriangleBody:
         return Stitching(self.faces, self.n_vertices)
 
     @cached_property
-    def arithmetic(self) -> TriangleArithmetic:
+    def arithmetic(self) -> TriangleNumbers:
         """The surface in numbers."""
-        return TriangleArithmetic(PackedTriangles(self))
+        return TriangleNumbers(PackedTriangles(self))
+
+
+def blend_scape(body: SkinnedBody, n_near: int = 2) -> TriangleBody:
+    """BlendSCAPE on a skinned body's mesh, tree and shape space; its posedirs are zero.
+
+    A face's weights are the mean of its corners'. Its shapedirs are the gradients of the body's,
+    so that unposed both have the same vertices. Each face feels the twists of the `n_near` joints
+    nearest to it, of those where its part meets others. The card is the skinned body's, whose
+    numbers these are; its `extras` stay behind.
+
+    Raises BadBody for a body that is drawn in another pose than zero, whose joints are given, or
+    whose mesh is in pieces.
+    """
+    if body.bind_pose.any():
+        raise BadBody(
+            f"body {body.name!r} is drawn in a bent pose; a triangle body's template is unposed"
+        )
+    if body.rest_joints is not None:
+        raise BadBody(
+            f"body {body.name!r} is given its joints, and a triangle body finds them on its "
+            "surface; give it a J_regressor, with dataclasses.replace(body, rest_joints=None)"
+        )
+    corners = body.weights[body.faces]  # (F, 3, K)
+    weights = corners.mean(axis=1)
+    joints = body.numeric.skeleton.mean
+    near = nearest_joints(
+        body.template[body.faces].mean(axis=1), joints, weights.argmax(axis=1), body.parents, n_near
+    )
+    return TriangleBody(
+        template=body.template,
+        faces=body.faces,
+        shapedirs=gradient_derivatives(body.template, body.shapedirs, body.faces),
+        posedirs=np.zeros((len(body.faces), 3, 3, 3 * near.shape[1])),
+        near=near,
+        weights=csr_array(weights),
+        J_regressor=body.J_regressor,
+        parents=body.parents,
+        joint_names=body.joint_names,
+        landmarks=body.landmarks,
+        name=f"{body.name}, BlendSCAPE",
+        card={"made_of": f"body {body.name!r}, whose card follows", **body.card},
+    )
+
+
+def scape(body: SkinnedBody, n_near: int = 2) -> TriangleBody:
+    """SCAPE: as `blend_scape`, each face following the one part that it belongs to most."""
+    return one_part(blend_scape(body, n_near), f"{body.name}, SCAPE")
+
+
+def one_part(body: TriangleBody, name: str) -> TriangleBody:
+    """A triangle body whose faces each follow the part of their largest weight alone."""
+    part = body.weights.toarray().argmax(axis=1)
+    hot = csr_array((np.ones(len(part)), (np.arange(len(part)), part)), shape=body.weights.shape)
+    return replace(body, weights=hot, name=name)
+
+
+def nearest_joints(
+    middles: Array, joints: Array, part: Index, parents: tuple[int, ...], count: int
+) -> Index:
+    """For faces with these `middles` (F, 3) m on these parts (F,) the joints they feel, (F, count).
+
+    First come the joints where the part meets others, its own and its children's, the nearest
+    first; then, where these are too few, the nearest of the others. The root bends nothing; fewer
+    than `count` joints give fewer columns.
+    """
+    K = len(parents)
+    count = min(count, K - 1)
+    up = np.array(parents)
+    meets = (np.arange(K) == part[:, None]) | (up == part[:, None])  # (F, K)
+    distances = np.linalg.norm(middles[:, None] - joints, axis=2)
+    far = 1 + distances.max(initial=0.0)
+    order = np.argsort((distances + far * ~meets)[:, 1:], axis=1, kind="stable")
+    return np.asarray(1 + order[:, :count], dtype=np.int64)

@@ -23,7 +23,7 @@ from scipy.sparse.linalg import LinearOperator, cg, splu
 
 from workbench.arrays import Array
 from workbench.bodies.triangles import TriangleBody
-from workbench.bodies.triangles.arithmetic import SurfaceNumbers
+from workbench.bodies.triangles.numbers import TriangleSurface
 from workbench.errors import BadArgument
 from workbench.geometry.triangles import edges
 from workbench.training.triangles.learning import neighbour_differences
@@ -65,7 +65,7 @@ class Persons:
     """
 
     body: TriangleBody
-    here: Sequence[SurfaceNumbers]
+    here: Sequence[TriangleSurface]
     neighbours: float
     fitted: Array
 
@@ -110,7 +110,7 @@ class Bends:
     """
 
     body: TriangleBody
-    here: Sequence[SurfaceNumbers]
+    here: Sequence[TriangleSurface]
     bends: float
     first: Array
 

@@ -30,7 +30,7 @@ from scipy.sparse import csc_array
 from workbench.arrays import Array, Index
 from workbench.blocks import Block, Values
 from workbench.bodies.triangles import TriangleBody
-from workbench.bodies.triangles.arithmetic import SurfaceNumbers
+from workbench.bodies.triangles.numbers import TriangleSurface
 from workbench.errors import BadArgument
 from workbench.fitting.body_priors import pose_prior
 from workbench.geometry.solids import area
@@ -153,7 +153,7 @@ class TriangleCoregistration:
         scaled = ("E_pose", "E_D", "E_Q")
         return {n: c * (plan.of_priors if n in scaled else 1.0) for n, c in found.items()}
 
-    def _here(self, state: TriangleState, j: int) -> SurfaceNumbers:
+    def _here(self, state: TriangleState, j: int) -> TriangleSurface:
         one = np.eye(state.body.n_betas)[self.scans.subject[j]]
         return state.body.arithmetic.evaluate(state.poses[j], one)
 
@@ -232,7 +232,7 @@ class TriangleCoregistration:
         return x, np.stack(changes)
 
 
-def _edges_of(body: TriangleBody, at: SurfaceNumbers) -> Array:
+def _edges_of(body: TriangleBody, at: TriangleSurface) -> Array:
     """X_f e_fi (2 F, 3) m."""
     return np.asarray(np.einsum("fab,fib->fia", at.B, at.shaped).reshape(-1, 3))
 

@@ -15,9 +15,8 @@ from numpy.typing import ArrayLike
 from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
-from workbench.bodies.body import Body
-from workbench.bodies.forward.arguments import arguments_from_values
-from workbench.bodies.skinned_only import not_skinned
+from workbench.bodies.body import Body, why_not_skinned
+from workbench.bodies.forward.sources import arguments_from_values
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadArgument
 from workbench.fitting.keypoints import LEAST_CONFIDENCE
@@ -241,7 +240,7 @@ def skinned_data(body: SkinnedBody, kind: str = "f8") -> dict[str, Any]:
     Raises BadArgument for a body that is not SMPL's, is not bound in the pose zero, has free arrays
     or more than four weights in a vertex, or more than 65,536 vertices.
     """
-    if other := not_skinned(body, "the page of sliders", "body.vertices(pose) moves it"):
+    if other := why_not_skinned(body, "the page of sliders", "body.vertices(pose) moves it"):
         raise BadArgument(other)
     most = int(np.count_nonzero(body.weights, axis=1).max())
     for wrong, why in (
@@ -263,7 +262,7 @@ def skinned_data(body: SkinnedBody, kind: str = "f8") -> dict[str, Any]:
         **_common(body, kind),
         "shapedirs": packed(body.shapedirs.transpose(2, 0, 1), kind),
         "joints_mean": packed(skeleton.mean, kind),
-        "joints_move": packed(skeleton.slopes.transpose(2, 0, 1), kind),
+        "joints_move": packed(skeleton.by_betas.transpose(2, 0, 1), kind),
         "weights": packed(shares, kind),
         "carriers": packed(carriers, "u2"),
         "bulges": [_bulge(body, k) for k in range(1, body.n_joints)],

@@ -9,7 +9,7 @@ from workbench.arrays import Array, Index
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
-from workbench.bodies.forward.arguments import Arguments
+from workbench.bodies.forward.sources import Arguments
 from workbench.errors import BadArgument, NotSupported
 from workbench.fitting.setup import Setup, View
 from workbench.geometry.surface_tree import SurfaceTree

@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from benchmarks.images.penetrations import (
+from tests.tiers import few
+from workbench import load_body
+from workbench.bodies import SkinnedBody
+from workbench.bodies.penetrations import (
     BodySolids,
     Patch,
     Solid,
@@ -14,9 +17,6 @@ from benchmarks.images.penetrations import (
     penetrations,
     winding_numbers,
 )
-from tests.tiers import few
-from workbench import load_body
-from workbench.bodies import SkinnedBody
 from workbench.errors import BadBody
 
 

@@ -1,11 +1,4 @@
-"""Poses of some joints as a mean and principal components: hands by a few coefficients.
-
-    theta = mean + sum over components c of z_c component_c
-
-is an affine map of the coefficients z, so that it stands for a pose wherever a body takes one
-(Romero, Tzionas and Black, Embodied Hands, 2017). In MANO's files the zero pose is a flat hand, and
-not the mean; the mean is part of theta and is added nowhere else.
-"""
+"""Poses by principal components, betas of shape and of expression, and the body mass index."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -19,9 +12,10 @@ from workbench.arrays import Array
 from workbench.blocks import Block
 from workbench.blocks.checks import reals, texts
 from workbench.bodies.body import Body
-from workbench.bodies.files.joint_names import FINGERS
+from workbench.bodies.files.joint_names import FINGERS, family
 from workbench.bodies.readonly import readonly
 from workbench.errors import BadArgument, BadBody, UnknownName
+from workbench.geometry.solids import volume
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,3 +209,108 @@ def _deviations(extras: Mapping[str, NDArray[Any]], end: str, count: int) -> Arr
             spread = reals(f"hands_coeffs{end}", coefficients).std(axis=0)
         return spread if ((spread > 0) & np.isfinite(spread)).all() else np.ones(count)
     return np.ones(count)
+
+
+WITH_FACE = ("SMPL-X", "FLAME")
+COUNTS = {400: (300, 100), 20: (10, 10)}  # directions of shape and of expression, by their number
+
+
+@dataclass(frozen=True)
+class ShapeSpace:
+    """Which of B betas are the shape's, and which the expression's.
+
+    Attributes:
+        n_betas: B.
+        shape: the rows of betas that are the person's shape.
+        expression: the rows that are the expression of the face; empty for a body without a face.
+    """
+
+    n_betas: int
+    shape: range
+    expression: range
+
+    def first(self, shape: int, expression: int = 0) -> "ShapeSpace":
+        """The space of the first few coefficients of shape and expression; all others stay zero.
+
+        Raises BadArgument if there are fewer.
+        """
+        for what, count, there in (
+            ("shape", shape, self.shape),
+            ("expression", expression, self.expression),
+        ):
+            if not 0 <= count <= len(there):
+                raise BadArgument(
+                    f"there are {len(there)} coefficients of {what}; ask for 0 to so many, not "
+                    f"{count}"
+                )
+        return replace(self, shape=self.shape[:shape], expression=self.expression[:expression])
+
+    def blocks(self, prefix: str = "") -> tuple[Block, Block]:
+        """New blocks `shape` (S,) and `expression` (E,): list them among a problem's `blocks`."""
+        return (
+            Block(prefix + "shape", (len(self.shape),), "sd"),
+            Block(prefix + "expression", (len(self.expression),), "sd"),
+        )
+
+    def betas(self, shape: cs.MX, expression: cs.MX | None = None) -> cs.MX:
+        """The betas (B, 1) of a shape (S, 1) and an expression (E, 1), zero without one.
+
+        The map is affine, so that a body takes it wherever it takes betas.
+        """
+        parts = [(self.shape, shape, "shape")]
+        if expression is not None:
+            parts.append((self.expression, expression, "expression"))
+        total = cs.MX(self.n_betas, 1)
+        for rows, part, what in parts:
+            if part.shape != (len(rows), 1):
+                raise BadArgument(
+                    f"the {what} is an expression ({len(rows)}, 1) here, not {part.shape}"
+                )
+            placed = cs.DM(np.eye(self.n_betas)[:, rows.start : rows.stop])
+            total = total + cs.sparsify(placed) @ part
+        return total
+
+    def numbers(self, shape: ArrayLike = (), expression: ArrayLike = ()) -> Array:
+        """The same in numbers: betas (..., B) of a shape (..., S) and an expression (..., E).
+
+        Fewer coefficients than there are stand for the first ones; the others are zero. Raises
+        BadArgument for too many.
+        """
+        given = [reals("the shape", shape), reals("the expression", expression)]
+        front = np.broadcast_shapes(*(part.shape[:-1] for part in given))
+        found = np.zeros((*front, self.n_betas))
+        for rows, part, what in zip(
+            (self.shape, self.expression), given, ("shape", "expression"), strict=True
+        ):
+            if part.shape[-1] > len(rows):
+                raise BadArgument(
+                    f"there are {len(rows)} coefficients of {what}, and {part.shape[-1]} were given"
+                )
+            found[..., rows.start : rows.start + part.shape[-1]] = part
+        return found
+
+
+def shape_space(body: Body) -> ShapeSpace:
+    """Which betas of a body are the shape's, and which the expression's.
+
+    SMPL-X and FLAME with 400 betas have 300 of shape and 100 of expression, with 20 they have 10 of
+    each. All betas of other bodies, and of SMPL-X and FLAME in other numbers, are of shape.
+    """
+    B = body.n_betas
+    with_face = family(body.n_joints, body.parents) in WITH_FACE
+    shape = COUNTS[B][0] if with_face and B in COUNTS else B
+    return ShapeSpace(B, range(shape), range(shape, B))
+
+
+DENSITY = 985.0  # kg/m^3, of a person with air in the lungs
+
+
+def body_mass_index(body: Body, betas: ArrayLike | None = None) -> float:
+    """The body mass index in kg/m^2 of the person with these betas, at rest.
+
+    It is the volume of the surface times 985 kg/m^3 over the square of the height, from the lowest
+    vertex to the highest one. Neither the embedded bodies nor their people were weighed.
+    """
+    surface = body.vertices(body.bind_pose, betas)
+    height = float(np.ptp(surface[:, 1]))
+    return DENSITY * volume(surface, body.faces) / height**2

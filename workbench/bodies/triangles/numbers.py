@@ -1,0 +1,300 @@
+"""A triangle body in numbers: the stitched surface of one pose or many, its derivative, and back.
+
+    V = L A' (B D Q e),        L the factorised stitching, A' from edges to vertices.
+
+All but L is done triangle by triangle. A turn of joint k multiplies what hangs on k from the left
+by one matrix for all triangles; twists and betas change each triangle in its own way. The
+derivative's columns are dense all the same: L spreads every change over the whole mesh.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from workbench.arrays import Array, Index
+from workbench.bodies.forward.kinematics import ancestors
+from workbench.bodies.forward.named_points import BodyPoints, BodyPointsAt
+from workbench.bodies.forward.posing import axial, world_rotations
+from workbench.bodies.forward.rows import RowTarget, write
+from workbench.geometry.rotation import crossed, left_jacobian, matrix_from_vector
+from workbench.geometry.triangles import edges
+
+if TYPE_CHECKING:
+    from workbench.bodies.triangles.body import TriangleBody
+
+TOGETHER = 16  # surfaces that are worked on at a time: more of them do not fit into a cache
+
+
+@dataclass(frozen=True, eq=False)
+class JointReach:
+    """What joint k turns: the faces with a weight on it or below, and those that feel its twist.
+
+    Attributes:
+        joints: k and all below it.
+        faces: the n faces with a weight on one of these.
+        weights: of these faces on those joints.
+        onto_vertices: (N, 2 n) from the edges of these faces to vertices.
+        bent: the m faces near k.
+        slot: (m,) which of their near joints k is.
+        bent_onto_vertices: (N, 2 m) from the edges of these to vertices.
+    """
+
+    joints: Index
+    faces: Index
+    weights: csr_array
+    onto_vertices: csr_array
+    bent: Index
+    slot: Index
+    bent_onto_vertices: csr_array
+
+
+class PackedTriangles:
+    """The arrays of a triangle body, in the order that arithmetic needs."""
+
+    def __init__(self, body: TriangleBody) -> None:
+        self.stitching, self.weights, self.parents = body.stitching, body.weights, body.parents
+        self.template = body.template
+        self.shapedirs, self.posedirs, self.near = body.shapedirs, body.posedirs, body.near
+        self.shape_columns = body.shapedirs.reshape(9 * body.n_faces, body.n_betas)
+        self.ancestors = ancestors(body.parents)
+        self.root_row = body.J_regressor[[0]]
+        self.root = np.asarray(self.root_row @ body.template).ravel()  # (3,) m
+        self.edges = edges(body.template, body.faces)  # (F, 2, 3) m
+        # posedirs on the edges: what a radian of each twist adds to Q e, (F, 2, 3, 3 J)
+        self.bends = np.einsum("facj,fic->fiaj", body.posedirs, self.edges, optimize=True)
+
+    @cached_property
+    def reaches(self) -> list[JointReach]:
+        """What each joint turns."""
+        A_t, columns, found = self.stitching.A.T.tocsc(), self.weights.tocsc(), []
+        for k in range(len(self.parents)):
+            joints = np.flatnonzero(self.ancestors[:, k])
+            faces = np.unique(columns[:, joints].indices).astype(np.int64)
+            bent, slot = np.nonzero(self.near == k)
+            onto, bent_onto = (
+                csr_array(A_t[:, (2 * some[:, None] + np.arange(2)).ravel()].tocsr())
+                for some in (faces, bent)
+            )
+            weights = csr_array(self.weights[faces][:, joints])
+            found.append(JointReach(joints, faces, weights, onto, bent, slot, bent_onto))
+        return found
+
+    # The same for many surfaces, of which every entry of a matrix is a row (F, M).
+
+    @cached_property
+    def shape_rows(self) -> Array:
+        """What betas add to D, (9 F, B), in the rows (r, c, f)."""
+        F, _, _, B = self.shapedirs.shape
+        return np.ascontiguousarray(self.shapedirs.transpose(1, 2, 0, 3)).reshape(9 * F, B)
+
+    @cached_property
+    def bend_rows(self) -> csr_array:
+        """What the pose adds to Q e, (6 F, 3 K), in the rows (i, a, f)."""
+        F, J = self.near.shape
+        bends = self.bends.reshape(F, 2, 3, J, 3)
+        f, i, a, j, axis = np.indices(bends.shape)
+        rows, columns = (3 * i + a) * F + f, 3 * self.near[f, j] + axis
+        shape = (6 * F, 3 * len(self.parents))
+        return csr_array((bends.ravel(), (rows.ravel(), columns.ravel())), shape=shape)
+
+    @cached_property
+    def onto_vertices(self) -> csr_array:
+        """A' (N, 2 F) with all first edges before all second ones."""
+        A = self.stitching.A
+        first = np.arange(0, A.shape[0], 2)
+        return csr_array(A[np.concatenate([first, first + 1])].T)
+
+    def placed(self, right_side: Array) -> Array:
+        """The vertices (N, k) that solve the equations of stitching, the root joint at zero."""
+        V = self.stitching.solve(right_side)
+        return np.asarray(V - self.root_row @ V)
+
+
+@dataclass(frozen=True, eq=False)
+class TriangleNumbers(BodyPoints):
+    """The vertices of a triangle body by arithmetic."""
+
+    packed: PackedTriangles
+
+    def evaluate(
+        self, pose: Array, betas: Array, trans: Array | None = None, *_: Array
+    ) -> TriangleSurface:
+        """The surface at pose (K, 3) rad, betas (B,) and trans (3,) m, zero if it is not given."""
+        return TriangleSurface(self.packed, pose, betas, np.zeros(3) if trans is None else trans)
+
+    def evaluate_batch(self, poses: Array, betas: Array, trans: Array, *_: Array) -> Array:
+        """The vertices (M, N, 3) m of M poses, betas and translations.
+
+        Of M surfaces, every entry of the matrices B, D and of the edges is an array (F, M): a
+        product of 3 x 3 matrices is then a few operations on long rows. The stitching is solved
+        for all coordinates of all surfaces together.
+        """
+        of, M = self.packed, len(poses)
+        found = np.empty((M, of.stitching.n_vertices, 3))
+        most = min(TOGETHER, M) * len(of.edges)
+        space = [np.empty(rows * most) for rows in (9, 9, 6, 6, 6)]  # fresh memory costs as much
+        for first in range(0, M, TOGETHER):
+            some = slice(first, first + TOGETHER)
+            found[some] = self._some(poses[some], betas[some], space)
+        return found + trans[:, None]
+
+    def _some(self, pose: Array, betas: Array, space: list[Array]) -> Array:
+        """At most TOGETHER surfaces, before translation."""
+        of, M, F = self.packed, len(pose), len(self.packed.edges)
+        B, D, shaped, edges, product = (
+            part[: rows * F * M].reshape(-1, 3, F, M)
+            for rows, part in zip((9, 9, 6, 6, 6), space, strict=True)
+        )
+        world = world_rotations(matrix_from_vector(pose), of.parents)
+        world = np.ascontiguousarray(world.transpose(2, 3, 1, 0))
+        for r, c in np.ndindex(3, 3):
+            B[r, c] = of.weights @ world[r, c]
+        np.matmul(of.shape_rows, betas.T, out=D.reshape(9 * F, M))
+        for axis in range(3):
+            D[axis, axis] += 1.0
+        bent = (of.bend_rows @ pose.reshape(M, -1).T).reshape(2, 3, F, M)
+        bent += of.edges.transpose(1, 2, 0)[..., None]
+        for matrices, before, after in ((D, bent, shaped), (B, shaped, edges)):
+            np.multiply(matrices[None, :, 0], before[:, None, 0], out=after)
+            for c in (1, 2):
+                after += np.multiply(matrices[None, :, c], before[:, None, c], out=product)
+        right_side = np.empty((of.stitching.n_vertices, 3, M))
+        for axis in range(3):
+            right_side[:, axis] = of.onto_vertices @ edges[:, axis].reshape(2 * F, M)
+        V = of.placed(right_side.reshape(-1, 3 * M)).reshape(-1, 3, M)
+        return np.asarray(V.transpose(2, 0, 1) + of.root)
+
+
+@dataclass(frozen=True, eq=False)
+class TriangleSurface(BodyPointsAt):
+    """The surface at one pose (K, 3) rad, betas (B,) and trans (3,) m."""
+
+    of: PackedTriangles
+    pose: Array
+    betas: Array
+    trans: Array
+
+    @cached_property
+    def rotations(self) -> Array:
+        """The rotation R of each joint in the world, (K, 3, 3)."""
+        return world_rotations(matrix_from_vector(self.pose), self.of.parents)
+
+    @cached_property
+    def axes(self) -> Array:
+        """The axis about which the world turns with each number of the pose, (K, axis, 3)."""
+        above = np.concatenate([np.eye(3)[None], self.rotations[list(self.of.parents[1:])]])
+        return np.asarray((above @ left_jacobian(self.pose)).swapaxes(1, 2))
+
+    @cached_property
+    def B(self) -> Array:
+        """The blended rotations (F, 3, 3)."""
+        R = self.rotations.reshape(-1, 9)
+        return np.asarray(self.of.weights @ R).reshape(-1, 3, 3)
+
+    @cached_property
+    def D(self) -> Array:
+        """D = I + shapedirs betas, which says who the person is, (F, 3, 3)."""
+        moved = self.of.shape_columns @ self.betas
+        return np.eye(3) + np.asarray(moved).reshape(-1, 3, 3)
+
+    @cached_property
+    def twists(self) -> Array:
+        """The twists of the joints that each face feels, (F, 3 J) rad."""
+        near = self.of.near
+        return np.asarray(self.pose[near].reshape(len(near), 3 * near.shape[1]))
+
+    @cached_property
+    def bent(self) -> Array:
+        """Q e, its edges as rows: (F, 2, 3) m."""
+        moved: Array = np.einsum("fiaj,fj->fia", self.of.bends, self.twists)
+        return self.of.edges + moved
+
+    @cached_property
+    def shaped(self) -> Array:
+        """The edges D Q e of the bent person before the parts turn, (F, 2, 3) m."""
+        return _on_edges(self.D, self.bent)
+
+    @property
+    def deformations(self) -> Array:
+        """The deformation X = B D Q of each triangle, (F, 3, 3)."""
+        Q = np.eye(3) + np.einsum("facj,fj->fac", self.of.posedirs, self.twists)
+        return np.asarray(self.B @ self.D @ Q)
+
+    @cached_property
+    def points(self) -> Array:
+        """The stitched vertices, (N, 3) m."""
+        of = self.of
+        right_side = of.stitching.edge_sums(_on_edges(self.B, self.shaped))
+        return np.asarray(of.placed(right_side) + of.root + self.trans)
+
+    def write_jacobian(self, into: Mapping[str, RowTarget], scale: Array | None) -> None:
+        """Write the transposed derivative into `pose`, `betas` and `trans`, (size, 3 N) each."""
+        N = self.of.stitching.n_vertices
+        right_sides = {
+            "pose": [one for k in range(len(self.pose)) for one in self._by_joint(k)]
+            if "pose" in into
+            else [],
+            "betas": self._by_betas() if "betas" in into else [],
+        }
+        every = [one for some in right_sides.values() for one in some]
+        if every:
+            moved = self.of.placed(np.concatenate(every, axis=1)).reshape(N, len(every), 3)
+            rows = moved.transpose(1, 0, 2).reshape(len(every), 3 * N)
+            split = len(right_sides["pose"])
+            for name, some in (("pose", rows[:split]), ("betas", rows[split:])):
+                if name in into:
+                    write(into[name], some, scale)
+        if "trans" in into:
+            write(into["trans"], np.tile(np.eye(3), N), scale)
+
+    def vjp(self, cotangent: Array) -> dict[str, Array]:
+        """The gradients of cotangent (3 N,) . points by `pose`, `betas` and `trans`, flat."""
+        of, on_points = self.of, cotangent.reshape(-1, 3)
+        on_trans = on_points.sum(axis=0)
+        freed = on_points - of.root_row.T @ on_trans[None]  # placed, transposed
+        on_edges = (of.stitching.A @ of.stitching.solve(np.asarray(freed))).reshape(-1, 2, 3)
+        on_B = on_edges.transpose(0, 2, 1) @ self.shaped
+        on_shaped = on_edges @ self.B
+        on_D = on_shaped.transpose(0, 2, 1) @ self.bent
+        on_twists = np.einsum("fia,fiaj->fj", on_shaped @ self.D, of.bends, optimize=True)
+        on_R = np.asarray(of.weights.T @ on_B.reshape(-1, 9)).reshape(-1, 3, 3)
+        torque = of.ancestors.T @ axial(on_R, self.rotations)  # of all that hangs on a joint
+        on_pose = np.einsum("kad,kd->ka", self.axes, torque)
+        np.add.at(on_pose, of.near, on_twists.reshape(*of.near.shape, 3))
+        on_betas = on_D.ravel() @ of.shape_columns
+        return {"pose": on_pose.ravel(), "betas": on_betas, "trans": on_trans}
+
+    def _by_joint(self, k: int) -> list[Array]:
+        """The right sides (N, 3) for the derivatives by pose[k]'s three numbers."""
+        reach = self.of.reaches[k]
+        R = self.rotations[reach.joints].reshape(-1, 9)
+        B = np.asarray(reach.weights @ R).reshape(-1, 3, 3)
+        hanging = _on_edges(B, self.shaped[reach.faces])
+        G = reach.onto_vertices @ hanging.reshape(-1, 3)  # (N, 3)
+        found = [G @ turn.T for turn in crossed(self.axes[k])]
+        if len(reach.bent):
+            BD = (self.B[reach.bent] @ self.D[reach.bent])[:, None]  # (n, 1, 3, 3)
+            bends = self.of.bends.reshape(*self.of.edges.shape, self.of.near.shape[1], 3)
+            by_twist = BD @ bends[reach.bent, :, :, reach.slot]  # (n, 2, 3, axis)
+            for axis in range(3):
+                found[axis] += reach.bent_onto_vertices @ by_twist[..., axis].reshape(-1, 3)
+        return found
+
+    def _by_betas(self) -> list[Array]:
+        """The right sides (N, 3) for the derivatives by each of the betas."""
+        directions = np.moveaxis(self.of.shapedirs, 3, 0)  # (B, F, 3, 3)
+        return [
+            self.of.stitching.edge_sums(_on_edges(self.B, _on_edges(one, self.bent)))
+            for one in directions
+        ]
+
+
+def _on_edges(matrices: Array, edges: Array) -> Array:
+    """M_f e_fi, for matrices (F, 3, 3) and edges (F, 2, 3)."""
+    return np.asarray(np.einsum("fab,fib->fia", matrices, edges))
