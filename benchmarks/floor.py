@@ -8,8 +8,7 @@ from scipy.linalg.blas import dsyrk
 from benchmarks.bodies_made_up import Case
 from benchmarks.candidates import Candidate
 from workbench.arrays import Array
-from workbench.bodies.forward.arithmetic import arithmetic_of
-from workbench.bodies.forward.kernels import CompiledArithmetic
+from workbench.bodies.forward.compiled import CompiledMesh
 
 FLOOR, OWN = "floor", "floor of its own bytes"
 
@@ -47,10 +46,10 @@ def of_own_bytes(case: Case) -> tuple[Candidate, int]:
     is found, eight bytes at a time), and the observed vertices; the residual is written. Jacobian:
     and J is written once. Step: and J'J is formed once, by BLAS and with all zeros.
     """
-    arithmetic = arithmetic_of(replace(case.body), slice(None))
-    assert isinstance(arithmetic, CompiledArithmetic)
+    arithmetic = replace(case.body).numeric.mesh()
+    assert isinstance(arithmetic, CompiledMesh)
     packed = arithmetic.packed
-    stored = [packed.vertices, packed.shapes, packed.bends, packed.joints]
+    stored = [packed.vertices, packed.shapes, packed.posedirs, packed.joints]
     words = [array.ravel().view(np.int64) for array in stored if array.size]
     m, n = 3 * case.body.n_vertices, case.problem.free.size
     r, J = np.zeros(m), np.zeros((n, m)).T

@@ -13,10 +13,9 @@ import numpy as np
 from benchmarks.bodies_made_up import Case
 from benchmarks.candidates import Candidate
 from workbench.arrays import Array, Index
-from workbench.bodies.forward.arithmetic import arithmetic_of
-from workbench.bodies.forward.kernels import CompiledArithmetic
-from workbench.bodies.forward.packed_vertices import PackedVertices
-from workbench.bodies.forward.vertex import vertex_functions
+from workbench.bodies.forward.c_functions import vertex_functions
+from workbench.bodies.forward.compiled import CompiledMesh
+from workbench.bodies.forward.packing import PackedVertices
 
 ARITHMETIC = "floor of its arithmetic"
 SIDE = 96  # of square matrices, for which BLAS reaches 95 % of a core's products (measured)
@@ -27,8 +26,8 @@ def candidate(case: Case) -> Candidate:
 
     Only forward and Jacobian are counted: what a step adds is J'J, which the other floors form.
     """
-    arithmetic = arithmetic_of(replace(case.body), slice(None))
-    assert isinstance(arithmetic, CompiledArithmetic)
+    arithmetic = replace(case.body).numeric.mesh()
+    assert isinstance(arithmetic, CompiledMesh)
     forward, jacobian = products(arithmetic.packed)
     A, B, C = (np.ones((SIDE, SIDE)) for _ in range(3))
 
@@ -50,15 +49,15 @@ def products(packed: PackedVertices) -> tuple[int, int]:
     Factors by which a residual multiplies rows are left out.
     """
     B, groups = packed.sizes[1], len(packed.vertices)
-    of = {name: _products(function) for name, function in vertex_functions(B).items()}
-    carriers, benders, movers = _listed(packed.joints)
-    points = groups * (of["shaped"] + of["moved"]) + carriers * of["blended"]
-    by_pose = carriers * of["below"] + movers * (of["arm"] + of["turned"]) + benders * of["bulged"]
-    by_betas = B * (groups * of["by_beta"] + carriers * of["shifted"])
-    alone, with_slopes = 9 * of["bent"], 9 * (of["bent"] + of["bulging"])
-    if packed.by_halves:
-        with_slopes = alone + of["curving"]
-    each = points + benders * alone, points + benders * with_slopes + by_pose + by_betas
+    added, others = vertex_functions(B)
+    of = {name: _products(function) for name, function in (added | others).items()}
+    weighted, corrected, moving = _listed(packed.joints)
+    points = groups * (of["shaped"] + of["moved"]) + weighted * of["blended"]
+    points += corrected * 9 * of["posed"]
+    by_pose = weighted * of["carried"] + moving * (of["arm"] + of["turned"])
+    by_pose += corrected * (9 * of["d_posed"] + of["turned_d_posed"])
+    by_betas = B * (groups * of["by_beta"] + weighted * of["shifted"])
+    each = points, points + by_pose + by_betas
     lanes = packed.vertices.shape[2]
     return lanes * each[0], lanes * each[1]
 
@@ -69,7 +68,7 @@ def _products(function: cs.Function) -> int:
 
 
 def _listed(joints: Index) -> tuple[int, int, int]:
-    """How many joints carry, bend and turn groups, in all: the lengths of their lists."""
+    """How many joints have weights on, posedirs for, and move groups: the lists' lengths."""
     total, at = [0, 0, 0], 0
     while at < len(joints):
         for kind in range(3):

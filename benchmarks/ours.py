@@ -10,9 +10,7 @@ import workbench as wb
 from benchmarks.bodies_made_up import Case, case_of
 from benchmarks.candidates import Candidate
 from workbench.arrays import Array
-from workbench.bodies.forward.arithmetic import arithmetic_of
-from workbench.bodies.forward.joint_kernels import joint_kernels
-from workbench.bodies.forward.kernels import CompiledArithmetic, kernels
+from workbench.bodies.forward.compiled import CompiledMesh, joint_library, mesh_library
 from workbench.problem import gram
 
 NUMPY, COMPILED = "workbench", "workbench, compiled"
@@ -36,8 +34,8 @@ def compiling(allowed: bool) -> Iterator[None]:
 
 
 def _forget() -> None:
-    kernels.cache_clear()
-    joint_kernels.cache_clear()
+    mesh_library.cache_clear()
+    joint_library.cache_clear()
     gram.compiled.cache_clear()
 
 
@@ -45,7 +43,7 @@ def ways(body: wb.SkinnedBody) -> dict[str, bool]:
     """How the workbench can compute a body here, and whether it may compile for that."""
     found = {NUMPY: False}
     with compiling(True):
-        if isinstance(arithmetic_of(replace(body), slice(None)), CompiledArithmetic):
+        if isinstance(replace(body).numeric.mesh(), CompiledMesh):
             found[COMPILED] = True
     return found
 

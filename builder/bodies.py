@@ -25,7 +25,7 @@ from builder.symmetrize import PoseParts, even_body, pose_parts, regression_erro
 from workbench.arrays import Array, Mask
 from workbench.bodies import SkinnedBody
 from workbench.bodies.files.embedded import read_embedded
-from workbench.bodies.unposing import unpose
+from workbench.bodies.forward.posing import unpose
 from workbench.errors import BadFile
 from workbench.reading.arrays import doubles, open_arrays, read_expected, texts
 from workbench.synthetic.ground_truth import CARD, read_ground_truth

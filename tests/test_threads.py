@@ -1,12 +1,10 @@
-"""How many threads BLAS and our own loops use."""
-
-import threading
+"""How many threads BLAS uses."""
 
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from workbench import WorkbenchError
-from workbench.threads import blas_libraries, for_each, limited_threads, thread_count
+from workbench.threads import blas_libraries, limited_threads, thread_count
 
 
 def counts() -> set[int]:
@@ -39,20 +37,3 @@ def test_thread_counts_that_are_none_are_refused(
 
 def test_libraries_are_named() -> None:
     assert all("threads" in text for text in blas_libraries())
-
-
-def test_for_each_waits_for_all_parts_when_one_raises() -> None:
-    """Also if the part of this thread raises: others write to memory that must not go before."""
-    ended = []
-    raised = threading.Event()
-
-    def compute(part: int) -> None:
-        if part == 0:
-            raised.set()
-            raise KeyboardInterrupt
-        assert raised.wait(60)
-        ended.append(part)
-
-    with pytest.raises(KeyboardInterrupt):
-        for_each(compute, [0, 1, 2])
-    assert sorted(ended) == [1, 2]

@@ -1,4 +1,4 @@
-"""How many threads linear algebra and large surfaces may use: one, or WORKBENCH_THREADS.
+"""How many threads linear algebra may use: one, or WORKBENCH_THREADS.
 
 One thread is the default because the matrices of a fit are small or limited by memory, and two
 threads that wait for each other on a busy machine were measured to be four times slower than one.
@@ -7,17 +7,13 @@ its own; entering costs about 15 microseconds, so it belongs around a run, not a
 """
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
-from threading import Thread
-from typing import TypeVar
 
 from threadpoolctl import ThreadpoolController
 
 from workbench.errors import WorkbenchError
-
-T = TypeVar("T")
 
 
 def thread_count() -> int:
@@ -26,37 +22,6 @@ def thread_count() -> int:
     if not setting.isdecimal() or int(setting) < 1:
         raise WorkbenchError(f"WORKBENCH_THREADS is a count of threads, 1 or more, not {setting!r}")
     return int(setting)
-
-
-def for_each(compute: Callable[[T], object], parts: Sequence[T]) -> None:
-    """Compute the first part in this thread, and each of the others in one of its own meanwhile.
-
-    `compute` must not raise. It pays for compiled code of a millisecond or more, since Python
-    threads hold each other up, and to start one takes a tenth of that.
-    """
-    first, *others = parts
-    threads = []
-    try:
-        for part in others:
-            thread = Thread(target=compute, args=(part,))
-            thread.start()
-            threads.append(thread)
-        compute(first)
-    finally:
-        _wait_for(threads)
-
-
-def _wait_for(threads: Sequence[Thread]) -> None:
-    """Wait until all have ended, also if a signal raises meanwhile; then raise what it raised."""
-    raised = None
-    for thread in threads:
-        while thread.is_alive():
-            try:
-                thread.join()
-            except BaseException as error:
-                raised = error
-    if raised is not None:
-        raise raised
 
 
 @contextmanager

@@ -23,7 +23,7 @@ from workbench.bodies.forward.kernel_features import (
     as_posedirs,
 )
 from workbench.bodies.forward.kinematics import pose_features
-from workbench.bodies.unposing import unpose
+from workbench.bodies.forward.posing import unpose
 from workbench.course import Picture, source
 from workbench.geometry.rigid import procrustes
 from workbench.geometry.rotation import matrix_from_vector

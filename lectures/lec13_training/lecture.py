@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 import workbench as wb
-from workbench.bodies.unposing import unpose
+from workbench.bodies.forward.posing import unpose
 from workbench.course import Picture, source
 from workbench.geometry.mirror import Mirror, find_mirror
 from workbench.lectures.material.pose_in_shape import aligned, pose_share

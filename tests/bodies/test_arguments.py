@@ -17,8 +17,8 @@ from tests.bodies_made_up import random_body, smpl_like_body, tube_body
 from tests.tiers import few
 from workbench import residuals
 from workbench.blocks.affine import Affine
-from workbench.bodies.forward import arithmetic
-from workbench.bodies.forward.freed_numbers import BLOCKS, FreedSurface
+from workbench.bodies.forward import posed_points
+from workbench.bodies.forward.freed import BLOCKS, FreedSurface
 from workbench.bodies.triangles.body import blend_scape
 from workbench.solvers.judgement import rewrapped
 
@@ -126,7 +126,7 @@ def assert_costs_of_many(problem: wb.Problem, values: wb.Values) -> None:
 def test_affine_arguments_keep_the_chain_rule(
     given: Callable[[], Given], compiled: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(arithmetic, "WORTH_COMPILING", 1 if compiled else 10**9)
+    monkeypatch.setattr(posed_points, "WORTH_COMPILING", 1 if compiled else 10**9)
     arguments = given()
     names, (of_mesh, *others) = names_of(arguments), terms(BODY, arguments)
     # alone, the mesh writes into the Jacobian itself; among others, it does so by parts

@@ -14,7 +14,7 @@ from scipy.sparse import csr_array
 import workbench as wb
 from tests.bodies.laws import said
 from tests.bodies_made_up import random_body, smpl_like_body
-from workbench.bodies.forward import arithmetic, surface
+from workbench.bodies.forward import posed_points, surface
 from workbench.errors import BadBody, UnknownName
 from workbench.lectures.material.shape_directions import along, joint_moves, with_joints_of_the_mean
 
@@ -121,7 +121,7 @@ def test_large_meshes_are_linearized_without_their_graph(monkeypatch: pytest.Mon
     def built(*_: object) -> None:
         raise AssertionError("the graph of the whole mesh was built")
 
-    monkeypatch.setattr(arithmetic, "WORTH_COMPILING", np.inf)
+    monkeypatch.setattr(posed_points, "WORTH_COMPILING", np.inf)
     monkeypatch.setattr(surface, "posed", built)
     points, some, _, face = all_points(body)
     terms = (

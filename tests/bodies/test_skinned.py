@@ -25,10 +25,9 @@ from tests.bodies.random_bodies import entries
 from tests.bodies_made_up import random_body, smpl_like_body
 from tests.tiers import few
 from workbench import Landmarks, SkinnedBody
-from workbench.bodies.forward.joint_batch import JointBatch
-from workbench.bodies.forward.kinematics import binding_motions, pose_features
+from workbench.bodies.forward.few_points import JointPoints
+from workbench.bodies.forward.kinematics import Skeleton, binding_motions, pose_features
 from workbench.bodies.forward.motion import Kinematics
-from workbench.bodies.forward.skeleton import Skeleton
 from workbench.bodies.forward.skinning import linear_blend
 from workbench.errors import BadBody, UnknownName, WorkbenchError
 from workbench.geometry.rotation import matrix_from_vector, rodrigues
@@ -181,19 +180,43 @@ def test_a_joint_changes_its_own_nine_features() -> None:
 
 
 @pytest.mark.parametrize("bound", [False, True])
-def test_motions_of_many_poses_are_those_of_each(bound: bool) -> None:
-    body, rng = smpl_like_body(), np.random.default_rng(0)
-    skeleton, bind = Skeleton.of(body), bound * 0.4 * rng.standard_normal((24, 3))
-    one = Kinematics(skeleton, bind, body.parents)
-    batch = JointBatch.of(skeleton, bind, body.parents)
-    sizes = np.array([0.0, 1e-9, 0.5, 2.0, 3.1])[:, None, None]
-    poses, betas = sizes * rng.standard_normal((5, 24, 3)), rng.standard_normal((5, body.n_betas))
-    many = batch.motions(poses, betas)
-    for i in range(5):
-        alone = one.motion(poses[i], betas[i])
-        for part in ("G", "features", "joints"):
-            np.testing.assert_allclose(getattr(many, part)[i], getattr(alone, part), atol=1e-14)
-    np.testing.assert_array_equal(batch(poses, betas), many.joints)
+def test_motions_and_their_derivatives_are_those_of_the_graph(bound: bool) -> None:
+    """At zero, near zero, anywhere, at pi and beyond a full turn, for each pose and for all."""
+    body, rng = random_body(0, n_joints=5, n_betas=2), np.random.default_rng(0)
+    K, B, bind = 5, 2, bound * 0.4 * rng.standard_normal((5, 3))
+    skeleton, axes = Skeleton.of(body), rng.standard_normal((5, K, 3))
+    kinematics = Kinematics(skeleton, bind, body.parents)
+    pose, betas = cs.SX.sym("pose", 3, K), cs.SX.sym("betas", B)
+    R, R_0 = rodrigues(pose), rodrigues(cs.SX(cs.DM(bind.T)))
+    motions, joints = binding_motions(R, R_0, skeleton.joints(betas), body.parents)
+    outputs = [cs.vertcat(*[cs.vec(G.T) for G in motions]), pose_features(R, R_0), cs.vec(joints)]
+    by = [cs.jacobian(part, cs.vec(pose)) for part in outputs] + [cs.jacobian(outputs[0], betas)]
+    graph = cs.Function("motion", [pose, betas], [*outputs, *by])
+    sizes = np.array([0.0, 1e-9, 0.7, np.pi, 40.0])[:, None, None]
+    poses = sizes * axes / np.linalg.norm(axes, axis=2, keepdims=True)
+    people = rng.standard_normal((5, B))
+    many = kinematics.motion(poses, people)
+    for i, motion in enumerate(
+        [kinematics.motion(*one) for one in zip(poses, people, strict=True)]
+    ):
+        G, f, t, dG, df, dt, dG_db = (np.asarray(a) for a in graph(poses[i].T, people[i]))
+        on_G, on_f = rng.standard_normal((K, 3, 4)), rng.standard_normal(9 * (K - 1))
+        changes = motion.derivatives
+        joints_at = JointPoints(skeleton, kinematics.ancestors).at(motion, people[i])
+        d_features = np.asarray(df).reshape(K - 1, 9, K, 3)
+        for found, expected in (
+            (motion.G, G),
+            (motion.features, f),
+            (motion.joints, t),
+            (joints_at.derivative(changes, "pose").T, dt),
+            (changes.d_features[1:], d_features[np.arange(K - 1), :, np.arange(1, K)]),
+            (changes.d_shift.transpose(1, 2, 0), dG_db.reshape(K, 3, 4, B)[:, :, 3]),
+            (motion.vjp(on_G, on_f)[0], on_G.ravel() @ dG + on_f @ df),
+            (motion.vjp(on_G, on_f)[1], on_G.ravel() @ dG_db),
+            (many.numbers[i], motion.numbers),
+            (many.derivatives[i].numbers, changes.numbers),
+        ):
+            np.testing.assert_allclose(found.ravel(), np.ravel(expected), rtol=0, atol=1e-13)
 
 
 # Batches and arguments.

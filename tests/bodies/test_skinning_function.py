@@ -14,8 +14,8 @@ from tests.bodies.laws import assert_chain_rule_is_graph
 from tests.bodies_made_up import random_body
 from workbench.bodies import skin, skin_vertices
 from workbench.bodies.files.saving import save_body
+from workbench.bodies.forward.posing import unpose
 from workbench.bodies.triangles.body import blend_scape
-from workbench.bodies.unposing import unpose
 from workbench.errors import BadArgument, BadBody, BadFile
 
 N, K = 20, 4

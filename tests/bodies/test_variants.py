@@ -31,7 +31,7 @@ from workbench.bodies.forward.features import (
     rotation_vectors,
     star_features,
 )
-from workbench.bodies.unposing import unpose
+from workbench.bodies.forward.posing import unpose
 from workbench.errors import BadBody, BadFile
 
 SKINNINGS = (wb.linear_blend, wb.dual_quaternion_blend)

@@ -103,7 +103,7 @@ def test_example_of_the_reference_runs(script: Path, capsys: pytest.CaptureFixtu
 
 INNER = {  # classes in annotations of public ones that users have no reason to name
     "kept by an object for its computations, whose results are properties of the object": {
-        "NumericBody",
+        "BodyNumbers",
         "Kinematics",
         "TriangleNumbers",
         "Stitching",

@@ -12,7 +12,7 @@ from tests.bodies_made_up import random_body, smpl_like_body
 from tests.tiers import few
 from workbench import residuals
 from workbench.bodies import SkinnedBody
-from workbench.bodies.forward import arithmetic
+from workbench.bodies.forward import posed_points
 from workbench.residuals import geman_mcclure, huber
 
 
@@ -66,7 +66,7 @@ def test_chain_rule_of_vertices_matches_the_graph(
     worth_compiling: int,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(arithmetic, "WORTH_COMPILING", worth_compiling)
+    monkeypatch.setattr(posed_points, "WORTH_COMPILING", worth_compiling)
     rng = np.random.default_rng(0)
     pose, betas, trans = (block.symbol for block in body.blocks())
     observed = wb.Block("observed", (body.n_vertices, 3), "m")

@@ -15,7 +15,7 @@ from workbench import residuals
 from workbench.blocks import NumericPoints
 from workbench.blocks.points import LoopedPoints
 from workbench.bodies import Landmarks, SkinnedBody
-from workbench.bodies.forward.posed_each import PosedEach
+from workbench.bodies.forward.posed_points import PosedFrames
 from workbench.problem import Constraint
 
 FREE = [("trans", "pose", "betas"), ("betas", "trans")]
@@ -132,7 +132,7 @@ def test_derivatives_of_many_match_each(body: SkinnedBody, kind: str) -> None:
     numeric, each, values = landmarks_of_several(body, kind)
     one_by_one = LoopedPoints([numeric.evaluate(one) for one in each])
     many = numeric.evaluate_each(values, len(each))
-    assert isinstance(many, PosedEach)
+    assert isinstance(many, PosedFrames)
     np.testing.assert_allclose(many.points, one_by_one.points, atol=1e-13)
     for some in (slice(0, 5), slice(2, 4)):
         shape = some.stop - some.start, many.points[0].size

@@ -11,8 +11,7 @@ from tests.tiers import few
 from workbench import load_body
 from workbench.arrays import Array
 from workbench.bodies.forward.kinematics import ancestors
-from workbench.bodies.forward.posing import Posing
-from workbench.bodies.unposing import unpose
+from workbench.bodies.forward.posing import Posing, unpose
 from workbench.geometry.mirror import NoMirror, find_mirror
 from workbench.geometry.solids import volume
 from workbench.synthetic.made_up import (

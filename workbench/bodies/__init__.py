@@ -18,8 +18,13 @@ from workbench.bodies.capsules import (
 )
 from workbench.bodies.checking.check_file import FileCheck, check_body_file
 from workbench.bodies.checking.model_arrays import FileFinding
-from workbench.bodies.forward.skinning import Skinning, dual_quaternion_blend, linear_blend
-from workbench.bodies.forward.skinning_function import skin, skin_vertices
+from workbench.bodies.forward.skinning import (
+    Skinning,
+    dual_quaternion_blend,
+    linear_blend,
+    skin,
+    skin_vertices,
+)
 from workbench.bodies.hands import (
     HAND_POINTS,
     HandMotion,

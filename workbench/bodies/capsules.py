@@ -20,9 +20,9 @@ from workbench.blocks import Points
 from workbench.blocks.checks import reals, texts
 from workbench.bodies.body import Given, arguments, why_not_skinned
 from workbench.bodies.forward import surface
-from workbench.bodies.forward.arguments import Arguments
-from workbench.bodies.forward.numeric_sources import Named
-from workbench.bodies.forward.sources import BodySource
+from workbench.bodies.forward.few_points import RestPoints
+from workbench.bodies.forward.named_points import BlockPoints
+from workbench.bodies.forward.sources import Arguments, BodySource
 from workbench.bodies.readonly import readonly, readonly_index
 from workbench.errors import BadBody
 
@@ -201,12 +201,17 @@ def capsule_points(body: SkinnedBody, pose: cs.MX, betas: cs.MX, trans: cs.MX) -
 
     def express() -> cs.MX:
         G, _ = surface.motions(body, surface.posture(body, pose, betas))
-        ends = numeric.capsule_rest(capsules).expression(G, cs.MX(0, 1), betas)
+        ends = RestPoints.of_capsules(capsules).expression(G, cs.MX(0, 1), betas)
         return ends + cs.repmat(trans, 1, 2 * len(capsules.names))
 
     names = capsules.end_names
     posed = BodySource(
-        at, len(names), names, (), express, lambda maps: Named(numeric.capsules(capsules), maps)
+        at,
+        len(names),
+        names,
+        (),
+        express,
+        lambda maps: BlockPoints(numeric.capsules(capsules), maps),
     )
     return Points.of(posed, "capsules")
 

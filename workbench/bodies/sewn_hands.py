@@ -28,11 +28,11 @@ from workbench.arrays import Array, Index, Mask
 from workbench.bodies.body import Landmarks
 from workbench.bodies.capsules import Capsules
 from workbench.bodies.files.joint_names import FINGERS, joint_names
+from workbench.bodies.forward.posing import unpose
 from workbench.bodies.hands import FINGERS as FINGER_NAMES
 from workbench.bodies.hands import mirrored
 from workbench.bodies.readonly import locked
 from workbench.bodies.skinned import SkinnedBody
-from workbench.bodies.unposing import unpose
 from workbench.errors import BadBody
 from workbench.geometry.mirror import AXIAL, REFLECTION
 from workbench.geometry.rotation import matrix_from_vector

@@ -24,14 +24,18 @@ from workbench.bodies.body import (
     of_joints,
 )
 from workbench.bodies.capsules import Capsules
-from workbench.bodies.forward.arguments import Arguments
-from workbench.bodies.forward.arrays import ALL
 from workbench.bodies.forward.features import Features, rotation_elements
+from workbench.bodies.forward.mesh import batch_points
 from workbench.bodies.forward.motion import Kinematics
-from workbench.bodies.forward.numeric import batch_points
-from workbench.bodies.forward.numeric_body import NumericBody
+from workbench.bodies.forward.posed_points import BodyNumbers
 from workbench.bodies.forward.skinning import Skinning, linear_blend
-from workbench.bodies.forward.sources import joint_points, landmark_points, surface_points
+from workbench.bodies.forward.sources import (
+    Arguments,
+    joint_points,
+    landmark_points,
+    surface_points,
+)
+from workbench.bodies.forward.surface import ALL
 from workbench.bodies.readonly import readonly_parts
 from workbench.bodies.validation import check_skinned, chosen_vertices
 from workbench.errors import BadBody
@@ -207,7 +211,7 @@ class SkinnedBody(Body):
         batch, (theta, beta, move) = arguments(self, pose, betas, trans)
         numeric = self.numeric
         if self.is_smpl:
-            surfaces = batch_points(numeric.chunks, numeric.kinematics.motions(theta, beta), beta)
+            surfaces = batch_points(numeric.chunks, numeric.kinematics.motion(theta, beta), beta)
         else:
             each = zip(theta, beta, strict=True)
             alone = [np.asarray(numeric.skinned_rest(t.T, b)).T for t, b in each]
@@ -217,10 +221,7 @@ class SkinnedBody(Body):
     def joints(self, pose: Given = None, betas: Given = None, trans: Given = None) -> Array:
         """The posed joints (..., K, 3) m."""
         batch, (theta, beta, move) = arguments(self, pose, betas, trans)
-        if len(theta) == 1:
-            joints = self.kinematics.motion(theta[0], beta[0]).joints + move
-        else:
-            joints = self.kinematics.motions(theta, beta).joints + move[:, None]
+        joints = self.kinematics.motion(theta, beta).joints + move[:, None]
         return joints.reshape(*batch, self.n_joints, 3)
 
     def _displaced(self, name: str, given: tuple[Given, Given, Given], offsets: ArrayLike) -> Array:
@@ -246,14 +247,14 @@ class SkinnedBody(Body):
         return points.reshape(*batch, count, 3)
 
     @cached_property
-    def numeric(self) -> NumericBody:
+    def numeric(self) -> BodyNumbers:
         """What numbers are computed with; free arrays have the numbers that they start from."""
         # not the body itself: what refers to itself is not freed before the garbage collector runs
         alone = object.__new__(SkinnedBody)
         alone.__dict__.update(
             {part.name: getattr(self, part.name) for part in fields(self)}, free={}
         )
-        return NumericBody(alone)
+        return BodyNumbers(alone)
 
     @property
     def kinematics(self) -> Kinematics:

@@ -11,8 +11,8 @@ from rich.table import Table
 
 from workbench.bodies import SkinnedBody
 from workbench.bodies.catalogue import load_body
-from workbench.bodies.forward.arithmetic import WORTH_COMPILING
-from workbench.bodies.forward.kernels import kernels
+from workbench.bodies.forward.compiled import mesh_library
+from workbench.bodies.forward.posed_points import WORTH_COMPILING
 from workbench.bodies.triangles import TriangleBody
 from workbench.comparison.machine import processor
 from workbench.compiling import NoLibrary, cache_folder, find_compiler
@@ -65,7 +65,7 @@ def _facts(name: str) -> list[tuple[str, str]]:
 def _arithmetic(model: SkinnedBody | TriangleBody) -> str:
     if isinstance(model, TriangleBody):
         return "NumPy, and a sparse factorization that stitches triangles"
-    library, why = kernels(model.parents, model.n_betas)
+    library, why = mesh_library(model.parents, model.n_betas, model.numeric.packing.single)
     return (
         f"compiled from {WORTH_COMPILING} vertices on, NumPy below" if library else f"NumPy: {why}"
     )

@@ -1,6 +1,5 @@
 """Rotations of three-space: the exponential map in CasADi, and plain arrays around it."""
 
-from functools import cache
 from math import factorial
 from typing import TypeVar
 
@@ -15,6 +14,7 @@ Matrix = TypeVar("Matrix", cs.MX, cs.SX, cs.DM)
 
 SERIES_BELOW = 0.25  # of the squared angle: there the series' ninth term is below 1e-19
 SERIES_TERMS = 8
+TINY = 1e-150  # rad: squares of smaller numbers are rounded to zero
 
 
 def rodrigues(w: Matrix) -> Matrix:
@@ -76,19 +76,23 @@ def _series(t2: Matrix, first: int) -> Matrix:
     return total
 
 
-@cache
-def _numeric() -> cs.Function:
-    w = cs.SX.sym("w", 3)
-    return cs.Function("rodrigues", [w], [rodrigues(w)], ["w"], ["R"])
+# [e]x, row by row, of the three unit vectors e
+CROSS = np.cross(np.eye(3)[:, None], np.eye(3)).swapaxes(1, 2).reshape(3, 9)
+
+
+def crossed(w: Array) -> Array:
+    """The matrix [w]x (..., 3, 3) of the cross product v -> w x v."""
+    found: Array = w.reshape(-1, 3) @ CROSS
+    return found.reshape(*w.shape, 3)
 
 
 def matrix_from_vector(w: ArrayLike) -> Array:
-    """The rotation matrices (..., 3, 3) of rotation vectors (..., 3) in radians."""
-    w = np.asarray(w, dtype=float)
-    if not w.size:
-        return np.empty((*w.shape[:-1], 3, 3))  # to CasADi no columns mean one of zeros
-    R = np.asarray(_numeric()(w.reshape(-1, 3).T))  # (3, 3 n)
-    return R.reshape(3, -1, 3).transpose(1, 0, 2).reshape(*w.shape[:-1], 3, 3)
+    """The rotation matrices (..., 3, 3) of rotation vectors t n (..., 3) in rad; see `rodrigues`.
+
+    They are cos(t) I + sin(t) [n]x + (1 - cos(t)) n n', in which nothing cancels where t is small.
+    """
+    _, n, sine, less = _angles(np.asarray(w, dtype=float))
+    return _about(n, 1 - less, sine, less)
 
 
 def vector_from_matrix(R: ArrayLike) -> Array:
@@ -106,13 +110,22 @@ def left_jacobian(w: ArrayLike) -> Array:
 
     (Sola, Deray and Atchuthan, A micro Lie theory for state estimation in robotics, 2018, eq. 145).
     """
-    w = np.asarray(w, dtype=float)
-    t = np.linalg.norm(w, axis=-1)[..., None, None]
-    n = w / np.maximum(t[..., 0], np.finfo(float).tiny)
-    sine, half = np.sinc(t / np.pi), np.sinc(t / (2 * np.pi))
-    x = np.cross(n[..., None, :], np.eye(3)).swapaxes(-1, -2)  # [n]x
-    nn = n[..., :, None] * n[..., None, :]
-    return np.asarray(sine * np.eye(3) + np.sin(t / 2) * half * x + (1 - sine) * nn)
+    t, n, sine, less = _angles(np.asarray(w, dtype=float))
+    return _about(n, sine / t, less / t, 1 - sine / t)
+
+
+def _angles(w: Array) -> tuple[Array, Array, Array, Array]:
+    """t, n, sin(t) and 1 - cos(t) of rotation vectors t n (..., 3) rad; n is zero at zero."""
+    t = np.maximum(np.linalg.norm(w, axis=-1), TINY)
+    return t, w / t[..., None], np.sin(t), 2 * np.sin(t / 2) ** 2
+
+
+def _about(n: Array, unit: Array, cross: Array, outer: Array) -> Array:
+    """unit I + cross [n]x + outer n n', (..., 3, 3), for axes n (..., 3)."""
+    found = cross[..., None, None] * crossed(n)
+    found += (outer[..., None] * n)[..., :, None] * n[..., None, :]
+    found.reshape(*n.shape[:-1], 9)[..., ::4] += unit[..., None]
+    return found
 
 
 def inverse_left_jacobian(w: ArrayLike) -> Array:

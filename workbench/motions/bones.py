@@ -11,9 +11,9 @@ from workbench.arrays import Array, Index
 from workbench.blocks.checks import reals
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
-from workbench.bodies.forward.joint_batch import JointBatch
+from workbench.bodies.forward.kinematics import Skeleton
+from workbench.bodies.forward.motion import Kinematics
 from workbench.bodies.forward.posing import world_rotations
-from workbench.bodies.forward.skeleton import Skeleton
 from workbench.bodies.readonly import locked
 from workbench.errors import BadArgument
 from workbench.geometry.rotation import matrix_from_vector
@@ -73,9 +73,9 @@ class Bones:
         """
         turned, K = np.array(pose, dtype=float), len(self.parents)
         alone = Skeleton(self.rest, np.zeros((K, 3, 0)))
-        batch = JointBatch.of(alone, np.zeros((K, 3)), self.parents)
-        found: Array = batch(turned, np.zeros((len(turned), 0))) + np.asarray(trans)[:, None]
-        return found
+        kinematics = Kinematics(alone, np.zeros((K, 3)), self.parents)
+        motion = kinematics.motion(turned, np.zeros((len(turned), 0)))
+        return np.asarray(motion.joints + np.asarray(trans)[:, None])
 
     def ends(self, pose: ArrayLike, trans: ArrayLike) -> Array:
         """The ends of bones that carry no joint, (T, E, 3) m."""

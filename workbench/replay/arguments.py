@@ -7,7 +7,7 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.bodies.body import Body
-from workbench.bodies.forward.arguments import arguments_from_values
+from workbench.bodies.forward.sources import arguments_from_values
 from workbench.problem import Problem
 
 Row = Callable[[Values], Array]

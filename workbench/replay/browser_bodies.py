@@ -43,7 +43,7 @@ def skinned_data(body: SkinnedBody, kind: str = "f8") -> dict[str, Any]:
         **_common(body, kind),
         "shapedirs": packed(body.shapedirs.transpose(2, 0, 1), kind),
         "joints_mean": packed(skeleton.mean, kind),
-        "joints_move": packed(skeleton.slopes.transpose(2, 0, 1), kind),
+        "joints_move": packed(skeleton.by_betas.transpose(2, 0, 1), kind),
         "weights": packed(shares, kind),
         "carriers": packed(carriers, "u2"),
         "bulges": [_bulge(body, k) for k in range(1, body.n_joints)],

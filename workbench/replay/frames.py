@@ -7,7 +7,7 @@ from workbench.arrays import Array, Index
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
-from workbench.bodies.forward.arguments import Arguments
+from workbench.bodies.forward.sources import Arguments
 from workbench.fitting.setup import Setup
 from workbench.motions import Motion
 from workbench.problem import Problem

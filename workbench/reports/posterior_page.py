@@ -10,7 +10,7 @@ import numpy as np
 
 from workbench import plots
 from workbench.bodies.body import Body
-from workbench.bodies.forward.arguments import arguments_from_values
+from workbench.bodies.forward.sources import arguments_from_values
 from workbench.fitting.setup import Setup
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.plots import sheets

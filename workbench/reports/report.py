@@ -11,7 +11,7 @@ from workbench import plots
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
 from workbench.bodies.capsules import posed_capsules
-from workbench.bodies.forward.arguments import arguments_from_values
+from workbench.bodies.forward.sources import arguments_from_values
 from workbench.diagnostics import Diagnosis
 from workbench.errors import joined
 from workbench.experiments.running import Outcome

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.linalg
 
 from workbench.arrays import Array, Mask
-from workbench.bodies.forward.posing import crossed
+from workbench.geometry.rotation import crossed
 from workbench.training.estimate import Change, Estimate
 from workbench.training.locality import MaskedCholesky
 from workbench.training.objective import Objective, centred, trusted, weight_grams

@@ -10,7 +10,7 @@ from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
 from workbench.bodies import SkinnedBody
-from workbench.bodies.unposing import unpose
+from workbench.bodies.forward.posing import unpose
 from workbench.geometry.mirror import Mirror
 from workbench.geometry.solids import volume
 from workbench.training.executor import SERIAL, Execution

@@ -8,8 +8,9 @@ import numpy as np
 
 from workbench.arrays import Array, Index
 from workbench.bodies.forward.kinematics import ancestors
-from workbench.bodies.forward.posing import Posing, crossed
+from workbench.bodies.forward.posing import Posing
 from workbench.bodies.forward.skinning import blend_matrices
+from workbench.geometry.rotation import crossed
 from workbench.training.estimate import Change, Estimate
 
 

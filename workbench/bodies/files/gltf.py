@@ -121,7 +121,7 @@ def correctives_of(
         )
     T, N = len(poses), body.n_vertices
     people = np.tile(betas, (T, 1))
-    features = body.kinematics.motions(poses, people).features  # (T, F)
+    features = body.kinematics.motion(poses, people).features  # (T, F)
     P = body.posedirs.reshape(3 * N, -1)
     mixed, shares = np.zeros((T, 0)), np.zeros((T, 0))  # mixtures of poses that are the shapes
     if P.shape[1] and count != 0:
@@ -137,7 +137,7 @@ def correctives_of(
     for first in range(0, T, TOGETHER):
         some = slice(first, first + TOGETHER)
         missing = (features[some] @ P.T - shares[some] @ shapes.T).reshape(-1, N, 3)
-        R = body.kinematics.motions(poses[some], people[some]).G[..., :3]
+        R = body.kinematics.motion(poses[some], people[some]).G[..., :3]
         blended = (body.weights @ R.reshape(len(R), -1, 9)).reshape(-1, N, 3, 3)
         off = np.linalg.norm(np.einsum("tnij,tnj->tni", blended, missing), axis=2)
         total, farthest = total + float(off.sum()), max(farthest, float(off.max()))
@@ -259,7 +259,7 @@ def _glb(
         nodes[parent].setdefault("children", []).append(k)
     nodes.append({"name": body.name, "mesh": 0, "skin": 0})
     weights = np.hstack([np.zeros((len(poses), shapes)), added[:, used], correctives.shares])
-    slopes = body.numeric.skeleton.slopes[:, :, used]
+    slopes = body.numeric.skeleton.by_betas[:, :, used]
     moved = np.einsum("kab,pb->pka", slopes, added[:, used])
     turned = matrix_from_vector(poses)
     places = {

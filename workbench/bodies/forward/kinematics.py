@@ -1,12 +1,19 @@
 """The kinematic chain: local rotations and rest joints in, one rigid motion per joint out."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import casadi as cs
 import numpy as np
 
 from workbench.arrays import Array
 from workbench.geometry.rotation import Matrix, rodrigues
+
+if TYPE_CHECKING:
+    from workbench.bodies.skinned import SkinnedBody
 
 
 def pose_features(R: Matrix, R_bind: Matrix) -> Matrix:
@@ -56,32 +63,6 @@ def world_rotations(pose: Matrix, parents: Sequence[int]) -> list[Matrix]:
     return [R for R, _ in world_motions(rodrigues(pose), nowhere, parents)]
 
 
-def local_slopes(pose: cs.SX, R: cs.SX) -> list[list[cs.SX]]:
-    """dR_k/dpose[a, k], three (3, 3) for each joint, of the local rotations R (3, 3 K)."""
-    slopes = []
-    for k, R_k in enumerate(cs.horzsplit(R, 3)):
-        columns = cs.horzsplit(cs.jacobian(cs.vec(R_k), pose[:, k]), 1)
-        slopes.append([cs.reshape(column, 3, 3) for column in columns])
-    return slopes
-
-
-def turning_axes(
-    slopes: Sequence[Sequence[cs.SX]], R: cs.SX, above: Sequence[cs.SX]
-) -> list[cs.SX]:
-    """The axis w (3, 1) of each number of a pose (3, K), joint by joint: 3 K of them.
-
-    When pose[a, k] grows, everything at and below joint k turns about w in the world: its
-    rotations change by [w]x R. R (3, 3 K) are the local rotations, `slopes` their derivatives, and
-    `above` the rotations of the joints' parents in the world.
-    """
-    axes = []
-    for k, R_k in enumerate(cs.horzsplit(R, 3)):
-        for D in slopes[k]:  # [own axis]x R_k
-            own = cs.vertcat(*[cs.dot(D[r, :], R_k[c, :]) for r, c in ((2, 1), (0, 2), (1, 0))])
-            axes.append(above[k] @ own)
-    return axes
-
-
 def bones_of(joints: Matrix, R_bind: Matrix, parents: Sequence[int]) -> list[Matrix]:
     """Each joint (3, 1) in its parent's frame, from where the joints are in the bind pose.
 
@@ -118,3 +99,40 @@ def bound_motion(motion: tuple[Matrix, Matrix], unbind: Matrix, at_rest: Matrix)
     R, t = motion
     turn = R @ unbind
     return cs.horzcat(turn, t - turn @ at_rest)
+
+
+@dataclass(frozen=True, eq=False)
+class Skeleton:
+    """J(beta) = J_regressor (T + B_S(beta)) = mean + by_betas beta (SMPL eq. 10).
+
+    These arrays do not depend on the number of vertices. If a body's joints are given, they do not
+    depend on betas.
+
+    Attributes:
+        mean: (K, 3) m, the joints of the mean person.
+        by_betas: (K, 3, B) m per unit of betas.
+    """
+
+    mean: Array
+    by_betas: Array
+
+    @staticmethod
+    def of(body: SkinnedBody) -> Skeleton:
+        """The joints of a body whose arrays are numbers."""
+        N, _, B = body.shapedirs.shape
+        if body.rest_joints is not None:
+            return Skeleton(body.rest_joints, np.zeros((*body.rest_joints.shape, B)))
+        mean = np.asarray(body.J_regressor @ body.template)
+        mean.flags.writeable = False  # it is shown as an array of the body
+        moved = np.asarray(body.J_regressor @ body.shapedirs.reshape(N, 3 * B))
+        return Skeleton(mean, moved.reshape(len(mean), 3, B))
+
+    def positions(self, betas: Array) -> Array:
+        """The joints of the person with these betas (B,), (K, 3) m."""
+        return np.asarray(self.mean + self.by_betas @ betas)
+
+    def joints(self, betas: Matrix) -> Matrix:
+        """The joints (3, K) m, for betas (B, 1) that are symbols or numbers of CasADi."""
+        K, _, B = self.by_betas.shape
+        moved = cs.DM(self.by_betas.reshape(3 * K, B)) @ betas
+        return cs.reshape(moved, 3, K) + cs.DM(self.mean.T)

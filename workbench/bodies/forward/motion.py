@@ -1,165 +1,186 @@
-"""The kinematics of a body and their derivatives, whatever the number of vertices."""
+"""The kinematics of a body in numbers, whatever the number of vertices; for one pose or many.
+
+Joint k turns by the rotation vector theta_k = t n in the frame of its parent up(k), whose G stands
+for the identity above the root:
+
+    R_k = exp([theta_k]x) = cos(t) I + sin(t) [n]x + (1 - cos(t)) n n'
+    world_k = world_up [R_k, bone_k],      G_k = world_k bound_k^-1 = [turn_k, t_k - turn_k J_k]
+
+With the left Jacobian L_k = sin(t)/t I + (1 - cos(t))/t [n]x + (1 - sin(t)/t) n n', for which
+exp([theta + d]x) = exp([L d]x) exp([theta]x) to first order, everything at and below joint k turns
+about the axis w_ka = R_up L_k e_a through the posed joint t_k when pose[k, a] grows:
+
+    dG_j/dpose[k, a] = [w_ka]x (G_j - [0, t_k])   for every j at or below k, zero for all others
+    dR_k/dpose[k, a] = [L_k e_a]x R_k             of which pose features are made
+
+Joint k is where G_k and G_up agree, so that betas, in which the joints J are linear, shift G_k by
+as much as G_up, and by (turn_up - turn_k) dJ_k.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING
 
-import casadi as cs
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.blocks.functions import Batched, Buffered, Mapped
-from workbench.bodies.forward.halves import NUMBERS, halved_features, numbers_of
-from workbench.bodies.forward.kinematics import (
-    ancestors,
-    binding_motions,
-    bones_of,
-    local_slopes,
-    pose_features,
-    turning_axes,
-    world_motions,
-)
-from workbench.bodies.forward.skeleton import Skeleton
-from workbench.geometry.rotation import rodrigues
+from workbench.bodies.forward.kinematics import Skeleton, ancestors
+from workbench.bodies.forward.posing import axial, world_rotations
+from workbench.geometry.rotation import crossed, left_jacobian, matrix_from_vector
+
+if TYPE_CHECKING:
+    from workbench.bodies.forward.compiled import CompiledJoints
+    from workbench.bodies.forward.rows import RowTarget
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
-    """The motion of the joints at one pose and shape, or at several; K joints, B betas.
+class JointMotion:
+    """How K joints have moved at a pose (..., K, 3) rad: one, or several.
 
     Attributes:
-        G: (..., K, 3, 4) the motion of each joint, which takes what is at rest to where it is.
-        features: (..., 9 (K - 1)) what the pose blend shapes are multiplied with.
-        joints: (..., K, 3) m, the posed joints.
-        halved: (..., 9 (K - 1)) what halves of pose directions are multiplied with in place of
-            features; see `halves`. It is None where no compiled surface is to be moved.
-        column: features, G, joints and halved as one array, of which they are parts, if they are.
-    """
-
-    G: Array
-    features: Array
-    joints: Array
-    halved: Array | None = None
-    column: Array | None = None
-
-    def __getitem__(self, which: int | slice) -> Motion:
-        """One or some of several motions."""
-        return Motion(*_some(self, which))
-
-
-@dataclass(frozen=True, eq=False)
-class Slopes:
-    """How a motion changes with pose and betas.
-
-    Attributes:
-        turns: (..., K, 9, 3) with rows (a, d), the map u -> (axis of pose[k, a] x u)_d.
-        d_features: (..., K - 1, 3, 9) the features of joint k + 1 by its own three numbers.
-        d_shift: (..., 3 B, K) with rows (b, d), the last column of G_k by betas[b].
-        halves: (..., K, 9) what the derivatives by halves are made of; see `halves`.
-        column: these numbers in the order of `vertex.slopes_column`, if they are known in it.
-    """
-
-    turns: Array
-    d_features: Array
-    d_shift: Array
-    halves: Array
-    column: Array | None = None
-
-    def __getitem__(self, which: int | slice) -> Slopes:
-        """The derivatives of one or some of several motions."""
-        return Slopes(*_some(self, which))
-
-
-def _some(of: Motion | Slopes, which: int | slice) -> Iterator[Any]:
-    return (None if part is None else part[which] for part in vars(of).values())
-
-
-class JointNumbers(Protocol):
-    """The motion of a body's joints and its derivative, at one pose and shape or at several."""
-
-    def motion(self, pose: Array, betas: Array) -> Motion:
-        """How the joints have moved at pose (K, 3) rad and betas (B,)."""
-
-    def slopes(self, pose: Array, betas: Array) -> Slopes:
-        """The derivatives of that motion by the pose and by betas."""
-
-    def motion_and_slopes(self, pose: Array, betas: Array) -> tuple[Motion, Slopes]:
-        """Both of them, in less time than apart."""
-
-    def motions(self, poses: Array, betas: Array) -> Motion:
-        """The motions at poses (M, K, 3) rad and betas (M, B), as arrays over all of them."""
-
-    def slopes_batch(self, poses: Array, betas: Array) -> Slopes:
-        """The derivatives of the motions at poses (M, K, 3) rad and betas (M, B), as arrays."""
-
-
-@dataclass(frozen=True, eq=False)
-class Posed:
-    """The kinematics at one pose (K, 3) rad and betas (B,); what is asked for is found once.
-
-    Where the pose is one of several, it is found for all of them at once, in a few calls.
+        kinematics: of the body.
+        pose: (..., K, 3) rad.
+        numbers: (..., 24 K - 9), of which features, G and joints are parts, in this order.
+        among: the several motions of which this is one, and its place; then its derivatives are
+            found together with those of the others.
     """
 
     kinematics: Kinematics
     pose: Array
-    betas: Array
-    among: Together | None = None
-    place: int = 0
+    numbers: Array
+    among: tuple[JointMotion, int] | None = None
 
     @cached_property
-    def motion(self) -> Motion:
-        """The motion of the joints."""
-        if self.among is not None:
-            return self.among.motions[self.place]
-        return self.kinematics.motion(self.pose, self.betas)
+    def features(self) -> Array:
+        """What pose blend shapes are multiplied with, (..., 9 (K - 1))."""
+        return self.numbers[..., : 9 * (self.pose.shape[-2] - 1)]
 
     @cached_property
-    def slopes(self) -> Slopes:
-        """The derivative of the motion by pose and betas."""
+    def G(self) -> Array:
+        """What takes what is at rest to where it is, for each joint, (..., K, 3, 4)."""
+        K = self.pose.shape[-2]
+        return self.numbers[..., 9 * (K - 1) : -3 * K].reshape(*self.pose.shape[:-1], 3, 4)
+
+    @cached_property
+    def joints(self) -> Array:
+        """The posed joints, (..., K, 3) m."""
+        return self.numbers[..., -3 * self.pose.shape[-2] :].reshape(self.pose.shape)
+
+    @cached_property
+    def derivatives(self) -> MotionDerivatives:
+        """How the motion changes with pose and betas."""
         if self.among is not None:
-            return self.among.slopes[self.place]
-        if "motion" in self.__dict__:
-            return self.kinematics.slopes(self.pose, self.betas)
-        motion, slopes = self.kinematics.motion_and_slopes(self.pose, self.betas)
-        self.__dict__.setdefault("motion", motion)  # as if it had been asked for
-        return slopes
+            every, place = self.among
+            return every.derivatives[place]
+        return self.kinematics.derivatives(self)
+
+    def each(self) -> list[JointMotion]:
+        """The M motions of poses (M, K, 3), one by one."""
+        apart = enumerate(zip(self.pose, self.numbers, strict=True))
+        return [JointMotion(self.kinematics, *parts, (self, i)) for i, parts in apart]
+
+    def __getitem__(self, some: slice) -> JointMotion:
+        """Some of several motions."""
+        return JointMotion(self.kinematics, self.pose[some], self.numbers[some])
+
+    def vjp(self, on_G: Array, on_features: Array) -> tuple[Array, Array]:
+        """Gradients (K, 3) and (B,) of sum(on_G * G) + on_features . f, by pose and betas."""
+        by, below = self.derivatives, self.kinematics.ancestors.T
+        # all that is at and below a joint turns about where the joint is
+        torque, force = below @ axial(on_G, self.G), below @ on_G[:, :, 3]
+        torque -= np.cross(self.joints, force)
+        on_pose = np.einsum("kad,kd->ka", by.axes, torque)
+        on_pose[1:] += np.einsum("kna,kn->ka", by.d_features[1:], on_features.reshape(-1, 9))
+        return on_pose, np.einsum("bkd,kd->b", by.d_shift, on_G[:, :, 3])
 
 
 @dataclass(frozen=True, eq=False)
-class Together:
-    """The kinematics at poses (M, K, 3) rad and betas (M, B), found for all when asked for one."""
+class MotionDerivatives:
+    """How a motion, or several, changes with pose and betas.
 
-    kinematics: Kinematics
-    poses: Array
-    betas: Array
+    Attributes:
+        sizes: K and B.
+        numbers: (..., 36 K + 3 B K), of which axes, d_features and d_shift are parts.
+    """
+
+    sizes: tuple[int, int]
+    numbers: Array
+
+    def __getitem__(self, which: int | slice) -> MotionDerivatives:
+        """The derivatives of one or some of several motions."""
+        return MotionDerivatives(self.sizes, self.numbers[which])
 
     @cached_property
-    def motions(self) -> Motion:
-        """The motions of all poses."""
-        return self.kinematics.motions(self.poses, self.betas)
+    def axes(self) -> Array:
+        """w: the axis about which the world turns by each number of the pose, (..., K, 3, 3)."""
+        K, _ = self.sizes
+        return self.numbers[..., : 9 * K].reshape(*self.numbers.shape[:-1], K, 3, 3)
 
     @cached_property
-    def slopes(self) -> Slopes:
-        """The derivatives of all motions."""
-        return self.kinematics.slopes_batch(self.poses, self.betas)
+    def d_features(self) -> Array:
+        """The nine features of each joint by its three numbers, (..., K, 9, 3): root zero."""
+        K, _ = self.sizes
+        return self.numbers[..., 9 * K : 36 * K].reshape(*self.numbers.shape[:-1], K, 9, 3)
+
+    @cached_property
+    def d_shift(self) -> Array:
+        """The last column of each G by betas, (..., B, K, 3)."""
+        K, B = self.sizes
+        return self.numbers[..., 36 * K :].reshape(*self.numbers.shape[:-1], B, K, 3)
+
+    @cached_property
+    def turns(self) -> Array:
+        """The maps u -> w_ka x u in rows (a, d), (..., K, 9, 3)."""
+        return crossed(self.axes).reshape(*self.axes.shape[:-2], 9, 3)
 
 
-class _Functions(NamedTuple):
-    """CasADi functions of pose and betas, and the adjoint of the first."""
+class PointsAtMotion(ABC):
+    """Points of a body at one motion and shape, before translation."""
 
-    motion: Buffered
-    slopes: Buffered
-    back: Buffered
+    @property
+    @abstractmethod
+    def points(self) -> Array:
+        """The posed points, (N, 3) m."""
+
+    @abstractmethod
+    def write_jacobian(
+        self, by: MotionDerivatives, into: Mapping[str, RowTarget], scale: Array | None
+    ) -> None:
+        """Write the transposed derivative into `pose` (3 K, 3 N), `betas`, `trans` and `offsets`.
+
+        Each column is multiplied by its scale (3 N,), if there is one.
+        """
+
+    def write_jacobian_over_zeros(
+        self, by: MotionDerivatives, into: Mapping[str, RowTarget], scale: Array | None
+    ) -> None:
+        """The same where `into` holds zeros wherever the derivative is always zero."""
+        self.write_jacobian(by, into, scale)
+
+    @abstractmethod
+    def vjp(self, cotangent: Array) -> tuple[Array, Array, Array]:
+        """Gradients of cotangent (N, 3) . points by G (K, 3, 4), features and betas."""
+
+    def vjp_of_offsets(self, cotangent: Array) -> Array:
+        """The gradient of cotangent (N, 3) . points by offsets (N, 3), where points have these."""
+        raise NotImplementedError("these points have no offsets")
 
 
 class Kinematics:
-    """A body's joints, motions and features as functions of pose and betas; their adjoints.
+    """A body's joints, motions and features as functions of pose and betas.
 
-    `compiled`, if it is given, computes all but the adjoints; CasADi computes these, and the
-    others too without it.
+    `compiled`, if it is given, computes them in place of NumPy.
+
+    Attributes:
+        skeleton: the joints at rest.
+        parents: (K,).
+        ancestors: (K, K), see `kinematics.ancestors`.
+        bind: (K, 3, 3) the rotations of the joints in the bind pose, in their parents' frames.
+        bound: (K, 3, 3) the same in the world.
     """
 
     def __init__(
@@ -167,132 +188,92 @@ class Kinematics:
         skeleton: Skeleton,
         bind_pose: Array,
         parents: Sequence[int],
-        compiled: JointNumbers | None = None,
+        compiled: CompiledJoints | None = None,
     ) -> None:
-        K, _, B = skeleton.slopes.shape
-        self._sizes, self.skeleton, self.ancestors = (K, B), skeleton, ancestors(parents)
-        self._bind_pose, self._parents, self._compiled = bind_pose, tuple(parents), compiled
-        self._last: tuple[tuple[bytes, bytes], Posed] | None = None
+        K, _, B = skeleton.by_betas.shape
+        self.skeleton, self.parents, self._compiled = skeleton, tuple(parents), compiled
+        self.ancestors = ancestors(parents)
+        self.bind = matrix_from_vector(bind_pose)
+        self.bound = world_rotations(self.bind, parents)
+        self._up = np.maximum(parents, 0)  # the root's is not used
+        self._bound_above = np.concatenate([np.eye(3)[None], self.bound[self._up[1:]]])
+        at = np.concatenate([skeleton.mean[:, :, None], skeleton.by_betas], axis=2)
+        bones = at.copy()  # each joint in its parent's frame, as an affine function of betas
+        bones[1:] = self._bound_above[1:].swapaxes(1, 2) @ (at[1:] - at[self._up[1:]])
+        self._rest = np.concatenate([at, bones]).reshape(6 * K, 1 + B).T.copy()
+        up = np.append(np.array(self.parents) % (K + 1), K)  # K: the world, which is its own parent
+        self._jumps = []  # to the ancestor 1, 2, 4 and so on generations above
+        while (up < K).any():
+            self._jumps.append(up)
+            up = up[up]
+        self._last: tuple[tuple[bytes, bytes], JointMotion] | None = None
 
-    @cached_property
-    def _functions(self) -> _Functions:
-        (K, B), parents = self._sizes, self._parents
-        pose, betas = cs.SX.sym("pose", 3, K), cs.SX.sym("betas", B)
-        rest = self.skeleton.joints(betas)
-        R, R_bind = rodrigues(pose), rodrigues(cs.SX(cs.DM(self._bind_pose.T)))
-        G, joints = binding_motions(R, R_bind, rest, parents)
-        features = pose_features(R, R_bind)
-        world = world_motions(R, bones_of(rest, R_bind, parents), parents)
-        by_angle = local_slopes(pose, R)
-        above = [cs.SX.eye(3), *(world[parent][0] for parent in parents[1:])]
-        axes = turning_axes(by_angle, R, above)
-        d_features = [cs.vec(D.T) for own in by_angle[1:] for D in own]
-        stacked = cs.horzcat(*G)  # (3, 4 K)
-        turns = [cs.SX.eye(3), *(motion[:, :3] for motion in G)]
-        steps = [turns[parent + 1] - turn for parent, turn in zip(parents, turns[1:], strict=True)]
-        each = cs.horzsplit(pose)
-        halved = cs.vertcat(cs.SX(0, 1), *[halved_features(own) for own in each[1:]])
-        outputs = [cs.vertcat(*[cs.vec(motion.T) for motion in G]), features, joints, halved]
-        slopes = [
-            cs.vertcat(*[cs.vec(cs.skew(axis).T) for axis in axes]),
-            cs.vertcat(*d_features) if d_features else cs.SX(0, 1),
-            cs.vertcat(*[cs.vec(step.T) for step in steps]),
-            cs.vertcat(*[numbers_of(own) for own in each]),
-        ]
-        pull_G = cs.SX.sym("pull_G", 3, 4 * K)
-        pull_f = cs.SX.sym("pull_f", features.shape[0])
-        felt = cs.dot(pull_G, stacked) + cs.dot(pull_f, features)
-        back = [cs.densify(cs.gradient(felt, pose)), cs.densify(cs.gradient(felt, betas))]
-        of = [pose, betas]
-        moving, sloping = (
-            Buffered(cs.Function("kinematics", of, [cs.densify(part) for part in parts]))
-            for parts in (outputs, slopes)
-        )
-        adjoint = cs.Function("adjoint", [*of, pull_G, pull_f], back)
-        return _Functions(moving, sloping, Buffered(adjoint))
+    def motion_kept(self, pose: Array, betas: Array) -> JointMotion:
+        """The motion at pose (K, 3) rad and betas (B,); that of the last pose is kept.
 
-    def evaluate(self, pose: Array, betas: Array) -> Posed:
-        """The kinematics at pose (K, 3) rad and betas (B,), computed when they are asked for.
-
-        Those of the last pose are kept, for several sources of points may ask for the same one.
+        Several sources of points may ask for the same one.
         """
         last, key = self._last, (pose.tobytes(), betas.tobytes())
         if last is None or key != last[0]:
-            last = key, Posed(self, np.array(pose), np.array(betas))  # copies: it is lazy
+            last = key, self.motion(pose, betas)
             self._last = last  # once: a thread may replace it
         return last[1]
 
-    def evaluate_each(self, poses: Array, betas: Array) -> list[Posed]:
-        """The kinematics at each of the poses (M, K, 3) rad with its betas (M, B)."""
-        among = Together(self, poses, betas)
-        return [Posed(self, poses[i], betas[i], among, i) for i in range(len(poses))]
+    def motion(self, pose: Array, betas: Array) -> JointMotion:
+        """The motion at pose (..., K, 3) rad and betas (..., B).
 
-    def motion(self, pose: Array, betas: Array) -> Motion:
-        """The motion at pose (K, 3) rad and betas (B,)."""
+        Raises ValueError for arrays of other sizes.
+        """
+        K, _, B = self.skeleton.by_betas.shape
+        some = betas.shape[:-1]
+        if betas.shape[-1] != B:
+            raise ValueError(f"there are {B} betas, not {betas.shape[-1]}")
+        theta = np.array(pose, dtype=np.float64, order="C").reshape(*some, K, 3)  # kept
+        motion = JointMotion(self, theta, np.empty((*some, 24 * K - 9)))
         if self._compiled is not None:
-            return self._compiled.motion(pose, betas)
-        return self._shaped(self._functions.motion(pose, betas))
+            self._compiled.motion(motion, betas)
+        else:
+            self._move(motion, betas)
+        return motion
 
-    def motions(self, poses: Array, betas: Array) -> Motion:
-        """The motions at poses (M, K, 3) rad and betas (M, B), as arrays over all of them."""
+    def derivatives(self, motion: JointMotion) -> MotionDerivatives:
+        """The derivatives of a motion, or of several."""
+        K, _, B = self.skeleton.by_betas.shape
+        by = MotionDerivatives((K, B), np.empty((*motion.pose.shape[:-2], (36 + 3 * B) * K)))
         if self._compiled is not None:
-            return self._compiled.motions(poses, betas)
-        return self._shaped(self._motions(poses.reshape(len(poses), 3 * self._sizes[0]), betas))
+            self._compiled.derivatives(motion, by)
+        else:
+            self._derive(motion, by)
+        return by
 
-    def slopes(self, pose: Array, betas: Array) -> Slopes:
-        """The derivatives of the motion at pose (K, 3) rad and betas (B,)."""
-        if self._compiled is not None:
-            return self._compiled.slopes(pose, betas)
-        return self._shaped_slopes(self._functions.slopes(pose, betas))
+    def _move(self, motion: JointMotion, betas: Array) -> None:
+        K, some = len(self.parents), betas.shape[:-1]
+        R = matrix_from_vector(motion.pose)
+        rest = (self._rest[0] + betas @ self._rest[1:]).reshape(*some, 2, K, 3)
+        world = np.empty((*some, K + 1, 3, 4))
+        world[..., :K, :, :3], world[..., :K, :, 3] = R, rest[..., 1, :, :]
+        world[..., K, :, :] = np.eye(3, 4)
+        for up in self._jumps:  # each motion is from 1, 2, 4 and so on generations above
+            above = world.take(up, axis=-3)
+            world = above[..., :3] @ world
+            world[..., 3] += above[..., 3]
+        world = world[..., :K, :, :]
+        motion.features[...] = (R - self.bind)[..., 1:, :, :].reshape(*some, 9 * (K - 1))
+        motion.joints[...] = world[..., 3]
+        turn = np.matmul(world[..., :3], self.bound.swapaxes(1, 2), out=motion.G[..., :3])
+        motion.G[..., 3] = motion.joints - (turn @ rest[..., 0, :, :, None])[..., 0]
 
-    def motion_and_slopes(self, pose: Array, betas: Array) -> tuple[Motion, Slopes]:
-        """Both of them at pose (K, 3) rad and betas (B,)."""
-        if self._compiled is not None:
-            return self._compiled.motion_and_slopes(pose, betas)
-        return self.motion(pose, betas), self.slopes(pose, betas)
-
-    def slopes_batch(self, poses: Array, betas: Array) -> Slopes:
-        """The derivatives of the motions at poses (M, K, 3) rad and betas (M, B), as arrays."""
-        if self._compiled is not None:
-            return self._compiled.slopes_batch(poses, betas)
-        return self._shaped_slopes(
-            self._slopes_batch(poses.reshape(len(poses), 3 * self._sizes[0]), betas)
-        )
-
-    @cached_property
-    def _motions(self) -> Batched:
-        return Mapped(self._functions.motion.function, (False, False))
-
-    @cached_property
-    def _slopes_batch(self) -> Batched:
-        return Mapped(self._functions.slopes.function, (False, False))
-
-    def _shaped(self, outputs: Sequence[Array]) -> Motion:
-        (K, _), (G, features, joints, halved) = self._sizes, outputs
-        some = features.shape[:-1]
-        return Motion(
-            G.reshape(*some, K, 3, 4),
-            features,
-            joints.reshape(*some, K, 3),
-            halved,
-        )
-
-    def _shaped_slopes(self, outputs: Sequence[Array]) -> Slopes:
-        (K, B), (turns, d_features, steps, halves) = self._sizes, outputs
-        some = steps.shape[:-1]
-        # Joint k is where G_k and its parent's G agree, so the last column of G_k is that of its
-        # parent plus (R_parent - R_k) J_k, and J_k is linear in betas.
-        own = steps.reshape(*some, K, 3, 3) @ self.skeleton.slopes  # (..., K, 3, B)
-        return Slopes(
-            turns.reshape(*some, K, 9, 3),
-            d_features.reshape(*some, max(0, K - 1), 3, 9),
-            own.swapaxes(-1, -3).reshape(*some, 3 * B, K) @ self.ancestors.T,
-            halves.reshape(*some, K, NUMBERS),
-        )
-
-    def vjp(
-        self, pose: Array, betas: Array, on_G: Array, on_features: Array
-    ) -> tuple[Array, Array]:
-        """The gradients (K, 3) and (B,) of sum(on_G * G) + on_features . f, on_G (K, 3, 4)."""
-        on_pose, on_betas = self._functions.back(pose, betas, on_G.transpose(0, 2, 1), on_features)
-        return on_pose.reshape(pose.shape), on_betas
+    def _derive(self, motion: JointMotion, by: MotionDerivatives) -> None:
+        (K, _, B), some = self.skeleton.by_betas.shape, motion.pose.shape[:-2]
+        turn = motion.G[..., :3]
+        above = turn[..., self._up, :, :]
+        above[..., 0, :, :] = np.eye(3)
+        L = left_jacobian(motion.pose)
+        by.axes[...] = (above @ self._bound_above @ L).swapaxes(-1, -2)
+        R = motion.features.reshape(*some, K - 1, 1, 3, 3) + self.bind[1:, None]
+        turned = crossed(L[..., 1:, :, :].swapaxes(-1, -2)) @ R  # (..., K - 1, a, 3, 3)
+        by.d_features[..., 0, :, :] = 0
+        by.d_features[..., 1:, :, :] = turned.reshape(*some, K - 1, 3, 9).swapaxes(-1, -2)
+        own = ((above - turn) @ self.skeleton.by_betas).reshape(*some, K, 3 * B)
+        shift = (self.ancestors @ own).reshape(*some, K, 3, B)
+        by.d_shift[...] = np.moveaxis(shift, -1, -3)

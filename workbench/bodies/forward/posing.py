@@ -1,4 +1,4 @@
-"""Many poses of one tree at once, in the form in which skinning is linear.
+"""Many poses of one tree at once, in the form in which skinning is linear; and its inverse.
 
 With A the ancestors, c = w A the weight at or below each joint, and D_m = R_parent(m) - R_m,
 
@@ -8,14 +8,22 @@ because a joint's binding motion takes v to R_k v + sum over m on the path to k 
 the posed points are linear in everything but the rotations, also in the joints j.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from workbench.arrays import Array
 from workbench.bodies.forward.kinematics import ancestors
-from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
+from workbench.bodies.forward.skinning import blend_matrices
+from workbench.errors import BadBody
+from workbench.geometry.rotation import CROSS, crossed, matrix_from_vector, vector_from_matrix
+
+if TYPE_CHECKING:
+    from workbench.bodies.skinned import SkinnedBody
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +41,7 @@ class Posing:
     world: Array
 
     @staticmethod
-    def of(poses: Array, parents: Sequence[int]) -> "Posing":
+    def of(poses: Array, parents: Sequence[int]) -> Posing:
         """The rotations of poses (J, K, 3) rad, given as rotation vectors."""
         local = matrix_from_vector(poses)
         return Posing(tuple(parents), local, world_rotations(local, parents))
@@ -57,7 +65,7 @@ class Posing:
         """The matrices D of the equation above, (J, K, 3, 3)."""
         return self.above - self.world
 
-    def turned(self, by: Array) -> "Posing":
+    def turned(self, by: Array) -> Posing:
         """The poses after a further turn of each joint in its parent's frame, (J, K, 3) rad."""
         return Posing.of(vector_from_matrix(matrix_from_vector(by) @ self.local), self.parents)
 
@@ -66,7 +74,7 @@ class Posing:
         """Rotation vectors (J, K, 3) rad."""
         return vector_from_matrix(self.local)
 
-    def only(self, some: slice) -> "Posing":
+    def only(self, some: slice) -> Posing:
         """The poses of these rows."""
         return Posing(self.parents, self.local[some], self.world[some])
 
@@ -103,18 +111,40 @@ def local_rotations(world: Array, parents: Sequence[int]) -> Array:
     return local
 
 
-def crossed(w: Array) -> Array:
-    """The matrix [w]x (..., 3, 3) of the cross product v -> w x v."""
-    x, y, z = np.moveaxis(w, -1, 0)
-    o = np.zeros_like(x)
-    rows = np.stack([o, -z, y, z, o, -x, -y, x, o], axis=-1)
-    return rows.reshape(*w.shape, 3)
+def axial(cotangent: Array, G: Array) -> Array:
+    """The gradient (..., 3) by w of sum(cotangent * [w]x G), for G (..., 3, n)."""
+    X = cotangent @ G.swapaxes(-1, -2)
+    return np.asarray(X.reshape(*X.shape[:-2], 9) @ CROSS.T)
 
 
-def axial(cotangent: Array, R: Array) -> Array:
-    """The gradient by w of sum(cotangent * [w]x R), (..., 3)."""
-    X = cotangent @ R.swapaxes(-1, -2)
-    return np.stack(
-        [X[..., 2, 1] - X[..., 1, 2], X[..., 0, 2] - X[..., 2, 0], X[..., 1, 0] - X[..., 0, 1]],
-        axis=-1,
-    )
+def unpose(body: SkinnedBody, pose: Array, vertices: Array) -> Array:
+    """T (N, 3) m with W(T + B_P(theta), J_regressor T, theta) = V, for V (N, 3) m in pose (K, 3).
+
+    Where the body has joints of its own, they take the place of J_regressor T.
+
+    Skinning is linear in the rest shape, its joints included: V_i = M_i (T_i + P_i f) + sum_m
+    c_im D_m (J_regressor T)_m. The M_i are 3 x 3, the joints few, so what is to be solved is 3 K
+    equations for the joints. T stands where the posed root stands: translation is not sought.
+
+    Raises BadBody for a body whose skinning or features are not SMPL's.
+    """
+    if not body.is_smpl:
+        raise BadBody(
+            f"body {body.name!r} cannot be unposed: that takes linear_blend and rotation_elements"
+        )
+    posing = Posing.of(np.asarray(pose, dtype=float).reshape(1, body.n_joints, 3), body.parents)
+    N, K = body.weights.shape
+    M = blend_matrices(body.weights, posing.world[0])
+    carried = body.weights @ ancestors(body.parents)
+    straight = np.linalg.solve(M, vertices[..., None])[..., 0]
+    without_joints = straight - body.posedirs @ posing.features[0]
+    # T = without_joints - M^-1 sum_m c_m D_m j_m; the joints are the regressor's of that
+    levers = posing.levers[0].transpose(1, 0, 2).reshape(3, 3 * K)  # columns (m, b)
+    by_joints = np.linalg.solve(M, np.broadcast_to(levers, (N, 3, 3 * K)))
+    by_joints = by_joints * np.repeat(carried, 3, axis=1)[:, None, :]  # (N, 3, 3 K)
+    if body.rest_joints is not None:
+        joints = body.rest_joints.ravel()
+    else:
+        system = np.eye(3 * K) + (body.J_regressor @ by_joints.reshape(N, -1)).reshape(3 * K, 3 * K)
+        joints = np.linalg.solve(system, (body.J_regressor @ without_joints).ravel())
+    return np.asarray(without_joints - by_joints @ joints)

@@ -36,10 +36,10 @@ class Rows:
         return self.count
 
 
-Target = Array | Rows
+RowTarget = Array | Rows
 
 
-def write(into: Target, found: Array, scale: Array | float | None) -> None:
+def write(into: RowTarget, found: Array, scale: Array | float | None) -> None:
     """Write the rows that are wanted, out of an array of all rows, each column times its scale."""
     factor = 1.0 if scale is None else scale
     for first, array in Rows.of(into).parts:

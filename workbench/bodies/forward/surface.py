@@ -5,24 +5,35 @@ M(theta, beta) = W(T + B_S(beta) + B_P(theta), J(beta), theta)        (SMPL eq. 
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
 import casadi as cs
 import numpy as np
+from scipy.sparse import csc_array
 
 from workbench.blocks.functions import sparse_constant
-from workbench.bodies.forward.arrays import ALL, SkinnedArrays, Vertices
 from workbench.bodies.forward.features import Posture
-from workbench.bodies.forward.kinematics import binding_motions
-from workbench.bodies.forward.skeleton import Skeleton
+from workbench.bodies.forward.kinematics import Skeleton, binding_motions
+from workbench.bodies.forward.skinning import linear_blend
+
+if TYPE_CHECKING:
+    from workbench.bodies.body import Landmarks
+    from workbench.bodies.forward.few_points import RestPoints
+    from workbench.bodies.skinned import SkinnedBody
+
+Vertices = Sequence[int] | slice
+ALL = slice(None)
 
 
-def template(body: SkinnedArrays, vertices: Vertices = ALL) -> cs.MX:
+def template(body: SkinnedBody, vertices: Vertices = ALL) -> cs.MX:
     """The mean person at rest, (3, N) m; a symbol if it is free."""
     if "template" in body.free:
         return body.free["template"].symbol[:, vertices]
     return cs.MX(cs.DM(body.template[vertices].T))
 
 
-def directions(body: SkinnedArrays, name: str, vertices: Vertices = ALL) -> cs.MX:
+def directions(body: SkinnedBody, name: str, vertices: Vertices = ALL) -> cs.MX:
     """`shapedirs` (3 N, B), or `posedirs` with a column for each pose feature; sparse unless free.
 
     The rows are the coordinates of the points, x, y and z of one point after the other.
@@ -35,20 +46,20 @@ def directions(body: SkinnedArrays, name: str, vertices: Vertices = ALL) -> cs.M
     return cs.MX(cs.sparsify(cs.DM(some.reshape(3 * len(some), array.shape[2]))))
 
 
-def weights(body: SkinnedArrays, vertices: Vertices = ALL) -> cs.MX:
+def weights(body: SkinnedBody, vertices: Vertices = ALL) -> cs.MX:
     """The skinning weights, (N, K), sparse unless they are free."""
     if "weights" in body.free:
         return body.free["weights"].symbol.T[vertices, :]
     return cs.MX(cs.sparsify(cs.DM(body.weights[vertices])))
 
 
-def shaped(body: SkinnedArrays, betas: cs.MX, vertices: Vertices = ALL) -> cs.MX:
+def shaped(body: SkinnedBody, betas: cs.MX, vertices: Vertices = ALL) -> cs.MX:
     """T + B_S(beta), (3, N) m: one person at rest, before the pose blend shapes."""
     mean = template(body, vertices)
     return mean + cs.reshape(directions(body, "shapedirs", vertices) @ betas, mean.shape)
 
 
-def rest_joints(body: SkinnedArrays, betas: cs.MX) -> cs.MX:
+def rest_joints(body: SkinnedBody, betas: cs.MX) -> cs.MX:
     """J(beta) = J_regressor (T + B_S(beta)), (3, K) m (SMPL eq. 10); or free joints, for all."""
     if "joints" in body.free:
         return body.free["joints"].symbol
@@ -59,25 +70,25 @@ def rest_joints(body: SkinnedArrays, betas: cs.MX) -> cs.MX:
     return Skeleton.of(body).joints(betas)
 
 
-def posture(body: SkinnedArrays, pose: cs.MX, betas: cs.MX) -> Posture:
+def posture(body: SkinnedBody, pose: cs.MX, betas: cs.MX) -> Posture:
     """A person's pose with its rotations, beside the one that the template is drawn in."""
     return Posture.of(pose, cs.DM(body.bind_pose.T), betas)
 
 
-def motions(body: SkinnedArrays, at: Posture) -> tuple[list[cs.MX], cs.MX]:
+def motions(body: SkinnedBody, at: Posture) -> tuple[list[cs.MX], cs.MX]:
     """The binding motion (3, 4) of each joint, and the posed joints (3, K) m."""
     return binding_motions(at.R, at.R_bind, rest_joints(body, at.betas), body.parents)
 
 
-def rest(body: SkinnedArrays, at: Posture, vertices: Vertices = ALL) -> cs.MX:
+def rest(body: SkinnedBody, at: Posture, vertices: Vertices = ALL) -> cs.MX:
     """T + B_S(beta) + B_P(theta), (3, N) m: what is skinned."""
     person = shaped(body, at.betas, vertices)
-    bulges = directions(body, "posedirs", vertices) @ body.features(at)
-    return person + cs.reshape(bulges, person.shape)
+    corrections = directions(body, "posedirs", vertices) @ body.features(at)
+    return person + cs.reshape(corrections, person.shape)
 
 
 def posed(
-    body: SkinnedArrays,
+    body: SkinnedBody,
     pose: cs.MX,
     betas: cs.MX,
     trans: cs.MX,
@@ -92,3 +103,32 @@ def posed(
         points = points + displaced
     skinned = body.skinning(points, G, weights(body, vertices))
     return skinned + cs.repmat(trans, 1, points.shape[1])
+
+
+def posed_landmarks(
+    body: SkinnedBody,
+    landmarks: Landmarks,
+    rest_points: Callable[[], RestPoints],
+    symbols: tuple[cs.MX, cs.MX, cs.MX],
+    offsets: cs.MX | None = None,
+) -> cs.MX:
+    """The landmarks (3, L) m in the symbols of pose, betas and trans; `offsets` (3, L) m.
+
+    Only the vertices that carry weight are posed. Where that is exact, the landmarks come from
+    their `rest_points` instead.
+    """
+    if not body.free and body.skinning is linear_blend:
+        pose, betas, trans = symbols
+        at = posture(body, pose, betas)
+        G, _ = motions(body, at)
+        means = rest_points().expression(G, body.features(at), betas, offsets)
+        return means + cs.repmat(trans, 1, len(landmarks.names))
+    if offsets is None:
+        regressor, used = landmarks.of_vertices
+        return posed(body, *symbols, used) @ cs.MX(sparse_constant(regressor.T))
+    pairs = landmarks.regressor.tocoo()  # a vertex of two landmarks is displaced by each
+    owner, vertices = (np.asarray(axis, dtype=np.int64) for axis in pairs.coords)
+    each = np.arange(len(owner))
+    own = csc_array((np.ones(len(owner)), (owner, each)), shape=(len(landmarks.names), len(owner)))
+    each_posed = posed(body, *symbols, vertices.tolist(), offsets @ sparse_constant(own))
+    return each_posed @ cs.MX(sparse_constant(own.T.multiply(pairs.data[:, None])))

@@ -15,7 +15,7 @@ from scipy.sparse import csr_array
 from workbench.arrays import Array, Index
 from workbench.blocks import Block, Points
 from workbench.bodies.body import Body, Given, Landmarks, arguments, regressed
-from workbench.bodies.forward.arguments import Arguments
+from workbench.bodies.forward.sources import Arguments
 from workbench.bodies.readonly import readonly_parts
 from workbench.bodies.triangles.numbers import PackedTriangles, TriangleNumbers
 from workbench.bodies.triangles.points import deformed, surface_points

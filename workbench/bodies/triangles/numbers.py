@@ -19,9 +19,10 @@ from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
 from workbench.bodies.forward.kinematics import ancestors
-from workbench.bodies.forward.posing import axial, crossed, world_rotations
-from workbench.bodies.forward.rows import Target, write
-from workbench.geometry.rotation import left_jacobian, matrix_from_vector
+from workbench.bodies.forward.named_points import BodyPoints, BodyPointsAt
+from workbench.bodies.forward.posing import axial, world_rotations
+from workbench.bodies.forward.rows import RowTarget, write
+from workbench.geometry.rotation import crossed, left_jacobian, matrix_from_vector
 from workbench.geometry.triangles import edges
 
 if TYPE_CHECKING:
@@ -116,23 +117,18 @@ class PackedTriangles:
 
 
 @dataclass(frozen=True, eq=False)
-class TriangleNumbers:
+class TriangleNumbers(BodyPoints):
     """The vertices of a triangle body by arithmetic."""
 
     packed: PackedTriangles
 
-    def evaluate(self, pose: Array, betas: Array, trans: Array | None = None) -> TriangleSurface:
+    def evaluate(
+        self, pose: Array, betas: Array, trans: Array | None = None, *_: Array
+    ) -> TriangleSurface:
         """The surface at pose (K, 3) rad, betas (B,) and trans (3,) m, zero if it is not given."""
         return TriangleSurface(self.packed, pose, betas, np.zeros(3) if trans is None else trans)
 
-    def evaluate_each(self, poses: Array, betas: Array, trans: Array) -> list[TriangleSurface]:
-        """The surface at M poses, betas and translations."""
-        return [self.evaluate(*one) for one in zip(poses, betas, trans, strict=True)]
-
-    def together(self, names: Mapping[str, str], *arguments: Array) -> None:
-        """None: there is no arithmetic on several surfaces with their derivatives."""
-
-    def evaluate_batch(self, poses: Array, betas: Array, trans: Array) -> Array:
+    def evaluate_batch(self, poses: Array, betas: Array, trans: Array, *_: Array) -> Array:
         """The vertices (M, N, 3) m of M poses, betas and translations.
 
         Of M surfaces, every entry of the matrices B, D and of the edges is an array (F, M): a
@@ -176,7 +172,7 @@ class TriangleNumbers:
 
 
 @dataclass(frozen=True, eq=False)
-class TriangleSurface:
+class TriangleSurface(BodyPointsAt):
     """The surface at one pose (K, 3) rad, betas (B,) and trans (3,) m."""
 
     of: PackedTriangles
@@ -237,7 +233,7 @@ class TriangleSurface:
         right_side = of.stitching.edge_sums(_on_edges(self.B, self.shaped))
         return np.asarray(of.placed(right_side) + of.root + self.trans)
 
-    def write_jacobian(self, into: Mapping[str, Target], scale: Array | None) -> None:
+    def write_jacobian(self, into: Mapping[str, RowTarget], scale: Array | None) -> None:
         """Write the transposed derivative into `pose`, `betas` and `trans`, (size, 3 N) each."""
         N = self.of.stitching.n_vertices
         right_sides = {

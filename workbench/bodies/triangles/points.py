@@ -14,11 +14,10 @@ from workbench.arrays import Array
 from workbench.blocks import Block
 from workbench.blocks.functions import sparse_constant
 from workbench.bodies.body import regressed
-from workbench.bodies.forward.arguments import Arguments
 from workbench.bodies.forward.kinematics import world_rotations
-from workbench.bodies.forward.numeric_sources import Named
-from workbench.bodies.forward.rows import Target, write
-from workbench.bodies.forward.sources import BodySource
+from workbench.bodies.forward.named_points import BlockPoints, BodyPoints, BodyPointsAt
+from workbench.bodies.forward.rows import RowTarget, write
+from workbench.bodies.forward.sources import Arguments, BodySource
 from workbench.bodies.triangles.numbers import PackedTriangles, TriangleNumbers, TriangleSurface
 
 
@@ -108,13 +107,13 @@ def surface_points(
         names,
         tuple(free.values()),
         express,
-        lambda maps: None if free else Named(arithmetic, maps),
+        lambda maps: None if free else BlockPoints(arithmetic, maps),
         rigid_bones=regressor is None,
     )
 
 
 @dataclass(frozen=True, eq=False)
-class NumericMeans:
+class NumericMeans(BodyPoints):
     """Weighted means of the points of a surface, by a regressor (M, N)."""
 
     surface: TriangleNumbers
@@ -125,24 +124,17 @@ class NumericMeans:
         """The matrix of weighted means, for each coordinate: (3 M, 3 N)."""
         return csr_array(kron(self.regressor, np.eye(3), format="csr"))
 
-    def evaluate(self, pose: Array, betas: Array, trans: Array) -> MeansAt:
+    def evaluate(self, pose: Array, betas: Array, trans: Array, *_: Array) -> MeansAt:
         """The means at one pose, betas and translation."""
         return MeansAt(self, self.surface.evaluate(pose, betas, trans))
 
-    def evaluate_each(self, poses: Array, betas: Array, trans: Array) -> list[MeansAt]:
-        """The means at M poses, betas and translations."""
-        return [MeansAt(self, here) for here in self.surface.evaluate_each(poses, betas, trans)]
-
-    def together(self, names: Mapping[str, str], *arguments: Array) -> None:
-        """None: there is no arithmetic on several surfaces with their derivatives."""
-
-    def evaluate_batch(self, poses: Array, betas: Array, trans: Array) -> Array:
+    def evaluate_batch(self, poses: Array, betas: Array, trans: Array, *_: Array) -> Array:
         """The means (P, M, 3) m of P poses, betas and translations."""
         return regressed(self.regressor, self.surface.evaluate_batch(poses, betas, trans))
 
 
 @dataclass(frozen=True, eq=False)
-class MeansAt:
+class MeansAt(BodyPointsAt):
     """The means at one pose, betas and trans."""
 
     of: NumericMeans
@@ -153,7 +145,7 @@ class MeansAt:
         """The weighted means of the posed vertices, (M, 3) m."""
         return np.asarray(self.of.regressor @ self.surface.points)
 
-    def write_jacobian(self, into: Mapping[str, Target], scale: Array | None) -> None:
+    def write_jacobian(self, into: Mapping[str, RowTarget], scale: Array | None) -> None:
         """Write the transposed derivative into `pose`, `betas` and `trans`, (size, 3 M) each."""
         N = self.of.regressor.shape[1]
         whole = {name: np.empty((len(target), 3 * N)) for name, target in into.items()}

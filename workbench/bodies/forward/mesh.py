@@ -1,19 +1,18 @@
-"""The posed surface and its derivatives in numbers: kinematics from CasADi, the mesh by BLAS.
+"""The posed surface and its derivatives by NumPy, chunk by chunk.
 
-The kinematics do not know how many vertices there are: CasADi derives them, once per body. What
-is left per vertex is linear in what they say. With v_i = T_i + S_i betas + P_i f the rest vertex
-and R_i = sum_j w_ij R_j,
+The kinematics (`motion`) do not know how many vertices there are, and what is left per vertex is
+linear in what they say. With v_i = T_i + S_i betas + P_i f at rest and R_i = sum_j w_ij R_j,
 
-    v'_i = sum_j w_ij G'_j v_i
-    dv'_i/dpose[k, a] = w_ka x sum_{j at or below k} w_ij (G'_j v_i - t_k) + R_i P_ik df/dpose[k, a]
-    dv'_i/dbetas[b]   = R_i S_ib + sum_j w_ij dG'_j/dbetas[b] v_i
+    v'_i = sum_j w_ij G_j v_i
+    dv'_i/dpose[k, a] = w_ka x sum_{j at or below k} w_ij (G_j v_i - t_k) + R_i P_ik df/dpose[k, a]
+    dv'_i/dbetas[b]   = R_i S_ib + sum_j w_ij dG_j/dbetas[b] v_i
 
 where w_ka is the axis about which the world turns when pose[k, a] grows, and t_k the posed joint
 it turns about. Arrays are packed in chunks of vertices that stay in the processor's cache,
 coordinates first, so that every operation runs along vertices.
 
 Most joints leave a vertex alone. A chunk therefore holds the posedirs only of those joints that
-bend its vertices, and the derivatives by all other joints are zero.
+correct its vertices, and the derivatives by all other joints are zero.
 """
 
 from __future__ import annotations
@@ -22,13 +21,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import accumulate
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from workbench.arrays import Array, Index
-from workbench.bodies.forward.arrays import SurfaceArrays
-from workbench.bodies.forward.motion import Motion, Slopes
-from workbench.bodies.forward.rows import Rows, Target
+from workbench.bodies.forward.motion import JointMotion, MotionDerivatives, PointsAtMotion
+from workbench.bodies.forward.rows import Rows, RowTarget
+
+if TYPE_CHECKING:
+    from workbench.bodies.forward.compiled import TrialArrays
+    from workbench.bodies.skinned import SkinnedBody
 
 CHUNK = 512  # vertices: measured, and flat from there on
 TOGETHER = 96  # bodies in one matrix product, half of 192 walkers: measured, flat from 32 on
@@ -36,29 +39,35 @@ WIDE = 12, 3, 3  # numbers a vertex: blended motion, rest, moved
 
 
 @dataclass(frozen=True, eq=False)
-class Chunk:
+class VertexChunk:
     """Some vertices, coordinate by coordinate: n of them.
 
     Attributes:
         rows: where these vertices stand among all.
-        template: (3 n,).
-        shapedirs: (B, 3 n).
-        posedirs: (9 U, 3 n), of the U joints that bend any of these vertices.
+        directions: (1 + B + 9 U, 3 n), template, shapedirs and the posedirs of the U joints that
+            correct any of these vertices.
+        edge: 1 + B, the first row of posedirs.
         weights: (K, n).
-        directions: (1 + B + 9 U, 3 n), template, shapedirs and posedirs in one array, of which they
-            are parts.
-        benders: (U,) these joints, less one: the root bends nothing.
-        used: (9 U,) the features that these posedirs are multiplied with.
+        corrected: (U,) these joints.
+        used: (9 U,) the features that their posedirs are multiplied with.
     """
 
     rows: slice
-    template: Array
-    shapedirs: Array
-    posedirs: Array
-    weights: Array
     directions: Array
-    benders: Index
+    edge: int
+    weights: Array
+    corrected: Index
     used: Index
+
+    @property
+    def shapedirs(self) -> Array:
+        """(B, 3 n)."""
+        return self.directions[1 : self.edge]
+
+    @property
+    def posedirs(self) -> Array:
+        """(9 U, 3 n)."""
+        return self.directions[self.edge :]
 
     @property
     def columns(self) -> slice:
@@ -72,13 +81,13 @@ class Chunk:
         flat = along @ self.directions  # in one product, which reads memory in order
         return np.asarray(flat.reshape(*flat.shape[:-1], 3, -1))
 
-    def motion(self, motion: Motion) -> Array:
+    def blended(self, motion: JointMotion) -> Array:
         """sum_j w_j G_j, (3, 4, n)."""
         K, n = self.weights.shape
         return np.asarray((motion.G.reshape(K, 12).T @ self.weights).reshape(3, 4, n))
 
 
-def chunks_of(arrays: SurfaceArrays, vertices: slice | list[int]) -> list[Chunk]:
+def chunks_of(arrays: SkinnedBody | TrialArrays, vertices: slice | list[int]) -> list[VertexChunk]:
     """A body's vertices, or some of them, in order.
 
     The directions of all chunks stand in one array, one chunk after the other. NumPy asks the
@@ -86,59 +95,46 @@ def chunks_of(arrays: SurfaceArrays, vertices: slice | list[int]) -> list[Chunk]
     """
     chosen = np.arange(len(arrays.template))[vertices]
     pieces = [chosen[first : first + CHUNK] for first in range(0, len(chosen), CHUNK)]
-    benders = [_benders(arrays.posedirs[rows]) for rows in pieces]
+    corrected = [_corrected(arrays.posedirs[rows]) for rows in pieces]
     edge = 1 + arrays.shapedirs.shape[2]
-    sizes = [3 * len(r) * (edge + 9 * len(b)) for r, b in zip(pieces, benders, strict=True)]
-    room, ends = np.empty(sum(sizes)), accumulate(sizes)
-    packed: list[Chunk] = []
-    for rows, bending, size, end in zip(pieces, benders, sizes, ends, strict=True):
-        whole = room[end - size : end].reshape(-1, 3 * len(rows))
-        packed.append(_chunk(arrays, rows, CHUNK * len(packed), bending, whole))
+    sizes = [3 * len(r) * (edge + 9 * len(b)) for r, b in zip(pieces, corrected, strict=True)]
+    every, ends = np.empty(sum(sizes)), accumulate(sizes)
+    packed: list[VertexChunk] = []
+    for rows, joints, size, end in zip(pieces, corrected, sizes, ends, strict=True):
+        directions, n = every[end - size : end].reshape(-1, 3 * len(rows)), len(rows)
+        used = (9 * (joints[:, None] - 1) + np.arange(9)).ravel()
+        directions[0] = arrays.template[rows].T.ravel()
+        directions[1:edge] = arrays.shapedirs[rows].transpose(2, 1, 0).reshape(edge - 1, 3 * n)
+        directions[edge:] = arrays.posedirs[rows][:, :, used].transpose(2, 1, 0).reshape(-1, 3 * n)
+        places = slice(CHUNK * len(packed), CHUNK * len(packed) + n)
+        weights = np.ascontiguousarray(arrays.weights[rows].T)
+        packed.append(VertexChunk(places, directions, edge, weights, joints, used))
     return packed
 
 
-def _benders(posedirs: Array) -> Index:
-    """The joints whose posedirs (n, 3, 9 (K - 1)) are not all zero, less one."""
-    return np.flatnonzero(posedirs.any(axis=(0, 1)).reshape(-1, 9).any(axis=1))
-
-
-def _chunk(arrays: SurfaceArrays, rows: Index, first: int, benders: Index, whole: Array) -> Chunk:
-    """Some vertices, whose directions are written to `whole`."""
-    used = (9 * benders[:, None] + np.arange(9)).ravel()
-    edge = 1 + arrays.shapedirs.shape[2]
-    whole[0] = arrays.template[rows].T.ravel()
-    whole[1:edge] = _planar(arrays.shapedirs[rows])
-    whole[edge:] = _planar(arrays.posedirs[rows][:, :, used])
-    return Chunk(
-        slice(first, first + len(rows)),
-        whole[0],
-        whole[1:edge],
-        whole[edge:],
-        np.ascontiguousarray(arrays.weights[rows].T),
-        whole,
-        benders,
-        used,
-    )
+def _corrected(posedirs: Array) -> Index:
+    """The joints whose posedirs (n, 3, 9 (K - 1)) are not all zero; never the root."""
+    return 1 + np.flatnonzero(posedirs.any(axis=(0, 1)).reshape(-1, 9).any(axis=1))
 
 
 @dataclass(frozen=True, eq=False)
-class ChunkedArithmetic:
-    """The surface by NumPy, chunk after chunk; see Arithmetic."""
+class NumpyMesh:
+    """The surface by NumPy, chunk after chunk."""
 
-    chunks: list[Chunk]
+    chunks: list[VertexChunk]
     parents: tuple[int, ...]
 
-    def evaluate(self, motion: Motion, betas: Array) -> ChunkedSurface:
+    def at(self, motion: JointMotion, betas: Array) -> NumpyMeshAt:
         """The surface moved by a motion, of the person with these betas (B,)."""
-        return ChunkedSurface(self, motion, betas)
+        return NumpyMeshAt(self, motion, betas)
 
 
 @dataclass(frozen=True, eq=False)
-class ChunkedSurface:
-    """The points at one motion and shape, before translation; see AtOrigin."""
+class NumpyMeshAt(PointsAtMotion):
+    """The vertices at one motion and shape, before translation."""
 
-    of: ChunkedArithmetic
-    motion: Motion
+    of: NumpyMesh
+    motion: JointMotion
     betas: Array
     _rest: dict[int, Array] = field(default_factory=dict)  # by the chunk's first vertex
 
@@ -148,13 +144,13 @@ class ChunkedSurface:
         chunks = self.of.chunks
         found = np.empty((chunks[-1].rows.stop if chunks else 0, 3))
         for chunk in chunks:
-            M = chunk.motion(self.motion)
+            M = chunk.blended(self.motion)
             moved = np.einsum("dcn,cn->dn", M[:, :3], self._rest_of(chunk)) + M[:, 3]
             found[chunk.rows] = moved.T
         return found
 
     def write_jacobian(
-        self, slopes: Slopes, into: Mapping[str, Target], scale: Array | None
+        self, by: MotionDerivatives, into: Mapping[str, RowTarget], scale: Array | None
     ) -> None:
         """The points' derivative by `pose`, `betas` and `trans`, as far as `into` has them.
 
@@ -163,13 +159,13 @@ class ChunkedSurface:
         rows = {name: Rows.of(target) for name, target in into.items()}
         for chunk in self.of.chunks:
             n = chunk.weights.shape[1]
-            R = chunk.motion(self.motion)[:, :3]
+            R = chunk.blended(self.motion)[:, :3]
             factor = None if scale is None else scale[chunk.columns].reshape(n, 3).T
             if "pose" in rows:
                 below = _below(chunk, self._rest_of(chunk), self.motion, self.of.parents)
-                _write(rows["pose"], chunk.columns, _by_pose(chunk, below, R, slopes), factor)
+                _write(rows["pose"], chunk.columns, _by_pose(chunk, below, R, by), factor)
             if "betas" in rows:
-                _write(rows["betas"], chunk.columns, _by_betas(chunk, R, slopes), factor)
+                _write(rows["betas"], chunk.columns, _by_betas(chunk, R, by), factor)
             if "trans" in rows:
                 unit = np.repeat(np.eye(3)[:, :, None], n, axis=2)
                 _write(rows["trans"], chunk.columns, unit, factor)
@@ -186,12 +182,12 @@ class ChunkedSurface:
             np.multiply(p[:, None], self._rest_of(chunk)[None], out=outer[:, :3])
             outer[:, 3] = p
             on_G += chunk.weights @ outer.reshape(12, n).T
-            on_rest = np.einsum("dcn,dn->cn", chunk.motion(motion)[:, :3], p).reshape(-1)
+            on_rest = np.einsum("dcn,dn->cn", chunk.blended(motion)[:, :3], p).reshape(-1)
             on_features[chunk.used] += chunk.posedirs @ on_rest
             on_betas += chunk.shapedirs @ on_rest
         return on_G.reshape(K, 3, 4), on_features, on_betas
 
-    def _rest_of(self, chunk: Chunk) -> Array:
+    def _rest_of(self, chunk: VertexChunk) -> Array:
         """The vertices of a chunk at rest, (3, n), computed once."""
         first = chunk.rows.start
         if first not in self._rest:
@@ -199,7 +195,7 @@ class ChunkedSurface:
         return self._rest[first]
 
 
-def batch_points(chunks: list[Chunk], motions: Motion, betas: Array) -> Array:
+def batch_points(chunks: list[VertexChunk], motions: JointMotion, betas: Array) -> Array:
     """The vertices (M, N, 3) m for M motions and betas (M, B).
 
     Before translation, by matrix products over many of them at a time.
@@ -208,7 +204,7 @@ def batch_points(chunks: list[Chunk], motions: Motion, betas: Array) -> Array:
     found = np.empty((len(G), chunks[-1].rows.stop if chunks else 0, 3))
     widest = max((chunk.weights.shape[1] for chunk in chunks), default=0)
     # memory that is used again: new pages for every product would cost half as much as it
-    rooms = [np.empty(min(TOGETHER, len(G)) * wide * widest) for wide in WIDE]
+    buffers = [np.empty(min(TOGETHER, len(G)) * wide * widest) for wide in WIDE]
     along = np.concatenate([np.ones((len(G), 1)), betas, features], axis=1)
     ahead = np.arange(1 + betas.shape[1])  # of the features
     for first in range(0, len(G), TOGETHER):
@@ -217,7 +213,7 @@ def batch_points(chunks: list[Chunk], motions: Motion, betas: Array) -> Array:
         m = len(turned) // 12
         for chunk in chunks:
             n = chunk.weights.shape[1]
-            parts = (room[: m * wide * n] for room, wide in zip(rooms, WIDE, strict=True))
+            parts = (buffer[: m * wide * n] for buffer, wide in zip(buffers, WIDE, strict=True))
             M, rest, moved = (part.reshape(m, -1, n) for part in parts)
             np.matmul(turned, chunk.weights, out=M.reshape(12 * m, n))
             taken = along[some][:, np.append(ahead, len(ahead) + chunk.used)]
@@ -229,13 +225,7 @@ def batch_points(chunks: list[Chunk], motions: Motion, betas: Array) -> Array:
     return found
 
 
-def _planar(array: Array) -> Array:
-    """Directions (n, 3, B) as (B, 3 n), coordinate by coordinate."""
-    n, _, B = array.shape
-    return array.transpose(2, 1, 0).reshape(B, 3 * n)
-
-
-def _below(chunk: Chunk, rest: Array, motion: Motion, parents: tuple[int, ...]) -> Array:
+def _below(chunk: VertexChunk, rest: Array, motion: JointMotion, parents: tuple[int, ...]) -> Array:
     """sum_{j at or below k} w_ij (G'_j v_i - t_k), (K, 3, n) m."""
     K, n = chunk.weights.shape
     y = (motion.G[:, :, :3].reshape(3 * K, 3) @ rest).reshape(K, 3, n)
@@ -249,29 +239,25 @@ def _below(chunk: Chunk, rest: Array, motion: Motion, parents: tuple[int, ...]) 
     return y
 
 
-def _by_pose(chunk: Chunk, below: Array, R: Array, slopes: Slopes) -> Array:
+def _by_pose(chunk: VertexChunk, below: Array, R: Array, by: MotionDerivatives) -> Array:
     """The transposed derivative of n vertices by the pose, (3 K, 3, n)."""
     K, n = chunk.weights.shape
-    out: Array = np.matmul(slopes.turns, below).reshape(3 * K, 3, n)
-    if U := len(chunk.benders):
-        slopes_of = slopes.d_features[chunk.benders]
-        bulge = np.matmul(slopes_of, chunk.posedirs.reshape(U, 9, 3 * n))
-        turned = np.einsum("dcn,kcn->kdn", R, bulge.reshape(3 * U, 3, n))
-        out.reshape(K, 3, 3, n)[1 + chunk.benders] += turned.reshape(U, 3, 3, n)
+    out: Array = np.matmul(by.turns, below).reshape(3 * K, 3, n)
+    if U := len(chunk.corrected):
+        d_features = by.d_features[chunk.corrected].swapaxes(1, 2)
+        d_rest = np.matmul(d_features, chunk.posedirs.reshape(U, 9, 3 * n))
+        turned = np.einsum("dcn,kcn->kdn", R, d_rest.reshape(3 * U, 3, n))
+        out.reshape(K, 3, 3, n)[chunk.corrected] += turned.reshape(U, 3, 3, n)
     return out
 
 
-def _by_betas(chunk: Chunk, R: Array, slopes: Slopes) -> Array:
+def _by_betas(chunk: VertexChunk, R: Array, by: MotionDerivatives) -> Array:
     """The transposed derivative of n vertices by betas, (B, 3, n)."""
     B, n = len(chunk.shapedirs), chunk.weights.shape[1]
-    out: Array = (slopes.d_shift @ chunk.weights).reshape(B, 3, n)
-    _add_rotated(out, R, chunk.shapedirs.reshape(B, 3, n))
+    d_shift = by.d_shift.swapaxes(1, 2).reshape(3 * B, len(chunk.weights))
+    out: Array = (d_shift @ chunk.weights).reshape(B, 3, n)
+    out += np.einsum("dcn,kcn->kdn", R, chunk.shapedirs.reshape(B, 3, n))  # along n: in one pass
     return out
-
-
-def _add_rotated(out: Array, R: Array, X: Array) -> None:
-    """out_kd += sum_c R_dc X_kc for every vertex: out, X (k, 3, n), R (3, 3, n)."""
-    out += np.einsum("dcn,kcn->kdn", R, X)  # along n: one fused pass for each d and c
 
 
 def _write(into: Rows, columns: slice, values: Array, factor: Array | None) -> None:

@@ -7,24 +7,32 @@ D_m = Q_parent(m) - Q_m (the identity for the root's parent),
     v_i = T_i + S_i beta + P_i f,                           j = J_regressor (T + S beta)
 
 so that the points are linear in T, S, P, in the joints j and in the weights, each alone. Only the
-derivative by the pose needs more than products of these; it is that of `numeric`.
+derivative by the pose needs more than products of these; it is that of `mesh`.
+
+A vertex moves with its own numbers in the template, the blend shapes and the weights, and with the
+joints at and above which it hangs. Where the regressor finds the joints, it also moves with the
+template and the shape blend shapes of those vertices that these joints are means of. So the
+derivatives by arrays are sparse, in places that are known (`pattern_by`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.sparse import csc_array, csr_array, eye_array, kron
 
 from workbench.arrays import Array, Index
 from workbench.blocks.points import NumericPoints, PointsAt
-from workbench.bodies.forward.arrays import SkinnedArrays
-from workbench.bodies.forward.freed_patterns import pattern_by
-from workbench.bodies.forward.motion import Kinematics, Motion
+from workbench.bodies.forward.kinematics import ancestors
+from workbench.bodies.forward.motion import JointMotion, Kinematics
 from workbench.bodies.forward.skinning import blend_matrices
+
+if TYPE_CHECKING:
+    from workbench.bodies.skinned import SkinnedBody
 
 BLOCKS = "pose", "betas", "trans"
 
@@ -40,7 +48,7 @@ class FreedSurface(NumericPoints):
         names: the problem's blocks by the names `pose`, `betas`, `trans` and those of arrays.
     """
 
-    body: SkinnedArrays
+    body: SkinnedBody
     kinematics: Kinematics
     chosen: Index
     names: Mapping[str, str]
@@ -80,7 +88,7 @@ class FreedSurfaceAt(PointsAt):
     trans: Array
 
     @cached_property
-    def motion(self) -> Motion:
+    def motion(self) -> JointMotion:
         """The motion of the joints, of which turns and features are read."""
         return self.of.kinematics.motion(self.pose, self.betas)
 
@@ -137,8 +145,8 @@ class FreedSurfaceAt(PointsAt):
     @cached_property
     def rest(self) -> Array:
         """v: the chosen vertices at rest, with all blend shapes, (n, 3) m."""
-        bulges = self._array("posedirs")[self.of.chosen] @ self.motion.features
-        return np.asarray(self.person[self.of.chosen] + bulges)
+        corrections = self._array("posedirs")[self.of.chosen] @ self.motion.features
+        return np.asarray(self.person[self.of.chosen] + corrections)
 
     @cached_property
     def carried(self) -> Array:
@@ -167,16 +175,16 @@ class FreedSurfaceAt(PointsAt):
     def vjp(self, cotangent: Array) -> dict[str, Array]:
         """Gradients of cotangent . points by the blocks, flat; that by pose needs a Jacobian."""
         body, chosen = self.of.body, self.of.chosen
-        pulled = cotangent.reshape(-1, 3)
-        on_rest: Array = np.einsum("ndc,nd->nc", self.blended, pulled)
-        on_joints: Array = np.einsum("nm,mdc,nd->mc", self.below, self.levers, pulled)
+        on_points = cotangent.reshape(-1, 3)
+        on_rest: Array = np.einsum("ndc,nd->nc", self.blended, on_points)
+        on_joints: Array = np.einsum("nm,mdc,nd->mc", self.below, self.levers, on_points)
         on_person = _at_vertices(on_rest, chosen, body.n_vertices)
         if self.regressed:
             on_person += self._regressor.T @ on_joints
         found = {
             "pose": self._by_pose().T @ cotangent,
             "betas": np.tensordot(on_person, self._array("shapedirs"), 2),
-            "trans": pulled.sum(axis=0),
+            "trans": on_points.sum(axis=0),
         }
         made: dict[str, Callable[[], Array]] = {
             "template": lambda: on_person,
@@ -186,7 +194,7 @@ class FreedSurfaceAt(PointsAt):
             ),
             "joints": lambda: on_joints,
             "weights": lambda: _at_vertices(
-                np.einsum("nkd,nd->nk", self.carried, pulled), chosen, body.n_vertices
+                np.einsum("nkd,nd->nk", self.carried, on_points), chosen, body.n_vertices
             ),
             "J_regressor": lambda: on_joints @ self.person.T,
         }
@@ -242,16 +250,18 @@ class FreedSurfaceAt(PointsAt):
         return csc_array(self._by_person @ self._array("shapedirs").reshape(3 * N, B))
 
     def _by_pose(self) -> csc_array:
-        slopes = self.of.kinematics.slopes(self.pose, self.betas)
+        by = self.motion.derivatives
         (n, K), A = self.weights.shape, self.of.kinematics.ancestors
         centres = np.einsum("kdc,kc->kd", self.turns, self.joints) + self.shifts  # the posed joints
-        hanging = np.tensordot(A, self.weights[:, :, None] * self.carried, axes=(0, 1))  # (K, n, 3)
-        hanging -= self.below.T[:, :, None] * centres[:, None]
-        by_angle = np.einsum("kadu,knu->ndka", slopes.turns.reshape(K, 3, 3, 3), hanging)
+        subtrees = np.tensordot(
+            A, self.weights[:, :, None] * self.carried, axes=(0, 1)
+        )  # (K, n, 3)
+        subtrees -= self.below.T[:, :, None] * centres[:, None]
+        by_angle = np.einsum("kadu,knu->ndka", by.turns.reshape(K, 3, 3, 3), subtrees)
         if K > 1:
             P = self._array("posedirs")[self.of.chosen].reshape(n, 3, K - 1, 9)
-            bulges = np.einsum("nckf,kaf->ncka", P, slopes.d_features)
-            by_angle[:, :, 1:] += np.einsum("ndc,ncka->ndka", self.blended, bulges)
+            d_rest = np.einsum("nckf,kfa->ncka", P, by.d_features[1:])
+            by_angle[:, :, 1:] += np.einsum("ndc,ncka->ndka", self.blended, d_rest)
         return csc_array(by_angle.reshape(3 * n, 3 * K))
 
     def _rows(self, blocks: Array, columns: Index, width: int) -> csr_array:
@@ -276,3 +286,52 @@ def _at_vertices(rows: Array, chosen: Index, n_vertices: int) -> Array:
     found = np.zeros((n_vertices, *rows.shape[1:]))
     np.add.at(found, chosen, rows)
     return found
+
+
+def pattern_by(
+    body: SkinnedBody, chosen: Index, name: str, free: Container[str]
+) -> csc_array | None:
+    """Where the derivative (3 n, size) of the chosen vertices (n,) by an array can be nonzero.
+
+    It holds at any values of the arrays in `free`. None where the derivative is dense: by pose,
+    betas and trans; by joints and regressor where the weights are free, so that each vertex may
+    hang at any joint; by what goes through a regressor that is free itself.
+    """
+    (N, _, B), K = body.shapedirs.shape, len(body.parents)
+    if name == "weights":
+        return _blocks(body, chosen, K)
+    if name == "posedirs":
+        return csc_array(kron(_blocks(body, chosen, 3), np.ones((1, body.posedirs.shape[2]))))
+    if name in ("joints", "J_regressor") and "weights" not in free:
+        return csc_array(kron(_below(body, chosen), np.ones((3, 3 if name == "joints" else N))))
+    if name not in ("template", "shapedirs") or "J_regressor" in free:
+        return None
+    there = _blocks(body, chosen, 3)
+    if "joints" not in free and body.rest_joints is None:
+        there = csc_array(there + _through_joints(body, chosen, "weights" in free))
+    return there if name == "template" else csc_array(kron(there, np.ones((1, B))))
+
+
+def _blocks(body: SkinnedBody, chosen: Index, width: int) -> csc_array:
+    """Each of a vertex's coordinates by all of its own numbers, `width` of them."""
+    n = len(chosen)
+    own = width * chosen[:, None, None] + np.arange(width)
+    columns = np.broadcast_to(own, (n, 3, width)).ravel()
+    starts = np.arange(0, len(columns) + 1, width)
+    shape = 3 * n, width * body.n_vertices
+    return csc_array(csr_array((np.ones(len(columns)), columns, starts), shape=shape))
+
+
+def _through_joints(body: SkinnedBody, chosen: Index, free_weights: bool) -> csr_array:
+    """Each coordinate by those of the vertices behind the joints at and above which it hangs."""
+    K = len(body.parents)
+    below = csr_array(np.ones((len(chosen), K))) if free_weights else _below(body, chosen)
+    means = csr_array(body.J_regressor)
+    means = csr_array((np.ones(means.nnz), means.indices, means.indptr), shape=means.shape)
+    return csr_array(kron(below @ means, np.ones((3, 3))))
+
+
+def _below(body: SkinnedBody, chosen: Index) -> csr_array:
+    """Which vertices (n,) hang at or below which joints (K,) by the body's own weights."""
+    weights = np.asarray(body.weights[chosen] != 0, dtype=float)
+    return csr_array((weights @ ancestors(body.parents) > 0).astype(float))
