@@ -16,12 +16,6 @@ import workbench as wb
 from workbench.bodies.ablations import without_pose_blend_shapes
 from workbench.bodies.forward import surface
 from workbench.bodies.forward.features import rotation_elements, rotation_vectors
-from workbench.bodies.forward.kernel_features import (
-    Examples,
-    GaussianKernels,
-    NormalisedKernels,
-    as_posedirs,
-)
 from workbench.bodies.forward.kinematics import pose_features
 from workbench.bodies.forward.posing import unpose
 from workbench.course import Picture, source
@@ -32,6 +26,12 @@ from workbench.lectures.material.tubes import tube
 from workbench.plots import caption_shape_gallery, house_style, plot_shape_gallery, sheet
 from workbench.plots.body import Figurine, line_up, side
 from workbench.priors.poses import draw_poses, shipped_gaussian, shipped_mixture
+from workbench.studies.blend_shapes.kernel_features import (
+    Examples,
+    GaussianKernels,
+    NormalisedKernels,
+    as_posedirs,
+)
 from workbench.training.locality import MaskedCholesky, local_features
 
 # %% [markdown]

@@ -25,7 +25,6 @@ from workbench.bodies.forward.features import (
     Features,
     Posture,
     count_features,
-    no_features,
     quaternion_elements,
     rotation_elements,
     rotation_vectors,
@@ -40,7 +39,6 @@ FEATURES: tuple[Features, ...] = (
     rotation_vectors,
     quaternion_elements,
     star_features,
-    no_features,
 )
 WHERE = [
     ("near zero", "pi", "anywhere"),
@@ -123,7 +121,7 @@ def problem_of(body: SkinnedBody) -> wb.Problem:
 
 
 @pytest.mark.parametrize("skinning", SKINNINGS)
-@pytest.mark.parametrize("features", FEATURES[:-1])
+@pytest.mark.parametrize("features", FEATURES)
 @pytest.mark.parametrize("places", few(WHERE, 1), ids=", ".join)
 def test_derivatives_are_those_of_differences(
     features: Features, skinning: wb.bodies.Skinning, places: tuple[str, ...]

@@ -9,12 +9,12 @@ import workbench as wb
 from workbench.bodies.forward.features import (
     rotation_vectors,
 )
-from workbench.bodies.forward.kernel_features import (
+from workbench.priors.poses import draw_poses, shipped_gaussian
+from workbench.studies.blend_shapes import questions
+from workbench.studies.blend_shapes.kernel_features import (
     Examples,
     GaussianKernels,
 )
-from workbench.priors.poses import draw_poses, shipped_gaussian
-from workbench.studies.blend_shapes import questions
 from workbench.studies.blend_shapes.predictors import (
     LINEAR,
     Evaluation,

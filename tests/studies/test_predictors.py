@@ -6,16 +6,12 @@ import numpy as np
 import pytest
 
 from tests.bodies_made_up import random_body
-from workbench.bodies.forward.features import (
-    Powers,
-    count_features,
-    products,
-    rotation_vectors,
-)
+from workbench.bodies.forward.features import count_features, rotation_vectors
 from workbench.bodies.forward.skinning import unskinned
 from workbench.errors import BadArgument, BadFile
 from workbench.geometry.solids import along_edges
 from workbench.lectures.material.tubes import tube
+from workbench.studies.blend_shapes.kernel_features import Powers, products
 from workbench.studies.blend_shapes.sparsity import (
     group_lasso,
     joint_distances,

@@ -9,7 +9,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import casadi as cs
-import numpy as np
 
 from workbench.bodies.forward.kinematics import pose_features
 from workbench.errors import BadArgument
@@ -86,13 +85,8 @@ def star_features(at: Posture) -> cs.MX:
     """
     B = at.betas.shape[0]
     if B < 2:
-        raise BadArgument(f"star_features need beta_2, and there {_are(B)}")
+        raise BadArgument(f"star_features need beta_2, which is not among betas of shape ({B},)")
     return cs.vertcat(quaternion_elements(at), at.betas[1])
-
-
-def no_features(at: Posture) -> cs.MX:
-    """No features at all: F = 0."""
-    return cs.MX(0, 1)
 
 
 def count_features(features: Features, K: int, B: int) -> int:
@@ -100,33 +94,3 @@ def count_features(features: Features, K: int, B: int) -> int:
     pose, bind = cs.MX.sym("pose", 3, K), cs.MX.sym("bind", 3, K)
     found = features(Posture.of(pose, bind, cs.MX.sym("betas", B)))
     return int(found.shape[0])
-
-
-def _are(B: int) -> str:
-    return "is 1 of the betas" if B == 1 else "are no betas"
-
-
-CLASSICAL: tuple[Features, ...] = (
-    rotation_elements,
-    rotation_vectors,
-    quaternion_elements,
-)
-
-
-@dataclass(frozen=True)
-class Powers:
-    """x, x^2, ..., x^degree of every number x of theta by itself: F = 3 (K - 1) degree."""
-
-    degree: int
-
-    def __call__(self, at: Posture) -> cs.MX:
-        """The features (F, 1), in powers of rad."""
-        x = rotation_vectors(at)
-        return cs.vertcat(*[x**power for power in range(1, self.degree + 1)])
-
-
-def products(at: Posture) -> cs.MX:
-    """x and all products x y of two numbers of theta: F = n + n (n + 1) / 2, n = 3 (K - 1)."""
-    x = rotation_vectors(at)
-    rows, columns = np.triu_indices(x.shape[0])
-    return cs.vertcat(x, x[rows.tolist()] * x[columns.tolist()])

@@ -16,12 +16,11 @@ from workbench.bodies.ablations import without_blend_weights, without_pose_blend
 from workbench.bodies.forward import surface
 from workbench.bodies.forward.features import (
     Features,
-    Powers,
-    products,
     quaternion_elements,
     rotation_elements,
     rotation_vectors,
 )
+from workbench.studies.blend_shapes.kernel_features import Powers, products
 from workbench.studies.blend_shapes.sparsity import (
     group_lasso,
     joint_distances,

@@ -13,13 +13,13 @@ from workbench.arrays import Array, Index
 from workbench.bodies import SkinnedBody
 from workbench.bodies.forward import surface as symbolic
 from workbench.bodies.forward.features import Features, Posture, rotation_vectors
-from workbench.bodies.forward.kernel_features import (
+from workbench.bodies.forward.skinning import unskinned
+from workbench.studies.blend_shapes.kernel_features import (
     Examples,
     GaussianKernels,
     NormalisedKernels,
     as_posedirs,
 )
-from workbench.bodies.forward.skinning import unskinned
 from workbench.synthetic.teacher import Teacher
 from workbench.training.ridge import Sums, solve_ridge
 from workbench.training.skinning_pass import bent

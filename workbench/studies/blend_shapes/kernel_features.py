@@ -1,4 +1,4 @@
-"""Blend shapes interpolated between examples, whose features say how near a pose is to each.
+"""Features of other kinds: kernels around examples, which say how near a pose is to each; powers.
 
 Scattered data interpolation (Lewis, Cordner, Fong, Pose Space Deformation, SIGGRAPH 2000): posedirs
 (N, 3, n) hold a shape for every example, and the feature f_i(theta) is its coefficient. The cost
@@ -97,3 +97,22 @@ class NormalisedKernels:
 def as_posedirs(shapes: Array) -> Array:
     """Shapes (n, N, 3) in the order of axes of posedirs, (N, 3, n)."""
     return np.ascontiguousarray(shapes.transpose(1, 2, 0))
+
+
+@dataclass(frozen=True)
+class Powers:
+    """x, x^2, ..., x^degree of every number x of theta by itself: F = 3 (K - 1) degree."""
+
+    degree: int
+
+    def __call__(self, at: Posture) -> cs.MX:
+        """The features (F, 1), in powers of rad."""
+        x = rotation_vectors(at)
+        return cs.vertcat(*[x**power for power in range(1, self.degree + 1)])
+
+
+def products(at: Posture) -> cs.MX:
+    """x and all products x y of two numbers of theta: F = n + n (n + 1) / 2, n = 3 (K - 1)."""
+    x = rotation_vectors(at)
+    rows, columns = np.triu_indices(x.shape[0])
+    return cs.vertcat(x, x[rows.tolist()] * x[columns.tolist()])
