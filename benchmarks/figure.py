@@ -12,7 +12,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from benchmarks import fits, floor, ours, page, peers
 from benchmarks.table import NAMES
 from benchmarks.timing import best
-from workbench.plots import figure as style
+from workbench.plots import style
 from workbench.plots.palette import BLUE, FAINT, GREEN, INK, PURPLE, SKY, VERMILLION
 
 SIZE = "6890"

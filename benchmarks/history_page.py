@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from benchmarks.history import WORSE, Course
 from benchmarks.keeping import write_between
-from workbench.plots import figure as style
+from workbench.plots import style
 from workbench.plots.palette import DASHES, FAINT, LINES, MARKERS
 
 PAGE, FIGURE = "HISTORY.md", "history.svg"

@@ -29,8 +29,7 @@ from workbench import load_body
 from workbench.bodies.files.saving import save_body
 from workbench.registration.coregistration.folder import BODY, SCAN
 from workbench.registration.coregistration.state import FILE
-from workbench.reports.registration_folder import table_of
-from workbench.reports.registration_page import ARRAYS, points
+from workbench.reports.registration import ARRAYS, points, subjects_csv
 from workbench.studies.coregistration.scans import START, ScannedSet, scanned_set
 from workbench.training.folder import TABLE, Row
 from workbench.writing import write_arrays
@@ -51,7 +50,7 @@ def prepare(place: Path, given: ScannedSet) -> None:
         write_arrays(folder / SCAN, points(given.scans.read(j)))
         write_arrays(folder / ARRAYS, {"vertices": body.vertices(**start), **start})
         rows.append(Row(f"{folder.name}/{ARRAYS}", f"person {given.subject[j]}"))
-    (place / TABLE).write_text(table_of(rows))
+    (place / TABLE).write_text(subjects_csv(rows))
     save_body(body, place / BODY)
 
 

@@ -104,7 +104,7 @@ if __name__ == "__main__":
         plot_variances,
     )
     from workbench.plots import caption_shape_gallery, house_style, png, sheet
-    from workbench.plots.sheets import shape_gallery_sheet
+    from workbench.plots.body import shape_gallery_sheet
 
     shown = {name: v for name, v in gallery.items() if "+" in name or name == "mean"}
     shown |= {f"{name} ": v for name, v in gallery.items() if "-" in name or name == "mean"}

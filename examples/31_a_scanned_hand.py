@@ -71,7 +71,7 @@ def of_a_file(path: Path, hand: wb.SkinnedBody) -> tuple[Registration, np.ndarra
 def draw(found: Registration, path: Path) -> None:
     """The points over the surface, from four sides."""
     from workbench.plots import png
-    from workbench.plots.registered_scan import registered_scan_sheet
+    from workbench.plots.scans import registered_scan_sheet
 
     one = found
     sheet = registered_scan_sheet(

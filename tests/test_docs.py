@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 import workbench as wb
+from workbench.cli.new import write_scaffold
 from workbench.experiments import find
-from workbench.scaffolds import write_scaffold
 
 ROOT = Path(__file__).parents[1]
 HOWTO = sorted((ROOT / "howto").glob("*.md"))

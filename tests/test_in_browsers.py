@@ -18,9 +18,9 @@ import workbench as wb
 from workbench import environment
 from workbench.cli.app import app
 from workbench.comparison import workers
-from workbench.course.grades import CheckState
+from workbench.course.grading import CheckState
 from workbench.course.outline import lecture
-from workbench.course.student_process import grade
+from workbench.course.process import grade
 from workbench.environment import SAMPLING, MissingLibrary
 from workbench.plots import plot_corner
 from workbench.processes import NoProcesses
@@ -91,7 +91,7 @@ def test_a_file_is_graded_in_the_same_process(tmp_path: Path) -> None:
     path, before = tmp_path / "mine.py", list(sys.path)
     path.write_text(ANSWERS)
     found = grade(lecture(2), path)
-    assert "no limit of time" in found.note
+    assert "without a limit of time" in " ".join(found.note.split())
     assert found.printed[""] == "begun"
     assert found.printed["nearest_rotation"].startswith("asked")
     results = found.exercises

@@ -21,8 +21,8 @@ LAYERS = (  # from the ground up: a package imports from its own layer and from 
     "bodies motions problem residuals",
     "diagnostics priors sampling solvers",
     "conversion fitting registration synthetic training",
-    "comparison experiments plots replay reports studies",
-    "cli course lectures scaffolds site __main__",
+    "comparison experiments plots reports studies",
+    "cli course lectures __main__",
 )
 LAYER = {package: height for height, names in enumerate(LAYERS) for package in names.split()}
 EXCEPTIONS: set[tuple[str, str]] = set()  # (module, what it imports from above); only shrinks
@@ -35,7 +35,6 @@ OWN_MESSAGES = {  # between processes of one run, and the code of a user, a lect
     "workbench.comparison.workers",
     "workbench.comparison.named_solvers",
     "workbench.course.cells",
-    "workbench.course.channel",
 }
 
 
@@ -85,13 +84,13 @@ def package_of(module: str) -> str | None:
 @pytest.mark.parametrize(
     ("source", "found"),
     [
-        ("import workbench.plots.figure", {"plots"}),
+        ("import workbench.plots.style", {"plots"}),
         ("from workbench import plots", {"plots"}),
-        ("from workbench.plots.figure import draw", {"plots"}),
+        ("from workbench.plots.style import draw", {"plots"}),
         ("from .. import plots", {"plots"}),
         ("from .run import Run", {"solvers"}),
-        ("def f():\n    from ..plots import figure", {"plots"}),
-        ("if TYPE_CHECKING:\n    from workbench.plots import figure", set()),
+        ("def f():\n    from ..plots import style", {"plots"}),
+        ("if TYPE_CHECKING:\n    from workbench.plots import style", set()),
         ("import numpy.linalg, workbenches.plots", set()),
     ],
 )

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from workbench.geometry.camera import Camera
     from workbench.motions import Motion, read_motion, save_motion
     from workbench.problem import Constraint, Linearization, Problem, sequence
-    from workbench.reports.replay_page import show
+    from workbench.reports.replays import show
     from workbench.residuals import Residual
     from workbench.sampling import Posterior, laplace, sample
     from workbench.solvers import (

@@ -16,7 +16,7 @@ import numpy as np
 from benchmarks.ablations import figures
 from benchmarks.ablations.study import Ablated, Sets, ablate, turn_errors
 from workbench.bodies.catalogue import load_skinned
-from workbench.plots.figure import drawn, png
+from workbench.plots.style import drawn, png
 from workbench.priors.poses import draw_poses, shipped_mixture
 from workbench.reports.page import as_json
 from workbench.training.estimate import Sigmas

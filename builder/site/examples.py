@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from builder.site.docstrings import inline, rendered, summary
-from workbench.course.student_process import environment
+from workbench.course.process import environment
 from workbench.errors import BadFile
 
 SECONDS = 600.0  # that an example may take

@@ -8,8 +8,7 @@ from builder.site.documents import START, TEXTS, checkout, contents, write_docum
 from builder.site.examples import NUMBERED, run_all, write_example_pages
 from builder.site.licence_page import write_licence_page
 from builder.site.reference import Reference
-from workbench.site.building import build, copy_licences, put, refuse
-from workbench.site.course_pages import Tell, write_course_pages
+from workbench.course.site import Tell, build, copy_licences, put, refuse, write_course_pages
 
 
 def write_site(folder: str | Path, tell: Tell = lambda said: None) -> Path:

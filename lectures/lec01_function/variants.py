@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from workbench.course.packs import rounded, slip, variant
+from workbench.course.packs import mistake, rounded, variant
 
 Array = np.ndarray
 
@@ -25,12 +25,12 @@ def polynomial(w: Array, x: float, *, CENTRE: float) -> float:
     return value
 
 
-@slip("polynomial", "the powers are of x - CENTRE, and not of x + CENTRE")
+@mistake("polynomial", "the powers are of x - CENTRE, and not of x + CENTRE")
 def polynomial_on_the_other_side(w, x, *, CENTRE):
     return sum(c * (x + CENTRE) ** k for k, c in enumerate(w))
 
 
-@slip("polynomial", "the highest power comes last: w[0] is the constant")
+@mistake("polynomial", "the highest power comes last: w[0] is the constant")
 def polynomial_backwards(w, x, *, CENTRE):
     return np.polyval(w, x - CENTRE)
 
@@ -54,14 +54,14 @@ def shortening(alpha: float, *, SHARE: float) -> float:
     return np.sqrt(1 - 4 * SHARE * (1 - SHARE) * np.sin(alpha / 2) ** 2)
 
 
-@slip(
+@mistake(
     "shortening", "the end is put in a share of the way, and is not turned by a share of the angle"
 )
 def shortening_by_a_share_of_the_angle(alpha, *, SHARE):
     return np.cos(SHARE * alpha)
 
 
-@slip("shortening", "this is the square of the length")
+@mistake("shortening", "this is the square of the length")
 def shortening_squared(alpha, *, SHARE):
     return 1 - 4 * SHARE * (1 - SHARE) * np.sin(alpha / 2) ** 2
 
@@ -97,7 +97,7 @@ def parameter_count(N: int, K: int, B: int, *, FEATURES: int, EXPRESSIONS: int) 
     }
 
 
-@slip("parameter_count", "the root has no features: there are FEATURES (K - 1) of them")
+@mistake("parameter_count", "the root has no features: there are FEATURES (K - 1) of them")
 def parameter_count_with_the_root(N, K, B, *, FEATURES, EXPRESSIONS):
     right = parameter_count.solution(N, K, B, FEATURES=FEATURES, EXPRESSIONS=EXPRESSIONS)
     return right | {"posedirs": 3 * N * FEATURES * K}

@@ -17,7 +17,7 @@ import workbench as wb
 from workbench.course import Picture, source
 from workbench.geometry.rotation import matrix_from_vector, nearest_rotation, rodrigues
 from workbench.plots import house_style, sheet
-from workbench.replay.side_by_side import recorded_side_by_side
+from workbench.reports.replay.sequences import recorded_side_by_side
 
 # %% [markdown]
 # ## Nine numbers

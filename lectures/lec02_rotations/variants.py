@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from workbench.course.packs import rounded, slip, variant
+from workbench.course.packs import mistake, rounded, variant
 
 Array = np.ndarray
 
@@ -35,14 +35,14 @@ def rodrigues(angle: float, *, AXIS: list[float]) -> Array:
     return np.eye(3) + np.sin(angle) * W + (1 - np.cos(angle)) * W @ W
 
 
-@slip("rodrigues", "the axis has to be brought to length one first")
+@mistake("rodrigues", "the axis has to be brought to length one first")
 def rodrigues_of_any_length(angle, *, AXIS):
     x, y, z = AXIS
     W = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     return np.eye(3) + np.sin(angle) * W + (1 - np.cos(angle)) * W @ W
 
 
-@slip("rodrigues", "this is the transpose: it turns the other way")
+@mistake("rodrigues", "this is the transpose: it turns the other way")
 def rodrigues_the_other_way(angle, *, AXIS):
     return rodrigues.solution(-angle, AXIS=AXIS)
 
@@ -71,7 +71,9 @@ def angle_between(A: Array, B: Array, *, BONE: list[float]) -> float:
     return 2 * np.arctan2(np.linalg.norm(u - v), np.linalg.norm(u + v))
 
 
-@slip("angle_between", "this is the angle of the whole rotation; turns about the bone do not count")
+@mistake(
+    "angle_between", "this is the angle of the whole rotation; turns about the bone do not count"
+)
 def angle_between_rotations(A, B, *, BONE):
     return 2 * np.arcsin(min(1.0, np.linalg.norm(A - B) / np.sqrt(8)))
 
@@ -94,13 +96,13 @@ def nearest_rotation(M: Array, *, TRUST: list[float]) -> Array:
     return U @ np.diag([1, 1, np.linalg.det(U @ Vt)]) @ Vt
 
 
-@slip("nearest_rotation", "the weights belong to columns, and not to rows")
+@mistake("nearest_rotation", "the weights belong to columns, and not to rows")
 def nearest_rotation_by_rows(M, *, TRUST):
     U, _, Vt = np.linalg.svd(np.array(TRUST)[:, None] * M)
     return U @ np.diag([1, 1, np.linalg.det(U @ Vt)]) @ Vt
 
 
-@slip("nearest_rotation", "this is a reflection for some M: det R has to be +1")
+@mistake("nearest_rotation", "this is a reflection for some M: det R has to be +1")
 def nearest_rotation_or_reflection(M, *, TRUST):
     U, _, Vt = np.linalg.svd(M * TRUST)
     return U @ Vt

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from workbench.course.packs import rounded, slip, variant
+from workbench.course.packs import mistake, rounded, variant
 
 Array = np.ndarray
 
@@ -37,7 +37,7 @@ def turned_body(vertices: Array, R: Array, *, HIP: list[float], STEP: list[float
     return (vertices - HIP) @ R.T + HIP + STEP
 
 
-@slip("turned_body", "the step is made after the turn, and is not turned")
+@mistake("turned_body", "the step is made after the turn, and is not turned")
 def turned_body_with_turned_step(vertices, R, *, HIP, STEP):
     return (vertices + STEP - HIP) @ R.T + HIP
 
@@ -68,7 +68,7 @@ def world_rotations(R: Array, *, PARENTS: list[int], ROOT_DEGREES: float) -> Arr
     return np.array(world)
 
 
-@slip("world_rotations", "C stands on the left: it acts last")
+@mistake("world_rotations", "C stands on the left: it acts last")
 def world_rotations_in_the_body(R, *, PARENTS, ROOT_DEGREES):
     world = world_rotations.solution(R, PARENTS=PARENTS, ROOT_DEGREES=0.0)
     return (
@@ -102,7 +102,7 @@ def posed_joints(R: Array, joints: Array, *, TREE: list[int], GROWTH: list[float
     return np.array(posed)
 
 
-@slip(
+@mistake(
     "posed_joints", "a bone turns with its parent's rotation, and not with the one at its own end"
 )
 def posed_joints_by_their_own(R, joints, *, TREE, GROWTH):

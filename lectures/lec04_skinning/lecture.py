@@ -36,7 +36,7 @@ from workbench.lectures.material.tubes import (
 )
 from workbench.plots import house_style, sheet
 from workbench.plots.body import Figurine, front, line_up
-from workbench.replay.side_by_side import recorded_side_by_side
+from workbench.reports.replay.sequences import recorded_side_by_side
 from workbench.training.estimate import Sigmas
 from workbench.training.first_guess import Start
 

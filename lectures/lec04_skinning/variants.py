@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from workbench.course.packs import rounded, slip, variant
+from workbench.course.packs import mistake, rounded, variant
 
 Array = np.ndarray
 
@@ -26,12 +26,12 @@ def radius_left(weight: float, angle: float, *, BACK: float) -> float:
     return np.sqrt(1 - 4 * weight * (1 - weight) * np.sin((1 + BACK) * angle / 2) ** 2)
 
 
-@slip("radius_left", "the bones turn against each other: they are (1 + BACK) angle apart")
+@mistake("radius_left", "the bones turn against each other: they are (1 + BACK) angle apart")
 def radius_left_the_same_way(weight, angle, *, BACK):
     return radius_left.solution(weight, angle, BACK=-BACK)
 
 
-@slip("radius_left", "this is the square: how the area shrinks. The radius is its root")
+@mistake("radius_left", "this is the square: how the area shrinks. The radius is its root")
 def radius_left_squared(weight, angle, *, BACK):
     return radius_left.solution(weight, angle, BACK=BACK) ** 2
 
@@ -63,13 +63,15 @@ def volume_lost(area: float, zone: float, angle: float, *, LOW: float, HIGH: flo
     return 4 * area * zone * mean * np.sin(angle / 2) ** 2
 
 
-@slip("volume_lost", "the weight varies along the zone: take the mean of w (1 - w), not its middle")
+@mistake(
+    "volume_lost", "the weight varies along the zone: take the mean of w (1 - w), not its middle"
+)
 def volume_lost_of_the_middle(area, zone, angle, *, LOW, HIGH):
     w = (LOW + HIGH) / 2
     return 4 * area * zone * w * (1 - w) * np.sin(angle / 2) ** 2
 
 
-@slip("volume_lost", "the mean over the zone has to be divided by HIGH - LOW")
+@mistake("volume_lost", "the mean over the zone has to be divided by HIGH - LOW")
 def volume_lost_without_the_mean(area, zone, angle, *, LOW, HIGH):
     return (HIGH - LOW) * volume_lost.solution(area, zone, angle, LOW=LOW, HIGH=HIGH)
 
@@ -95,11 +97,11 @@ def blended_turn(weight: float, angle: float, *, AGAINST: float) -> float:
     return 2 * np.arctan2(shares @ np.sin(halves), shares @ np.cos(halves))
 
 
-@slip("blended_turn", "this blends the angles, and not the quaternions")
+@mistake("blended_turn", "this blends the angles, and not the quaternions")
 def blended_turn_of_angles(weight, angle, *, AGAINST):
     return weight * angle - (1 - weight) * AGAINST * angle
 
 
-@slip("blended_turn", "this blends rotations: take half of the angles in cos and sin")
+@mistake("blended_turn", "this blends rotations: take half of the angles in cos and sin")
 def blended_turn_of_rotations(weight, angle, *, AGAINST):
     return blended_turn.solution(weight, 2 * angle, AGAINST=AGAINST) / 2

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from workbench.course.packs import rounded, slip, variant
+from workbench.course.packs import mistake, rounded, variant
 
 Array = np.ndarray
 
@@ -28,7 +28,7 @@ def shares(x: Array, examples: Array, *, WIDTH: float, POWER: float) -> Array:
     return k / k.sum()
 
 
-@slip("shares", "the distance is squared, as the width is")
+@mistake("shares", "the distance is squared, as the width is")
 def shares_of_distances(x, examples, *, WIDTH, POWER):
     k = (1 + np.linalg.norm(x - examples, axis=1) / WIDTH) ** -POWER
     return k / k.sum()
@@ -54,7 +54,7 @@ def features(R: Array, *, JOINTS: list[int], SCALE: float) -> Array:
     return SCALE * (R[JOINTS] - np.eye(3)).ravel()
 
 
-@slip("features", "joint k is R[k]: the root counts in the numbering")
+@mistake("features", "joint k is R[k]: the root counts in the numbering")
 def features_off_by_one(R, *, JOINTS, SCALE):
     return SCALE * (R[[k - 1 for k in JOINTS]] - np.eye(3)).ravel()
 
@@ -77,7 +77,7 @@ def learn(F: Array, D: Array, *, RIDGES: list[float]) -> Array:
     return np.linalg.solve(F.T @ F + np.diag(RIDGES), F.T @ D)
 
 
-@slip("learn", "a ridge stands once on the diagonal of F'F, and is not squared")
+@mistake("learn", "a ridge stands once on the diagonal of F'F, and is not squared")
 def learn_with_squares(F, D, *, RIDGES):
     return np.linalg.solve(F.T @ F + np.diag(RIDGES) ** 2, F.T @ D)
 
@@ -102,7 +102,7 @@ def mixed(means: Array, covariances: Array, *, SHARES: list[float]) -> tuple[Arr
     return mean, np.einsum("g,gij->ij", s, covariances) + np.einsum("g,gi,gj->ij", s, off, off)
 
 
-@slip("mixed", "the means of the groups differ, which adds to the covariance of all")
+@mistake("mixed", "the means of the groups differ, which adds to the covariance of all")
 def mixed_within_groups(means, covariances, *, SHARES):
     return np.array(SHARES) @ means, np.einsum("g,gij->ij", SHARES, covariances)
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from workbench.course.packs import rounded, slip, variant
+from workbench.course.packs import mistake, rounded, variant
 
 Array = np.ndarray
 
@@ -30,12 +30,12 @@ def residual(x: Array, seen: Array, *, BONES: list[float], BEND: float) -> Array
     return np.cumsum(bones, axis=1).T.ravel() - seen
 
 
-@slip("residual", "the model comes first: model minus observation")
+@mistake("residual", "the model comes first: model minus observation")
 def residual_the_other_way(x, seen, *, BONES, BEND):
     return -residual.solution(x, seen, BONES=BONES, BEND=BEND)
 
 
-@slip("residual", "the angles add up along the arm")
+@mistake("residual", "the angles add up along the arm")
 def residual_with_single_angles(x, seen, *, BONES, BEND):
     along = x + [0, 0, BEND]
     bones = np.array(BONES) * [np.cos(along), np.sin(along)]
@@ -67,7 +67,7 @@ def jacobian(x: Array, *, ARM: list[float], GEAR: float) -> Array:
     return np.column_stack([np.r_[upper, upper + lower], np.r_[0, 0, GEAR * lower]])
 
 
-@slip("jacobian", "the gear is missing in the derivative: the chain rule brings it to the front")
+@mistake("jacobian", "the gear is missing in the derivative: the chain rule brings it to the front")
 def jacobian_without_chain_rule(x, *, ARM, GEAR):
     return jacobian.solution(x, ARM=ARM, GEAR=GEAR) / [1, GEAR]
 
@@ -87,12 +87,12 @@ def gradient(e: Array, J: Array, *, SIGMAS: list[float]) -> Array:
     return 2 * J.T @ (e / np.array(SIGMAS) ** 2)
 
 
-@slip("gradient", "e and J are both divided by sigma, which makes sigma^2 below")
+@mistake("gradient", "e and J are both divided by sigma, which makes sigma^2 below")
 def gradient_divided_once(e, J, *, SIGMAS):
     return 2 * J.T @ (e / np.array(SIGMAS))
 
 
-@slip("gradient", "a factor is missing: F is no half of a sum")
+@mistake("gradient", "a factor is missing: F is no half of a sum")
 def gradient_of_the_half(e, J, *, SIGMAS):
     return gradient.solution(e, J, SIGMAS=SIGMAS) / 2
 
@@ -119,7 +119,7 @@ def left_out(x: Array, seen: Array, *, SHOULDER: list[float], LENGTH: float) -> 
     return -(SHOULDER + bone - seen) @ bone / LENGTH**2
 
 
-@slip(
+@mistake(
     "left_out",
     "the second derivative is that of the tip by the angle: minus the bone, without shoulder",
 )

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from workbench.course.packs import rounded, slip, variant
+from workbench.course.packs import mistake, rounded, variant
 
 Array = np.ndarray
 
@@ -31,12 +31,12 @@ def damped_step(e: Array, J: Array, damping: float, *, YARDSTICKS: list[float]) 
     return np.linalg.lstsq(tall, -np.concatenate([e, np.zeros(3)]), rcond=None)[0]
 
 
-@slip("damped_step", "p_i is divided by its yardstick, and not multiplied")
+@mistake("damped_step", "p_i is divided by its yardstick, and not multiplied")
 def damped_step_times(e, J, damping, *, YARDSTICKS):
     return damped_step.solution(e, J, damping, YARDSTICKS=[1 / y for y in YARDSTICKS])
 
 
-@slip("damped_step", "the yardsticks are squared with p_i")
+@mistake("damped_step", "the yardsticks are squared with p_i")
 def damped_step_without_squares(e, J, damping, *, YARDSTICKS):
     return damped_step.solution(e, J, damping, YARDSTICKS=[np.sqrt(y) for y in YARDSTICKS])
 
@@ -66,12 +66,12 @@ def gain(e: Array, after: Array, J: Array, p: Array, *, SIGMAS: list[float]) -> 
     return (before - then) / (before - model)
 
 
-@slip("gain", "the residuals are to be divided by their standard deviations")
+@mistake("gain", "the residuals are to be divided by their standard deviations")
 def gain_without_sigmas(e, after, J, p, *, SIGMAS):
     return gain.solution(e, after, J, p, SIGMAS=[1.0] * 4)
 
 
-@slip("gain", "upside down: what came stands above, what was promised below")
+@mistake("gain", "upside down: what came stands above, what was promised below")
 def gain_upside_down(e, after, J, p, *, SIGMAS):
     return 1 / gain.solution(e, after, J, p, SIGMAS=SIGMAS)
 
@@ -96,7 +96,7 @@ def cauchy_point(e: Array, J: Array, *, SCALES: list[float]) -> Array:
     return -(e @ along) / (along @ along) * direction
 
 
-@slip("cauchy_point", "the scales are squared: once for the gradient, and once for the step")
+@mistake("cauchy_point", "the scales are squared: once for the gradient, and once for the step")
 def cauchy_point_without_squares(e, J, *, SCALES):
     return cauchy_point.solution(e, J, SCALES=[np.sqrt(y) for y in SCALES])
 
@@ -132,6 +132,6 @@ def dogleg_step(newton: Array, cauchy: Array, radius: float, *, AXES: list[float
     return y * (c + leg * (-b + np.sqrt(b * b - a * d)) / a)
 
 
-@slip("dogleg_step", "this measures with a plain length; the radius is that of an ellipse")
+@mistake("dogleg_step", "this measures with a plain length; the radius is that of an ellipse")
 def dogleg_step_in_a_ball(newton, cauchy, radius, *, AXES):
     return dogleg_step.solution(newton, cauchy, radius, AXES=[1.0, 1.0])

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from workbench.course.packs import rounded, slip, variant
+from workbench.course.packs import mistake, rounded, variant
 
 Array = np.ndarray
 
@@ -39,7 +39,7 @@ def rank(J: Array, *, YARDSTICKS: list[float], SMALLEST: float) -> tuple[int, fl
     return int(np.sum(s > SMALLEST)), float(s[s > SMALLEST].min())
 
 
-@slip("rank", "a step of one yardstick is YARDSTICKS[i] in the unit of x: multiply the columns")
+@mistake("rank", "a step of one yardstick is YARDSTICKS[i] in the unit of x: multiply the columns")
 def rank_divided(J, *, YARDSTICKS, SMALLEST):
     s = np.linalg.svd(J / YARDSTICKS, compute_uv=False)
     return int(np.sum(s > SMALLEST)), float(s[s > SMALLEST].min(initial=np.inf))
@@ -70,7 +70,7 @@ def depends(seen: list[int], turning: list[int], *, PARENTS: list[int]) -> Array
     return pattern[np.ix_(seen, turning)]
 
 
-@slip("depends", "a joint turns about its own place, and so does not move itself")
+@mistake("depends", "a joint turns about its own place, and so does not move itself")
 def depends_on_itself(seen, turning, *, PARENTS):
     right = depends.solution(seen, turning, PARENTS=PARENTS)
     return right | (np.array(seen)[:, None] == turning)
@@ -95,11 +95,13 @@ def sigmas(J: Array, *, PRIOR: list[float]) -> Array:
     return np.sqrt(np.diag(np.linalg.inv(both.T @ both)))
 
 
-@slip("sigmas", "the prior is a residual x_i / PRIOR[i]: its information is 1 / PRIOR[i]^2")
+@mistake("sigmas", "the prior is a residual x_i / PRIOR[i]: its information is 1 / PRIOR[i]^2")
 def sigmas_without_squares(J, *, PRIOR):
     return sigmas.solution(J, PRIOR=np.sqrt(PRIOR))
 
 
-@slip("sigmas", "other unknowns are unknown as well: invert the matrix before taking its diagonal")
+@mistake(
+    "sigmas", "other unknowns are unknown as well: invert the matrix before taking its diagonal"
+)
 def sigmas_one_by_one(J, *, PRIOR):
     return 1 / np.sqrt(np.sum(J**2, axis=0) + 1 / np.array(PRIOR) ** 2)

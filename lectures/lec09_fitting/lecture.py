@@ -19,7 +19,7 @@ from workbench.geometry.rigid import procrustes
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.plots import house_style, sheet
 from workbench.plots.body import Figurine, front, line_up
-from workbench.replay.bodies import recorded_bodies
+from workbench.reports.replay.sequences import recorded_bodies
 
 NOISE, POSE, BETAS = 0.005, 0.25, 1.0  # m, rad, 1: the sigmas of this lecture
 

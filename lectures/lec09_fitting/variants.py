@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from workbench.course.packs import rounded, slip, variant
+from workbench.course.packs import mistake, rounded, variant
 
 Array = np.ndarray
 
@@ -41,12 +41,12 @@ def project(
     return np.column_stack([off @ right, -off[:, 1]]) * FOCAL / away[:, None] + CENTRE
 
 
-@slip("project", "the camera turns the other way: points turn against it")
+@mistake("project", "the camera turns the other way: points turn against it")
 def project_with_the_other_turn(points, *, FOCAL, AT, YAW, CENTRE):
     return project.solution(points, FOCAL=FOCAL, AT=AT, YAW=-YAW, CENTRE=CENTRE)
 
 
-@slip("project", "v goes down in the image, and y goes up in the world")
+@mistake("project", "v goes down in the image, and y goes up in the world")
 def project_upside_down(points, *, FOCAL, AT, YAW, CENTRE):
     right_way = project.solution(points, FOCAL=FOCAL, AT=AT, YAW=YAW, CENTRE=CENTRE)
     return np.column_stack([right_way[:, 0], 2 * CENTRE[1] - right_way[:, 1]])
@@ -79,7 +79,7 @@ def keypoint_residual(
     return ((trusted / SIGMAS)[:, None] * (seen - observed)).ravel()
 
 
-@slip("keypoint_residual", "what is below FLOOR does not count at all")
+@mistake("keypoint_residual", "what is below FLOOR does not count at all")
 def keypoint_residual_without_floor(seen, observed, confidence, *, SIGMAS, FLOOR):
     return keypoint_residual.solution(seen, observed, confidence, SIGMAS=SIGMAS, FLOOR=0.0)
 
@@ -105,7 +105,7 @@ def place(rest: Array, seen: Array, *, WEIGHTS: list[float]) -> tuple[Array, Arr
     return R, q - R @ p
 
 
-@slip("place", "the means have weights, too")
+@mistake("place", "the means have weights, too")
 def place_about_plain_means(rest, seen, *, WEIGHTS):
     p, q = rest.mean(axis=0), seen.mean(axis=0)
     U, _, Vt = np.linalg.svd((np.array(WEIGHTS)[:, None] * (seen - q)).T @ (rest - p))

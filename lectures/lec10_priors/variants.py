@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from workbench.course.packs import rounded, slip, variant
+from workbench.course.packs import mistake, rounded, variant
 
 Array = np.ndarray
 
@@ -27,7 +27,7 @@ def rho(x: float, *, SIGMA: float, SCALE: float) -> float:
     return (x / SIGMA) ** 2 / (1 + (x / SCALE) ** 2)
 
 
-@slip("rho", "this has no sigma in front: near zero it has to be (x / SIGMA)^2")
+@mistake("rho", "this has no sigma in front: near zero it has to be (x / SIGMA)^2")
 def rho_without_sigma(x, *, SIGMA, SCALE):
     return x**2 / (SCALE**2 + x**2)
 
@@ -51,7 +51,7 @@ def influence(x: float, *, WIDTH: float, POWER: float) -> float:
     return 2 * x / WIDTH**2 * (1 + (x / WIDTH) ** 2) ** (POWER - 1)
 
 
-@slip("influence", "the inner derivative is 2 x / WIDTH^2")
+@mistake("influence", "the inner derivative is 2 x / WIDTH^2")
 def influence_without_inner(x, *, WIDTH, POWER):
     return (1 + (x / WIDTH) ** 2) ** (POWER - 1)
 
@@ -84,12 +84,12 @@ def max_mixture(
     return np.min(0.5 * off**2 + np.log(DEVIATIONS) - np.log(SHARES), axis=1)
 
 
-@slip("max_mixture", "a wide component is lower: the density has 1 / deviation in front")
+@mistake("max_mixture", "a wide component is lower: the density has 1 / deviation in front")
 def max_mixture_without_width(x, *, SHARES, MEANS, DEVIATIONS):
     return np.min(0.5 * ((x[:, None] - MEANS) / DEVIATIONS) ** 2 - np.log(SHARES), axis=1)
 
 
-@slip("max_mixture", "this is the sum of all components, and not the likeliest one")
+@mistake("max_mixture", "this is the sum of all components, and not the likeliest one")
 def max_mixture_of_all(x, *, SHARES, MEANS, DEVIATIONS):
     off = (x[:, None] - MEANS) / DEVIATIONS
     return -np.log(np.sum(np.exp(-0.5 * off**2) * SHARES / DEVIATIONS, axis=1))

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.stats import norm
 
-from workbench.course.packs import rounded, slip, variant
+from workbench.course.packs import mistake, rounded, variant
 
 Array = np.ndarray
 
@@ -32,7 +32,7 @@ def effort_until(costs: Array, counts: Array, goal: float, *, PRICES: list[float
     return float(counts[np.flatnonzero(costs <= goal)[0]] @ PRICES)
 
 
-@slip("effort_until", "counts are running sums already: add up no rows")
+@mistake("effort_until", "counts are running sums already: add up no rows")
 def effort_until_of_sums(costs, counts, goal, *, PRICES):
     return float(counts[: np.flatnonzero(costs <= goal)[0] + 1].sum(axis=0) @ PRICES)
 
@@ -55,7 +55,9 @@ def profile(times: Array, *, ALPHAS: list[float]) -> Array:
     return np.array([np.mean(ratios <= alpha, axis=0) for alpha in ALPHAS])
 
 
-@slip("profile", "the least time is that of all solvers on one problem, not of one solver on all")
+@mistake(
+    "profile", "the least time is that of all solvers on one problem, not of one solver on all"
+)
 def profile_by_solver(times, *, ALPHAS):
     ratios = times / times.min(axis=0, keepdims=True)
     return np.array([np.mean(ratios <= alpha, axis=0) for alpha in ALPHAS])
@@ -81,6 +83,6 @@ def wilson(successes: int, trials: int, *, LEVEL: float) -> tuple[float, float]:
     return (middle - half) / (1 + z**2 / n), (middle + half) / (1 + z**2 / n)
 
 
-@slip("wilson", "the interval has two sides: z is the quantile of (1 + LEVEL) / 2")
+@mistake("wilson", "the interval has two sides: z is the quantile of (1 + LEVEL) / 2")
 def wilson_of_one_side(successes, trials, *, LEVEL):
     return wilson.solution(successes, trials, LEVEL=2 * LEVEL - 1)

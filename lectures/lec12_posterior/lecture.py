@@ -16,7 +16,7 @@ import workbench as wb
 from workbench.course import Picture, source
 from workbench.experiments import find
 from workbench.plots import house_style, sheet
-from workbench.replay.bodies import recorded_bodies
+from workbench.reports.replay.sequences import recorded_bodies
 from workbench.sampling import laplace, sample
 from workbench.sampling.autocorrelation import integrated_time
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from workbench.course.packs import rounded, slip, variant
+from workbench.course.packs import mistake, rounded, variant
 
 Array = np.ndarray
 
@@ -45,7 +45,7 @@ def log_posterior(
     return -0.5 * ((pixel - seen) / SIGMA) ** 2 - 0.5 * ((phi - MEAN) / PRIOR) ** 2
 
 
-@slip("log_posterior", "the prior's mean is not zero")
+@mistake("log_posterior", "the prior's mean is not zero")
 def log_posterior_about_zero(phi, seen, *, FOCAL, DEPTH, LENGTH, SIGMA, MEAN, PRIOR):
     return log_posterior.solution(
         phi, seen, FOCAL=FOCAL, DEPTH=DEPTH, LENGTH=LENGTH, SIGMA=SIGMA, MEAN=0.0, PRIOR=PRIOR
@@ -72,7 +72,7 @@ def interval(draws: Array, *, BELOW: float, ABOVE: float) -> Array:
     return np.quantile(draws, [BELOW, 1 - ABOVE], axis=0).T
 
 
-@slip("interval", "ABOVE is what lies above: the quantile is 1 - ABOVE")
+@mistake("interval", "ABOVE is what lies above: the quantile is 1 - ABOVE")
 def interval_the_other_way(draws, *, BELOW, ABOVE):
     return np.quantile(draws, [ABOVE, 1 - BELOW], axis=0).T
 
@@ -97,7 +97,7 @@ def stretch(x: Array, other: Array, u: float, *, A: float) -> tuple[Array, float
     return other + z * (x - other), (len(x) - 1) * np.log(z)
 
 
-@slip(
+@mistake(
     "stretch", "z is not uniform from 1 / A to A: invert the distribution function of 1 / sqrt(z)"
 )
 def stretch_uniformly(x, other, u, *, A):

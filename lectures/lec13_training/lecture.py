@@ -21,7 +21,7 @@ from workbench.lectures.material.pose_in_shape import aligned, pose_share
 from workbench.lectures.material.training_costs import plot_costs
 from workbench.lectures.material.tubes import tube
 from workbench.plots import house_style, sheet
-from workbench.plots.sparsity import plot_sparsity
+from workbench.plots.diagnosis import plot_sparsity
 from workbench.synthetic.made_up import draw_registrations, jointed_tube, limb, random_smpl
 from workbench.training import blocks
 from workbench.training.estimate import Estimate, Sigmas

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from workbench.course.packs import rounded, slip, variant
+from workbench.course.packs import mistake, rounded, variant
 
 Array = np.ndarray
 
@@ -28,7 +28,7 @@ def unevenness(T: Array, opposite: Array, *, MIDDLE: float, WEIGHT: float) -> fl
     return float(np.sum(off**2 * [WEIGHT, 1, 1]))
 
 
-@slip("unevenness", "the mirror image of x at MIDDLE is 2 MIDDLE - x")
+@mistake("unevenness", "the mirror image of x at MIDDLE is 2 MIDDLE - x")
 def unevenness_at_half(T, opposite, *, MIDDLE, WEIGHT):
     return unevenness.solution(T, opposite, MIDDLE=MIDDLE / 2, WEIGHT=WEIGHT)
 
@@ -55,6 +55,6 @@ def ridge(F: Array, D: Array, earlier: Array, *, PENALTIES: list[float]) -> Arra
     return np.linalg.solve(F.T @ F + W, F.T @ D + W @ earlier.T).T
 
 
-@slip("ridge", "this pulls to zero, and not to the earlier P")
+@mistake("ridge", "this pulls to zero, and not to the earlier P")
 def ridge_to_zero(F, D, earlier, *, PENALTIES):
     return ridge.solution(F, D, 0 * earlier, PENALTIES=PENALTIES)

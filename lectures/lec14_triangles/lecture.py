@@ -24,7 +24,7 @@ from workbench.geometry.solids import mesh_edges
 from workbench.geometry.triangles import Stitching, edges, frames_on, gradients, soup
 from workbench.plots import house_style, plot_stitching, sheet
 from workbench.plots.body import Figurine, front, line_up
-from workbench.replay.side_by_side import recorded_side_by_side
+from workbench.reports.replay.sequences import recorded_side_by_side
 from workbench.studies.triangles.explained_variance import (
     explained_by_triangles,
     explained_by_vertices,

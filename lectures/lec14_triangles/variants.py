@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from workbench.course.packs import rounded, slip, variant
+from workbench.course.packs import mistake, rounded, variant
 
 Array = np.ndarray
 
@@ -26,7 +26,7 @@ def frame(T: Array, *, POWER: float) -> Array:
     return np.column_stack([e0, e1, n / np.linalg.norm(n) ** POWER])
 
 
-@slip("frame", "n is e_1 x e_0, in this order")
+@mistake("frame", "n is e_1 x e_0, in this order")
 def frame_from_below(T, *, POWER):
     return frame.solution(T, POWER=POWER) * [1, 1, -1]
 
@@ -54,7 +54,7 @@ def blend_volume(w: float, alpha: float, *, BACK: float, ALONG: float) -> float:
     return abs(across) ** 2 * (w * ALONG + 1 - w)
 
 
-@slip("blend_volume", "across the axis there are two directions: the area goes with the square")
+@mistake("blend_volume", "across the axis there are two directions: the area goes with the square")
 def blend_volume_of_a_length(w, alpha, *, BACK, ALONG):
     right = blend_volume.solution(w, alpha, BACK=BACK, ALONG=1.0)
     return np.sqrt(right) * (w * ALONG + 1 - w)

@@ -26,8 +26,7 @@ from workbench.geometry.rigid import Similarity, procrustes
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.geometry.surface_tree import SurfaceTree
 from workbench.plots import caption_basins, house_style, plot_basins, plot_differences, sheet
-from workbench.plots.body import Figurine, back, front, painted
-from workbench.plots.distances import line_up_coloured
+from workbench.plots.body import Figurine, back, front, line_up_coloured, painted
 from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.registration import (
     VERTEX_STAGES,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from workbench.course.packs import rounded, slip, variant
+from workbench.course.packs import mistake, rounded, variant
 
 Array = np.ndarray
 
@@ -31,7 +31,7 @@ def robust_weight(d: Array, *, SIGMA: float, SCALE: float, POWER: float) -> Arra
     return (1 + s - POWER * s) / (1 + s) ** (POWER + 1) / SIGMA**2
 
 
-@slip("robust_weight", "this is rho / d^2; the weight comes from the derivative of rho")
+@mistake("robust_weight", "this is rho / d^2; the weight comes from the derivative of rho")
 def robust_weight_from_rho(d, *, SIGMA, SCALE, POWER):
     return 1 / SIGMA**2 / (1 + (d / SCALE) ** 2) ** POWER
 
@@ -62,6 +62,6 @@ def coupling_residual(V: Array, M: Array, *, EDGES: list[list[int]], SIGMAS: lis
     return ((moved[second] - moved[first]) / np.array(SIGMAS)[:, None]).ravel()
 
 
-@slip("coupling_residual", "the second end minus the first")
+@mistake("coupling_residual", "the second end minus the first")
 def coupling_residual_backwards(V, M, *, EDGES, SIGMAS):
     return -coupling_residual.solution(V, M, EDGES=EDGES, SIGMAS=SIGMAS)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from workbench.course.packs import rounded, slip, variant
+from workbench.course.packs import mistake, rounded, variant
 
 Array = np.ndarray
 
@@ -32,7 +32,7 @@ def torso_depth(points: Array, pixels: Array, *, PAIRS: list[list[int]], FOCAL: 
     return FOCAL * in_space / in_image
 
 
-@slip("torso_depth", "this is the mean of ratios; it has to be the ratio of means")
+@mistake("torso_depth", "this is the mean of ratios; it has to be the ratio of means")
 def torso_depth_of_ratios(points, pixels, *, PAIRS, FOCAL):
     a, b = np.array(PAIRS).T
     in_space, in_image = (np.linalg.norm(p[a] - p[b], axis=1) for p in (points, pixels))
@@ -60,6 +60,6 @@ def sphere_slope(distance: float, r1: float, r2: float, *, FACTOR: float, WEIGHT
     return -2 * WEIGHT * distance / width * np.exp(-(distance**2) / width)
 
 
-@slip("sphere_slope", "the factor is squared with the radius")
+@mistake("sphere_slope", "the factor is squared with the radius")
 def sphere_slope_without_square(distance, r1, r2, *, FACTOR, WEIGHT):
     return sphere_slope.solution(distance, r1, r2, FACTOR=np.sqrt(FACTOR), WEIGHT=WEIGHT)

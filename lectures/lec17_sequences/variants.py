@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from workbench.course.packs import rounded, slip, variant
+from workbench.course.packs import mistake, rounded, variant
 
 Array = np.ndarray
 
@@ -29,7 +29,7 @@ def smooth_residual(x: Array, *, STEPS: list[float], SIGMA: float) -> Array:
     return np.diff(speeds, axis=0).ravel() / SIGMA
 
 
-@slip("smooth_residual", "a speed is a difference over the time that it took")
+@mistake("smooth_residual", "a speed is a difference over the time that it took")
 def smooth_residual_of_differences(x, *, STEPS, SIGMA):
     return np.diff(x, 2, axis=0).ravel() / SIGMA
 
@@ -53,7 +53,7 @@ def worth(T: int, *, CORRELATION: float) -> float:
     return T / (1 + 2 * np.sum((1 - k / T) * CORRELATION**k))
 
 
-@slip("worth", "T frames have T - k pairs that are k apart: a factor 1 - k / T is missing")
+@mistake("worth", "T frames have T - k pairs that are k apart: a factor 1 - k / T is missing")
 def worth_of_a_long_film(T, *, CORRELATION):
     return T / (1 + 2 * np.sum(CORRELATION ** np.arange(1, T)))
 
@@ -85,6 +85,6 @@ def carried(rest: Array, posed: Array, marker: Array, *, ALONG: float) -> Array:
     return new + axes(posed) @ axes(rest).T @ (marker - old)
 
 
-@slip("carried", "the origin is not a, but a point on the edge from a to b")
+@mistake("carried", "the origin is not a, but a point on the edge from a to b")
 def carried_from_a(rest, posed, marker, *, ALONG):
     return carried.solution(rest, posed, marker, ALONG=0.0)

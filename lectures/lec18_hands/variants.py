@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from workbench.course.packs import rounded, slip, variant
+from workbench.course.packs import mistake, rounded, variant
 
 Array = np.ndarray
 
@@ -31,17 +31,17 @@ def pose_of(mean: Array, components: Array, deviations: Array, z: Array, *, LIMI
     return mean + np.tensordot(np.clip(z, -LIMIT, LIMIT) * deviations, components, axes=1)
 
 
-@slip("pose_of", "coefficients beyond LIMIT are replaced by LIMIT")
+@mistake("pose_of", "coefficients beyond LIMIT are replaced by LIMIT")
 def pose_of_without_limits(mean, components, deviations, z, *, LIMIT):
     return mean + np.tensordot(z * deviations, components, axes=1)
 
 
-@slip("pose_of", "z counts standard deviations: LIMIT is compared with z, before the deviation")
+@mistake("pose_of", "z counts standard deviations: LIMIT is compared with z, before the deviation")
 def pose_of_radians(mean, components, deviations, z, *, LIMIT):
     return mean + np.tensordot(np.clip(z * deviations, -LIMIT, LIMIT), components, axes=1)
 
 
-@slip("pose_of", "a negative coefficient may not be below -LIMIT")
+@mistake("pose_of", "a negative coefficient may not be below -LIMIT")
 def pose_of_above(mean, components, deviations, z, *, LIMIT):
     return mean + np.tensordot(np.minimum(z, LIMIT) * deviations, components, axes=1)
 
@@ -70,14 +70,14 @@ def components_needed(deviations: Array, *, LEFT: float) -> tuple[int, float]:
     return count, float(LEFT - left[count])
 
 
-@slip("components_needed", "variances are added, and not standard deviations")
+@mistake("components_needed", "variances are added, and not standard deviations")
 def components_by_deviations(deviations, *, LEFT):
     left = np.append(np.cumsum(deviations[::-1])[::-1], 0.0)
     count = int(np.argmax(left < LEFT))
     return count, float(LEFT - left[count])
 
 
-@slip(
+@mistake(
     "components_needed",
     "take the root of the variance that is left before comparing it with LEFT",
 )

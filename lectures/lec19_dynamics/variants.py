@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from workbench.course.packs import rounded, slip, variant
+from workbench.course.packs import mistake, rounded, variant
 
 Array = np.ndarray
 
@@ -32,19 +32,19 @@ def _swing(r: float, w: float, fps: float) -> tuple[float, float, float]:
     return 2 * r * np.cos(w), -(r**2), fps
 
 
-@slip("wobble", "the product of the poles is -a2, so r is its square root")
+@mistake("wobble", "the product of the poles is -a2, so r is its square root")
 def wobble_with_the_square(a1, a2, fps, *, SHARE):
     right = wobble.solution(a1, a2, fps, SHARE=SHARE)
     return right[0], right[1] / 2
 
 
-@slip("wobble", "a whole swing is an angle of 2 pi, and times are in seconds")
+@mistake("wobble", "a whole swing is an angle of 2 pi, and times are in seconds")
 def wobble_in_frames(a1, a2, fps, *, SHARE):
     right = wobble.solution(a1, a2, fps, SHARE=SHARE)
     return right[0] * fps, right[1] * fps
 
 
-@slip("wobble", "until SHARE is left, and not until SHARE is gone")
+@mistake("wobble", "until SHARE is left, and not until SHARE is gone")
 def wobble_until_it_is_gone(a1, a2, fps, *, SHARE):
     right = wobble.solution(a1, a2, fps, SHARE=SHARE)
     return right[0], wobble.solution(a1, a2, fps, SHARE=1 - SHARE)[1]
@@ -74,12 +74,12 @@ def free_run(a1: float, a2: float, driven: Array, *, HELD: float) -> Array:
     return np.array(phi[2:])
 
 
-@slip("free_run", "before the first frame phi is HELD, and not zero")
+@mistake("free_run", "before the first frame phi is HELD, and not zero")
 def free_run_from_zero(a1, a2, driven, *, HELD):
     return free_run.solution(a1, a2, driven, HELD=0.0)
 
 
-@slip("free_run", "both of the two frames before the first one are HELD")
+@mistake("free_run", "both of the two frames before the first one are HELD")
 def free_run_from_one(a1, a2, driven, *, HELD):
     phi = [0.0, HELD]
     for push in driven:
@@ -87,7 +87,7 @@ def free_run_from_one(a1, a2, driven, *, HELD):
     return np.array(phi[2:])
 
 
-@slip("free_run", "phi is returned from the first frame on")
+@mistake("free_run", "phi is returned from the first frame on")
 def free_run_too_early(a1, a2, driven, *, HELD):
     right = free_run.solution(a1, a2, driven, HELD=HELD)
     return np.concatenate([[HELD, HELD], right])[: len(driven)]

@@ -3,8 +3,7 @@
 from pathlib import Path
 
 from workbench.arrays import Array
-from workbench.reports.flat_page import flat_page
-from workbench.reports.replay_page import ReplayPage
+from workbench.reports.replays import ReplayPage, flat_page
 from workbench.solvers.levenberg_marquardt import FASTEST_FALL
 
 SCRIPT = Path(__file__).with_suffix(".js")

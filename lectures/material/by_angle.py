@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from workbench.arrays import Array
-from workbench.plots.labels import plain
 from workbench.plots.palette import DASHES, FAINT, INK, LINES
+from workbench.plots.style import plain
 
 
 def plot_by_angle(

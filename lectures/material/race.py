@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.replay.packing import packed
-from workbench.replay.tracks import as_numbers
-from workbench.reports.flat_page import flat_page
-from workbench.reports.replay_page import ReplayPage
+from workbench.reports.replay.recording import packed
+from workbench.reports.replay.runs import as_numbers
+from workbench.reports.replays import ReplayPage, flat_page
 
 SCRIPT = Path(__file__).with_suffix(".js")
 GRID = 81  # places along each axis at which the cost is computed

@@ -20,7 +20,7 @@ from benchmarks.ablations.study import (
 from workbench import load_body
 from workbench.lectures.material.pose_in_shape import aligned, pose_share
 from workbench.lectures.material.training_costs import caption_costs, plot_costs
-from workbench.plots.figure import house_style, png, sheet
+from workbench.plots.style import house_style, png, sheet
 from workbench.synthetic.made_up import (
     CorruptedRegistrations,
     draw_registrations,

@@ -17,9 +17,10 @@ from builder.site.examples import Example
 from builder.site.inventory import annotated, inventory
 from tests.site.links import pages_of, troubles
 from workbench.course import notebooks
+from workbench.course import site as course_pages
 from workbench.course.outline import lecture
+from workbench.course.site import NEEDED
 from workbench.errors import BadFile
-from workbench.site import NEEDED, course_pages
 
 ROOT = Path(wb.__file__).parents[1]
 SHOWN = sorted(p for p in (ROOT / "examples" / "reference").glob("*.py") if p.stem != "__init__")

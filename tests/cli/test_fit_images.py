@@ -21,7 +21,7 @@ from workbench.fitting.image_jobs import ImageReading, ImageWork
 from workbench.fitting.image_recipe import ByHeight, WithStature
 from workbench.fitting.observations import COCO
 from workbench.priors.poses import draw_poses, shipped_gaussian
-from workbench.reports.image_folder import ImageFolder
+from workbench.reports.many import ImageFolder
 
 pytestmark = pytest.mark.thorough
 

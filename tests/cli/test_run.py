@@ -2,29 +2,32 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 import workbench as wb
 from tests.cli.conftest import Run
 from tests.cli.own_files import LINE, PARABOLA
+from workbench.cli.output import rich_table
+from workbench.reports.page import Table
 from workbench.solvers import SOLVERS
 
 
 @pytest.mark.thorough
 def test_run_writes_a_whole_report(workbench: Run) -> None:
-    code, out, err = workbench("run", "--no-compare")
+    code, out, err = workbench("run", "--no-compare", "--verbose")
     assert code == 0, err
     assert "CONVERGED" in out
     assert "reprojection, cam01" in out
-    said = out.splitlines()
-    header = next(i for i, line in enumerate(said) if line.split()[:2] == ["iteration", "cost"])
-    assert said[header + 1].split()[0] == "0"
+    assert re.search(r"^iteration +0  cost \d", out, re.M), out
     assert "The priors, pose prior and shape prior, make up " in out
     assert "without the priors: 184 x 85" in out
     folder = Path("runs/balance")
@@ -34,6 +37,20 @@ def test_run_writes_a_whole_report(workbench: Run) -> None:
         assert numbers["projected:cam01"].shape == (23, 2)
     assert wb.Solution.load(folder / "solution.npz").converged
     assert json.loads((folder / "summary.json").read_text())["status"] == "CONVERGED"
+
+
+def test_tables_fit_80_columns_whole() -> None:
+    table = Table(
+        ("solver", "status", "cost"),
+        (("levenberg-marquardt", "CONVERGED, NOT LOWEST " * 4, "125.59428"),) * 2,
+        (2,),
+    )
+    console = Console(width=80, file=StringIO())
+    console.print(rich_table(table))
+    lines = console.file.getvalue().splitlines()  # type: ignore[attr-defined]
+    assert max(map(len, lines)) <= 80
+    assert sum("125.59428" in line for line in lines) == 2
+    assert not any("…" in line for line in lines)
 
 
 def test_run_lists_experiments_and_suites(workbench: Run) -> None:
@@ -120,8 +137,8 @@ def test_interrupted_comparison_keeps_the_report(
 @pytest.mark.parametrize(
     ("number", "code", "said"),
     [
-        ("SIGINT", 130, "interrupted; nothing was written"),
-        ("SIGTERM", 143, "terminated; nothing was written"),
+        ("SIGINT", 130, "interrupted; every file that was written is whole"),
+        ("SIGTERM", 143, "terminated; every file that was written is whole"),
     ],
 )
 def test_signal_ends_run_with_a_sentence(workbench: Run, number: str, code: int, said: str) -> None:
@@ -151,10 +168,10 @@ def test_signal_while_the_report_is_written_leaves_nothing(
     def terminated(*_: object) -> None:
         signal.raise_signal(signal.SIGTERM)
 
-    monkeypatch.setattr("workbench.reports.report.run_page", terminated)
+    monkeypatch.setattr("workbench.reports.run.run_page", terminated)
     Path("line.py").write_text(LINE)
     code, _, err = workbench("run", "line.py", "--no-compare")
-    assert (code, err) == (143, "terminated; nothing was written\n")
+    assert (code, err) == (143, "terminated; every file that was written is whole\n")
     assert list(Path("runs").iterdir()) == []
 
 
@@ -182,5 +199,5 @@ def test_interrupt_while_importing_is_a_sentence() -> None:
         check=False,
     )
     assert done.returncode == 130
-    assert done.stderr == "interrupted; nothing was written\n"
+    assert done.stderr == "interrupted; every file that was written is whole\n"
     assert done.stdout == ""

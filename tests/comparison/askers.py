@@ -52,7 +52,7 @@ def by_derivative(problem: Problem, x: Array, fixed: Array) -> Ways:
 
 
 def by_batches(problem: Problem, x: Array, fixed: Array) -> Ways:
-    """`slopes` for the direction, and `costs` of a fan of step lengths: steepest descent."""
+    """Steepest descent: `cost_gradients` for the direction, `costs` of a fan of step lengths."""
     costs, slopes = problem.costs(x, fixed), problem.cost_gradients(x, fixed)
 
     def cost(x: Array) -> float:

@@ -119,7 +119,7 @@ def test_keys_change_with_what_a_run_depends_on(tmp_path: Path) -> None:
 
 def test_lectures_are_identified_by_source() -> None:
     """They are no part of the code's version: in a checkout they are not even below the package."""
-    for module in ("workbench", "workbench.solvers.dogleg", "workbench.course.answers"):
+    for module in ("workbench", "workbench.solvers.dogleg", "workbench.course.checks"):
         assert of_the_house(module), module
     for module in ("workbench.lectures.lec07_trust_region.solutions", "workbenches", "__main__"):
         assert not of_the_house(module), module

@@ -17,8 +17,7 @@ import pytest
 
 from tests.hostile.formats import whole
 from workbench import Block, Problem, train
-from workbench.course.handing_out import hand_out
-from workbench.course.outline import lecture
+from workbench.course.outline import hand_out, lecture
 from workbench.errors import BadFile
 from workbench.reports.folder import replacing_folder
 from workbench.residuals import gaussian

@@ -216,8 +216,8 @@ def setup(seed: int = 0): return Setup(problem, start, "A line")
 MARKS = """
 import sys
 from workbench.course.outline import lecture
-from workbench.course.student_process import grade
-grade(lecture(1), sys.argv[1], seconds=300)
+from workbench.course.process import ProcessLimits, grade
+grade(lecture(1), sys.argv[1], ProcessLimits(300))
 """
 LASTS = """
 import ctypes, os

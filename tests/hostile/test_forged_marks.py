@@ -1,41 +1,56 @@
-"""Files of answers that forge their marks: each gets the points that it earned, and no others."""
+"""Files that forge their marks: each gets the points that it earned, and no others."""
 
 import json
-import socket
-import threading
 from pathlib import Path
 
 import pytest
 
 from tests.tiers import few
-from workbench.course import grading
-from workbench.course.channel import receive_answer
-from workbench.course.grades import CheckState, Grade
-from workbench.course.grading import Ended
+from workbench.course.checks import legible
+from workbench.course.grading import CheckState, Grade
 from workbench.course.outline import lecture
-from workbench.course.plain import Malformed
-from workbench.course.student_process import grade
-from workbench.course.words import legible
-from workbench.processes import Channel
+from workbench.course.packs import marking
+from workbench.course.packs.handing_out import write_pack
+from workbench.course.packs.keys import ClassKey
+from workbench.course.packs.marking import answers_in, mark_of
+from workbench.course.plain import Malformed, received
+from workbench.course.process import ProcessLimits, grade
 
 ROTATIONS = lecture(2)
-EARNED = 2  # by the honest answer below, where the process lives long enough to give it
-
+EARNED = 2  # by the honest answer below
 HONEST = """
 import numpy as np
 
 def angle_between(A, B):
     return 2 * np.arcsin(min(1.0, np.linalg.norm(A - B) / np.sqrt(8)))
 """
+MINE = """
+import numpy as np
 
-NAMES = """
-NAMES = ("hat", "rodrigues", "shorter", "nearest_rotation", "mean_rotation", "third")
-POINTS = {"hat": 1, "rodrigues": 4, "angle_between": 2, "shorter": 2, "nearest_rotation": 2,
-          "mean_rotation": 3, "third": 2}
+from workbench.course.packs import rounded, variant
+
+
+@variant("stretched", points=2, minutes=5, draw=lambda rng: {"STIFFNESS": rounded(rng, 1, 9)},
+         arguments=lambda rng, numbers: (rounded(rng, 1, 9, count=3),))
+def stretched(force, *, STIFFNESS):
+    '''force (3,) -> how far a spring is stretched, (3,)'''
+    return np.asarray(force) / STIFFNESS
+
+
+@variant("doubled", points=3, minutes=5, draw=lambda rng: {"OFFSET": rounded(rng, 1, 9)},
+         arguments=lambda rng, numbers: (rounded(rng, 1, 9),))
+def doubled(x, *, OFFSET):
+    '''x -> 2 x + OFFSET'''
+    return 2 * x + OFFSET
 """
-
-TELL = """
+EVERYWHERE = """
 import json, os, struct
+
+def frame(data):
+    text = json.dumps(data).encode()
+    return struct.pack("!Q", len(text)) + text
+
+FRAMES = frame({"loaded": ""}) + frame({"answers": [{"value": True}] * 6, "printed": ""}) * 50
 
 def everywhere(data, handles=range(64)):
     for handle in handles:
@@ -43,243 +58,159 @@ def everywhere(data, handles=range(64)):
             os.write(handle, data)
         except OSError:
             pass
-
-def lines():
-    yield {"loaded": ""}
-    for name, of in POINTS.items():
-        mark = {"exercise": name, "check": "all of it", "of": of, "state": "passed"}
-        yield {"begun": name}
-        yield {"exercise": name, "marks": [mark], "printed": ""}
-    yield {"done": True}
-
-def frame(number, data):
-    text = json.dumps([number, data]).encode()
-    return struct.pack("!Q", len(text)) + text
-
-LINES = "".join(json.dumps(line) + "\\n" for line in lines()).encode()
-FRAMES = frame(1, {"loaded": ""}) + b"".join(
-    frame(n, {"unfit": None, "value": True, "marks": "all", "state": "passed", "points": 16})
-    for n in range(2, 500))
 """
-
-ALL_ANSWER = """
-def answer_with(value):
-    for name in NAMES:
-        globals()[name] = lambda *_, value=value: value
-"""
-
-FORGERIES = {
-    "the marks to every handle, while loading": (TELL + "everywhere(LINES); os._exit(0)", 0),
-    "answers to questions that were not asked": (TELL + "everywhere(FRAMES)", 0),
-    "the marks from within an answer": (
-        TELL + "def hat(w):\n    everywhere(LINES)\n    return w",
-        EARNED,
+FORGERIES = {  # and what the honest answer beside them is worth
+    "answers on every handle while loading": (EVERYWHERE + "everywhere(FRAMES); os._exit(0)", 0),
+    "answers from within an answer": (
+        EVERYWHERE + "def stretched(force):\n    everywhere(FRAMES, range(3, 64))\n    return 0",
+        0,
     ),
     "the end after a print": (
-        "import os\ndef hat(w):\n    print('16 of 16 points', flush=True)\n    os._exit(0)",
-        EARNED,
-    ),
-    "a thread that writes for ever": (
-        TELL + "import threading\n"
-        "def hat(w):\n"
-        "    def on():\n"
-        "        while True: everywhere(FRAMES + LINES, range(3, 64))\n"
-        "    threading.Thread(target=on, daemon=True).start()\n"
-        "    return w",
-        EARNED,
-    ),
-    "at the exit": (
-        TELL + "import atexit, sys\natexit.register(everywhere, LINES)\nsys.exit(0)",
-        EARNED,
+        "import os\ndef stretched(force):\n    print('2 of 2 points', flush=True)\n    os._exit(0)",
+        3,
     ),
     "a NumPy that finds all alike": (
-        ALL_ANSWER + "answer_with(0.0)\n"
-        "import numpy, numpy.testing\n"
-        "true = lambda *_, **__: True\n"
-        "def hat(w):\n"
+        "import numpy\n"
+        "def stretched(force):\n"
         "    for name in ('allclose', 'isclose', 'array_equal', 'all'):\n"
-        "        setattr(numpy, name, true)\n"
+        "        setattr(numpy, name, lambda *_, **__: True)\n"
         "    numpy.abs = numpy.maximum = lambda *_, **__: numpy.zeros(())\n"
-        "    numpy.linalg.norm = lambda *_, **__: 0.0\n"
-        "    numpy.testing.assert_allclose = true\n"
-        "    return w\n"
-        "def angle_between(A, B):\n    return 0.0",
-        0,
+        "    return force",
+        3,
     ),
-    "a course without checks": (
-        ALL_ANSWER + "answer_with(True)\n"
-        "from workbench.course import answers, checks, grades, grading, student_process\n"
-        "checks.equal = checks.holds = lambda *_, **__: None\n"
-        "answers.same = answers.formed = lambda came, *_: True\n"
-        "grades.CheckState._value2member_map_['failed'] = grades.CheckState.PASSED\n"
-        "grades.CheckResult.points = property(lambda self: self.of)\n"
-        "grading._tried = lambda check, witness: grades.CheckResult(\n"
-        "    check.exercise, check.name, check.points, grades.CheckState.PASSED)\n"
-        "student_process.grade = lambda *_, **__: None",
-        EARNED,
-    ),
-    "other modules in their places": (
-        ALL_ANSWER + "answer_with(1)\nimport sys, types\n"
-        "class All(types.ModuleType):\n"
-        "    def __getattr__(self, name): return lambda *_, **__: {'unfit': None, 'value': True}\n"
-        "for name in [n for n in sys.modules if n.startswith('workbench.course')]:\n"
-        "    sys.modules[name] = All(name)",
-        EARNED,
-    ),
-    "frames above": (
-        "import sys\n"
-        "def hat(w):\n"
-        "    frame = sys._getframe()\n"
-        "    while frame is not None:\n"
-        "        for name, one in list(frame.f_locals.items()) + list(frame.f_globals.items()):\n"
-        "            if 'solution' in name or 'lecture' in name or name == 'checks':\n"
-        "                return one.solution('hat')(w)\n"
-        "        frame = frame.f_back\n"
-        "    return w",
-        EARNED,
-    ),
-    "builtins that find all alike": (
-        ALL_ANSWER + "import builtins\n"
-        "def hat(w):\n"
-        "    builtins.abs = builtins.max = builtins.min = lambda *_, **__: 0.0\n"
-        "    builtins.all = builtins.any = builtins.isinstance = lambda *_, **__: True\n"
-        "    return w\n"
-        "def angle_between(A, B):\n    return 0.0",
-        0,
+    "marking that finds nothing wrong": (
+        "from workbench.course import checks\n"
+        "from workbench.course.packs import marking\n"
+        "checks.equal = checks.holds = marking.compare = lambda *_, **__: None\n"
+        "def stretched(force):\n    return force",
+        3,
     ),
     "a liar that equals everything": (
-        ALL_ANSWER + "class Liar:\n"
-        "    shape, dtype, ndim, size = (3, 3), float, 2, 9\n"
+        "class Liar:\n"
+        "    shape, dtype, ndim, size = (3,), float, 1, 3\n"
         "    def yes(self, *_, **__): return True\n"
         "    __eq__ = __le__ = __ge__ = __lt__ = __gt__ = __bool__ = yes\n"
         "    __hash__ = None\n"
         "    def me(self, *_, **__): return self\n"
-        "    __add__ = __sub__ = __mul__ = __matmul__ = __rsub__ = __rmatmul__ = __abs__ = me\n"
-        "    __getitem__ = __getattr__ = __call__ = T = me\n"
-        "answer_with(Liar())",
-        EARNED,
+        "    __sub__ = __rsub__ = __abs__ = __getitem__ = __getattr__ = __call__ = me\n"
+        "def stretched(force):\n    return Liar()",
+        3,
     ),
     "an array that agrees with everything": (
-        ALL_ANSWER + "import numpy as np\n"
+        "import numpy as np\n"
         "class Agrees(np.ndarray):\n"
         "    def __array_ufunc__(self, ufunc, method, *given, **_):\n"
         "        return np.True_ if ufunc.__name__ in ('less_equal', 'equal') else self\n"
         "    def __array_function__(self, function, *_): return np.True_\n"
-        "    def __eq__(self, other): return np.True_\n"
         "    def all(self, *_, **__): return True\n"
-        "answer_with(np.zeros((3, 3)).view(Agrees))",
-        EARNED,
+        "def stretched(force):\n    return np.zeros(3).view(Agrees)",
+        3,
     ),
-    "messages of the course's own": (
-        ALL_ANSWER + "from workbench.course.answers import Raised\n"
-        "from workbench.course.checks import Missed\n"
-        "from workbench.course.grading import Ended, Unanswered\n"
-        "from workbench.course.words import Described\n"
-        "def hat(w):\n    return Described('passed', 'passed')\n"
-        "def rodrigues(w):\n    raise Unanswered('passed')\n"
-        "def shorter(w):\n    raise Ended('passed')\n"
-        "def nearest_rotation(M):\n    raise Missed('passed', 'passed', 'passed')\n"
-        "def mean_rotation(rotations):\n    return Raised('passed', 'passed')\n"
-        "def third(s):\n    raise BaseException('passed')",
-        EARNED,
+    "what the process was sent": (
+        "import gc\n"
+        "def stretched(force):\n"
+        "    for one in gc.get_objects():\n"
+        "        if isinstance(one, dict) and 'tries' in one: return one['tries'][0][1]\n"
+        "    return force",
+        3,
     ),
     "a fork that goes on": (
-        TELL + "import time\n"
-        "def hat(w):\n"
+        EVERYWHERE + "import time\n"
+        "def stretched(force):\n"
         "    if os.fork():\n"
         "        os._exit(0)\n"
         "    os.setsid()\n"
-        "    everywhere(FRAMES)\n"
         "    time.sleep(4)\n"
         "    os._exit(0)",
-        EARNED,
+        3,
     ),
-    "all handles closed": ("import os\nos.closerange(3, 256)", 0),
 }
 
 
-LATE = ("a thread that writes for ever",)  # on a busy machine it delays its own honest answers
+@pytest.fixture(scope="module")
+def key(tmp_path_factory: pytest.TempPathFactory) -> ClassKey:
+    place = tmp_path_factory.mktemp("pack")
+    (place / "mine.py").write_text(MINE)
+    out = place / "out"
+    return write_pack([str(place / "mine.py")], "springs", {"ada": "ada"}, out, place / "keys", 3)
+
+
+def points(text: str, key: ClassKey, folder: Path) -> list[int]:
+    mine = key.keys["ada"]
+    (folder / "mine.py").write_text(
+        f"def doubled(x):\n    return 2 * x + {mine[1].numbers['OFFSET']}\n{text}\n"
+    )
+    sent = answers_in(folder / "mine.py", mine, ProcessLimits(5))
+    return [mark_of(one, sent[one.number]).points for one in mine]
+
+
+@pytest.mark.parametrize("forgery", few(FORGERIES, ["a liar that equals everything"]))
+def test_forgeries_earn_nothing(forgery: str, key: ClassKey, tmp_path: Path) -> None:
+    text, honest = FORGERIES[forgery]
+    assert points(text, key, tmp_path) == [0, honest]
+
+
+def test_right_answers_never_enter_the_process_of_a_file(
+    key: ClassKey, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sent: list[str] = []
+    ask = marking.ask
+
+    def watched(file: Path, about: object, exercises: object, limits: ProcessLimits) -> object:
+        sent.append(json.dumps([about, exercises]))
+        return ask(file, about, exercises, limits)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(marking, "ask", watched)
+    own = key.keys["ada"][0].numbers["STIFFNESS"]
+    right = f"import numpy as np\ndef stretched(force):\n    return np.divide(force, {own})"
+    assert points(right, key, tmp_path) == [2, 3]
+    (job,) = sent
+    for one in key.keys["ada"]:
+        for arguments, answer in (*one.tries, *one.edges):
+            assert json.dumps(arguments) in job
+            assert json.dumps(answer) not in job
+
+
+ARRAY = {"value": {"array": ["f", [1], "AAAAAAAAAAA="]}}
+GARBLED = {
+    "an integer above 64 bits": {"value": 10**30},
+    "a shape of 10^27 entries": {"value": {"array": ["f", [0, 10**9, 10**9, 10**9], ""]}},
+    "a shape below zero": {"value": {"array": ["f", [-1], ""]}},
+    "more numbers than the shape": {"value": {"array": ["f", [1], "AAAAAAAAAAAAAAAAAAAAAA=="]}},
+    "an array of objects": {"value": {"array": ["O", [1], "AAAAAAAAAAA="]}},
+    "numbers that are no base64": {"value": {"array": ["f", [1], "\u00e9?"]}},
+    "a list longer than any": {"value": {"list": [0] * 200_000}},
+    "a form that does not exist": {"value": {"pickle": "gASVAA=="}},
+    "a dict that is none": {"value": {"dict": [1]}},
+    "a complex number of texts": {"value": {"complex": ["1", "2"]}},
+    "an error without a text": {"raised": [1, 2, 3]},
+    "marks": {"marks": [{"state": "passed", "of": 16}]},
+}
+
+
+def test_garbled_answers_are_refused(key: ClassKey) -> None:
+    assert received(ARRAY) == [0.0]
+    for name, garbled in GARBLED.items():
+        with pytest.raises(Malformed):
+            received(garbled)
+        lost = mark_of(key.keys["ada"][0], {"answers": [garbled] * 6})
+        assert (lost.points, lost.remarks) == (0, ("its process sent what is no answer",)), name
 
 
 def found(text: str, folder: Path, seconds: float = 30) -> Grade:
     path = folder / "answers.py"
     path.write_text(text)
-    return grade(ROTATIONS, path, seconds)
+    return grade(ROTATIONS, path, ProcessLimits(seconds))
 
 
-@pytest.mark.parametrize("forgery", few(FORGERIES, 1))
-def test_forgeries_get_what_they_earned(forgery: str, tmp_path: Path) -> None:
-    text, earned = FORGERIES[forgery]
-    came = found(NAMES + HONEST + text + "\n", tmp_path, seconds=3)
-    late = came.points == 0 and forgery in LATE
-    assert came.points == earned or late
-    assert came.of == 16
-    assert not came.passed
-    assert len(came.results) == len(ROTATIONS.checks)
-    others = [one for one in came.results if one.exercise != "angle_between"]
-    assert {one.state for one in others} <= {CheckState.FAILED, CheckState.NOT_ATTEMPTED}
-
-
-def framed(text: bytes) -> bytes:
-    return len(text).to_bytes(8, "big") + text
-
-
-def array(*parts: object) -> bytes:
-    return framed(json.dumps([5, {"value": {"array": parts}}]).encode())
-
-
-GARBLED = {
-    "no JSON": framed(b"\xff\xfe{]"),
-    "a length of billions of gigabytes": b"\xff" * 8 + b"[" * 1000,
-    "lists a million deep": framed(b"[" * 1_000_000),
-    "an integer of three million digits": framed(b'[5, {"value": ' + b"9" * 3_000_000 + b"}]"),
-    "an integer above 64 bits": framed(b'[5, {"value": ' + b"9" * 400 + b"}]"),
-    "a shape of 10^27 entries": array("f", [0, 10**9, 10**9, 10**9], ""),
-    "a shape below zero": array("f", [-1], ""),
-    "more numbers than the shape": array("f", [1], "AAAAAAAAAAAAAAAAAAAAAA=="),
-    "an array of objects": array("O", [1], "AAAAAAAAAAA="),
-    "numbers that are no base64": array("f", [1], "\u00e9?"),
-    "a list longer than any": framed(b'[5, {"value": {"list": [' + b"0," * 200_000 + b"0]}}]"),
-    "a form that does not exist": framed(b'[5, {"value": {"pickle": "gASVAA=="}}]'),
-    "a dict that is none": framed(b'[5, {"value": {"dict": [1]}}]'),
-    "a complex number of texts": framed(b'[5, {"value": {"complex": ["1", "2"]}}]'),
-    "an error without a text": framed(b'[5, {"raised": [1, 2, 3]}]'),
-    "an answer to another question": framed(b'[4, {"value": 1}]'),
-    "marks": framed(b'[5, {"marks": [{"state": "passed", "of": 16}]}]'),
-}
-
-
-@pytest.mark.parametrize("garbled", few(GARBLED, ()))
-def test_garbled_answers_are_refused(garbled: str) -> None:
-    garbled_answer_is_refused(GARBLED[garbled])
-
-
-def garbled_answer_is_refused(message: bytes) -> None:
-    ours, theirs = socket.socketpair()
-    with ours, theirs:
-        sender = threading.Thread(target=theirs.sendall, args=(message,))
-        sender.start()  # a large message waits for its reader
-        with pytest.raises((Malformed, Ended)):
-            grading.received(receive_answer(Channel(ours), 5, seconds=60))
-        ours.close()
-        sender.join()
-
-
-@pytest.mark.thorough
-def test_answers_are_never_unpickled(tmp_path: Path) -> None:
-    came = found(
-        HONEST
-        + TELL.replace("POINTS", "{}")
-        + f"import pickle\nMADE = {str(tmp_path / 'made')!r}\n"
-        "class Bomb:\n"
-        "    def __reduce__(self): return open, (MADE, 'w')\n"
-        "data = pickle.dumps(Bomb())\n"
-        "everywhere(struct.pack('!Q', len(data)) + data)\n"
-        "everywhere(data)\n",
-        tmp_path,
-    )
-    assert came.points == 0
-    assert not (tmp_path / "made").exists()
+def test_file_that_sends_garbage_fails_its_checks(tmp_path: Path) -> None:
+    for garbage in ("b'[' * 100_000", "b'\\xff' * 8", "json.dumps({'results': 3}).encode()"):
+        sent = f"def hat(w):\n    data = {garbage}\n"
+        sent += "    everywhere(struct.pack('!Q', len(data)) + data, range(3, 64))\n    return w\n"
+        came = found(HONEST + EVERYWHERE + sent, tmp_path)
+        assert came.exercises["hat"][0].state is CheckState.FAILED
+        assert came.of == 16
+        assert not came.passed
 
 
 @pytest.mark.thorough
@@ -298,8 +229,9 @@ def test_answers_beyond_all_bounds_are_described(tmp_path: Path) -> None:
         tmp_path,
     )
     said = {name: marks[0].came for name, marks in came.exercises.items()}
-    for name in ("hat", "shorter", "third", "mean_rotation"):
+    for name in ("shorter", "third"):
         assert "to be graded" in said[name], said[name]
+    assert "(3000, 3000)" in said["hat"]
     assert said["rodrigues"].startswith("a number: 10000")
     assert said["nearest_rotation"].startswith("a dict of length 1: {1: array(")
     assert came.points == EARNED

@@ -23,7 +23,7 @@ from tests.lectures.comparisons import comparisons
 from tests.lectures.numerals import Numeral, numerals, printed_numbers, right
 from workbench.course.cells import carried_out
 from workbench.course.outline import Lecture, lecture
-from workbench.course.picture import Picture
+from workbench.course.showing import Picture
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,7 @@ import pytest
 
 import workbench as wb
 from workbench.course import source
-from workbench.course.cells import cells
-from workbench.course.drawing import apart
+from workbench.course.cells import apart, cells
 from workbench.course.formulas import in_letters
 from workbench.course.outline import course
 from workbench.errors import BadFile

@@ -10,11 +10,11 @@ import pytest
 from tests.lectures.answered import marks_here
 from tests.lectures.prose import run_of
 from tests.tiers import few
-from workbench.course.answers import Raised, formed, outcome
 from workbench.course.cells import cells
-from workbench.course.grades import CheckState
+from workbench.course.checks import Raised, formed, outcome
+from workbench.course.grading import CheckState
 from workbench.course.outline import FILES, Lecture
-from workbench.course.picture import Picture, Source
+from workbench.course.showing import Picture, Source
 from workbench.lectures.outline import COURSE
 
 THERE = [one for one in COURSE if one.there]

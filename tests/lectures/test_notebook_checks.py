@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from workbench.course.badges import add_links, requirements
-from workbench.course.here import check_here
-from workbench.course.notebooks import notebook
+from workbench.course.grading import check_here
+from workbench.course.notebooks import add_links, notebook, requirements
 from workbench.course.outline import lecture
 from workbench.errors import BadArgument, UnknownName
 

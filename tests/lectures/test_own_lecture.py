@@ -8,11 +8,10 @@ from typer.testing import CliRunner
 
 from tests.lectures.answered import marks_here
 from workbench.cli.app import app
-from workbench.course.grades import CheckState
-from workbench.course.own_lecture import lecture_named, own_lecture
-from workbench.course.withheld_files import of_a_lecture
+from workbench.cli.new import write_scaffold
+from workbench.course.grading import CheckState
+from workbench.course.outline import lecture_named, own_lecture
 from workbench.errors import BadFile, UnknownName
-from workbench.scaffolds import write_scaffold
 
 
 @pytest.fixture
@@ -54,11 +53,6 @@ def test_own_lecture_checks_reject_every_mistake(folder: Path) -> None:
             assert one.hint == mistake.hint
             rejected += 1
         assert rejected >= 2
-
-
-def test_own_lecture_solutions_are_withheld(folder: Path) -> None:
-    assert of_a_lecture(folder.resolve() / "solutions.py")
-    assert not of_a_lecture(folder.resolve() / "exercises.py")
 
 
 def test_folder_that_is_no_lecture_is_refused(folder: Path) -> None:

@@ -9,59 +9,31 @@ from pathlib import Path
 import pytest
 
 from workbench.course.outline import root
-from workbench.course.packs.handed_in import collect
-from workbench.course.packs.keys import KEYS, ClassKey, read_keys, value
-from workbench.course.packs.likeness import attempted, compared, constants, shapes
-from workbench.course.packs.marking import Limits
-from workbench.course.packs.marks import (
+from workbench.course.packs.handing_out import EXAMPLES, read_students, write_pack
+from workbench.course.packs.keys import KEYS, QUESTIONS, ClassKey, read_keys
+from workbench.course.packs.marking import (
     NOT_YET,
+    answers_of_class,
     mark_class,
-    median_minutes,
     plain_cell,
+    try_file,
     write_table,
 )
-from workbench.course.packs.owners import owner
-from workbench.course.packs.packing import write_pack
-from workbench.course.packs.passed_on import passed_on
-from workbench.course.packs.remarks import remarks_of
-from workbench.course.packs.students import read_students
-from workbench.course.packs.texts import EXAMPLES
-from workbench.course.plain import opened
+from workbench.course.packs.submissions import (
+    attempted,
+    collect,
+    constants,
+    functions_in,
+    owner,
+    read_sheet,
+    remarks_of,
+)
+from workbench.course.plain import decode
+from workbench.course.process import ProcessLimits
 from workbench.errors import BadArgument, BadFile
 
 SIX = read_students("Ada Lovelace, ben, cleo, dora, emil, fay").names
 GOOD = "    return abs(1 - weight + weight * np.exp(1j * (1 + BACK) * angle))\n"
-HOSTILE = """    import os, socket
-    import multiprocessing as mp
-    tries = (
-        lambda: mp.get_context("spawn").Process(target=print).start(),
-        lambda: open(KEY).read(),
-        lambda: os.listdir(os.path.dirname(KEY)),
-        lambda: socket.socket(),
-        lambda: os.system("touch " + KEY + ".gone"),
-        lambda: open(KEY + ".gone", "w"),
-        lambda: os.remove(KEY),
-        lambda: os.environ["SECRET"],
-        lambda: os.kill(os.getppid(), 9),
-        lambda: __import__("workbench.lectures.lec04_skinning.variants"),
-        lambda: os.open("root" + KEY, os.O_RDONLY, dir_fd=os.open("/proc/self", os.O_RDONLY)),
-    )
-    for k, one in enumerate(tries):
-        try:
-            one()
-        except Exception as error:
-            print(error)
-        else:
-            open(f"/done-{k}", "w")
-    import workbench.course.packs.marking as marking
-    marking.compare = lambda *a: None
-    import casadi
-    casadi.DM([1]).to_file(KEY, "txt")  # code in C, which Python does not watch
-    open("beside.txt", "w").write("allowed")
-    class Equal(float):
-        __eq__ = lambda self, other: True
-    return Equal(0.5)
-"""
 
 
 @pytest.fixture(scope="module")
@@ -95,7 +67,7 @@ def test_pack_has_no_answers_in_it(pack: tuple[Path, Path, ClassKey]) -> None:
     for some in key.keys.values():
         for arguments, answer in (*some[0].tries, *some[0].edges):
             assert json.dumps(arguments) not in text.replace("\n", "").replace(" ", "")
-            assert f"{opened(answer):.10g}"[:9] not in text or opened(answer) in (0, 1)
+            assert f"{decode(answer):.10g}"[:9] not in text or decode(answer) in (0, 1)
     shown = json.loads((out / "ben" / EXAMPLES).read_text())["exercises"]
     assert list(shown) == ["lec04_skinning.radius_left"]
     numbers = {json.dumps(some[0].numbers) for some in key.keys.values()}
@@ -104,19 +76,14 @@ def test_pack_has_no_answers_in_it(pack: tuple[Path, Path, ClassKey]) -> None:
 
 
 @pytest.mark.thorough
-def test_answers_of_a_class_are_marked(
-    pack: tuple[Path, Path, ClassKey], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("SECRET", "of the lecturer")
+def test_answers_of_a_class_are_marked(pack: tuple[Path, Path, ClassKey], tmp_path: Path) -> None:
     out, keys, key = pack
     folder = tmp_path / "in"
     shutil.copytree(out, folder)
     path = answered(folder, "ada-lovelace", GOOD)
-    path.write_text(path.read_text().replace('"radius_left": None', '"radius_left": 12'))
     (published,) = [text for title, text in key.sources["4.2"].items() if "exercise" in title]
-    path_b = answered(folder, "ben", re.findall(r"    return .*\n", published)[0])
-    path_b.write_text(path_b.read_text().replace('left": None', "left\": 'about 10'"))
-    answered(folder, "cleo", f"    KEY = {str(keys / KEYS)!r}\n" + HOSTILE)
+    answered(folder, "ben", re.findall(r"    return .*\n", published)[0])
+    answered(folder, "cleo", "    from workbench.lectures import lec04_skinning\n    return 1\n")
     shutil.copy(path, folder / "dora" / "lec04_skinning.py")
     answered(folder, "emil", "    while True:\n        pass\n")
     shutil.rmtree(folder / "fay")
@@ -126,40 +93,20 @@ def test_answers_of_a_class_are_marked(
     assert "belongs to nobody" in told["nobody.py"].why
     assert set(told) == {"nobody.py", "examples.json", "lec04_skinning.ipynb"}
     assert [len(sheets) for sheets in found.sheets.values()] == [1, 1, 1, 1, 1, 0]
-    marks = mark_class(found, key, keys, table, Limits(seconds=1.5))
+    limits = ProcessLimits(seconds=1.5)
+    marks = mark_class(found, key, keys, table, limits, workers=2)
     assert [one.points for one in marks] == [3, 3, 0, 0, 0, 0]
     with table.open(encoding="utf-8-sig") as file:
         rows = {row["folder"]: row for row in csv.DictReader(file)}
     told = {student: row["remarks"] for student, row in rows.items()}
     assert rows["ada-lovelace"]["student"] == "Ada Lovelace"
-    assert rows["ada-lovelace"]["minutes"] == "12"
     assert rows["ben"]["4.2"] == "3"
-    assert rows["ada-lovelace"]["minutes 4.2"] == "12"
-    assert "4.2: this answer and the published answer to this exercise are the same" in told["ben"]
-    assert "but short, so that this may be chance" in told["ben"]
-    assert "the minutes are 'about 10', which is no number" in told["ben"]
-    for what in (
-        "reading keys.json",
-        "listing keys",
-        "the network",
-        "starting another program",
-        "writing keys.json.gone",
-        "changing keys.json",
-        "a signal to a process",
-        "reading lec04_skinning/variants.py",
-    ):
-        assert f"tried {what}, which was refused" in told["cleo"]
-    assert "writing done-" not in told["cleo"]  # nothing of all this was done
-    assert "4.2: the keys were changed while this file ran" in told["cleo"]
-    assert "lec04_skinning.py names to_file, by which code can reach files" in told["cleo"]
-    assert read_keys(keys) == key
-    assert not (folder / "cleo" / "beside.txt").exists()
+    assert "lec04_skinning.py names workbench.lectures, where published" in told["cleo"]
     assert "handed out to Ada Lovelace" in told["dora"]
     assert "has numbers of Ada Lovelace" in told["dora"]
     assert "this answer and" not in told["dora"]  # it is wrong, and is not compared
     assert "stopped after 1.5 s" in told["emil"]
     assert told["fay"] == "4.2: not handed in"
-    assert median_minutes(marks) == {"4.2": (12, 2)}
     # the same command goes on: nothing is marked again but what has changed
     answered(folder, "cleo", "")
     shutil.copytree(out / "fay", folder / "fay")
@@ -170,13 +117,46 @@ def test_answers_of_a_class_are_marked(
         key,
         keys,
         table,
-        Limits(seconds=1.5),
+        limits,
         lambda student, mark, kept: before.update({student: kept}),
     )
     assert [student for student, kept in before.items() if not kept] == ["fay"]
     assert again[-1].points == 3
     alike = again[-1].alike
     assert alike[-1].startswith("4.2: this answer and that of Ada Lovelace are the same word for")
+
+
+def test_answers_found_without_the_keys_are_marked_beside_them(
+    pack: tuple[Path, Path, ClassKey], tmp_path: Path
+) -> None:
+    """`questions.json` is all that the machine needs on which the files of strangers run."""
+    out, keys, key = pack
+    folder, elsewhere, table = tmp_path / "in", tmp_path / "elsewhere", tmp_path / "m.csv"
+    shutil.copytree(out / "ben", folder / "ben")
+    answered(folder, "ben", GOOD)
+    elsewhere.mkdir()
+    shutil.copy(keys / QUESTIONS, elsewhere)
+    questions = read_keys(elsewhere, QUESTIONS)
+    text = (elsewhere / QUESTIONS).read_text()
+    for _, answer in key.keys["ben"][0].tries:
+        assert json.dumps(answer) not in text
+    limits = ProcessLimits()
+    sent = json.loads(json.dumps(answers_of_class(collect(folder, questions), questions, limits)))
+    marks = mark_class(collect(folder, key), key, tmp_path, table, limits, answers=sent)
+    assert [one.points for one in marks] == [0, 3, 0, 0, 0, 0]
+    marks = mark_class(collect(folder, key), key, tmp_path, table, limits, answers={})
+    assert "not in the file of answers" in marks[1].exercises[0].remarks[0]
+
+
+def test_files_are_recognised_by_whole_names(tmp_path: Path) -> None:
+    for name, sheet in (
+        ("ada_exam.py", "exam"),
+        ("exam-2.py", "exam"),
+        ("example_of_mine.py", ""),
+        ("ada.exam.part.py", "exam.part"),
+    ):
+        (tmp_path / name).write_text("x = 1\n")
+        assert read_sheet(tmp_path / name, {"exam": [], "exam.part": []}).name == sheet
 
 
 def test_files_that_are_not_marked_have_a_reason(
@@ -225,11 +205,6 @@ def test_folders_of_learning_platforms_find_their_students() -> None:
         owner(Path("cho kim_7/x.py"), twins)
 
 
-def test_answer_gets_a_short_environment() -> None:
-    given = {"PATH": "/bin", "LC_ALL": "C", "WORKBENCH_CACHE": "/c", "SECRET": "s", "TOKEN": "t"}
-    assert list(passed_on(given)) == ["PATH", "LC_ALL", "WORKBENCH_CACHE"]
-
-
 def test_table_of_marks_says_what_is_not_marked_yet(
     pack: tuple[Path, Path, ClassKey], tmp_path: Path
 ) -> None:
@@ -250,8 +225,13 @@ def test_file_of_a_lecturer_is_packed(tmp_path: Path) -> None:
     assert key.keys["ada"][0].number == "mine.1"
     assert "STIFFNESS = " in (tmp_path / "out" / "ada" / "mine.py").read_text()
     arguments, answer = key.keys["ada"][0].tries[0]
-    (force,) = value(arguments)
-    assert value(answer) == pytest.approx(force / key.keys["ada"][0].numbers["STIFFNESS"])
+    (force,) = decode(arguments)
+    assert decode(answer) == pytest.approx(force / key.keys["ada"][0].numbers["STIFFNESS"])
+    dotted = tmp_path / "a.b.py"
+    shutil.copy(mine, dotted)
+    write_pack([str(dotted)], "geometry", {"ada": "ada"}, tmp_path / "dots", tmp_path / "of-dots")
+    (tried,) = try_file(tmp_path / "dots" / "ada" / "a.b.py", ProcessLimits())
+    assert (tried.exercise, tried.remarks) == ("stretched", ("not attempted",))
     with pytest.raises(BadFile, match="exists already"):
         write_pack([mine], "geometry", {"ada": "ada"}, tmp_path / "out", tmp_path / "k")
     with pytest.raises(BadArgument, match="must not be inside"):
@@ -264,9 +244,11 @@ def test_file_of_a_lecturer_is_packed(tmp_path: Path) -> None:
 
 def test_students_come_from_a_list_or_a_file(tmp_path: Path) -> None:
     assert read_students("Zoë Müller, O'Neil").names == {
-        "zoë-müller": "Zoë Müller",
+        "zoe-muller": "Zoë Müller",
         "o-neil": "O'Neil",
     }
+    (folder,) = read_students("李雷").names  # no Latin letters
+    assert re.fullmatch(r"student-[0-9a-f]{6}", folder)
     path = tmp_path / "class.csv"
     path.write_text("\ufeffid;Name\n1;Ada\n2;Ben\n", encoding="utf-8")
     assert read_students(str(path)).names == {"ada": "Ada", "ben": "Ben"}
@@ -291,36 +273,13 @@ def test_students_come_from_a_list_or_a_file(tmp_path: Path) -> None:
         read_students(str(tmp_path / "none.csv"))
 
 
-LONG = """
-def fit(x, y):
-    total = 0.0
-    for k in range(len(x)):
-        inner = x[k] * y[k] + 3.25
-        total = total + np.sqrt(inner ** 2 + 1.0) - len(y) / (k + 1)
-        if total > 100:
-            total = total / 2 - np.exp(-inner)
-    return total + helper(x) * 0.5
-
-def helper(z):
-    return np.sum(z) - np.mean(z)
-"""
-
-
-def test_likeness_is_by_shape_and_not_by_names() -> None:
-    mine = shapes(LONG)["fit"]
-    renamed = LONG.replace("total", "t").replace("inner", "q").replace("helper", "other")
-    assert compared(mine, shapes('"""Me."""\n# mine\n' + LONG)["fit"]) == "the same word for word"
-    assert compared(mine, shapes(renamed)["fit"]) == "the same but for names"
-    nearly = renamed.replace("0.5", "0.5 + 0 * t")
-    assert compared(mine, shapes(nearly)["fit"]) == "nearly the same"
-    other = (
-        LONG.replace("np.sqrt(inner ** 2 + 1.0)", "abs(inner)")
-        .replace("for k in range(len(x)):", "for k, _ in enumerate(zip(x, y)):")
-        .replace("if total > 100:", "while total > 100 and k:")
+def test_likeness_is_word_for_word_but_for_comments() -> None:
+    mine = "def f(x):\n    return x + 1\n"
+    assert functions_in('def f(x):\n    """Mine."""\n    return  x + 1  # so\n') == functions_in(
+        mine
     )
-    assert compared(mine, shapes(other)["fit"]) == ""
-    assert compared(*[shapes("def f(x):\n    return x")["f"]] * 2) == ""  # nothing to compare
-    assert shapes("def f(:") == {}
+    assert functions_in(mine.replace("1", "2")) != functions_in(mine)
+    assert functions_in("def f(:") == {}
     assert constants("a = [0.25, 7, 3.125, 1e3, 100]\nb = 'x'") == {3.125}
     assert not attempted('def f(x):\n    """Do."""\n    raise Unsolved("f")\n', ["f"])
     assert attempted("def f(x):\n    return 1\n", ["f"])

@@ -3,7 +3,7 @@
 import re
 
 from workbench.course.outline import course, lecture, root
-from workbench.course.packs.choosing import chosen
+from workbench.course.packs.variants import chosen
 
 TEXT = (root() / "PLANS.md").read_text(encoding="utf-8")
 PLANS = {part.split("\n", 1)[0]: part for part in TEXT.split("\n## ")[1:]}

@@ -1,4 +1,4 @@
-"""Exercises with numbers of each student's own: numbers matter, and every slip is wrong."""
+"""Exercises with numbers of each student's own: numbers matter, and every mistake is wrong."""
 
 import json
 from collections.abc import Callable
@@ -8,13 +8,13 @@ from typing import Any
 import pytest
 
 from tests.tiers import few
-from workbench.course.answers import outcome
-from workbench.course.checks import Missed
+from workbench.course.checks import Missed, outcome
 from workbench.course.outline import course, lecture
-from workbench.course.packs.choosing import Chosen, chosen, variants_of
-from workbench.course.packs.keys import OF_THE_LECTURE, ClassKey, ExerciseKey, make_keys, value
-from workbench.course.packs.likeness import shapes
+from workbench.course.packs.keys import OF_THE_LECTURE, ClassKey, ExerciseKey, make_keys
 from workbench.course.packs.marking import compare
+from workbench.course.packs.submissions import functions_in
+from workbench.course.packs.variants import PackExercise, chosen, variants_of
+from workbench.course.plain import decode
 from workbench.errors import BadArgument, UnknownName
 
 STUDENTS = {name: name for name in ("ada", "ben", "cleo", "dora")}
@@ -28,28 +28,28 @@ def keys() -> ClassKey:
     return make_keys("a class", 5, STUDENTS, every)
 
 
-def key_of(one: Chosen, student: str) -> ExerciseKey:
+def key_of(one: PackExercise, student: str) -> ExerciseKey:
     return next(key for key in keys().keys[student] if key.number == one.number)
 
 
 def wrong(answer: Callable[..., Any], numbers: dict[str, Any], key: ExerciseKey, pairs: Any) -> int:
     count = 0
     for arguments, expected in pairs:
-        came = outcome(lambda *a: answer(*a, **numbers), tuple(value(arguments)))
+        came = outcome(lambda *a: answer(*a, **numbers), tuple(decode(arguments)))
         try:
-            compare(came, value(expected), key.exercise, key.within)
+            compare(came, decode(expected), key.exercise, key.within)
         except Missed:
             count += 1
     return count
 
 
 @pytest.mark.parametrize("number", few(NUMBERS, [4]))
-def test_numbers_of_a_student_matter_and_slips_are_wrong(number: int) -> None:
+def test_numbers_of_a_student_matter_and_mistakes_are_wrong(number: int) -> None:
     for one in variants_of(lecture(number)):
-        numbers_matter_and_slips_are_wrong(one)
+        numbers_matter_and_mistakes_are_wrong(one)
 
 
-def numbers_matter_and_slips_are_wrong(one: Chosen) -> None:
+def numbers_matter_and_mistakes_are_wrong(one: PackExercise) -> None:
     variant = one.variant
     for student, other in zip(STUDENTS, (*list(STUDENTS)[1:], "ada"), strict=True):
         key, theirs = key_of(one, student), key_of(one, other).numbers
@@ -59,13 +59,13 @@ def numbers_matter_and_slips_are_wrong(one: Chosen) -> None:
         assert wrong(variant.solution, key.numbers, key, right) == 0
         assert len({json.dumps(answer) for _, answer in key.tries}) > 3, "one answer fits all"
         assert wrong(variant.solution, theirs, key, key.tries), "the numbers change no answer"
-        for slip in one.slips:
-            assert wrong(slip.answer, key.numbers, key, key.tries), slip.hint
+        for mistake in one.mistakes:
+            assert wrong(mistake.answer, key.numbers, key, key.tries), mistake.hint
         assert one.published is not None
         assert wrong(one.published.solution(variant.exercise), {}, key, key.tries)
-    assert one.slips, "a variant has a slip that is likely"
+    assert one.mistakes, "a variant has a likely mistake"
     assert "->" in variant.task
-    assert list(shapes("".join(keys().sources[one.number].values())))
+    assert list(functions_in("".join(keys().sources[one.number].values())))
 
 
 def test_every_lecture_has_two_variants_or_more() -> None:
@@ -94,7 +94,7 @@ def test_seed_decides_the_numbers_of_students() -> None:
     assert make_keys("b", 5, STUDENTS, some).keys["ada"][0].numbers != mine.numbers
     more = make_keys("a class", 5, {**STUDENTS, "emil": "emil"}, some)
     assert more.keys["ada"] == again.keys["ada"]  # who comes later changes nobody's numbers
-    assert OF_THE_LECTURE in [hint for hint, _ in mine.slips]
+    assert OF_THE_LECTURE in [hint for hint, _ in mine.mistakes]
 
 
 def test_chosen_refuses_what_is_no_exercise() -> None:

@@ -16,8 +16,7 @@ from workbench.plots import (
     png,
     sheet,
 )
-from workbench.plots.body import back, front, lightness, side
-from workbench.plots.sheets import shape_gallery_sheet
+from workbench.plots.body import back, front, lightness, shape_gallery_sheet, side
 
 pytestmark = pytest.mark.browser
 

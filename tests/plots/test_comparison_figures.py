@@ -14,7 +14,6 @@ from workbench.plots.cost_traces import (
     caption_cost_traces,
     plot_cost_traces,
 )
-from workbench.plots.figure import sheet
 from workbench.plots.pairwise_wins import caption_pairwise_wins, plot_pairwise_wins
 from workbench.plots.profiles import (
     caption_data_profile,
@@ -22,6 +21,7 @@ from workbench.plots.profiles import (
     plot_data_profile,
     plot_performance_profile,
 )
+from workbench.plots.style import sheet
 from workbench.plots.verdicts import caption_basins, caption_verdicts, plot_basins, plot_verdicts
 
 RUNS = {

@@ -8,12 +8,11 @@ import pytest
 from tests.outcomes_made_up import outcome_made_up
 from workbench.fitting.compared_solvers import MANY
 from workbench.plots import SECONDS, caption_convergence, plot_convergence, png, sheet
-from workbench.plots.convergence import best_cost, gap
 from workbench.plots.palette import solver_styles
-from workbench.plots.sheets import convergence_sheet
-from workbench.replay import Recording
+from workbench.plots.solutions import best_cost, convergence_sheet, gap
 from workbench.reports.page import page
-from workbench.reports.tables import solvers_table
+from workbench.reports.replay import Recording
+from workbench.reports.run import solvers_table
 from workbench.solvers import SOLVERS, Evaluations, Iterate, Solution, Status
 
 pytestmark = pytest.mark.browser

@@ -17,7 +17,7 @@ from workbench.plots import (
     plot_taylor,
     sheet,
 )
-from workbench.plots.direction import close_up
+from workbench.plots.body import close_up
 
 pytestmark = pytest.mark.browser
 

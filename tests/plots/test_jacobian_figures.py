@@ -16,11 +16,16 @@ from workbench.plots import (
     png,
     sheet,
 )
-from workbench.plots.labels import apart
+from workbench.plots.diagnosis import (
+    MOST_LINES,
+    PIXELS,
+    singular_values_sheet,
+    sparsity_sheet,
+    squeezed,
+    unseen,
+)
 from workbench.plots.palette import VERMILLION
-from workbench.plots.sheets import singular_values_sheet, sparsity_sheet
-from workbench.plots.singular_values import MOST, unseen
-from workbench.plots.sparsity import LINES, squeezed
+from workbench.plots.style import apart
 
 pytestmark = pytest.mark.browser
 
@@ -53,8 +58,8 @@ def test_small_pattern_is_drawn_as_it_is() -> None:
     _, (ax,) = sheet(6, 4)
     plot_sparsity(diagnosis, ax=ax)
     drawn = np.asarray(ax.get_images()[0].get_array())
-    assert len(drawn) == LINES
-    middles = (np.arange(5) + 0.5) * LINES / 5
+    assert len(drawn) == PIXELS
+    middles = (np.arange(5) + 0.5) * PIXELS / 5
     np.testing.assert_array_equal(drawn[middles.astype(int)], A != 0)
     assert [t.get_text() for t in ax.get_yticklabels()] == ["term 0: 3", "term 1: 2"]
     assert [t.get_text() for t in ax.get_xticklabels()] == ["x\n3"]
@@ -120,7 +125,7 @@ def test_thirty_two_null_directions_fit_beside_the_spectrum() -> None:
     assert words[0] == "32 null directions"
     assert "15 single entries of pose" in words
     assert "   left_hip / left_knee" in words
-    assert len(words) <= MOST
+    assert len(words) <= MOST_LINES
     named = {name.strip() for line in words for name in line.split("/")}
     assert len(named & set(SMPL_NAMES)) > 10
     figure = singular_values_sheet(diagnosis)

@@ -4,8 +4,7 @@ import matplotlib
 import numpy as np
 
 from workbench.plots import png, sheet, smallest, svg
-from workbench.plots.figure import house_style
-from workbench.plots.labels import plain, shortened
+from workbench.plots.style import house_style, plain, shortened
 
 
 def test_letters_that_the_font_lacks_become_question_marks() -> None:

@@ -8,7 +8,7 @@ from matplotlib.collections import LineCollection, PathCollection, PolyCollectio
 
 from tests.outcomes_made_up import outcome_made_up
 from workbench.plots import caption_overlay, plot_overlay, png, sheet, svg
-from workbench.plots.overlay import reprojection, window
+from workbench.plots.views import reprojection, window
 
 
 def test_overlay_draws_points_where_they_are() -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from workbench.course.packs.students import read_students
+from workbench.course.packs.handing_out import read_students
 from workbench.errors import BadFile
 from workbench.fitting.calibration_files import read_calibration
 from workbench.fitting.keypoint_files import read_keypoints

@@ -9,9 +9,9 @@ from urllib.parse import urlsplit
 import pytest
 
 from workbench.experiments import find
-from workbench.replay import live_server as module
-from workbench.replay.live_server import LiveServer
-from workbench.reports.live_page import live_server
+from workbench.reports.replay import live as module
+from workbench.reports.replay.live import LiveServer
+from workbench.reports.replays import live_server
 
 
 @pytest.fixture

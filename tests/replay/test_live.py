@@ -23,10 +23,10 @@ from workbench.cli.app import app
 from workbench.errors import BadArgument
 from workbench.experiments import find
 from workbench.fitting.setup import Setup
-from workbench.replay.live_server import LiveServer
-from workbench.replay.recording import recorded_start
-from workbench.reports.live_page import live_server
 from workbench.reports.page import page
+from workbench.reports.replay.live import LiveServer
+from workbench.reports.replay.runs import recorded_start
+from workbench.reports.replays import live_server
 from workbench.solvers import SOLVERS, Spread, Starts
 
 

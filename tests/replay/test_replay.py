@@ -18,10 +18,10 @@ from workbench.blocks import Values
 from workbench.experiments import find, run
 from workbench.experiments.running import Outcome
 from workbench.plots.palette import solver_styles
-from workbench.replay import Recording, recorded_diagnosis, recorded_posterior, recorded_run
-from workbench.replay.packing import KINDS, packed
-from workbench.replay.tracks import kept
-from workbench.reports.report import run_page
+from workbench.reports.replay import Recording, recorded_diagnosis, recorded_posterior, recorded_run
+from workbench.reports.replay.recording import KINDS, packed
+from workbench.reports.replay.runs import kept
+from workbench.reports.run import run_page
 
 pytestmark = pytest.mark.xdist_group("replays of a run")  # which is solved once
 

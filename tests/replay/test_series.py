@@ -21,17 +21,16 @@ from workbench.fitting.marker_sets import default_markers
 from workbench.fitting.markers import marker_errors
 from workbench.fitting.setup import Setup
 from workbench.registration import FitStage, Recipe, Registration, register
-from workbench.replay import (
+from workbench.reports.replay import (
     Recording,
-    recorded_ends,
     recorded_frames,
     recorded_motion,
     recorded_registration,
     recorded_solution,
 )
-from workbench.replay.observations import MOST, observed_points
-from workbench.replay.packing import KINDS
-from workbench.reports.replay_page import motion_page, replay_page
+from workbench.reports.replay.observations import MOST, observed_points
+from workbench.reports.replay.recording import KINDS
+from workbench.reports.replays import motion_page, replay_page
 
 BODY = wb.load_body("small")
 STAGES = FitStage(200, 0.02, 0.1, 3, 10), FitStage(300, 0.02, 0.1, 2, 10)
@@ -147,21 +146,6 @@ def test_recorded_solution_has_stages_and_hypotheses() -> None:
     assert f"at cost {found.hypotheses[1].cost:.4g}; 1 of the starts" in shown["said"][1]
     assert recording is not None
     assert recording.data["observed"]["joints"] is True
-
-
-@pytest.mark.thorough
-def test_recorded_ends_are_those_of_every_solver() -> None:
-    solvers = "gauss-newton", "trust-region"
-    found = wb.compare(("landmarks",), solvers, seeds=2)
-    shown = series(recorded_ends(found, "landmarks"))
-    assert shown["columns"] == ["start", *solvers]
-    assert shown["labels"] == ["seed 0", "seed 1"]
-    x = numbers(shown["x"]).reshape(2, 3, -1)
-    record = found.records["landmarks, seed 1", "trust-region"]
-    setup = find("landmarks", {"seed": 1}).setup()
-    values = setup.problem.free.unpack(record.end, setup.start)
-    np.testing.assert_allclose(x[1, 2, :72], values["pose"].ravel(), atol=1e-6)
-    assert f"trust-region {record.cost:.4g}" in shown["said"][1]
 
 
 def test_recorded_motion_is_a_page_and_a_notebook_frame() -> None:

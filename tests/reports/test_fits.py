@@ -12,8 +12,7 @@ import workbench as wb
 from tests.bodies_made_up import random_body
 from tests.cli.conftest import Run, workbench  # noqa: F401 - a fixture
 from workbench.errors import BadArgument, BadFile
-from workbench.reports.fits import pose_and_betas, settings_of
-from workbench.reports.sliders import sliders_page, write_sliders
+from workbench.reports.sliders import pose_and_betas, settings_of, sliders_page, write_sliders
 from workbench.writing import write_arrays
 
 BODY = wb.load_body("small")

@@ -13,9 +13,9 @@ from tests.sampling.densities import conditioned, gaussian
 from workbench.experiments import find
 from workbench.fitting.setup import Setup
 from workbench.plots.palette import INK, VERMILLION
-from workbench.replay import recorded_posterior
 from workbench.reports import write_posterior
 from workbench.reports.posterior_summary import BlockPosterior, contradictions
+from workbench.reports.replay import recorded_posterior
 from workbench.sampling import fixed, laplace, sample
 
 C = conditioned(3, 30.0, seed=3)
@@ -128,7 +128,12 @@ def test_draws_are_seen_by_held_out_cameras_too() -> None:
 
 @pytest.mark.thorough
 def test_a_truth_is_drawn_in_every_figure() -> None:
-    from workbench.plots import sheets
+    from workbench.plots.posterior import (
+        beside_laplace_sheet,
+        corner_sheet,
+        spray_sheet,
+        traces_sheet,
+    )
     from workbench.reports.posterior_summary import truth_of
 
     problem = gaussian(C)
@@ -142,15 +147,15 @@ def test_a_truth_is_drawn_in_every_figure() -> None:
         return sum(line.get_color() == colour for ax in axes for line in ax.get_lines())
 
     for colour, sheet in (
-        (INK, lambda t: sheets.traces_sheet(p, [0, 1, 2], t)),
-        (VERMILLION, lambda t: sheets.corner_sheet(p, [0, 1, 2], t)),
-        (VERMILLION, lambda t: sheets.beside_laplace_sheet(p, p, t)),
+        (INK, lambda t: traces_sheet(p, [0, 1, 2], t)),
+        (VERMILLION, lambda t: corner_sheet(p, [0, 1, 2], t)),
+        (VERMILLION, lambda t: beside_laplace_sheet(p, p, t)),
     ):
         assert lines(sheet(truth), colour) > lines(sheet(None), colour) == 0
     body = wb.load_body("small")
     bodies = np.stack([body.vertices()] * 2)
-    outlined = sheets.spray_sheet(bodies, body.faces, bodies[0])
-    plain = sheets.spray_sheet(bodies, body.faces)
+    outlined = spray_sheet(bodies, body.faces, bodies[0])
+    plain = spray_sheet(bodies, body.faces)
     assert len(outlined.axes[0].collections) == len(plain.axes[0].collections) + 2
 
 

@@ -22,7 +22,7 @@ from workbench.registration import (
     register,
 )
 from workbench.reports import write_registration
-from workbench.reports.registration_folder import RegistrationFolder
+from workbench.reports.many import RegistrationFolder
 from workbench.training.first_guess import read_start
 from workbench.training.folder import Row, open_folder
 

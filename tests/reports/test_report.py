@@ -15,9 +15,10 @@ from workbench.diagnostics import diagnose
 from workbench.experiments import Outcome
 from workbench.geometry import meshes
 from workbench.plots import caption_minima, plot_overlay, sheet
-from workbench.reports import report, tables, write_report
-from workbench.reports.report import run_page
-from workbench.reports.tables import hypotheses_table
+from workbench.reports import run as report
+from workbench.reports import write_report
+from workbench.reports.page import number
+from workbench.reports.run import hypotheses_table, priors_said, residuals_table, run_page
 from workbench.solvers import Solution, Status
 
 pytestmark = pytest.mark.xdist_group("reports of a run")  # which is made once
@@ -154,7 +155,7 @@ def test_another_solver_that_found_less_is_named_with_how_much(tmp_path: Path) -
     less = replace(outcome.solution, cost=cost / 2)
     poor = replace(outcome, compared=outcome.compared | {"ipopt": less})
     page = write_report(poor, tmp_path / "poor")
-    said = f"ipopt found a lower cost from the same start: {tables.number(cost / 2, 6)}, which is"
+    said = f"ipopt found a lower cost from the same start: {number(cost / 2, 6)}, which is"
     text = page.read_text(encoding="utf-8")
     assert said in text
     assert "(50.0%) less than trust-region found" in text
@@ -168,7 +169,7 @@ def test_another_solver_that_found_less_is_named_with_how_much(tmp_path: Path) -
 def test_residuals_say_what_they_add_and_which_are_priors(folder: Path) -> None:
     outcome = outcome_made_up()
     setup = replace(outcome.setup, priors=("shape <prior>", "place"))
-    table = tables.residuals_table(replace(outcome, setup=setup))
+    table = residuals_table(replace(outcome, setup=setup))
     assert [row[:3] for row in table.rows] == [
         (r.name, kind, str(r.size))
         for r, kind in zip(setup.problem.residuals, ("data", "prior", "prior"), strict=True)
@@ -176,12 +177,12 @@ def test_residuals_say_what_they_add_and_which_are_priors(folder: Path) -> None:
     assert table.rows[0][3:5] == ("1", "px")
     shares = [float(row[6].removesuffix("%")) for row in table.rows]
     assert sum(shares) == pytest.approx(100, abs=0.2)
-    said = tables.priors_said(replace(outcome, setup=setup))
+    said = priors_said(replace(outcome, setup=setup))
     assert said.startswith("The priors, shape <prior> and place, make up ")
     assert f"{shares[1] + shares[2]:.0f}" in said
     text = (folder / "index.html").read_text(encoding="utf-8")
     assert ">Residuals</h2>" in text
-    assert tables.priors_said(outcome) in text
+    assert priors_said(outcome) in text
 
 
 @pytest.mark.thorough

@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from workbench.cli.new import SCAFFOLDS, TEMPLATES, write_scaffold
 from workbench.errors import BadArgument, BadFile, UnknownName
-from workbench.scaffolds import SCAFFOLDS, write_scaffold
-from workbench.scaffolds.scaffold import TEMPLATES
 
 
 def test_templates_are_the_kinds_of_scaffolds() -> None:

@@ -10,11 +10,12 @@ import pytest
 import workbench
 from tests.site.links import pages_of, troubles
 from workbench.course import notebooks
-from workbench.course.drawing import only_imports
+from workbench.course import site as course_pages
+from workbench.course.cells import only_imports
 from workbench.course.notebooks import exercises, notebook, tool
+from workbench.course.site import NEEDED, write_course_site
 from workbench.errors import BadFile
 from workbench.lectures.outline import COURSE
-from workbench.site import NEEDED, course_pages, write_course_site
 
 THERE = [one for one in COURSE if one.there]
 

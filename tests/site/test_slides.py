@@ -7,8 +7,8 @@ import pytest
 
 from workbench.course.cells import cells
 from workbench.course.outline import lecture
+from workbench.course.slides import LINES, slides, write_slides
 from workbench.errors import BadFile
-from workbench.site.slides import LINES, slides, write_slides
 
 pytestmark = pytest.mark.thorough
 

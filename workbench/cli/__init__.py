@@ -2,12 +2,11 @@
 
 import sys
 
-from workbench.cli.leaving import Interrupted, Signals, Terminated, held
+from workbench.cli.leaving import INTERRUPTED, Interrupted, Signals, Terminated, held
 from workbench.cli.streams import explain, failure, nowhere, prepare, tell, unprinted
 
 CLOSED = 1  # the exit code if nobody reads on, as after `| head -1`
-INTERRUPTED = "interrupted; nothing was written"
-TERMINATED = "terminated; nothing was written"
+TERMINATED = INTERRUPTED.replace("interrupted", "terminated")
 
 
 def main() -> None:

@@ -28,7 +28,7 @@ from workbench.plots import (
     png,
     svg,
 )
-from workbench.plots.figure import drawn
+from workbench.plots.style import drawn
 from workbench.registration import (
     BasinMap,
     Icp,
@@ -40,7 +40,7 @@ from workbench.registration import (
 )
 from workbench.registration.basins import AXES, grid
 from workbench.reports.folder import Content, write_folder
-from workbench.reports.tables import Table
+from workbench.reports.page import Table
 
 METHODS = {
     "distance": Icp(distance_gauss_newton),

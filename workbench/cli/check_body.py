@@ -10,7 +10,7 @@ from workbench.bodies.catalogue import BODIES, load_body
 from workbench.bodies.checking.check_file import FileCheck, check_body_file, check_contents
 from workbench.bodies.files.saving import arrays_of
 from workbench.cli.output import rich_table, say
-from workbench.reports.tables import Table
+from workbench.reports.page import Table
 
 WARNED = 1  # the exit code if there are warnings
 HEAD = ("key", "shape and type", "what becomes of it")

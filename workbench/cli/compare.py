@@ -23,7 +23,7 @@ from workbench.comparison.words import advice, prices_sentence
 from workbench.experiments import EXPERIMENTS, SUITES
 from workbench.experiments.own_file import ENOUGH
 from workbench.reports import write_comparison
-from workbench.reports.tables import Columns, Table
+from workbench.reports.page import Columns, Table
 from workbench.solvers import DEFAULT, SOLVERS
 
 USUAL = (DEFAULT, "gauss-newton", "levenberg-marquardt", "ipopt", "nlopt-lbfgs")

@@ -18,8 +18,8 @@ from workbench.registration.coregistration import Coregistration, Coregistration
 from workbench.registration.coregistration.folder import open_registered
 from workbench.registration.coregistration.plan import EDGES
 from workbench.registration.coregistration.state import FILE
-from workbench.reports.coregistration_page import Coregistered, begin_folder, write_coregistration
 from workbench.reports.folder import own_folder
+from workbench.reports.registration import Coregistered, begin_folder, write_coregistration
 from workbench.training.executor import Execution
 
 

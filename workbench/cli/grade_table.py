@@ -5,7 +5,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from workbench.cli.output import say
-from workbench.course.grades import CheckResult, CheckState, Grade
+from workbench.course.grading import CheckResult, CheckState, Grade
 from workbench.diagnostics.words import counted
 
 COLOUR = {

@@ -10,7 +10,7 @@ from workbench.cli.many import carry_out
 from workbench.cli.output import say
 from workbench.errors import BadFile, some_of
 from workbench.fitting.image_jobs import ImageWork, image_jobs, in_parts
-from workbench.reports.image_folder import ImageFolder
+from workbench.reports.many import ImageFolder
 
 KEYPOINTS = ".json"
 

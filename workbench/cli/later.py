@@ -14,7 +14,7 @@ from typing import Any, ParamSpec
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from workbench.cli.leaving import Interrupted, Terminated, held
+from workbench.cli.leaving import INTERRUPTED, Interrupted, Terminated, held
 from workbench.interrupts import caused_by
 
 P = ParamSpec("P")
@@ -66,7 +66,7 @@ def interruptible(command: Callable[P, None]) -> Callable[P, None]:
             command(*arguments, **options)
         except (KeyboardInterrupt, SystemError) as error:
             if caused_by(error, KeyboardInterrupt):
-                raise Interrupted("interrupted; nothing was written") from error
+                raise Interrupted(INTERRUPTED) from error
             if caused_by(error, Terminated):
                 raise Terminated from error
             raise

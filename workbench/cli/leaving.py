@@ -14,6 +14,7 @@ from workbench.interrupts import caused_by
 
 AGAIN = 2.0  # s; by then everything is cleaned up, or the exception was lost
 LOST = 0.05  # s after which an exception is raised again that is known to be lost
+INTERRUPTED = "interrupted; every file that was written is whole"
 ONE_PRESS = 1.0  # s; signals of one kind within that time are one: the first is being obeyed
 
 

@@ -18,22 +18,29 @@ from workbench.cli import lecture_packs
 from workbench.cli.grade_table import print_grade
 from workbench.cli.output import make_folder, print_page, say
 from workbench.cli.waiting import waiting
-from workbench.course.badges import add_links, requirements
 from workbench.course.cells import Cell, carried_out
 from workbench.course.formulas import in_letters
-from workbench.course.grades import Grade
-from workbench.course.handing_out import hand_out
-from workbench.course.notebooks import NEEDED, executed, notebook, tool, write_notebook
+from workbench.course.grading import Grade
+from workbench.course.notebooks import (
+    NEEDED,
+    add_links,
+    executed,
+    notebook,
+    requirements,
+    tool,
+    write_notebook,
+)
 from workbench.course.outline import course as outline
-from workbench.course.own_lecture import lecture_named, own_lecture
-from workbench.course.packs.choosing import variants_of
-from workbench.course.student_process import SECONDS, grade
+from workbench.course.outline import hand_out, lecture_named, own_lecture
+from workbench.course.packs.variants import variants_of
+from workbench.course.process import ProcessLimits, grade
+from workbench.course.site import write_course_site
+from workbench.course.slides import write_slides
 from workbench.diagnostics.words import counted
-from workbench.errors import BadArgument, BadFile
-from workbench.site import write_course_site
-from workbench.site.slides import write_slides
+from workbench.errors import BadFile
 from workbench.writing import write_file
 
+LIMITS = ProcessLimits()
 NOT_ALL_PASSED = 1  # the exit code of `check`
 
 Folder = Annotated[
@@ -192,23 +199,21 @@ def check(
     ] = None,
     seconds: Annotated[
         float, typer.Option(help="Seconds that each exercise, and loading the file, may take.")
-    ] = SECONDS,
+    ] = LIMITS.seconds,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON, for a grade book.")] = False,
 ) -> None:
     """Check answers, each file in its own process; print points, and hints for wrong answers.
 
     Exits with 1 unless every check passed. In a browser, files run in the process that checks.
     """
-    if not seconds > 0:
-        raise BadArgument(f"--seconds takes a number above 0, not {seconds}")
-    one, console = lecture_named(number), Console()
+    limits, one, console = ProcessLimits(seconds), lecture_named(number), Console()
     paths = [
         path / f"{one.folder_name}.py" if path.is_dir() else path for path in files or [Path()]
     ]
     every: list[Grade] = []
     for path in paths:
         with waiting(f"checking {escape(str(path))}, which takes some seconds"):
-            found = grade(one, path, seconds)
+            found = grade(one, path, limits)
         every.append(found)
         if not as_json:
             print_grade(console, found)

@@ -1,9 +1,10 @@
 """`workbench lecture pack`, `try` and `mark`: exercises for a class, and their marks."""
 
+import json
 import shlex
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
@@ -12,17 +13,23 @@ from rich.markup import escape
 from workbench.cli.leaving import interrupts_say
 from workbench.cli.output import print_page, say
 from workbench.cli.waiting import waiting
-from workbench.course.packs.examples import try_file
-from workbench.course.packs.handed_in import EXPECTED, HandedIn, collect
-from workbench.course.packs.keys import read_keys
-from workbench.course.packs.marking import Limits
-from workbench.course.packs.marks import StudentMark, mark_class, median_minutes, remarks
-from workbench.course.packs.packing import write_pack
-from workbench.course.packs.students import read_students
+from workbench.course.packs.handing_out import read_students, write_pack
+from workbench.course.packs.keys import KEYS, QUESTIONS, read_keys
+from workbench.course.packs.marking import (
+    StudentMark,
+    answers_of_class,
+    mark_class,
+    remarks,
+    try_file,
+)
+from workbench.course.packs.submissions import EXPECTED, Submissions, collect
+from workbench.course.process import ProcessLimits
 from workbench.diagnostics.words import counted
-from workbench.errors import BadArgument
+from workbench.errors import BadArgument, BadFile
+from workbench.reading.facts import json_in
+from workbench.writing import write_file
 
-LIMITS = Limits()
+LIMITS = ProcessLimits()
 NOT_ALL_RIGHT = 1  # the exit code of `try`
 
 Seconds = Annotated[
@@ -118,7 +125,7 @@ def attempt(
     console, wrong = Console(), 0
     for path in files:
         with waiting(f"trying {escape(str(path))}, which takes some seconds"):
-            found = try_file(path, Limits(seconds, memory))
+            found = try_file(path, ProcessLimits(seconds, memory))
         for one in found:
             right = one.points == one.of
             wrong += not right
@@ -134,7 +141,7 @@ def mark(
     folder: Annotated[
         Path,
         typer.Argument(
-            help="What was handed in: a folder for each student, or files such as ada_NAME.py."
+            help="The submissions: a folder for each student, or files such as ada_NAME.py."
         ),
     ],
     keys: Annotated[Path, typer.Option(help="The folder of keys that `pack` wrote.")],
@@ -143,16 +150,40 @@ def mark(
     ] = Path("marks.csv"),
     seconds: Seconds = LIMITS.seconds,
     memory: Memory = LIMITS.memory,
+    workers: Annotated[int, typer.Option(help="Files that run at once.")] = 1,
+    only_answers: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.json",
+            help="Run the files, write what they answer, and mark nothing; KEYS needs only "
+            "`questions.json`.",
+        ),
+    ] = None,
+    answers: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE.json", help="Mark the answers that --only-answers wrote; nothing is run."
+        ),
+    ] = None,
 ) -> None:
-    """Mark what a class handed in, and write points, minutes and remarks as CSV.
+    """Mark submissions of a class, and write points and remarks as CSV.
 
     Each file answers in a process of its own. If it is interrupted, the same command goes on.
     """
     if table.suffix.lower() != ".csv":
         raise BadArgument(f"--csv takes the name of a file .csv, not {table}")
-    console, limits = Console(), Limits(seconds, memory)
-    key = read_keys(keys)
+    if workers < 1:
+        raise BadArgument(f"--workers takes a number of files, 1 or more, not {workers}")
+    console, limits = Console(), ProcessLimits(seconds, memory)
+    key = read_keys(keys, KEYS if only_answers is None else QUESTIONS)
     found = collect(folder, key)
+    if only_answers is not None:
+        with waiting("asking for answers, which takes some seconds for each file"):
+            sent = answers_of_class(found, key, limits, workers)
+        write_file(only_answers, json.dumps(sent))
+        print_page(console, "answers, to be marked beside the keys", only_answers)
+        return
+    given = None if answers is None else _read_answers(answers)
     of, done = sum(one.points for one in key.exercises), 0
 
     def tell(student: str, mark: StudentMark, again: bool) -> None:
@@ -177,19 +208,26 @@ def mark(
         interrupts_say(left),
         Console(stderr=True).status("marking, which takes some seconds for each file"),
     ):
-        marks = mark_class(found, key, keys, table, limits, tell)
+        marks = mark_class(found, key, keys, table, limits, tell, workers, given)
     for one in marks:
         for said in one.alike:
             say(console, f"[bold]{escape(key.students[one.student])}[/]  {escape(said)}")
     _say_unused(console, found)
-    for number, (minutes, count) in median_minutes(marks).items():
-        estimate = next(one.minutes for one in key.exercises if one.number == number)
-        told = f"{counted(count, 'student')} needed {minutes:g} minutes (median)"
-        say(console, f"[dim]{number}: {told}; {estimate} were estimated[/]")
     print_page(console, "marks", table)
 
 
-def _say_unused(console: Console, found: HandedIn) -> None:
+def _read_answers(path: Path) -> dict[str, Any]:
+    """What --only-answers wrote; only its form at the top is looked at here. Raises BadFile."""
+    found = json_in(path)
+    if not isinstance(found, dict) or not all(
+        isinstance(some, list) and all(isinstance(one, dict) for one in some)
+        for some in found.values()
+    ):
+        raise BadFile(f"{path} is not what `workbench lecture mark --only-answers` wrote")
+    return found
+
+
+def _say_unused(console: Console, found: Submissions) -> None:
     """Every file that is not marked, with the reason; what is to be expected in one line."""
     for one in found.unused:
         if one.why not in EXPECTED:

@@ -9,7 +9,7 @@ from rich.console import Console
 from workbench.cli.run import Name, Setting, settings
 from workbench.errors import BadArgument
 from workbench.experiments import find
-from workbench.reports.live_page import live_server
+from workbench.reports.replays import live_server
 
 
 def live(

@@ -12,7 +12,7 @@ from workbench.cli.bars import Bars
 from workbench.cli.leaving import interrupts_say
 from workbench.cli.output import print_page, say, warn_of
 from workbench.fitting.file_jobs import FailedFile, FileJob
-from workbench.reports.entries import Entry
+from workbench.reports.page import Entry
 
 
 class Found(Protocol):

@@ -34,8 +34,8 @@ from workbench.motions import Motion, bones_of, load_tissue, read_motion
 from workbench.motions.guesses import OTHERS, UNITS
 from workbench.motions.tissue_betas import betas_with_tissue, displaced_by, with_tissue
 from workbench.plots import plot_motion
-from workbench.plots.figure import drawn, png
-from workbench.reports.replay_page import motion_page
+from workbench.plots.style import drawn, png
+from workbench.reports.replays import motion_page
 from workbench.writing import write_file
 
 MARKERS = (".npz", ".trc")  # what is written of markers

@@ -1,5 +1,12 @@
 """`workbench new`: a commented file to begin with, which runs as it is written."""
 
+import re
+import shutil
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.util import find_spec
+from keyword import iskeyword
 from pathlib import Path
 from typing import Annotated
 
@@ -8,7 +15,158 @@ from rich.console import Console
 from rich.markup import escape
 
 from workbench.cli.output import print_page, say
-from workbench.scaffolds import SCAFFOLDS, write_scaffold
+from workbench.course.outline import course
+from workbench.errors import BadArgument, BadFile, check_known
+
+TEMPLATES = Path(__file__).parent / "templates"
+LONGEST = 40  # characters of a name, which folders of results repeat
+
+
+@dataclass(frozen=True)
+class Scaffold:
+    """A kind of file to begin with.
+
+    Attributes:
+        template: the name of its file or folder among the templates.
+        what: what it holds, in a line.
+        tries: commands that it works with as written; FILE stands for what was written.
+    """
+
+    template: str
+    what: str
+    tries: tuple[str, ...]
+
+
+SCAFFOLDS: Mapping[str, Scaffold] = {
+    "problem": Scaffold(
+        "problem.py",
+        "blocks, residuals, the names that are free, and a start",
+        ("run FILE", "diagnose FILE", "compare FILE", "sample FILE"),
+    ),
+    "residual": Scaffold(
+        "residual.py",
+        "an error term of points, with a problem to try it on",
+        ("run FILE", "diagnose FILE", "compare FILE", "sample FILE"),
+    ),
+    "solver": Scaffold(
+        "solver.py",
+        "an algorithm that stops, counts and reports as all solvers do",
+        (
+            "run FILE --solver FILE",
+            "diagnose FILE --solver FILE",
+            "compare FILE --solver FILE --solver trust-region",
+            "sample FILE --solver FILE",
+        ),
+    ),
+    "experiment": Scaffold(
+        "experiment.py",
+        "a problem with arguments, made-up data, and numbers by which it is judged",
+        ("run FILE --set noise=0.1", "diagnose FILE", "compare FILE --seeds 3", "sample FILE"),
+    ),
+    "lecture": Scaffold(
+        "lecture",
+        "a folder: text and code, exercises, solutions, checks, its line in the outline",
+        ("lecture list FILE", "lecture run FILE", "lecture start FILE .", "lecture check FILE"),
+    ),
+}
+
+
+def write_scaffold(kind: str, name: str, folder: str | Path = ".") -> Path:
+    """Write a commented file (of a lecture, a folder) called `name` that runs as it is.
+
+    Returns its path. Nothing is overwritten. Raises UnknownName for a kind that does not exist,
+    BadArgument for a name that would be none in Python or that hides a library, and BadFile for a
+    path that exists or cannot be written.
+    """
+    check_known("kind of file", kind, SCAFFOLDS)
+    check_name(name)
+    template, folder = TEMPLATES / SCAFFOLDS[kind].template, Path(folder)
+    words = {"NAME": name}
+    called = f"{name}.py"
+    if template.is_dir():
+        number = 1 + max(one.number for one in course())
+        called = f"lec{number:02}_{name}"
+        words = {
+            "lec00_NAME": called,
+            "lecture 0": f"lecture {number}",
+            "    0,  #": f"    {number},  #",
+        } | words
+    path, texts = folder / called, _texts(template, words)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if template.is_dir():
+            _write_folder(path, texts)
+        else:
+            _write_file(path, texts[template.name])
+    except FileExistsError as error:
+        raise BadFile(
+            f"{error.filename or path} exists already and was left as it is; give another name or "
+            "folder"
+        ) from error
+    except OSError as error:
+        raise BadFile(
+            f"cannot write {path}: {error.strerror or error}; give another folder"
+        ) from error
+    return path
+
+
+def check_name(name: str) -> None:
+    """Raise BadArgument unless a file of that name can be imported and hides no library."""
+    example = "write a name such as `my_problem`, without folder and without .py"
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", name, re.ASCII) or iskeyword(name):
+        raise BadArgument(
+            f"{name!r} cannot be the name: a name begins with a small letter, goes on with small "
+            f"letters, digits and underscores, and is not a keyword of Python; {example}"
+        )
+    if len(name) > LONGEST:
+        raise BadArgument(f"a name has at most {LONGEST} characters, not {len(name)}; {example}")
+    if name in sys.stdlib_module_names or _installed(name):
+        raise BadArgument(
+            f"{name!r} is the name of a library that Python imports, which a file of that name "
+            f"would hide; {example}"
+        )
+
+
+def _installed(name: str) -> bool:
+    """Whether a library of that name is installed, and not a file of the user's own."""
+    spec = find_spec(name)
+    if spec is None:
+        return False
+    places = Path(spec.origin or "").parts
+    return name == "workbench" or bool({"site-packages", "dist-packages"} & {*places})
+
+
+def _texts(template: Path, words: Mapping[str, str]) -> dict[str, str]:
+    """The text of each file of a template by its name, with some words replaced."""
+    found = {}
+    for source in [template] if template.is_file() else sorted(template.glob("*.py")):
+        text = source.read_text(encoding="utf-8")
+        for word, instead in words.items():
+            text = text.replace(word, instead)
+        found[source.name] = text
+    return found
+
+
+def _write_file(path: Path, text: str) -> None:
+    """Write a file that is new. Raises OSError, and leaves nothing then."""
+    with path.open("x", encoding="utf-8") as file:
+        try:
+            file.write(text)
+        except OSError:
+            path.unlink()
+            raise
+
+
+def _write_folder(path: Path, texts: Mapping[str, str]) -> None:
+    """Write a folder that is new. Raises OSError, and leaves nothing then."""
+    path.mkdir()
+    try:
+        for name, text in texts.items():
+            _write_file(path / name, text)
+    except OSError:
+        shutil.rmtree(path)
+        raise
+
 
 KINDS = "; ".join(f"{kind}: {scaffold.what}" for kind, scaffold in SCAFFOLDS.items())
 

@@ -13,7 +13,7 @@ from rich.table import Table as RichTable
 from workbench.errors import BadArgument, WorkbenchError
 from workbench.geometry.guesses import UP_TO_Y
 from workbench.reports.folder import refuse_foreign
-from workbench.reports.tables import Table
+from workbench.reports.page import Table
 
 Up = Annotated[
     str | None,
@@ -50,10 +50,11 @@ def folder_to_write(out: Path, name: str, source: str) -> Path:
 
 
 def rich_table(table: Table) -> RichTable:
-    """A table of a report in the form for a terminal."""
+    """A table of a report in the form for a terminal; numbers are never broken or shortened."""
     shown = RichTable(box=None, header_style="bold")
     for i, head in enumerate(table.head):
-        shown.add_column(head, justify="right" if i in table.numbers else "left")
+        number = i in table.numbers
+        shown.add_column(head, justify="right" if number else "left", no_wrap=number)
     for row in table.rows:
         shown.add_row(*map(escape, row))
     return shown

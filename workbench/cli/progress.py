@@ -4,64 +4,59 @@ from types import TracebackType
 
 import numpy as np
 from rich.console import Console
-from rich.live import Live
 from rich.markup import escape
-from rich.table import Table
+from rich.table import Table as RichTable
 
 from workbench.cli.output import rich_table, warn_of
 from workbench.diagnostics import Diagnosis
 from workbench.experiments.running import Outcome
-from workbench.reports import tables
-from workbench.solvers import Iterate
+from workbench.reports.page import Columns, Table, number
+from workbench.reports.run import (
+    better_said,
+    interrupted_said,
+    priors_said,
+    residuals_table,
+    status_said,
+)
+from workbench.solvers import Iterate, Solution
 from workbench.solvers.starts import AS_GOOD
 
-ROWS = 12  # of the live table; the whole trace is in the report
+ROWS = 12  # of the residuals with the highest cost
 
 
 class LiveTrace:
-    """A table of the last iterates, redrawn as they come; plain lines where nobody watches."""
+    """The latest iterate in one line that is written over; nothing where nobody watches.
 
-    def __init__(self, console: Console) -> None:
-        self._console = console
-        self._iterates: list[tuple[int, Iterate]] = []
-        self._count = 0
-        self._live = Live(console=console, auto_refresh=False) if console.is_terminal else None
+    With `every`, a line for each iterate stays.
+    """
+
+    def __init__(self, console: Console, every: bool = False) -> None:
+        self._console, self._every, self._count = console, every, 0
+        watched = console.is_terminal and not every
+        self._status = console.status("solving") if watched else None
 
     def __enter__(self) -> "LiveTrace":
-        if self._live:
-            self._live.start()
+        if self._status:
+            self._status.start()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
     ) -> None:
-        if self._live:
-            self._live.stop()
+        if self._status:
+            self._status.stop()
 
     def __call__(self, iterate: Iterate) -> None:
         """Show one more iterate."""
         number, self._count = self._count, self._count + 1
-        if self._live:
-            self._iterates = [*self._iterates[-ROWS + 1 :], (number, iterate)]
-            self._live.update(self._table(), refresh=True)
-        else:
-            if number == 0:
-                self._console.print(f"{'iteration':>9} {'cost':>14} {'optimality':>10} {'step':>9}")
-            self._console.print(
-                f"{number:>9} {iterate.cost:>14.6g} {iterate.optimality:>10.1e} "
-                f"{iterate.step_norm:>9.1e}"
-            )
-
-    def _table(self) -> Table:
-        columns: tables.Columns[tuple[int, Iterate]] = {
-            "iteration": lambda of: str(of[0]),
-            "cost": lambda of: f"{of[1].cost:.6g}",
-            "optimality": lambda of: f"{of[1].optimality:.1e}",
-            "step": lambda of: f"{of[1].step_norm:.1e}",
-            "damping": lambda of: f"{of[1].damping:.1e}",
-            "seconds": lambda of: f"{of[1].seconds:.2f}",
-        }
-        return rich_table(tables.Table.of(self._iterates, columns, tuple(range(6))))
+        line = (
+            f"iteration {number:>5}  cost {iterate.cost:<12.6g} optimality "
+            f"{iterate.optimality:.1e}  step {iterate.step_norm:.1e}"
+        )
+        if self._status:
+            self._status.update(line)
+        elif self._every:
+            self._console.print(line, highlight=False)
 
 
 def print_outcome(console: Console, outcome: Outcome) -> None:
@@ -74,14 +69,14 @@ def print_outcome(console: Console, outcome: Outcome) -> None:
         f"{solution.iterations} iterations, {solution.seconds:.2f} s, cost {solution.cost:.6g}: "
         f"{escape(solution.message)}"
     )
-    for said in (tables.better_said(outcome), tables.interrupted_said(outcome)):
+    for said in (better_said(outcome), interrupted_said(outcome)):
         if said:
             console.print(f"[bold yellow]{escape(_typed(said))}[/]", highlight=False)
     if outcome.setup.synthetic:
         console.print(f"synthetic data: {escape(outcome.setup.synthetic)}", highlight=False)
     for note in outcome.setup.notes:
         console.print(f"note: {escape(note)}", highlight=False)
-    table = Table(box=None, show_header=False)
+    table = RichTable(box=None, show_header=False)
     table.add_column()
     table.add_column(justify="right")
     table.add_column()
@@ -101,14 +96,14 @@ def print_outcome(console: Console, outcome: Outcome) -> None:
 
 def _print_residuals(console: Console, outcome: Outcome) -> None:
     """Print the cost of each residual; if there are many, only of those with the highest cost."""
-    found = tables.residuals_table(outcome)
+    found = residuals_table(outcome)
     rows = sorted(zip(outcome.costs.values(), found.rows, strict=True), key=lambda row: -row[0])
     shown = {row for _, row in rows[:ROWS]}
     typed = tuple(tuple(map(_typed, row)) for row in found.rows if row in shown)
-    console.print(rich_table(tables.Table(found.head, typed, found.numbers)))
+    console.print(rich_table(Table(found.head, typed, found.numbers)))
     if len(rows) > ROWS:
         console.print(f"and {len(rows) - ROWS} residuals with less cost (see the report)")
-    console.print(escape(tables.priors_said(outcome)), highlight=False)
+    console.print(escape(priors_said(outcome)), highlight=False)
 
 
 def _typed(text: str) -> str:
@@ -134,21 +129,16 @@ def _seen(what: str, d: Diagnosis) -> str:
     return f"{what}: {m} x {n}, {d.density:.0%} nonzero, rank {d.rank} of {n}; {said}"
 
 
-def _comparison(outcome: Outcome) -> Table:
-    table = Table(box=None, header_style="bold")
-    table.add_column("solver", no_wrap=True)
-    for column in ("cost", "over best", "steps", "calls", "s"):
-        table.add_column(column, justify="right", no_wrap=True)
-    table.add_column("status")
-    for name, s in outcome.compared.items():
-        table.add_row(
-            name,
-            _typed(tables.number(s.cost, 8)),
-            _typed(tables.number(outcome.excess(name), 1)),
-            str(s.iterations),
-            str(s.evaluations.total),
-            f"{s.seconds:.2f}",
-            tables.status_said(outcome, name).upper(),
-            style="" if s.converged and outcome.excess(name) <= AS_GOOD else "yellow",
-        )
+def _comparison(outcome: Outcome) -> RichTable:
+    """How each solver ended: what decides comes first, and the page has the rest."""
+    columns: Columns[tuple[str, Solution]] = {
+        "solver": lambda of: of[0],
+        "status": lambda of: status_said(outcome, of[0]).upper(),
+        "cost": lambda of: _typed(number(of[1].cost, 8)),
+        "seconds": lambda of: f"{of[1].seconds:.2f}",
+    }
+    table = rich_table(Table.of(outcome.compared.items(), columns, (2, 3)))
+    for row, (name, solution) in zip(table.rows, outcome.compared.items(), strict=True):
+        good = solution.converged and outcome.excess(name) <= AS_GOOD
+        row.style = "" if good else "yellow"
     return table

@@ -42,9 +42,9 @@ from workbench.registration import (
     usual_recipe,
 )
 from workbench.registration.scan_jobs import MOST
-from workbench.reports.entries import Entry
-from workbench.reports.registration_folder import RegistrationFolder
-from workbench.reports.registration_page import ARRAYS, stages_table, write_registration
+from workbench.reports.many import RegistrationFolder
+from workbench.reports.page import Entry
+from workbench.reports.registration import ARRAYS, stages_table, write_registration
 from workbench.training.folder import Row, read_table
 
 NO_SCANS = (".txt", ".csv")  # in a folder these are taken for notes and tables

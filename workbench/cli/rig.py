@@ -14,7 +14,7 @@ from workbench.cli.leaving import interrupts_say
 from workbench.cli.output import print_page, rich_table, say
 from workbench.errors import BadArgument
 from workbench.motions import save_motion
-from workbench.reports.tables import Table
+from workbench.reports.page import Table
 from workbench.training.rigging.mesh_sequences import read_meshes
 from workbench.training.rigging.rig import TOLERANCE, Rigged, pose_rms
 from workbench.training.rigging.rig import rig as find_rig

@@ -65,6 +65,9 @@ def run(
             "--list", help="List the experiments, or the problems of a suite, and run nothing."
         ),
     ] = False,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", "-v", help="Print a line for each iterate.")
+    ] = False,
 ) -> None:
     """Run an experiment and write its report to runs/NAME/."""
     console = Console()
@@ -76,7 +79,7 @@ def run(
             )
         print_list(console, SUITES.get(name))
         return
-    carry_out(console, find(name, settings(setting)), solver_named(solver), compare, out)
+    carry_out(console, find(name, settings(setting)), solver_named(solver), compare, out, verbose)
 
 
 def print_list(console: Console, suite: Sequence[Experiment] | None) -> None:
@@ -96,14 +99,19 @@ def print_list(console: Console, suite: Sequence[Experiment] | None) -> None:
 
 
 def carry_out(
-    console: Console, experiment: Experiment, solver: Solver | None, compare: bool, out: Path
+    console: Console,
+    experiment: Experiment,
+    solver: Solver | None,
+    compare: bool,
+    out: Path,
+    verbose: bool = False,
 ) -> tuple[Values, Path]:
     """Run an experiment, print its summary, and write its report: the values, and the folder.
 
     After an interrupt the report holds what was found until then, and the exit code is 130.
     """
     folder = folder_to_write(out, experiment.name, experiment.source)
-    with LiveTrace(console) as trace:
+    with LiveTrace(console, verbose) as trace:
         outcome = run_experiment(
             experiment,
             solver,

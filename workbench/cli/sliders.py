@@ -9,8 +9,7 @@ from rich.console import Console
 from workbench.bodies.catalogue import BODIES, load_body
 from workbench.cli.output import make_folder, print_page
 from workbench.environment import expanded
-from workbench.reports.fits import pose_and_betas, settings_of
-from workbench.reports.sliders import write_sliders
+from workbench.reports.sliders import pose_and_betas, settings_of, write_sliders
 
 
 def sliders(

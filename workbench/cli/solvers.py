@@ -5,7 +5,7 @@ from rich.console import Console
 
 from workbench.cli.output import solver_table
 from workbench.experiments import find
-from workbench.reports.tables import Columns, Table
+from workbench.reports.page import Columns, Table
 from workbench.solvers import SOLVERS, Abilities, Boxes, Derivative
 from workbench.solvers.choice import recommend
 from workbench.solvers.nlopt import ALGORITHMS

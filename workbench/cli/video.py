@@ -15,7 +15,7 @@ from workbench.fitting.clips import Clip
 from workbench.fitting.doubts import doubts
 from workbench.fitting.video_mean import video_mean
 from workbench.fitting.videos import video_fit
-from workbench.reports.video_page import motion_arrays, write_video
+from workbench.reports.run import motion_arrays, write_video
 from workbench.solvers import Solver, Status
 from workbench.writing import write_arrays
 

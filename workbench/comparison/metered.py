@@ -106,7 +106,7 @@ class Metered:
                 found = problem.costs(x, fixed, entries, by)
             return together("residual", found, lambda costs: costs, _placed(x, fixed, entries))
 
-        def slopes(x: Array, fixed: Array, entries: Places | None = None) -> CostGradients:
+        def cost_gradients(x: Array, fixed: Array, entries: Places | None = None) -> CostGradients:
             with self._meter.paused():
                 found = problem.cost_gradients(x, fixed, entries)
             return together("gradient", found, lambda both: both[0], _placed(x, fixed, entries))
@@ -144,7 +144,7 @@ class Metered:
             linearize_at=metered(linearization, problem.linearize_at, lambda here: here.cost),
             hessian_at=hessian,
             costs=costs,
-            slopes=slopes,
+            cost_gradients=cost_gradients,
             freeing=freeing,
             without=lambda *names: self._copied(problem.without(*names), None),
             for_judging=lambda: self._copied(problem, None),

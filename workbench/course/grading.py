@@ -1,40 +1,155 @@
-"""Grading an exercise by its checks, and naming a known mistake that explains a wrong answer.
-
-No code of the student runs here: the process that answers sends plain values, which are converted
-to the form of the solution's answers and compared here.
-"""
+"""Grading an exercise by its checks, and naming a known mistake that explains a wrong answer."""
 
 import inspect
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any, Protocol
+from dataclasses import asdict, dataclass, field, replace
+from enum import Enum
+from typing import Any
 
-from workbench.course.answers import Raised, copied, formed, outcome, same
-from workbench.course.checks import Check, Missed, Mistake
-from workbench.course.grades import CheckResult, CheckState
+from workbench.course.checks import (
+    Check,
+    Missed,
+    Mistake,
+    Raised,
+    copied,
+    cut,
+    formed,
+    in_words,
+    kind,
+    legible,
+    outcome,
+    same,
+)
 from workbench.course.outline import Lecture
-from workbench.course.plain import Malformed, opened
-from workbench.course.words import cut, in_words, kind, legible
+from workbench.course.outline import lecture as lecture_of
+from workbench.course.plain import answered, received
+from workbench.errors import UnknownName
 
 Function = Callable[..., Any]
 TO_ALL_DIGITS, TO_SIX = 1e-10, 1e-6
 Call = tuple[tuple[Any, ...], Any]  # arguments, and what came
 
 
-class Answers(Protocol):
-    """Something that answers exercises: an `answer_process.Answerer`, or a process with one."""
+class CheckState(Enum):
+    """How a check ended."""
 
-    def begin(self, exercise: str, parameters: Sequence[str]) -> dict[str, Any]:
-        """Begin an exercise. Returns {"unfit": why it cannot be tried, in three texts, or None}."""
-
-    def answer(self, arguments: tuple[Any, ...]) -> dict[str, Any]:
-        """Call the function. Returns {"value": its answer in the form of `plain.sealed`} or
-        {"raised": [class of the error, its message, whether the exercise is unsolved]}.
-        """
+    PASSED = "passed"
+    FAILED = "failed"
+    NOT_ATTEMPTED = "not attempted"
 
 
-class Ended(Exception):
-    """The process that answers has ended; the message says why."""
+@dataclass(frozen=True)
+class CheckResult:
+    """The result of one check of one exercise.
+
+    Attributes:
+        exercise: the function's name in exercises.py.
+        check: the name of the check.
+        of: how many points it is worth.
+        state: how it ended.
+        what: the quantity or the property that was missed.
+        expected: what was expected of it.
+        came: what the answer was instead.
+        hint: the likeliest mistake.
+    """
+
+    exercise: str
+    check: str
+    of: int
+    state: CheckState
+    what: str = ""
+    expected: str = ""
+    came: str = ""
+    hint: str = ""
+
+    @property
+    def points(self) -> int:
+        """All points of the check if it passed, otherwise none."""
+        return self.of if self.state is CheckState.PASSED else 0
+
+    def data(self) -> dict[str, Any]:
+        """All fields and the points, as plain data."""
+        return asdict(self) | {"state": self.state.value, "points": self.points}
+
+
+@dataclass(frozen=True)
+class Grade:
+    """The results of one file of answers to a lecture's exercises.
+
+    Attributes:
+        lecture: the lecture.
+        file: the path of the file.
+        results: one for each check, in the lecture's order.
+        trouble: why the file as a whole could not be read.
+        printed: what the file printed for each exercise, and under "" while it was loaded.
+        note: what has to be known of how it was graded, in whole sentences; usually nothing.
+    """
+
+    lecture: Lecture
+    file: str
+    results: tuple[CheckResult, ...]
+    trouble: str = ""
+    printed: dict[str, str] = field(default_factory=dict)
+    note: str = ""
+
+    @property
+    def points(self) -> int:
+        """The number of points reached."""
+        return sum(result.points for result in self.results)
+
+    @property
+    def of(self) -> int:
+        """The number of points that can be reached."""
+        return sum(result.of for result in self.results)
+
+    @property
+    def passed(self) -> bool:
+        """Whether every check passed."""
+        return all(result.state is CheckState.PASSED for result in self.results)
+
+    @property
+    def exercises(self) -> dict[str, list[CheckResult]]:
+        """The results by exercise, in the lecture's order."""
+        names = dict.fromkeys(result.exercise for result in self.results)
+        return {
+            name: [result for result in self.results if result.exercise == name] for name in names
+        }
+
+    def data(self) -> dict[str, Any]:
+        """Everything as plain data, for a grade book."""
+        return {
+            "lecture": self.lecture.number,
+            "title": self.lecture.title,
+            "file": self.file,
+            "points": self.points,
+            "of": self.of,
+            "passed": self.passed,
+            "trouble": self.trouble,
+            "note": self.note,
+            "exercises": [
+                {
+                    "number": f"{self.lecture.number}.{k}",
+                    "exercise": name,
+                    "points": sum(result.points for result in results),
+                    "of": sum(result.of for result in results),
+                    "printed": self.printed.get(name, ""),
+                    "checks": [
+                        {key: value for key, value in result.data().items() if key != "exercise"}
+                        for result in results
+                    ],
+                }
+                for k, (name, results) in enumerate(self.exercises.items(), 1)
+            ],
+        }
+
+
+def not_done(lecture: Lecture, exercises: Sequence[str], what: str) -> list[CheckResult]:
+    """The results of checks that could not be run, all of them failed, for the reason `what`."""
+    return [
+        CheckResult(check.exercise, check.name, check.points, CheckState.FAILED, what)
+        for check in lecture.checks
+        if check.exercise in exercises
+    ]
 
 
 class Unanswered(Exception):
@@ -42,21 +157,21 @@ class Unanswered(Exception):
 
 
 @dataclass
-class Recorder:
+class RecordedCalls:
     """Takes the place of a student's function in the checks, and records its calls.
 
-    Its answers have the form of the solution's answers to the same arguments, so that a check
-    need not consider None, lists or NaN.
+    Its answers are plain values in the form of the solution's answers to the same arguments, so
+    that a check need not consider None, lists, NaN or types of the student's own.
     """
 
-    answers: Answers
+    answer: Function
     solution: Function
     calls: list[Call] = field(default_factory=list)
 
     def __call__(self, *arguments: Any) -> Any:
-        """Ask for an answer. Raises Unanswered, Missed or Ended."""
+        """Ask for an answer. Raises Unanswered or Missed."""
         kept = copied(arguments)
-        came = received(self.answers.answer(arguments))
+        came = received(answered(self.answer, arguments))
         self.calls.append((kept, came))
         what = f"{self.solution.__name__}({', '.join(map(_short, arguments))})"
         if isinstance(came, Raised):
@@ -66,49 +181,51 @@ class Recorder:
         return formed(came, self.solution(*copied(arguments)), what)
 
 
-def received(answer: dict[str, Any]) -> Any:
-    """The value that was sent, or Raised. Raises Ended for anything else."""
-    try:
-        match answer:
-            case {"value": data}:
-                return opened(data)
-            case {"raised": [str() as error, str() as message, bool() as unsolved]}:
-                return Raised(error, message, unsolved)
-    except (Malformed, RecursionError):  # lists in lists, deeper than anything that is sealed
-        pass
-    raise Ended("its process sent what is no answer")
-
-
-def grade_exercise(lecture: Lecture, exercise: str, answers: Answers) -> list[CheckResult]:
-    """The results of all checks of an exercise. Raises Ended."""
+def grade_exercise(lecture: Lecture, exercise: str, answer: Any) -> list[CheckResult]:
+    """The results of all checks of an exercise, of what a file has under its name, or None."""
     checks = [check for check in lecture.checks if check.exercise == exercise]
     solution = lecture.solution(exercise)
-    match answers.begin(exercise, list(inspect.signature(solution).parameters)):
-        case {"unfit": None}:
-            witness = Recorder(answers, solution)
-        case {"unfit": [str() as what, str() as expected, str() as came]}:
-            return [_failed(check, Missed(what, expected, came)) for check in checks]
-        case _:
-            raise Ended("its process sent what is no answer")
+    if wrong := unfit(exercise, answer, list(inspect.signature(solution).parameters)):
+        return [_failed(check, Missed(*wrong)) for check in checks]
+    calls = RecordedCalls(answer, solution)
     results, parts = [], []
     for check in checks:
-        before = len(witness.calls)
-        results.append(_tried(check, witness))
-        parts.append(witness.calls[before:])
+        before = len(calls.calls)
+        results.append(_tried(check, calls))
+        parts.append(calls.calls[before:])
     mistakes = [m for m in lecture.mistakes if m.exercise == exercise]
     return [
-        replace(one, hint=_likeliest(mistakes, witness.calls, part))
+        replace(one, hint=_likeliest(mistakes, calls.calls, part))
         if one.state is CheckState.FAILED
         else one
         for one, part in zip(results, parts, strict=True)
     ]
 
 
-def _tried(check: Check, witness: Recorder) -> CheckResult:
+def unfit(exercise: str, answer: Any, parameters: Sequence[str]) -> tuple[str, str, str] | None:
+    """Why what has the exercise's name cannot be tried, or None if it can.
+
+    The texts say what is wrong, what was expected, and what there is.
+    """
+    wanted = f"{exercise}({', '.join(parameters)})"
+    if answer is None:
+        return "the function", f"a function {wanted}", "no such name in the file"
+    if not callable(answer):
+        return "the function", f"a function {wanted}", f"a {type(answer).__name__}"
     try:
-        check.run(witness)
-    except Ended:
-        raise
+        theirs = inspect.signature(answer)
+    except (TypeError, ValueError):  # some built-ins have none
+        return None
+    try:
+        theirs.bind(*parameters)
+    except TypeError:
+        return "the signature must stay as it was", wanted, f"{exercise}{theirs}"
+    return None
+
+
+def _tried(check: Check, calls: RecordedCalls) -> CheckResult:
+    try:
+        check.run(calls)
     except Unanswered as unsolved:
         if f"'{check.exercise}'" in str(unsolved):
             return CheckResult(check.exercise, check.name, check.points, CheckState.NOT_ATTEMPTED)
@@ -155,3 +272,30 @@ def _explains(one: Mistake, calls: list[Call], within: float) -> bool:
 def _short(value: Any) -> str:
     text = getattr(value, "__name__", "") if callable(value) else in_words(value)
     return " ".join(text.split()) if 0 < len(text) <= 40 else kind(value)
+
+
+def check_here(number: int, answer: Callable[..., Any]) -> None:
+    """Run the checks of a lecture's exercise on a function, and print what came of each.
+
+    The exercise is the one with the name of the function, which is defined in a notebook, say.
+    Raises UnknownName if there is none.
+    """
+    one, name = lecture_of(number), getattr(answer, "__name__", "")
+    if name not in one.exercises:
+        raise UnknownName(f"exercise of lecture {number}", name, one.exercises)
+    results = grade_exercise(one, name, answer)
+    for result in results:
+        print("\n".join(_lines(result)))
+    print(f"{sum(r.points for r in results)} of {sum(r.of for r in results)} points")
+
+
+def _lines(result: CheckResult) -> list[str]:
+    lines = [f"{result.state.value}: {result.check}"]
+    if result.state is CheckState.FAILED:
+        told = (("", result.what), ("expected ", result.expected), ("returned ", result.came))
+        lines += [
+            f"    {title}" + text.replace("\n", "\n    " + " " * len(title))
+            for title, text in (*told, ("perhaps ", result.hint))
+            if text
+        ]
+    return lines

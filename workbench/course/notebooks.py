@@ -1,18 +1,19 @@
-"""Lectures as notebooks: the script of a lecture with its exercises at the end, run in a kernel."""
+"""A lecture with its results as a notebook."""
 
 import ast
 import inspect
 import os
+import re
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from workbench.course.drawing import FOLDED, apart, only_imports
+from workbench.course.cells import FOLDED, apart, only_imports
 from workbench.course.outline import Lecture
-from workbench.course.student_process import environment
-from workbench.environment import pip_install
-from workbench.errors import BadFile
+from workbench.course.process import environment
+from workbench.environment import DISTRIBUTION, pip_install
+from workbench.errors import BadArgument, BadFile
 from workbench.writing import write_file
 
 SECONDS = 120.0  # s, for a cell
@@ -99,7 +100,7 @@ def _given(lecture: Lecture) -> str:
     first = next(i for i, node in enumerate(body) if isinstance(node, ast.FunctionDef))
     lines = text.splitlines()
     kept = lines[(body[0].end_lineno or 0) : body[first - 1].end_lineno]
-    return "\n".join(["from workbench.course.here import check_here", *kept[1:]])
+    return "\n".join(["from workbench.course.grading import check_here", *kept[1:]])
 
 
 def executed(made: Any, lecture: Lecture, folder: Path) -> Any:
@@ -126,3 +127,32 @@ def executed(made: Any, lecture: Lecture, folder: Path) -> Any:
 def write_notebook(made: Any, path: Path) -> None:
     """Write a notebook to a file `.ipynb`, whole or not at all."""
     write_file(path, tool("nbformat").writes(made))
+
+
+def add_links(made: Any, repository: str, at: str, name: str) -> Any:
+    """Put links and an installation at the top of a notebook that has been run.
+
+    `repository` is `OWNER/NAME` on GitHub, and `at` the branch with the folder, if there is one, in
+    which the notebook `name` will be: `main/notebooks`. Raises BadArgument.
+    """
+    if not re.fullmatch(r"[\w.-]+/[\w.-]+", repository):
+        raise BadArgument(f"--repository takes OWNER/NAME, as on GitHub, not {repository!r}")
+    branch, _, folder = at.strip("/").partition("/")
+    if not branch:
+        raise BadArgument("--at takes a branch, and the folder in it: main/notebooks")
+    path = "/".join(filter(None, (folder, f"{name}.ipynb")))
+    colab = f"https://colab.research.google.com/github/{repository}/blob/{branch}/{path}"
+    binder = f"https://mybinder.org/v2/gh/{repository}/{branch}?labpath={path.replace('/', '%2F')}"
+    v4 = tool("nbformat").v4
+    links = v4.new_markdown_cell(f"[Open in Colab]({colab}) | [Open in Binder]({binder})")
+    install = v4.new_code_cell(
+        f'%pip install --quiet "{DISTRIBUTION}"', metadata={"tags": ["install"]}
+    )
+    links["id"], install["id"] = "links", "install"
+    made.cells[1:1] = [links, install]
+    return made
+
+
+def requirements() -> str:
+    """The text of the file `requirements.txt` from which Binder installs."""
+    return f"{DISTRIBUTION}\njupyterlab\n"

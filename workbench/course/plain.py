@@ -1,7 +1,7 @@
 """Plain values, which the process of a student's file may send, and their form in JSON.
 
 Numbers, text, arrays of numbers, and lists, tuples and dicts of these are sent as themselves, in
-JSON. Any other value is described in words. `opened` trusts nothing: it checks all that it reads,
+JSON. Any other value is described in words. `decode` trusts nothing: it checks all that it reads,
 and makes numbers, text and collections of these only, so that nothing that is sent can run code
 here.
 """
@@ -9,11 +9,12 @@ here.
 import base64
 import binascii
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from workbench.course.words import Described, described
+from workbench.course.checks import Described, Raised, described, outcome, raised
 
 DEEPEST = 20  # levels of lists within lists
 LONGEST_LIST = 100_000  # entries; an array may have more
@@ -28,10 +29,10 @@ AS = {
 
 
 class Malformed(ValueError):
-    """A message that does not have the form that `sealed` gives."""
+    """A message that does not have the form that `encode` gives."""
 
 
-def sealed(value: Any, depth: int = 0) -> Any:
+def encode(value: Any, depth: int = 0) -> Any:
     """A value in the form in which JSON can hold it."""
     if value is None or isinstance(value, bool | np.bool_):
         return None if value is None else bool(value)
@@ -58,21 +59,21 @@ def sealed(value: Any, depth: int = 0) -> Any:
 
 
 def _parts(value: Any, depth: int) -> Any:
-    """The sealed form of a list, tuple or dict."""
+    """The encoded form of a list, tuple or dict."""
     if depth >= DEEPEST or len(value) > LONGEST_LIST:
         return _in_words(value, "too long, or too deep, to be graded")
     if isinstance(value, dict):
         if not all(isinstance(key, str) for key in value):
             return _in_words(value)
-        return {"dict": {str.__str__(key): sealed(part, depth + 1) for key, part in value.items()}}
-    parts = [sealed(part, depth + 1) for part in value]
+        return {"dict": {str.__str__(key): encode(part, depth + 1) for key, part in value.items()}}
+    parts = [encode(part, depth + 1) for part in value]
     return {"tuple" if isinstance(value, tuple) else "list": parts}
 
 
 def _array(array: np.ndarray, value: Any) -> Any:
     if array.dtype.kind not in AS:
         if array.dtype.kind != "O":
-            return sealed(array.tolist()) if array.dtype.kind == "U" else _in_words(value)
+            return encode(array.tolist()) if array.dtype.kind == "U" else _in_words(value)
         try:
             array = array.astype(float)
         except Exception:  # a type of the student's own may raise anything
@@ -83,11 +84,11 @@ def _array(array: np.ndarray, value: Any) -> Any:
 
 
 def _in_words(value: Any, words: str = "") -> Any:
-    return sealed(described(value, words))
+    return encode(described(value, words))
 
 
-def opened(data: Any) -> Any:
-    """The value that was sealed, or a Described for one of no plain type. Raises Malformed."""
+def decode(data: Any) -> Any:
+    """The value that was encoded, or a Described for one of no plain type. Raises Malformed."""
     if isinstance(data, dict) and len(data) != 1:
         raise Malformed("this is not a plain value")
     match data:
@@ -96,21 +97,21 @@ def opened(data: Any) -> Any:
         case int() if abs(data) < 2**63:
             return data
         case {"list": list() as parts} if len(parts) <= LONGEST_LIST:
-            return [opened(part) for part in parts]
+            return [decode(part) for part in parts]
         case {"tuple": list() as parts} if len(parts) <= LONGEST_LIST:
-            return tuple(opened(part) for part in parts)
+            return tuple(decode(part) for part in parts)
         case {"dict": dict() as parts}:
-            return {key: opened(part) for key, part in parts.items()}
+            return {key: decode(part) for key, part in parts.items()}
         case {"complex": [float() as real, float() as imaginary]}:
             return complex(real, imaginary)
         case {"array": [str() as kind, list() as shape, str() as text]} if kind in TYPES:
-            return _opened_array(kind, shape, text)
+            return _decoded_array(kind, shape, text)
         case {"described": [str() as kind, str() as words]}:
             return Described(kind, words)
     raise Malformed("this is not a plain value")
 
 
-def _opened_array(kind: str, shape: list[Any], text: str) -> np.ndarray:
+def _decoded_array(kind: str, shape: list[Any], text: str) -> np.ndarray:
     if len(shape) > DEEPEST or not all(type(n) is int and 0 <= n < 2**31 for n in shape):
         raise Malformed("this is not a shape")
     try:
@@ -120,3 +121,24 @@ def _opened_array(kind: str, shape: list[Any], text: str) -> np.ndarray:
     if math.prod(shape) != len(numbers) or math.prod(max(n, 1) for n in shape) >= 2**31:
         raise Malformed("these are not as many numbers as the shape has")
     return numbers.reshape(shape).copy()
+
+
+def answered(answer: Callable[..., Any], arguments: tuple[Any, ...]) -> dict[str, Any]:
+    """A function's answer: {"value": encoded}, or {"raised": [class, message, unsolved]}."""
+    found = outcome(answer, arguments)
+    if not isinstance(found, Raised):
+        try:
+            return {"value": encode(found)}
+        except Exception as error:  # of a type of the student's own, when it is looked at
+            found = raised(error)
+    return {"raised": [found.kind, found.message, found.unsolved]}
+
+
+def received(answer: object) -> Any:
+    """The value that `answered` sent, or Raised. Raises Malformed for anything else."""
+    match answer:
+        case {"value": data}:
+            return decode(data)
+        case {"raised": [str() as error, str() as message, bool() as unsolved]}:
+            return Raised(error, message, unsolved)
+    raise Malformed("this is no answer")

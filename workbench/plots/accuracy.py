@@ -5,8 +5,8 @@ from matplotlib.axes import Axes
 
 from workbench.comparison import Comparison
 from workbench.fitting.known import CERTIFIED_DIGITS
-from workbench.plots.labels import plain
 from workbench.plots.palette import FAINT, INK, solver_styles
+from workbench.plots.style import plain
 
 ENOUGH = 4  # digits, for a fit to count as right
 

@@ -1,21 +1,28 @@
-"""Bodies standing side by side, drawn without perspective and to scale."""
+"""Bodies side by side, distances on them, directions, capsules and torn triangles."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import islice, pairwise
 from textwrap import fill
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
 from matplotlib.collections import PolyCollection
-from matplotlib.colors import to_rgb
+from matplotlib.colors import Normalize, to_rgb
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
 from matplotlib.textpath import TextPath
 from matplotlib.ticker import MultipleLocator
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, Index
+from workbench.bodies.capsules import PosedCapsules
+from workbench.fitting.setup import distances as distances_between
 from workbench.geometry.solids import face_vectors, sums_over_faces
-from workbench.plots.labels import plain
-from workbench.plots.palette import FAINT, SKIN
+from workbench.plots.palette import AMOUNT, BLUE, FAINT, INK, SKIN, VERMILLION
+from workbench.plots.style import height_to_scale, house_style, plain, to_scale
 
 LETTERS = 9.0  # points, of labels
 NARROW = 0.6  # of the axes' width: names that take more in all go on more lines
@@ -200,3 +207,295 @@ def lightness(solid: Array, faces: Index) -> Array:
     length = np.linalg.norm(smooth, axis=1)
     towards = smooth @ (LIGHT / np.linalg.norm(LIGHT))
     return np.asarray(np.clip(towards / np.where(length > 0, length, 1.0), 0, 1))
+
+
+def body_sheet(vertices: Array, faces: Index) -> Figure:
+    """A body from the front and from the side."""
+    return to_scale(partial(plot_body, vertices, faces), 5.6)
+
+
+def shape_gallery_sheet(shapes: Mapping[str, Array], faces: Index) -> Figure:
+    """Shapes in two rows on one scale."""
+    half = (len(shapes) + 1) // 2
+    rows = [dict(islice(shapes.items(), half)), dict(islice(shapes.items(), half, None))]
+    rows = [row for row in rows if row]
+    with house_style():
+        figure = Figure(figsize=(8.0, 5.8), layout="constrained")
+        axes = list(figure.subplots(len(rows), 1, squeeze=False)[:, 0])
+        for ax, row in zip(axes, rows, strict=True):
+            plot_shape_gallery(row, faces, ax=ax)
+            ax.set_xlabel("")
+        widest = max(ax.get_xlim()[1] - ax.get_xlim()[0] for ax in axes)
+        low, high = (pick(ax.get_ylim()[i] for ax in axes) for i, pick in ((0, min), (1, max)))
+        for ax in axes:  # one scale for both
+            middle = sum(ax.get_xlim()) / 2
+            ax.set(xlim=(middle - widest / 2, middle + widest / 2), ylim=(low, high))
+        figure.set_figheight(sum(height_to_scale(ax, 7.2) for ax in axes))
+    return figure
+
+
+def plot_distances(
+    vertices: Array, distances: Array, faces: Index, *, ax: Axes, truth: str = "truth"
+) -> Axes:
+    """A body (N, 3) m from the front and the back, coloured by `distances` (N,) mm from what
+    is called `truth`.
+    """
+    looks = {"front": front, "back": back}
+    shown = [(Figurine(name, vertices, look), distances) for name, look in looks.items()]
+    end = float(distances.max(initial=0.0))
+    return line_up_coloured(shown, faces, end, f"distance to the {truth} (mm)", ax=ax)
+
+
+def caption_distances(distances: Array, truth: str = "truth") -> str:
+    """What `plot_distances` shows."""
+    low, high = np.percentile(distances, [50, 95])
+    return (
+        f"Distance of every vertex from its place in the {truth}: half of them are within "
+        f"{low:.3g} mm and 95 % within {high:.3g} mm; the farthest is {distances.max():.3g} mm off."
+    )
+
+
+def plot_differences(
+    whole: Array,
+    others: Mapping[str, Array],
+    faces: Index,
+    *,
+    ax: Axes,
+    look: Look = front,
+    name: str = "SMPL",
+    most: float | None = None,
+) -> Axes:
+    """Draw `whole` (N, 3) m uncoloured, and then the others, coloured by distance from it in mm.
+
+    `whole` is called `name`. The scale of colours ends at `most` mm, or at the largest distance;
+    larger distances have the last colour.
+    """
+    away = {label: distances_between(vertices, whole) for label, vertices in others.items()}
+    end = max(float(d.max()) for d in away.values()) if most is None else most
+    shown = [(Figurine(label, others[label], look), away[label]) for label in others]
+    first = [Figurine(name, whole, look)]
+    return line_up_coloured(shown, faces, end, f"distance from {name} (mm)", ax=ax, before=first)
+
+
+def caption_differences(whole: Array, others: Mapping[str, Array], name: str = "SMPL") -> str:
+    """What `plot_differences` shows."""
+    away = {label: distances_between(vertices, whole) for label, vertices in others.items()}
+    listed = "; ".join(
+        f"{label} {d.mean():.1f} mm on average, at most {d.max():.0f} mm"
+        for label, d in away.items()
+    )
+    return (
+        "All bodies have one pose and are seen by one camera. Colours show how far a vertex is "
+        f"from {name}'s: {listed}."
+    )
+
+
+def line_up_coloured(
+    measured: Sequence[tuple[Figurine, Array]],
+    faces: Index,
+    end: float,
+    label: str,
+    *,
+    ax: Axes,
+    before: Sequence[Figurine] = (),
+) -> Axes:
+    """Bodies side by side, coloured by the distances (N,) in mm beside each, and the colour bar.
+
+    Colours go from 0 to `end` mm, and a face has that of the mean distance of its corners. The
+    bodies in `before` stand to the left of the others and keep the colours that they have.
+    """
+    scale = ScalarMappable(Normalize(0.0, end if end > 0 else 1.0), AMOUNT)
+    coloured = [
+        replace(figurine, colours=np.asarray(scale.to_rgba(away[faces].mean(axis=1)))[:, :3])
+        for figurine, away in measured
+    ]
+    line_up([*before, *coloured], faces, ax=ax, contrast=0.25)
+    beyond = max(float(away.max(initial=0.0)) for _, away in measured) > end
+    extend = "max" if beyond else "neither"
+    figure = ax.get_figure()
+    assert figure is not None
+    figure.colorbar(scale, ax=ax, shrink=0.85, pad=0.02, extend=extend).set_label(label)
+    return ax
+
+
+def distances_sheet(
+    vertices: Array, distances: Array, faces: Index, truth: str = "truth"
+) -> Figure:
+    """A body from the front and the back, coloured by distances in mm."""
+    plot = partial(plot_distances, vertices, distances, faces, truth=truth)
+    return to_scale(plot, 4.8, 6.2)
+
+
+MOVES = 0.2  # of the largest movement: what moves less is not part of a close-up
+AROUND = 0.08  # m that a close-up shows beside what moves
+CLOSE = 0.55  # of the body's height: what is smaller is shown as a close-up
+SEEN_WELL = 1.2  # times as much movement must be seen from the side for that view
+
+
+def plot_direction(moved: Mapping[str, Array], faces: Index, *, ax: Axes) -> Axes:
+    """Surfaces (N, 3) m by label, the second of three being where the fit is.
+
+    The whole body is shown from the side that shows the movement best, and beside it the part that
+    moves, one way and the other, as large as the whole. What moves is red, as red as it moves far,
+    on one scale for all.
+    """
+    labels, surfaces = list(moved), list(moved.values())
+    here = surfaces[len(surfaces) // 2]
+    look, word = _best_view(surfaces)
+    far = [np.linalg.norm(s - here, axis=1) for s in surfaces]
+    most = max(float(d.max()) for d in far) or 1.0
+    pale, red = np.array(to_rgb(SKIN)), np.array(to_rgb(VERMILLION))
+
+    def coloured(share: Array, shown: Index) -> Array:
+        return np.asarray(pale + share[shown].mean(axis=1)[:, None] * (red - pale))
+
+    times, part = close_up(moved, faces)
+    figurines = []
+    if times > 1:
+        both = np.max(far, axis=0) / most
+        figurines.append(Figurine(word, here - here.mean(axis=0), look, coloured(both, faces)))
+    used, shown = np.unique(faces[part], return_inverse=True)
+    shown = shown.reshape(-1, 3)
+    middle = here[used].mean(axis=0)
+    for label, surface, d in zip(labels, surfaces, far, strict=True):
+        share = coloured((d / most)[used], shown)
+        figurines.append(Figurine(label, times * (surface[used] - middle), look, share, shown))
+    line_up(figurines, faces, ax=ax)
+    if times > 1:
+        ax.set(ylabel="", xlabel=f"{word}, and the part that moves, {times:.2g} times as large")
+        ax.set_yticks([])
+        ax.spines["left"].set_visible(False)
+    else:
+        ax.set_xlabel(f"{word}; {ax.get_xlabel()}")
+    return ax
+
+
+def close_up(moved: Mapping[str, Array], faces: Index) -> tuple[float, Index]:
+    """How many times larger the part that moves is shown, 1 for the whole body; and its faces."""
+    surfaces = list(moved.values())
+    here = surfaces[len(surfaces) // 2]
+    far = np.max([np.linalg.norm(s - here, axis=1) for s in surfaces], axis=0)
+    moving = far > MOVES * far.max(initial=0.0)
+    every = np.arange(len(faces))
+    if not moving.any():
+        return 1.0, every
+    low, high = here[moving].min(axis=0) - AROUND, here[moving].max(axis=0) + AROUND
+    inside = ((here >= low) & (here <= high)).all(axis=1)
+    part = np.flatnonzero(inside[faces].all(axis=1))
+    height = float(np.ptp(here[:, 1]))
+    size = float((high - low).max())
+    if size > CLOSE * height or not part.size:
+        return 1.0, every
+    return height / size, part
+
+
+def _best_view(surfaces: list[Array]) -> tuple[Look, str]:
+    """From the front, unless the side shows clearly more of the movement."""
+    seen = [
+        sum(float(np.linalg.norm((look(b) - look(a))[:, :2])) for a, b in pairwise(surfaces))
+        for look in (front, side)
+    ]
+    return (side, "from the side") if seen[1] > SEEN_WELL * seen[0] else (front, "from the front")
+
+
+def caption_direction(name: str, moved: Mapping[str, Array], amount: float, unit: str) -> str:
+    """What `plot_direction` shows."""
+    surfaces = list(moved.values())
+    here = surfaces[len(surfaces) // 2]
+    most = max(float(np.linalg.norm(s - here, axis=1).max()) for s in surfaces)
+    return (
+        f"{name}: the body moved {amount:.3g} {unit} along it, both ways. The reddest "
+        f"point moves {100 * most:.3g} cm."
+    )
+
+
+def direction_sheet(moved: Mapping[str, Array], faces: Index) -> Figure:
+    """A body moved along a direction of the unknowns."""
+    return to_scale(partial(plot_direction, moved, faces), 4.0)
+
+
+PALE = (0.93, 0.91, 0.89)
+HALF = np.linspace(-np.pi / 2, np.pi / 2, 25)  # of the round end of a capsule
+
+
+def plot_capsules(vertices: Array, faces: Index, posed: PosedCapsules, *, ax: Axes) -> Axes:
+    """A body (N, 3) m and the outlines of its capsules, from the front and from the side.
+
+    The two capsules with the smallest gap are filled, and a ring marks the place between them.
+    """
+    pair = () if posed.deepest is None else tuple(posed.pairs[posed.deepest].tolist())
+    at, places = 0.0, []
+    low, high = float(vertices[:, 1].min()), float(vertices[:, 1].max())
+    gap = 0.12 * (high - low)
+    for look in (front, side):
+        solid = look(vertices)
+        offset = np.array([at - float(solid[:, 0].min()), 0.0])
+        ax.add_collection(painted(solid[:, :2] + offset, solid, faces, PALE, 0.35)).set_zorder(1)
+        for k, (ends, r) in enumerate(zip(posed.ends, posed.radii, strict=True)):
+            outline = _outline(look(ends)[:, :2] + offset, float(r))
+            shade = {"facecolor": VERMILLION, "alpha": 0.35} if k in pair else {"fill": False}
+            edge = VERMILLION if k in pair else BLUE
+            ax.add_patch(Polygon(outline, linewidth=0, zorder=2, **shade))
+            ax.add_patch(Polygon(outline, fill=False, edgecolor=edge, linewidth=0.9, zorder=3))
+        if posed.deepest is not None:
+            x, y = look(posed.places.mean(axis=0)[None])[0, :2] + offset
+            ax.plot(x, y, "o", markersize=13, markerfacecolor="none", color=INK, zorder=4)
+        width = float(np.ptp(solid[:, 0]))
+        places.append(at + width / 2)
+        at += width + gap
+    ax.set(xlim=(-gap, at), ylim=(low - gap / 2, high + gap / 2), aspect="equal")
+    ax.set_xticks(places, ["front", "side"])
+    ax.tick_params(axis="x", length=0)
+    ax.yaxis.set_major_locator(MultipleLocator(0.25))
+    ax.grid(axis="y", color=FAINT, alpha=0.25, linewidth=0.6)
+    ax.set(ylabel="y (m)")
+    ax.spines["bottom"].set_visible(False)
+    return ax
+
+
+def caption_capsules(posed: PosedCapsules) -> str:
+    """What `plot_capsules` shows."""
+    count = f"The body and its {len(posed.radii)} capsules, without perspective."
+    if posed.deepest is None:
+        return f"{count} No pair of them is kept apart."
+    one, other = (posed.names[k].replace("_", " ") for k in posed.pairs[posed.deepest])
+    mm = 1e3 * float(posed.gaps[posed.deepest])
+    said = (
+        f"overlap most, by {-mm:.1f} mm"
+        if mm < 0
+        else f"are nearest, with {mm:.1f} mm between them"
+    )
+    return f"{count} Of {len(posed.gaps)} pairs {one} and {other} {said}: filled, and ringed."
+
+
+def _outline(ends: Array, r: float) -> Array:
+    """The outline (n, 2) of a capsule in the plane with ends (2, 2)."""
+    along = ends[1] - ends[0]
+    turn = np.arctan2(along[1], along[0])
+    arcs = (HALF + np.pi + turn, HALF + turn)
+    circles = [np.column_stack([np.cos(arc), np.sin(arc)]) for arc in arcs]
+    return np.vstack([end + r * circle for end, circle in zip(ends, circles, strict=True)])
+
+
+def capsules_sheet(vertices: Array, faces: Index, posed: PosedCapsules) -> Figure:
+    """A body with its capsules from the front and from the side."""
+    return to_scale(partial(plot_capsules, vertices, faces, posed), 5.6)
+
+
+def plot_stitching(stages: Mapping[str, Array], *, ax: Axes) -> Axes:
+    """Draw several stages side by side: `stages` maps their names to triangles (F, 3, 3) m."""
+    triangles = np.arange(3 * len(next(iter(stages.values())))).reshape(-1, 3)
+    shown = [Figurine(name, corners.reshape(-1, 3)) for name, corners in stages.items()]
+    return line_up(shown, triangles, ax=ax, contrast=0.7)
+
+
+def caption_stitching(torn: Array, stitched: Array) -> str:
+    """What `plot_stitching` shows, of the last two stages (F, 3, 3) m."""
+    wanted, got = (corners[:, 1:] - corners[:, :1] for corners in (torn, stitched))
+    apart = 1e3 * np.linalg.norm(wanted - got, axis=-1)
+    return (
+        "Every triangle is deformed by itself, about its own centre, and does not meet its "
+        "neighbours; stitching finds the vertices whose edges are nearest to those of the torn "
+        f"triangles. Edges differ by {apart.mean():.1f} mm on average, and by at most "
+        f"{apart.max():.0f} mm, where one part meets another."
+    )

@@ -8,9 +8,9 @@ from matplotlib.figure import Figure
 from workbench.comparison import Comparison
 from workbench.plots.accuracy import plot_accuracy
 from workbench.plots.cost_traces import SECONDS, UNITS, plot_cost_traces, plot_waterfall
-from workbench.plots.figure import drawn, side_by_side
 from workbench.plots.pairwise_wins import plot_pairwise_wins
 from workbench.plots.profiles import plot_data_profile, plot_performance_profile
+from workbench.plots.style import drawn, side_by_side
 from workbench.plots.verdicts import plot_basins, plot_verdicts
 
 WIDE = 8.0  # inches

@@ -8,8 +8,8 @@ from matplotlib.ticker import MaxNLocator
 
 from workbench.comparison import Comparison
 from workbench.comparison.targets import named
-from workbench.plots.labels import decades, plain
 from workbench.plots.palette import FAINT, solver_styles
+from workbench.plots.style import decades, plain
 
 LOWEST = 1e-12  # of the way from the start to the lowest cost; smaller values are drawn there
 

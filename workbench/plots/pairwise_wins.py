@@ -9,8 +9,8 @@ from workbench.comparison.pairs import duels
 from workbench.comparison.statistics import FEWEST, LEVEL
 from workbench.comparison.targets import named
 from workbench.diagnostics.words import counted
-from workbench.plots.labels import plain
 from workbench.plots.palette import INK
+from workbench.plots.style import plain
 
 
 def plot_pairwise_wins(comparison: Comparison, tau: float = MAIN, *, ax: Axes) -> Axes:

@@ -1,19 +1,21 @@
-"""Draws of a posterior: in pairs, along the chain, and as a spray of bodies."""
+"""Draws of a posterior: corner, traces, intervals, and bodies over each other."""
 
 import warnings
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
+from scipy.ndimage import binary_closing
 
-from workbench.arrays import Array, Index
+from workbench.arrays import Array, Index, Mask
 from workbench.environment import optional_library
 from workbench.plots.body import Look, front, side
-from workbench.plots.labels import plain
 from workbench.plots.palette import BLUE, FAINT, INK, LINES, VERMILLION
-from workbench.plots.silhouettes import draw_outline, draw_silhouettes
+from workbench.plots.style import drawn, house_style, plain, to_scale
 from workbench.sampling import Posterior
 
 MOST = 6  # entries in a corner: more cannot be read
@@ -223,3 +225,125 @@ def caption_spray(count: int, where: str, synthetic: bool = False, held: bool = 
         + (" Unknowns that are held fixed are the same in all of them." if held else "")
         + (f"{MADE_OF}: the red outline of that body." if synthetic else "")
     )
+
+
+def corner_sheet(
+    posterior: Posterior, entries: Sequence[int], truth: Array | None = None
+) -> Figure:
+    """Draws of pairs of entries; `truth` (k,) is marked if it is known."""
+    with house_style():
+        size = max(3.6, 1.25 * len(entries) + 1.0)
+        figure = Figure(figsize=(size, size))
+        plot_corner(posterior, entries, figure, truth)
+    return figure
+
+
+def traces_sheet(
+    posterior: Posterior, entries: Sequence[int], truth: Array | None = None
+) -> Figure:
+    """Entries along the chain, one above the other; `truth` (k,) is marked if it is known."""
+    with house_style():
+        figure = Figure(figsize=(8.0, 0.5 + 1.1 * len(entries)), layout="constrained")
+        axes = list(figure.subplots(len(entries), 1, squeeze=False, sharex=True)[:, 0])
+        plot_traces(posterior, entries, axes, truth)
+    return figure
+
+
+def beside_laplace_sheet(
+    posterior: Posterior, approximation: Posterior, truth: Array | None = None
+) -> Figure:
+    """Every entry beside Laplace's approximation; `truth` (k,) is marked if it is known."""
+    return drawn(
+        partial(plot_beside_laplace, posterior, approximation, truth),
+        8.0,
+        1.3 + 0.2 * posterior.size,
+    )
+
+
+def spray_sheet(bodies: Array, faces: Index, truth: Array | None = None) -> Figure:
+    """Drawn bodies over each other from the front and the side, and the true one (N, 3) m."""
+    return to_scale(partial(plot_spray, bodies, faces, truth), 5.6)
+
+
+def spray_in_view_sheet(
+    pixels: Array,
+    faces: Index,
+    observed: Array,
+    confidence: Array,
+    title: str,
+    truth: Array | None = None,
+) -> Figure:
+    """Drawn bodies over each other as a camera sees them, and the true one (N, 2) px."""
+    plot = partial(plot_spray_in_view, pixels, faces, observed, confidence, truth)
+    figure = drawn(plot, 4.8, 6.2)
+    with house_style():
+        figure.axes[0].set_title(plain(title), loc="left")
+    return figure
+
+
+FINE = 420  # dots along the longer side
+DENSEST = 24  # points along a face's side
+SHADES = LinearSegmentedColormap.from_list("covered", ["#ffffff", BLUE])
+
+
+def silhouette(flat: Array, faces: Index, low: Array, dot: float, shape: tuple[int, int]) -> Mask:
+    """The pixels (rows, columns) that a drawn mesh covers, `low` being the lower left corner.
+
+    `flat` (N, 2) holds the drawn vertices, and `dot` is the size of a pixel in their unit. Every
+    face is sampled at points one pixel apart; gaps of one pixel are closed.
+    """
+    corners = ((flat - low) / dot)[faces]  # (F, 3, 2): column, row
+    corners = corners[np.isfinite(corners).all(axis=(1, 2))]
+    longest = np.ptp(corners, axis=1).max(initial=0.0)
+    n = int(np.clip(np.ceil(longest), 2, DENSEST))
+    i, j = np.divmod(np.arange((n + 1) ** 2), n + 1)
+    weights = np.column_stack([i, j, n - i - j])[i + j <= n] / n
+    places = np.floor(np.einsum("pc,fcd->fpd", weights, corners)).reshape(-1, 2)
+    inside = ((places >= 0) & (places < [shape[1], shape[0]])).all(axis=1)
+    column, row = places[inside].astype(np.int64).T
+    covered = np.zeros(shape, dtype=bool)
+    covered[row, column] = True
+    return np.asarray(binary_closing(np.pad(covered, 2), np.ones((3, 3), dtype=bool))[2:-2, 2:-2])
+
+
+def draw_silhouettes(flats: Array, faces: Index, low: Array, high: Array, *, ax: Axes) -> None:
+    """The share of drawn meshes (M, N, 2) that covers each pixel: white for none, blue for all."""
+    dot, columns, rows = _grid(low, high)
+    share = np.zeros((rows, columns))
+    for flat in flats:
+        share += silhouette(flat, faces, low, dot, (rows, columns))
+    ends = low + dot * np.array([columns, rows])
+    ax.imshow(
+        share / len(flats),
+        cmap=SHADES,
+        vmin=0,
+        vmax=1,
+        origin="lower",
+        interpolation="nearest",
+        extent=(low[0], ends[0], low[1], ends[1]),
+        zorder=0.5,
+    )
+
+
+def draw_outline(flat: Array, faces: Index, low: Array, high: Array, *, ax: Axes) -> None:
+    """The outline of one drawn mesh (N, 2)."""
+    dot, columns, rows = _grid(low, high)
+    covered = silhouette(flat, faces, low, dot, (rows, columns))
+    if covered.any() and not covered.all():
+        across, up = (low[i] + dot * (np.arange(n) + 0.5) for i, n in enumerate((columns, rows)))
+        ax.contour(
+            across,
+            up,
+            covered.astype(float),
+            levels=[0.5],
+            colors=VERMILLION,
+            linewidths=1.0,
+            zorder=0.6,
+        )
+
+
+def _grid(low: Array, high: Array) -> tuple[float, int, int]:
+    """The size of a pixel, and how many columns and rows of them there are."""
+    dot = float((high - low).max()) / FINE
+    columns, rows = (int(n) for n in np.ceil((high - low) / dot))
+    return dot, columns, rows

@@ -8,8 +8,8 @@ from workbench.arrays import Array
 from workbench.comparison import Comparison
 from workbench.comparison.profiles import data_profile, performance_profile, ratios
 from workbench.comparison.targets import named
-from workbench.plots.labels import decades, plain
 from workbench.plots.palette import FAINT, solver_styles
+from workbench.plots.style import decades, plain
 
 POINTS = 400
 EQUAL = "Where curves are equal, those below stand out on both sides."

@@ -10,8 +10,8 @@ from matplotlib.ticker import MaxNLocator
 from workbench.comparison import Comparison, TargetOutcome
 from workbench.diagnostics.words import counted
 from workbench.errors import joined
-from workbench.plots.labels import plain
 from workbench.plots.palette import BLUE, FAINT, GREEN, INK, ORANGE, PURPLE, SKY, VERMILLION
+from workbench.plots.style import plain
 
 VIOLET, BROWN, SAND = "#6a5acd", "#8c6d31", "#f0c987"  # seldom met: beside the palette's
 COLOURS = {

@@ -34,14 +34,12 @@ from workbench.problem.sparsity import (
     Pattern,
     SparseSum,
     SparseTerm,
-    columns_of_nonzeros,
+    entries_at,
     gaps,
     merged,
 )
 from workbench.problem.storage import Stored, check_fits, is_sparse
 from workbench.residuals import Residual
-
-_NOTHING = DenseTerm(np.zeros(0, dtype=np.int64), slice(0, 0))  # of a matrix
 
 
 class Chain:
@@ -137,10 +135,8 @@ class Chain:
 
     @cached_property
     def _sparse_sum(self) -> SparseSum:
-        parts = [part for _, _, part in self._parts]
-        return SparseSum(
-            self.by_x, [p if not isinstance(p, ChangingTerm) else _NOTHING for p in parts]
-        )
+        parts = [part for _, _, part in self._parts if not isinstance(part, ChangingTerm)]
+        return SparseSum(self.by_x, parts)
 
     def _jacobian(
         self, places: Sequence[PointsAt], direct: Array, by_points: list[Array]
@@ -161,47 +157,39 @@ class Chain:
     def _sparse(
         self, places: Sequence[PointsAt], direct: Array, by_points: list[Array]
     ) -> csc_array:
-        """The Jacobian by its nonzeros; each part of the sum is written to its places."""
-        assembly = self._sparse_sum
-        found, moved = assembly.zeros(), []
-        for i, (here, pattern, own, entries) in enumerate(
-            zip(places, self.by_points, self._own_rows, by_points, strict=True)
+        """The Jacobian by its nonzeros."""
+        numbers, moved = [direct], []
+        for here, pattern, own, entries, parts in zip(
+            places, self.by_points, self._own_rows, by_points, self._parts_of, strict=True
         ):
-            into: dict[str, Array] = {}
-            dense: list[tuple[int, str, DenseTerm]] = []
-            for number, name, part in self._parts_of[i]:
-                if not isinstance(part, DenseTerm):
-                    product = pattern.times(entries, here.jacobian(name))
-                    if isinstance(part, ChangingTerm):
-                        moved.append(part.within(product, assembly.shape[1]))
-                    else:
-                        assembly.add_scattered(number, product, found)
+            dense = {
+                name: np.empty((part.columns.stop - part.columns.start, pattern.shape[1]))
+                for name, part in parts
+                if isinstance(part, DenseTerm)
+            }
+            if dense:
+                here.write_jacobian(dense, None if own is None else entries)
+            reduced = pattern.matrix(entries).tocsr() if dense and own is None else None
+            for name, part in parts:
+                if isinstance(part, DenseTerm):
+                    whole = dense[name]
+                    numbers.append(whole if reduced is None else (reduced[part.rows] @ whole.T).T)
                     continue
-                room = None if own is None else assembly.view(number, found)
-                size = part.columns.stop - part.columns.start
-                into[name] = np.empty((size, pattern.shape[1])) if room is None else room
-                dense.append((number, name, part))
-            if not dense:
-                continue
-            here.write_jacobian(into, None if own is None else entries)
-            reduced = None if own is not None else pattern.matrix(entries).tocsr()
-            for number, name, part in dense:
-                if reduced is not None:
-                    whole = reduced[part.rows] @ into[name].T
-                    assembly.add_part(number, whole.T, found)
-                elif assembly.view(number, found) is None:
-                    assembly.add_part(number, into[name], found)
-        assembly.add(direct, found)
-        return sum(moved, assembly.matrix(found))
+                product = pattern.times(entries, here.jacobian(name))
+                if isinstance(part, ChangingTerm):
+                    moved.append(part.within(product, self.free.size))
+                else:
+                    numbers.append(entries_at(product, part.pattern))
+        return sum(moved, self._sparse_sum.matrix(numbers))
 
     @cached_property
-    def _parts_of(self) -> list[list[tuple[int, str, DenseTerm | SparseTerm | ChangingTerm]]]:
-        """The parts of each source: where they stand among all, the block's name, and the part."""
-        found: list[list[tuple[int, str, DenseTerm | SparseTerm | ChangingTerm]]] = [
+    def _parts_of(self) -> list[list[tuple[str, DenseTerm | SparseTerm | ChangingTerm]]]:
+        """The parts of each source, with their blocks' names."""
+        found: list[list[tuple[str, DenseTerm | SparseTerm | ChangingTerm]]] = [
             [] for _ in self.sources
         ]
-        for number, (i, name, part) in enumerate(self._parts):
-            found[i].append((number, name, part))
+        for i, name, part in self._parts:
+            found[i].append((name, part))
         return found
 
     def _write(self, columns: Array, places: Sequence[PointsAt], by_points: list[Array]) -> None:
@@ -210,7 +198,7 @@ class Chain:
             zip(places, self.by_points, self._own_rows, by_points, strict=True)
         ):
             dense: dict[str, slice] = {}
-            for _, name, part in self._parts_of[i]:
+            for name, part in self._parts_of[i]:
                 if isinstance(part, DenseTerm):
                     dense[name] = part.columns
                     continue
@@ -259,25 +247,16 @@ class Chain:
     @cached_property
     def support(self) -> RowSupport:
         """Which rows each free number can change: directly, and through the points."""
-        n, m = self.free.size, self.by_x.shape[0]
-        through = np.zeros((n, len(self.sources)), dtype=bool)
-        scattered = [part for _, _, part in self._parts if isinstance(part, SparseTerm)]
+        n, m, k = self.free.size, self.by_x.shape[0], len(self.sources)
+        through = np.zeros((n, k), dtype=bool)
         for i, _, part in self._parts:
             if not isinstance(part, SparseTerm):
                 through[part.columns, i] = True
-        kinds, group_of = np.unique(through, axis=0, return_inverse=True)
-        groups = np.zeros((len(kinds), m), dtype=bool)
-        for group, kind in zip(groups, kinds, strict=True):
-            for pattern, read in zip(self.by_points, kind, strict=True):
-                if read:
-                    group[pattern.rows] = True
-        group_of = group_of.ravel()
-        single = merged(self.by_x, scattered)
-        columns, rows = columns_of_nonzeros(single), single.indices
-        alone = ~groups[group_of[columns], rows]  # not counted twice
-        ones = np.ones(int(alone.sum()))
-        own = csr_array((ones, (columns[alone], rows[alone])), shape=(n, m))
-        return RowSupport(groups, group_of, own)
+        readers = np.zeros((k, m), dtype=bool)
+        for rows, pattern in zip(readers, self.by_points, strict=True):
+            rows[pattern.rows] = True
+        own = merged(self.by_x, [part for *_, part in self._parts if isinstance(part, SparseTerm)])
+        return RowSupport(csr_array(through), csr_array(readers), csr_array(own.T))
 
     def _points(self, x: Array, fixed: Array) -> list[Array]:  # (N, 3) each
         return self._cache.points(x, fixed)

@@ -386,12 +386,10 @@ class FrameChain:
     def support(self) -> RowSupport:
         """Which rows each free number can change, in frames and in the other residuals."""
         parts = [(g.chain.support, g.rows, g.columns) for g in self._groups]
-        shape = self._free.size, self._size
-        if self._rest is None:
-            return RowSupport.of_frames(parts, csr_array(shape))
-        one = self._rest.support.explicit.tocoo()
-        rest = csr_array((one.data, (one.row, self._rest_rows[one.col])), shape=shape)
-        return RowSupport.of_frames(parts, rest)
+        if self._rest is not None:
+            everything = np.arange(self._free.size)[None]
+            parts.append((self._rest.support, self._rest_rows[None], everything))
+        return RowSupport.of_frames(parts, (self._free.size, self._size))
 
     def _gathered(
         self,

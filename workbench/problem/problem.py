@@ -96,7 +96,8 @@ class Problem(Symbolic):
 
         A problem in which nothing is chosen anew at every point is returned as it is.
         """
-        held = [residual.frozen(self.values(*self.split(values))) for residual in self.residuals]
+        whole = self.values(*self.split(values))
+        held = [residual.frozen(whole) for residual in self.residuals]
         return self if held == [*self.residuals] else self.variant(held, self.free.spelled())
 
     def variant(self, residuals: Iterable[Residual], names: Iterable[str]) -> "Problem":

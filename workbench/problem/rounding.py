@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from math import isfinite
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index, Mask
@@ -69,91 +69,61 @@ def decrease(residual: Array, to: Array) -> float:
 class RowSupport:
     """Which rows of the residual each free number can change, by the structure of the graph.
 
-    Number i can change the rows of its group, `groups[group_of[i]]` (m,), and those that are marked
-    in row i of `own` (n, m). Rows that no free number changes are constant: they add to the cost,
-    but do not show how near a minimum is.
+    Rows that no free number changes are constant: they add to the cost, but do not show how near a
+    minimum is.
+
+    `kinds_of` (n, k) marks what each number moves, such as the points of a body, `rows_of` (k, m)
+    the rows that read it, and `own` (n, m) single rows. Numbers of the same kinds share a group of
+    rows, so that those of a mesh are stored once.
     """
 
-    def __init__(
-        self,
-        groups: Mask | csr_array,
-        group_of: NDArray[np.signedinteger],
-        own: csr_array,
-    ) -> None:
-        self._groups, self._group_of, self._own = groups.astype(float), group_of, own
-        self._alike = own.nnz == 0  # whether all rows are those of groups
+    def __init__(self, kinds_of: csr_array, rows_of: csr_array, own: csr_array) -> None:
+        kinds_of.sort_indices()
+        numbers: dict[bytes, int] = {}  # of groups, by their kinds
+        keys = (kinds_of.indices[a:b].tobytes() for a, b in pairwise(kinds_of.indptr))
+        self._group_of = np.array([numbers.setdefault(key, len(numbers)) for key in keys], int)
+        _, first = np.unique(self._group_of, return_index=True)
+        self._groups = csr_array(kinds_of[first] @ rows_of)
+        self._groups.data[:] = 1.0
+        groups, single = self._groups.tocoo(), own.tocoo()
+        taken = np.ravel_multi_index((groups.row, groups.col), groups.shape)
+        at = np.ravel_multi_index((self._group_of[single.row], single.col), groups.shape)
+        apart = ~np.isin(at, taken)  # so that nothing counts twice
+        kept = single.row[apart], single.col[apart]
+        self._own = csr_array((np.ones(len(kept[0])), kept), shape=own.shape)
 
     @staticmethod
     def of_frames(
-        parts: Sequence[tuple["RowSupport", Index, Index]], rest: csr_array
+        parts: Sequence[tuple["RowSupport", Index, Index]], shape: tuple[int, int]
     ) -> "RowSupport":
-        """The support of a sequence.
+        """The support (n, m) of several groups of similar frames.
 
-        `parts` are groups of F similar frames: the support of one frame, and the rows (F, m) and
-        the free numbers (F, n) of all of them. `rest` (n, m) marks the other rows that numbers can
-        change.
+        `parts` has for each group the support of one frame, and the rows (F, m) and the free
+        numbers (F, n) of its F frames.
         """
-        n, m = rest.shape
-        group_of, first = np.zeros(n, dtype=np.int64), 1  # the first group is empty
-        rows_of, groups_of, own = [], [], [rest]
-        kinds_of: dict[int, list[tuple[int, int]]] = {}  # of numbers that frames share
-        for i, (support, rows, columns) in enumerate(parts):
-            kinds = first + support._groups.shape[0] * np.arange(len(rows))[:, None]
-            group_of[columns] = kinds + support._group_of
-            first = int(kinds[-1, 0]) + support._groups.shape[0]
-            kind, row = support._of_groups
-            groups_of.append((kinds + kind).ravel())
-            rows_of.append(rows[:, row].ravel())
-            single = support._own.tocoo()
-            numbers, marked = columns[:, single.row].ravel(), rows[:, single.col].ravel()
-            own.append(_marked(numbers, marked, (n, m)))
-            if len(columns) > 1 or len(parts) > 1:
-                for j in np.flatnonzero((columns == columns[0]).all(axis=0)):
-                    kinds_of.setdefault(int(columns[0, j]), []).append(
-                        (i, int(support._group_of[j]))
-                    )
-        together: dict[tuple[tuple[int, int], ...], int] = {}
-        for number, which in kinds_of.items():
-            if tuple(which) not in together:
-                together[tuple(which)] = first
-                for i, of_one in which:
-                    support, rows, _ = parts[i]
-                    kind, row = support._of_groups
-                    found = rows[:, row[kind == of_one]].ravel()
-                    rows_of.append(found)
-                    groups_of.append(np.full(len(found), first))
-                first += 1
-            group_of[number] = together[tuple(which)]
-        none = np.zeros(0, dtype=np.int64)
-        at = np.concatenate([none, *groups_of]), np.concatenate([none, *rows_of])
-        return RowSupport(_marked(*at, (first, m)), group_of, csr_array(sum(own[1:], own[0])))
-
-    @property
-    def explicit(self) -> csr_array:
-        """The support without groups: row i (n, m) marks all rows that number i can change."""
-        kind, row = self._of_groups
-        groups = _marked(kind, row, self._groups.shape)
-        return csr_array(groups[self._group_of] + self._own)
-
-    @property
-    def _of_groups(self) -> tuple[Index, Index]:
-        """The groups' numbers and rows, pair by pair."""
-        kind, row = self._groups.nonzero()
-        return np.asarray(kind, dtype=np.int64), np.asarray(row, dtype=np.int64)
+        kinds_of, rows_of, own, first = [], [], [], 0
+        for one, rows, columns in parts:
+            groups, single = one._groups.tocoo(), one._own.tocoo()
+            kinds = first + groups.shape[0] * np.arange(len(rows))[:, None]
+            first += groups.shape[0] * len(rows)
+            kinds_of.append((columns, kinds + one._group_of))
+            rows_of.append((kinds + groups.row, rows[:, groups.col]))
+            own.append((columns[:, single.row], rows[:, single.col]))
+        n, m = shape
+        return RowSupport(
+            marked(kinds_of, (n, first)), marked(rows_of, (first, m)), marked(own, (n, m))
+        )
 
     def norms(self, rows: Array) -> Array:
         """|v| over the rows that each free number can change: (n,) for v (m,)."""
         squares = rows**2
-        sums = (self._groups @ squares)[self._group_of]
-        return np.asarray(np.sqrt(sums if self._alike else sums + self._own @ squares))
+        return np.asarray(np.sqrt((self._groups @ squares)[self._group_of] + self._own @ squares))
 
     def rows(self, numbers: Mask) -> Mask:
         """The rows (m,) that some of the free numbers (n,) can change."""
-        marked = np.zeros(self._groups.shape[0])
-        marked[self._group_of[numbers]] = 1.0
-        read = np.asarray(marked @ self._groups) > 0
-        read[self._own[np.flatnonzero(numbers)].indices] = True
-        return read
+        chosen = np.zeros(self._groups.shape[0])
+        chosen[self._group_of[numbers]] = 1.0
+        return np.asarray(chosen @ self._groups + numbers @ self._own) > 0
 
     @cached_property
     def read(self) -> Mask:
@@ -171,6 +141,8 @@ class RowSupport:
         return bool(self.changing.all())
 
 
-def _marked(rows: Index, columns: Index, shape: tuple[int, int]) -> csr_array:
-    """A matrix of ones in these places."""
+def marked(places: Sequence[tuple[Index, Index]], shape: tuple[int, int]) -> csr_array:
+    """A matrix of ones in these places, given as arrays of rows and of columns."""
+    rows = np.concatenate([np.ravel(rows) for rows, _ in places])
+    columns = np.concatenate([np.ravel(columns) for _, columns in places])
     return csr_array((np.ones(len(rows)), (rows, columns)), shape=shape)

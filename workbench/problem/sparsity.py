@@ -196,60 +196,18 @@ class SparseSum:
         places = _places(pattern, parts)
         columns, self._rows = np.divmod(places, m)
         self._starts = np.searchsorted(columns, np.arange(n + 1))
-        self._single = np.searchsorted(places, pattern.columns * m + pattern.rows)
-        found = (np.searchsorted(places, _keys(part, m)) for part in parts)
-        self._parts = [
-            _compact(where) if isinstance(part, DenseTerm) else _together(where)
-            for part, where in zip(parts, found, strict=True)
-        ]
-        self._patterns = [part.pattern if isinstance(part, SparseTerm) else None for part in parts]
+        single = pattern.columns * m + pattern.rows
+        keys = np.concatenate([single, *(_keys(part, m).ravel() for part in parts)])
+        self._where = np.searchsorted(places, keys)
 
-    def zeros(self) -> Array:
-        """The array of the entries of the sum, all zero."""
-        return np.zeros(len(self._rows))
+    def matrix(self, numbers: Sequence[Array]) -> csc_array:
+        """The sum of the single entries, in the pattern's order, and of the entries of each part.
 
-    def add(self, entries: Array, found: Array) -> None:
-        """Add the single entries, in the pattern's order."""
-        found[self._single] += entries
-
-    def view(self, part: int, found: Array) -> Array | None:
-        """A view (columns, rows) of the entries of a dense part, if they are evenly spaced."""
-        where = self._parts[part]
-        if not isinstance(where, _Even):
-            return None
-        size = found.itemsize
-        return np.lib.stride_tricks.as_strided(
-            found[where.first :], where.shape, (where.stride * size, size)
-        )
-
-    def add_part(self, part: int, entries: Array, found: Array) -> None:
-        """Add the entries (columns, rows) of a dense part."""
-        where = self._parts[part]
-        if isinstance(where, _Even):
-            room = self.view(part, found)
-            assert room is not None
-            room += entries
-        else:
-            found[where] += entries
-
-    def add_scattered(self, part: int, entries: csc_array, found: Array) -> None:
-        """Add a sparse part (m, size), whose rows rise in each column."""
-        where, pattern = self._parts[part], self._patterns[part]
-        assert pattern is not None
-        assert not isinstance(where, _Even)
-        found[where] += entries_at(entries, pattern)
-
-    def matrix(self, found: Array) -> csc_array:
-        """The sum with these entries."""
+        Those of a dense part are (columns, rows), those of a sparse one in its pattern's order.
+        """
+        flat = np.concatenate([one.ravel() for one in numbers])
+        found = sums(self._where, flat, len(self._rows))
         return csc_array((found, self._rows, self._starts), shape=self.shape)
-
-
-class _Even(NamedTuple):
-    """Evenly spaced places: by one along the rows, and by `stride` from column to column."""
-
-    first: int
-    stride: int
-    shape: tuple[int, int]
 
 
 def _places(pattern: Pattern, parts: Sequence[DenseTerm | SparseTerm]) -> Index:
@@ -271,20 +229,3 @@ def _keys(part: DenseTerm | SparseTerm, m: int) -> Index:
         return part.entry_columns * m + part.pattern.indices
     columns = np.arange(part.columns.start, part.columns.stop)
     return np.asarray(columns[:, None] * m + part.rows)
-
-
-def _together(places: Index) -> slice | Index:
-    """Rising places as a slice, if they are consecutive."""
-    if not places.size or places[-1] - places[0] + 1 != len(places):
-        return places
-    return slice(int(places[0]), int(places[-1]) + 1)
-
-
-def _compact(places: Index) -> "_Even | Index":
-    columns, rows = places.shape
-    if not places.size:
-        return places
-    first = int(places[0, 0])
-    stride = int(places[1, 0]) - first if columns > 1 else rows
-    even = first + stride * np.arange(columns)[:, None] + np.arange(rows)
-    return _Even(first, stride, (columns, rows)) if np.array_equal(places, even) else places

@@ -6,9 +6,9 @@ from workbench.reports.design_page import write_design
 from workbench.reports.diagnosis_page import write_diagnosis
 from workbench.reports.folder import refuse_foreign
 from workbench.reports.posterior_page import write_posterior
-from workbench.reports.registration_page import write_registration
-from workbench.reports.replay_page import ReplayPage, show
-from workbench.reports.report import write_report
+from workbench.reports.registration import write_registration
+from workbench.reports.replays import ReplayPage, show
+from workbench.reports.run import write_report
 
 __all__ = [
     "ReplayPage",

@@ -12,12 +12,10 @@ from workbench.bodies.body import why_not_skinned
 from workbench.bodies.files.reading import shapes_in_words
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadBody
-from workbench.plots import caption_body, caption_shape_gallery, sheets
-from workbench.plots.body import side
-from workbench.reports.figures import shown
+from workbench.plots import caption_body, caption_shape_gallery
+from workbench.plots.body import body_sheet, shape_gallery_sheet, side
 from workbench.reports.folder import write_folder
-from workbench.reports.page import page
-from workbench.reports.tables import Columns, Table
+from workbench.reports.page import Columns, Table, page, shown
 
 LOWERED = 1.15  # rad that the arms hang down from a T-pose, so that shapes stand closer together
 ENDS = 2.0  # standard deviations at which shapes are drawn
@@ -46,11 +44,11 @@ def card_page(body: SkinnedBody | TriangleBody) -> str:
         title=f"Body: {body.name}",
         facts=facts(body),
         portrait=shown(
-            sheets.body_sheet(body.template, body.faces),
+            body_sheet(body.template, body.faces),
             caption_body(body.template, f"The {template_called(body)}"),
         ),
         gallery=shown(
-            sheets.shape_gallery_sheet(gallery, body.faces),
+            shape_gallery_sheet(gallery, body.faces),
             caption_shape_gallery(gallery, drawn=directions_drawn(body)),
         )
         if body.n_betas

@@ -20,12 +20,10 @@ from workbench.plots.cost_traces import caption_cost_traces, caption_waterfall
 from workbench.plots.pairwise_wins import caption_pairwise_wins
 from workbench.plots.profiles import caption_data_profile, caption_performance_profile
 from workbench.plots.verdicts import caption_basins, caption_verdicts
-from workbench.replay import recorded_ends
 from workbench.reports import comparison_tables as tables
 from workbench.reports import end_tables as ends
-from workbench.reports.figures import Shown, drawn, of_solvers, shown
 from workbench.reports.folder import MAKER
-from workbench.reports.page import as_json, page, versions
+from workbench.reports.page import Shown, as_json, drawn, of_solvers, page, shown, versions
 from workbench.writing import write_file
 
 RESULTS = "results.csv"
@@ -35,7 +33,6 @@ FILES = {
     MARK: "machine, versions, options, fixed and measured prices, targets and basins, for programs",
 }
 FEW = 3  # runs that a waterfall needs
-REPLAYED = 6  # problems whose bodies are shown: each is built again for it
 
 
 def write_comparison(comparison: Comparison, folder: str | Path) -> Path:
@@ -136,7 +133,7 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
         if pairs
         else None,
         accuracy=_accuracy(comparison),
-        each=[_of(comparison, p, k < REPLAYED) for k, p in enumerate(comparison.problems)],
+        each=[_of(comparison, problem) for problem in comparison.problems],
         table=tables.problems_table(comparison),
         ends=ends.ends_table(comparison),
         causes={ends.words_of(c): c.value for c in Cause},
@@ -156,7 +153,7 @@ def _accuracy(comparison: Comparison) -> Shown | None:
     return of_solvers(drawn(sheets.accuracy_sheet, caption_accuracy, comparison))
 
 
-def _of(comparison: Comparison, problem: str, replayed: bool) -> dict[str, Any]:
+def _of(comparison: Comparison, problem: str) -> dict[str, Any]:
     """What the page says of one problem."""
     instances = comparison.of(problem)
     analyses = ends.end_analyses(comparison, problem)
@@ -185,6 +182,5 @@ def _of(comparison: Comparison, problem: str, replayed: bool) -> dict[str, Any]:
         if several
         else None,
         "explained": explained,
-        "recording": recorded_ends(comparison, problem) if replayed else None,
         "unjudged": [analysis.message for _, analysis in analyses if analysis.message],
     }

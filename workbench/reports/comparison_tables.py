@@ -15,7 +15,7 @@ from workbench.comparison.statistics import Interval, median
 from workbench.comparison.targets import named
 from workbench.comparison.words import percent
 from workbench.reports.end_tables import words_of
-from workbench.reports.tables import Row, Table, number
+from workbench.reports.page import Table, TextRow, number
 
 PLURAL = {
     "residual": "residuals",
@@ -65,7 +65,7 @@ def effort_table(comparison: Comparison, tau: float = MAIN) -> Table:
     kinds = _asked(comparison)
     runs = comparison.comparable
 
-    def cells(solver: str) -> Row:
+    def cells(solver: str) -> TextRow:
         met = sum(comparison.solved(i.name, solver, tau) for i in runs)
         counts = _counts(comparison, solver, tau, kinds)
         return f"{met} of {len(runs)}", *counts, _effort(comparison, solver, tau)
@@ -76,7 +76,7 @@ def effort_table(comparison: Comparison, tau: float = MAIN) -> Table:
 def seconds_table(comparison: Comparison, tau: float = MAIN) -> Table:
     """Seconds as they were measured, with their spread."""
 
-    def cells(solver: str) -> Row:
+    def cells(solver: str) -> TextRow:
         until = _spread(seconds_to(comparison, solver, tau))
         return *until, *_spread(seconds_of_runs(comparison, solver))
 
@@ -190,7 +190,7 @@ def _asked(comparison: Comparison) -> tuple[str, ...]:
 
 
 def _counts(
-    comparison: Comparison, solver: str, tau: float, kinds: Row, problem: str | None = None
+    comparison: Comparison, solver: str, tau: float, kinds: TextRow, problem: str | None = None
 ) -> tuple[str, ...]:
     """Medians of evaluations until a target; dashes if not everything was counted."""
     chosen = comparison.starts(problem)

@@ -5,9 +5,9 @@ from pathlib import Path
 
 from workbench import plots
 from workbench.diagnostics import MeasurementDesign
-from workbench.reports.figures import plotted
+from workbench.plots.diagnosis import MOST_RANKED
 from workbench.reports.folder import SUMMARY, write_folder
-from workbench.reports.page import page
+from workbench.reports.page import page, plotted
 
 FILES = {
     "index.html": "this page",
@@ -30,7 +30,7 @@ def write_design(
 
     The folder appears whole or not at all; raises BadFile if it cannot be written.
     """
-    rows = min(len(found.ranking), plots.measurement_design.MOST)
+    rows = min(len(found.ranking), MOST_RANKED)
     ranking = plotted(
         7.4,
         1.2 + 0.21 * rows,

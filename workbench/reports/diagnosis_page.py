@@ -15,13 +15,13 @@ from workbench.diagnostics.report import compared_blocks, further, held
 from workbench.errors import BadArgument, joined
 from workbench.fitting.profile_likelihood import Profile
 from workbench.fitting.setup import View
-from workbench.plots import sheets
-from workbench.replay import recorded_diagnosis
-from workbench.reports import diagnosis_tables, tables
+from workbench.plots.diagnosis import sparsity_sheet
+from workbench.reports import diagnosis_tables
+from workbench.reports.diagnosis_tables import gathered_directions_table, terms_table
 from workbench.reports.direction_pictures import pictures
-from workbench.reports.figures import Shown, drawn, plotted, spectrum
 from workbench.reports.folder import SUMMARY, write_folder
-from workbench.reports.page import page
+from workbench.reports.page import Shown, drawn, page, plotted, spectrum
+from workbench.reports.replay import recorded_diagnosis
 
 FILES = {
     "index.html": "this page",
@@ -102,10 +102,8 @@ def diagnosis_page(
         suggestions=diagnosis_tables.suggestions_table(d),
         further=further(d),
         held=held(d) if d.point.active.any else "",
-        sparsity=(
-            None if d.here.estimated else drawn(sheets.sparsity_sheet, plots.caption_sparsity, d)
-        ),
-        terms=tables.terms_table(d),
+        sparsity=(None if d.here.estimated else drawn(sparsity_sheet, plots.caption_sparsity, d)),
+        terms=terms_table(d),
         parts=diagnosis_tables.parts_table(d),
         compared=None if compared is None else compared.report(),
         profiles=[
@@ -157,9 +155,9 @@ def _numbers(d: Diagnosis, body: Body | None, views: Sequence[View]) -> dict[str
         "scales": str(d.point.scales),
         "ranks": diagnosis_tables.ranks_table(d),
         "spectrum": spectrum(d),
-        "unseen": tables.gathered_directions_table(d.null_directions),
+        "unseen": gathered_directions_table(d.null_directions),
         "unseen_pictures": pictures(d, d.null_directions, body),
-        "weak": tables.gathered_directions_table(d.weak_directions, "characteristic scale"),
+        "weak": gathered_directions_table(d.weak_directions, "characteristic scale"),
         "weak_pictures": pictures(d, d.weak_directions, body),
         "recording": recorded_diagnosis(d, body, views),
         "conditioning": diagnosis_tables.conditioning_table(d),

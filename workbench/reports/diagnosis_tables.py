@@ -1,14 +1,17 @@
 """The tables of a diagnosis, as rows of text."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from workbench.diagnostics import Diagnosis, EntryIdentifiability
+from workbench.diagnostics import Diagnosis, Direction, EntryIdentifiability
 from workbench.diagnostics.conditioning import PARALLEL
 from workbench.diagnostics.report import VERDICTS, changed, compared_blocks
-from workbench.diagnostics.structure import Submatrix
+from workbench.diagnostics.structure import Submatrix, TermBlock
 from workbench.diagnostics.words import gathered, named_groups, named_rows
-from workbench.reports import tables
-from workbench.reports.tables import Columns, Table, number
+from workbench.reports.page import Columns, Table, number
+
+MOST_LISTED = 3000  # entries
 
 
 def suggestions_table(d: Diagnosis) -> Table:
@@ -107,7 +110,7 @@ def entries_table(d: Diagnosis) -> Table:
         "characteristic scale": lambda i: number(float(sizes[i]), 3),
         "verdict": lambda i: known.verdicts[i].value,
     }
-    return Table.of(range(min(d.free.size, tables.MOST)), columns, (2, 3, 4))
+    return Table.of(range(min(d.free.size, MOST_LISTED)), columns, (2, 3, 4))
 
 
 def contributions_table(d: Diagnosis) -> Table | None:
@@ -158,3 +161,37 @@ def derivatives_table(d: Diagnosis) -> Table:
         said = f"given {number(s.given, 6)}, differences {number(s.differences, 6)}"
         rows.append(("suspect", said, where))
     return Table(("quantity", "value", "where"), tuple(rows), (1,))
+
+
+def terms_table(diagnosis: Diagnosis) -> Table:
+    """The Jacobian by term and block, without pairs that do not depend on each other."""
+    columns: Columns[TermBlock] = {
+        "term": lambda t: t.residual,
+        "block": lambda t: t.block,
+        "rows": lambda t: f"{t.rows:,}",
+        "columns": lambda t: f"{t.columns:,}",
+        "nonzeros": lambda t: f"{t.nonzeros:,}",
+        "density": lambda t: f"{t.nonzeros / max(1, t.rows * t.columns):.1%}",
+        "norm": lambda t: number(t.norm),
+    }
+    some = [term for term in diagnosis.terms if term.nonzeros]
+    return Table.of(some, columns, (2, 3, 4, 5, 6))
+
+
+def directions_table(diagnosis: Diagnosis) -> Table:
+    """The null directions, by name."""
+    rows = tuple((d.name, d.kind, number(d.change, 2)) for d in diagnosis.null_directions)
+    return Table(("null direction", "kind", "change of the whitened residual"), rows, (2,))
+
+
+def gathered_directions_table(directions: Sequence[Direction], per: str = "unit") -> Table:
+    """Single entries in one row, other directions one by one; `per` is the unit of a change."""
+    entries = [x for x in directions if x.kind == "entry"]
+    rows = []
+    if entries:
+        worst = max(x.change for x in entries)
+        names = ", ".join(gathered([x.name for x in entries]))
+        how_many = "1 single entry" if len(entries) == 1 else f"{len(entries)} single entries"
+        rows.append((f"{how_many}: {names}", "entry", f"≤ {number(worst, 2)}"))
+    rows += [(x.name, x.kind, number(x.change, 2)) for x in directions if x.kind != "entry"]
+    return Table(("direction", "kind", f"|J d|, sigmas per {per}"), tuple(rows), (2,))

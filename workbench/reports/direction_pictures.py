@@ -10,9 +10,10 @@ from workbench.bodies.body import Body
 from workbench.bodies.forward.sources import arguments_from_values
 from workbench.diagnostics import Diagnosis, Direction
 from workbench.geometry.rotation import matrix_from_vector
-from workbench.plots import caption_direction, sheets
-from workbench.replay.moves import LEAST, reach_along
-from workbench.reports.figures import Shown, shown
+from workbench.plots import caption_direction
+from workbench.plots.body import direction_sheet
+from workbench.reports.page import Shown, shown
+from workbench.reports.replay.runs import LEAST, reach_along
 
 PICTURES = 4  # of directions that are not seen, and as many of hardly seen ones
 
@@ -40,7 +41,7 @@ def pictures(d: Diagnosis, found: Sequence[Direction], body: Body | None) -> lis
                 continue
             turned.add(direction.joints)
         unit = d.free.unit(int(np.argmax(abs(direction.vector))))
-        figure = sheets.direction_sheet(moved, body.faces)
+        figure = direction_sheet(moved, body.faces)
         drawn.append(shown(figure, caption_direction(direction.name, moved, amount, unit)))
     return drawn
 

@@ -2,7 +2,7 @@
 
 from workbench.comparison import Cause, Comparison, EndAnalysis, Record, TargetOutcome
 from workbench.comparison.design import Instance
-from workbench.reports.tables import Columns, Row, Table, number
+from workbench.reports.page import Columns, Table, TextRow, number
 
 
 def ends_table(comparison: Comparison) -> Table:
@@ -66,7 +66,7 @@ def end_analyses(comparison: Comparison, problem: str) -> list[tuple[tuple[str, 
 
 def basins_table(comparison: Comparison, problem: str) -> Table:
     """The basins that ends of a problem lead to, of each data set by itself."""
-    rows: list[Row] = []
+    rows: list[TextRow] = []
     analyses = end_analyses(comparison, problem)
     for names, end_analysis in analyses:
         best = comparison.yardsticks[names[0]].best

@@ -13,11 +13,15 @@ from workbench.bodies.body import Body
 from workbench.bodies.forward.sources import arguments_from_values
 from workbench.fitting.setup import Setup
 from workbench.geometry.rotation import matrix_from_vector
-from workbench.plots import sheets
-from workbench.replay import Recording, recorded_posterior
-from workbench.reports.figures import Shown, shown
+from workbench.plots.posterior import (
+    beside_laplace_sheet,
+    corner_sheet,
+    spray_in_view_sheet,
+    spray_sheet,
+    traces_sheet,
+)
 from workbench.reports.folder import SUMMARY, Content, write_folder
-from workbench.reports.page import page
+from workbench.reports.page import Shown, page, shown
 from workbench.reports.posterior_summary import (
     BlockPosterior,
     blocks_table,
@@ -25,6 +29,7 @@ from workbench.reports.posterior_summary import (
     entries_table,
     truth_of,
 )
+from workbench.reports.replay import Recording, recorded_posterior
 from workbench.sampling import Posterior, compared_with_laplace, search_in_words
 
 DRAWN = 24  # bodies in a spray
@@ -61,7 +66,7 @@ def write_posterior(
         synthetic=setup.made_of is not None,
         contradictions=against,
         conditional=any(part.posterior.conditional for part in parts),
-        sections={anchor: _section(part, setup) for anchor, part in anchors.items()},
+        sections=_sections(anchors, setup),
         recordings=_recordings(anchors, setup),
         files=files,
     )
@@ -99,6 +104,16 @@ def _save_draws(p: Posterior, path: Path) -> None:
     )
 
 
+def _sections(parts: Mapping[str, BlockPosterior], setup: Setup) -> dict[str, dict[str, Any]]:
+    """What the page says of each block; bodies are drawn of the first whose draws can be used."""
+    found = {anchor: _section(part, setup) for anchor, part in parts.items()}
+    usable = [anchor for anchor, part in parts.items() if part.posterior.usable]
+    for anchor in usable[:1]:
+        p = parts[anchor].posterior
+        found[anchor] |= {"spray": _spray(p, setup), "views": _views(p, setup)}
+    return found
+
+
 def _section(part: BlockPosterior, setup: Setup) -> dict[str, Any]:
     """What the page says of one block: its figures of intervals only if these mean something."""
     p, laplace = part.posterior, part.approximation
@@ -114,17 +129,17 @@ def _section(part: BlockPosterior, setup: Setup) -> dict[str, Any]:
         f"{m.discarded:,} that were discarded, {m.acceptance:.0%} of the proposals accepted, "
         f"{p.seconds:.0f} s" + ("; interrupted" if p.interrupted else ""),
         "modes": _modes(p),
+        "spray": None,
+        "views": [],
         "synthetic": known,
         "table": entries_table(p, rows, setup),
-        "traces": shown(sheets.traces_sheet(p, entries, truth), plots.caption_traces(p, known)),
+        "traces": shown(traces_sheet(p, entries, truth), plots.caption_traces(p, known)),
     }
     if p.mixed:
         remarks = [row.remark for row in rows]
-        beside = sheets.beside_laplace_sheet(p, laplace, truth)
-        corner = sheets.corner_sheet(p, entries, truth)
+        beside = beside_laplace_sheet(p, laplace, truth)
+        corner = corner_sheet(p, entries, truth)
         section |= {
-            "spray": _spray(p, setup),
-            "views": _views(p, setup),
             "beside": shown(beside, plots.caption_beside_laplace(remarks, known)),
             "corner": shown(corner, plots.caption_corner(p, len(entries), known)),
         }
@@ -151,7 +166,7 @@ def _spray(p: Posterior, setup: Setup) -> Shown | None:
     bodies = np.stack(surfaces if setup.truth is None else [*surfaces, setup.truth]) @ upright
     bodies -= bodies[:DRAWN].mean(axis=(0, 1))
     bodies[..., 1] -= bodies[:DRAWN, :, 1].min()
-    figure = sheets.spray_sheet(bodies[:DRAWN], body.faces, bodies[-1] if known else None)
+    figure = spray_sheet(bodies[:DRAWN], body.faces, bodies[-1] if known else None)
     where = "turned upright, from the front and from the side"
     return shown(figure, plots.caption_spray(DRAWN, where, known, p.conditional))
 
@@ -169,7 +184,7 @@ def _views(p: Posterior, setup: Setup) -> list[Shown]:
         told = " (held out)" if view.held_out else ""
         known = setup.truth is not None
         true = view.camera.pixels(setup.truth, setup.start) if setup.truth is not None else None
-        figure = sheets.spray_in_view_sheet(
+        figure = spray_in_view_sheet(
             pixels, body.faces, view.observed, view.confidence, view.name + told, true
         )
         said = plots.caption_spray(DRAWN, f"as {view.name}{told} sees them", known, p.conditional)

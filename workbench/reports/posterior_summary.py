@@ -10,8 +10,8 @@ import scipy.special
 
 from workbench.arrays import Array
 from workbench.fitting.setup import Setup
-from workbench.reports.tables import Table, number
-from workbench.sampling import EntryComparison, Posterior, contraction_bar
+from workbench.reports.page import Table, number
+from workbench.sampling import EntryComparison, Posterior
 
 UNLIKELY = 1e-3  # the chance of a synthetic truth that contradicts a prior
 
@@ -93,7 +93,7 @@ def _median(p: Posterior, setup: Setup) -> str:
         return "–"
     found = p.contraction(setup.priors)
     known = found[np.isfinite(found)]
-    return contraction_bar(float(np.median(known))) if len(known) else "no prior known"
+    return f"{np.median(known):.2f}" if len(known) else "no prior known"
 
 
 def entries_table(p: Posterior, rows: tuple[EntryComparison, ...], setup: Setup) -> Table:
@@ -125,5 +125,5 @@ def entries_table(p: Posterior, rows: tuple[EntryComparison, ...], setup: Setup)
             columns["interval"] = ["conditional"] * p.size
         bars = p.contraction(setup.priors)
         if np.isfinite(bars).any():
-            columns["contraction"] = [contraction_bar(float(one), "█", "░") for one in bars]
+            columns["contraction"] = [number(float(one), 2) for one in bars]
     return Table(tuple(columns), tuple(zip(*columns.values(), strict=True)), numbers)

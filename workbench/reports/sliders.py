@@ -1,14 +1,20 @@
-"""A body as one page in which theta and beta can be moved, computed in the browser."""
+"""The page of sliders, and settings for it from a fit."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
+from workbench.bodies.body import Body
 from workbench.bodies.triangles import TriangleBody
-from workbench.replay.browser_bodies import skinned_data, triangle_data
+from workbench.errors import BadArgument, BadFile
+from workbench.reading.arrays import opened, read_expected, reals
 from workbench.reports.page import page
+from workbench.reports.replay.recording import skinned_data, triangle_data
 from workbench.writing import write_file
 
 NOTE = (
@@ -89,3 +95,59 @@ def sliders_page(
         origin=origin,
         note=NOTE.format(single=single, millimetres=millimetres),
     )
+
+
+FILES = ("values.npz", "registration.npz", "motion.npz")  # of a run, a registration, a clip
+POSES = "poses"  # what the pose of a motion is called
+WHAT = "fit with a pose and betas"
+DO = "give the folder of a run, a registration or a clip, or its .npz"
+
+
+def pose_and_betas(place: str | Path, body: Body, frame: int = 0) -> tuple[Array, Array]:
+    """The pose (K, 3) rad and the betas (B,) of a body in a fit; of several frames, in one of them.
+
+    `place` is the folder of a report, or an .npz with arrays of the names of the body's blocks,
+    or with `poses` and `betas`. Raises BadFile for what holds no such arrays, and BadArgument if
+    they are of a body of other joints or betas, or there is no such frame.
+    """
+    path = Path(place)
+    if path.is_dir():
+        there = [path / name for name in FILES if (path / name).is_file()]
+        if not there:
+            raise BadFile(f"{path} holds none of {', '.join(FILES)}; {DO}")
+        path = there[0]
+    pose, betas, _ = (block.name for block in body.blocks())
+    with opened(path, WHAT, DO) as archive:
+        shapes = {name: header.shape for name, header in archive.headers.items()}
+        named = pose if pose in shapes else POSES
+        rows = {named: (body.n_joints, 3), betas: (body.n_betas,)}
+        for name, row in rows.items():
+            found = shapes.get(name, row)
+            if found not in (row, (*found[:1], *row), (*found[:1], int(np.prod(row)))):
+                raise BadArgument(
+                    f"{name} of {path} has the shape {found}, and body {body.name!r} has {row}; "
+                    "name the body of the fit: workbench sliders NAME --from PLACE"
+                )
+        expected = {name: reals(*shapes.get(name, row)) for name, row in rows.items()}
+        arrays = read_expected(archive, expected)
+    one, other = (_of_frame(arrays[name], row, frame, path) for name, row in rows.items())
+    return one, other
+
+
+def _of_frame(array: Array, row: tuple[int, ...], frame: int, path: Path) -> Array:
+    """One of the rows of an array, whose shape may be flat; the array itself if it is one row."""
+    if array.shape == row:
+        return array
+    if not 0 <= frame < len(array):
+        raise BadArgument(f"{path} has the frames 0 to {len(array) - 1}, and not {frame}")
+    return np.reshape(array[frame], row)
+
+
+def settings_of(pose: Array, betas: Array, body: Body) -> dict[str, Any]:
+    """Pose and betas as the page of sliders takes them: degrees by joint, standard deviations."""
+    degrees = np.round(np.degrees(pose), 4)
+    turned = zip(body.joint_names, degrees, strict=True)
+    return {
+        "pose": {name: angles.tolist() for name, angles in turned if angles.any()},
+        "betas": np.round(betas, 5).tolist(),
+    }

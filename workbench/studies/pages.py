@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from workbench.reports.folder import Content, write_folder
-from workbench.reports.tables import Table
+from workbench.reports.page import Table
 
 Report = Callable[[str], None]  # takes a line about what a study does next
 

@@ -173,7 +173,7 @@ class FreedSurfaceAt(PointsAt):
             np.multiply(self.jacobian(name).T.toarray(), 1.0 if scale is None else scale, out=array)
 
     def vjp(self, cotangent: Array) -> dict[str, Array]:
-        """Gradients of cotangent . points by the blocks, flat; that by pose needs a Jacobian."""
+        """Gradients of cotangent . points by the blocks; that by pose needs a Jacobian."""
         body, chosen = self.of.body, self.of.chosen
         on_points = cotangent.reshape(-1, 3)
         on_rest: Array = np.einsum("ndc,nd->nc", self.blended, on_points)

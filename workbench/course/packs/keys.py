@@ -1,8 +1,6 @@
-"""Keys: the numbers, arguments and expected answers of every student, for the lecturer alone.
+"""Seeds, questions and expected answers of a class: written and read."""
 
-A key is plain data (JSON). Marking needs no solution, and nothing that is read here can run code.
-"""
-
+import hashlib
 import inspect
 import json
 from dataclasses import asdict, dataclass
@@ -11,15 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from workbench.course.answers import Raised, outcome
-from workbench.course.packs.choosing import Chosen
-from workbench.course.packs.seeds import generator
-from workbench.course.packs.variants import Arguments, Numbers, Variant
-from workbench.course.plain import Malformed, opened, sealed
+from workbench.course.checks import Raised, outcome
+from workbench.course.packs.variants import Arguments, Numbers, PackExercise, Variant
+from workbench.course.plain import Malformed, decode, encode
 from workbench.errors import BadFile
 from workbench.writing import write_file
 
-KEYS = "keys.json"
+KEYS, QUESTIONS = "keys.json", "questions.json"
+FORMAT = 2  # of these files
 HIDDEN, SHOWN = 6, 2  # sets of arguments that only the key has, and that the student sees
 REDRAWN = 100  # times that numbers are drawn anew because another student has the same
 OF_THE_LECTURE = "this answers the exercise as it stands in the lecture, and not this one"
@@ -29,8 +26,8 @@ OF_THE_LECTURE = "this answers the exercise as it stands in the lecture, and not
 class ExerciseKey:
     """What one student's answer to one exercise is marked by.
 
-    `tries`, `edges` and `examples` are lists of pairs: sealed arguments, and the sealed answer. The
-    answers of slips are those to `tries`. See `plain.sealed`.
+    `tries`, `edges` and `examples` are lists of pairs: the arguments, and the answer, as
+    `plain.encode` writes them. The answers of mistakes are those to `tries`.
 
     Attributes:
         number: as it is printed, such as `4.2`.
@@ -44,7 +41,7 @@ class ExerciseKey:
         tries: what is worth all points but that of the edges.
         edges: what is worth one point, or nothing if there are none.
         examples: what the student sees.
-        slips: pairs of a hint and answers.
+        mistakes: pairs of a hint and answers.
     """
 
     number: str
@@ -58,7 +55,7 @@ class ExerciseKey:
     tries: list[Any]
     edges: list[Any]
     examples: list[Any]
-    slips: list[Any]
+    mistakes: list[Any]
 
 
 @dataclass(frozen=True)
@@ -87,7 +84,9 @@ class ClassKey:
         return next(iter(self.keys.values()))
 
 
-def make_keys(group: str, seed: int, students: dict[str, str], what: list[Chosen]) -> ClassKey:
+def make_keys(
+    group: str, seed: int, students: dict[str, str], what: list[PackExercise]
+) -> ClassKey:
     """Draw the numbers of every student, and compute all answers."""
     keys: dict[str, list[ExerciseKey]] = {folder: [] for folder in students}
     for one in what:
@@ -109,7 +108,7 @@ def drawn(variant: Variant, seed: int, names: tuple[str, ...], taken: list[Numbe
     return numbers
 
 
-def _key(one: Chosen, numbers: Numbers, seed: int, names: tuple[str, ...]) -> ExerciseKey:
+def _key(one: PackExercise, numbers: Numbers, seed: int, names: tuple[str, ...]) -> ExerciseKey:
     variant = one.variant
 
     def answered(arguments: Arguments) -> Any:
@@ -120,15 +119,13 @@ def _key(one: Chosen, numbers: Numbers, seed: int, names: tuple[str, ...]) -> Ex
         return [variant.arguments(rng, numbers) for _ in range(count)]
 
     def pairs(these: list[Arguments]) -> list[Any]:
-        return [[sealed(list(arguments)), sealed(answered(arguments))] for arguments in these]
+        return [[encode(list(arguments)), encode(answered(arguments))] for arguments in these]
 
     tries = some("tries", HIDDEN)
-    slips = []
-    for slip in one.slips:
-        slips.append([slip.hint, _slipped(slip.answer, tries, numbers)])
+    mistakes = [[m.hint, _mistaken(m.answer, tries, numbers)] for m in one.mistakes]
     if one.published is not None:
         lecture = one.published.solution(variant.exercise)
-        slips.append([OF_THE_LECTURE, _slipped(lecture, tries, {})])
+        mistakes.append([OF_THE_LECTURE, _mistaken(lecture, tries, {})])
     return ExerciseKey(
         one.number,
         one.sheet,
@@ -141,17 +138,17 @@ def _key(one: Chosen, numbers: Numbers, seed: int, names: tuple[str, ...]) -> Ex
         pairs(tries),
         pairs(list(variant.edges(numbers))),
         pairs(some("examples", SHOWN)),
-        [[hint, answers] for hint, answers in slips if answers],
+        [[hint, answers] for hint, answers in mistakes if answers],
     )
 
 
-def _slipped(answer: Any, tries: list[Arguments], numbers: Numbers) -> list[Any]:
+def _mistaken(answer: Any, tries: list[Arguments], numbers: Numbers) -> list[Any]:
     """A wrong function's answers, or none if it cannot answer."""
     found = [outcome(lambda *a: answer(*a, **numbers), arguments) for arguments in tries]
-    return [] if any(isinstance(one, Raised) for one in found) else [sealed(one) for one in found]
+    return [] if any(isinstance(one, Raised) for one in found) else [encode(one) for one in found]
 
 
-def _sources(one: Chosen) -> dict[str, str]:
+def _sources(one: PackExercise) -> dict[str, str]:
     """Answers that are published: to this exercise, and to that of the lecture."""
     found = {"the published answer to this exercise": inspect.getsource(one.variant.solution)}
     if one.published is not None:
@@ -161,18 +158,28 @@ def _sources(one: Chosen) -> dict[str, str]:
 
 
 def write_keys(key: ClassKey, folder: Path) -> None:
-    """Write the keys of a class, and the published answers to read, to a folder that exists."""
-    data = asdict(key)
+    """Write the keys of a class, and the published answers to read, to a folder that exists.
+
+    `questions.json` is the same without any answer: what is needed to run the files of students
+    where the keys are not.
+    """
+    data = {"format": FORMAT, **asdict(key)}
     for number, sources in key.sources.items():
         name = next(one.exercise for one in key.exercises if one.number == number)
         text = "\n\n".join(f"# {title}\n\n{text}" for title, text in sources.items())
         write_file(folder / f"answer-{number}-{name}.py", text)
     write_file(folder / KEYS, json.dumps(data, indent=1, ensure_ascii=False))
+    for one in (one for some in data["keys"].values() for one in some):
+        for pairs in ("tries", "edges", "examples"):
+            one[pairs] = [[arguments, None] for arguments, _ in one[pairs]]
+        one["mistakes"] = []
+    data["sources"] = {}
+    write_file(folder / QUESTIONS, json.dumps(data, indent=1, ensure_ascii=False))
 
 
-def read_keys(folder: Path) -> ClassKey:
-    """The keys of a class. Raises BadFile if there are none, or if they are damaged."""
-    path = folder / KEYS
+def read_keys(folder: Path, name: str = KEYS) -> ClassKey:
+    """The keys of a class, or its questions. Raises BadFile if there are none, or damaged ones."""
+    path = folder / name
     if not path.is_file():
         raise BadFile(
             f"there is no file {path}; --keys takes the folder of keys that `workbench lecture "
@@ -180,6 +187,8 @@ def read_keys(folder: Path) -> ClassKey:
         )
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
+        if data.pop("format", 1) != FORMAT:
+            raise ValueError("it was made by another version")
         keys = {
             str(student): [ExerciseKey(**one) for one in some]
             for student, some in data["keys"].items()
@@ -188,7 +197,7 @@ def read_keys(folder: Path) -> ClassKey:
         for some in keys.values():
             for one in some:
                 for arguments, answer in (*one.tries, *one.edges):
-                    opened(arguments), opened(answer)
+                    decode(arguments), decode(answer)
         if not keys or set(keys) != set(key.students) or not all(keys.values()):
             raise ValueError("students without keys")
     except (KeyError, TypeError, ValueError, AttributeError, Malformed) as error:
@@ -196,7 +205,8 @@ def read_keys(folder: Path) -> ClassKey:
     return key
 
 
-def value(data: Any) -> Any:
-    """A sealed value of a key, opened; a copy each time."""
-    found = opened(data)
-    return found.copy() if isinstance(found, np.ndarray) else found
+def generator(seed: int, *names: str | int) -> np.random.Generator:
+    """A generator of random numbers for these names, such as class, student and exercise."""
+    text = json.dumps([seed, *names], ensure_ascii=False)
+    digest = hashlib.sha256(text.encode("utf-8")).digest()
+    return np.random.default_rng(int.from_bytes(digest[:16], "big"))

@@ -1,47 +1,44 @@
-"""Marking one file by the key of its student: it answers in a process of its own, step by step."""
+"""Marking answers by the keys of a class, and trying them on the examples beside them.
 
+A file runs in a process that gets arguments and sends answers; they are compared here.
+"""
+
+import csv
+import hashlib
+import json
 import shutil
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
-from workbench.course.answers import NUMERIC, Raised, formed, same
-from workbench.course.checks import Missed, equal
-from workbench.course.grading import Ended, received
-from workbench.course.packs.confinement import MEMORY
-from workbench.course.packs.handed_in import Sheet
-from workbench.course.packs.keys import ExerciseKey, value
-from workbench.course.packs.likeness import attempted
-from workbench.course.packs.passed_on import passed_on
-from workbench.course.student_process import StudentProcess
-from workbench.course.words import legible
-from workbench.errors import BadArgument
+from workbench.course.checks import NUMERIC, Missed, Raised, equal, formed, legible, outcome, same
+from workbench.course.packs.handing_out import EXAMPLES
+from workbench.course.packs.keys import ClassKey, ExerciseKey
+from workbench.course.packs.submissions import (
+    ENDINGS,
+    Sheet,
+    Submissions,
+    alike,
+    attempted,
+    read_sheet,
+    remarks_of,
+)
+from workbench.course.plain import Malformed, decode, received
+from workbench.course.process import ProcessLimits, ask
+from workbench.environment import VERSION
+from workbench.errors import BadFile
+from workbench.writing import replacing, write_file
 
-PROCESS = "workbench.course.packs.confined_process"
-UNSOLVED = "not attempted"
-
-
-@dataclass(frozen=True)
-class Limits:
-    """What the process of a file may take.
-
-    Attributes:
-        seconds: for all answers to an exercise, and for loading the file.
-        memory: address space in GiB, where the system can limit it.
-    """
-
-    seconds: float = 10.0
-    memory: float = 4.0
-
-    def __post_init__(self) -> None:
-        if not self.seconds > 0:
-            raise BadArgument(f"--seconds takes a number above 0, not {self.seconds}")
-        if not self.memory >= 1:
-            raise BadArgument(f"--memory takes GiB, 1 or more, not {self.memory}")
+MARKED = "marked"  # the folder in the keys that holds what is marked already
+UNSOLVED, NO_ANSWER = "not attempted", "its process sent what is no answer"
+NOT_YET = "not marked yet: the same command goes on"
+MISSING, TWICE = "not handed in", "handed in more than once: the better answer counts"
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -63,101 +60,87 @@ class ExerciseMark:
     remarks: tuple[str, ...] = ()
 
 
-def mark_sheet(sheet: Sheet, keys: Sequence[ExerciseKey], limits: Limits) -> list[ExerciseMark]:
-    """Mark the answers of a file, of which a copy runs in a folder that is removed afterwards.
+Answers = dict[str, dict[str, Any] | str]  # of each exercise what was sent, or why nothing was
 
-    Whatever an answer does, the others are marked all the same.
+
+def answers_of(sheet: Sheet, keys: Sequence[ExerciseKey], limits: ProcessLimits) -> Answers:
+    """The answers of a file, of which a copy runs in a folder that is removed afterwards.
+
+    Whatever an answer does, the others are asked for all the same.
     """
     if sheet.trouble:
-        return [_lost(key, sheet.trouble) for key in keys]
+        return {key.number: sheet.trouble for key in keys}
     if not attempted(sheet.source, [key.exercise for key in keys]):
-        return [_lost(key, UNSOLVED) for key in keys]
+        return {key.number: UNSOLVED for key in keys}
     with TemporaryDirectory(prefix="workbench-answers-") as scratch:
         for helper in sheet.helpers:
             shutil.copy(helper, Path(scratch) / helper.name)
         path = Path(scratch) / f"{sheet.name}.py"
         path.write_text(sheet.source, encoding="utf-8")
-        return marks_of(path, keys, limits)
+        return answers_in(path, keys, limits)
 
 
-def marks_of(path: Path, keys: Sequence[ExerciseKey], limits: Limits) -> list[ExerciseMark]:
-    """The marks of a file where it stands, in the order of the keys."""
-    found: dict[str, ExerciseMark] = {}
-    while left := [key for key in keys if key.number not in found]:
-        with StudentProcess(
-            str(path.resolve()),
-            [key.exercise for key in left],
-            limits.seconds,
-            module=PROCESS,
-            variables={MEMORY: str(int(limits.memory * 2**30))},
-            inherited=passed_on(),
-        ) as answers:
-            try:
-                answers.loaded()
-            except Ended as ended:
-                again = " again" if found else ""
-                sentence = f"the file could not be loaded{again}: {ended}"
-                found |= {key.number: _lost(key, sentence) for key in left}
-                break
-            for key in left:
-                try:
-                    found[key.number] = _mark(key, answers)
-                except Ended as ended:
-                    found[key.number] = _lost(key, str(ended))
-                    break
-    return [found[key.number] for key in keys]
+def answers_in(path: Path, keys: Sequence[ExerciseKey], limits: ProcessLimits) -> Answers:
+    """The answers of a file where it stands: to the arguments of the keys, which alone it gets."""
+    questions = {
+        key.exercise: {
+            "parameters": key.parameters,
+            "arguments": [arguments for arguments, _ in (*key.tries, *key.edges)],
+        }
+        for key in keys
+    }
+    sent = ask(path, {}, questions, limits).exercises
+    return {key.number: sent[key.exercise] for key in keys}
 
 
-def _mark(key: ExerciseKey, answers: StudentProcess) -> ExerciseMark:
-    """The mark of one exercise. Raises Ended if the process of the answers ends."""
-    match answers.begin(key.exercise, key.parameters):
-        case {"unfit": None}:
-            pass
-        case {"unfit": [str() as what, str() as expected, str() as came]}:
-            return _lost(key, _sentence(Missed(legible(what), legible(expected), legible(came))))
-        case _:
-            raise Ended("its process sent what is no answer")
-    given = [received(answers.answer(_arguments(arguments))) for arguments, _ in key.tries]
+def mark_of(key: ExerciseKey, sent: dict[str, Any] | str) -> ExerciseMark:
+    """The mark of one exercise, from what its process sent."""
+    if isinstance(sent, str):
+        return _lost(key, sent)
+    try:
+        match sent:
+            case {"unfit": [str() as what, str() as expected, str() as actual]}:
+                wrong = Missed(legible(what), legible(expected), legible(actual))
+                return _lost(key, _sentence(wrong))
+            case {"answers": list() as answers}:
+                came = [received(one) for one in answers]
+            case {"too large": True}:
+                return _lost(key, "its answers are too large to be graded")
+            case _:
+                return _lost(key, NO_ANSWER)
+    except (Malformed, RecursionError):
+        return _lost(key, NO_ANSWER)
+    if len(came) != len(key.tries) + len(key.edges):
+        return _lost(key, NO_ANSWER)
+    given, at_ends = came[: len(key.tries)], came[len(key.tries) :]
     if all(isinstance(one, Raised) and one.unsolved for one in given):
         return _lost(key, UNSOLVED)
-    missed = [_missed(key, pair, came) for pair, came in zip(key.tries, given, strict=True)]
-    wrong = [one for one in missed if one]
-    for_edges = 1 if key.edges else 0
-    points, remarks = (0 if wrong else key.points - for_edges), []
-    if wrong:
-        remarks.append(f"{len(wrong)} of {len(missed)} tries are wrong: {wrong[0]}")
-        remarks += [f"perhaps: {hint}" for hint in _slips(key, given)[:1]]
-    elif for_edges:
-        ends = [
-            _missed(key, pair, received(answers.answer(_arguments(pair[0])))) for pair in key.edges
-        ]
-        points += not any(ends)
-        remarks += [f"wrong at an end of the range: {one}" for one in ends if one][:1]
-    answers.printed()
-    remarks += [f"tried {what}, which was refused" for what in answers.refused]
-    return ExerciseMark(key.number, key.exercise, points, key.points, tuple(remarks))
+    missed = [_missed(key, pair, one) for pair, one in zip(key.tries, given, strict=True)]
+    if wrong_ones := [one for one in missed if one]:
+        told = [f"{len(wrong_ones)} of {len(missed)} tries are wrong: {wrong_ones[0]}"]
+        told += [f"perhaps: {hint}" for hint in _mistakes(key, given)[:1]]
+        return ExerciseMark(key.number, key.exercise, 0, key.points, tuple(told))
+    ends = [_missed(key, pair, one) for pair, one in zip(key.edges, at_ends, strict=True)]
+    told = [f"wrong at an end of the range: {one}" for one in ends if one][:1]
+    return ExerciseMark(key.number, key.exercise, key.points - bool(told), key.points, tuple(told))
 
 
 def _lost(key: ExerciseKey, why: str) -> ExerciseMark:
     return ExerciseMark(key.number, key.exercise, 0, key.points, (why,))
 
 
-def _arguments(data: Any) -> tuple[Any, ...]:
-    return tuple(value(data))
-
-
-def _slips(key: ExerciseKey, given: Sequence[Any]) -> list[str]:
+def _mistakes(key: ExerciseKey, given: Sequence[Any]) -> list[str]:
     return [
         hint
-        for hint, answers in key.slips
-        if all(same(a, value(b), 1e-6) for a, b in zip(given, answers, strict=True))
+        for hint, answers in key.mistakes
+        if all(same(a, decode(b), 1e-6) for a, b in zip(given, answers, strict=True))
     ]
 
 
 def _missed(key: ExerciseKey, pair: Sequence[Any], came: Any) -> str:
     """What is wrong with an answer, as a sentence; nothing if it is right."""
     try:
-        compare(came, value(pair[1]), key.exercise, key.within)
+        compare(came, decode(pair[1]), key.exercise, key.within)
     except Missed as missed:
         return _sentence(missed)
     return ""
@@ -197,3 +180,254 @@ def _sentence(missed: Missed) -> str:
     if missed.came:
         parts.append(f"came {missed.came}")
     return " ".join(", ".join(parts).split())
+
+
+@dataclass(frozen=True)
+class StudentMark:
+    """All marks of a student.
+
+    Attributes:
+        student: the name of the student's folder.
+        exercises: one mark for each exercise; none if nothing has been marked yet.
+        remarks: on the files as a whole.
+        alike: what right answers are like; known when all students are marked.
+    """
+
+    student: str
+    exercises: tuple[ExerciseMark, ...]
+    remarks: tuple[str, ...] = ()
+    alike: tuple[str, ...] = ()
+
+    @property
+    def points(self) -> int:
+        """The points of all exercises."""
+        return sum(one.points for one in self.exercises)
+
+
+def mark_class(
+    found: Submissions,
+    key: ClassKey,
+    keys: Path,
+    table: Path,
+    limits: ProcessLimits,
+    tell: Callable[[str, StudentMark, bool], None] = lambda student, mark, again: None,
+    workers: int = 1,
+    answers: Mapping[str, Sequence[Answers]] | None = None,
+) -> list[StudentMark]:
+    """Mark all students and write the table, after each of them.
+
+    What is marked is kept in the folder of keys, and is not marked again unless a file, the key or
+    a limit has changed; so the same command goes on where it was interrupted. `tell` is called
+    after each student, with the mark, and whether it was kept from before. `workers` files run at
+    once. `answers` of each student's files, as `answers_of_class` found them elsewhere, are marked
+    without running anything. Raises BadFile.
+    """
+    said, marked = remarks_of(found, key), dict[str, StudentMark]()
+
+    def mark(student: str) -> tuple[tuple[ExerciseMark, ...], bool]:
+        given = None if answers is None else answers.get(student, ())
+        return _marked(student, found.sheets[student], key, keys, limits, given)
+
+    for student, (marks, again) in in_parallel(mark, key.students, workers):
+        marked[student] = StudentMark(student, marks, tuple(said[student]))
+        write_table(table, key, marked)
+        tell(student, marked[student], again)
+    right = {
+        student: {mark.number for mark in one.exercises if mark.points}
+        for student, one in marked.items()
+    }
+    for student, told in alike(found, key, right).items():
+        marked[student] = replace(marked[student], alike=tuple(told))
+    write_table(table, key, marked)
+    return [marked[student] for student in key.students]
+
+
+def answers_of_class(
+    found: Submissions, key: ClassKey, limits: ProcessLimits, workers: int = 1
+) -> dict[str, list[Answers]]:
+    """The answers of each student's files, which `mark_class` compares with the keys elsewhere."""
+
+    def ask_all(student: str) -> list[Answers]:
+        return [
+            answers_of(sheet, _keys_of(key, student, sheet), limits)
+            for sheet in found.sheets[student]
+        ]
+
+    return dict(in_parallel(ask_all, key.students, workers))
+
+
+def in_parallel(
+    work: Callable[[str], T], students: Iterable[str], workers: int
+) -> Iterator[tuple[str, T]]:
+    """The results of work on students, as they come; each waits for a process of its own."""
+    pool = ThreadPoolExecutor(max(workers, 1))
+    try:
+        jobs = {pool.submit(work, student): student for student in students}
+        for job in as_completed(jobs):
+            yield jobs[job], job.result()
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _keys_of(key: ClassKey, student: str, sheet: Sheet) -> list[ExerciseKey]:
+    return [one for one in key.keys[student] if one.sheet == sheet.name]
+
+
+def _marked(
+    student: str,
+    sheets: list[Sheet],
+    key: ClassKey,
+    keys: Path,
+    limits: ProcessLimits,
+    answers: Sequence[Answers] | None,
+) -> tuple[tuple[ExerciseMark, ...], bool]:
+    place = keys / MARKED / f"{student}.json"
+    digest = _digest(student, sheets, key, limits, answers)
+    try:
+        data = json.loads(place.read_text(encoding="utf-8"))
+        if data["digest"] == digest:
+            read = [{**one, "remarks": tuple(one["remarks"])} for one in data["exercises"]]
+            return tuple(ExerciseMark(**one) for one in read), True
+    except (OSError, ValueError, KeyError, TypeError):
+        pass  # nothing kept, or nothing that can be read: it is marked again
+    marks: dict[str, ExerciseMark] = {}
+    for k, sheet in enumerate(sheets):
+        mine = _keys_of(key, student, sheet)
+        if answers is None:
+            sent = answers_of(sheet, mine, limits)
+        else:
+            sent = answers[k] if k < len(answers) else {}
+        for one in mine:
+            mark = mark_of(one, sent.get(one.number, "its answers are not in the file of answers"))
+            before = marks.get(mark.number)
+            if before is not None:
+                better = max(before, mark, key=lambda mark: mark.points)
+                mark = replace(better, remarks=(*better.remarks, TWICE))
+            marks[mark.number] = mark
+    found = tuple(
+        marks.get(one.number) or ExerciseMark(one.number, one.exercise, 0, one.points, (MISSING,))
+        for one in key.keys[student]
+    )
+    try:
+        place.parent.mkdir(mode=0o700, exist_ok=True)
+    except OSError as error:
+        raise BadFile(f"cannot write {place.parent}: {error.strerror}") from error
+    data = {"digest": digest, "exercises": [asdict(one) for one in found]}
+    write_file(place, json.dumps(data, indent=1, ensure_ascii=False))
+    return found, False
+
+
+def _digest(
+    student: str,
+    sheets: list[Sheet],
+    key: ClassKey,
+    limits: ProcessLimits,
+    answers: Sequence[Answers] | None,
+) -> str:
+    """Of everything on which the marks of a student depend."""
+    read = [(one.name, one.source, one.trouble) for one in sheets]
+    helpers = [path.read_bytes().hex() for one in sheets for path in one.helpers]
+    mine = [asdict(one) for one in key.keys[student]]
+    parts: Any = [VERSION, read, helpers, mine, asdict(limits), answers]
+    return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
+
+
+def write_table(path: Path, key: ClassKey, marked: dict[str, StudentMark]) -> None:
+    """Write a CSV file: a line for each student, whether marked or not. Raises BadFile."""
+    numbers = [one.number for one in key.exercises]
+    of = sum(one.points for one in key.exercises)
+    head = ["student", "folder", "points", "of", *numbers, "remarks"]
+    with (
+        replacing(path) as temporary,
+        temporary.open("w", encoding="utf-8-sig", newline="") as file,
+    ):
+        lines = csv.writer(file)
+        lines.writerow(head)
+        for student, name in key.students.items():
+            one = marked.get(student)
+            if one is None:
+                row: list[Any] = [name, student, "", of, *("" for _ in numbers), NOT_YET]
+            else:
+                points = {mark.number: mark.points for mark in one.exercises}
+                each, told = (points[n] for n in numbers), "; ".join(remarks(one))
+                row = [name, student, one.points, of, *each, told]
+            lines.writerow([plain_cell(cell) for cell in row])
+
+
+def remarks(one: StudentMark) -> list[str]:
+    """All remarks on a student: on the files as a whole, by exercise, and on likeness."""
+    each = [f"{mark.number}: {said}" for mark in one.exercises for said in mark.remarks]
+    return [*one.remarks, *each, *one.alike]
+
+
+def plain_cell(cell: Any) -> Any:
+    """A cell that no spreadsheet takes for a formula: remarks quote what students wrote."""
+    if isinstance(cell, str) and cell[:1] in ("=", "+", "-", "@", "\t", "\r"):
+        return f"'{cell}"
+    return cell
+
+
+def read_examples(folder: Path) -> dict[str, Any]:
+    """The examples in a student's folder. Raises BadFile."""
+    path = folder / EXAMPLES
+    if not path.is_file():
+        raise BadFile(
+            f"there is no {path}; it came with the exercises, and has to stand beside them"
+        )
+    try:
+        found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))["exercises"]
+    except (ValueError, KeyError, TypeError) as error:
+        raise BadFile(f"{path} is damaged: {error}; take it from what you were given") from error
+    return found
+
+
+def try_file(path: Path, limits: ProcessLimits) -> list[ExerciseMark]:
+    """Try a file or a notebook on its examples, in the process in which it will be marked.
+
+    Of a notebook the cells that try answers are left out, as when it is marked. Each exercise
+    counts one point for all its examples. Raises BadFile.
+    """
+    if not path.is_file():
+        raise BadFile(f"there is no file {path}; give the file with your answers")
+    if path.suffix.lower() not in ENDINGS:
+        raise BadFile(f"{path} is neither a file of Python (.py) nor a notebook (.ipynb)")
+    keys, found = [], read_examples(path.parent)
+    exercises: dict[str, list[str]] = {}
+    for name in found:
+        exercises.setdefault(name.rpartition(".")[0], []).append(name.rpartition(".")[2])
+    read = read_sheet(path, exercises)
+    for name, one in found.items():
+        sheet, _, exercise = name.rpartition(".")
+        if sheet == read.name:
+            keys.append(
+                ExerciseKey(
+                    one["number"], sheet, exercise, one["parameters"], 1, 1, one["within"],
+                    one["numbers"], one["examples"], [], [], [],
+                )
+            )  # fmt: skip
+    if not keys:
+        raise BadFile(f"{path.parent / EXAMPLES} says nothing about {path.name}; keep its name")
+    if path.suffix.lower() == ".py" and not read.trouble:
+        sent = answers_in(path, keys, limits)  # where it stands, beside its helpers
+    else:
+        helpers = [one for one in path.parent.glob("*.py") if not read_sheet(one, exercises).name]
+        sent = answers_of(replace(read, helpers=tuple(helpers)), keys, limits)
+    return [mark_of(key, sent[key.number]) for key in keys]
+
+
+def try_here(sheet: str, answer: Callable[..., Any], folder: str | Path = ".") -> None:
+    """Try a function on its examples, in a notebook, and print what came of it."""
+    name = getattr(answer, "__name__", "")
+    found = read_examples(Path(folder)).get(f"{sheet}.{name}")
+    if found is None:
+        raise BadFile(f"there are no examples of {name} in {sheet}; keep the name of the function")
+    for k, (arguments, expected) in enumerate(found["examples"], 1):
+        came = outcome(answer, tuple(decode(arguments)))
+        try:
+            compare(came, decode(expected), name, found["within"])
+        except Missed as missed:
+            print(f"example {k}: not yet. Expected {missed.expected}, came {missed.came}")
+        else:
+            print(f"example {k}: right")
+    if isinstance(came, Raised):
+        print(f"the last error: {came.kind}: {came.message}")

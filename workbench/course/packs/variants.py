@@ -1,15 +1,20 @@
-"""Exercises with numbers that differ from student to student: what `variants.py` is made of."""
+"""Exercises with numbers of each student's own, and which a pack holds."""
 
 import ast
+import importlib.util
 import inspect
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 
-from workbench.errors import BadArgument
+from workbench.course.checks import Mistake, mistakes_in
+from workbench.course.outline import Lecture, lecture
+from workbench.errors import BadArgument, BadFile, UnknownName, WorkbenchError
 
 Numbers = dict[str, Any]  # names in capitals, and numbers, text or lists of these
 Arguments = tuple[Any, ...]
@@ -68,21 +73,6 @@ class Variant:
         return inspect.getdoc(self.solution) or ""
 
 
-@dataclass(frozen=True)
-class Slip:
-    """A wrong answer that students are likely to give to a variant.
-
-    Attributes:
-        exercise: the name of the exercise.
-        hint: what is wrong with the answer.
-        answer: the wrong function, which takes what the solution takes.
-    """
-
-    exercise: str
-    hint: str
-    answer: Callable[..., Any]
-
-
 def _none(numbers: Numbers) -> Sequence[Arguments]:
     return ()
 
@@ -108,19 +98,9 @@ def variant(
     )
 
 
-def slip(exercise: str, hint: str) -> Callable[[Callable[..., Any]], Slip]:
-    """Make a wrong function a slip: its hint is given for the same answers."""
-    return lambda answer: Slip(exercise, hint, answer)
-
-
 def variants_in(module: ModuleType) -> tuple[Variant, ...]:
     """The variants of a module, in the order in which they are written."""
     return tuple(found for found in vars(module).values() if isinstance(found, Variant))
-
-
-def slips_in(module: ModuleType) -> tuple[Slip, ...]:
-    """The slips of a module, in the order in which they are written."""
-    return tuple(found for found in vars(module).values() if isinstance(found, Slip))
 
 
 def rounded(
@@ -134,3 +114,129 @@ def rounded(
     whole = np.round(rng.uniform(low, high, size=count or 1) * 10**digits).astype(int)
     drawn = [round(int(n + (n % 10 == 0)) / 10**digits, digits) for n in whole]
     return drawn if count else drawn[0]
+
+
+FILE = "variants.py"
+
+
+@dataclass(frozen=True)
+class PackExercise:
+    """An exercise of a pack.
+
+    Attributes:
+        number: as it is printed, such as `4.2`; for a file, its name and a number.
+        sheet: the name of the student's file, without its ending.
+        title: the title of the lecture or of the file.
+        variant: the exercise.
+        mistakes: wrong answers to it that are known.
+        published: where a solution of the exercise in the lecture stands, or None.
+    """
+
+    number: str
+    sheet: str
+    title: str
+    variant: Variant
+    mistakes: tuple[Mistake, ...]
+    published: Lecture | None
+
+
+def chosen(what: Sequence[str]) -> list[PackExercise]:
+    """The exercises that are named, in the order of their names; none is there twice.
+
+    Raises BadArgument, BadFile, UnknownName.
+    """
+    found: dict[str, PackExercise] = {}
+    for name in what:
+        some = of_file(Path(name)) if name.endswith(".py") else _of_lecture(name)
+        found |= {one.number: one for one in some}
+    if not found:
+        raise BadArgument("a pack needs exercises: numbers of lectures (4), or of exercises (4.2)")
+    sheets: dict[str, str] = {}
+    for one in found.values():
+        if sheets.setdefault(one.sheet, one.title) != one.title:
+            raise BadArgument(f"two files would be called {one.sheet}.py; rename {one.title}")
+    _check_names(list(found.values()))
+    return list(found.values())
+
+
+def _check_names(some: list[PackExercise]) -> None:
+    """Numbers stand in one file, so that no two exercises in it may use one name for them."""
+    owners: dict[tuple[str, str], str] = {}
+    for one in some:
+        for name in one.variant.constants:
+            other = owners.setdefault((one.sheet, name), one.number)
+            if other != one.number:
+                raise BadArgument(
+                    f"{name} is a number of exercise {other} and of exercise {one.number}, which "
+                    f"stand in one file, {one.sheet}.py; rename one of them"
+                )
+
+
+def variants_of(one: Lecture) -> list[PackExercise]:
+    """All variants of a lecture, in the order of its exercises; none if it has no such file."""
+    if not (one.folder / FILE).is_file():
+        return []
+    module = one.module("variants")
+    places = {name: k for k, name in enumerate(one.exercises, 1)}
+    return [
+        PackExercise(
+            f"{one.number}.{places[variant.exercise]}",
+            one.folder_name,
+            f"lecture {one.number}, {one.title}",
+            variant,
+            _mistakes(module, variant),
+            one,
+        )
+        for variant in sorted(variants_in(module), key=lambda v: places[v.exercise])
+    ]
+
+
+def of_file(path: Path) -> list[PackExercise]:
+    """All variants of a lecturer's own file. Raises BadFile."""
+    if not path.is_file():
+        raise BadFile(f"there is no file {path}; name a file with variants, or a lecture's number")
+    spec = importlib.util.spec_from_file_location(f"variants_of_{path.stem}", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise BadFile(f"{path} does not run: {type(error).__name__}: {error}") from error
+    found = variants_in(module)
+    if not found:
+        raise BadFile(
+            f"{path} has no variants; write them with `workbench.course.packs.variant`, as "
+            "lectures/lec04_skinning/variants.py does"
+        )
+    return [
+        PackExercise(
+            f"{path.stem}.{k}", path.stem, path.stem, variant, _mistakes(module, variant), None
+        )
+        for k, variant in enumerate(found, 1)
+    ]
+
+
+def _mistakes(module: ModuleType, variant: Variant) -> tuple[Mistake, ...]:
+    return tuple(one for one in mistakes_in(module) if one.exercise == variant.exercise)
+
+
+def _of_lecture(name: str) -> list[PackExercise]:
+    if not re.fullmatch(r"\d{1,3}(\.\d{1,2})?", name):
+        raise BadArgument(
+            f"{name!r} is neither a lecture (4), nor an exercise (4.2), nor a file (mine.py)"
+        )
+    one = lecture(int(name.partition(".")[0]))
+    some = variants_of(one)
+    if not some:
+        raise WorkbenchError(
+            f"lecture {one.number} has no exercises with numbers that vary; write your own in a "
+            "file, and name that"
+        )
+    if "." not in name:
+        return some
+    these = [found for found in some if found.number == name]
+    if not these:
+        there = ", ".join(found.number for found in some)
+        raise UnknownName("exercise with numbers that vary", name, hint=there)
+    return these

@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from workbench.arrays import Array
-from workbench.plots.labels import plain
 from workbench.plots.palette import BLUE, DASHES, FAINT, INK, LINES, VERMILLION
+from workbench.plots.style import plain
 from workbench.studies.blend_shapes.predictors import INTERPOLATION, LINEAR, Result
 from workbench.studies.blend_shapes.questions import FACTORS, TURNS, ByExamples, ByPenalty
 

@@ -4,9 +4,7 @@ from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 
-from workbench.reports.figures import plotted
-from workbench.reports.page import page
-from workbench.reports.tables import Columns, Table
+from workbench.reports.page import Columns, Table, page, plotted
 from workbench.studies.blend_shapes import figures
 from workbench.studies.blend_shapes.predictors import Result, repaired
 from workbench.studies.blend_shapes.study import PredictorStudy

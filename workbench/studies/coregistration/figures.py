@@ -4,8 +4,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from workbench.fitting.setup import distances
-from workbench.plots.body import Figurine
-from workbench.plots.distances import line_up_coloured
+from workbench.plots.body import Figurine, line_up_coloured
 from workbench.plots.palette import FAINT, LINES, MARKERS
 from workbench.studies.coregistration.study import CONTROL, TOGETHER, Example, TogetherStudy
 

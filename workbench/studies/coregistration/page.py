@@ -4,9 +4,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from workbench.reports.figures import plotted
-from workbench.reports.page import page
-from workbench.reports.tables import Columns, Table
+from workbench.reports.page import Columns, Table, page, plotted
 from workbench.studies.coregistration import figures
 from workbench.studies.coregistration.scans import START, TRUTH
 from workbench.studies.coregistration.study import CONTROL, TOGETHER, Cell, TogetherStudy

@@ -4,9 +4,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from workbench.reports.figures import plotted
-from workbench.reports.page import page
-from workbench.reports.tables import Columns, Table
+from workbench.reports.page import Columns, Table, page, plotted
 from workbench.studies.fitting_loop import figures
 from workbench.studies.fitting_loop.study import REST, SHIPPED, TRUTH, Errors, LoopStudy, Round
 from workbench.studies.pages import text_of, write_study

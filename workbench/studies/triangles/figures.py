@@ -7,8 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from workbench.arrays import Array, Index
-from workbench.plots.body import Figurine
-from workbench.plots.distances import line_up_coloured
+from workbench.plots.body import Figurine, line_up_coloured
 from workbench.plots.palette import BLUE, FAINT, GREEN, VERMILLION
 from workbench.studies.triangles.explained_variance import ExplainedVariance
 from workbench.studies.triangles.measures import HeldOutFits

@@ -9,9 +9,7 @@ from typing import Any
 from workbench.arrays import Array
 from workbench.bodies.files.gltf import write_gltf
 from workbench.plots import caption_stitching, plot_stitching
-from workbench.reports.figures import plotted
-from workbench.reports.page import page
-from workbench.reports.tables import Columns, Table
+from workbench.reports.page import Columns, Table, page, plotted
 from workbench.studies.pages import text_of, write_study
 from workbench.studies.triangles import figures
 from workbench.studies.triangles.explained_variance import ExplainedVariance

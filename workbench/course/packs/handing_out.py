@@ -1,0 +1,300 @@
+"""The files of each student: names, sheets, and the two folders of a pack."""
+
+import csv
+import json
+import re
+import secrets
+import textwrap
+import unicodedata
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from workbench.course.packs.keys import ClassKey, ExerciseKey, make_keys, write_keys
+from workbench.course.packs.variants import Variant, chosen
+from workbench.errors import BadArgument, BadFile
+from workbench.reading.facts import bounded
+
+
+def write_pack(
+    what: Sequence[str],
+    group: str,
+    students: dict[str, str],
+    folder: Path,
+    keys: Path,
+    seed: int | None = None,
+    tell: Callable[[str], None] = lambda said: None,
+) -> ClassKey:
+    """Write exercises for every student into `folder`, and the keys into `keys`.
+
+    Both are made, and must not exist or be empty. Nothing is written if anything is wrong, and an
+    interrupted run leaves neither. Without a seed, one is chosen that nobody can guess; the keys
+    hold it. Raises BadArgument, BadFile, UnknownName.
+    """
+    if not group.strip():
+        raise BadArgument("--for takes the name of the class, which has to have letters")
+    some = chosen(what)
+    for place in (folder, keys):
+        if place.exists() and (not place.is_dir() or any(place.iterdir())):
+            raise BadFile(f"{place} exists already, and is not written over; name a new folder")
+    if keys.resolve() == folder.resolve() or folder.resolve() in keys.resolve().parents:
+        raise BadArgument(f"the keys must not be inside of {folder}, which is handed out")
+    key = make_keys(group, secrets.randbits(60) if seed is None else seed, students, some)
+    variants = {one.number: one.variant for one in some}
+    try:
+        for place in (folder, keys):
+            place.parent.mkdir(parents=True, exist_ok=True)
+        with (
+            TemporaryDirectory(prefix=".pack-", dir=folder.parent) as out,
+            TemporaryDirectory(prefix=".keys-", dir=keys.parent) as hidden,
+        ):
+            for student in students:
+                tell(student)
+                mine = Path(out) / "pack" / student
+                mine.mkdir(parents=True)
+                for sheet in key.titles:
+                    text = script(key, sheet, student, variants)
+                    (mine / f"{sheet}.py").write_text(text, encoding="utf-8")
+                    book = notebook(key, sheet, student, variants)
+                    (mine / f"{sheet}.ipynb").write_text(book, encoding="utf-8")
+                (mine / EXAMPLES).write_text(examples(key, student), encoding="utf-8")
+            inner = Path(hidden) / "keys"
+            inner.mkdir(mode=0o700)  # others on this machine do not read it
+            write_keys(key, inner)
+            for made, place in ((Path(out) / "pack", folder), (inner, keys)):
+                if place.exists():
+                    place.rmdir()
+                made.replace(place)
+    except OSError as error:
+        raise BadFile(f"cannot write the pack: {error.strerror or error}") from error
+    return key
+
+
+FIRST, LAST = "first name", ("last name", "surname", "family name")
+JOINED = "first name and last name"
+COLUMNS = (
+    "student", "name", "full name", JOINED, "login", "username", "id", "id number", "email",
+    "email address",
+)  # fmt: skip
+LONGEST = 60  # characters of a folder's name
+
+
+@dataclass(frozen=True)
+class Students:
+    """The students of a class.
+
+    Attributes:
+        names: their names, by the names of their folders.
+        columns: the titles of the columns of the file from which they come; none for a list.
+    """
+
+    names: dict[str, str]
+    columns: tuple[str, ...] = ()
+
+
+def read_students(given: str, column: str | None = None) -> Students:
+    """Students from a FILE.csv, or from names with commas between them.
+
+    The first line of a file holds the titles of its columns. Names are read from `column`, or else
+    from the first of COLUMNS that the file has. Raises BadArgument, BadFile.
+    """
+    is_file = given.lower().endswith(".csv")
+    if column is not None and not is_file:
+        raise BadArgument("--column chooses a column of --students FILE.csv, which is not given")
+    names, columns = _read(Path(given), column) if is_file else (given.split(","), ())
+    names = [" ".join(name.split()) for name in names]
+    names = [name for name in names if name]
+    if not names:
+        raise BadArgument("there are no students; give --students FILE.csv, or names: ada,ben")
+    found: dict[str, str] = {}
+    for name in names:
+        folder = folder_name(name)
+        if folder in found:
+            raise BadArgument(
+                f"{found[folder]!r} and {name!r} would share the folder {folder}; tell them apart "
+                "by another name or a number, or take another --column"
+            )
+        found[folder] = name
+    return Students(found, columns)
+
+
+def folder_name(name: str) -> str:
+    """A name as that of a folder, in ASCII: small letters, digits, and `-` between words."""
+    if not re.search(r"[^\W_]", name):
+        raise BadArgument(f"{name!r} has no letters and no digits, so that it cannot name a folder")
+    plain = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode().lower()
+    found = re.sub(r"[^\w]+", "-", plain).strip("-_")[:LONGEST]
+    return found or f"student-{sha256(name.encode()).hexdigest()[:6]}"
+
+
+def plain_name(name: str) -> str:
+    """A name to be compared with others: letters and digits alone, `-` between words."""
+    return re.sub(r"[\W_]+", "-", _small(name)).strip("-")
+
+
+def _small(name: str) -> str:
+    return unicodedata.normalize("NFKC", name).lower()
+
+
+def _read(path: Path, column: str | None) -> tuple[list[str], tuple[str, ...]]:
+    """The names in a file, and the titles of the columns that they come from."""
+    try:
+        text = bounded(path).decode("utf-8-sig")
+    except (OSError, UnicodeDecodeError, BadFile) as error:
+        no_text = isinstance(error, UnicodeDecodeError)
+        reason = "it is no text in UTF-8" if no_text else getattr(error, "strerror", None) or error
+        raise BadFile(f"cannot read {path}: {reason}") from error
+    between = max(",;\t", key=text.partition("\n")[0].count)
+    rows = [row for row in csv.reader(text.splitlines(), delimiter=between) if any(row)]
+    if len(rows) < 2:
+        raise BadFile(f"{path} has no students: it needs a line of titles, and a line for each")
+    titles = [title.strip() for title in rows[0]]
+    places = _places(path, titles, column)
+    names = [" ".join(row[k] for k in places if k < len(row)) for row in rows[1:]]
+    return names, tuple(titles[k] for k in places)
+
+
+def _places(path: Path, titles: Sequence[str], column: str | None) -> list[int]:
+    """Which columns hold the names. Raises BadArgument, BadFile."""
+    listed = ", ".join(repr(title) for title in titles if title)
+    plain = [_title(title) for title in titles]
+    if column is not None:
+        if _title(column) not in plain:
+            raise BadArgument(f"{path} has no column {column!r}; its columns are {listed}")
+        return [plain.index(_title(column))]
+    last = next((title for title in LAST if title in plain), None)
+    for known in COLUMNS:
+        if known == JOINED and FIRST in plain and last is not None:
+            return [plain.index(FIRST), plain.index(last)]
+        if known in plain:
+            return [plain.index(known)]
+    raise BadFile(
+        f"none of the columns of {path} is known to hold names: its first line has {listed}. "
+        f"Choose one with --column, or call it one of {', '.join(COLUMNS[:3])}, or "
+        f"{FIRST} and {LAST[0]}"
+    )
+
+
+def _title(text: str) -> str:
+    """A title to be compared: `E-mail_Address` is `email address`."""
+    return " ".join(text.lower().replace("e-mail", "email").replace("_", " ").split())
+
+
+EXAMPLES = "examples.json"
+
+
+def pack_name(key: ClassKey, student: str) -> str:
+    """What the file of a student says about whose it is."""
+    return f"{key.group} / {student}"
+
+
+def _points(one: ExerciseKey) -> str:
+    return f"{one.points} point{'s' * (one.points != 1)}, about {one.minutes} minutes"
+
+
+def _introduction(key: ClassKey, sheet: str, student: str, mine: list[ExerciseKey]) -> str:
+    minutes = sum(one.minutes for one in mine)
+    return (
+        f"Exercises on {key.titles[sheet]}, for {key.students[student]} ({key.group}).\n\n"
+        "The functions wait for your answers. Keep their names, arguments and shapes. The numbers "
+        "in capitals are yours: others have others, and answers are marked with yours. The "
+        f"exercises take about {minutes} minutes in all, as was estimated.\n"
+    )
+
+
+def _head(key: ClassKey, student: str) -> str:
+    return (
+        "import numpy as np\n\n"
+        "from workbench.course import Unsolved\n\n"
+        "Array = np.ndarray\n"
+        f"PACK = {json.dumps(pack_name(key, student), ensure_ascii=False)}\n"
+    )
+
+
+def _numbers(one: ExerciseKey) -> str:
+    return "".join(f"{name} = {number!r}\n" for name, number in one.numbers.items())
+
+
+def _function(one: ExerciseKey, variant: Variant) -> str:
+    head, *rest = variant.task.split("\n")
+    doc = "\n".join([f'    """{head}', *(f"    {line}".rstrip() for line in rest)])
+    end = '"""' if not rest else '\n    """'
+    return f'{variant.signature}\n{doc}{end}\n    raise Unsolved("{one.exercise}")\n'
+
+
+def script(key: ClassKey, sheet: str, student: str, variants: dict[str, Variant]) -> str:
+    """The file of Python that a student gets."""
+    mine = [one for one in key.keys[student] if one.sheet == sheet]
+    told = "\n\n".join(
+        textwrap.fill(part, 96, break_long_words=False)
+        for part in _introduction(key, sheet, student, mine).split("\n\n")
+    )
+    parts = [
+        f'"""{told.rstrip()}\n\n    workbench lecture try {sheet}.py\n\n'
+        "compares your answers with the examples beside this file.\n"
+        f'"""\n\n{_head(key, student)}'
+    ]
+    for one in mine:
+        parts.append(
+            f"# {one.number} {one.exercise}: {_points(one)}\n\n{_numbers(one)}\n\n"
+            + _function(one, variants[one.number])
+        )
+    return "\n\n".join(parts)
+
+
+def notebook(key: ClassKey, sheet: str, student: str, variants: dict[str, Variant]) -> str:
+    """The same as a notebook: a cell for each answer, and below it one that tries the examples."""
+    mine = [one for one in key.keys[student] if one.sheet == sheet]
+    cells = [
+        _cell("markdown", f"# Exercises\n\n{_introduction(key, sheet, student, mine)}"),
+        _cell("code", _head(key, student)),
+    ]
+    for one in mine:
+        cells += [
+            _cell("markdown", f"## {one.number} `{one.exercise}`\n\n{_points(one)}"),
+            _cell("code", f"{_numbers(one)}\n\n" + _function(one, variants[one.number]), "answer"),
+            _cell(
+                "code",
+                "from workbench.course.packs.marking import try_here\n\n"
+                f'try_here("{sheet}", {one.exercise})\n',
+                "check",
+            ),
+        ]
+    for k, cell in enumerate(cells):
+        cell["id"] = f"cell-{k}"
+    kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}
+    whole = {
+        "cells": cells,
+        "metadata": {"kernelspec": kernel, "language_info": {"name": "python"}},
+        "nbformat": 4,
+        "nbformat_minor": 5,
+    }
+    return json.dumps(whole, indent=1, ensure_ascii=False) + "\n"
+
+
+def examples(key: ClassKey, student: str) -> str:
+    """The examples of all exercises of a student, with their answers, as JSON."""
+    shown = {
+        f"{one.sheet}.{one.exercise}": {
+            "number": one.number,
+            "parameters": one.parameters,
+            "within": one.within,
+            "numbers": one.numbers,
+            "examples": one.examples,
+        }
+        for one in key.keys[student]
+    }
+    whole = {"pack": pack_name(key, student), "exercises": shown}
+    return json.dumps(whole, indent=1, ensure_ascii=False)
+
+
+def _cell(kind: str, text: str, tag: str = "") -> dict[str, Any]:
+    made: dict[str, Any] = {
+        "cell_type": kind,
+        "metadata": {"tags": [tag]} if tag else {},
+        "source": text.rstrip("\n").splitlines(keepends=True),
+    }
+    return made | ({"execution_count": None, "outputs": []} if kind == "code" else {})

@@ -1,0 +1,377 @@
+"""What students submitted: whose a file is, which of the pack's, and what to look at.
+
+Submissions are a folder for each student, or files whose names begin with the student's.
+"""
+
+import ast
+import json
+import re
+from collections.abc import Iterable
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from workbench.course.packs.handing_out import EXAMPLES, pack_name, plain_name
+from workbench.course.packs.keys import ClassKey, ExerciseKey
+from workbench.errors import BadFile, some_of
+from workbench.reading.facts import bounded
+
+ENDINGS = (".py", ".ipynb")
+ARCHIVES = (".zip", ".tar", ".gz", ".tgz", ".bz2", ".xz", ".7z", ".rar")
+BY_PROGRAMS = (".ipynb_checkpoints", "__pycache__", "__MACOSX", ".DS_Store", ".git")
+NOBODY = "belongs to nobody: its name begins with no student's, and it says no PACK of this class"
+AS_GIVEN, MADE_BY_PROGRAMS = "it is as it was handed out", "a program made it"
+EXPECTED = (AS_GIVEN, MADE_BY_PROGRAMS)  # reasons that nobody has to look at
+LARGEST = 4 * 2**20  # bytes of a file that is read
+MOST = 4  # names that are listed
+SHORT = 5  # lines of a function below which likeness may be chance
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A file of answers.
+
+    Attributes:
+        name: its name, without its ending; empty if the file is none of the pack's.
+        path: the file.
+        source: its code, of notebooks that of all cells but the checks; empty if unreadable.
+        trouble: why it is unreadable, if it is.
+        helpers: other files of Python that were handed in beside it.
+    """
+
+    name: str
+    path: Path
+    source: str
+    trouble: str = ""
+    helpers: tuple[Path, ...] = ()
+
+    @property
+    def pack(self) -> object:
+        """The plain value that the file assigns to PACK, without running it, or None."""
+        for node in parsed(self.source).body:
+            if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "PACK":
+                with suppress(ValueError, TypeError, RecursionError, MemoryError, SyntaxError):
+                    return ast.literal_eval(node.value)
+        return None
+
+
+@dataclass(frozen=True)
+class Unused:
+    """A file that was found and is not marked.
+
+    Attributes:
+        path: the file.
+        why: the reason, as a sentence without its end.
+        student: the name of the folder of the student whose it is, or None.
+    """
+
+    path: Path
+    why: str
+    student: str | None = None
+
+
+@dataclass(frozen=True)
+class Submissions:
+    """All that was found in a folder.
+
+    Attributes:
+        sheets: the files of each student, by the name of the student's folder.
+        unused: all other files, with the reason.
+    """
+
+    sheets: dict[str, list[Sheet]] = field(default_factory=dict)
+    unused: tuple[Unused, ...] = ()
+
+
+def collect(folder: Path, key: ClassKey) -> Submissions:
+    """The files of all students of a class. Raises BadFile if the folder does not exist."""
+    if not folder.is_dir():
+        raise BadFile(f"there is no folder {folder}; give the one that holds the submissions")
+    found: dict[str, list[Sheet]] = {student: [] for student in key.students}
+    unused: list[Unused] = []
+    for path in sorted(path for path in folder.rglob("*") if path.is_file()):
+        below = path.relative_to(folder)
+        if any(part in BY_PROGRAMS for part in below.parts):
+            unused.append(Unused(path, MADE_BY_PROGRAMS))
+            continue
+        student = owner(below, key)
+        if path.suffix.lower() not in ENDINGS:
+            unused.append(Unused(path, _no_answers(path), student))
+            continue
+        sheet = read_sheet(path, _exercises(key))
+        student = student or pack_owner(sheet.pack, key)
+        if student is None:
+            unused.append(Unused(path, NOBODY))
+        else:
+            found[student].append(sheet)
+    kept: dict[str, list[Sheet]] = {}
+    for student, some in found.items():
+        kept[student], left = _of_the_pack(student, some, key)
+        unused += left
+    return Submissions(kept, tuple(unused))
+
+
+def _exercises(key: ClassKey) -> dict[str, list[str]]:
+    """The names of the exercises of each file of a pack, by the file's name."""
+    return {
+        name: [one.exercise for one in key.exercises if one.sheet == name] for name in key.titles
+    }
+
+
+def _no_answers(path: Path) -> str:
+    if path.name == EXAMPLES:
+        return AS_GIVEN
+    if path.suffix.lower() in ARCHIVES:
+        return "it is an archive; unpack it, and give the command again"
+    return "it is neither a file of Python (.py) nor a notebook (.ipynb)"
+
+
+def _of_the_pack(
+    student: str, some: list[Sheet], key: ClassKey
+) -> tuple[list[Sheet], list[Unused]]:
+    """A student's files of the pack, each with the others of Python beside it as helpers.
+
+    A file that is as it was handed out is left out where there is another of its name: a student
+    answers in the file or in the notebook. What is left out comes second.
+    """
+    exercises = _exercises(key)
+    others = tuple(one.path for one in some if not one.name and one.path.suffix.lower() == ".py")
+    found = [replace(one, helpers=others) for one in some if one.name]
+    begun = {one.path for one in found if attempted(one.source, exercises[one.name])}
+    names = {one.name for one in found if one.path in begun}
+    kept: dict[tuple[str, str], Sheet] = {}
+    left: list[Unused] = []
+    for one in found:
+        first = kept.get((one.name, one.source))
+        if one.path not in begun and one.name in names:
+            left.append(Unused(one.path, AS_GIVEN, student))
+        elif first is not None:
+            as_given = AS_GIVEN if one.path not in begun else f"it is the same as {first.path}"
+            left.append(Unused(one.path, as_given, student))
+        else:
+            kept[one.name, one.source] = one
+    wanted = " or ".join(f"{student}_{name}.py" for name in key.titles)
+    why = f"neither its name nor its PACK tells that it is a file of the pack; call it {wanted}"
+    left += [
+        Unused(one.path, why, student)
+        for one in some
+        if not one.name and not (kept and one.path in others)
+    ]
+    return list(kept.values()), left
+
+
+def read_sheet(path: Path, exercises: dict[str, list[str]]) -> Sheet:
+    """A file of answers, recognised by its name, or else by PACK and the functions that it has.
+
+    `exercises` are the names of the exercises of each file of the pack, by the file's name.
+    """
+    read = _read(path)
+    stem = path.stem.lower()
+    named = [name for name in exercises if _stands_in(name.lower(), stem)]
+    if not named and read.pack is not None:
+        there = functions_in(read.source)
+        named = [name for name, some in exercises.items() if any(one in there for one in some)]
+        named = named if len(named) == 1 else []
+    return replace(read, name=max(named, key=len) if named else "")
+
+
+def _stands_in(name: str, stem: str) -> bool:
+    """Whether a name stands whole in that of a file: `exam` in `ada_exam`, not in `example`."""
+    return re.search(rf"(?<![^\W_]){re.escape(name)}(?![^\W_])", stem) is not None
+
+
+def _read(path: Path) -> Sheet:
+    try:
+        text = bounded(path, LARGEST).decode("utf-8-sig")
+        return Sheet("", path, _code(text) if path.suffix.lower() == ".ipynb" else text)
+    except BadFile as error:
+        return Sheet("", path, "", f"the file cannot be read: {error}")
+    except UnicodeDecodeError:
+        return Sheet("", path, "", "the file is no text in UTF-8")
+    except OSError as error:
+        return Sheet("", path, "", f"the file cannot be read: {error.strerror}")
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return Sheet("", path, "", "the file is no notebook")
+
+
+def _code(text: str) -> str:
+    """The code of a notebook: all cells but the checks, and without commands of the notebook's."""
+    parts = []
+    for cell in json.loads(text)["cells"]:
+        if cell["cell_type"] != "code" or "check" in cell.get("metadata", {}).get("tags", []):
+            continue
+        source = cell["source"]
+        lines = (source if isinstance(source, str) else "".join(source)).splitlines()
+        if lines and lines[0].startswith("%%"):
+            continue
+        parts.append("\n".join("pass" if _magic(line) else line for line in lines))
+    return "\n\n".join(parts) + "\n"
+
+
+def _magic(line: str) -> bool:
+    return line.lstrip().startswith(("%", "!")) and not line[:1].isspace()
+
+
+def owner(path: Path, key: ClassKey) -> str | None:
+    """The student whose name the outermost folder, or the file, has or begins with.
+
+    Names are compared without case, spaces and punctuation: `Ben O'Neil_20413_file_` is a folder of
+    `ben-o-neil`. After the name has to come its end, or a character that is neither a letter nor a
+    digit. The name as the pack wrote it counts first, then the longest. Raises BadFile if two
+    students have the same name but for punctuation.
+    """
+    outer = path.parts[0]
+    named = outer if len(path.parts) > 1 else Path(outer).stem
+    for student in key.students:
+        if named.lower() == student.lower():
+            return student
+    begins = f"{plain_name(named)}-"
+    found = {
+        student: len(plain)
+        for student, name in key.students.items()
+        for plain in (plain_name(student), plain_name(name))
+        if plain and begins.startswith(f"{plain}-")
+    }
+    if not found:
+        return None
+    longest = [student for student, length in found.items() if length == max(found.values())]
+    if len(longest) > 1:
+        both = " and ".join(key.students[student] for student in longest)
+        raise BadFile(
+            f"{outer} may belong to {both}; name it as the pack named their folders: "
+            f"{' or '.join(longest)}"
+        )
+    return longest[0]
+
+
+def pack_owner(says: object, key: ClassKey) -> str | None:
+    """The student for whom a file was made that says PACK = `says`."""
+    return next((one for one in key.students if pack_name(key, one) == says), None)
+
+
+def parsed(source: str) -> ast.Module:
+    """The code of a file; empty if it is none."""
+    try:
+        return ast.parse(source)
+    except (SyntaxError, ValueError, TypeError, RecursionError, MemoryError):
+        return ast.Module([], [])
+
+
+def attempted(source: str, exercises: Iterable[str]) -> bool:
+    """Whether a file holds more than these functions as they were handed out."""
+    tree = parsed(source)
+    for node in tree.body:
+        if isinstance(node, ast.FunctionDef) and node.name in exercises:
+            rest = _without_docstring(node)
+            if len(rest) != 1 or "raise Unsolved(" not in ast.unparse(rest[0]):
+                return True
+    return not any(isinstance(n, ast.FunctionDef) and n.name in exercises for n in tree.body)
+
+
+def functions_in(source: str) -> dict[str, str]:
+    """The functions of a file, without docstrings and comments; none if it is no code."""
+    return {
+        node.name: ast.unparse(ast.Module(_without_docstring(node), []))
+        for node in parsed(source).body
+        if isinstance(node, ast.FunctionDef)
+    }
+
+
+def _without_docstring(node: ast.FunctionDef) -> list[ast.stmt]:
+    said = isinstance(node.body[0], ast.Expr) and isinstance(node.body[0].value, ast.Constant)
+    return node.body[1:] if said else node.body
+
+
+# What a lecturer should look at. Remarks are no verdicts, and cost no points.
+
+
+def remarks_of(found: Submissions, key: ClassKey) -> dict[str, list[str]]:
+    """Remarks on the files of each student: whose they are, whose numbers, what they import."""
+    said: dict[str, list[str]] = {student: [] for student in key.students}
+    for student, sheets in found.sheets.items():
+        for sheet in sheets:
+            said[student] += [*_whose(sheet, student, key), *_numbers(sheet, student, key)]
+            if "workbench.lectures" in sheet.source:
+                said[student].append(
+                    f"{sheet.path.name} names workbench.lectures, where published answers are"
+                )
+    for one in found.unused:
+        if one.student is not None and one.why not in EXPECTED:
+            said[one.student].append(f"{one.path.name} is not marked: {one.why}")
+    return said
+
+
+def _whose(sheet: Sheet, student: str, key: ClassKey) -> Iterable[str]:
+    others = {pack_name(key, other): name for other, name in key.students.items()}
+    if sheet.pack is not None and sheet.pack != pack_name(key, student):
+        yield f"{sheet.path.name} was handed out to {others.get(str(sheet.pack), 'somebody else')}"
+
+
+def _numbers(sheet: Sheet, student: str, key: ClassKey) -> Iterable[str]:
+    """Numbers of another student's which stand in this file, and in none of this student's."""
+    written = constants(sheet.source)
+    mine = _drawn(key.keys[student], sheet.name)
+    for other, name in key.students.items():
+        if other != student and (seen := (_drawn(key.keys[other], sheet.name) - mine) & written):
+            listed = ", ".join(f"{number:g}" for number in sorted(seen)[:3])
+            yield f"{sheet.path.name} has numbers of {name}: {listed}"
+
+
+def _drawn(keys: list[ExerciseKey], sheet: str) -> set[float]:
+    found: set[float] = set()
+    for one in keys:
+        if one.sheet == sheet:
+            for number in one.numbers.values():
+                parts = number if isinstance(number, list) else [number]
+                found |= {float(x) for x in parts if isinstance(x, int | float)}
+    return {number for number in found if distinctive(number)}
+
+
+def constants(source: str) -> set[float]:
+    """The numbers with three or more digits that stand in a file."""
+    found = {
+        float(node.value)
+        for node in ast.walk(parsed(source))
+        if isinstance(node, ast.Constant)
+        and isinstance(node.value, int | float)
+        and abs(node.value) < 1e300
+    }
+    return {number for number in found if distinctive(number)}
+
+
+def distinctive(number: float) -> bool:
+    """Whether a number has so many digits that two people hardly choose it independently."""
+    return len(f"{abs(number):.12g}".replace(".", "").strip("0")) >= 3
+
+
+def alike(found: Submissions, key: ClassKey, right: dict[str, set[str]]) -> dict[str, list[str]]:
+    """Right answers that are the same word for word as another student's, but for comments.
+
+    `right` has the numbers of the exercises that each student answered rightly. Of short answers a
+    remark says that this may be chance.
+    """
+    said: dict[str, list[str]] = {student: [] for student in key.students}
+    read = {
+        student: {sheet.name: functions_in(sheet.source) for sheet in sheets}
+        for student, sheets in found.sheets.items()
+    }
+    for one in key.exercises:
+        answers = {
+            student: text
+            for student, sheets in read.items()
+            if one.number in right.get(student, ())
+            and (text := sheets.get(one.sheet, {}).get(one.exercise)) is not None
+        }
+        for student, text in answers.items():
+            names = [key.students[s] for s, t in answers.items() if s != student and t == text]
+            if names:
+                chance = ", but short, so that this may be chance" if _short(text) else ""
+                said[student].append(
+                    f"{one.number}: this answer and that of {some_of(names, MOST)} are the same "
+                    f"word for word{chance}"
+                )
+    return said
+
+
+def _short(text: str) -> bool:
+    return len(text.splitlines()) < SHORT

@@ -1,0 +1,373 @@
+"""A student's file in a process of its own, with limits of time and memory.
+
+`python -P -m workbench.course.process HANDLE` gets one job as JSON on a socket: a file, and its
+exercises. Of a lecture it runs the checks there; this is for learning, and a file that wants to
+forge its own result can. Of a pack it gets arguments alone, and sends what the functions return:
+right answers never enter that process. What it sends is JSON, and nothing of it is executed.
+
+This is no sandbox: a file runs as whoever marks it, and can read what they can read.
+"""
+
+import importlib.util
+import io
+import json
+import os
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import workbench
+from workbench.course.checks import error_in_words, legible, without_warnings
+from workbench.course.grading import (
+    CheckResult,
+    CheckState,
+    Grade,
+    grade_exercise,
+    not_done,
+    unfit,
+)
+from workbench.course.outline import Lecture, lecture_named
+from workbench.course.plain import answered, decode
+from workbench.environment import in_browser
+from workbench.errors import BadArgument, BadFile
+from workbench.processes import Channel, Started, TooLong, end_with_parent, signal_name
+
+STARTING = 120.0  # s, for Python to start and import the workbench on a slow machine
+LARGEST = 4 * 2**20  # bytes of what is sent for an exercise: half a million numbers
+KEPT = 400  # characters of what was printed
+IN_THIS_PROCESS = (
+    "No other process can be started here, so the file ran in the one that grades it, without a "
+    "limit of time. Use this for learning; a grade that counts needs a machine with processes."
+)
+
+
+@dataclass(frozen=True)
+class ProcessLimits:
+    """What the process of a file may take.
+
+    Attributes:
+        seconds: for all answers to an exercise, and for loading the file.
+        memory: address space in GiB, where the system can limit it.
+    """
+
+    seconds: float = 10.0
+    memory: float = 6.0
+
+    def __post_init__(self) -> None:
+        if not self.seconds > 0:
+            raise BadArgument(f"--seconds takes a number above 0, not {self.seconds}")
+        if not self.memory >= 1:
+            raise BadArgument(f"--memory takes GiB, 1 or more, not {self.memory}")
+
+
+class ProcessEnded(Exception):
+    """The process of a file has ended, or sent what makes no sense; the message says which."""
+
+
+@dataclass
+class Sent:
+    """What the process of a file sent.
+
+    Attributes:
+        exercises: of each exercise what was sent, or why nothing was.
+        printed: what the file printed, by exercise, and under "" while it was loaded.
+        trouble: why the file could not be loaded at all.
+    """
+
+    exercises: dict[str, dict[str, Any] | str] = field(default_factory=dict)
+    printed: dict[str, str] = field(default_factory=dict)
+    trouble: str = ""
+
+
+def grade(lecture: Lecture, path: str | Path, limits: ProcessLimits | None = None) -> Grade:
+    """Grade a file of answers by the checks of a lecture, in a process of its own.
+
+    All answers to an exercise together may take `limits.seconds`. An exercise that takes longer, or
+    ends the process, fails; the others are answered by a new process. In a browser, where there are
+    no other processes, the file runs in this one, and the grade's note says so. Raises BadFile.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise BadFile(
+            f"there is no file {path}; `workbench lecture start {lecture.asked} FOLDER` makes one"
+        )
+    if in_browser():
+        return _grade_here(lecture, path)
+    place = "" if lecture.place is None else str(lecture.place.resolve())
+    about = {"lecture": place or lecture.asked}
+    sent = ask(path, about, {name: {} for name in lecture.exercises}, limits or ProcessLimits())
+    results = [
+        one for name in lecture.exercises for one in _results(lecture, name, sent.exercises[name])
+    ]
+    return Grade(lecture, str(path), tuple(results), sent.trouble, sent.printed)
+
+
+def _results(lecture: Lecture, name: str, sent: dict[str, Any] | str) -> list[CheckResult]:
+    """The results of the checks of an exercise, as its process found them."""
+    if isinstance(sent, str):
+        return not_done(lecture, [name], sent)
+    checks = [check for check in lecture.checks if check.exercise == name]
+    try:
+        return [
+            CheckResult(name, check.name, check.points, CheckState(state), *map(legible, texts))
+            for check, (state, *texts) in zip(checks, sent["results"], strict=True)
+        ]
+    except (KeyError, TypeError, ValueError):
+        return not_done(lecture, [name], "its process sent what is no result")
+
+
+def ask(
+    file: Path, about: Mapping[str, Any], exercises: Mapping[str, Any], limits: ProcessLimits
+) -> Sent:
+    """Run a file in a process, for one exercise after the other.
+
+    `about` is what the process is told beside the exercises, of which each name has its data.
+    Where it ends, or is ended, a new one goes on with the exercises that are left.
+    """
+    found = Sent()
+    while left := {name: data for name, data in exercises.items() if name not in found.exercises}:
+        job = {"file": str(file.resolve()), "memory": limits.memory, **about, "exercises": left}
+        with _Child(job, file.parent) as child:
+            try:
+                found.printed[""] = child.loaded(limits.seconds)
+            except ProcessEnded as ended:
+                again = " again" if found.exercises else ""
+                if not again:
+                    found.trouble = str(ended)
+                why = f"the file could not be loaded{again}: {ended}"
+                found.exercises |= dict.fromkeys(left, why)
+                break
+            for name in left:
+                try:
+                    sent = child.receive(limits.seconds)
+                except ProcessEnded as ended:
+                    found.exercises[name] = str(ended)
+                    break
+                found.exercises[name] = sent
+                found.printed[name] = legible(str(sent.get("printed", "")))
+    found.printed = {name: text for name, text in found.printed.items() if text}
+    return found
+
+
+class _Child:
+    """The process of a file, from its start to its end."""
+
+    def __init__(self, job: Mapping[str, Any], folder: Path) -> None:
+        self._process = Started(["-P", "-m", __name__], environment(), folder)
+        self._channel = Channel(self._process.connection)
+        with suppress(OSError):  # it has ended already, which `loaded` tells
+            self._channel.send(json.dumps(job).encode(), STARTING)
+
+    def __enter__(self) -> "_Child":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End the process, whatever has happened."""
+        self._channel.close()
+        self._process.end()
+
+    def loaded(self, seconds: float) -> str:
+        """What the file printed while it was loaded.
+
+        Raises BadFile if the process did not start, and ProcessEnded if the file could not be
+        loaded.
+        """
+        try:
+            self.receive(STARTING)
+        except ProcessEnded as ended:
+            raise BadFile(f"the process that answers did not start: {ended}") from ended
+        match self.receive(seconds):
+            case {"loaded": str() as text}:
+                return legible(text)
+            case {"trouble": str() as text}:
+                raise ProcessEnded(legible(text))
+        raise ProcessEnded("its process sent what is no answer")
+
+    def receive(self, seconds: float) -> dict[str, Any]:
+        """The next thing that the process sends. Raises ProcessEnded."""
+        try:
+            message = self._channel.receive(seconds, LARGEST)
+            found = None if message is None else json.loads(message)
+        except TimeoutError:
+            raise ProcessEnded(
+                f"stopped after {seconds:g} s: it takes too long, or does not end"
+            ) from None
+        except OSError:
+            message = None
+        except (TooLong, ValueError, RecursionError):
+            raise ProcessEnded("its process sent what is no answer") from None
+        if message is None:
+            raise ProcessEnded(self._end())
+        if not isinstance(found, dict):
+            raise ProcessEnded("its process sent what is no answer")
+        return found
+
+    def _end(self) -> str:
+        """How the process ended, for the end of a sentence."""
+        code = self._process.wait(10)
+        if code is None:
+            return "its process ended its output and went on"
+        if code < 0:
+            return f"its process was ended by {signal_name(code)}"
+        return f"it ended the program, with exit code {code}"
+
+
+def environment() -> dict[str, str]:
+    """Variables by which a process that starts in another folder finds the workbench."""
+    here = str(Path(workbench.__file__).parents[1])
+    paths = [here, *filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep))]
+    return {
+        "PYTHONPATH": os.pathsep.join(os.path.abspath(path) for path in paths),
+        "PYTHONDONTWRITEBYTECODE": "1",
+    }
+
+
+# In the process of the file.
+
+
+class Page(io.TextIOBase):
+    """A stream that keeps the beginning of what is written, and counts the rest."""
+
+    def __init__(self) -> None:
+        self._kept, self._count = "", 0
+
+    def write(self, text: str) -> int:
+        """Keep as much of a text as there is room for."""
+        self._kept += text[: max(0, KEPT - len(self._kept))]
+        self._count += len(text)
+        return len(text)
+
+    @property
+    def text(self) -> str:
+        """The beginning of what was written, and the number of characters that were not kept."""
+        left = self._count - len(self._kept)
+        return self._kept.rstrip() + (f"\n... and {left:,} characters more" if left else "")
+
+
+def main() -> None:
+    """Do the job that is sent."""
+    end_with_parent()
+    channel = Channel.inherited(int(sys.argv[-1]))
+    job = json.loads(channel.receive() or b"{}")
+    sys.dont_write_bytecode = True  # nothing is left in the student's folder
+    _limit_memory(job["memory"])
+    lecture = lecture_named(job["lecture"]) if "lecture" in job else None
+    if lecture is not None:
+        _ = lecture.checks, lecture.mistakes, lecture.solutions  # loaded before the file is
+    _send(channel, {"begun": True})
+    module, told = load(job["file"], list(job["exercises"]))
+    _send(channel, told)
+    if module is None:
+        return
+    for name, given in job["exercises"].items():
+        page, answer = Page(), getattr(module, name, None)
+        with _printing_to(page):
+            if lecture is None:
+                found = answers(name, answer, **given)
+            else:
+                found = {"results": results_of(lecture, name, answer)}
+        _send(channel, {**found, "printed": page.text})
+    os._exit(0)  # threads of the student's may still run, and exit handlers of theirs wait
+
+
+def results_of(lecture: Lecture, exercise: str, answer: Any) -> list[list[str]]:
+    """The results of an exercise as texts: state, what, expected, actual and hint of each check."""
+    return [
+        [one.state.value, one.what, one.expected, one.came, one.hint]
+        for one in grade_exercise(lecture, exercise, answer)
+    ]
+
+
+def answers(
+    exercise: str, answer: Any, parameters: Sequence[str], arguments: Sequence[Any]
+) -> dict[str, Any]:
+    """What a function returns for each of several lists of arguments, or why it is unfit."""
+    if wrong := unfit(exercise, answer, parameters):
+        return {"unfit": wrong}
+    return {"answers": [answered(answer, tuple(decode(one))) for one in arguments]}
+
+
+def load(file: str, exercises: Sequence[str]) -> tuple[ModuleType | None, dict[str, str]]:
+    """Run a student's file: its module, and {"loaded": what it printed}.
+
+    If it cannot be loaded, this is None, and {"trouble": why not}.
+    """
+    page = Page()
+    with _printing_to(page):
+        try:
+            module = _module(file)
+        except BaseException as error:
+            found = sys.modules.get("answers")
+            late = isinstance(error, SystemExit) and any(hasattr(found, e) for e in exercises)
+            if found is None or not late:
+                return None, {"trouble": error_in_words(error, file=file)}
+            module = found  # a script may end by sys.exit: what stands above is there
+    return module, {"loaded": page.text}
+
+
+def _module(file: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location("answers", file)
+    if spec is None or spec.loader is None:
+        raise ImportError(f"{Path(file).name} is not a Python file")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["answers"] = module
+    sys.path.append(str(Path(file).parent))  # at the end: it may hold a random.py
+    spec.loader.exec_module(module)
+    return module
+
+
+@contextmanager
+def _printing_to(page: Page) -> Iterator[None]:
+    with redirect_stdout(page), redirect_stderr(page), without_warnings():
+        yield
+
+
+def _send(channel: Channel, data: dict[str, Any]) -> None:
+    message = json.dumps(data).encode("ascii")
+    if len(message) > LARGEST:
+        message = json.dumps({"too large": True}).encode("ascii")
+    channel.send(message)
+
+
+def _limit_memory(gibibytes: float) -> None:
+    with suppress(ImportError, ValueError, OSError):  # not on Windows, or limited below already
+        import resource
+
+        bytes_ = int(gibibytes * 2**30)
+        resource.setrlimit(resource.RLIMIT_AS, (bytes_, bytes_))
+
+
+def _grade_here(lecture: Lecture, path: Path) -> Grade:
+    """Grade a file that runs in this process, as in a browser. One that does not end is not ended.
+
+    Afterwards its module and its folder are forgotten, and no byte code is left.
+    """
+    _ = lecture.checks, lecture.mistakes, lecture.solutions
+    paths, bytecode = list(sys.path), sys.dont_write_bytecode
+    sys.dont_write_bytecode = True
+    sys.modules.pop("answers", None)
+    try:
+        module, told = load(str(path.resolve()), lecture.exercises)
+        if module is None:
+            failed = not_done(lecture, lecture.exercises, "the file could not be loaded")
+            trouble = legible(told["trouble"])
+            return Grade(lecture, str(path), tuple(failed), trouble, note=IN_THIS_PROCESS)
+        results, printed = list[CheckResult](), {"": legible(told["loaded"])}
+        for name in lecture.exercises:
+            page = Page()
+            with _printing_to(page):
+                results += grade_exercise(lecture, name, getattr(module, name, None))
+            printed[name] = legible(page.text)
+    finally:
+        sys.path[:], sys.dont_write_bytecode = paths, bytecode
+        sys.modules.pop("answers", None)
+    printed = {name: text for name, text in printed.items() if text}
+    return Grade(lecture, str(path), tuple(results), printed=printed, note=IN_THIS_PROCESS)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,209 @@
+"""The pages of the course as a site."""
+
+import shutil
+import warnings
+from collections.abc import Callable
+from importlib.metadata import distribution
+from importlib.util import find_spec
+from io import StringIO
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from workbench.course.notebooks import executed, notebook, tool, write_notebook
+from workbench.course.outline import Lecture, course, root
+from workbench.errors import BadFile
+
+STYLE = Path(__file__).with_name("site.css")
+NEEDED = ("sphinx", "myst_nb", "sphinx-mathjax-offline")  # beside the tools of notebooks
+LIGHT, DARK = "default", "github-dark"  # the colours of code, by Pygments' names
+MADE_BY_US = "searchindex.js"  # a folder with this file is a site, which may be built anew
+SHIPPED = ("Sphinx", "Pygments", "myst-nb")  # their style sheets and scripts are copied
+LICENCE = ("licen", "copying", "notice", "authors")  # how the names of such files begin
+OTHERS = Path(__file__).with_name("licence_texts")  # of what is installed without its own: MathJax
+
+
+def refuse(folder: Path) -> None:
+    """Raise BadFile if a tool is missing, or if the folder holds anything but a site."""
+    for name in NEEDED:
+        if find_spec(name) is None:
+            tool(name)
+    if folder.exists() and not folder.is_dir():
+        raise BadFile(f"{folder} is a file; give a folder for the site")
+    if folder.exists() and any(folder.iterdir()) and not (folder / MADE_BY_US).is_file():
+        raise BadFile(f"{folder} holds something that is no site of ours; give a new folder")
+
+
+def build(title: str, pages: Path, files: Path, scratch: Path) -> Path:
+    """Build the site of the pages, with `files` copied beside them; return its folder.
+
+    Raises BadFile if Sphinx fails or warns.
+    """
+    static, out, said = scratch / "static", scratch / "out", StringIO()
+    static.mkdir()
+    (static / "site.css").write_text(_style(), encoding="utf-8")
+    settings: dict[str, Any] = {
+        "project": title,
+        "extensions": ["myst_nb", "sphinx-mathjax-offline"],
+        "myst_enable_extensions": ["dollarmath", "amsmath"],
+        "myst_heading_anchors": 4,
+        # the bar of a transpose is thinner than a pixel on many screens
+        "mathjax3_config": {"tex": {"macros": {"top": r"\mathsf{T}"}}},
+        "nb_code_prompt_show": "Show the code",
+        "nb_code_prompt_hide": "Hide the code",
+        "nb_execution_mode": "off",  # lectures were run before, where an error can be told
+        "html_theme": "basic",
+        "html_title": title,
+        "html_css_files": ["site.css"],
+        "html_static_path": [str(static)],
+        "html_extra_path": [str(files)],
+        "html_sidebars": {"**": ["searchbox.html", "globaltoc.html"]},
+        "html_copy_source": False,
+        "html_show_sphinx": False,
+        "html_show_copyright": False,
+        "html_use_index": False,
+        "html_domain_indices": False,
+        "pygments_style": LIGHT,
+        "suppress_warnings": ["myst.header"],  # documents need not go down level by level
+    }
+    sphinx, namespaces = tool("sphinx.application"), tool("sphinx.util.docutils")
+    try:
+        with (
+            warnings.catch_warnings(),
+            namespaces.patch_docutils(),
+            namespaces.docutils_namespace(),
+        ):
+            # what the libraries have to say to each other about their next versions
+            warnings.simplefilter("ignore", DeprecationWarning)
+            warnings.simplefilter("ignore", PendingDeprecationWarning)
+            app = sphinx.Sphinx(
+                pages, None, out, scratch / "doctrees", "html", settings, status=None, warning=said
+            )
+            app.build()
+    except Exception as error:
+        raise BadFile(f"Sphinx could not build the site: {error}\n{said.getvalue()}") from error
+    if app.statuscode or said.getvalue().strip():
+        raise BadFile(f"Sphinx is not content with the site: {said.getvalue().strip()}")
+    return out
+
+
+def put(out: Path, folder: Path) -> None:
+    """Put the built site into its folder, in the place of an older one."""
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        if folder.exists():
+            shutil.rmtree(folder)
+        shutil.copytree(out, folder, ignore=shutil.ignore_patterns(".buildinfo", "_sources"))
+    except OSError as error:
+        raise BadFile(f"cannot write {folder}: {error.strerror or error}") from error
+
+
+def _style() -> str:
+    """Our style sheet, and the colours of code for dark screens."""
+    formatter = tool("pygments.formatters").HtmlFormatter(style=DARK)
+    dark = formatter.get_style_defs(".highlight")
+    return (
+        f"{STYLE.read_text(encoding='utf-8')}\n@media (prefers-color-scheme: dark) {{\n{dark}\n}}\n"
+    )
+
+
+def copy_licences(folder: Path) -> None:
+    """Copy the licences of the libraries whose style sheets, scripts and fonts a site ships."""
+    shutil.copytree(OTHERS, folder)
+    for name in SHIPPED:
+        for path in distribution(name).files or ():
+            if path.name.lower().startswith(LICENCE) and path.suffix not in (".py", ".pyc"):
+                source = Path(str(path.locate()))
+                if source.is_file():
+                    shutil.copy(source, folder / f"{name}-{path.stem}.txt")
+
+
+GUIDES = ("GUIDE", "PLANS", "AUTHORS")  # the pages beside the lectures
+TABLE = "<!-- the outline -->"  # a guide has this line where the table of lectures belongs
+Tell = Callable[[str], None]  # is called with a line for each part that begins
+
+
+def write_course_pages(pages: Path, files: Path, tell: Tell) -> None:
+    """Run every lecture and write its page, the index of the course, and the guides.
+
+    `pages` receives what Sphinx reads, `files` what readers download; both are made. Raises
+    CellFailed if a lecture stops with an error.
+    """
+    pages.mkdir(parents=True, exist_ok=True)
+    files.mkdir(parents=True, exist_ok=True)
+    there = [one for one in course() if one.there]
+    for one in there:
+        tell(f"running lecture {one.number}, {one.title}")
+        _write_lecture(one, pages, files)
+    (pages / "index.md").write_text(_index(there), encoding="utf-8")
+    for guide in GUIDES:
+        text = (root() / f"{guide}.md").read_text(encoding="utf-8")
+        (pages / f"{guide}.md").write_text(text.replace(TABLE, _table()), encoding="utf-8")
+
+
+def _write_lecture(one: Lecture, pages: Path, files: Path) -> None:
+    made, name = notebook(one), one.folder_name
+    write_notebook(made, files / f"{name}.ipynb")
+    shutil.copy(one.folder / "exercises.py", files / f"{name}.py")
+    with TemporaryDirectory() as scratch:
+        done = executed(made, one, Path(scratch))
+    first = done.cells[0]
+    head, _, rest = first.source.partition("\n")
+    facts = (
+        f'<p class="facts">Lecture {one.number}, {one.minutes} minutes. Assumes {one.assumes}. '
+        f'<a href="{name}.ipynb">notebook</a>, <a href="{name}.py">exercises</a></p>'
+    )
+    first.source = f"{head}\n\n{facts}\n{rest}"
+    write_notebook(done, pages / f"{name}.ipynb")
+
+
+def _index(there: list[Lecture]) -> str:
+    """The first page of the course: every lecture with its question."""
+    rows = [
+        f"| {one.number} | [{one.title}]({one.folder_name}.ipynb)<br>{one.question} "
+        f"| {one.minutes} | {sum(check.points for check in one.checks)} |"
+        if one.there
+        else f"| {one.number} | {one.title} (to come) | | |"
+        for one in course()
+    ]
+    names = [one.folder_name for one in there]
+    return (
+        "# Body models, from a function to a posterior\n\n"
+        "A course on the workbench. All figures and numbers on these pages were computed by the "
+        "code beside them when the pages were made.\n\n"
+        "| | lecture | minutes | points |\n| --- | --- | --- | --- |\n" + "\n".join(rows) + "\n\n"
+        "```{toctree}\n:hidden:\n\n" + "\n".join((*names, *GUIDES)) + "\n```\n"
+    )
+
+
+def _table() -> str:
+    """What each lecture assumes and teaches, and how long it and its exercises take, in minutes."""
+    rows = [
+        f"| {one.number} | {one.title}{'' if one.there else ' (to come)'} | {one.minutes} "
+        f"| {one.exercise_minutes if one.there else ''} | {one.assumes} | {one.teaches} |"
+        for one in course()
+    ]
+    head = (
+        "| | lecture | minutes | exercises (estimated) | assumes | teaches |\n"
+        "| --- | --- | --- | --- | --- | --- |"
+    )
+    return "\n".join((head, *rows))
+
+
+def write_course_site(folder: str | Path, tell: Tell = lambda said: None) -> Path:
+    """Run every lecture, write a site of the course alone, and return its first page.
+
+    `tell` is called with a line for each part that begins. Raises BadFile if a tool is missing, if
+    Sphinx warns, or if the folder holds something else than a site, and CellFailed, which is a
+    BadFile, if a lecture fails.
+    """
+    folder = Path(folder)
+    refuse(folder)
+    with TemporaryDirectory(prefix="workbench-site-") as place:
+        scratch = Path(place)
+        pages, files = scratch / "pages", scratch / "files"
+        write_course_pages(pages, files, tell)
+        copy_licences(files / "licences")
+        tell("writing pages")
+        put(build("Body models", pages, files, scratch), folder)
+    return folder / "index.html"

@@ -1,0 +1,528 @@
+"""What a diagnosis found: the Jacobian's sparsity and singular values, sigmas, and designs."""
+
+from collections import Counter
+from collections.abc import Sequence
+from functools import partial
+from itertools import pairwise
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from workbench.arrays import Index, Mask
+from workbench.diagnostics import Diagnosis, Direction, MeasurementDesign
+from workbench.diagnostics.words import counted
+from workbench.errors import BadArgument
+from workbench.fitting.profile_likelihood import Profile
+from workbench.plots.palette import BLUE, FAINT, GREEN, LINES, MARKERS, VERMILLION
+from workbench.plots.style import apart, decades, drawn, note_at, plain, shortened
+
+PIXELS = 720  # of the drawing, top to bottom
+MOST_LABELLED = 200  # columns: of more, joints are too narrow for their names
+THINNEST = 0.04  # of the height: what a term gets at least, so that it can be read
+
+
+def plot_sparsity(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
+    """The pattern (m, n): a row per residual, grouped by term, a column per free number, by block.
+
+    Where several rows share a line, the line shows every column that any of them reads.
+    """
+    m, n = diagnosis.shape
+    terms = term_names(diagnosis)
+    heights = lines(np.diff(diagnosis.row_edges))
+    drawn = [
+        squeezed(diagnosis.pattern[top:bottom], height)
+        for (top, bottom), height in zip(pairwise(diagnosis.row_edges), heights, strict=True)
+    ]
+    image = np.vstack(drawn) if drawn else np.zeros((1, max(n, 1)), dtype=bool)
+    two = ListedColormap(["white", BLUE])
+    extent = (0, max(n, 1), len(image), 0)
+    ax.imshow(image, two, aspect="auto", interpolation="nearest", vmin=0, vmax=1, extent=extent)
+    rows = np.cumsum([0, *heights])
+    columns = [0, *(part.stop for part in diagnosis.free.slices.values())]
+    for edge in rows[1:-1]:
+        ax.axhline(float(edge), color=FAINT, linewidth=0.8)
+    for edge in columns[1:-1]:
+        ax.axvline(edge, color=FAINT, linewidth=0.8)
+    _label_rows(ax, terms, rows, np.diff(diagnosis.row_edges))
+    _label_columns(ax, diagnosis.free.names, np.asarray(columns))
+    _label_joints(ax, diagnosis)
+    ax.spines[:].set_visible(True)
+    ax.set(xlabel="free numbers, by block (columns)", ylabel="whitened residuals, by term (rows)")
+    ax.set_title(
+        f"{m:,} × {n:,}, {diagnosis.nonzeros:,} nonzeros ({diagnosis.density:.1%})", loc="left"
+    )
+    return ax
+
+
+def caption_sparsity(diagnosis: Diagnosis) -> str:
+    """What `plot_sparsity` shows."""
+    m, n = diagnosis.shape
+    sizes = np.diff(diagnosis.row_edges)
+    text = (
+        f"An entry is blue where one of the {m:,} residuals depends on one of the {n:,} free "
+        f"numbers by structure: {diagnosis.density:.1%} of the entries."
+    )
+    if (sizes > np.array(lines(sizes))).any():
+        text += " Several rows share a line, which is blue where any of them is."
+    if (sizes < THINNEST * m).any():
+        text += " Small terms are drawn taller than to scale."
+    return text
+
+
+def term_names(diagnosis: Diagnosis) -> list[str]:
+    """The residuals, from the top down."""
+    return list(dict.fromkeys(term.residual for term in diagnosis.terms))
+
+
+def lines(sizes: Sequence[int] | Index) -> list[int]:
+    """How many lines of the drawing each term gets: to scale, but never too thin to see."""
+    share = np.maximum(
+        np.asarray(sizes, dtype=float), min(THINNEST, 0.5 / max(len(sizes), 1)) * np.sum(sizes)
+    )
+    share = share / max(share.sum(), 1.0)
+    return [max(1, round(PIXELS * float(s))) for s in share]
+
+
+def squeezed(pattern: Mask, height: int) -> Mask:
+    """Rows (m, n) on `height` lines: any nonzero where rows share a line, else repeated."""
+    m = len(pattern)
+    if m == 0:
+        return np.zeros((height, pattern.shape[1]), dtype=bool)
+    starts = np.arange(height) * m // height
+    if m <= height:
+        return pattern[starts]
+    return np.logical_or.reduceat(pattern, starts, axis=0)
+
+
+def _label_rows(ax: Axes, names: Sequence[str], edges: Index, sizes: Index) -> None:
+    middles = [(a + b) / 2 for a, b in pairwise(edges.tolist())]
+    kept = apart(middles, np.diff(edges).tolist(), 0.035 * float(edges[-1]))
+    labels = [plain(f"{shortened(names[i], 24)}: {sizes[i]:,}") for i in kept]
+    ax.set_yticks([middles[i] for i in kept], labels)
+    ax.tick_params(axis="y", length=0)
+
+
+def _label_joints(ax: Axes, diagnosis: Diagnosis) -> None:
+    """Above the columns of a pose, the joint to which each three belong."""
+    free = diagnosis.free
+    if not 0 < free.size <= MOST_LABELLED:
+        return
+    names: list[str] = []
+    middles: list[float] = []
+    for tree in diagnosis.problem.trees:
+        turned = tree.turned(free)
+        names += [tree.names[k] for k in turned]
+        middles += [place.start + 1.5 for place in turned.values()]
+        for place in list(turned.values())[1:]:
+            ax.axvline(place.start, color=FAINT, linewidth=0.3, alpha=0.5)
+    if names:
+        above = ax.secondary_xaxis("top")
+        above.set_xticks(middles, [plain(shortened(name, 16)) for name in names], rotation=90)
+        above.tick_params(axis="x", length=0, labelsize=6)
+        above.spines[:].set_visible(False)
+
+
+def _label_columns(ax: Axes, names: Sequence[str], edges: Index) -> None:
+    middles = [(a + b) / 2 for a, b in pairwise(edges.tolist())]
+    sizes = np.diff(edges)
+    kept = apart(middles, sizes.tolist(), 0.03 * float(edges[-1]))
+    labels = [f"{shortened(names[i], 24)}\n{sizes[i]:,}" for i in kept]
+    widths = [  # at 75 letters to the axis
+        (2 + max(map(len, label.split("\n")))) / 75 * float(edges[-1]) for label in labels
+    ]
+    spaces = [middles[j] - middles[i] for i, j in pairwise(kept)]
+    tight = any(s < (a + b) / 2 for s, (a, b) in zip(spaces, pairwise(widths), strict=True))
+    if tight and len(kept) <= 6:  # every other label two lines lower
+        labels = [label if k % 2 == 0 else "\n\n" + label for k, label in enumerate(labels)]
+    elif tight:
+        labels = [label.replace("\n", ": ") for label in labels]
+    ax.set_xticks([middles[i] for i in kept], [plain(label) for label in labels])
+    if tight and len(kept) > 6:
+        for label in ax.get_xticklabels():
+            label.set(rotation=35, ha="right", rotation_mode="anchor")
+    ax.tick_params(axis="x", length=0)
+
+
+def sparsity_sheet(diagnosis: Diagnosis) -> Figure:
+    """The sparsity pattern of the Jacobian."""
+    return drawn(partial(plot_sparsity, diagnosis), 8.0, 5.4)
+
+
+MOST_LINES = 26  # lines of text beside the spectrum
+WIDEST = 44  # letters in one
+FAR = 1e4  # times the tolerance: above it no singular value is near
+
+
+def plot_singular_values(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
+    """Singular values, largest first, on a logarithmic axis; hollow below the tolerance.
+
+    The directions of the hollow ones are named beside them.
+    """
+    s, n, rank = diagnosis.singular_values, diagnosis.shape[1], diagnosis.rank
+    floor = _floor(diagnosis)
+    # What constraints forbid comes first.
+    index = np.arange(1, s.size + 1) + rank - diagnosis.reduced_rank
+    seen = index <= rank
+    drawn = np.maximum(s, floor)
+    ax.plot(index[seen], drawn[seen], "o", color=BLUE, markersize=4, label="seen")
+    hollow = index[~seen], drawn[~seen]
+    ax.plot(*hollow, "o", color=VERMILLION, ms=5, mfc="none", label="below the tolerance")
+    if diagnosis.tolerance > floor:
+        ax.axhline(diagnosis.tolerance, color=VERMILLION, linewidth=1.0, linestyle="--")
+        text = f"tolerance {diagnosis.tolerance:.1e}"
+        note_at(ax, text, 0.02, diagnosis.tolerance, VERMILLION)
+    top = 10 * max(float(s.max(initial=0.0)), 10 * floor)
+    ax.set(yscale="log", xlim=(0.0, n + 1.0), ylim=(floor / 3, top))
+    if rank < n:
+        ax.axvline(rank + 0.5, color=FAINT, linewidth=1.0)
+        ax.axvspan(rank + 0.5, n + 1.0, color=VERMILLION, alpha=0.07, linewidth=0)
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+    ax.grid(color=FAINT, alpha=0.25, linewidth=0.6)
+    ax.set(xlabel="index, largest first", ylabel="singular value (whitened residual per unit)")
+    if rank == n:
+        ax.set_title(f"rank {rank} of {n}, condition {diagnosis.condition:.3g}", loc="left")
+        return ax
+    ax.set_title(f"rank {rank} of {n}", loc="left")
+    ax.text(
+        1.03,
+        1.0,
+        "\n".join(plain(line) for line in unseen(diagnosis)),
+        transform=ax.transAxes,
+        va="top",
+        fontsize=9,
+        linespacing=1.35,
+    )
+    return ax
+
+
+def caption_singular_values(diagnosis: Diagnosis) -> str:
+    """What `plot_singular_values` shows."""
+    s, n, rank = diagnosis.singular_values, diagnosis.shape[1], diagnosis.rank
+    k = diagnosis.reduced_rank
+    first = f"Constraints forbid {rank - k} of {n} directions. " if rank > k else ""
+    if rank == n and s.size:
+        every = n if rank == k else f"other {k}"
+        return (
+            f"{first}The residuals change along all {every} directions: the singular values fall "
+            f"from {s[0]:.3g} to {s[-1]:.3g}, so that the condition number is "
+            f"{diagnosis.condition:.3g}."
+        )
+    where = (
+        f" The singular values fall from {s[k - 1]:.2g} (number {k}) to {s[k]:.2g} "
+        f"(number {k + 1})."
+        if 0 < k < s.size
+        else ""
+    )
+    return (
+        f"{first}The residuals change along {k} of {n} directions; along the other {n - rank} the "
+        f"free numbers can change without changing any residual.{where} The table below names "
+        "these directions."
+    )
+
+
+def unseen(diagnosis: Diagnosis) -> list[str]:
+    """The null directions in a few short lines."""
+    if diagnosis.rank == diagnosis.shape[1]:
+        return ["every direction changes a residual", f"condition {diagnosis.condition:.3g}"]
+    found = diagnosis.null_directions
+    text = [f"{counted(len(found), 'null direction')}", *_entries(found)]
+    alone = [d.joints[0] for d in found if d.kind == "twist" and len(d.joints) == 1]
+    pairs = [" / ".join(d.joints) for d in found if d.kind == "twist" and len(d.joints) > 1]
+    text += _group(alone, "of one joint alone") + _group(pairs, "undone at the child")
+    named = ("twist", "entry", "joint", "mixed")
+    others = [d.name for d in found if d.kind not in named]  # gauges, shifts, blocks
+    text += [name.partition(", undone by ")[0] for name in others]
+    longer = [d.name for d in found if d.kind in ("joint", "mixed")]
+    text += longer if len(longer) < 4 else [f"{len(longer)} combinations of more: see the table"]
+    if len(text) > MOST_LINES:
+        text = [
+            *text[: MOST_LINES - 1],
+            f"… {len(text) - MOST_LINES + 1} lines more: see the table",
+        ]
+    return [shortened(line, WIDEST) for line in text]
+
+
+def _entries(found: tuple[Direction, ...]) -> list[str]:
+    entries = [d.name for d in found if d.kind == "entry"]
+    if len(entries) <= 3:
+        return entries
+    blocks = Counter(name.partition("[")[0] for name in entries)
+    return [f"{count} single entries of {block}" for block, count in blocks.items()]
+
+
+def _group(names: list[str], kind: str) -> list[str]:
+    if not names:
+        return []
+    counted = f"{len(names)} {'turn' if len(names) == 1 else 'turns'} {kind}:"
+    return [counted, *(f"   {name}" for name in names)]
+
+
+def _floor(diagnosis: Diagnosis) -> float:
+    """Where the axis ends, and values that are zero, or nearly, are drawn."""
+    s, tolerance = diagnosis.singular_values, diagnosis.tolerance
+    above = s[s > 0]
+    if not above.size:
+        return 1e-1
+    least = float(above.min())
+    if diagnosis.rank == diagnosis.shape[1] and least > FAR * tolerance:
+        return least / 10  # a tolerance so far below would leave the drawing empty
+    return max(min(least, tolerance), 1e-4 * tolerance) / 3
+
+
+def singular_values_sheet(diagnosis: Diagnosis) -> Figure:
+    """The singular values, as tall as the text beside them needs."""
+    return drawn(
+        partial(plot_singular_values, diagnosis),
+        8.0,
+        max(4.2, 0.9 + 0.185 * len(unseen(diagnosis))),
+    )
+
+
+def plot_sigmas(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
+    """Posterior standard deviation of every entry, block by block, and its prior's as a dash."""
+    known = diagnosis.identifiability
+    for i, block in enumerate(diagnosis.free.blocks):
+        at = diagnosis.free.slices[block.name]
+        x = np.arange(at.start, at.stop)
+        sigma, prior = known.sigma[at], known.prior_sigma[at]
+        seen = np.isfinite(sigma) & (sigma > 0)  # one that a bound fixes has none to draw
+        colour, marker = LINES[i % len(LINES)], MARKERS[i % len(MARKERS)]
+        # Of a block of which nothing is known only the strips tell.
+        label = f"{block.name} ({block.unit})" if seen.any() else None
+        ax.plot(x[seen], sigma[seen], marker, color=colour, markersize=4, label=label)
+        finite = np.isfinite(prior)
+        ax.plot(x[finite], prior[finite], "_", color=colour, markersize=7)
+        ax.axvline(at.stop - 0.5, color=FAINT, linewidth=0.6, alpha=0.5)
+    blind = np.flatnonzero(~np.isfinite(known.sigma))
+    for i, (first, last) in enumerate(_runs(blind)):  # no number is known, so none is drawn
+        label = None if i else "unknown: no finite standard deviation"
+        ax.axvspan(first - 0.5, last + 0.5, color=VERMILLION, alpha=0.13, linewidth=0, label=label)
+    numbers = np.concatenate([known.sigma, known.prior_sigma])
+    if not (np.isfinite(numbers) & (numbers > 0)).any():  # nothing to put on an axis of numbers
+        ax.set_yticks([])
+        ax.set_xlim(-0.5, blind.size - 0.5)
+    else:
+        drawn = numbers[np.isfinite(numbers) & (numbers > 0)]
+        ax.set_ylim(drawn.min() / 2, drawn.max() * 60)  # room for the legend
+        ax.set_yscale("log")
+    ax.set_xlabel("entry, in the order of the table below")
+    ax.set_ylabel("standard deviation (the entry's unit)")
+    ax.grid(axis="y", color=FAINT, alpha=0.25, linewidth=0.6)
+    ax.legend(loc="upper right", ncols=2)
+    ax.margins(x=0.01)
+    return ax
+
+
+def _runs(entries: Index) -> list[tuple[int, int]]:
+    """The first and last entry of each run of consecutive entries."""
+    if not entries.size:
+        return []
+    parts = np.split(entries, np.flatnonzero(np.diff(entries) > 1) + 1)
+    return [(int(part[0]), int(part[-1])) for part in parts]
+
+
+def caption_sigmas(diagnosis: Diagnosis) -> str:
+    """What `plot_sigmas` shows."""
+    known = diagnosis.identifiability
+    blind = int(np.sum(~np.isfinite(known.sigma)))
+    said = [
+        "How well each unknown is determined: its standard deviation in Laplace's approximation. "
+        "Lower is better."
+    ]
+    if diagnosis.priors:
+        said.append(
+            "Dashes are the standard deviations of the priors alone; where a mark lies on its "
+            "dash, the data say nothing about the unknown."
+        )
+    if blind:
+        entries = "1 entry takes" if blind == 1 else f"{blind} entries take"
+        said.append(
+            f"{entries} part in directions that change no residual: their standard deviation is "
+            "infinite and cannot be drawn; the shaded strips show which entries these are."
+        )
+    return " ".join(said)
+
+
+def plot_data_share(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
+    """The share of its information that comes from the data, for every direction, largest first.
+
+    Raises BadArgument for a sparse Jacobian, which is factorized without singular values.
+    """
+    known = diagnosis.identifiability
+    if known.data_share is None:
+        raise BadArgument(
+            "the shares of single directions take singular values, which are not computed of a "
+            f"sparse Jacobian; the data decide {known.effective:.1f} of {diagnosis.shape[1]} "
+            "directions"
+        )
+    share = np.sort(known.data_share)[::-1]
+    x = np.arange(1, share.size + 1)
+    ax.fill_between(x, share, step="mid", color=BLUE, alpha=0.25, linewidth=0)
+    ax.step(x, share, where="mid", color=BLUE)
+    ax.axhline(0.5, color=VERMILLION, linewidth=1.0, linestyle="--")
+    note_at(ax, "half from the data", 0.99, 0.5, VERMILLION)
+    ax.set(ylim=(0, 1.04), xlim=(0.5, share.size + 0.5))
+    ax.set(xlabel="direction, those that the data know best first")
+    ax.set(ylabel="share from the data (0 to 1)")
+    ax.set_title(
+        f"the data decide {share.sum():.1f} of {diagnosis.shape[1]} directions", loc="left"
+    )
+    return ax
+
+
+def caption_data_share(diagnosis: Diagnosis) -> str:
+    """What `plot_data_share` shows."""
+    known = diagnosis.identifiability
+    return (
+        f"How much of the information on each direction comes from the data; the rest comes from "
+        f"{' and '.join(diagnosis.priors)}. The data know {known.better_from_data} directions "
+        f"better than the priors do; the area under the curve, {known.effective:.1f}, is the "
+        "effective number of degrees of freedom."
+    )
+
+
+def plot_taylor(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
+    """|r(x + h d) - r(x) - h J d| against h on two logarithmic axes, with a slope of two."""
+    check = diagnosis.derivatives
+    h, error = check.steps, check.taylor
+    drawn = np.isfinite(error) & (error > 0)
+    ax.loglog(h[drawn], error[drawn], "o-", color=BLUE, markersize=4, label="this Jacobian")
+    if drawn.any():
+        for slope, line, verdict in ((2, "--", "right"), (1, ":", "wrong")):
+            y = error[drawn][0] * (h / h[drawn][0]) ** slope
+            ax.loglog(h, y, color=FAINT, linestyle=line, label=f"slope {slope}: {verdict}")
+    ax.set(xlabel="step h (units of the unknowns)", ylabel="error of the linear model (sigmas)")
+    ax.grid(color=FAINT, alpha=0.25, linewidth=0.6)
+    ax.legend(loc="upper left")
+    return ax
+
+
+def caption_taylor(diagnosis: Diagnosis) -> str:
+    """What `plot_taylor` shows."""
+    check = diagnosis.derivatives
+    slope = check.slope
+    if slope is None:
+        return "The residual is linear, or too nearly so for its second order to be seen."
+    verdict = "as it must" if slope > 1.5 else "but should shrink like h^2: a derivative is wrong"
+    h, error = check.steps, check.taylor
+    largest, least = np.argmax(h), np.argmin(h)
+    expected = error[largest] * (h[least] / h[largest]) ** slope
+    rounded = " At the smallest steps rounding dominates." if error[least] > 2 * expected else ""
+    return (
+        f"The error of the linear model for a step of length h in a random direction shrinks like "
+        f"h^{slope:.2f}, {verdict}.{rounded}"
+    )
+
+
+SHOWN = 2.5  # of the rise at the ends of the interval: the height of the axes
+
+
+def plot_profile_likelihood(profile: Profile, *, ax: Axes) -> Axes:
+    """The rise of the cost against the entry, beside Laplace's parabola, with the interval."""
+    rises = profile.costs - profile.costs.min()
+    ax.axhspan(0, profile.rise, color=GREEN, alpha=0.08, linewidth=0)
+    ax.axhline(profile.rise, color=FAINT, linewidth=0.8)
+    ax.plot(profile.at, rises, "o-", color=BLUE, markersize=4, label="profile")
+    if np.isfinite(profile.sd):
+        x = np.linspace(profile.at[0], profile.at[-1], 200)
+        parabola = ((x - profile.best) / profile.sd) ** 2 / 2
+        ax.plot(x, parabola, "--", color=VERMILLION, label="Laplace")
+    for end in profile.interval:
+        if np.isfinite(end):
+            ax.plot([end, end], [0, profile.rise], color=BLUE, linewidth=0.9)
+    unit = "" if profile.unit == "1" else f" ({profile.unit})"
+    ax.set(
+        xlabel=f"{profile.entry}{unit}",
+        ylabel="rise of the lowest cost",
+        ylim=(0, SHOWN * profile.rise),
+    )
+    ax.legend(loc="upper center")
+    return ax
+
+
+def caption_profile_likelihood(profile: Profile) -> str:
+    """What `plot_profile_likelihood` shows."""
+    return (
+        "Every point is a fit of all other unknowns. Where the lowest cost has risen by "
+        f"{profile.rise:.2f}, the interval ends: {profile}."
+    )
+
+
+MOST_RANKED = 30  # candidates, of which the last is the worst
+LETTERS = 34
+
+
+def plot_measurement_ranking(found: MeasurementDesign, *, ax: Axes) -> Axes:
+    """The criterion after each candidate by itself, and before, as a line."""
+    shown = (
+        [*found.ranking]
+        if len(found.ranking) <= MOST_RANKED
+        else [*found.ranking[: MOST_RANKED - 1], found.ranking[-1]]
+    )
+    y = np.arange(len(shown))[::-1]
+    known = [bool(np.isfinite(one.sd)) for one in shown]
+    for chosen, colour, marker in ((False, BLUE, "o"), (True, VERMILLION, "D")):
+        at = [i for i, one in enumerate(shown) if known[i] and (one.name in found.chosen) == chosen]
+        label = "chosen" if chosen else "not chosen"
+        ax.plot([shown[i].sd for i in at], y[at], marker, color=colour, markersize=5, label=label)
+    low, high = _range(found, [one.sd for one in shown])
+    for i in np.flatnonzero(~np.array(known)):
+        ax.text(high, y[i], "undetermined", ha="right", va="center", color=VERMILLION, fontsize=8)
+    if np.isfinite(found.before.sd):
+        ax.axvline(found.before.sd, color=FAINT, linestyle="--", linewidth=1.0, label="before")
+    ax.set_yticks(y, [plain(shortened(one.name, LETTERS)) for one in shown])
+    ax.set_ylim(-0.7, len(shown) - 0.3)
+    _logarithmic(found, ax, low, high)
+    ax.grid(axis="x", color=FAINT, alpha=0.25, linewidth=0.6)
+    ax.legend(loc="upper center", bbox_to_anchor=(0.5, 1.0 + 1.1 / len(shown)), ncols=3)
+    return ax
+
+
+def plot_measurement_choice(found: MeasurementDesign, *, ax: Axes) -> Axes:
+    """The criterion after the first chosen candidate, the first two, and so on."""
+    scores = (found.before, *found.steps)
+    names = ("before", *(f"+ {name}" for name in found.chosen))
+    known = [i for i, score in enumerate(scores) if np.isfinite(score.sd)]
+    y = np.arange(len(scores))[::-1]
+    ax.plot([scores[i].sd for i in known], y[known], "D-", color=VERMILLION, markersize=5)
+    low, high = _range(found, [score.sd for score in scores])
+    ax.set_yticks(y, [plain(shortened(name, LETTERS)) for name in names])
+    ax.set_ylim(-0.7, len(scores) - 0.3)
+    _logarithmic(found, ax, low, high)
+    ax.grid(axis="x", color=FAINT, alpha=0.25, linewidth=0.6)
+    return ax
+
+
+def _range(found: MeasurementDesign, sds: list[float]) -> tuple[float, float]:
+    all_of = np.array([found.before.sd, *sds])
+    all_of = all_of[np.isfinite(all_of) & (all_of > 0)]
+    if not all_of.size:
+        return 0.1, 1.0
+    return float(all_of.min() / 1.15), float(all_of.max() * 1.15)
+
+
+def _logarithmic(found: MeasurementDesign, ax: Axes, low: float, high: float) -> None:
+    ax.set_xscale("log")
+    ax.set_xlim(low, high)
+    decades(ax.xaxis, low, high)
+    ax.set_xlabel(f"expected standard deviation ({plain(found.unit)})")
+
+
+def caption_measurement_ranking(found: MeasurementDesign) -> str:
+    """What `plot_measurement_ranking` shows."""
+    more = ""
+    if len(found.ranking) > MOST_RANKED:
+        best = f"The best {MOST_RANKED - 1} of {len(found.ranking)} candidates"
+        more = f" {best} are shown, and the worst."
+    return (
+        f"What would be known after each candidate by itself, by {found.criterion}. Left is "
+        f"better; the dashed line is what is known before.{more}"
+    )
+
+
+def caption_measurement_choice(found: MeasurementDesign) -> str:
+    """What `plot_measurement_choice` shows."""
+    return "What is known after the first of the chosen candidates, the first two, and so on."

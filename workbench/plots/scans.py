@@ -1,0 +1,298 @@
+"""Registered scans: distances, the cost over a joint's angle, and the basins of ICP."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize, to_rgb
+from matplotlib.figure import Figure
+from matplotlib.ticker import MultipleLocator
+
+from workbench.arrays import Array, Index, Mask
+from workbench.errors import BadArgument
+from workbench.geometry.rotation import matrix_from_vector
+from workbench.plots.body import Look, back, front, painted, side
+from workbench.plots.palette import AMOUNT, DASHES, FAINT, INK, LINES, MARKERS, SKIN
+from workbench.plots.style import house_style
+from workbench.registration import BasinMap
+from workbench.training.progress import LogEntry
+
+MM = 1e3
+BEHIND = 0.02  # m: a point this far behind the surface that hides it is not drawn
+LAST = 98  # percent of the points in contact are within the scale of colours
+MOST = 15_000  # points drawn in one view
+
+
+def left(vertices: Array) -> Array:
+    """The view from the body's left side; it faces to the left."""
+    x, y, z = vertices.T
+    return np.column_stack([-z, y, x])
+
+
+SIDES: dict[str, Look] = {"front": front, "right side": side, "back": back, "left side": left}
+
+
+def registered_scan_sheet(
+    vertices: Array,
+    faces: Index,
+    points: Array,
+    distances: Array,
+    touching: Mask,
+    facing: float,
+) -> Figure:
+    """The points of a scan (M, 3) m on the surface (N, 3) m, from four sides of the body.
+
+    `distances` (M,) m give the colours of the `touching` ones; the others are grey. `facing` is
+    the angle in rad about the vertical by which the body is turned from +z.
+    """
+    amounts = MM * np.abs(distances)
+    end = float(np.ceil(np.percentile(amounts[touching], LAST))) if touching.any() else 1.0
+    scale = ScalarMappable(Normalize(0.0, end), AMOUNT)
+    colours = np.asarray(scale.to_rgba(np.where(touching, amounts, 0.0)))
+    colours[~touching] = (*to_rgb(FAINT), 1.0)
+    some = np.random.default_rng(0).permutation(len(points))[:MOST]
+    turn = matrix_from_vector([0.0, -facing, 0.0]).T
+
+    def plot(look: Look, ax: Axes) -> None:
+        solid, dots = look(vertices @ turn), look(points[some] @ turn)
+        ax.add_collection(painted(solid[:, :2], solid, faces))
+        shown = _in_front(dots, solid)
+        order = np.argsort(dots[shown, 2])
+        across, up = dots[shown][order, :2].T
+        ax.scatter(
+            across,
+            up,
+            c=colours[some][shown][order],
+            s=1.2,
+            linewidths=0,
+            rasterized=True,
+        )
+
+    figure = _four(plot, vertices @ turn)
+    beyond = "max" if bool((amounts[touching] > end).any()) else "neither"
+    figure.colorbar(scale, ax=figure.axes, shrink=0.8, pad=0.01, extend=beyond).set_label(
+        "distance to the surface (mm)"
+    )
+    return figure
+
+
+def caption_registered_scan(distances: Array, touching: Mask) -> str:
+    """What `registered_scan_sheet` shows."""
+    near = MM * np.abs(distances[touching])
+    if not len(near):
+        return "The points of the scan over the registered surface: none of them touches it."
+    half, most = np.percentile(near, [50, 95])
+    return (
+        f"The points of the scan over the registered surface, from four sides of the body. "
+        f"{100 * touching.mean():.0f} % of the points touch the surface; of these, half are within "
+        f"{half:.1f} mm and 95 % within {most:.1f} mm. Grey points have no contact. Look for whole "
+        "regions of one colour: there the surface misses the scan, where single points only "
+        "scatter."
+    )
+
+
+def unseen_sheet(vertices: Array, faces: Index, seen: Mask, sd: Array, facing: float) -> Figure:
+    """The surface (N, 3) m from four sides: pale where it was `seen` (N,), elsewhere coloured by
+    the standard deviation `sd` (N,) m of the place of each vertex.
+    """
+    of_faces = MM * sd[faces].mean(axis=1)
+    hidden = np.asarray(~seen[faces].any(axis=1))
+    end = float(of_faces[hidden].max()) if hidden.any() else float(of_faces.max(initial=1.0))
+    scale = ScalarMappable(Normalize(0.0, end), AMOUNT)
+    colours = np.where(hidden[:, None], np.asarray(scale.to_rgba(of_faces))[:, :3], to_rgb(SKIN))
+    turn = matrix_from_vector([0.0, -facing, 0.0]).T
+
+    def plot(look: Look, ax: Axes) -> None:
+        solid = look(vertices @ turn)
+        ax.add_collection(painted(solid[:, :2], solid, faces, colours, 0.25))
+
+    figure = _four(plot, vertices @ turn)
+    figure.colorbar(scale, ax=figure.axes, shrink=0.8, pad=0.01).set_label(
+        "sd of what was not seen (mm)"
+    )
+    return figure
+
+
+def caption_unseen(seen: Mask, sd: Array) -> str:
+    """What `unseen_sheet` shows."""
+    hidden = ~seen
+    if not hidden.any():
+        return "The registered surface, pale where the scan saw it: it saw all of it."
+    root = MM * float(np.sqrt(np.mean(sd[hidden] ** 2)))
+    return (
+        f"The registered surface, pale where the scan saw it. The other "
+        f"{100 * hidden.mean():.0f} % of the vertices rest on the priors of pose and shape alone: "
+        "their colour is the standard deviation of the fitted body there, by Laplace's "
+        f"approximation ({root:.0f} mm, root mean square). It holds if the pose is the right one."
+    )
+
+
+def _four(plot: Callable[[Look, Axes], None], vertices: Array) -> Figure:
+    with house_style():
+        figure = Figure(figsize=(9.0, 3.9), layout="constrained")
+        axes = list(figure.subplots(1, len(SIDES), sharey=True))
+        for (name, look), ax in zip(SIDES.items(), axes, strict=True):
+            plot(look, ax)
+            across, up = _extents(look, vertices)
+            ax.set(xlim=across, ylim=up)
+            ax.set_aspect("equal")
+            ax.set_title(name)
+            ax.set_xticks([])
+            ax.spines["bottom"].set_visible(False)
+        axes[0].set_ylabel("y (m)")
+    return figure
+
+
+def _extents(look: Look, vertices: Array) -> tuple[tuple[float, float], tuple[float, float]]:
+    """The limits of x and y, with room on all sides; x is as wide in all views."""
+    wide = max(float(np.ptp(one(vertices)[:, 0])) for one in SIDES.values())
+    flat = look(vertices)
+    room = 0.05 * float(np.ptp(flat[:, 1]))
+    middle = float(flat[:, 0].min() + flat[:, 0].max()) / 2
+    across = middle - wide / 2 - room, middle + wide / 2 + room
+    return across, (float(flat[:, 1].min()) - room, float(flat[:, 1].max()) + room)
+
+
+def _in_front(dots: Array, solid: Array) -> Mask:
+    """Which points (M, 3) are hidden by no vertex (N, 3), in coordinates right, up, towards.
+
+    A vertex hides what is more than 2 cm behind it in the same cell of a coarse grid.
+    """
+    low = np.minimum(dots[:, :2].min(axis=0), solid[:, :2].min(axis=0))
+    cell = max(float(np.ptp(solid[:, 1])) / 80, 1e-6)
+    across = int((max(dots[:, 0].max(), solid[:, 0].max()) - low[0]) / cell) + 1
+
+    def cells(x: Array) -> Index:
+        at = ((x[:, :2] - low) / cell).astype(np.int64)
+        return np.asarray(at[:, 1] * across + at[:, 0])
+
+    of_dots, of_solid = cells(dots), cells(solid)
+    nearest = np.full(int(max(of_dots.max(), of_solid.max())) + 1, -np.inf)
+    np.maximum.at(nearest, of_solid, solid[:, 2])
+    return np.asarray(dots[:, 2] > nearest[of_dots] - BEHIND)
+
+
+SMALL = 1e-3  # of the largest cost: terms that are always smaller are left out
+
+
+def plot_joint_cost(log: Sequence[LogEntry], *, ax: Axes) -> Axes:
+    """The terms of a cost after each block, and their sum, on a logarithmic axis."""
+    terms = [log[0].before, *(entry.after for entry in log)]
+    total = [sum(costs.values()) for costs in terms]
+    x = range(len(terms))
+    ax.plot(x, total, color="black", linewidth=2.0, label="sum")
+    names = [n for n in terms[0] if max(costs[n] for costs in terms) > SMALL * total[0]]
+    for k, name in enumerate(names):
+        line = [max(costs[name], SMALL * total[0]) for costs in terms]
+        ax.plot(x, line, color=LINES[k % len(LINES)], marker=MARKERS[k], markersize=4, label=name)
+    ax.set(yscale="log", ylabel="cost")
+    ax.set_xticks(list(x), ["start", *(entry.block for entry in log)], rotation=45, ha="right")
+    ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return ax
+
+
+def caption_joint_cost(log: Sequence[LogEntry]) -> str:
+    """What `plot_joint_cost` shows."""
+    first, last = (sum(costs.values()) for costs in (log[0].before, log[-1].after))
+    return (
+        f"The joint cost after each block, and its terms. It fell from {first:.5g} to {last:.5g}, "
+        "and no block raised it. If it still falls at the right end, more rounds would change the "
+        "result. E_S: scans to registrations; E_C: registrations to the model; E_pose, E_T, E_J, "
+        "E_P and E_W: poses, templates, joints, pose blend shapes and weights against their "
+        "priors. Terms that stay below a thousandth of the first sum are left out."
+    )
+
+
+def plot_basins(maps: Sequence[BasinMap], *, ax: Axes) -> Axes:
+    """The error at the end over the angle of the start, a line for each map of one axis.
+
+    Filled marks are starts that ended at the truth, empty ones ended elsewhere. Raises BadArgument
+    for a map of several axes, or for no map.
+    """
+    if not maps or any(len(one.axes) != 1 for one in maps):
+        raise BadArgument("plot_basins takes maps of one axis; plot_basin_grid takes one of two")
+    for k, one in enumerate(maps):
+        order = np.argsort(one.angles[:, 0])
+        x, y, found = one.angles[order, 0], one.turned[order], one.found[order]
+        colour, mark = LINES[k % len(LINES)], MARKERS[k % len(MARKERS)]
+        dashes = DASHES[k % len(DASHES)]
+        ax.plot(x, y, dashes, color=colour, linewidth=1.2, alpha=0.7)
+        size = max(4.0, 10.0 - 2.5 * k)  # so that equal ends of several maps are all seen
+        ax.plot(x[found], y[found], mark, color=colour, ms=size, label=f"about {one.axes[0]}")
+        ax.plot(x[~found], y[~found], mark, color=colour, ms=size, markerfacecolor="white")
+    ax.set(xlim=(-187, 187), ylim=(-6, 186))
+    ax.set_xlabel("angle of the start from the truth (degrees)")
+    ax.set_ylabel("rotation error at the end (degrees)")
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_major_locator(MultipleLocator(30))
+    ax.grid(color=FAINT, alpha=0.25)
+    ax.legend(loc="upper center", bbox_to_anchor=(0.5, 1.12), ncols=len(maps))
+    return ax
+
+
+def caption_basins(maps: Sequence[BasinMap]) -> str:
+    """What `plot_basins` shows. Raises BadArgument as it does."""
+    if not maps or any(len(one.axes) != 1 for one in maps):
+        raise BadArgument("caption_basins takes maps of one axis")
+    reaches = "; ".join(f"{_reach(one)} about {one.axes[0]}" for one in maps)
+    return (
+        "Rotation error at the end of a rigid registration, over the angle by which its start was "
+        f"turned about one axis. Filled marks ended at the truth, within {1e3 * maps[0].near:.0f} "
+        f"mm on average, and empty ones elsewhere. All starts ended at the truth {reaches}."
+    )
+
+
+def plot_basin_grid(one: BasinMap, *, ax: Axes) -> Axes:
+    """The error at the end over the angles of the start about two axes, as colours.
+
+    A cross is a start that did not end at the truth. Raises BadArgument for a map of another number
+    of axes.
+    """
+    x, y, errors = _table(one)
+    step = float(x[1] - x[0]) if len(x) > 1 else 1.0
+    edges = [np.append(a - step / 2, a[-1] + step / 2) for a in (x, y)]
+    image = ax.pcolormesh(*edges, errors.T, cmap=AMOUNT, norm=Normalize(0, 180))
+    lost = one.angles[~one.found]
+    ax.plot(lost[:, 0], lost[:, 1], "x", color="white", markersize=5, markeredgewidth=1.6)
+    ax.plot(lost[:, 0], lost[:, 1], "x", color=INK, markersize=4, markeredgewidth=0.8)
+    ax.set_xlabel(f"start turned about {one.axes[0]} (degrees)")
+    ax.set_ylabel(f"then about {one.axes[1]} (degrees)")
+    ax.set_aspect("equal")
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_major_locator(MultipleLocator(60))
+    figure = ax.get_figure()
+    assert figure is not None
+    bar = figure.colorbar(image, ax=ax, shrink=0.85, pad=0.02)
+    bar.set_label("rotation error at the end (degrees)")
+    bar.locator = MultipleLocator(30)
+    bar.update_ticks()
+    return ax
+
+
+def caption_basin_grid(one: BasinMap) -> str:
+    """What `plot_basin_grid` shows. Raises BadArgument as it does."""
+    _table(one)
+    first, second = one.axes
+    return (
+        "Rotation error at the end of a rigid registration, over the angles by which its start was "
+        f"turned about {first} and then about {second}. A cross marks a start that did not end at "
+        f"the truth, within {1e3 * one.near:.0f} mm on average; {one.found.sum()} of "
+        f"{len(one.found)} starts did."
+    )
+
+
+def _reach(one: BasinMap) -> str:
+    if np.isnan(one.reach):
+        return "for no range of angles"
+    return f"for angles up to {one.reach:g} degrees"
+
+
+def _table(one: BasinMap) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    if len(one.axes) != 2:
+        raise BadArgument(f"plot_basin_grid takes a map of two axes, not of {len(one.axes)}")
+    x, y = np.unique(one.angles[:, 0]), np.unique(one.angles[:, 1])
+    errors = np.full((len(x), len(y)), np.nan)
+    at = np.searchsorted(x, one.angles[:, 0]), np.searchsorted(y, one.angles[:, 1])
+    errors[at] = one.turned
+    return x, y, errors

@@ -1,0 +1,329 @@
+"""The page of a registered scan, and of a coregistration."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.arrays import Array
+from workbench.bodies import SkinnedBody
+from workbench.bodies.files.saving import save_body
+from workbench.fitting.scan import Scan
+from workbench.geometry.meshes import write_mesh
+from workbench.plots.body import Figurine, front, line_up_coloured
+from workbench.plots.scans import (
+    caption_joint_cost,
+    caption_registered_scan,
+    caption_unseen,
+    plot_joint_cost,
+    registered_scan_sheet,
+    unseen_sheet,
+)
+from workbench.plots.style import drawn as figure_of
+from workbench.registration import OtherEnd, RegisteredScan, Registration, StageOutcome
+from workbench.registration.coregistration import Coregistration, State
+from workbench.registration.coregistration.folder import BODY, SCAN, RegisteredScans
+from workbench.registration.coregistration.measures import beyond_betas, distances
+from workbench.reports.folder import SUMMARY, Content, summary_text, write_folder
+from workbench.reports.page import Columns, Shown, Table, csv_text, number, page, plotted, shown
+from workbench.reports.replay import recorded_registration
+from workbench.training.folder import COLUMNS, TABLE, Row
+from workbench.writing import write_arrays, write_file
+
+ARRAYS, MESH = "registration.npz", "registration.ply"
+FORMAT = 2  # of what is kept; raise it when these files change, so that none of before is taken
+FILES = {
+    "index.html": "this page",
+    ARRAYS: "vertices, faces and confidence, as `workbench train` reads them; pose, betas and "
+    "trans of the body; the standard deviation of each vertex",
+    SCAN: "the points that were registered, their normals and areas if they are known, for "
+    "`workbench coregister`",
+    MESH: "the registered surface, with the vertices and faces of the template, in metres",
+    SUMMARY: "the numbers of this page, for programs",
+}
+MM = 1e3
+
+
+def write_registration(
+    found: RegisteredScan,
+    folder: str | Path,
+    *,
+    body: str,
+    key: str = "",
+    source: str | None = None,
+) -> Path:
+    """Write the folder of a registered scan, and return its page; whole or not at all.
+
+    `body` is the name of the body; `key` stands for all that the registration depends on, and is
+    kept in the summary. `source` is the file by which the folder is known; without one, a folder of
+    ours about another file is replaced. Raises BadFile if the place cannot be written or holds
+    something else.
+    """
+    one = found.registration
+    contents: dict[str, Content] = {
+        "index.html": registration_page(found, body),
+        ARRAYS: lambda path: write_arrays(path, arrays(one)),
+        SCAN: lambda path: write_arrays(path, points(one.scan)),
+        MESH: lambda path: write_mesh(path, one.vertices, one.faces),
+    }
+    return write_folder(folder, source, contents, summary(found, body, key))
+
+
+def arrays(one: Registration) -> dict[str, NDArray[Any]]:
+    """The arrays of a registration by name. Vertices that were not seen have the confidence 0."""
+    return {
+        "vertices": one.vertices,
+        "faces": one.faces,
+        "confidence": one.seen.astype(np.float64),
+        **one.values,
+        "model": one.model,
+        "sd": one.sd,
+    }
+
+
+def points(scan: Scan) -> dict[str, NDArray[Any]]:
+    """The arrays of a scan by name; single precision tells apart less than a micrometre."""
+    found = {"points": scan.points, "normals": scan.normals, "areas": scan.weights}
+    return {name: array.astype(np.float32) for name, array in found.items() if array is not None}
+
+
+def summary(found: RegisteredScan, body: str, key: str = "") -> dict[str, Any]:
+    """The numbers of the page, for programs: lengths in m, times in s."""
+    one = found.registration
+    last = one.stages[-1]
+    return {
+        "kind": "registration",
+        "key": key,
+        "scan": found.job.name,
+        "file": str(found.job.path.resolve()),
+        "body": body,
+        "points": one.scan.n_points,
+        "left_out": one.left_out,
+        "median_m": last.median,
+        "touching": last.touching,
+        "seen": float(one.seen.mean()),
+        f"{one.size.name}_m": one.size.metres,
+        "seconds": sum(stage.seconds for stage in one.stages),
+        "warnings": list(one.doubts),
+        "notes": list(found.notes),
+    }
+
+
+def registration_page(found: RegisteredScan, body: str) -> str:
+    """The page of a registered scan."""
+    one = found.registration
+    return page(
+        "registration.html",
+        title=f"{body} on {found.job.path.name}",
+        facts=_facts(one),
+        warnings=one.doubts,
+        notes=found.notes,
+        scan=shown(
+            registered_scan_sheet(
+                one.vertices, one.faces, one.scan.points, one.distances, one.touching, one.facing
+            ),
+            caption_registered_scan(one.distances, one.touching),
+        ),
+        unseen=shown(
+            unseen_sheet(one.vertices, one.faces, one.seen, one.sd, one.facing),
+            caption_unseen(one.seen, one.sd),
+        ),
+        stages=stages_table(one),
+        moved=MM * float(np.linalg.norm(one.vertices - one.model, axis=1).mean()),
+        others=others_table(one),
+        files=FILES,
+        recording=recorded_registration(one),
+    )
+
+
+def _facts(one: Registration) -> dict[str, str]:
+    betas = list(one.values.values())[1]
+    left = f"; {one.left_out:,} at the boundary were left out" if one.left_out else ""
+    hidden = int((~one.seen).sum())
+    return {
+        "points used": f"{one.scan.n_points:,}{left}",
+        "in contact": f"{100 * one.stages[-1].touching:.0f} %",
+        "their median distance": f"{MM * one.median:.1f} mm",
+        "vertices not seen": f"{hidden:,} of {len(one.seen):,}",
+        f"{one.size.name} at rest": f"{one.size.metres:.2f} m",
+        "length of the betas": f"{np.linalg.norm(betas):.1f} standard deviations",
+        "time": f"{sum(stage.seconds for stage in one.stages):.1f} s",
+    }
+
+
+def stages_table(one: Registration) -> Table:
+    """How each stage ended."""
+    columns: Columns[StageOutcome] = {
+        "stage": lambda stage: stage.name,
+        "unknowns": lambda stage: f"{stage.unknowns:,}",
+        "iterations": lambda stage: f"{stage.iterations:,}",
+        "cost": lambda stage: number(stage.cost),
+        "in contact": lambda stage: f"{100 * stage.touching:.0f} %",
+        "median distance (mm)": lambda stage: number(MM * stage.median, 3),
+        "time (s)": lambda stage: number(stage.seconds, 3),
+    }
+    return Table.of(one.stages, columns, tuple(range(1, 7)))
+
+
+def others_table(one: Registration) -> Table | None:
+    """The other ends of the fit of the body; None if there were none."""
+    if not one.others:
+        return None
+    columns: Columns[tuple[int, OtherEnd]] = {
+        "end": lambda of: str(of[0]),
+        "cost above the best": lambda of: f"{100 * of[1].excess:.1f} %",
+        "vertices differ by (mm)": lambda of: number(MM * of[1].apart, 3),
+    }
+    return Table.of(enumerate(one.others, start=2), columns, (0, 1, 2))
+
+
+REGISTRATIONS, LEARNED = "registrations", "body.npz"
+TOGETHER = {
+    "index.html": "this page",
+    LEARNED: "the body that was learned, with its model card in it",
+    REGISTRATIONS + "/": "the registrations, as workbench train reads them",
+    "coregistration.npz": "everything that was found, from which a run with more scans or rounds "
+    "does not continue: remove it to start anew",
+    SUMMARY: "the numbers of this page, for programs",
+}
+DRAWN = 6  # people in the figure
+
+
+@dataclass(frozen=True, eq=False)
+class Coregistered:
+    """A coregistration that has ended, with what is written of it.
+
+    Attributes:
+        problem: the joint problem.
+        scans: where its scans are from.
+        state: how it ended.
+        body: the body that was learned.
+    """
+
+    problem: Coregistration
+    scans: RegisteredScans
+    state: State
+    body: SkinnedBody
+
+
+def write_coregistration(found: Coregistered, place: Path, source: str) -> Path:
+    """Write everything into `place`, which exists, and return its page. Raises BadFile."""
+    registrations = place / REGISTRATIONS
+    registrations.mkdir(exist_ok=True)
+    names, start = found.scans.names, found.problem.body
+    # about 1 where a surface was scanned: a scan is sure across its surface, and not along it
+    trust = np.trace(found.state.confidence, axis1=2, axis2=3)
+    for name, vertices, seen in zip(names, found.state.vertices, trust, strict=True):
+        arrays = {"vertices": vertices, "faces": start.faces, "confidence": seen.clip(0, 1)}
+        write_arrays(registrations / f"{name}.npz", arrays)
+    rows = [
+        Row(f"{name}.npz", row.subject, row.gender, row.set)
+        for name, row in zip(names, found.scans.rows, strict=True)
+    ]
+    write_file(registrations / TABLE, subjects_csv(rows))
+    for path, body in ((registrations / BODY, start), (place / LEARNED, found.body)):
+        save_body(body, path)
+    scans, state = found.scans, found.state
+    measured = distances(scans, start, state.vertices)
+    away = beyond_betas(start, state.estimate.templates)
+    for name, text in (
+        ("index.html", coregistration_page(found, measured, away, str(place))),
+        (
+            SUMMARY,
+            summary_text(source, _summary_of_all(found, measured, away), list(TOGETHER)),
+        ),
+    ):
+        write_file(place / name, text)
+    return place / "index.html"
+
+
+def subjects_csv(rows: Sequence[Row]) -> str:
+    """The table of subjects (.csv) of registered scans, as `open_folder` reads it."""
+    return csv_text(COLUMNS, ((row.file, row.subject, row.gender, row.set) for row in rows))
+
+
+def begin_folder(place: Path, source: str) -> None:
+    """Mark a folder as that of a coregistration of `source`, before there is a result."""
+    write_file(
+        place / SUMMARY,
+        summary_text(source, {"kind": "coregistration"}, list(TOGETHER)),
+    )
+
+
+def coregistration_page(
+    found: Coregistered, measured: Mapping[str, Array], beyond: Array, place: str
+) -> str:
+    """The page of a coregistration; `beyond` (S, N) m is what `beyond_betas` says of templates."""
+    log, away = found.state.log, MM * beyond
+    subjects, counts = found.scans.subjects, np.bincount(found.scans.subject)
+    return page(
+        "coregistration.html",
+        title=f"{len(found.scans.rows)} scans of {len(subjects)} people, together",
+        rows=len(found.scans.rows),
+        people=len(subjects),
+        rounds=found.problem.plan.rounds,
+        doubted=[f"{n}, by itself: {d}" for n, told in found.scans.doubts().items() for d in told],
+        folder=place,
+        cost=plotted(9.0, 4.4, plot_joint_cost, caption_joint_cost, log),
+        templates=_templates(found, away),
+        subjects=Table(
+            ("person", "scans", "beyond betas, mean (mm)", "at most (mm)"),
+            tuple(
+                (name, str(n), number(one.mean(), 3), number(one.max(), 3))
+                for name, n, one in zip(subjects, counts, away, strict=True)
+            ),
+            (1, 2, 3),
+        ),
+        scans=Table(
+            ("scan", "person", "apart (mm)", "together (mm)", "moved (mm)"),
+            tuple(
+                (name, row.subject, *(number(MM * measured[k][j], 3) for k in measured))
+                for j, (name, row) in enumerate(
+                    zip(found.scans.names, found.scans.rows, strict=True)
+                )
+            ),
+            (2, 3, 4),
+        ),
+        files=TOGETHER,
+    )
+
+
+def _templates(found: Coregistered, away: Array) -> Shown:
+    """The first people's templates, coloured by what betas do not reach."""
+    each = found.state.estimate.templates[:DRAWN]
+    names = found.scans.subjects
+    coloured = [
+        (Figurine(name, T, front), d) for name, T, d in zip(names, each, away, strict=False)
+    ]
+    end = float(np.percentile(away, 98))
+    label = "from the nearest shape of the starting body (mm)"
+    draw = partial(line_up_coloured, coloured, found.problem.body.faces, end, label)
+    more = "" if len(names) <= DRAWN else f" of the first {DRAWN} people"
+    caption = (
+        f"The templates{more}, coloured by their distance from the nearest shape that betas of the "
+        "starting body reach: what was learned about a person that this body could not say. Look "
+        "for whole regions of one colour, such as a belly; scattered spots are noise."
+    )
+    return shown(figure_of(draw, 2.0 + 1.6 * len(coloured), 3.2), caption)
+
+
+def _summary_of_all(
+    found: Coregistered, measured: Mapping[str, Array], beyond: Array
+) -> dict[str, Any]:
+    """The numbers of the page, for programs: lengths in m, times in s."""
+    log = found.state.log
+    return {
+        "kind": "coregistration",
+        "scans": list(found.scans.names),
+        "warnings": found.scans.doubts(),
+        "subjects": list(found.scans.subjects),
+        "costs": [log[0].before, *(entry.after for entry in log)],
+        "blocks": [entry.block for entry in log],
+        "seconds": sum(entry.seconds for entry in log),
+        "median_m": {name: each.tolist() for name, each in measured.items()},
+        "beyond_betas_m": beyond.mean(axis=1).tolist(),
+    }

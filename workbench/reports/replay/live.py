@@ -1,0 +1,419 @@
+"""The live page's server: solves, drags and many starts."""
+
+import json
+import secrets
+import threading
+from base64 import urlsafe_b64decode
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+import casadi as cs
+import numpy as np
+
+from workbench.arrays import Array
+from workbench.blocks import Block, Values
+from workbench.bodies import SkinnedBody
+from workbench.bodies.body import Body
+from workbench.errors import BadArgument, WorkbenchError
+from workbench.fitting.setup import Setup
+from workbench.problem import Problem
+from workbench.reports.replay.recording import Row, row_of_body
+from workbench.reports.replay.runs import as_numbers
+from workbench.residuals import Residual
+from workbench.solvers import Iterate, Solution, Solver, Spread, Starts, TrustRegion
+from workbench.solvers.starts import clusters, further_minima
+
+ADDRESS = "127.0.0.1"  # of this machine alone
+PATIENCE = 30.0  # s that a connection may say nothing, or take nothing
+LONGEST_NAME = 64  # letters of the name that a page gives to a run
+Ended = dict[str, str] | None  # how it ended; None if nobody listens any more
+Stream = Callable[[BaseHTTPRequestHandler, Solver, Sequence[Values], threading.Event], Ended]
+
+
+class LiveServer:
+    """Serves a page and the solves that it asks for, from `serve` to `close`.
+
+    Raises BadArgument for a setup without a body, or whose problem does not read the body's own
+    pose, betas and trans, so that no start can be set by hand.
+
+    Attributes:
+        setup: the problem.
+        solvers: those that may be asked for, by name.
+    """
+
+    def __init__(
+        self, setup: Setup, solvers: Mapping[str, Solver], page: str, port: int = 0
+    ) -> None:
+        self.setup, self.solvers = setup, solvers
+        self.body, self.row = moved_by_hand(setup)
+        self._page = page.encode()
+        self._solving = threading.Lock()
+        self._puppet = Puppet(self.body) if isinstance(self.body, SkinnedBody) else None
+        self._stops: dict[str, threading.Event] = {}
+        self._token = secrets.token_urlsafe(16)
+        self._server = ThreadingHTTPServer((ADDRESS, port), self._handler())
+        self._server.daemon_threads = True
+
+    @property
+    def address(self) -> str:
+        """Where a browser finds the page."""
+        return f"{self._origin}/{self._token}/"
+
+    @property
+    def _origin(self) -> str:
+        return f"http://{ADDRESS}:{self._server.server_address[1]}"
+
+    def serve(self) -> None:
+        """Answer requests until `close` is called from another thread, or Ctrl-C."""
+        self._server.serve_forever(poll_interval=0.1)
+
+    def close(self) -> None:
+        """End what is being solved, and answer nothing any more."""
+        for stop in list(self._stops.values()):
+            stop.set()
+        self._server.shutdown()
+        self._server.server_close()
+
+    def start_of(self, text: str) -> Values:
+        """The values of all blocks at a start whose pose, betas and trans were set by hand.
+
+        `text` is base64 of 3 K + B + 3 little-endian numbers in double precision. Raises
+        BadArgument for anything else.
+        """
+        blocks = self.body.blocks()
+        own = {b.name: part for b, part in zip(blocks, self._parts(text), strict=True)}
+        return dict(self.setup.start) | own
+
+    def _parts(self, text: str) -> list[Array]:
+        """The pose, the betas and the trans in a text of numbers."""
+        try:
+            numbers = np.frombuffer(urlsafe_b64decode(text.encode()), "<f8")
+        except ValueError:
+            numbers = np.zeros(0)
+        K, B = self.body.n_joints, self.body.n_betas
+        if numbers.size != 3 * K + B + 3 or not np.isfinite(numbers).all():
+            raise BadArgument(f"a start is {3 * K + B + 3} finite numbers in base64")
+        parts = np.split(numbers, [3 * K, 3 * K + B])
+        return [part.reshape(b.shape) for b, part in zip(self.body.blocks(), parts, strict=True)]
+
+    def _handler(self) -> type[BaseHTTPRequestHandler]:
+        live = self
+
+        class Handler(BaseHTTPRequestHandler):
+            protocol_version = "HTTP/1.0"  # a connection for each request
+            timeout = PATIENCE
+
+            def handle(self) -> None:
+                """Answer, unless the tab is closed or says nothing."""
+                with suppress(ConnectionError, TimeoutError):
+                    super().handle()
+
+            def do_GET(self) -> None:
+                """Answer a request of the page."""
+                live.answer(self)
+
+            def log_message(self, format: str, *args: object) -> None:
+                """Say nothing: the page says it all."""
+
+        return Handler
+
+    def answer(self, request: BaseHTTPRequestHandler) -> None:
+        """Answer one request."""
+        asked = urlsplit(request.path)
+        given = {name: values[-1] for name, values in parse_qs(asked.query).items()}
+        port = self._server.server_address[1]
+        own_hosts = (f"{ADDRESS}:{port}", f"localhost:{port}")
+        origin, host = request.headers.get("Origin"), request.headers.get("Host", "")
+        if host not in own_hosts or origin not in (None, *(f"http://{own}" for own in own_hosts)):
+            say(request, 403, "only pages of this server may ask it")
+        elif asked.path == f"/{self._token}/":
+            say(request, 200, self._page, "text/html; charset=utf-8")
+        elif asked.path == f"/{self._token}/solve":
+            self._solve(request, given, self._stream)
+        elif asked.path == f"/{self._token}/ends":
+            self._solve(request, given, self._stream_ends)
+        elif asked.path == f"/{self._token}/drag":
+            self._drag(request, given)
+        elif asked.path == f"/{self._token}/stop":
+            stop = self._stops.get(given.get("run", ""))
+            if stop is not None:
+                stop.set()
+            say(request, 200, "stopped" if stop is not None else "nothing of this name runs")
+        else:
+            say(request, 404, "there is nothing here; open the address that was printed")
+
+    def _drag(self, request: BaseHTTPRequestHandler, given: Mapping[str, str]) -> None:
+        """Answer with the numbers of the body whose joint was drawn to a place."""
+        try:
+            pose, betas, trans = self._parts(given.get("start", ""))
+            joint, place = _joint_and_place(given)
+            if self._puppet is None:
+                raise BadArgument(f"body {self.body.name!r} has no joints that can be dragged")
+            pose, trans = self._puppet.dragged(pose, betas, trans, joint, place)
+        except BadArgument as error:
+            return say(request, 400, str(error))
+        row = np.concatenate([pose.ravel(), betas, trans])
+        say(request, 200, json.dumps({"x": as_numbers(row)}), "application/json")
+
+    def _solve(
+        self, request: BaseHTTPRequestHandler, given: Mapping[str, str], stream: Stream
+    ) -> None:
+        name, run = given.get("solver", ""), given.get("run", "")[:LONGEST_NAME]
+        try:
+            starts = self._starts(given)
+            if name not in self.solvers or not run or run in self._stops:
+                raise BadArgument(f"no solver {name!r}, or no new name for its run")
+        except BadArgument as error:
+            return say(request, 400, str(error))
+        if not self._solving.acquire(blocking=False):
+            return say(request, 409, "another solve is running; stop it first")
+        try:
+            stop = self._stops[run] = threading.Event()
+            begin_events(request)
+            ended = stream(request, self.solvers[name], starts, stop)
+            if ended is not None:
+                sent(request, "ended", ended)
+        except WorkbenchError as error:
+            sent(request, "ended", {"status": "refused", "message": str(error)})
+        finally:
+            del self._stops[run]
+            self._solving.release()
+
+    def _starts(self, given: Mapping[str, str]) -> list[Values]:
+        """The start that was set by hand, and those about it that are asked for."""
+        start = self.start_of(given.get("start", ""))
+        if "count" not in given:
+            return [start]
+        pose, _, trans = (block.name for block in self.body.blocks())
+        try:
+            count, spread = int(given["count"]), float(given.get("spread", ""))
+        except ValueError as error:
+            raise BadArgument("`count` is a whole number, and `spread` one in rad") from error
+        return starts_about(self.setup.problem, start, pose, trans, spread, count)
+
+    def _stream(
+        self,
+        request: BaseHTTPRequestHandler,
+        solver: Solver,
+        starts: Sequence[Values],
+        stop: threading.Event,
+    ) -> Ended:
+        """Send every iterate as an event, and return how it ended."""
+        told, (start,) = [0], starts[:1]
+
+        def tell(iterate: Iterate) -> bool:
+            x = self.row(dict(start) | dict(iterate.values))
+            one = {"iterate": told[0], "x": as_numbers(x), **_numbers(iterate)}
+            told[0] += 1
+            return not sent(request, "iterate", one) or stop.is_set()
+
+        solution = solver.solve(self.setup.problem, start, callback=tell)
+        return {"status": _status(solution), "message": solution.message}
+
+    def _stream_ends(
+        self,
+        request: BaseHTTPRequestHandler,
+        solver: Solver,
+        starts: Sequence[Values],
+        stop: threading.Event,
+    ) -> Ended:
+        """Send the end of each start with the basins known by then, and return a summary."""
+        problem, ends = self.setup.problem, list[Solution]()
+        found: list[dict[str, Any]] = []
+        for k, start in enumerate(starts):
+            end = solver.solve(problem, start, callback=lambda _: stop.is_set())
+            if stop.is_set():
+                break
+            ends.append(end)
+            found = basins(problem, starts[0], ends)
+            x = as_numbers(self.row(dict(start) | dict(end.values)))
+            one = {"start": k, "of": len(starts), "x": x, "cost": as_numbers(end.cost)}
+            if not sent(request, "end", {**one, "status": _status(end), "basins": found}):
+                return None
+        status = "stopped" if stop.is_set() else "done"
+        return {"status": status, "message": in_words(found, len(ends))}
+
+
+def moved_by_hand(setup: Setup) -> tuple[Body, Row]:
+    """The body of a setup, and its numbers from values. Raises BadArgument where there is none."""
+    body = setup.body
+    if body is None:
+        raise BadArgument("this problem fits no body, and a live page moves one by hand")
+    names = [block.name for block in body.blocks()]
+    row = row_of_body(body, setup.problem, setup.start)
+    if row is None or not set(names) & set(setup.problem.free.names):
+        raise BadArgument(
+            f"a live page sets {', '.join(names)} by hand, but this problem is solved for "
+            f"{', '.join(setup.problem.free.names)}"
+        )
+    return body, row
+
+
+def _numbers(iterate: Iterate) -> dict[str, Any]:
+    return {
+        "cost": as_numbers(iterate.cost),
+        "optimality": as_numbers(iterate.optimality),
+        "damping": as_numbers(iterate.damping),
+        "seconds": as_numbers(iterate.seconds),
+        "evaluations": iterate.evaluations.total,
+    }
+
+
+def _joint_and_place(given: Mapping[str, str]) -> tuple[int, Array]:
+    """The joint and its place (3,) m that a page asks for. Raises BadArgument."""
+    try:
+        joint, place = int(given.get("joint", "")), [float(given.get(d, "")) for d in "xyz"]
+    except ValueError:
+        joint, place = -1, [np.nan]
+    if not np.isfinite(place).all():
+        raise BadArgument("a joint is a whole number, and its place three finite numbers in m")
+    return joint, np.array(place)
+
+
+def _status(solution: Solution) -> str:
+    return solution.status.name.lower().replace("_", " ")
+
+
+def say(
+    request: BaseHTTPRequestHandler, code: int, text: str | bytes, kind: str = "text/plain"
+) -> None:
+    """Answer with a text, and end."""
+    content = text.encode() if isinstance(text, str) else text
+    request.send_response(code)
+    request.send_header("Content-Type", kind)
+    request.send_header("Content-Length", str(len(content)))
+    request.send_header("Cache-Control", "no-store")
+    request.end_headers()
+    request.wfile.write(content)
+
+
+def begin_events(request: BaseHTTPRequestHandler) -> None:
+    """Announce events, which `sent` sends."""
+    request.send_response(200)
+    request.send_header("Content-Type", "text/event-stream")
+    request.send_header("Cache-Control", "no-store")
+    request.end_headers()
+
+
+def sent(request: BaseHTTPRequestHandler, name: str, data: Mapping[str, Any]) -> bool:
+    """Send an event; False if nobody listens any more, because the tab was closed."""
+    try:
+        request.wfile.write(f"event: {name}\ndata: {json.dumps(data)}\n\n".encode())
+        request.wfile.flush()
+    except OSError:
+        return False
+    return True
+
+
+HELD = 0.003  # m: how closely a joint follows the hand
+LOOSE = 0.5  # rad: how far a joint that carries nothing turns for it
+ROUGHLY = TrustRegion(max_iterations=12, gradient_tolerance=1e-3)  # a hand is not exact
+
+
+class Puppet:
+    """A body as a puppet: one joint goes where it is wanted, and the others change little.
+
+    The cost is the distance of the joint, and how far all joints turn from where they were. A
+    joint that carries much of the body (the share s of all joints) is stiff: its standard deviation
+    is 0.5 rad (1 - s)^2. So a wrist is reached by the arm rather than by the trunk. The root joint
+    keeps its rotation, and is moved with the whole body.
+    """
+
+    def __init__(self, body: SkinnedBody) -> None:
+        pose, betas, trans = blocks = body.blocks()
+        K = body.n_joints
+        held, place = Block("held", (K, 3), "rad"), Block("place", (3,), "m")
+        which = Block("which", (K,))
+        joints = body.joint_points(pose.symbol, betas.symbol, trans.symbol)
+        away = joints.symbol @ which.symbol - place.symbol
+        names = body.joint_names
+        self._problem = Problem(
+            [
+                Residual("place", away, HELD, "m", points=(joints,)),
+                Residual("held", cs.vec(pose.symbol - held.symbol), self._sigmas(body), "rad"),
+            ],
+            [f"{pose.name}[{name}]" for name in names[1:]],
+            blocks=[*blocks, held, place, which],
+        )
+        self._problem.prepare()
+        self._names = [block.name for block in blocks]
+        self._body, self._one_at_a_time = body, threading.Lock()
+
+    @staticmethod
+    def _sigmas(body: SkinnedBody) -> Array:
+        """Of the entries of the pose, (3 K,) rad."""
+        K = body.n_joints
+        carried = np.zeros(K)
+        for k in range(K - 1, 0, -1):
+            carried[body.parents[k]] += carried[k] + 1
+        return np.repeat(np.maximum(LOOSE * (1 - carried / K) ** 2, 1e-3), 3)
+
+    def dragged(
+        self, pose: Array, betas: Array, trans: Array, joint: int, place: Array
+    ) -> tuple[Array, Array]:
+        """The pose (K, 3) rad and trans (3,) m with a joint at a place (3,) m, or as near as it
+        comes. Raises BadArgument for a joint that is not there.
+        """
+        if not 0 <= joint < self._body.n_joints:
+            raise BadArgument(f"the joints are numbered from 0 to {self._body.n_joints - 1}")
+        if joint == 0:
+            return pose, trans + place - self._body.joints(pose, betas, trans)[0]
+        which = np.zeros(self._body.n_joints)
+        which[joint] = 1.0
+        given = dict(zip(self._names, (pose, betas, trans), strict=True))
+        given |= {"held": pose, "place": place, "which": which}
+        with self._one_at_a_time:
+            found = ROUGHLY.solve(self._problem, given)
+        return np.asarray(found.values[self._names[0]]), trans
+
+
+MOST_STARTS = 64
+WIDEST = 3.2  # rad: half a turn and a bit
+PLACE = 0.3  # m of trans for each rad of pose
+
+
+def starts_about(
+    problem: Problem, start: Values, pose: str, trans: str, spread: float, count: int
+) -> list[Values]:
+    """`count` starts, the first of which is the given one; the others are drawn about it.
+
+    Rotation vectors are drawn with the standard deviation `spread` in rad, and places with 0.3 m
+    for each rad. Raises BadArgument for a count or a spread that is out of range.
+    """
+    if not 1 < count <= MOST_STARTS or not 0 < spread <= WIDEST:
+        raise BadArgument(
+            f"a live page takes 2 to {MOST_STARTS} starts, spread by up to {WIDEST} rad, "
+            f"not {count} spread by {spread}"
+        )
+    free = set(problem.free.names)
+    sigmas = {name: s for name, s in ((pose, spread), (trans, PLACE * spread)) if name in free}
+    return Starts(count, draw=Spread(sigmas)).drawn(problem, start)
+
+
+def basins(problem: Problem, start: Values, ends: Sequence[Solution]) -> list[dict[str, Any]]:
+    """Which ends are one minimum: the lowest cost and the numbers of the ends, lowest first."""
+    finite = [k for k, end in enumerate(ends) if np.isfinite(end.cost)]
+    fixed = problem.split(start)[1]
+    points = [problem.free.pack(dict(start) | dict(ends[k].values)) for k in finite]
+    groups = [[finite[i] for i in some] for some in clusters(problem, fixed, points)]
+    found = []
+    for members in groups:
+        members.sort(key=lambda k: ends[k].cost)
+        cost = float(f"{ends[members[0]].cost:.6g}")
+        found.append({"cost": cost, "ends": members})
+    return sorted(found, key=lambda one: float(one["cost"]))
+
+
+def in_words(found: Sequence[Mapping[str, Any]], count: int) -> str:
+    """How many starts led to the lowest end, and how sure it is that there is no other minimum."""
+    if not found:
+        return "no start led to an end with a cost"
+    here, others = len(found[0]["ends"]), len(found) - 1
+    said = f"{here} of {count} starts led to the lowest cost, {found[0]['cost']:.4g}"
+    if not others:
+        return f"{said}, and none elsewhere"
+    said += f", the others to {others} other end{'s' * (others > 1)}"
+    return f"{said}; {further_minima(count, len(found))}"

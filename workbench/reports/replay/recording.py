@@ -1,0 +1,338 @@
+"""A recording: bodies, arrays and series as the scripts of a replay take them."""
+
+import gzip
+import json
+from base64 import b64encode
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from hashlib import sha256
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.arrays import Array
+from workbench.blocks import Values
+from workbench.bodies import SkinnedBody
+from workbench.bodies.body import Body, why_not_skinned
+from workbench.bodies.forward.sources import arguments_from_values
+from workbench.bodies.triangles import TriangleBody
+from workbench.errors import BadArgument
+from workbench.fitting.keypoints import LEAST_CONFIDENCE
+from workbench.geometry.triangles import banded_factor
+from workbench.problem import Problem
+
+Row = Callable[[Values], Array]  # values of blocks -> 3 K + B + 3 numbers of a body
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """A replay for a page.
+
+    Attributes:
+        body: the arrays of the body, or its faces alone where all surfaces are in the data.
+        data: what else `replay.js` takes, as JSON.
+        caption: what there is to see, in words.
+    """
+
+    body: dict[str, Any]
+    data: dict[str, Any]
+    caption: str
+
+    @cached_property
+    def key(self) -> str:
+        """16 letters that are the same for the same body, whose arrays a page holds once."""
+        return sha256(json.dumps(self.body).encode()).hexdigest()[:16]
+
+
+@dataclass(frozen=True, eq=False)
+class ShownBody:
+    """A body that a page can pose.
+
+    Attributes:
+        body: the body.
+        arrays: what `smpl.js` takes of it.
+    """
+
+    body: SkinnedBody
+    arrays: dict[str, Any]
+
+    def surface(self, numbers: Array) -> Array:
+        """The vertices (N, 3) m of a row of 3 K + B + 3 numbers: pose, betas and trans."""
+        return np.asarray(self.body.vertices(*self.split(numbers)))
+
+    def split(self, numbers: Array) -> tuple[Array, Array, Array]:
+        """The pose (K, 3), the betas (B,) and the trans (3,) of a row of numbers."""
+        K, B = self.body.n_joints, self.body.n_betas
+        pose, betas, trans = np.split(numbers, [3 * K, 3 * K + B])
+        return pose.reshape(K, 3), betas, trans
+
+
+def shown_body(body: Body | None) -> ShownBody | None:
+    """The body for a page; None for one that a page cannot pose."""
+    if not isinstance(body, SkinnedBody):
+        return None
+    try:
+        return ShownBody(body, skinned_data(body, "f4"))
+    except BadArgument:
+        return None
+
+
+def shown_with_row(
+    body: Body | None, problem: Problem, known: Values
+) -> tuple[ShownBody, Row] | None:
+    """The body, and how values of the problem's blocks become a row of its numbers.
+
+    None if the values do not determine them, and for a body that a page cannot pose.
+    """
+    if not isinstance(body, SkinnedBody):
+        return None
+    row = row_of_body(body, problem, known)
+    shown = None if row is None else shown_body(body)
+    return None if row is None or shown is None else (shown, row)
+
+
+FARTHEST = 65_534  # hundredths of a millimetre that a distance is stored as; above is none
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """S states of one body, or of several side by side.
+
+    Attributes:
+        name: what it is a series of, in the plural: `frames`.
+        labels: (S,) the name of each state.
+        said: (S,) a sentence on each state.
+        rows: (S, C, D) numbers of the bodies, NaN where there is none; or None.
+        surfaces: (S, N, 3) m, where the bodies are not posed by the page, or (S, C, N, 3) of
+            several bodies; or None.
+        columns: (C,) the names of bodies side by side.
+        opens: the number of the state that is shown first.
+        fps: states a second, if they are played as frames are.
+        links: (S, L, 3) m twice: points of the body, and the points in space that they are joined
+            to; NaN where there is none.
+        keypoints: (S, V, M, 2) px and (S, V, M), what V cameras observed in each state.
+        scan: (M, 3) m, points of a scan, and (S, M) m how far they are from each surface;
+            infinite without a contact.
+        contact: in m, the distance up to which a point is coloured.
+        scale: in m, the distance from which on all colours are the same.
+        hidden: (N,) from 0 to 1, how orange the surface is.
+    """
+
+    name: str
+    labels: Sequence[str]
+    said: Sequence[str]
+    rows: Array | None = None
+    surfaces: Array | None = None
+    columns: Sequence[str] = ("",)
+    opens: int = 0
+    fps: float | None = None
+    links: tuple[Array, Array] | None = None
+    keypoints: tuple[Array, Array] | None = None
+    scan: tuple[Array, Array] | None = None
+    contact: float = 0.0
+    scale: float = 0.0
+    hidden: Array | None = None
+
+    def data(self) -> dict[str, Any]:
+        """As `series.js` takes it."""
+        return {
+            "name": self.name,
+            "labels": list(self.labels),
+            "said": list(self.said),
+            "columns": list(self.columns),
+            "opens": self.opens,
+            "fps": self.fps,
+            "x": _packed(self.rows),
+            "surfaces": _packed(self.surfaces),
+            "links": None if self.links is None else [packed(one, "f4") for one in self.links],
+            "pixels": None if self.keypoints is None else packed(self.keypoints[0], "f4"),
+            "confidence": None if self.keypoints is None else packed(self.keypoints[1], "f4"),
+            "scan": None if self.scan is None else packed(self.scan[0], "f4"),
+            "far": None if self.scan is None else packed(_hundredths(self.scan[1]), "u2"),
+            "contact": self.contact,
+            "scale": self.scale,
+            "hidden": _packed(self.hidden),
+        }
+
+
+def _packed(array: Array | None) -> dict[str, str] | None:
+    return None if array is None else packed(array, "f4")
+
+
+def _hundredths(metres: Array) -> Array:
+    """Distances as whole hundredths of a millimetre; 65,535 for one that is not finite."""
+    found = np.minimum(np.abs(np.where(np.isfinite(metres), metres, 0.0)) * 1e5, FARTHEST)
+    return np.where(np.isfinite(metres), np.round(found), FARTHEST + 1)
+
+
+VERSION = 2
+NO_LANDMARKS: dict[str, Any] = {"names": [], "rows": [], "columns": [], "weights": []}
+
+
+def recording(
+    shown: ShownBody | dict[str, Any],
+    here: Array | None,
+    caption: str,
+    *,
+    front: Sequence[float] | None = None,
+    runs: Sequence[dict[str, Any]] = (),
+    directions: Sequence[dict[str, Any]] = (),
+    draws: tuple[str, str, Sequence[Array]] = ("", "", ()),
+    series: Sequence[Series] = (),
+    landmarks: dict[str, Any] = NO_LANDMARKS,
+    views: Sequence[dict[str, Any]] = (),
+    observed: dict[str, Any] | None = None,
+    live: bool = False,
+) -> Recording:
+    """The replay of a body that the page poses, or of surfaces, of which `shown` has the faces.
+
+    `here` are the numbers of the body that the camera is set up for; without a body it is the last
+    surface of the first series, which faces to `front`. `draws` are what they are called, what they
+    are of, and the numbers of each.
+    """
+    name, by, drawn = draws
+    data = {
+        "kind": "replay",
+        "version": VERSION,
+        "here": None if here is None else packed(here, "f4"),
+        "front": None if front is None else list(front),
+        "runs": list(runs),
+        "directions": list(directions),
+        "draws": {"name": name, "by": by, "count": len(drawn), "x": packed(drawn, "f4")},
+        "series": [one.data() for one in series],
+        "landmarks": landmarks,
+        "views": list(views),
+        "observed": observed,
+        "least_confidence": LEAST_CONFIDENCE,
+        "live": live,
+    }
+    return Recording(shown.arrays if isinstance(shown, ShownBody) else shown, data, caption)
+
+
+KINDS = {
+    "f4": "<f4",
+    "f8": "<f8",
+    "u2": "<u2",
+    "u4": "<u4",
+}  # as `unpacked` in arrays.js knows them
+
+
+def packed(array: ArrayLike, kind: str) -> dict[str, str]:
+    """An array, row by row, as `unpacked` in arrays.js reads it; `kind` is one of `KINDS`.
+
+    >>> packed([1.0, 2.0], "f4")["kind"]
+    'f4'
+    """
+    numbers = np.ascontiguousarray(array, dtype=KINDS[kind])
+    compressed = gzip.compress(numbers.tobytes(), 9, mtime=0)
+    return {"kind": kind, "gzip": b64encode(compressed).decode("ascii")}
+
+
+MOST_WEIGHTS = 4  # per vertex, as in SMPL
+MOST_STITCHED = 2_000  # vertices: beyond, the factor of the stitching makes the page too large
+
+
+def skinned_data(body: SkinnedBody, kind: str = "f8") -> dict[str, Any]:
+    """The arrays for smpl.js; numbers but those of pose blend shapes are of the kind f4 or f8.
+
+    Raises BadArgument for a body that is not SMPL's, is not bound in the pose zero, has free arrays
+    or more than four weights in a vertex, or more than 65,536 vertices.
+    """
+    if other := why_not_skinned(body, "the page of sliders", "body.vertices(pose) moves it"):
+        raise BadArgument(other)
+    most = int(np.count_nonzero(body.weights, axis=1).max())
+    for wrong, why in (
+        (not body.is_smpl, "is not blended linearly with features of rotation elements"),
+        (body.bind_pose.any(), "is drawn in a pose that is not zero"),
+        (body.free, "has free arrays; give them values first"),
+        (most > MOST_WEIGHTS, f"has {most} weights in a vertex, and the page knows four"),
+        (body.n_vertices > 2**16, f"has {body.n_vertices:,} vertices, and the page knows 65,536"),
+    ):
+        if wrong:
+            raise BadArgument(f"body {body.name!r} {why}; the page cannot show it")
+    carriers = np.argsort(-body.weights, axis=1, kind="stable")[:, :MOST_WEIGHTS]
+    carriers = np.pad(carriers, ((0, 0), (0, MOST_WEIGHTS - carriers.shape[1])))
+    shares = np.take_along_axis(body.weights, carriers, axis=1)
+    shares[:, body.n_joints :] = 0  # where there are fewer joints than weights
+    skeleton = body.numeric.skeleton
+    return {
+        "model": "SMPL",
+        **_common(body, kind),
+        "shapedirs": packed(body.shapedirs.transpose(2, 0, 1), kind),
+        "joints_mean": packed(skeleton.mean, kind),
+        "joints_move": packed(skeleton.by_betas.transpose(2, 0, 1), kind),
+        "weights": packed(shares, kind),
+        "carriers": packed(carriers, "u2"),
+        "bulges": [_bulge(body, k) for k in range(1, body.n_joints)],
+    }
+
+
+def triangle_data(body: TriangleBody) -> dict[str, Any]:
+    """The arrays for scape.js.
+
+    Raises BadArgument for a body with free arrays, or of more than 2,000 vertices.
+    """
+    for wrong, why in (
+        (body.free, "has free arrays; give them values first"),
+        (
+            body.n_vertices > MOST_STITCHED,
+            f"has {body.n_vertices:,} vertices, and the page stitches up to {MOST_STITCHED:,}",
+        ),
+    ):
+        if wrong:
+            raise BadArgument(f"body {body.name!r} {why}; the page cannot show it")
+    factor, order = banded_factor(body.stitching)
+    return {
+        "model": "SCAPE" if body.one_part_per_face else "BlendSCAPE",
+        **_common(body, "f8"),
+        "shapedirs": packed(body.shapedirs, "f4"),
+        "posedirs": packed(body.posedirs, "f4"),
+        "near": packed(body.near, "u2"),
+        "shares": packed(body.weights.data, "f8"),
+        "carriers": packed(body.weights.indices, "u2"),
+        "ends": packed(body.weights.indptr[1:], "u4"),
+        "root_row": packed(body.J_regressor[[0]].toarray(), "f8"),
+        "factor": packed(factor, "f8"),
+        "order": packed(order, "u4"),
+    }
+
+
+def _common(body: SkinnedBody | TriangleBody, kind: str) -> dict[str, Any]:
+    """What every body has."""
+    return {
+        "joint_names": list(body.joint_names),
+        "parents": list(body.parents),
+        "template": packed(body.template, kind),
+        "faces": packed(body.faces, "u4"),
+    }
+
+
+def _bulge(body: SkinnedBody, joint: int) -> dict[str, Any]:
+    """A joint's blend shapes, for the vertices that they move."""
+    shapes = body.posedirs[:, :, 9 * (joint - 1) : 9 * joint]
+    vertices = np.flatnonzero(shapes.any(axis=(1, 2)))
+    return {
+        "joint": joint,
+        "vertices": packed(vertices, "u2"),
+        "shapes": packed(shapes[vertices], "f4"),
+    }
+
+
+def row_of_body(body: Body, problem: Problem, known: Values) -> Row | None:
+    """A function from values to 3 K + B + 3 numbers; None if the problem does not determine them.
+
+    `known` are the values of blocks that the given values lack.
+    """
+
+    def row(values: Values) -> Array:
+        found = arguments_from_values(body, problem.points, dict(known) | dict(values))
+        assert found is not None  # asked below
+        return np.concatenate([np.ravel(one) for one in found])
+
+    found = arguments_from_values(body, problem.points, known)
+    shapes = tuple(block.shape for block in body.blocks())
+    if found is None or tuple(np.shape(one) for one in found) != shapes:
+        return None  # among them several frames
+    return row

@@ -1,0 +1,355 @@
+"""Recordings of frames, motions, named bodies, stages of a scan, and meshes side by side."""
+
+from collections.abc import Callable, Mapping, Sequence
+
+import casadi as cs
+import numpy as np
+
+from workbench.arrays import Array, Index
+from workbench.blocks import Values
+from workbench.bodies import SkinnedBody
+from workbench.bodies.body import Body
+from workbench.bodies.forward.sources import Arguments
+from workbench.errors import BadArgument, NotSupported
+from workbench.fitting.setup import Setup, View
+from workbench.geometry.surface_tree import SurfaceTree
+from workbench.motions import Motion
+from workbench.problem import Problem
+from workbench.registration import Registration
+from workbench.registration.support import FACING, NEAR
+from workbench.reports.replay.observations import (
+    landmarks_of_views,
+    observed_points,
+    spread,
+    view_data,
+)
+from workbench.reports.replay.recording import (
+    Recording,
+    Series,
+    packed,
+    recording,
+    shown_body,
+)
+from workbench.residuals import Residual
+
+MOST_FRAMES = 400
+OF_FRAMES = "The body in every frame. The slider goes through the frames. "
+OF_SOME = "The body in {shown} of {count} frames. The slider goes through them. "
+OF_VIEWS = (
+    "Red lines lead from points of the body to the rays along which the cameras observed them. "
+)
+OF_POINTS = "Red lines lead from points of the body to where they were observed. "
+
+
+def recorded_frames(setup: Setup, values: Values) -> Recording | None:
+    """The replay of a body that moves through frames, and of what was observed in each.
+
+    None if no body moves, or one that a page cannot pose.
+    """
+    body = moving_body(setup)
+    rows = None if body is None else rows_of_frames(body, values)
+    shown = None if rows is None else shown_body(body)
+    if rows is None or shown is None:
+        return None
+    some = spread(len(rows), MOST_FRAMES)
+    views = () if setup.moving is None else setup.moving.views
+    landmarks = landmarks_of_views(shown.body, views)
+    usable = landmarks["names"] and all(_one_camera(v.camera.focal.name, values) for v in views)
+    seen = [view_data(view, values) for view in views] if usable else []
+    links = links_of_frames(setup.problem, values, some)
+    pixels = np.array([view.observed[some] for view in views]).swapaxes(0, 1) if seen else None
+    sure = np.array([view.confidence[some] for view in views]).swapaxes(0, 1) if seen else None
+    series = _series(
+        rows,
+        some,
+        None if setup.moving is None else setup.moving.fps,
+        links=links,
+        keypoints=None if pixels is None or sure is None else (pixels, sure),
+    )
+    caption = _caption(len(some), len(rows)) + (OF_VIEWS if seen else "")
+    return recording(
+        shown,
+        rows[0],
+        caption + (OF_POINTS if links is not None else ""),
+        series=[series],
+        landmarks=landmarks,
+        views=seen,
+    )
+
+
+def recorded_motion(motion: Motion, body: Body, betas: Array | None = None) -> Recording | None:
+    """The replay of a motion on a body; see `Motion.named` for joints that only one of them has.
+
+    `betas` (T, B) take the place of the motion's own. None for a body that a page cannot pose.
+    Raises BadArgument if they have no joint in common.
+    """
+    shown = shown_body(body)
+    if shown is None:
+        return None
+    here = motion.named(body)
+    T = len(here)
+    each = np.broadcast_to(here.betas_on(body) if betas is None else betas, (T, body.n_betas))
+    rows = np.hstack([here.pose.reshape(T, -1), each, here.trans])
+    some = spread(T, MOST_FRAMES)
+    return recording(shown, rows[0], _caption(len(some), T), series=[_series(rows, some, here.fps)])
+
+
+def moving_body(setup: Setup) -> SkinnedBody | None:
+    """The body that moves: of the setup, or the one whose points its residuals read."""
+    named = setup.body if setup.moving is None else setup.moving.body
+    if named is not None:
+        return named if isinstance(named, SkinnedBody) else None
+    for residual in setup.problem.residuals:
+        for _, one in residual.by_frame:
+            for points in one.points:
+                at = getattr(points.source, "arguments", None)
+                if isinstance(at, Arguments) and isinstance(at.body, SkinnedBody):
+                    return at.body
+    return None
+
+
+def rows_of_frames(body: Body, values: Values) -> Array | None:
+    """(T, 3 K + B + 3) numbers of the body in each frame; None if values hold no frames of it."""
+    pose, betas, trans = (values.get(block.name) for block in body.blocks())
+    shapes = [block.shape for block in body.blocks()]
+    if pose is None or betas is None or trans is None or np.shape(pose)[1:] != shapes[0]:
+        return None
+    T = len(pose)
+    each = np.broadcast_to(betas, (T, *shapes[1])) if np.ndim(betas) == 1 else np.asarray(betas)
+    if np.shape(trans) != (T, 3) or each.shape != (T, *shapes[1]):
+        return None
+    return np.hstack([np.reshape(pose, (T, -1)), each, trans])
+
+
+def links_of_frames(problem: Problem, values: Values, some: Index) -> tuple[Array, Array] | None:
+    """Points of the body in some frames, and where they were observed in space, (S, L, 3) m twice.
+
+    None if no residual compares such points in every frame.
+    """
+    for residual in problem.residuals:
+        frames = dict(residual.by_frame)
+        if not all(int(t) in frames for t in some):
+            continue
+        T, found = 1 + max(frames, default=0), []
+        for t in map(int, some):
+            found += observed_points([frames[t]], _of_frame(values, frames[t], t, T))
+        if len(found) == len(some) and len({one.found.shape for one in found}) == 1:
+            places = np.array([one.places for one in found])
+            return np.array([one.found for one in found]), places
+    return None
+
+
+def _of_frame(values: Values, residual: Residual, t: int, count: int) -> Values:
+    """The values of one frame: of blocks that have a row for each frame, that row."""
+    read = [residual.expression, *([w] if isinstance(w := residual.weights, cs.MX) else [])]
+    sizes = {symbol.name(): symbol.numel() for one in read for symbol in cs.symvar(one)}
+    for points in residual.points:
+        sizes |= {block.name: block.size for block in points.source.blocks}
+    found = {}
+    for name, value in values.items():
+        array = np.asarray(value)
+        framed = array.ndim and len(array) == count and sizes.get(name, -1) * count == array.size
+        found[name] = array[t] if framed else array
+    return found
+
+
+def _one_camera(name: str, values: Values) -> bool:
+    """Whether a camera is the same in all frames."""
+    return name in values and np.size(values[name]) == 2
+
+
+def _series(
+    rows: Array,
+    some: Index,
+    fps: float | None,
+    links: tuple[Array, Array] | None = None,
+    keypoints: tuple[Array, Array] | None = None,
+) -> Series:
+    """The frames `some` of a motion of `fps` frames a second."""
+    times = [f", at {t / fps:.2f} s" if fps else "" for t in some]
+    said = [f"Frame {t + 1} of {len(rows)}{time}." for t, time in zip(some, times, strict=True)]
+    rate = fps * (len(some) - 1) / max(len(rows) - 1, 1) if fps else None
+    return Series(
+        "frames",
+        [str(t + 1) for t in some],
+        said,
+        rows=rows[some][:, None],
+        fps=rate,
+        links=links,
+        keypoints=keypoints,
+    )
+
+
+def _caption(shown: int, count: int) -> str:
+    return OF_FRAMES if shown == count else OF_SOME.format(shown=shown, count=count)
+
+
+BODIES_PER_SECOND = 2.5  # , when they play
+
+
+def recorded_bodies(
+    body: Body,
+    named: Mapping[str, Mapping[str, Values]],
+    caption: str,
+    *,
+    said: Mapping[str, str] | None = None,
+    views: Sequence[View] = (),
+    cameras: Values | None = None,
+) -> Recording:
+    """The replay of a body that takes values one after the other.
+
+    `named` are the series among which a reader chooses, each with the values of the body's blocks
+    by their names; `said` has a sentence for some of these names. `views` are cameras to look
+    through, with what they observed, and `cameras` the numbers of these. Raises BadArgument if
+    nothing is given, and NotSupported for a body that a page cannot pose.
+    """
+    shown = shown_body(body)
+    if shown is None:
+        raise NotSupported(f"a page cannot pose body {body.name!r}; take a skinned body of SMPL's")
+    blocks = [block.name for block in body.blocks()]
+    series = [
+        Series(
+            name,
+            list(every),
+            [(said or {}).get(label, f"{label[0].upper()}{label[1:]}.") for label in every],
+            rows=np.array([[_row(values, blocks)] for values in every.values()]),
+            fps=BODIES_PER_SECOND,
+        )
+        for name, every in named.items()
+        if every
+    ]
+    if not series:
+        raise BadArgument("there is no body to show; give values of pose, betas and trans")
+    landmarks = landmarks_of_views(body, views)
+    seen = [view_data(view, cameras or {}) for view in views] if landmarks["names"] else []
+    here = next(iter(next(iter(named.values())).values()))
+    return recording(
+        shown, _row(here, blocks), caption, series=series, landmarks=landmarks, views=seen
+    )
+
+
+def _row(values: Values, blocks: Sequence[str]) -> np.ndarray:
+    return np.concatenate([np.ravel(values[name]) for name in blocks])
+
+
+MOST_POINTS, LINKS = (
+    6_000,
+    400,
+)  # points of the scan that are shown, and that are joined to the surface
+MM = 1e3
+OF_REGISTRATION = (
+    "The points of the scan, and the surface on its way to them: the start that led to the result, "
+    "the end of each stage, and the registration. Points in contact have the colour of their "
+    "distance to the surface, others are grey. Where the surface is orange, the scan did not show "
+    "it. Red lines lead from some of the points to the nearest place on the surface that faces "
+    "their way. "
+)
+
+
+def recorded_registration(found: Registration) -> Recording | None:
+    """The surface at the start, at the end of each stage and at last, with points of the scan.
+
+    Distances are signed in a `Registration`, and are shown without their sign. None for a
+    registration that was made without `surfaces`.
+    """
+    if not found.surfaces:
+        return None
+    rng = np.random.default_rng(0)
+    scan = found.scan.some(rng.permutation(found.scan.n_points) < MOST_POINTS)
+    joined = spread(scan.n_points, LINKS)
+    tree = SurfaceTree(found.vertices, found.faces)
+    far, ends, said = [], [], []
+    for name, vertices in found.surfaces.items():
+        at = tree.moved(vertices).closest(scan.points, 10 * NEAR, scan.normals, FACING)
+        there = at.faces >= 0
+        distances = np.where(there, np.abs(at.distances), np.inf)
+        far.append(distances)
+        ends.append(np.where(there[joined, None], at.points[joined], np.nan))
+        said.append(_said(name, distances, found.reach))
+    surfaces = np.array(list(found.surfaces.values()))
+    series = Series(
+        "stages",
+        list(found.surfaces),
+        said,
+        surfaces=surfaces,
+        opens=len(surfaces) - 1,
+        links=(np.array(ends), np.tile(scan.points[joined], (len(ends), 1, 1))),
+        scan=(scan.points, np.array(far)),
+        contact=found.reach,
+        scale=_scale(far[-1], found.reach),
+        hidden=(~found.seen).astype(float),
+    )
+    turn = found.facing
+    return recording(
+        {"faces": packed(found.faces, "u4")},
+        None,
+        OF_REGISTRATION.rstrip(),
+        front=(float(np.sin(turn)), 0.0, float(np.cos(turn))),
+        series=[series],
+    )
+
+
+def _scale(distances: Array, reach: float) -> float:
+    """Where the colours end: 98 % of the points in contact at last are nearer, in whole mm."""
+    near = distances[distances < reach]
+    return float(np.ceil(MM * np.percentile(near, 98)) / MM) if len(near) else reach
+
+
+def _said(name: str, distances: Array, reach: float) -> str:
+    """A sentence on one surface."""
+    near = distances < reach
+    begun = f"{name[0].upper()}{name[1:]}: "
+    if not near.any():
+        return f"{begun}none of the {len(distances):,} points shown is in contact."
+    return (
+        f"{begun}{100 * near.mean():.0f} % of the {len(distances):,} points shown are in contact, "
+        f"nearer than {MM * reach:.0f} mm to the surface; half of these are within "
+        f"{MM * float(np.median(distances[near])):.1f} mm."
+    )
+
+
+GRAIN = 2.0**-14  # m, to which vertices are rounded, so that they compress: 0.06 mm
+ANGLES_PER_SECOND = 12.0  # , when it plays
+Surface = Callable[[float], Array]
+
+
+def recorded_side_by_side(
+    faces: Index,
+    angles: Sequence[float] | Array,
+    named: Mapping[str, Mapping[str, Surface]],
+    caption: str,
+    *,
+    say: Callable[[float], str] = lambda angle: f"Turned by {np.degrees(angle):.0f} degrees.",
+    front: Sequence[float] = (0.0, 0.0, 1.0),
+    opens: float = 1.0,
+) -> Recording:
+    """The replay of surfaces of the same faces (F, 3), by angles (A,) in rad on the slider.
+
+    `named` are the motions among which a reader chooses ("twist", "bend"), each with the ways in
+    which it is done side by side: functions from an angle to vertices (N, 3) in m. `say` is the
+    sentence on an angle, `front` the direction from which one looks, and `opens` the share of the
+    angles at which the page opens. Raises BadArgument if motions differ in their ways.
+    """
+    ways = list(dict.fromkeys(tuple(one) for one in named.values()))
+    if len(ways) != 1 or not ways[0]:
+        raise BadArgument("every motion is shown in the same ways, one of them at least")
+    opening = round(opens * (len(angles) - 1))
+    series = [
+        Series(
+            name,
+            [f"{np.degrees(angle):.0f}°" for angle in angles],
+            [say(float(angle)) for angle in angles],
+            surfaces=_rounded([[way(float(a)) for way in motion.values()] for a in angles]),
+            columns=ways[0],
+            opens=opening,
+            fps=ANGLES_PER_SECOND,
+        )
+        for name, motion in named.items()
+    ]
+    return recording(
+        {"faces": packed(faces, "u4")}, None, caption, front=list(front), series=series
+    )
+
+
+def _rounded(surfaces: Sequence[Sequence[Array]]) -> Array:
+    return np.round(np.asarray(surfaces) / GRAIN) * GRAIN

@@ -1,0 +1,521 @@
+"""The page of a run and of a video, and their"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from workbench import plots
+from workbench.arrays import Array
+from workbench.blocks import Block, Values
+from workbench.bodies import SkinnedBody
+from workbench.bodies.capsules import posed_capsules
+from workbench.bodies.forward.sources import arguments_from_values
+from workbench.diagnostics import Diagnosis
+from workbench.errors import joined, some_of
+from workbench.experiments.relative_costs import ending_in_words
+from workbench.experiments.running import Outcome
+from workbench.fitting.doubts import doubts
+from workbench.fitting.effective_frames import autocorrelation
+from workbench.fitting.keypoints import LEAST_CONFIDENCE
+from workbench.fitting.setup import Measure, Moving, Setup
+from workbench.fitting.videos import errors_of, worth_of
+from workbench.geometry.meshes import write_mesh
+from workbench.plots.body import capsules_sheet, distances_sheet
+from workbench.plots.diagnosis import sparsity_sheet
+from workbench.plots.solutions import convergence_sheet
+from workbench.reports.diagnosis_tables import (
+    directions_table,
+    gathered_directions_table,
+    terms_table,
+)
+from workbench.reports.folder import SUMMARY, Content, write_folder
+from workbench.reports.page import (
+    Columns,
+    Shown,
+    Table,
+    drawn,
+    number,
+    of_solvers,
+    page,
+    plotted,
+    shown,
+    spectrum,
+    unit_text,
+)
+from workbench.reports.replay import recorded_frames, recorded_run
+from workbench.residuals import Residual
+from workbench.solvers import Hypothesis, Solution, Status
+from workbench.solvers.starts import AS_GOOD
+from workbench.writing import write_arrays
+
+MOST_SHOWN = 6  # stages, or hypotheses, that are drawn side by side
+FILES = {
+    "index.html": "this page",
+    "values.npz": "every block by its name, free and fixed, and the points drawn in each view",
+    "solution.npz": "the solution with its trace, for Solution.load",
+    "body.glb": "the fitted, posed body, in metres",
+    "diagnosis.txt": "the diagnosis with and without the priors, as text",
+    SUMMARY: "how the run ended, for programs",
+}
+
+
+def write_report(outcome: Outcome, folder: str | Path) -> Path:
+    """Write the folder of a run, and return its page `index.html`.
+
+    The folder appears whole or not at all: whatever interrupts the writing, a previous report
+    stays. Raises BadFile if the place cannot be written or holds something else.
+    """
+    body, surface = outcome.setup.body, outcome.surface
+    contents: dict[str, Content] = {
+        "values.npz": lambda path: write_arrays(path, arrays(outcome)),
+        "solution.npz": outcome.solution.save,
+        "diagnosis.txt": diagnosis_text(outcome),
+    }
+    if body is not None and surface is not None:
+        contents["body.glb"] = lambda path: write_mesh(path, surface, body.faces)
+    present = {*contents, "index.html", SUMMARY}
+    files = {name: text for name, text in FILES.items() if name in present}
+    contents["index.html"] = run_page(outcome, files)
+    return write_folder(folder, outcome.source, contents, run_summary(outcome))
+
+
+def diagnosis_text(outcome: Outcome) -> str:
+    """The diagnosis with and without the priors, as text."""
+    text = f"{outcome.diagnosis}\n"
+    if outcome.data_alone is not None:
+        heading = f"The data alone, without {joined(outcome.setup.priors)}"
+        text += f"\n{heading}\n{'-' * len(heading)}\n{outcome.data_alone}\n"
+    return text
+
+
+def run_page(outcome: Outcome, files: dict[str, str]) -> str:
+    """The page of a run."""
+    solution, diagnosis = outcome.solution, outcome.diagnosis
+    advice, message = ending_said(solution)
+    return page(
+        "run.html",
+        title=outcome.name,
+        outcome=outcome,
+        setup=outcome.setup,
+        solution=solution,
+        diagnosis=diagnosis,
+        truth=truth_called(outcome),
+        measures=measures_table(outcome.measures),
+        status=solution.status.name.lower().replace("_", " "),
+        better=better_said(outcome),
+        interrupted=interrupted_said(outcome),
+        advice=advice,
+        message=message,
+        residuals=residuals_table(outcome),
+        priors=priors_said(outcome),
+        cost=number(solution.cost, 6),
+        optimality=number(solution.optimality, 2),
+        overlays=overlay_figures(outcome),
+        stages=numbered_figures(
+            outcome, len(outcome.stages), plots.plot_stage, plots.caption_stage
+        ),
+        ends=numbered_figures(
+            outcome, len(outcome.hypotheses), plots.plot_hypothesis, plots.caption_hypothesis
+        ),
+        moving=moving_figures(outcome.setup, outcome.values),
+        seen=LEAST_CONFIDENCE,
+        distances=distance_figure(outcome),
+        capsules=capsule_figure(outcome),
+        convergence=of_solvers(
+            drawn(convergence_sheet, plots.caption_convergence, outcome.compared)
+        ),
+        solvers=solvers_table(outcome),
+        evaluations=evaluations_table(outcome),
+        minima=minima_figure(solution),
+        hypotheses=hypotheses_table(solution),
+        condition=number(diagnosis.condition, 3),
+        sparsity=drawn(sparsity_sheet, plots.caption_sparsity, diagnosis),
+        terms=terms_table(diagnosis),
+        spectrum=spectrum(diagnosis),
+        directions=directions_table(diagnosis),
+        alone=data_alone(outcome),
+        values=value_tables(outcome),
+        arrays=array_tables(outcome),
+        fixed=fixed_table(outcome),
+        files=files,
+        recording=recorded_run(outcome),
+    )
+
+
+def minima_figure(solution: Solution) -> Shown | None:
+    """Where several starts ended, or None if there was one."""
+    if not solution.hypotheses:
+        return None
+    return plotted(8.0, 3.6, plots.plot_minima, plots.caption_minima, solution)
+
+
+def data_alone(outcome: Outcome) -> dict[str, object] | None:
+    """The diagnosis of the data alone, or None if there are no priors."""
+    found = outcome.data_alone
+    if found is None:
+        return None
+    return {
+        "priors": joined(outcome.setup.priors),
+        "diagnosis": found,
+        "spectrum": spectrum(found),
+        "directions": directions_table(found),
+        "weak": gathered_directions_table(found.weak_directions, "characteristic scale"),
+    }
+
+
+def overlay_figures(outcome: Outcome) -> list[Shown]:
+    """The fitted body over the keypoints, one figure per view."""
+    views = range(len(outcome.overlays))
+    return [plotted(4.8, 6.2, plots.plot_overlay, plots.caption_overlay, outcome, i) for i in views]
+
+
+def numbered_figures(
+    outcome: Outcome,
+    count: int,
+    plot: Callable[..., object],
+    caption: Callable[[Outcome, int], str],
+) -> list[Shown]:
+    """A figure for each stage or hypothesis; of many hypotheses the first ones."""
+    return [plotted(3.8, 5.0, plot, caption, outcome, i) for i in range(min(count, MOST_SHOWN))]
+
+
+def distance_figure(outcome: Outcome) -> Shown | None:
+    """The distances to the true surface, or None if it is not known."""
+    truth, surface, body = outcome.setup.truth, outcome.surface, outcome.setup.body
+    if truth is None or surface is None or body is None:
+        return None
+    distances = 1e3 * np.linalg.norm(surface - truth, axis=1)  # mm
+    called = truth_called(outcome)
+    figure = distances_sheet(surface, distances, body.faces, called)
+    return shown(figure, plots.caption_distances(distances, called))
+
+
+def capsule_figure(outcome: Outcome) -> Shown | None:
+    """The fitted body with its capsules, or None if the problem reads none of them."""
+    body, surface, problem = outcome.setup.body, outcome.surface, outcome.setup.problem
+    if surface is None or not isinstance(body, SkinnedBody) or body.capsules is None:
+        return None
+    points = [*problem.points, *(p for c in problem.constraints for p in c.points)]
+    read = any(p.source.labels == body.capsules.end_names for p in points)
+    arguments = arguments_from_values(body, points, outcome.values)
+    if not read or arguments is None:
+        return None
+    posed = posed_capsules(body, *arguments)
+    figure = capsules_sheet(surface, body.faces, posed)
+    return shown(figure, plots.caption_capsules(posed))
+
+
+def truth_called(outcome: Outcome) -> str:
+    """What the true surface is called: `synthetic truth` if the data are synthetic."""
+    return "synthetic truth" if outcome.setup.synthetic else "truth"
+
+
+def arrays(outcome: Outcome) -> dict[str, Array]:
+    """Every block under its own name, and per view `projected:`, `observed:` (M, 2) px and
+    `confidence:` (M,), exactly as drawn; `surface` (N, 3) m where there is a body.
+    """
+    found: dict[str, Array] = {}
+    if outcome.surface is not None:
+        found["surface"] = outcome.surface
+    for overlay in outcome.overlays:
+        found[f"projected:{overlay.view.name}"] = overlay.projected
+        found[f"observed:{overlay.view.name}"] = overlay.view.observed
+        found[f"confidence:{overlay.view.name}"] = overlay.view.confidence
+    return found | {name: np.asarray(value) for name, value in outcome.values.items()}
+
+
+def run_summary(outcome: Outcome) -> dict[str, Any]:
+    """How a run ended, what it measured, and what it ran on."""
+    alone, priors = outcome.data_alone, list(outcome.setup.priors)
+    return {
+        "kind": "run",
+        "name": outcome.name,
+        "synthetic": outcome.setup.synthetic,
+        "warnings": list(outcome.doubts),
+        "notes": list(outcome.setup.notes),
+        **_ending(outcome.solution),
+        "solver": outcome.solver,
+        "better": outcome.better,
+        "best_cost": outcome.best_cost,
+        **_seen(outcome.diagnosis),
+        "data_alone": None if alone is None else {"without": priors, **_seen(alone)},
+        "costs": dict(outcome.costs),
+        "priors": priors,
+        "measures": [asdict(measure) for measure in outcome.measures],
+        "compared": {
+            name: _ending(solution) | {"excess": outcome.excess(name)}
+            for name, solution in outcome.compared.items()
+        },
+        "interrupted": outcome.interrupted,
+        "skipped": list(outcome.skipped),
+    }
+
+
+def _seen(diagnosis: Diagnosis) -> dict[str, int]:
+    rows, unknowns = diagnosis.shape
+    return {"rows": rows, "unknowns": unknowns, "rank": diagnosis.rank}
+
+
+def _ending(solution: Solution) -> dict[str, Any]:
+    return {
+        "status": solution.status.name,
+        "message": solution.message,
+        "cost": solution.cost,
+        "optimality": solution.optimality,
+        "iterations": solution.iterations,
+        "evaluations": asdict(solution.evaluations),
+        "seconds": solution.seconds,
+    }
+
+
+SMALL = 24  # entries of a block that is listed number by number
+MOST_LISTED = 3000  # entries of one that is listed row by row; what is larger is in the .npz alone
+MOST_STARTS = 12  # that are listed by number
+
+
+def measures_table(measures: tuple[Measure, ...]) -> Table:
+    """The measures with their units, and what each is a mean over."""
+    rows = tuple((m.name, number(m.value), unit_text(m.unit), m.over) for m in measures)
+    if any(m.over for m in measures):
+        return Table(("measure", "value", "unit", "mean over"), rows)
+    return Table(("measure", "value", "unit"), tuple(row[:3] for row in rows))
+
+
+def residuals_table(outcome: Outcome) -> Table:
+    """The part of the cost that each residual makes up, and which residuals are priors."""
+    setup, costs, whole = outcome.setup, outcome.costs, sum(outcome.costs.values())
+    columns: Columns[Residual] = {
+        "residual": lambda r: r.name,
+        "kind": lambda r: "prior" if r.name in setup.priors else "data",
+        "rows": lambda r: f"{r.size:,}",
+        "sigma": lambda r: _sigma(r.sigma),
+        "unit": lambda r: unit_text(r.unit),
+        "cost": lambda r: number(costs[r.name]),
+        "share": lambda r: f"{costs[r.name] / whole:.1%}" if whole else "–",
+    }
+    return Table.of(setup.problem.residuals, columns, (2, 3, 5, 6))
+
+
+def priors_said(outcome: Outcome) -> str:
+    """Which residuals are priors, and their share of the cost, in a sentence."""
+    priors = outcome.setup.priors
+    if not priors:
+        return "The setup names no residual as a prior."
+    prior, make = ("prior", "makes") if len(priors) == 1 else ("priors", "make")
+    share = f"{outcome.prior_share:.1%}" if math.isfinite(outcome.prior_share) else "nothing"
+    return f"The {prior}, {joined(priors)}, {make} up {share} of the cost at the end."
+
+
+def better_said(outcome: Outcome) -> str:
+    """That another solver found a lower cost, and by how much; empty if none did."""
+    if outcome.better is None:
+        return ""
+    own, other = outcome.solution.cost, outcome.compared[outcome.better].cost
+    return (
+        f"{outcome.better} found a lower cost from the same start: {number(other, 6)}, which is "
+        f"{number(own - other)} ({(own - other) / own:.1%}) less than {outcome.solver} found. This "
+        "end is not the best one known."
+    )
+
+
+def interrupted_said(outcome: Outcome) -> str:
+    """That an interrupt ended the run early, and what is missing; empty if none did."""
+    if not outcome.interrupted:
+        return ""
+    lacks = f"; not run: {', '.join(outcome.skipped)}" if outcome.skipped else ""
+    what = "run" if outcome.solution.status is Status.STOPPED else "comparison of solvers"
+    return f"The {what} was cut short from the keyboard{lacks}."
+
+
+def status_said(outcome: Outcome, solver: str) -> str:
+    """How a solver ended, in words: `converged, not lowest` if another one found a lower cost."""
+    return ending_in_words(outcome.compared[solver].status, outcome.excess(solver) > AS_GOOD)
+
+
+def solvers_table(outcome: Outcome) -> Table:
+    """How each solver ended, and with which cost and time."""
+    columns: Columns[tuple[str, Solution]] = {
+        "solver": lambda of: of[0],
+        "status": lambda of: status_said(outcome, of[0]),
+        "seconds": lambda of: f"{of[1].seconds:.2f}",
+        "cost": lambda of: number(of[1].cost, 8),
+        "above the best": lambda of: number(outcome.excess(of[0]), 2),
+        "optimality": lambda of: number(of[1].optimality, 2),
+        "iterations": lambda of: str(of[1].iterations),
+    }
+    return Table.of(outcome.compared.items(), columns, tuple(range(2, 7)))
+
+
+def evaluations_table(outcome: Outcome) -> Table:
+    """How often each solver asked for what."""
+    columns: Columns[tuple[str, Solution]] = {
+        "solver": lambda of: of[0],
+        "residuals": lambda of: str(of[1].evaluations.residual),
+        "gradients": lambda of: str(of[1].evaluations.gradient),
+        "Jacobians": lambda of: str(of[1].evaluations.jacobian),
+        "Hessians": lambda of: str(of[1].evaluations.hessian),
+    }
+    return Table.of(outcome.compared.items(), columns, tuple(range(1, 5)))
+
+
+def ending_said(solution: Solution) -> tuple[str, str]:
+    """How a run ended: what its status means, and what the solver adds to that.
+
+    The message of a run that has converged says itself what was found out, which is less after a
+    large gradient tolerance.
+    """
+    advice, message = solution.status.value, solution.message
+    if message.startswith(advice):
+        return advice, message.removeprefix(advice).lstrip("; ")
+    return (message, "") if solution.converged else (advice, message)
+
+
+def hypotheses_table(solution: Solution) -> Table:
+    """The minima that several starts led to."""
+    columns: Columns[tuple[int, Hypothesis]] = {
+        "minimum": lambda of: str(of[0]),
+        "cost": lambda of: number(of[1].cost, 8),
+        "starts": lambda of: str(len(of[1].starts)),
+        "their numbers": lambda of: some_of(list(map(str, sorted(of[1].starts))), MOST_STARTS),
+        "best run": lambda of: ending_in_words(of[1].status, of[0] > 1),
+    }
+    return Table.of(enumerate(solution.hypotheses, 1), columns, (0, 1, 2))
+
+
+def value_tables(outcome: Outcome) -> list[Table]:
+    """The free numbers of each small block, one by one."""
+    found = []
+    for block in outcome.diagnosis.free.blocks:
+        if block.size <= SMALL:
+            rows = tuple(
+                (block.name + block.entry(i), number(float(value)))
+                for i, value in enumerate(block.taken(outcome.values[block.name]).ravel())
+            )
+            found.append(Table((block.name, "value" + _unit(block)), rows))
+    return found
+
+
+def array_tables(outcome: Outcome) -> dict[str, Table]:
+    """A table by its title for each free block with rows of three numbers, such as a pose."""
+    found = {}
+    for block in outcome.diagnosis.free.blocks:
+        if SMALL < block.size <= MOST_LISTED and len(block.shape) == 2 and block.shape[1] == 3:
+            unit = _unit(block)
+            value = block.taken(outcome.values[block.name])
+            labels = None if block.framed else block.labels  # those of a frame's rows
+            names = labels or [str(k) for k in range(len(value))]
+            rows = tuple(
+                (name, *(number(float(x), 3) for x in (*row, np.linalg.norm(row))))
+                for name, row in zip(names, value, strict=True)
+            )
+            head = (block.name, *(axis + unit for axis in "xyz"), "length" + unit)
+            found[f"{block.name}: {' × '.join(map(str, block.shape))}{unit}"] = Table(
+                head, rows, (1, 2, 3, 4)
+            )
+    return found
+
+
+def fixed_table(outcome: Outcome) -> Table:
+    """The blocks of which all or some entries are fixed."""
+    problem = outcome.setup.problem
+    partly_free = " (but for the free entries)"
+    columns: Columns[Block] = {
+        "block": lambda b: b.name + (partly_free if b.name in problem.free.names else ""),
+        "shape": lambda b: " × ".join(map(str, b.shape)) or "1",
+        "unit": lambda b: unit_text(b.unit),
+    }
+    return Table.of(problem.fixed.blocks, columns, ())
+
+
+def _unit(block: Block) -> str:
+    return "" if block.unit == "1" else f" ({block.unit})"
+
+
+def _sigma(sigma: float | np.ndarray) -> str:
+    low, high = float(np.min(sigma)), float(np.max(sigma))
+    return number(low, 3) if low == high else f"{number(low, 3)} to {number(high, 3)}"
+
+
+MOST_CAMERAS = 4  # whose strips are drawn
+
+
+def moving_figures(setup: Setup, values: Values) -> list[Shown]:
+    """A strip of frames for each camera, and how errors are correlated; none for a single frame."""
+    moving = setup.moving
+    if moving is None:
+        return []
+    found = [
+        plotted(9.6, 2.7, plots.plot_strip, plots.caption_strip, moving, values, i)
+        for i in range(min(len(moving.views), MOST_CAMERAS))
+    ]
+    if moving.data and len(moving.views[0].observed) > 2:
+        r = autocorrelation(*errors_of(setup.problem, values, moving.data))
+        worth = worth_of(setup.problem, values, moving.data)
+        draw, say = plots.plot_autocorrelation, plots.caption_autocorrelation
+        found.append(plotted(6.4, 3.0, draw, say, r, worth))
+    return found
+
+
+VIDEO_FILES = {
+    "index.html": "this page",
+    "motion.npz": "poses (T, K, 3) rad, trans (T, 3) m, betas, fps, and the names of joints",
+    SUMMARY: "how the fit ended, for programs",
+}
+
+
+def motion_arrays(moving: Moving, values: Values) -> dict[str, Array]:
+    """The arrays of `motion.npz`, which `read_motion` reads."""
+    pose, betas, trans = (values[block.name] for block in moving.body.blocks())
+    return {
+        "poses": pose,
+        "trans": trans,
+        "betas": betas,
+        "fps": np.array(moving.fps),
+        "joint_names": np.array(moving.body.joint_names),
+        "up_axis": np.array("y"),
+    }
+
+
+def write_video(
+    setup: Setup, solution: Solution, folder: str | Path, title: str, source: str
+) -> Path:
+    """Write the folder of a fitted clip, and return its page `index.html`; raises BadFile."""
+    values = {**setup.start, **solution.values}
+    moving = setup.moving
+    assert moving is not None  # a fit of a clip says what moves
+    motion = motion_arrays(moving, values)
+    measures, doubted = setup.measures(values), doubts(setup, values, solution)
+    text = page(
+        "video.html",
+        title=title,
+        setup=setup,
+        solution=solution,
+        status=solution.status.name.lower().replace("_", " "),
+        said="; ".join(text for text in ending_said(solution) if text),
+        cost=number(solution.cost, 6),
+        measures=measures_table(measures),
+        doubted=doubted,
+        moving=moving_figures(setup, values),
+        files=VIDEO_FILES,
+        recording=recorded_frames(setup, values),
+    )
+    contents: dict[str, Content] = {
+        "index.html": text,
+        "motion.npz": lambda path: write_arrays(path, motion),
+    }
+    summary = {
+        "kind": "video",
+        "status": solution.status.name,
+        "cost": solution.cost,
+        "frames": len(motion["poses"]),
+        "warnings": list(doubted),
+        "notes": list(setup.notes),
+        "measures": [{"name": m.name, "value": m.value, "unit": m.unit} for m in measures],
+    }
+    return write_folder(folder, source, contents, summary)
