@@ -438,6 +438,7 @@ BROKEN = [
     ({"mirror": np.arange(31)}, "mirror must swap"),
     ({"bound_in": np.full((5, 3), np.nan)}, "bound_in must be finite"),
     ({"rest_joints": np.zeros((6, 3))}, "rest_joints must be finite"),
+    ({"rest_joints": np.full((5, 3), 1800.0)}, "within 1,000 m, not .* up to 1.8e"),
     ({"landmarks": {"face": Landmarks(("nose",), csr_array((2, 30)))}}, "'face'"),
     (
         {"landmarks": {"face": Landmarks(("nose",), 2 * np.eye(1, 30))}},

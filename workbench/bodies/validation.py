@@ -57,8 +57,11 @@ def check_skinned(body: SkinnedBody) -> None:
     if body.bind_pose.shape != (K, 3) or not np.isfinite(body.bind_pose).all():
         refuse(f"bound_in must be finite angles ({K}, 3), not an array {body.bind_pose.shape}")
     joints = np.zeros((K, 3)) if body.rest_joints is None else body.rest_joints
-    if joints.shape != (K, 3) or not np.isfinite(joints).all():
-        refuse(f"rest_joints must be finite places ({K}, 3) m, not an array {joints.shape}")
+    if joints.shape != (K, 3) or not (np.abs(joints) <= FARTHEST).all():
+        refuse(
+            f"rest_joints must be finite places ({K}, 3) within {FARTHEST:,.0f} m, not an array "
+            f"{joints.shape}{f' up to {np.abs(joints).max():.3g}' if joints.size else ''}"
+        )
     if "J_regressor" in body.free and ("joints" in body.free or body.rest_joints is not None):
         refuse(
             "nothing would read J_regressor where the joints are free or given; free one of the "

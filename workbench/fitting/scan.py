@@ -96,7 +96,7 @@ class Scan:
         if not len(faces):
             return cls(points)
         normals = vertex_normals(points, faces)
-        known = np.asarray(normals.any(axis=1))
+        known: Mask = np.asarray(normals.any(axis=1))
         normals[~known] = [0.0, 1.0, 0.0]
         thirds = np.linalg.norm(face_vectors(points, faces), axis=1, keepdims=True) / 3
         areas = sums_over_faces(thirds, faces, len(points))[:, 0]

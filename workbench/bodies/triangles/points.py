@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from math import prod
 
 import casadi as cs
 import numpy as np
@@ -74,7 +75,8 @@ def _array(of: PackedTriangles, name: str, free: Mapping[str, Block]) -> cs.MX:
     if name in free:
         return free[name].symbol
     array = getattr(of, name)
-    return cs.MX(cs.sparsify(cs.DM(array.reshape(-1, array.shape[-1]).T)))  # axes reversed
+    rows = array.reshape(prod(array.shape[:-1]), array.shape[-1])
+    return cs.MX(cs.sparsify(cs.DM(rows.T)))  # as the symbol of a block of its shape has it
 
 
 def _identities(count: int) -> cs.MX:
