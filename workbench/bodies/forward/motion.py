@@ -92,7 +92,7 @@ class JointMotion:
         by, below = self.derivatives, self.kinematics.ancestors.T
         # all that is at and below a joint turns about where the joint is
         torque, force = below @ axial(on_G, self.G), below @ on_G[:, :, 3]
-        torque -= np.cross(self.joints, force)
+        torque -= (crossed(self.joints) @ force[:, :, None])[:, :, 0]
         on_pose = np.einsum("kad,kd->ka", by.axes, torque)
         on_pose[1:] += np.einsum("kna,kn->ka", by.d_features[1:], on_features.reshape(-1, 9))
         return on_pose, np.einsum("bkd,kd->b", by.d_shift, on_G[:, :, 3])
@@ -276,4 +276,4 @@ class Kinematics:
         by.d_features[..., 1:, :, :] = turned.reshape(*some, K - 1, 3, 9).swapaxes(-1, -2)
         own = ((above - turn) @ self.skeleton.by_betas).reshape(*some, K, 3 * B)
         shift = (self.ancestors @ own).reshape(*some, K, 3, B)
-        by.d_shift[...] = np.moveaxis(shift, -1, -3)
+        by.d_shift[...] = shift.swapaxes(-1, -3).swapaxes(-1, -2)
