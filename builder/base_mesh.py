@@ -77,7 +77,7 @@ class BaseMesh:
     @cached_property
     def smoothing(self) -> tuple[Index, Index, Array]:
         """Vertices to smooth (f,), vertices that they follow (b,), and the matrix (f, b)."""
-        neighbours = self._neighbours
+        neighbours = self.neighbours
         inner: set[int] = set().union(*NIPPLES)
         for _ in range(SMOOTHED_RINGS):
             inner |= {n for v in inner for n in neighbours[v]}
@@ -94,7 +94,8 @@ class BaseMesh:
         return smooth
 
     @cached_property
-    def _neighbours(self) -> dict[int, set[int]]:
+    def neighbours(self) -> dict[int, set[int]]:
+        """The vertices that share a quad's side with each vertex."""
         neighbours: dict[int, set[int]] = {}
         for quad in self.quads.tolist():
             for here, there in zip(quad, quad[1:] + quad[:1], strict=True):
@@ -108,14 +109,14 @@ class BaseMesh:
         place = {v: i for i, v in enumerate(vertices)}
         laplacian = np.zeros((len(vertices), len(vertices)))
         for v in vertices:
-            for n in self._neighbours[v] & place.keys():
+            for n in self.neighbours[v] & place.keys():
                 laplacian[place[v], place[n]] = -1 / np.linalg.norm(
                     self.vertices[v] - self.vertices[n]
                 )
         np.fill_diagonal(laplacian, -laplacian.sum(axis=1))
         free = len(inner)
         # |L x|^2 over the smoothed vertices and the inner rim: the outer rim lacks neighbours.
-        complete = np.array([self._neighbours[v] <= place.keys() for v in vertices])
+        complete = np.array([self.neighbours[v] <= place.keys() for v in vertices])
         rows = laplacian[complete]
         matrix: Array = scipy.linalg.lstsq(rows[:, :free], -rows[:, free:])[0]
         return np.array(inner), np.array(rim), matrix

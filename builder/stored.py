@@ -210,7 +210,7 @@ def card_of(
             "command": "python -m builder WHEEL --mocap MOCAP --work FOLDER "
             "--out workbench/data/bodies",
             **asdict(SetRecipe(body=mesh)),
-            "versions": {name: version(name) for name in ("numpy", "scipy", "trimesh")},
+            "versions": {name: version(name) for name in ("numpy", "scipy")},
         },
         "population": {"measured_on": "the base mesh", **population_facts(sources.population)},
         "trained_on": {

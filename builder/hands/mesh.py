@@ -102,7 +102,7 @@ def wrist_loop(mesh: BaseMesh, wrist: Array, elbow: Array) -> Index:
 
 def beyond(mesh: BaseMesh, loop: Index, inside: int) -> tuple[Index, Index]:
     """The vertices and triangles of the body on the side of a loop on which vertex `inside` is."""
-    neighbours = mesh._neighbours
+    neighbours = mesh.neighbours
     border, found, waiting = set(loop.tolist()), {inside}, [inside]
     while waiting:
         for n in neighbours[waiting.pop()] - found - border:
@@ -119,7 +119,7 @@ def _edge_loops(mesh: BaseMesh, near: Array) -> list[list[int]]:
     for quad in mesh.quads.tolist():
         for v in quad:
             quads_at.setdefault(v, []).append(frozenset(quad))
-    neighbours, loops, seen = mesh._neighbours, [], set()
+    neighbours, loops, seen = mesh.neighbours, [], set()
     for first in np.flatnonzero(near).tolist():
         for second in sorted(neighbours[first]):
             loop = [first, second]

@@ -330,7 +330,7 @@ class Clutter:
 
 
 @dataclass(frozen=True, eq=False)
-class Strewn:
+class ClutterPoints:
     """Points of clutter as scanners see them, without noise.
 
     Attributes:
@@ -345,14 +345,14 @@ class Strewn:
     view: Index
     error: Array
 
-    def some(self, chosen: Mask | slice) -> "Strewn":
+    def some(self, chosen: Mask | slice) -> "ClutterPoints":
         """Those that a mask (C,) or a slice chooses."""
-        return Strewn(
+        return ClutterPoints(
             self.points[chosen], self.normals[chosen], self.view[chosen], self.error[chosen]
         )
 
 
-def strewn(
+def scatter_clutter(
     clutter: Clutter,
     n: int,
     surface: Array,
@@ -360,13 +360,13 @@ def strewn(
     images: Sequence[DepthImage],
     region: Region | None,
     rng: np.random.Generator,
-) -> Strewn:
+) -> ClutterPoints:
     """`n` points of clutter beside a surface (N, 3) m, of which scanners made depth images.
 
     Those in the `region`, if there is one. With a larger n, the first points stay the same. Raises
     BadArgument if the scanners hardly see the things.
     """
-    found: list[Strewn] = []
+    found: list[ClutterPoints] = []
     for _ in range(MOST_ROUNDS):
         if sum(len(part.points) for part in found) >= n:
             break
@@ -381,17 +381,21 @@ def strewn(
         seen = np.asarray(sees.any(axis=1))
         if region is not None:
             seen &= region.holds(points)
-        found.append(Strewn(points, normals, view, rng.standard_normal(len(points))).some(seen))
+        found.append(
+            ClutterPoints(points, normals, view, rng.standard_normal(len(points))).some(seen)
+        )
     else:
         raise BadArgument(
             "the scanners see hardly anything of the clutter; bring its things nearer to the body, "
             f"or turn them to the scanners: {', '.join(map(str, clutter.things))}"
         )
     names = "points", "normals", "view", "error"
-    empty = Strewn(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, dtype=np.int64), np.zeros(0))
+    empty = ClutterPoints(
+        np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, dtype=np.int64), np.zeros(0)
+    )
     parts = [empty, *found]
     together = (np.concatenate([getattr(part, name) for part in parts]) for name in names)
-    return Strewn(*together).some(slice(n))
+    return ClutterPoints(*together).some(slice(n))
 
 
 def _sees(scanner: Scanner, image: DepthImage, points: Array, normals: Array) -> Mask:

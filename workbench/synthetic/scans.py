@@ -20,12 +20,12 @@ from workbench.geometry.solids import face_vectors, vertex_normals
 from workbench.synthetic.scan_effects import (
     Clothing,
     Clutter,
+    ClutterPoints,
     Discs,
     Holes,
     Noise,
     Region,
-    Strewn,
-    strewn,
+    scatter_clutter,
     unit_vectors,
 )
 from workbench.synthetic.scanners import DepthImage, Scanner, depth_image, visible
@@ -121,7 +121,7 @@ def areas(depth: Array, normals: Array, directions: Array, focal: float) -> Arra
 
 
 @dataclass(frozen=True, eq=False)
-class Losses:
+class Dropouts:
     """Which places of a surface are not measured although nothing is before them.
 
     Attributes:
@@ -134,7 +134,7 @@ class Losses:
     steepest: float
     region: Region | None
 
-    def spare(self, points: Array, normals: Array, scanner: Scanner) -> Mask:
+    def is_measured(self, points: Array, normals: Array, scanner: Scanner) -> Mask:
         """Which points (M, 3) m with unit normals (M, 3) are measured all the same."""
         left = (angles(points, normals, scanner) <= self.steepest) & ~self.discs.hold(
             points, normals
@@ -171,7 +171,7 @@ def measured_view(
     surface: Array,
     faces: Index,
     scanner: Scanner,
-    losses: Losses,
+    dropouts: Dropouts,
     noise: Noise | None,
     errors: Array,
     joining: Joining | None,
@@ -181,8 +181,9 @@ def measured_view(
     `errors` holds a number from a standard normal distribution for every pixel of the scanner.
     """
     image = depth_image(surface, faces, scanner)
-    normals, hit = face_normals(surface, faces, image.face), true_points(surface, faces, image)
-    left = losses.spare(hit, normals, scanner)
+    normals = unit_vectors(face_vectors(surface, faces[image.face]))
+    hit = np.einsum("hk,hki->hi", image.shares, surface[faces[image.face]])
+    left = dropouts.is_measured(hit, normals, scanner)
     pixel, depth = image.pixel[left], image.depth[left]
     depth = noisy(depth, angles(hit, normals, scanner)[left], noise, errors[pixel])
     rays = scanner.directions()[pixel]
@@ -196,7 +197,7 @@ def measured_view(
         triangles=none if joining is None else joining.triangles(pixel, depth, scanner),
         face=image.face[left],
         shares=image.shares[left],
-        seen=visible(surface, faces, scanner) & losses.spare(surface, around, scanner),
+        seen=visible(surface, faces, scanner) & dropouts.is_measured(surface, around, scanner),
         image=image,
     )
 
@@ -210,16 +211,6 @@ def angles(points: Array, normals: Array, scanner: Scanner) -> Array:
     """The angles (M,) rad, of at most a right angle, between rays and normals, (M, 3) m each."""
     rays = unit_vectors(points - scanner.place)
     return np.asarray(np.arccos(np.abs(np.einsum("mi,mi->m", rays, normals)).clip(0, 1)))
-
-
-def face_normals(surface: Array, faces: Index, chosen: Index) -> Array:
-    """The unit normals (H, 3) of some faces (H,), which are no lines."""
-    return unit_vectors(face_vectors(surface, faces[chosen]))
-
-
-def true_points(surface: Array, faces: Index, image: DepthImage) -> Array:
-    """Where rays hit the surface, (H, 3) m."""
-    return np.asarray(np.einsum("hk,hki->hi", image.shares, surface[faces[image.face]]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -324,13 +315,13 @@ def scan(
         offsets = clothing.offsets(mesh.vertices, rng)
         surface = surface + offsets[:, None] * vertex_normals(mesh.vertices, mesh.faces)
     discs = (holes or Holes(0)).discs(surface, mesh.faces, np.random.default_rng((seed, HOLES)))
-    losses = Losses(discs, steepest, region)
+    dropouts = Dropouts(discs, steepest, region)
     views = []
     for number, scanner in enumerate(some):
         errors = np.random.default_rng((seed, NOISE, number)).standard_normal(scanner.n_pixels)
-        views.append(measured_view(surface, mesh.faces, scanner, losses, noise, errors, joining))
+        views.append(measured_view(surface, mesh.faces, scanner, dropouts, noise, errors, joining))
     n_body = [len(view.points) for view in views]
-    other = strewn(
+    other = scatter_clutter(
         clutter or Clutter(0),
         (clutter or Clutter(0)).count(sum(n_body)),
         surface,
@@ -371,7 +362,7 @@ def scan(
 
 
 def _seen_clutter(
-    other: Strewn, scanners: Sequence[Scanner], noise: Noise | None
+    other: ClutterPoints, scanners: Sequence[Scanner], noise: Noise | None
 ) -> tuple[Array, Array, Array]:
     """Points (C, 3) m of clutter with noise, their normals (C, 3), and their weights (C,) m^2."""
     points, weights = other.points.copy(), np.zeros(len(other.points))

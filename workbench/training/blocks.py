@@ -99,11 +99,11 @@ class BlockInput:
     execution: Execution = SERIAL
 
 
-def fit_poses(given: BlockInput, estimate: Estimate) -> BlockResult:
+def fit_poses(context: BlockInput, estimate: Estimate) -> BlockResult:
     """Fit each registration's pose to some vertices; keep it if all vertices fit worse then."""
-    objective, options = given.objective, given.options
+    objective, options = context.objective, context.options
     template = estimate.templates.mean(axis=0) if objective.template is None else objective.template
-    few = subsample(template, given.faces, options.pose_vertices)
+    few = subsample(template, context.faces, options.pose_vertices)
     found = fitted_poses(
         few.estimate(estimate),
         few.registrations(objective.registrations),
@@ -111,7 +111,7 @@ def fit_poses(given: BlockInput, estimate: Estimate) -> BlockResult:
         VertexTerm(),
         objective.sigmas.data,
         POSE_STEPS,
-        given.execution,
+        context.execution,
     ).poses
     fitted = objective.by_registration(replace(estimate, poses=found))
     better = fitted < objective.by_registration(estimate)
@@ -119,13 +119,13 @@ def fit_poses(given: BlockInput, estimate: Estimate) -> BlockResult:
     return BlockResult(replace(estimate, poses=poses), {"poses changed": float(better.mean())})
 
 
-def fit_linear(names: tuple[str, ...], given: BlockInput, estimate: Estimate) -> BlockResult:
+def fit_linear(names: tuple[str, ...], context: BlockInput, estimate: Estimate) -> BlockResult:
     """Fit templates, joints and maybe pose blend shapes, in which the cost is quadratic.
 
     While poses are rough, blend shapes are left out: they would learn the errors of the poses,
     and then keep the poses wrong for many rounds.
     """
-    objective, options = given.objective, given.options
+    objective, options = context.objective, context.options
     equations = NormalEquations(objective, estimate, names)
     step = steihaug(
         equations.product,
@@ -141,9 +141,9 @@ def fit_linear(names: tuple[str, ...], given: BlockInput, estimate: Estimate) ->
     return BlockResult(moved, facts)
 
 
-def fit_regressor(given: BlockInput, estimate: Estimate) -> BlockResult:
+def fit_regressor(context: BlockInput, estimate: Estimate) -> BlockResult:
     """Fit the joint regressor; from here on E_J compares joints with it, not with their rings."""
-    objective = given.objective
+    objective = context.objective
     found = fit_joint_regressor(estimate.templates, estimate.joints, objective.rings)
     kept = replace(estimate, regressor=found.matrix)
     if objective.cost(kept) > objective.cost(estimate):  # rings may reach farther than it does
@@ -151,12 +151,12 @@ def fit_regressor(given: BlockInput, estimate: Estimate) -> BlockResult:
     return BlockResult(kept, {"kkt": found.kkt})
 
 
-def fit_weights(given: BlockInput, estimate: Estimate) -> BlockResult:
+def fit_weights(context: BlockInput, estimate: Estimate) -> BlockResult:
     """Each vertex's weights, exactly, as many above zero as the options allow.
 
     `kkt` is the worst residual of the conditions.
     """
-    objective, options = given.objective, given.options
+    objective, options = context.objective, context.options
     grams, rights = weight_grams(objective, estimate)
     precision = objective.sigmas.weights**-2
     grams += precision * np.eye(grams.shape[1])
@@ -166,14 +166,14 @@ def fit_weights(given: BlockInput, estimate: Estimate) -> BlockResult:
 
 
 def fit_in_trust_region(
-    names: tuple[str, ...], given: BlockInput, estimate: Estimate
+    names: tuple[str, ...], context: BlockInput, estimate: Estimate
 ) -> BlockResult:
     """Fit several names at once, poses among them, in a few steps within a trust region.
 
     Alternation needs thousands of rounds to undo a twist of all poses for which the pose blend
     shapes compensate; these steps need a few. Weights remain shares.
     """
-    objective, options = given.objective, given.options
+    objective, options = context.objective, context.options
     cost, radius, longest = objective.cost(estimate), inf, 0.0
     facts = {"steps": 0.0, "products": 0.0}
     while facts["steps"] < options.together_steps:
@@ -210,7 +210,7 @@ def fit_in_trust_region(
                 return BlockResult(estimate, facts)
         estimate, cost = moved, cost - fall
         facts["steps"] += 1
-        given.execution.finished(int(facts["steps"]), options.together_steps)
+        context.execution.finished(int(facts["steps"]), options.together_steps)
         if fall < options.together_stop * cost:
             break
     return BlockResult(estimate, facts)

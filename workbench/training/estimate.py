@@ -70,10 +70,10 @@ class Estimate:
 
     def moved(self, change: Change, share: float = 1.0) -> "Estimate":
         """The estimate after a share of a step; poses are turned, everything else is added."""
-        found = {n: getattr(self, n) + share * d for n, d in change.items() if n != "poses"}
+        moved = {n: getattr(self, n) + share * d for n, d in change.items() if n != "poses"}
         if "poses" in change:
-            found["poses"] = self.posing.turned(share * change["poses"]).poses
-        return replace(self, **found)
+            moved["poses"] = self.posing.turned(share * change["poses"]).poses
+        return replace(self, **moved)
 
     def zero_change(self, names: tuple[str, ...]) -> Change:
         """A step of length zero in these names."""
@@ -81,8 +81,10 @@ class Estimate:
 
     def arrays(self) -> dict[str, Array]:
         """The arrays by name, as a checkpoint stores them."""
-        found = {name: getattr(self, name) for name in NAMES}
-        return found if self.regressor is None else found | {"regressor": self.regressor.toarray()}
+        arrays = {name: getattr(self, name) for name in NAMES}
+        return (
+            arrays if self.regressor is None else arrays | {"regressor": self.regressor.toarray()}
+        )
 
 
 @dataclass(frozen=True)

@@ -179,9 +179,9 @@ def evaluate_held_out(
 
     def after(some: Registrations, estimate: Estimate, blocks: tuple[str, ...]) -> Estimate:
         objective = Objective(some, R, body.weights, mirror, sigmas, body.template)
-        given = BlockInput(objective, body.faces, options, execution)
+        context = BlockInput(objective, body.faces, options, execution)
         for name in blocks:
-            estimate = BLOCKS[name](given, estimate).estimate
+            estimate = BLOCKS[name](context, estimate).estimate
         return estimate
 
     templates = after(shape_set, first_of(shape_set), ("rest", "poses", "people")).templates

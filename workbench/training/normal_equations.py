@@ -124,7 +124,7 @@ class NormalEquations:
     @cached_property
     def negative_gradient(self) -> Change:
         """Minus the gradient of the cost."""
-        found = self.objective.prior_negative_gradient(self.estimate, self.names)
+        prior = self.objective.prior_negative_gradient(self.estimate, self.names)
 
         def of_data(some: Sequence[slice]) -> Change:
             data = self.estimate.zero_change(self.names)
@@ -133,7 +133,7 @@ class NormalEquations:
             return data
 
         data = over_halves(of_data, pieces(self.objective.registrations))
-        return self._sum(found, data)
+        return self._sum(prior, data)
 
     def product(self, change: Change) -> Change:
         """J'J times a change."""

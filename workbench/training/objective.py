@@ -65,25 +65,25 @@ class Objective:
         With a prior on poses there is E_pose too.
         """
         s = self.sigmas
-        found = {"E_D": float(self.by_registration(estimate).sum())}
-        found["E_Y"] = 0.0
+        terms = {"E_D": float(self.by_registration(estimate).sum())}
+        terms["E_Y"] = 0.0
         if self.mirror is not None:
             uneven = estimate.templates - self.mirror.points(estimate.templates)
             joints = estimate.joints - reflected_joints(estimate.joints, self.mirror)
-            found["E_Y"] = half(uneven, s.symmetry) + half(joints, s.joint_symmetry)
-        wanted = regressed(self.regressor(estimate), estimate.templates)
-        found["E_J"] = half(wanted - estimate.joints, s.rings)
-        bent = estimate.posedirs
+            terms["E_Y"] = half(uneven, s.symmetry) + half(joints, s.joint_symmetry)
+        expected = regressed(self.regressor(estimate), estimate.templates)
+        terms["E_J"] = half(expected - estimate.joints, s.rings)
+        posedirs = estimate.posedirs
         if self.first_posedirs is not None:
-            bent = bent - self.first_posedirs
-        found["E_P"] = half(bent, s.posedirs)
-        found["E_W"] = half(estimate.weights - self.first_weights, s.weights)
+            posedirs = posedirs - self.first_posedirs
+        terms["E_P"] = half(posedirs, s.posedirs)
+        terms["E_W"] = half(estimate.weights - self.first_weights, s.weights)
         if self.template is not None:
             away = estimate.templates - self.template
-            found["E_T"] = 0.5 * float(np.vdot(away, self._held(away)))
+            terms["E_T"] = 0.5 * float(np.vdot(away, self._held(away)))
         if self.pose_prior is not None:
-            found["E_pose"] = float(self.pose_prior.costs(estimate.poses).sum())
-        return found
+            terms["E_pose"] = float(self.pose_prior.costs(estimate.poses).sum())
+        return terms
 
     def rms(self, estimate: Estimate) -> float:
         """The root mean square of the data's residuals per coordinate, in metres."""
@@ -92,14 +92,14 @@ class Objective:
 
     def by_registration(self, estimate: Estimate) -> Array:
         """E_D of each registration, (J,)."""
-        found = np.empty(len(self.registrations.subject))
+        costs = np.empty(len(self.registrations.subject))
 
         def fill(some: Sequence[slice]) -> None:
             for passed, cotangent, residual in self.residuals(estimate, some):
-                found[passed.some] = np.einsum("jna,jna->j", cotangent, residual)
+                costs[passed.some] = np.einsum("jna,jna->j", cotangent, residual)
 
         over_halves(fill, pieces(self.registrations))
-        return 0.5 * found / self.sigmas.data**2
+        return 0.5 * costs / self.sigmas.data**2
 
     def residuals(
         self, estimate: Estimate, some: Sequence[slice] | None = None
@@ -137,31 +137,33 @@ class Objective:
     def prior_hessian_product(self, estimate: Estimate, change: Change) -> Change:
         """The Hessian of all terms but E_D times a change."""
         s, R = self.sigmas, self.regressor(estimate)
-        found = {name: np.zeros_like(d) for name, d in change.items()}
+        product = {name: np.zeros_like(d) for name, d in change.items()}
         if self.mirror is not None:
             if "templates" in change:
                 T = change["templates"]
-                found["templates"] += 2 * (T - self.mirror.points(T)) / s.symmetry**2
+                product["templates"] += 2 * (T - self.mirror.points(T)) / s.symmetry**2
             if "joints" in change:
                 J = change["joints"]
-                found["joints"] += 2 * (J - reflected_joints(J, self.mirror)) / s.joint_symmetry**2
+                product["joints"] += (
+                    2 * (J - reflected_joints(J, self.mirror)) / s.joint_symmetry**2
+                )
         if s.rings < inf and change.keys() & {"templates", "joints"}:
             gap = -change.get("joints", np.zeros(1))
             if "templates" in change:
                 gap = regressed(R, change["templates"]) + gap
             if "joints" in change:
-                found["joints"] -= gap / s.rings**2
+                product["joints"] -= gap / s.rings**2
             if "templates" in change:
-                found["templates"] += regressed(csr_array(R.T), gap) / s.rings**2
+                product["templates"] += regressed(csr_array(R.T), gap) / s.rings**2
         if self.template is not None and "templates" in change:
-            found["templates"] += self._held(change["templates"])
+            product["templates"] += self._held(change["templates"])
         if "posedirs" in change:
-            found["posedirs"] += change["posedirs"] / s.posedirs**2
+            product["posedirs"] += change["posedirs"] / s.posedirs**2
         if "weights" in change:
-            found["weights"] += change["weights"] / s.weights**2
+            product["weights"] += change["weights"] / s.weights**2
         if "poses" in change and self.pose_prior is not None:
-            found["poses"] += self.pose_prior.hessian_product(estimate.poses, change["poses"])
-        return found
+            product["poses"] += self.pose_prior.hessian_product(estimate.poses, change["poses"])
+        return product
 
     def _held(self, displacements: Array) -> Array:
         """The precision of E_T times displacements (S, N, 3) of templates."""

@@ -142,17 +142,17 @@ def _after_block(
 ) -> TrainingCheckpoint:
     began = time.perf_counter()
     before = objective.costs(at.estimate)
-    given = BlockInput(objective, start.faces, stage.options, replace(execution, task=block))
-    found = BLOCKS[block](given, at.estimate)
-    after = objective.costs(found.estimate)
-    entry = LogEntry(block, before, after, found.facts, time.perf_counter() - began)
+    context = BlockInput(objective, start.faces, stage.options, replace(execution, task=block))
+    result = BLOCKS[block](context, at.estimate)
+    after = objective.costs(result.estimate)
+    entry = LogEntry(block, before, after, result.facts, time.perf_counter() - began)
     entry.check_lowered()
-    if found.facts.get("kkt", 0.0) > KKT:
+    if result.facts.get("kkt", 0.0) > KKT:
         raise NotLowered(
-            f"block {block!r} left weights with a KKT residual of {found.facts['kkt']:.1e}, "
+            f"block {block!r} left weights with a KKT residual of {result.facts['kkt']:.1e}, "
             f"above {KKT:g}"
         )
-    return replace(at, estimate=found.estimate, log=(*at.log, entry))
+    return replace(at, estimate=result.estimate, log=(*at.log, entry))
 
 
 def upsampled(found: Estimate, on: Start, to: Start) -> Estimate:

@@ -220,12 +220,12 @@ def fit_joint_regressor(
         order = np.argsort(distance, kind="stable")
         near = order[: max(FEWEST, int(np.count_nonzero(distance < reach)))]
         away = (templates[:, near] - joints[:, None, k]).transpose(0, 2, 1).reshape(3 * S, -1)
-        found = shares_to_zero(away)
+        row = shares_to_zero(away)
         every = np.ones(len(near), dtype=bool)
-        kkt = kkt_residual(away.T @ away, np.zeros(len(near)), found, every)
+        kkt = kkt_residual(away.T @ away, np.zeros(len(near)), row, every)
         worst = max(worst, kkt)
-        rows[k, near] = found
-        rms[k] = np.sqrt(np.mean((away @ found) ** 2) * 3)
+        rows[k, near] = row
+        rms[k] = np.sqrt(np.mean((away @ row) ** 2) * 3)
     return JointRegressor(csr_array(rows), rms, worst)
 
 
