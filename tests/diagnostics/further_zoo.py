@@ -520,7 +520,7 @@ FURTHER_ZOO = (
     ),
     Specimen(factors_of_a_covariance, {"rotation": 3}, 3, 3, "loadings"),
     Specimen(age_period_cohort, {"offset": 2}, 3, 3, "age period cohort"),
-    Specimen(responses_of_a_system, {"scale": 2, "trade-off": 2}, 4, 2, "A B C"),
+    Specimen(responses_of_a_system, {"scale": 1, "trade-off": 3}, 4, 2, "A B C"),
     Specimen(
         decays_from_an_unknown_start,
         {"trade-off": 1},

@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
+from numpy.linalg import norm
 from scipy.sparse import csc_array, triu
 
 from workbench.arrays import Array, Index
 from workbench.diagnostics.bases import sparsest
-from workbench.diagnostics.sparse_jacobian import SparseJacobian
 from workbench.problem import Linearization
 from workbench.problem.storage import by_nonzeros
 
@@ -68,7 +68,8 @@ def parallel_columns(here: Linearization, within: float = NEARLY) -> tuple[Paral
         a, b = int(read[i[k]]), int(read[j[k]])
         # a sine, because cosines of 1e-9 and 1e-10 are equal; of J itself where R is an estimate
         x, y = (here.column(a), here.column(b)) if here.estimated else (here.R[:, a], here.R[:, b])
-        pairs.append(ParallelPair(a, b, _sine(x / norms[a], y / norms[b])))
+        x, y = x / norms[a], y / norms[b]
+        pairs.append(ParallelPair(a, b, float(min(norm(x - y), norm(x + y)))))
     return tuple(sorted((p for p in pairs if p.sine <= within), key=lambda p: p.sine)[:MOST])
 
 
@@ -88,10 +89,6 @@ def _cosines(here: Linearization, read: Index, least: float) -> tuple[Index, Ind
     return i, j, cosines[i, j]
 
 
-def _sine(a: Array, b: Array) -> float:
-    return float(min(np.linalg.norm(a - b), np.linalg.norm(a + b)))
-
-
 def weakest(d: "Diagnosis", most: int = 3) -> tuple[WeakestDirection, ...]:
     """The directions of the smallest singular values above the tolerance, under the constraints.
 
@@ -99,7 +96,10 @@ def weakest(d: "Diagnosis", most: int = 3) -> tuple[WeakestDirection, ...]:
     entries each, unless the Jacobian is sparse.
     """
     if d.sparse is not None:
-        return _weakest_of(d.sparse, most)
+        values, vectors = d.sparse.weakest(most)
+        return tuple(
+            _weak(d.sparse.here, float(s), v) for s, v in zip(values, vectors.T, strict=True)
+        )
     constrained = d.measured
     s, Vt = constrained.reduced.spectrum.s, constrained.reduced.spectrum.Vt
     directions: list[WeakestDirection] = []
@@ -114,12 +114,6 @@ def weakest(d: "Diagnosis", most: int = 3) -> tuple[WeakestDirection, ...]:
             directions.append(_weak(constrained.here, float(s[i]), v))
         k -= group.size
     return tuple(directions)
-
-
-def _weakest_of(jacobian: SparseJacobian, most: int) -> tuple[WeakestDirection, ...]:
-    """The same of a sparse Jacobian, each direction by itself."""
-    s, vectors = jacobian.weakest(most)
-    return tuple(_weak(jacobian.here, float(x), d) for x, d in zip(s, vectors.T, strict=True))
 
 
 def _weak(here: Linearization, singular_value: float, d: Array) -> WeakestDirection:

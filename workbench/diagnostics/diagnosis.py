@@ -42,6 +42,7 @@ from workbench.diagnostics.structure import Structure, TermBlock
 from workbench.errors import BadArgument, WorkbenchError
 from workbench.problem import Linearization, Problem
 from workbench.problem.storage import check_wide, is_long
+from workbench.threads import limited_threads
 
 if TYPE_CHECKING:
     from workbench.diagnostics.sequences import SequenceDiagnosis
@@ -283,7 +284,11 @@ class Diagnosis:
     @cached_property
     def weak_count(self) -> int:
         """How many directions change the residuals by less than a sigma per scale."""
-        return null_space.count_weak(self)
+        if self.sparse is not None:
+            with limited_threads():
+                return self.sparse.count_below(null_space.WEAK)
+        s = self.measured.reduced.spectrum.s[: self.reduced_rank]
+        return int(np.sum(s < null_space.WEAK))
 
     @cached_property
     def rank_law(self) -> tuple[int, str] | None:

@@ -235,7 +235,6 @@ def gauges(
                 yield from _of_groups(groups, found, of_points)
     if space.nearby:
         yield from _of_groups(list(generators.slice_groups(free, blocks)), found)
-        yield from _of_groups(list(generators.entry_groups(free, blocks)), found)
 
 
 def _looked_at(
@@ -469,13 +468,8 @@ def _title(
         if np.linalg.norm(same) <= 10 * max(SAME, space.same) * np.linalg.norm(w):
             alike.append(block.name)
             blocks.remove(block)
-    return f"{said} of {listed(alike)}{_undone_by(free, blocks)}"
-
-
-def _undone_by(free: Layout, blocks: Sequence[Block]) -> str:
-    """`, undone by cam0, cam1 and cam2`; empty for no blocks."""
-    back = things([b.name for b in free.blocks], [b.name for b in blocks])
-    return f", undone by {listed(back)}" if back else ""
+    back = things(free.names, [b.name for b in blocks])
+    return f"{said} of {listed(alike)}" + (f", undone by {listed(back)}" if back else "")
 
 
 # Numbers that change in a fixed ratio.

@@ -13,11 +13,10 @@ matrix     an array of coefficients: factors and offsets of its rows or columns,
 shifts     a place is shifted, and other places undo that
 turns      rotation vectors turn about an axis of the world, or about one of their own
 rest       the arrays of a body at rest against the poses and places of its registrations
-groups     offsets and factors of blocks, slices or entries, in a ratio that is the same everywhere
+groups     offsets and factors of blocks or slices, in a ratio that is the same everywhere
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from functools import partial
 from itertools import combinations
 from typing import NamedTuple
 
@@ -369,15 +368,11 @@ def turns(block: Block, at: Index, frames: Index | None) -> Iterator[Generator]:
             w = x[at].reshape(-1, 3)
             return np.asarray(sign * inverse_left_jacobian(sign * w).reshape(-1, 3))
 
-        segment = Segment("rotation", 3, partial(_about_axis, said))
-        with_others = len(at) == 3
-        yield Generator(
-            block.name, (block.name,), at, columns, (segment,), False, frames, with_others
-        )
+        def words(c: Array, said: str = said) -> str:
+            return f"{said} {axis_of(c)}"
 
-
-def _about_axis(said: str, c: Array) -> str:
-    return f"{said} {axis_of(c)}"
+        segments, alone = (Segment("rotation", 3, words),), len(at) == 3
+        yield Generator(block.name, (block.name,), at, columns, segments, False, frames, alone)
 
 
 # Groups of numbers.
@@ -420,14 +415,6 @@ def slice_groups(free: Layout, blocks: Sequence[Block]) -> Iterator[Group]:
             yield from (
                 Group(n, own, factor, block.name) for n, own in named for factor in (True, False)
             )
-
-
-def entry_groups(free: Layout, blocks: Sequence[Block]) -> Iterator[Group]:
-    """Single entries."""
-    for block in blocks:
-        for i in places_of(free, block):
-            for factor in (True, False):
-                yield Group(free.label(int(i)), np.array([i]), factor, block.name)
 
 
 # Bodies at rest.

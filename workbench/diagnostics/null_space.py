@@ -137,15 +137,6 @@ def named_by_joints(
     return tuple(_direction(m, signed(basis @ m.coefficients), here, here, free) for m in motions)
 
 
-def count_weak(d: "Diagnosis") -> int:
-    """How many directions change the residuals by less than a sigma per characteristic scale."""
-    if d.sparse is not None:
-        with limited_threads():
-            return d.sparse.count_below(WEAK)
-    noticed = d.constrained.reduced.spectrum.rank
-    return int(np.sum(d.measured.reduced.spectrum.s[:noticed] < WEAK))
-
-
 def null_space(d: "Diagnosis") -> NullSpace:
     """What no residual notices at the point and nearby, its columns having length 1."""
     lengths, sizes = d.constrained.stacked.column_norms, d.scales.sizes
