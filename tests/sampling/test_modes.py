@@ -39,8 +39,8 @@ def test_equal_wells_are_found_on_both_sides(apart: float) -> None:
     for seed in range(2):
         found = modes(target, first, np.random.default_rng(seed))
         assert sorted(mode.z[0] for mode in found.modes) == pytest.approx([-apart, apart])
-        assert found.extent.starts >= 16
-        assert found.extent.farthest == REACH[1]
+        assert found.starts >= 16
+        assert found.farthest == REACH[1]
 
 
 @pytest.mark.thorough

@@ -268,17 +268,12 @@ def test_far_modes_are_not_mixing() -> None:
 
 
 @pytest.mark.thorough
-def test_short_runs_tell_what_would_do() -> None:
-    posterior = sample(gaussian(np.eye(20)), {"x": np.zeros(20)}, steps=300, seed=5)
-    assert posterior.mixing.verdict is not Usability.USABLE
-    assert "take" in posterior.verdict or "fewer" in posterior.verdict
-
-
-@pytest.mark.thorough
-def test_85_dimensions_are_not_converged() -> None:
-    posterior = sample(gaussian(np.eye(85)), {"x": np.zeros(85)}, steps=100, seed=5)
-    assert not posterior.usable
-    assert str(posterior).startswith("NOT CONVERGED")
+def test_inference_data_hold_the_draws_by_ensemble() -> None:
+    pytest.importorskip("arviz")
+    posterior = laplace(gaussian(COVARIANCE, MEAN), {"x": MEAN}, TWO, draws=40)
+    z = posterior.inference_data()["posterior"]["z"]
+    assert (z.dims, list(z.entry.values)) == (("chain", "draw", "entry"), list(TWO))
+    np.testing.assert_array_equal(z.values, posterior.draws.reshape(4, 10, 2))
 
 
 def test_three_ensembles_are_too_few() -> None:

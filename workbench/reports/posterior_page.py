@@ -218,6 +218,6 @@ def _summary(p: Posterior, setup: Setup) -> dict[str, Any]:
         "rest": p.rest,
         "contraction": p.contraction(setup.priors) if p.usable else None,
         "ratio": p.conditioning.ratios,
-        "searches": p.mode_search.extent.starts,
+        "searches": p.mode_search.starts,
         "truth": truth_of(p, setup),
     }

@@ -24,6 +24,7 @@ from workbench.sampling.subspace import Subspace
 
 RATIO = 1.2  # of the standard deviations: above it, intervals are of another question
 UNNAMED = 6  # blocks in a sentence
+WIDTH = 10  # characters of a bar
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,9 +215,6 @@ def _named(problem: Problem, held: Index, count: int) -> tuple[str, ...]:
     left = count - len(held)
     ways = "1 direction" if left == 1 else f"{left} directions"
     return (*names, ways) if left else tuple(names)
-
-
-WIDTH = 10  # characters of a bar
 
 
 def prior_deviations(

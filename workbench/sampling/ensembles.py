@@ -262,41 +262,39 @@ def run(
         found = modes(target, first, np.random.default_rng(search))
         settings = _settings(target, plan)
         if checkpoint is not None and checkpoint.exists():
-            samplers = [_taken_up(target, plan, saved) for saved in load(checkpoint, settings)]
+            starts = [_saved_state(saved) for saved in load(checkpoint, settings)]
         else:
-            samplers = [_fresh(target, plan, found.modes, seed) for seed in seeds]
-        team = _Team(samplers, plan, partial(improper_in_words, target, first))
-        kept = Checkpoint(checkpoint, every, lambda path: team.save(path, settings))
+            starts = [_fresh_state(target, plan, found.modes, seed) for seed in seeds]
+        samplers = [(_sampler(target, plan, backend), state) for backend, state in starts]
+        ensembles = _Ensembles(samplers, plan, partial(improper_in_words, target, first))
+        kept = Checkpoint(checkpoint, every, lambda path: ensembles.save(path, settings))
+        stopped, sampling_began = False, time.perf_counter()
         with Interrupts() as interrupts:
-            stopped = _drawn(team, plan, kept, interrupts, callback)
+            try:
+                for progress in ensembles.advance(sampling_began, interrupts.check):
+                    kept.save_now_and_then()
+                    if callback is not None:
+                        with interrupts.raised_at_once():
+                            stop = asks_to_stop(callback(progress))
+                        if stop:
+                            stopped = progress.step < plan.steps
+                            break
+            except KeyboardInterrupt:
+                stopped = True
             kept.save()
     seconds, interrupted = time.perf_counter() - began, stopped or interrupts.pressed
-    return team.drawn(found, seconds, interrupted, kept.failure)
+    return EnsembleRun(
+        ensembles.chain,
+        ensembles.log_prob,
+        ensembles.acceptance,
+        found,
+        seconds,
+        interrupted,
+        kept.failure,
+    )
 
 
-def _drawn(
-    team: "_Team",
-    plan: SamplerSettings,
-    kept: Checkpoint,
-    interrupts: Interrupts,
-    callback: Callback,
-) -> bool:
-    """Draw until there is enough; whether it ended before that, by the callback or by Ctrl-C."""
-    began = time.perf_counter()
-    try:
-        for progress in team.advance(began, interrupts.check):
-            kept.save_now_and_then()
-            if callback is not None:
-                with interrupts.raised_at_once():
-                    stop = asks_to_stop(callback(progress))
-                if stop:
-                    return progress.step < plan.steps
-    except KeyboardInterrupt:
-        return True
-    return False
-
-
-class _Team:
+class _Ensembles:
     """The samplers, and the last complete step of each."""
 
     def __init__(
@@ -377,34 +375,37 @@ class _Team:
             each = [SavedEnsemble(b.chain[:n], b.log_prob[:n], *rest) for b, (n, *rest) in pairs]
             save(path, each, settings)
 
-    def drawn(
-        self, found: ModeSearch, seconds: float, interrupted: bool, unsaved: str
-    ) -> EnsembleRun:
-        """All that all ensembles have."""
-        chain = np.stack([backend.chain[: self._count] for backend in self._backends])
-        log_prob = np.stack([backend.log_prob[: self._count] for backend in self._backends])
-        return EnsembleRun(chain, log_prob, self.acceptance, found, seconds, interrupted, unsaved)
+    @property
+    def chain(self) -> Array:
+        """(E, S, W, k) what all ensembles have."""
+        return np.stack([backend.chain[: self._count] for backend in self._backends])
+
+    @property
+    def log_prob(self) -> Array:
+        """(E, S, W) its log densities."""
+        return np.stack([backend.log_prob[: self._count] for backend in self._backends])
 
 
-def _fresh(
-    target: LogDensity, plan: SamplerSettings, found: tuple[Mode, ...], seed: Any
+def _fresh_state(
+    target: LogDensity, plan: SamplerSettings, known: tuple[Mode, ...], seed: Any
 ) -> tuple[Any, Any]:
+    """emcee's memory and state of an ensemble that begins."""
     rng = np.random.default_rng(seed)
-    start = walkers_at(target, found, plan.walkers, rng)
-    random = np.random.RandomState(rng.integers(2**32, size=8, dtype=np.uint32))
-    sampler = _sampler(target, plan, emcee().backends.Backend())
-    return sampler, emcee().State(start, log_prob=target(start), random_state=random.get_state())
+    start = walkers_at(target, known, plan.walkers, rng)
+    random = np.random.RandomState(rng.integers(2**32, size=8, dtype=np.uint32)).get_state()
+    state = emcee().State(start, log_prob=target(start), random_state=random)
+    return emcee().backends.Backend(), state
 
 
-def _taken_up(target: LogDensity, plan: SamplerSettings, saved: SavedEnsemble) -> tuple[Any, Any]:
+def _saved_state(saved: SavedEnsemble) -> tuple[Any, Any]:
+    """emcee's memory and state of an ensemble that continues."""
     steps, walkers, k = saved.chain.shape
     backend = emcee().backends.Backend()
     backend.reset(walkers, k)
     backend.chain, backend.log_prob = saved.chain, saved.log_prob
     backend.accepted, backend.iteration = saved.accepted, steps
     backend.random_state = tuple(saved.random_state)
-    sampler = _sampler(target, plan, backend)
-    return sampler, sampler.get_last_sample()
+    return backend, backend.get_last_sample()
 
 
 def _sampler(target: LogDensity, plan: SamplerSettings, backend: Any) -> Any:

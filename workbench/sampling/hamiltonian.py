@@ -43,6 +43,16 @@ from workbench.threads import limited_threads
 FRACTION = 0.5  # of the step that a chain takes at least
 LONGEST = 64  # leapfrog steps in a trajectory
 SOME_INSIDE = 0.1  # of the ends: fewer, and steps are to become shorter whatever the reason
+WARM = 60  # trajectories of the warm-up
+SETTLING = 5  # of them with the step that stays
+FIRST = 0.1  # step at the beginning, in standard deviations of Laplace's approximation
+LEAST, MOST = 1e-3, 1.5  # of a step
+ACCEPTED = 0.95  # of the ends: for evenly wide densities 0.65 to 0.9 (Betancourt et al. 2014)
+GAIN = 0.3  # by which the log of the step follows the acceptance
+LENGTH = (0.2 * np.pi, np.pi)  # of trajectories; pi / 2 makes an end of a Gaussian forget its start
+CHECKED = 150  # trajectories after which draws are judged first; then after 2, 4, ... times as many
+FEWEST = 20  # trajectories after the warm-up, whatever the number of steps
+KEPT = 4096  # points with all numbers that are kept at least, if there are as many
 WORTH = 5.0  # successive points of a chain that tell as much of a covariance as a single one
 
 
@@ -143,18 +153,6 @@ class Chains:
         root = np.linalg.cholesky(known * np.cov(seen.T).reshape(d, d) + (1 - known) * np.eye(d))
         u = np.linalg.solve(root, (self.u - mean).T).T
         return Chains(self._target, self.centre + self.half @ mean, self.half @ root, u)
-
-
-WARM = 60  # trajectories of the warm-up
-SETTLING = 5  # of them with the step that stays
-FIRST = 0.1  # step at the beginning, in standard deviations of Laplace's approximation
-LEAST, MOST = 1e-3, 1.5  # of a step
-ACCEPTED = 0.95  # of the ends: for evenly wide densities 0.65 to 0.9 (Betancourt et al. 2014)
-GAIN = 0.3  # by which the log of the step follows the acceptance
-LENGTH = (0.2 * np.pi, np.pi)  # of trajectories; pi / 2 makes an end of a Gaussian forget its start
-CHECKED = 150  # trajectories after which draws are judged first; then after 2, 4, ... times as many
-FEWEST = 20  # trajectories after the warm-up, whatever the number of steps
-KEPT = 4096  # points with all numbers that are kept at least, if there are as many
 
 
 @dataclass(frozen=True, eq=False)

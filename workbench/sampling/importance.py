@@ -131,7 +131,7 @@ def of_the_rest(target: LogDensity, flat: Array, rng: np.random.Generator) -> Im
     if not count:
         return None
     z = flat[rng.integers(len(flat), size=TRIED)]
-    return _weighed(target, z, target(z), rng, Importance(np.inf, 0.0, TRIED))
+    return _weighed(target, z, target(z), rng)
 
 
 def of_laplace(
@@ -139,16 +139,12 @@ def of_laplace(
 ) -> Importance:
     """The importance weights of draws z (N, k) of a Gaussian with log density `log_q` (N,)."""
     every = max(1, len(z) // TRIED)
-    z, log_q = z[::every], log_q[::every]
-    told = Importance(
-        np.inf,
-        0.0,
-        len(z),
+    return replace(
+        _weighed(target, z[::every], log_q[::every], rng),
         cut_off=cut_off,
         what="Laplace's Gaussian",
         remedy="draw from the posterior itself with `sample`",
     )
-    return _weighed(target, z, log_q, rng, told)
 
 
 def compared(told: Importance, z: Array, drawn: Array, beside: str) -> Importance:
@@ -165,9 +161,7 @@ def compared(told: Importance, z: Array, drawn: Array, beside: str) -> Importanc
     )
 
 
-def _weighed(
-    target: LogDensity, z: Array, log_q: Array, rng: np.random.Generator, told: Importance
-) -> Importance:
+def _weighed(target: LogDensity, z: Array, log_q: Array, rng: np.random.Generator) -> Importance:
     space = target.subspace
     w = rng.standard_normal((len(z), space.rest.shape[1]))
     x = space.points(z, w)
@@ -187,18 +181,17 @@ def _weighed(
     ends = np.quantile(z, LEVELS, axis=0)
     below = ends[:, None, :] > z  # (levels, N, k)
     errors = np.abs(np.einsum("n,lnk->lk", weights, below) - below.mean(axis=1)).max(axis=0)
-    even = np.full(len(z), 1 / len(z))
-    right, told_now = (
+    right, before = (
         np.array([np.ptp(_weighted_quantiles(column, each)) for column in z.T])
-        for each in (weights, even)
+        for each in (weights, np.full(len(z), 1 / len(z)))
     )
-    return replace(
-        told,
-        k_hat=k_hat,
-        effective=effective,
-        outside=outside,
+    return Importance(
+        k_hat,
+        effective,
+        len(z),
+        outside,
         errors=errors,
-        widths=right / told_now,
+        widths=right / before,
         labels=space.labels,
     )
 

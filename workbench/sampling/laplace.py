@@ -128,21 +128,17 @@ def share_cut_off(
     0 where constraints are linear. Importance weights cannot see it: no draw is there to weigh.
     1 where bounds alone leave too few allowed draws to tell.
     """
-    there = target.problem.stacked_constraints
-    if there is None or gaussian.boxed == len(gaussian.F):
+    F, g, boxed = gaussian.F, gaussian.g, gaussian.boxed
+    if target.problem.stacked_constraints is None or boxed == len(F):
         return 0.0
-    free = replace(gaussian, F=gaussian.F[: gaussian.boxed], g=gaussian.g[: gaussian.boxed])
-    drawn, along = draws_from(free, TRIED, rng)[0], np.linalg.inv(gaussian.half).T
-    x = target.subspace.points(drawn)
-    linear = (drawn - gaussian.mean) @ along @ gaussian.F[gaussian.boxed :].T + gaussian.g[
-        gaussian.boxed :
-    ]
-    allowed, kept = target.allows(x), (linear >= -REACHED * abs(linear).max()).all(axis=1)
-    if not (allowed & ~kept).any() and not (kept & ~allowed).any():
+    z = draws_from(replace(gaussian, F=F[:boxed], g=g[:boxed]), TRIED, rng)[0]
+    w = (z - gaussian.mean) @ np.linalg.inv(gaussian.half).T
+    margins = w @ F[boxed:].T + g[boxed:]
+    allowed = target.allows(target.subspace.points(z))
+    kept = (margins >= -REACHED * abs(margins).max()).all(axis=1)
+    if (allowed == kept).all():
         return 0.0
-    if allowed.sum() < ENOUGH:
-        return 1.0
-    return float(np.mean(~kept[allowed]))
+    return float(np.mean(~kept[allowed])) if allowed.sum() >= ENOUGH else 1.0
 
 
 def draws_in_domain(
@@ -329,9 +325,11 @@ def _named_alone(
         target = LogDensity(posterior.problem, given, space, compiled)
         rng = np.random.default_rng(np.random.SeedSequence([seed, 2]))
         whole = drawn_with_the_rest(target, SamplerSettings(WALKERS, CHAINS, STEPS), rng)
-        if whole is None or not whole.run.mixing.usable:
+        if whole is None or not whole[0].mixing.usable:
             return posterior
-        beside, drawn = whole.in_words, whole.run.mixing.draws.reshape(-1, posterior.size)
+        mixing, n = whole[0].mixing, whole[0].points.shape[1]
+        beside = f"{mixing.effective.min():,.0f} effective draws of all {n} free numbers"
+        drawn = mixing.draws.reshape(-1, posterior.size)
     return replace(posterior, importance=compared(told, posterior.flat, drawn, beside))
 
 

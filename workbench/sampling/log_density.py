@@ -11,6 +11,9 @@ from workbench.problem import Problem
 from workbench.problem.costs import CostGradients, CostMethod, Costs, interpreted
 from workbench.sampling.subspace import Subspace
 
+ROUNDED = 1e-10  # of the terms of a sum: zero, but for rounding
+NUDGED = 1e-3  # of the size of an entry: far enough from a point where a derivative vanishes
+
 
 @dataclass(frozen=True, eq=False)
 class LogDensity:
@@ -109,10 +112,6 @@ class LogDensity:
     @cached_property
     def _slopes_of_all(self) -> CostGradients:
         return self.problem.cost_gradients(self.subspace.origin, self.fixed, None)
-
-
-ROUNDED = 1e-10  # of the terms of a sum: zero, but for rounding
-NUDGED = 1e-3  # of the size of an entry: far enough from a point where a derivative vanishes
 
 
 def refuse_undefined(problem: Problem, given: Array, x: Array) -> None:

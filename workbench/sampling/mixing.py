@@ -14,6 +14,22 @@ from workbench.environment import optional_library
 
 TOGETHER = 64  # chains in one transform
 WINDOW = 5.0  # autocorrelation times: Sokal's compromise between bias and noise
+TIMES = 50.0  # autocorrelation times that a chain must be long before its time is believed
+LEAST = 20.0  # and where the time has settled, by what the first half alone says of it
+SETTLED = 1.2  # of the time with twice the length: more, and it is still growing
+SCALE = 1.01  # of R-hat (Vehtari et al. 2021)
+APART = 1.05  # R-hat from which on ensembles are in different places
+DRAWS = 400.0  # effective ones
+ENSEMBLES = 4  # independent ones
+UNLIKELY = 1e-3  # over all entries together: ensembles do not agree by chance
+GROWTH = 1.4  # of the time with twice the length: it does not settle
+GAUSSIAN = 3.5  # steps per dimension that differential evolution takes to forget a Gaussian
+FAR = 2.0  # times as long: no Gaussian's, and growing
+SLOW = 0.01  # of the proposals accepted
+MARGIN = 1.3  # more steps than are needed if all estimates are right
+FIRST = 50.0  # autocorrelation times of a Gaussian: a first guess of what is needed
+MANY = 20  # entries that ensembles sample well
+QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)  # of which ensembles are compared
 
 
 def integrated_time(draws: Array) -> float:
@@ -45,24 +61,6 @@ def autocovariance(draws: Array) -> Array:
         power += np.sum(some.real**2 + some.imag**2, axis=0)
     covariance: Array = scipy.fft.irfft(power, n)[:S]
     return covariance
-
-
-TIMES = 50.0  # autocorrelation times that a chain must be long before its time is believed
-LEAST = 20.0  # and where the time has settled, by what the first half alone says of it
-SETTLED = 1.2  # of the time with twice the length: more, and it is still growing
-SCALE = 1.01  # of R-hat (Vehtari et al. 2021)
-APART = 1.05  # R-hat from which on ensembles are in different places
-DRAWS = 400.0  # effective ones
-ENSEMBLES = 4  # independent ones
-UNLIKELY = 1e-3  # over all entries together: ensembles do not agree by chance
-GROWTH = 1.4  # of the time with twice the length: it does not settle
-GAUSSIAN = 3.5  # steps per dimension that differential evolution takes to forget a Gaussian
-FAR = 2.0  # times as long: no Gaussian's, and growing
-SLOW = 0.01  # of the proposals accepted
-MARGIN = 1.3  # more steps than are needed if all estimates are right
-FIRST = 50.0  # autocorrelation times of a Gaussian: a first guess of what is needed
-MANY = 20  # entries that ensembles sample well
-QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)  # of which ensembles are compared
 
 
 class Usability(Enum):

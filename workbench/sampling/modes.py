@@ -20,6 +20,16 @@ AT_A_BOUND = 1e-6  # of the scale of an entry: it is held there
 INSIDE = 1e-9  # of the scale of a bound: where a search for a minimum stops in front of it
 BISECTIONS = 50  # of the way out of a domain: what is left of it is no more than rounding
 ROUNDED = 1e-12  # of the largest entry of a direction: zero, but for rounding
+APART = 1.0  # standard deviations: minima that are nearer to each other are one
+NEGLIGIBLE = 1e-4  # of the largest mass
+POPULATED = 0.01  # of the mass of all: in smaller modes no walker begins, for it would never leave
+COMPARABLE = 0.05  # of the mass of all: a mode that draws have to visit
+VISITED = 0.2  # of a mode's share: fewer of the draws are there, and it counts as missed
+ASSIGNED = 20_000  # draws that are looked at
+REACH = (3.0, 1000.0)  # standard deviations of Laplace's approximation that starts are away
+SHELLS = 8  # of distances, in equal ratios
+TRIED = 128  # points in each of them
+BEYOND = np.geomspace(REACH[1], 1e6 * REACH[1], 7)  # Laplace's standard deviations from a mode
 
 
 class NoMinimum(WorkbenchError):
@@ -120,12 +130,8 @@ def _cut_off(J: Array, r: Array, z: Array, low: Array, high: Array) -> float:
     across = J[:, held] - rest @ (rest.T @ J[:, held])
     lengths = np.linalg.norm(across, axis=0)  # 0 where bounds alone hold an entry
     reach = np.divide(slope, lengths, out=np.zeros_like(slope), where=lengths > 0)
-    return float(np.sum(log_scaled_tail(reach)))
-
-
-def log_scaled_tail(u: Array) -> Array:
-    """log of exp(u^2 / 2) Phi(-u), which is erfcx(u / sqrt 2) / 2."""
-    return np.asarray(np.log(scipy.special.erfcx(u / np.sqrt(2)) / 2))
+    # exp(u^2 / 2) Phi(-u) is erfcx(u / sqrt 2) / 2
+    return float(np.sum(np.log(scipy.special.erfcx(reach / np.sqrt(2)) / 2)))
 
 
 def bounds_of(target: LogDensity) -> tuple[Array, Array]:
@@ -274,55 +280,36 @@ def _predicted_decrease(r: Array, J: Array, z: Array, low: Array, high: Array) -
     return 0.5 * float(np.sum((J[:, free] @ step) ** 2))
 
 
-APART = 1.0  # standard deviations: minima that are nearer to each other are one
-NEGLIGIBLE = 1e-4  # of the largest mass
-POPULATED = 0.01  # of the mass of all: in smaller modes no walker begins, for it would never leave
-COMPARABLE = 0.05  # of the mass of all: a mode that draws have to visit
-VISITED = 0.2  # of a mode's share: fewer of the draws are there, and it counts as missed
-ASSIGNED = 20_000  # draws that are looked at
-REACH = (3.0, 1000.0)  # standard deviations of Laplace's approximation that starts are away
-SHELLS = 8  # of distances, in equal ratios
-TRIED = 128  # points in each of them
-BEYOND = np.geomspace(REACH[1], 1e6 * REACH[1], 7)  # Laplace's standard deviations from a mode
-
-
-@dataclass(frozen=True)
-class SearchExtent:
-    """How widely other modes were looked for.
+@dataclass(frozen=True, eq=False)
+class ModeSearch:
+    """The modes that were found, the largest first, and how widely they were looked for.
 
     Attributes:
+        modes: the modes.
         starts: how many searches there were.
         farthest: the largest distance of a start, in Laplace's standard deviations.
         boxed: how many entries have two bounds, over which starts were spread as well.
         components: how many of the searches began at a component of a mixture.
     """
 
+    modes: tuple[Mode, ...]
     starts: int
     farthest: float
     boxed: int
     components: int = 0
 
     def __str__(self) -> str:
+        if not self.starts:
+            return "no other modes were looked for"
         said = f"{self.starts} searches for other modes, up to {self.farthest:,.0f} sd away"
         if self.components:
             said += f", from each of {self.components} components of mixtures"
-        entries = "entry" if self.boxed == 1 else "entries"
-        return said + (f" and all over the bounds of {self.boxed} {entries}" if self.boxed else "")
-
-
-@dataclass(frozen=True, eq=False)
-class ModeSearch:
-    """The modes that were found, the largest first, and how widely they were looked for."""
-
-    modes: tuple[Mode, ...]
-    extent: SearchExtent
-
-    def __str__(self) -> str:
-        count, extent = len(self.modes), self.extent
-        if not extent.starts:
-            return "no other modes were looked for"
-        said = f"{extent}, {'found none' if count == 1 else f'led to {count} modes in all'}"
-        return said if extent.components else f"{said}; a much narrower mode can be missed"
+        if self.boxed:
+            entries = "entry" if self.boxed == 1 else "entries"
+            said += f" and all over the bounds of {self.boxed} {entries}"
+        count = len(self.modes)
+        said += ", found none" if count == 1 else f", led to {count} modes in all"
+        return said if self.components else f"{said}; a much narrower mode can be missed"
 
 
 def modes(target: LogDensity, first: Mode, rng: np.random.Generator) -> ModeSearch:
@@ -334,11 +321,9 @@ def modes(target: LogDensity, first: Mode, rng: np.random.Generator) -> ModeSear
     finds, above all much narrower ones. Those of a mixture are looked for from its components.
     """
     found = [first]
-    starts, extent = wide_starts(target, first, rng)
+    wide, farthest, boxed = wide_starts(target, first, rng)
     from_components = component_starts(target, first)
-    count = len(from_components)
-    extent = replace(extent, starts=extent.starts + count, components=count)
-    for start in (*from_components, *starts):
+    for start in (*from_components, *wide):
         try:
             mode = mode_from(target, shortest_rotations(target, start))
             turned = shortest_rotations(target, mode.z)
@@ -364,7 +349,9 @@ def modes(target: LogDensity, first: Mode, rng: np.random.Generator) -> ModeSear
         for mode, share in zip(found, shares / shares.sum(), strict=True)
         if share > NEGLIGIBLE * shares.max()
     ]
-    return ModeSearch(tuple(sorted(kept, key=lambda mode: -mode.share)), extent)
+    count = len(from_components)
+    by_share = tuple(sorted(kept, key=lambda mode: -mode.share))
+    return ModeSearch(by_share, len(wide) + count, farthest, boxed, count)
 
 
 def missed_mode(known: tuple[Mode, ...], draws: Array) -> tuple[float, float] | None:
@@ -468,8 +455,8 @@ def shortest_rotations(target: LogDensity, z: Array) -> Array:
 
 def wide_starts(
     target: LogDensity, first: Mode, rng: np.random.Generator
-) -> tuple[list[Array], SearchExtent]:
-    """Starts (k,) for searches, and how far they reach.
+) -> tuple[list[Array], float, int]:
+    """Starts (k,) for searches, how far they reach, and over how many bounds they are spread.
 
     Each shell of distances gives two starts: of many random points the one with the least cost, and
     the one with the least cost on the other side of the first mode. Half of the points move all
@@ -500,7 +487,7 @@ def wide_starts(
         share = rng.uniform(size=(TRIED, int(two_sided.sum())))
         z[:, two_sided] = low[two_sided] + share * (high - low)[two_sided]
         found += _lowest(target, first, np.clip(z, low, high))
-    return found, SearchExtent(len(found), farthest, int(two_sided.sum()))
+    return found, farthest, int(two_sided.sum())
 
 
 def component_starts(target: LogDensity, first: Mode) -> list[Array]:

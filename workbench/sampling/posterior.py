@@ -249,10 +249,8 @@ class Posterior:
                 f"only what was sampled has a marginal: {some_of(self.labels)}; name some of these"
             )
         at = np.array([int(np.flatnonzero(space.entries == i)[0]) for i in meant])
-        there, modes = (
-            space.of_columns(at),
-            tuple(mode.seen(np.eye(self.size)[at], mode.z[at]) for mode in self.modes),
-        )
+        there, into = space.of_columns(at), np.eye(self.size)[at]
+        modes = tuple(mode.seen(into, mode.z[at]) for mode in self.modes)
         draws = np.ascontiguousarray(self.draws[..., at])
         return replace(
             self,

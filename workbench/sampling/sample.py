@@ -1,7 +1,7 @@
 """`sample`: a posterior from a problem, a point and the names of what is to be sampled."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -90,29 +90,15 @@ def jointly(
     return tuple(problem.free.labels_of(np.sort(np.concatenate([chosen, others]))))
 
 
-@dataclass(frozen=True, eq=False)
-class WholeRun:
-    """A run on all free numbers, with modes and draws of what is named."""
-
-    run: HamiltonianRun
-    mode_search: ModeSearch
-
-    @property
-    def in_words(self) -> str:
-        """What was drawn, for a comparison."""
-        n, effective = self.run.points.shape[1], self.run.mixing.effective.min()
-        return f"{effective:,.0f} effective draws of all {n} free numbers"
-
-
 def drawn_with_the_rest(
     target: LogDensity,
     plan: SamplerSettings,
     rng: np.random.Generator,
     callback: Callback = None,
-) -> WholeRun | None:
-    """Draws of all free numbers, judged in what the target samples; None where that is not to be.
+) -> tuple[HamiltonianRun, ModeSearch] | None:
+    """Draws of all free numbers, judged in what the target samples, and the modes in these.
 
-    That is so for long sequences, and where a direction of the rest has no width or leads to no
+    None for long sequences, and where a direction of the rest has no width or leads to no
     minimum. Chains begin at draws of Laplace's approximation at the modes of everything, each mode
     by its share of the mass.
     """
@@ -135,7 +121,7 @@ def drawn_with_the_rest(
         if space.entries is None
         else (space.entries[:, None] == free).astype(float)
     )
-    run = run_hamiltonian(
+    drawn = run_hamiltonian(
         whole,
         starts,
         found.modes,
@@ -145,7 +131,7 @@ def drawn_with_the_rest(
         rng,
         callback,
     )
-    return WholeRun(run, replace(found, modes=_seen(found.modes, space, x[free], into)))
+    return drawn, replace(found, modes=_seen(found.modes, space, x[free], into))
 
 
 def _seen(found: tuple[Mode, ...], space: Subspace, centre: Array, into: Array) -> tuple[Mode, ...]:
@@ -298,7 +284,7 @@ def _with_the_rest(
         return replace(along, interrupted=True)
     if whole is None:
         return along
-    run = whole.run
+    run, mode_search = whole
     if not run.mixing.usable and along.usable:
         return replace(along, interrupted=run.interrupted)
     return replace(
@@ -307,7 +293,7 @@ def _with_the_rest(
         log_prob=run.log_prob,
         mixing=run.mixing,
         method="hamiltonian",
-        mode_search=whole.mode_search,
+        mode_search=mode_search,
         importance=None,
         seconds=along.seconds + run.seconds,
         interrupted=run.interrupted,

@@ -188,41 +188,38 @@ def movable(problem: Problem) -> Mask:
 
 
 def directions(count: int, priors: Iterable[str]) -> Choice:
-    """The `count` directions that the data determine best beyond the priors; see `informed`."""
-    told = tuple(priors)
-
-    def choice(problem: Problem, x: Array, given: Array) -> Subspace:
-        return informed(problem, problem.linearize_at(x, given), x, count, told)
-
-    return choice
-
-
-def informed(
-    problem: Problem, here: Linearization, x: Array, count: int, priors: Iterable[str]
-) -> Subspace:
     """The `count` directions about which the data say most, compared with the priors.
 
     The other directions are integrated out as a Gaussian. The directions solve
     J_d'J_d v = l (J'J) v with J_d the rows of the data, the largest l first. (Cui et al.,
     Likelihood-informed dimension reduction, 2014, have the priors' rows in the place of all rows
     J, which gives the same directions in the same order.) Directions are scaled to one standard
-    deviation of Laplace's approximation, in which they are independent. Raises BadArgument
-    for a count below 1 or above n, UnknownName for priors that are no residuals, and Improper where
-    a direction has no width.
+    deviation of Laplace's approximation, in which they are independent. The choice raises
+    BadArgument for a count below 1 or above n, UnknownName for priors that are no residuals, and
+    Improper where a direction has no width.
     """
-    n = problem.free.size
-    if not 0 < count <= n:
-        raise BadArgument(f"1 to {n} directions can be sampled, not {count}")
-    W = scipy.linalg.solve_triangular(_triangle(here.dense, problem.free, np.arange(n)), np.eye(n))
-    told = here.dense[problem.rows_named(priors)] @ W
-    share, Q = np.linalg.eigh(told.T @ told)  # of the priors, rising
-    V = W @ Q
-    V *= np.where(V[np.argmax(abs(V), axis=0), np.arange(n)] < 0, -1.0, 1.0)  # one of two signs
-    labels = tuple(
-        f"direction {i + 1} ({1 - share[i]:.0%} data; {_mostly(problem.free, V[:, i])})"
-        for i in range(count)
-    )
-    return Subspace(x, V[:, :count], np.zeros(count), V[:, count:], labels, ("sd",) * count)
+    priors = tuple(priors)
+
+    def choice(problem: Problem, x: Array, given: Array) -> Subspace:
+        n, layout = problem.free.size, problem.free
+        if not 0 < count <= n:
+            raise BadArgument(f"1 to {n} directions can be sampled, not {count}")
+        J = problem.linearize_at(x, given).dense
+        svd_of_full_rank(J, lambda direction: _mostly(layout, direction))
+        R = scipy.linalg.qr(J, mode="r")[0][:n]  # R'R = J'J
+        R *= np.where(np.diag(R) < 0, -1.0, 1.0)[:, None]
+        W = scipy.linalg.solve_triangular(R, np.eye(n))
+        told = J[problem.rows_named(priors)] @ W
+        share, Q = np.linalg.eigh(told.T @ told)  # of the priors, rising
+        V = W @ Q
+        V *= np.where(V[np.argmax(abs(V), axis=0), np.arange(n)] < 0, -1.0, 1.0)  # one of two signs
+        labels = tuple(
+            f"direction {i + 1} ({1 - share[i]:.0%} data; {_mostly(layout, V[:, i])})"
+            for i in range(count)
+        )
+        return Subspace(x, V[:, :count], np.zeros(count), V[:, count:], labels, ("sd",) * count)
+
+    return choice
 
 
 def _entries(
@@ -237,19 +234,6 @@ def _entries(
         tuple(layout.unit(int(i)) for i in named),
         named,
     )
-
-
-def _triangle(J: Array, layout: Layout, columns: Index) -> Array:
-    """R with R'R = J'J, all of its diagonal above rounding; raises Improper."""
-
-    def named(direction: Array) -> str:
-        whole = np.zeros(layout.size)
-        whole[columns] = direction
-        return _mostly(layout, whole)
-
-    svd_of_full_rank(J, named)
-    R = scipy.linalg.qr(J, mode="r")[0][: J.shape[1]]
-    return np.asarray(R * np.where(np.diag(R) < 0, -1.0, 1.0)[:, None])
 
 
 def svd_of_full_rank(J: Array, named: Callable[[Array], str]) -> tuple[Array, Array, Array]:
