@@ -7,9 +7,8 @@ import workbench as wb
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadArgument, UnknownName
 from workbench.fitting import default_markers, marker_fit
-from workbench.fitting.body_priors import pose_prior, shape_prior
-from workbench.fitting.keypoint_problem import landmark_set
-from workbench.fitting.measurement_candidates import (
+from workbench.fitting.body_priors import pose_prior, shape_prior, stature
+from workbench.fitting.candidates import (
     cameras_of,
     cameras_on_a_sphere,
     depth_of,
@@ -20,8 +19,8 @@ from workbench.fitting.measurement_candidates import (
     stature_of,
     without_hidden,
 )
+from workbench.fitting.keypoints import landmark_set
 from workbench.fitting.observations import photograph
-from workbench.fitting.stature import stature
 from workbench.geometry.camera import Camera
 
 SEEN = 0.1  # rad, of a pose

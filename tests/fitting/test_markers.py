@@ -31,8 +31,7 @@ from workbench.fitting import (
 )
 from workbench.fitting.marker_information import informative_frames
 from workbench.fitting.marker_sets import matched
-from workbench.fitting.markers import marker_errors
-from workbench.fitting.offset_prior import offset_prior, surface_frames
+from workbench.fitting.markers import marker_errors, offset_prior, surface_frames
 from workbench.geometry.solids import vertex_normals
 from workbench.geometry.surface_tree import SurfaceTree
 from workbench.motions import read_motion

@@ -17,8 +17,7 @@ from workbench.fitting import (
     video_fit,
     video_mean,
 )
-from workbench.fitting.effective_frames import autocorrelation
-from workbench.fitting.videos import errors_of
+from workbench.fitting.videos import autocorrelation, errors_of
 from workbench.residuals import geman_mcclure, scaled
 from workbench.solvers import TrustRegion
 

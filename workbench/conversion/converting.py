@@ -14,7 +14,7 @@ from workbench.conversion.sampled import counted, sampled_vertices
 from workbench.conversion.tracking import Progress, Tracker, quiet
 from workbench.errors import BadArgument
 from workbench.fitting.doubts import of_person
-from workbench.fitting.mesh_start import from_correspondences
+from workbench.fitting.known_points import from_correspondences
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 from workbench.motions import Motion
 from workbench.residuals import gaussian

@@ -2,8 +2,8 @@
 
 from workbench.arrays import Array
 from workbench.errors import check_known, listed
-from workbench.fitting.scan import BadScan
-from workbench.fitting.scan_outline import extents, principal_axes
+from workbench.fitting.scans.scan import BadScan
+from workbench.fitting.scans.surface import extents, principal_axes
 
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}  # in m
 PERSON = (1.3, 2.2)  # m, how long a person is from one end to the other

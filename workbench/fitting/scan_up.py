@@ -4,7 +4,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.errors import UnknownName
-from workbench.fitting.scan_outline import TRIM, extents
+from workbench.fitting.scans.surface import TRIM, extents
 from workbench.geometry.guesses import UP_TO_Y
 
 STANDING = (1.0, 2.3)  # m, from the floor to the head

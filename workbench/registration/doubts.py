@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from workbench.arrays import Array
 from workbench.fitting.doubts import of_person, pose_square
-from workbench.fitting.loose_points import loose_points
+from workbench.fitting.scans.surface import loose_points
 from workbench.registration.empty_space import shows_all
 from workbench.registration.facing import facing
 from workbench.registration.model_fit import ModelFit

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from workbench.arrays import Array
 from workbench.bodies.body import Body
 from workbench.errors import BadArgument
-from workbench.fitting.scan import Scan
+from workbench.fitting.scans.scan import Scan
 from workbench.registration.fit_stage import FitStage
 from workbench.registration.scan_starts import STRAY, WHOLE
 from workbench.residuals import Residual, free_space, geman_mcclure, scaled

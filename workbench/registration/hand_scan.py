@@ -6,14 +6,14 @@ from dataclasses import replace
 from numpy.typing import ArrayLike
 
 from workbench.bodies import SkinnedBody
-from workbench.fitting.hand_fit import (
+from workbench.fitting.hands import (
     SIGMA,
     checked_hand,
     hand_landmarks,
     hand_problem,
     hand_start,
 )
-from workbench.fitting.scan import Scan
+from workbench.fitting.scans.scan import Scan
 from workbench.registration.fit_stage import Progress
 from workbench.registration.model_fit import ModelFit
 from workbench.registration.recipe import HAND_RECIPE, Recipe

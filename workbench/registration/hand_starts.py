@@ -10,8 +10,8 @@ from workbench.blocks import Values
 from workbench.bodies.body import Body
 from workbench.bodies.pose_space import has_pose_space, pose_space
 from workbench.errors import BadArgument
-from workbench.fitting.hand_fit import mean_hand, placed_hand
-from workbench.fitting.scan import Scan
+from workbench.fitting.hands import mean_hand, placed_hand
+from workbench.fitting.scans.scan import Scan
 from workbench.registration.scan_starts import check_size
 
 CLOSED = (0.0, 1.5)  # standard deviations of the first component, which closes the hand

@@ -12,7 +12,7 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.bodies.hand_axes import is_hand
 from workbench.errors import BadArgument
-from workbench.fitting.scan import Scan
+from workbench.fitting.scans.scan import Scan
 from workbench.registration.doubts import Doubts
 from workbench.registration.empty_space import EmptySpace
 from workbench.registration.fit_stage import FitStage, Progress

@@ -16,8 +16,8 @@ from workbench.arrays import Array, Index, Mask
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
-from workbench.fitting.scan import BadScan, Scan
-from workbench.fitting.scan_boundary import boundary
+from workbench.fitting.scans.scan import BadScan, Scan
+from workbench.fitting.scans.surface import boundary
 from workbench.geometry.surface_tree import SurfaceTree
 from workbench.interrupts import Interrupts
 from workbench.registration.body_size import BodySize, body_size

@@ -8,9 +8,9 @@ from pathlib import Path
 from workbench.arrays import Array
 from workbench.bodies.body import Body
 from workbench.errors import BadArgument, check_known
-from workbench.fitting.file_jobs import FailedFile, FileJob, check_names_differ, reason_of
-from workbench.fitting.scan_files import FEWEST, read_scan
+from workbench.fitting.jobs import FailedFile, FileJob, check_names_differ, reason_of
 from workbench.fitting.scan_units import UNITS
+from workbench.fitting.scans.files import FEWEST, read_scan
 from workbench.geometry.guesses import UP_TO_Y
 from workbench.registration.fit_stage import Progress
 from workbench.registration.recipe import Recipe

@@ -9,7 +9,7 @@ from workbench.blocks import Values
 from workbench.bodies.body import Body
 from workbench.bodies.forward.posing import local_rotations, world_rotations
 from workbench.errors import BadArgument
-from workbench.fitting.scan import BadScan, Scan
+from workbench.fitting.scans.scan import BadScan, Scan
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 
 YAWS = 8

@@ -9,7 +9,7 @@ import numpy as np
 from workbench.arrays import Array, Index, Mask
 from workbench.blocks import Points
 from workbench.errors import BadArgument
-from workbench.fitting.scan import Scan
+from workbench.fitting.scans.scan import Scan
 from workbench.problem.sparsity import rows_of_nonzeros
 from workbench.residuals import Form, Residual, distance, geman_mcclure, scaled, scan_to_model
 from workbench.residuals.contacts import MovingContacts

@@ -16,7 +16,7 @@ import numpy as np
 from workbench.arrays import Array, Index
 from workbench.blocks import Block, Points, Values
 from workbench.fitting.body_priors import pose_prior
-from workbench.fitting.scan import Scan
+from workbench.fitting.scans.scan import Scan
 from workbench.problem import Problem
 from workbench.registration.coregistration.softness import Pulled, pulled
 from workbench.registration.free_vertices import CLOSE, TOGETHER, VERTICES, Settled
