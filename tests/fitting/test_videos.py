@@ -117,12 +117,12 @@ def test_interrupt_ends_the_start_of_a_video() -> None:
 
     def stop(done: int, all_: int) -> None:
         told.append((done, all_))
-        if done == 1:
+        if done == 2:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         video_fit(balance_clip(range(40, 44), ["cam01"]), BODY, "?", told=stop)
-    assert told == [(0, 4), (1, 4)]
+    assert told == [(1, 4), (2, 4)]
 
 
 def test_bad_clips_are_refused() -> None:

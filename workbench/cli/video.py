@@ -42,7 +42,7 @@ def fit_video(
             body,
             question,
             sigma=sigma,
-            told=lambda done, all_: status.update(f"frame {done + 1} of {all_}"),
+            told=lambda done, all_: status.update(f"frame {done} of {all_}"),
         )
     for note in setup.notes:
         console.print(f"[dim]{escape(note)}.[/]", highlight=False)

@@ -24,7 +24,6 @@ from workbench.fitting.candidates import (
     depth_of,
     keypoint_candidates,
     marker_candidates,
-    pose_candidates,
     stature_of,
     without_hidden,
 )
@@ -55,8 +54,6 @@ from workbench.fitting.known_points import (
     placed,
 )
 from workbench.fitting.marker_files import MarkerRecording, read_markers
-from workbench.fitting.marker_frames import random_frames, spread_frames
-from workbench.fitting.marker_information import informative_frames
 from workbench.fitting.marker_sets import MarkerSet, default_markers, read_marker_set
 from workbench.fitting.markers import marker_fit, marker_solver
 from workbench.fitting.mosh import MarkerFit, mosh
@@ -90,6 +87,7 @@ from workbench.fitting.scans.files import ReadScan, read_scan
 from workbench.fitting.scans.scan import BadScan, Scan
 from workbench.fitting.scans.surface import boundary, loose_points
 from workbench.fitting.setup import KnownAnswer, Measure, Moving, Setup, View
+from workbench.fitting.tracking import spread_frames
 from workbench.fitting.videos import Smoothness, effective_frames, video_fit, video_mean
 
 __all__ = [
@@ -136,7 +134,6 @@ __all__ = [
     "hand_start",
     "image_fit",
     "image_priors",
-    "informative_frames",
     "joint_fit",
     "keypoint_candidates",
     "keypoint_fit",
@@ -150,10 +147,8 @@ __all__ = [
     "own_mesh",
     "photograph",
     "placed",
-    "pose_candidates",
     "pose_prior",
     "profile_likelihood",
-    "random_frames",
     "read_calibration",
     "read_clip",
     "read_keypoints",

@@ -19,10 +19,10 @@ from workbench.bodies.body import Body
 from workbench.diagnostics.design import Candidate, Criterion, Quantity, sd_of
 from workbench.diagnostics.design.candidates import Given
 from workbench.errors import BadArgument
-from workbench.fitting.body_priors import pose_prior, stature_expression
+from workbench.fitting.body_priors import stature_expression
 from workbench.fitting.keypoints import camera_values, landmark_set
 from workbench.fitting.marker_sets import MARKERS, MarkerSet, default_markers
-from workbench.fitting.markers import OFFSET_SIGMA, POSE_WORTH, SIGMA
+from workbench.fitting.markers import OFFSET_SIGMA, SIGMA
 from workbench.fitting.observations import Photograph, pinhole
 from workbench.fitting.setup import Setup, View
 from workbench.geometry.camera import Camera
@@ -176,33 +176,6 @@ def marker_candidates(
     spread = float(np.hypot(sigma, offset_sigma))
     rows = replace(landmarks(points, origin, sigma=spread, name=MARKERS), weights=seen.symbol)
     return {label: Candidate((rows,), only) for label, only in one.items()}
-
-
-def pose_candidates(
-    body: SkinnedBody, marker_set: MarkerSet, poses: ArrayLike, *, sigma: float = SIGMA
-) -> dict[str, Candidate]:
-    """Markers seen in each of some poses (T, K, 3) rad: `pose 0` and so on; sigma in m.
-
-    The pose and the place of the body in such a frame are the frame's own unknowns, with the pose
-    prior as `marker_fit` counts it; what is left is information on the betas and the offsets of the
-    markers, which should be free in the problem.
-    """
-    dressed = marker_set.on(body)
-    pose, betas, trans = dressed.blocks()
-    offsets = dressed.offsets(MARKERS)
-    points = dressed.landmark_points(
-        MARKERS, pose.symbol, betas.symbol, trans.symbol, offsets.symbol
-    )
-    origin = np.zeros((len(marker_set.names), 3))
-    prior = pose_prior(dressed).weighed(POSE_WORTH)
-    terms = landmarks(points, origin, sigma=sigma, name=MARKERS), prior
-    found = {}
-    for i, one in enumerate(reals("the poses", poses)):
-        if one.shape != pose.shape:
-            raise BadArgument(f"the poses are (T, {pose.shape[0]}, 3) rad, not (T, *{one.shape})")
-        at = {pose.name: one, trans.name: np.zeros(3)}
-        found[f"pose {i}"] = Candidate(terms, at, (pose.name, trans.name))
-    return found
 
 
 def stature_of(body: SkinnedBody) -> Quantity:

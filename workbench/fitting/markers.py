@@ -27,13 +27,14 @@ from workbench.fitting.doubts import of_markers
 from workbench.fitting.marker_sets import MARKERS, MarkerSet
 from workbench.fitting.observations import BadObservation
 from workbench.fitting.setup import Measure, Setup
+from workbench.fitting.tracking import Tracker
 from workbench.geometry.rigid import procrustes
 from workbench.geometry.rotation import vector_from_matrix
 from workbench.geometry.solids import vertex_normals
 from workbench.problem import Problem, sequence
 from workbench.residuals import Residual, gaussian, landmarks
 from workbench.residuals.kernels import Kernel, quadratic
-from workbench.solvers import Staged, TrustRegion
+from workbench.solvers import SolveStage, Staged, TrustRegion
 from workbench.solvers.solution import Solver
 
 NAME = "offset prior"
@@ -128,9 +129,8 @@ def marker_fit(
     frame, priors = marker_frame(dressed, marker_set, sigma, offset_sigma, kernel, free, across)
     first = dressed.start() | {"offsets": marker_set.nominal} | dict(start or {})
     if start is None or trans not in start:
-        first |= frame_by_frame(
-            frame, dressed, observed, first, tuple(sigma / wide for wide in WIDE)
-        )
+        shares = tuple(sigma / wide for wide in WIDE)
+        first |= frame_by_frame(frame, dressed, observed, first, shares, every=1)
     return Setup(
         problem=sequence([frame] * len(observed), shared=(betas, "offsets")),
         start=first | observations(observed),
@@ -183,34 +183,30 @@ def frame_by_frame(
     observed: Array,
     first: Values,
     shares: tuple[float, ...],
-    progress: Callable[[int, int], object] = lambda done, all_of: None,
+    every: int,
+    progress: Callable[[int, int], object] = lambda done, of: None,
 ) -> Values:
     """The poses (T, K, 3) rad and trans (T, 3) m of T frames, each fitted by itself.
 
-    Shape and offsets are held as in `first`. Each frame begins in the rest pose, placed by
-    Procrustes' method, and in the pose of the frame before as well; of the two ends, that of the
-    lower cost counts. Markers have `shares` of their precision 1 / sigma in turn, so that the pose
-    prior leads at first. `progress` is called with the number of frames that are done, and of all.
+    Shape and offsets are held as in `first`. A frame by itself begins in the rest pose, and others
+    in that of the frame before (`Tracker`), both placed by Procrustes' method. In one by itself,
+    markers have `shares` of their precision 1 / sigma in turn, so that the pose prior leads at
+    first; every `every`-th frame is one. `progress` is called with the number of frames that are
+    done, and of all.
     """
     pose, _, trans = (block.name for block in body.blocks())
-    alone, solver = frame.freeing(trans, pose), TrustRegion(max_iterations=ITERATIONS)
-    found: list[Values] = []
-    for t, own in enumerate(observed):
-        data = observations(own)
-        before = [{**first, pose: found[-1][pose]}] if found else []
-        ends = []
-        for one in (first, *before):
-            values = {**placed_rigidly(body, own, one), **data}
-            cost = np.inf
-            for share in shares:
-                values["seen"] = data["seen"] * share**2
-                end = solver.solve(alone, {name: values[name] for name in alone.known})
-                values |= end.values
-                cost = end.cost
-            ends.append((cost, values))
-        found.append(min(ends, key=lambda end: end[0])[1])
-        progress(t + 1, len(observed))
-    return {name: np.array([one[name] for one in found]) for name in (pose, trans)}
+
+    def starts(t: int, before: Values | None) -> list[Values]:
+        posed = first if before is None else {**first, pose: before[pose]}
+        data = observations(observed[t])
+        data["seen"] = data["seen"] * shares[-1] ** 2
+        return [placed_rigidly(body, observed[t], posed) | data]
+
+    stages = tuple(SolveStage(weights={MARKERS: (s / shares[-1]) ** 2}) for s in shares[:-1])
+    solver = TrustRegion(max_iterations=ITERATIONS)
+    tracker = Tracker(frame.freeing(trans, pose), starts, stages, solver, solver, every)
+    frames = tracker.frames(len(observed), progress)
+    return {name: np.array([one[name] for one in frames if one]) for name in (pose, trans)}
 
 
 def marker_solver(solver: Solver | None = None) -> Staged:

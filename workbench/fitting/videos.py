@@ -40,13 +40,14 @@ from workbench.fitting.keypoints import (
 from workbench.fitting.observations import PLACING, BadObservation, Clip, Film
 from workbench.fitting.placing import place_body
 from workbench.fitting.setup import Measure, Moving, Setup, View
+from workbench.fitting.tracking import Tracker
 from workbench.geometry.camera import Camera
 from workbench.problem import Problem, sequence
 from workbench.residuals import Residual, smooth
 from workbench.residuals.kernels import Kernel, geman_mcclure, scaled
 from workbench.residuals.sequences import Between, Frames
 from workbench.sampling.posterior_mean import posterior_mean
-from workbench.solvers import Solver, SolveStage, Staged, Status, TrustRegion
+from workbench.solvers import SolveStage, TrustRegion
 
 
 def effective_frames(errors: ArrayLike, known: ArrayLike | None = None) -> float:
@@ -112,100 +113,9 @@ COARSE = (0.345, 0.048)  # of a person's height in an image: the sigmas of the s
 EVERY = 10  # frames between two that are fitted from scratch
 QUICK = TrustRegion(max_iterations=30, gradient_tolerance=1e-3)
 ROUGHLY = TrustRegion(max_iterations=30, gradient_tolerance=1e-2)  # all frames are fitted again
-Told = Callable[[int, int], object]  # called with the number of a frame and that of all frames
-
-
-@dataclass(frozen=True, eq=False)
-class FrameFits:
-    """Fits of single frames.
-
-    Attributes:
-        frame: the problem of a frame.
-        body: the body.
-        sigmas: the standard deviations of the residuals of keypoints, by their names, as shares of
-            the height of the person in the image.
-        solver: what solves each stage of a fit from scratch.
-        following: what solves a frame from the one before.
-    """
-
-    frame: Problem
-    body: Body
-    sigmas: Mapping[str, float]
-    solver: TrustRegion = QUICK
-    following: TrustRegion = ROUGHLY
-
-    def from_scratch(self, values: Values, views: Sequence[View]) -> Values:
-        """Placed in closed form, then in stages whose sigma falls to the last one."""
-        seen = [view for view in views if (view.confidence > 0).sum() >= PLACING]
-        stages = tuple(
-            SolveStage(weights={name: (own / wide) ** 2 for name, own in self.sigmas.items()})
-            for wide in COARSE
-        )
-        start = values | place_body(self.body, seen, values)
-        return self._solved(Staged(stages, self.solver), start)
-
-    def from_there(self, values: Values) -> Values:
-        """The last stage alone."""
-        return self._solved(self.following, values)
-
-    def _solved(self, solver: Solver, values: Values) -> Values:
-        solution = solver.solve(self.frame, values)
-        if solution.status is Status.STOPPED:
-            raise KeyboardInterrupt  # the solver kept it for its own end
-        return values | solution.values
-
-
-def frame_by_frame(
-    fits: FrameFits,
-    values: Sequence[Values],
-    views: Sequence[Sequence[View]],
-    told: Told = lambda done, all_: None,
-    every: int = EVERY,
-) -> list[Values]:
-    """The values of each frame. Frames without keypoints take those of the frame before.
-
-    Every `every`-th frame is fitted from scratch and from the frame before it, and the answer of
-    lower cost is taken; the others begin at the frame before. Raises BadObservation if no frame
-    has enough keypoints to place the body.
-    """
-    own = [block.name for block in fits.body.blocks()]
-    enough = [any((v.confidence > 0).sum() >= PLACING for v in some) for some in views]
-    if not any(enough):
-        raise BadObservation(
-            f"no frame shows {PLACING} keypoints in one image, which a body needs to be placed"
-        )
-    found: list[Values | None] = [None] * len(values)
-    last: Values | None = None
-    scratch = 0
-    for t, (given, some) in enumerate(zip(values, views, strict=True)):
-        told(t, len(values))
-        ends = []
-        if not enough[t]:
-            if last is not None:
-                found[t] = {**given, **{name: last[name] for name in own}}
-            continue
-        if last is not None:
-            ends.append(fits.from_there({**given, **{name: last[name] for name in own}}))
-        if last is None or t >= scratch:
-            ends.append(fits.from_scratch(given, some))
-            scratch = t + every
-        last = found[t] = min((end for end in ends if end), key=lambda end: _cost(fits, end))
-    first = next(one for one in found if one is not None)
-    return [
-        {**given, **{name: (one or first)[name] for name in own}}
-        for given, one in zip(values, found, strict=True)
-    ]
-
-
-def _cost(fits: FrameFits, values: Values) -> float:
-    residual = fits.frame.residual(*fits.frame.split(values))
-    return float(residual @ residual)
-
-
 FAR = 0.12  # of a person's height: 100 px at 830, where outliers begin (Bogo et al., SMPLify)
 LOOKED_AT = 9  # frames, for the height of the person
 POSE_SIGMA, PLACE_SIGMA = 36.0, 11.0  # rad/s^2 and m/s^2, of all joints and axes together
-ENOUGH = TrustRegion(max_iterations=40, gradient_tolerance=1e-3)  # keypoints are not better
 EVIDENCE = "evidence"  # the fixed block that says how often each frame counts
 
 
@@ -238,7 +148,7 @@ def video_fit(
     smoothness: Smoothness = SMOOTH,
     shared: Sequence[str] = ("betas",),
     worth: float | None = None,
-    told: Told = lambda done, all_: None,
+    told: Callable[[int, int], object] = lambda done, all_: None,
 ) -> Setup:
     """Poses and places in T frames, and one shape, from the keypoints of one or several cameras.
 
@@ -246,7 +156,7 @@ def video_fit(
     images. The kernel is Geman and McClure's, with outliers from 12 % of the height on, unless
     another is given. Cameras without K share a free focal length. Blocks of the body named
     in `shared` are one for all frames. The start is found frame by frame, and `told` is called
-    with the number of each frame and of all.
+    with the number of frames that are done and of all.
 
     A detector's errors are alike from frame to frame, so that T frames are not T times the evidence
     on the shape. All terms of frames, data, priors and smoothness, have the weight n / T of the
@@ -307,15 +217,15 @@ def video_fit(
         each.append(values)
     own = frame.freeing(pose.name, betas.name, trans.name)  # focal lengths wait for all frames
     data_names = tuple(shares)
-    found = frame_by_frame(FrameFits(own, body, shares), each, views, told)
+    frames = frame_by_frame(own, body, shares, each, views, told)
     names = [*(b.name for b in lenses), EVIDENCE, *shared]
     problem = sequence(
         [frame] * T, shared=names, between=_between(smoothness, body, evidence, clip)
     )
     start = {
-        name: np.median([one[name] for one in found], axis=0)
+        name: np.median([one[name] for one in frames], axis=0)
         if name in names
-        else np.array([one[name] for one in found])
+        else np.array([one[name] for one in frames])
         for name in problem.known
     }
     if worth is None:
@@ -341,6 +251,48 @@ def video_fit(
         ),
         moving=moving,
     )
+
+
+def frame_by_frame(
+    frame: Problem,
+    body: Body,
+    shares: Mapping[str, float],
+    each: Sequence[Values],
+    views: Sequence[Sequence[View]],
+    progress: Callable[[int, int], object],
+) -> list[Values]:
+    """The values of each frame; those without enough keypoints are as the last one with them.
+
+    `shares` are the sigmas of the residuals of keypoints, by their names, as shares of the height
+    of the person in the image. A frame by itself is placed in closed form, and fitted in stages
+    whose sigma falls to the last one. Raises BadObservation if no frame has enough keypoints to
+    place the body.
+    """
+    own = [block.name for block in body.blocks()]
+    seen = [[v for v in some if (v.confidence > 0).sum() >= PLACING] for some in views]
+
+    def starts(t: int, before: Values | None) -> list[Values]:
+        if not seen[t]:
+            return []
+        if before is None:
+            return [each[t] | place_body(body, seen[t], each[t])]
+        return [each[t] | {name: before[name] for name in own}]
+
+    stages = tuple(
+        SolveStage(weights={name: (share / wide) ** 2 for name, share in shares.items()})
+        for wide in COARSE
+    )
+    ends = Tracker(frame, starts, stages, QUICK, ROUGHLY, EVERY).frames(len(each), progress)
+    last = next((end for end in ends if end), None)
+    if last is None:
+        raise BadObservation(
+            f"no frame shows {PLACING} keypoints in one image, which a body needs to be placed"
+        )
+    whole = []
+    for values, end in zip(each, ends, strict=True):
+        last = end or last
+        whole.append(values | {name: last[name] for name in own})
+    return whole
 
 
 def heights_of(films: Sequence[Film], body: Body, kind: str) -> list[float]:
