@@ -21,10 +21,9 @@ from workbench.conversion import (
     motion_from_points,
     point_sets,
 )
-from workbench.conversion.converting import doubts_of, skeleton_errors, turned_on
-from workbench.conversion.parts import vertex_parts
+from workbench.conversion.converting import doubts_of, skeleton_errors, turned_on, vertex_parts
+from workbench.conversion.correspondence import counted, sampled_vertices
 from workbench.conversion.points_in_space import body_points, plain_name
-from workbench.conversion.sampled import counted, sampled_vertices
 from workbench.errors import BadArgument, UnknownName
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.motions import bones_of, read_bvh, write_bvh

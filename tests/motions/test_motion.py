@@ -17,7 +17,7 @@ from workbench.fitting import MarkerFit
 from workbench.fitting.setup import Moving
 from workbench.geometry.guesses import UP_TO_Y
 from workbench.motions import Bones, Motion, bones_of, read_motion
-from workbench.motions.gaps import without_gaps
+from workbench.motions.motion import without_gaps
 from workbench.plots import caption_motion, plot_motion
 from workbench.plots.figure import drawn
 from workbench.priors.recorded_motions import recorded_motions

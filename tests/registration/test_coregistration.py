@@ -24,10 +24,14 @@ from workbench.registration.coregistration import (
     State,
     hard,
 )
-from workbench.registration.coregistration.plan import SETTINGS
-from workbench.registration.coregistration.scan_block import Pull, jobs, measured, registered
-from workbench.registration.coregistration.softness import pulled
-from workbench.registration.coregistration.state import FILE
+from workbench.registration.coregistration.coregistering import FILE, SETTINGS
+from workbench.registration.coregistration.scan_block import (
+    Pull,
+    jobs,
+    measured,
+    pulled,
+    registered,
+)
 from workbench.registration.coregistration.symbolic_form import (
     OF_MODEL,
     OF_SCANS,

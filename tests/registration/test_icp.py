@@ -25,8 +25,7 @@ from workbench.registration import (
     point_to_point,
     random_surface_points,
 )
-from workbench.registration.icp_losses import Loss
-from workbench.registration.icp_steps import Contacts, Step
+from workbench.registration.icp_steps import Contacts, Loss, Step
 
 BODY = load_body("small")
 SURFACE = SurfaceTree(BODY.template, BODY.faces)

@@ -24,8 +24,7 @@ from workbench.registration import (
     scan_starts,
     seen_starts,
 )
-from workbench.registration.empty_space import sees
-from workbench.registration.seen_starts import start_poses
+from workbench.registration.from_a_camera import sees, start_poses
 
 STAGE = FitStage(200, 0.02, 0.05, 3, 12)
 FRONT = np.array([np.sin(TURN), 0.0, np.cos(TURN)])  # where the person faces

@@ -32,7 +32,7 @@ from workbench.fitting.marker_files import (
 )
 from workbench.motions import Motion, bones_of, load_tissue, read_motion
 from workbench.motions.guesses import OTHERS, UNITS
-from workbench.motions.tissue_betas import betas_with_tissue, displaced_by, with_tissue
+from workbench.motions.soft_tissue import betas_with_tissue, displaced_by, with_tissue
 from workbench.plots import plot_motion
 from workbench.plots.figure import drawn, png
 from workbench.reports.replay_page import motion_page

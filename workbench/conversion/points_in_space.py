@@ -20,7 +20,7 @@ from workbench.fitting.videos import PLACE_SIGMA, POSE_SIGMA
 from workbench.geometry.rigid import procrustes
 from workbench.geometry.rotation import vector_from_matrix
 from workbench.motions import Motion
-from workbench.motions.gaps import without_gaps
+from workbench.motions.motion import without_gaps
 from workbench.problem import sequence
 from workbench.residuals import smooth
 

@@ -13,10 +13,8 @@ from numpy.typing import NDArray
 from workbench.arrays import Array, Mask
 from workbench.errors import BadFile, listed, some
 from workbench.geometry.guesses import UP_TO_Y
-from workbench.motions.c3d_files import read_c3d
 from workbench.motions.guesses import check_given, unit_of, up_of
-from workbench.motions.trajectories import Trajectories, checked_places
-from workbench.motions.trc_files import read_trc, write_trc
+from workbench.motions.markers import Trajectories, checked_places, read_c3d, read_trc, write_trc
 from workbench.reading.arrays import any_reals, opened, optional, read_expected, taken_for, texts
 from workbench.writing import write_arrays
 

@@ -16,19 +16,50 @@ from workbench.arrays import Array, Index, Mask
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
+from workbench.bodies.hand_axes import is_hand
 from workbench.fitting.scan import BadScan, Scan
 from workbench.fitting.scan_boundary import boundary
 from workbench.geometry.surface_tree import SurfaceTree
 from workbench.interrupts import Interrupts
-from workbench.registration.body_size import BodySize, body_size
-from workbench.registration.doubts import doubts
-from workbench.registration.empty_space import sees
-from workbench.registration.facing import facing
-from workbench.registration.fit_stage import FitStage, Progress
+from workbench.registration.doubts import FACING, NEAR, doubts, support
 from workbench.registration.free_vertices import FreeVertices
-from workbench.registration.model_fit import ModelFit
+from workbench.registration.from_a_camera import sees
+from workbench.registration.model_fit import FitStage, ModelFit, Progress
 from workbench.registration.recipe import Recipe, usual_recipe
-from workbench.registration.support import FACING, NEAR, support
+from workbench.registration.starts import facing
+
+HEIGHT, LENGTH = "height", "length"
+
+
+@dataclass(frozen=True)
+class BodySize:
+    """The size of a body in its bind pose.
+
+    Attributes:
+        name: `height` of a person, from the lowest to the highest vertex; `length` of a hand, from
+            the wrist's joint to the vertex that is farthest from it, a finger's tip.
+        metres: how much it is.
+    """
+
+    name: str
+    metres: float
+
+
+def body_size(body: Body, betas: Array) -> BodySize:
+    """The size of a body with the shape betas (B,).
+
+    >>> from workbench import load_body
+    >>> hand = load_body("hand")
+    >>> size = body_size(hand, np.zeros(hand.n_betas))
+    >>> size.name, round(size.metres, 2)
+    ('length', 0.19)
+    """
+    surface = body.vertices(body.bind_pose, betas, np.zeros(3))
+    if not is_hand(body):
+        return BodySize(HEIGHT, float(np.ptp(surface[:, 1])))
+    wrist = body.joints(body.bind_pose, betas, np.zeros(3))[0]
+    return BodySize(LENGTH, float(np.linalg.norm(surface - wrist, axis=1).max()))
+
 
 AMONG = "the camera stands among the points, which it cannot have seen; its place was not used"
 LEFT = 20  # points that must be left when those at the boundary are left out

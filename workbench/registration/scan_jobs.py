@@ -12,7 +12,7 @@ from workbench.fitting.file_jobs import FailedFile, FileJob, check_names_differ,
 from workbench.fitting.scan_files import FEWEST, read_scan
 from workbench.fitting.scan_units import UNITS
 from workbench.geometry.guesses import UP_TO_Y
-from workbench.registration.fit_stage import Progress
+from workbench.registration.model_fit import Progress
 from workbench.registration.recipe import Recipe
 from workbench.registration.registering import Registration, register
 

@@ -9,13 +9,21 @@ confidence that depends on the direction (`softness`). The prior on a person's t
 edges: under one on vertices, these slide along the skin.
 """
 
-from workbench.registration.coregistration.coregistering import Coregistration, Fitted
-from workbench.registration.coregistration.plan import CoregistrationPlan, hard, soft
+from workbench.registration.coregistration.coregistering import (
+    Coregistration,
+    CoregistrationPlan,
+    Fitted,
+    State,
+    hard,
+    soft,
+)
 from workbench.registration.coregistration.scan_block import Scans, ScansInMemory
-from workbench.registration.coregistration.state import State
-from workbench.registration.coregistration.triangle_plan import TrianglePlan
 from workbench.registration.coregistration.triangle_steps import learned_bends
-from workbench.registration.coregistration.triangles import TriangleCoregistration, TriangleState
+from workbench.registration.coregistration.triangles import (
+    TriangleCoregistration,
+    TrianglePlan,
+    TriangleState,
+)
 
 __all__ = [
     "Coregistration",

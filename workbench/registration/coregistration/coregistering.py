@@ -11,34 +11,43 @@ registration of its own. `softness` says why the model's blocks take scans as so
 and `template_prior` why templates are held by edges.
 """
 
+import hashlib
+import json
 import time
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
+from math import inf
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
 from workbench.bodies import SkinnedBody
-from workbench.errors import BadArgument
+from workbench.errors import BadArgument, BadFile
 from workbench.fitting.body_priors import pose_gaussian
 from workbench.geometry.solids import area
 from workbench.interrupts import Interrupts
-from workbench.registration.coregistration.plan import CoregistrationPlan
+from workbench.reading.arrays import doubles, nothing_else, opened, read_expected, texts
+from workbench.reading.facts import facts_in
 from workbench.registration.coregistration.scan_block import (
     OnScan,
     Pull,
+    ScanPull,
     Scans,
     Work,
     jobs,
     measured,
     registered,
 )
-from workbench.registration.coregistration.state import State, fingerprint, read_state
+from workbench.registration.free_vertices import CLOSE
+from workbench.residuals import Form
 from workbench.threads import limited_threads
-from workbench.training.blocks import BLOCKS, BlockInput
-from workbench.training.estimate import Estimate
+from workbench.training.blocks import BLOCKS, BlockInput, BlockOptions
+from workbench.training.checkpoint import FACTS, REMOVE, log_entry
+from workbench.training.estimate import Estimate, Sigmas
 from workbench.training.executor import SERIAL, Execution
 from workbench.training.first_guess import Start
 from workbench.training.objective import Objective, centred, trusted
@@ -48,7 +57,148 @@ from workbench.training.progress import LogEntry, Progress
 from workbench.training.registrations import InMemory
 from workbench.training.shape_training import start_shape
 from workbench.training.template_prior import smooth_prior
-from workbench.writing import Keeping
+from workbench.writing import Keeping, replacing
+
+FILE, VERSION = "coregistration.npz", "2:"
+OWN = ("vertices", "trans", "targets", "confidence", "scan_costs")
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """The unknowns of a coregistration of J scans.
+
+    Attributes:
+        estimate: templates, joints, pose blend shapes, weights, and the pose of every scan.
+        vertices: (J, N, 3) m, the registrations.
+        trans: (J, 3) m.
+        targets: (J, N, 3) m, where the scans alone would put the vertices.
+        confidence: (J, N, 3, 3), how surely; see `softness`.
+        scan_costs: (J,) E_S of each registration.
+        log: the blocks that have run, in order.
+    """
+
+    estimate: Estimate
+    vertices: Array
+    trans: Array
+    targets: Array
+    confidence: Array
+    scan_costs: Array
+    log: tuple[LogEntry, ...] = ()
+
+    def arrays(self) -> dict[str, Array]:
+        """All arrays by name, as they are stored."""
+        return self.estimate.arrays() | {name: getattr(self, name) for name in OWN}
+
+    def save(self, folder: Path, fingerprint: str) -> None:
+        """Write the checkpoint, completely or not at all."""
+        told = {"fingerprint": fingerprint, "log": [asdict(entry) for entry in self.log]}
+        stored: dict[str, Any] = {FACTS: np.array(json.dumps(told)), **self.arrays()}
+        with replacing(folder / FILE) as temporary, temporary.open("wb") as file:
+            np.savez(file, **stored)
+
+
+def read_state(folder: Path, fingerprint: str, first: State) -> State | None:
+    """The state of an earlier run in `folder`, or None if there is no file.
+
+    `first` is the state that the run began with, whose sizes do not change. Raises BadFile if the
+    file is of other scans or settings, of another version, or damaged.
+    """
+    path = folder / FILE
+    if not path.exists():
+        return None
+    with opened(path, "checkpoint of this coregistration", REMOVE) as archive:
+        told = facts_in(read_expected(archive, {FACTS: texts()})[FACTS])
+        if (digest := told.text("fingerprint")) != fingerprint:
+            raise BadFile(
+                "it is of other scans, another body or other settings"
+                if digest.startswith(VERSION)
+                else "another version of the workbench wrote it, which cannot be continued"
+            )
+        expected = {name: doubles(*array.shape) for name, array in first.arrays().items()}
+        nothing_else(archive, (*expected, FACTS))
+        found = read_expected(archive, expected)
+        log = told.several("log", log_entry)
+    regressor = csr_array(found.pop("regressor"))
+    own = {name: found.pop(name) for name in OWN}
+    given: dict[str, Any] = dict(found)
+    return State(replace(first.estimate, **given, regressor=regressor), **own, log=log)
+
+
+def fingerprint(scans: Scans, first: State, settings: str) -> str:
+    """A digest of all that determines a coregistration. It reads every scan once."""
+    digest = hashlib.sha256(settings.encode())
+    arrays = [*first.arrays().values(), scans.subject]
+    for row in range(len(scans.subject)):
+        scan = scans.read(row)
+        arrays += [a for a in (scan.points, scan.normals, scan.weights) if a is not None]
+    for array in arrays:
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return VERSION + digest.hexdigest()
+
+
+EDGES = 0.01  # m
+SETTINGS = Sigmas(data=0.003, rings=0.002, posedirs=0.001, weights=0.05)
+
+Observe = Callable[[State, Index], InMemory]
+"""Scans as registrations for the model's blocks, from a state and the subjects (J,) of scans."""
+
+
+def soft(state: State, subject: Index) -> InMemory:
+    """Scans as they are: targets, with a confidence for each direction of each vertex."""
+    return InMemory(state.targets, subject, state.confidence)
+
+
+def hard(state: State, subject: Index) -> InMemory:
+    """The registrations as if they had been observed, hidden vertices included."""
+    return InMemory(state.vertices, subject)
+
+
+@dataclass(frozen=True)
+class CoregistrationPlan:
+    """What a coregistration does, and how strongly its terms hold.
+
+    Raises BadArgument for no rounds.
+
+    Attributes:
+        rounds: how often registrations and the model are found in turn; at the end the
+            registrations are found once more.
+        sigmas: of the terms; `data` is sigma_C, the coupling of registrations and model, in m.
+        edges: sigma in m of the edges of a template, beyond what betas explain (E_T); None holds
+            every vertex of a template for itself, by `sigmas.subjects`.
+        blocks: those of training that make up the step of the model; none holds it.
+        observe: how scans are seen by the model's blocks, `soft` or `hard`.
+        terms: how a scan pulls, together E_S.
+        options: when the inner iterations of the model's blocks stop.
+    """
+
+    rounds: int = 4
+    sigmas: Sigmas = SETTINGS
+    edges: float | None = EDGES
+    bends: float = inf
+    blocks: tuple[str, ...] = ("people", "surfaces", "regressor")
+    observe: Observe = soft
+    terms: tuple[ScanPull, ...] = (CLOSE,)
+    options: BlockOptions = field(default_factory=lambda: BlockOptions(linear_tolerance=1e-3))
+
+    def __post_init__(self) -> None:
+        if self.rounds < 1:
+            raise BadArgument(f"a coregistration has one round or more, not {self.rounds}")
+
+    def written(self) -> str:
+        """The plan in letters, the same in every process, by which checkpoints are known."""
+        pulls = tuple((type(term).__qualname__, sorted(vars(term).items())) for term in self.terms)
+        rest = (self.rounds, self.sigmas, self.edges, self.bends, self.blocks, self.options)
+        return repr((*rest, _named(self.observe), _named(pulls)))
+
+
+def _named(value: object) -> object:
+    """A value without addresses in memory: functions by their names, and forms by their sizes."""
+    if isinstance(value, tuple | list):
+        return tuple(_named(one) for one in value)
+    if isinstance(value, Form):
+        return value.numbers
+    return getattr(value, "__qualname__", value)
+
 
 SHARES = (1.0, 0.5, 0.25, 0.1)  # of the model's step, until the joint cost falls
 
@@ -89,7 +239,7 @@ class Coregistration:
 
     body: SkinnedBody
     scans: Scans
-    plan: CoregistrationPlan = CoregistrationPlan()  # noqa: RUF009 - it is immutable
+    plan: CoregistrationPlan = CoregistrationPlan()
 
     def __post_init__(self) -> None:
         subject = self.scans.subject

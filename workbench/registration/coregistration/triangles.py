@@ -20,7 +20,7 @@ against everything else. `TrianglePlan.symmetric` chooses; at lambda_C = 1 both 
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from math import sqrt
 
@@ -39,7 +39,6 @@ from workbench.problem import Linearization, Problem
 from workbench.problem.storage import unblocked
 from workbench.registration.coregistration.coregistering import Fitted, median_betas
 from workbench.registration.coregistration.scan_block import JOB_SIZE, Scans, cost_of_scan
-from workbench.registration.coregistration.triangle_plan import TrianglePlan
 from workbench.registration.coregistration.triangle_steps import (
     Bends,
     JointStep,
@@ -48,10 +47,62 @@ from workbench.registration.coregistration.triangle_steps import (
     Unknown,
     differing,
 )
-from workbench.registration.free_vertices import VERTICES, Settled
+from workbench.registration.free_vertices import CLOSE, TOGETHER, VERTICES, ScanTerm, Settled
 from workbench.residuals import stitching
+from workbench.solvers import Solver
 from workbench.training.executor import SERIAL, Execution
 from workbench.training.progress import LogEntry, Progress
+
+
+@dataclass(frozen=True)
+class TrianglePlan:
+    """What a coregistration of triangles does, and how strongly its terms hold.
+
+    Raises BadArgument for no rounds, and for a sigma or weight that is not above zero.
+
+    Attributes:
+        rounds: how often the model and the registrations are found in turn.
+        coupling: sigma_C in m, of each coordinate of an edge.
+        neighbours: sigma_D of what the entries of D differ by between neighbouring faces.
+        bends: sigma_Q of an entry of posedirs, per rad.
+        weight: lambda_C.
+        symmetric: whether lambda_C multiplies the priors of poses, D and Q as it does E_C.
+        blocks: which parts of the model are found, of persons and bends; none holds it.
+        term: how a scan pulls, E_S.
+        solver: what finds vertices and pose.
+        settled: a scan is done after a step that lowers its cost by less than this share of it.
+    """
+
+    rounds: int = 4
+    coupling: float = 0.01
+    neighbours: float = 0.05
+    bends: float = 0.1
+    weight: float = 1.0
+    symmetric: bool = True
+    blocks: tuple[str, ...] = ("persons", "bends")
+    term: ScanTerm = CLOSE
+    solver: Solver = field(default=TOGETHER)
+    settled: float = 1e-3
+
+    def __post_init__(self) -> None:
+        if self.rounds < 1:
+            raise BadArgument(f"a coregistration has one round or more, not {self.rounds}")
+        for name in ("coupling", "neighbours", "bends", "weight"):
+            if not 0 < getattr(self, name) < np.inf:
+                raise BadArgument(f"{name} is above zero, not {getattr(self, name):g}")
+        if unknown := set(self.blocks) - {"persons", "bends"}:
+            raise BadArgument(f"no block is called {sorted(unknown)[0]!r}; give persons and bends")
+
+    @property
+    def of_edges(self) -> float:
+        """Sigma in m of a coordinate of an edge, lambda_C included."""
+        return self.coupling / sqrt(self.weight)
+
+    @property
+    def of_priors(self) -> float:
+        """What multiplies the priors."""
+        return self.weight if self.symmetric else 1.0
+
 
 SHARES = (1.0, 0.5, 0.25, 0.1, 0.03)  # of a step of D or Q, until the joint cost falls
 
@@ -90,7 +141,7 @@ class TriangleCoregistration:
 
     body: TriangleBody
     scans: Scans
-    plan: TrianglePlan = TrianglePlan()  # noqa: RUF009 - it is immutable
+    plan: TrianglePlan = TrianglePlan()
 
     def __post_init__(self) -> None:
         people = np.unique(self.scans.subject)

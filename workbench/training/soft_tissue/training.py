@@ -11,9 +11,8 @@ from workbench.arrays import Array, Index
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body_mass import body_mass_index
 from workbench.errors import BadArgument
-from workbench.motions.accelerations import MovingFrames
 from workbench.motions.soft_tissue import SoftTissue, free_run
-from workbench.motions.tissue_inputs import tissue_inputs
+from workbench.motions.tissue_inputs import MovingFrames, tissue_inputs
 from workbench.training.soft_tissue.identification import OneStep, TissueClip, stabilized
 
 MOST_POWERS, CLOSE = 10, 0.02  # of the gain: how often it is improved, and when it stays

@@ -1,0 +1,454 @@
+"""Recorded points in C3D (c3d.org) and TRC files, in their own unit and axes."""
+
+from array import array
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import prod
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.arrays import Array
+from workbench.errors import BadArgument, shown, some
+from workbench.geometry.meshes import text_lines
+from workbench.reading.arrays import damage, taken_for
+from workbench.reading.facts import bounded
+from workbench.writing import write_file
+
+MOST_NUMBERS = 25_000_000  # coordinates of a recording: 80 markers for 14 minutes at 120 fps
+LARGEST = 1e9  # of a coordinate, in any unit
+LENGTHS = {
+    "m": ("m", "meter", "meters", "metre", "metres"),
+    "cm": ("cm", "centimeter", "centimeters"),
+    "mm": ("mm", "millimeter", "millimeters"),
+    "in": ("in", "inch", "inches"),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectories:
+    """M points in T frames.
+
+    Attributes:
+        places: (T, M, 3) in the unit of the file, NaN where a point was not seen.
+        labels: the different names of the points.
+        fps: frames a second; None if the file does not say.
+        unit: m, cm, mm or in; None if the file does not say.
+        notes: sentences on what was left out or renamed.
+    """
+
+    places: Array
+    labels: tuple[str, ...]
+    fps: float | None
+    unit: str | None
+    notes: tuple[str, ...] = ()
+
+
+def unit_named(text: str) -> str | None:
+    """The unit that a file names, in whatever spelling; None for one that is not known."""
+    plain = text.strip().lower()
+    return next((unit for unit, names in LENGTHS.items() if plain in names), None)
+
+
+def different_labels(given: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Labels of which each occurs once, and a note if some had to be changed."""
+    found: list[str] = []
+    taken, changed = {*given}, 0
+    seen: set[str] = set()
+    for m, label in enumerate(given):
+        new, n = label or f"point_{m}", 1
+        while new in seen or (new != label and new in taken):
+            n += 1
+            new = f"{label or f'point_{m}'}_{n}"
+        changed += new != label
+        seen.add(new)
+        found.append(new)
+    note = f"{changed} of {len(found)} points had no name or that of another, and got a number"
+    return tuple(found), (note,) if changed else ()
+
+
+def checked_places(places: Array) -> Array:
+    """The same places. Raises ValueError for infinite numbers, and such as no recording has."""
+    with np.errstate(invalid="ignore"):
+        wrong = np.abs(places) > LARGEST
+    if wrong.any():
+        t, m, _ = (int(i) for i in np.argwhere(wrong)[0])
+        raise ValueError(f"frame {t} has point {m} at {places[t, m]}, which is no place")
+    return places
+
+
+BLOCK = 512  # bytes
+PROCESSORS = {84: "<", 85: "dec", 86: ">"}
+MOST_PARAMETERS = 10_000
+Parameter = NDArray[np.float64] | tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """How numbers are written: `<` as on Intel, `>` as on MIPS, or `dec`, with floats of a VAX."""
+
+    kind: str
+
+    @property
+    def order(self) -> str:
+        """The order of bytes of whole numbers."""
+        return ">" if self.kind == ">" else "<"
+
+    def words(self, content: bytes) -> NDArray[np.int64]:
+        """Whole numbers of two bytes, with a sign."""
+        return np.frombuffer(content, f"{self.order}i2").astype(np.int64)
+
+    def floats(self, content: bytes) -> Array:
+        """Numbers of four bytes. A VAX exchanges the two words of a float, and means a fourth."""
+        if self.kind != "dec":
+            with np.errstate(invalid="ignore"):
+                return np.frombuffer(content, f"{self.order}f4").astype(np.float64)
+        swapped = np.frombuffer(content, "<u2").reshape(-1, 2)[:, ::-1]
+        with np.errstate(invalid="ignore"):
+            found = np.ascontiguousarray(swapped).view("<f4").ravel().astype(np.float64) / 4
+        return found
+
+
+@dataclass(frozen=True)
+class Header:
+    """The first block: how many points, where the frames begin, and how they are scaled.
+
+    Attributes:
+        points: in each frame.
+        analog: measurements of other devices in each frame.
+        first: the number of the first frame.
+        last: that of the last one, as far as it fits into two bytes.
+        scale: from whole numbers to lengths; negative if the frames hold floats.
+        start: the block in which the frames begin, counted from 1.
+        rate: frames a second.
+    """
+
+    points: int
+    analog: int
+    first: int
+    last: int
+    scale: float
+    start: int
+    rate: float
+
+
+def read_header(content: bytes) -> tuple[Header, Numbers, dict[str, Parameter]]:
+    """The header, how numbers are written, and the parameters by name, such as POINT:LABELS."""
+    if len(content) < BLOCK or content[1] != 0x50:
+        raise ValueError("it does not begin as a C3D file does")
+    at = (content[0] - 1) * BLOCK
+    if not content[0] or len(content) < at + 4:
+        raise ValueError("it ends before its parameters")
+    if content[at + 3] not in PROCESSORS:
+        raise ValueError(f"its processor has the number {content[at + 3]}, and there are 84 to 86")
+    numbers = Numbers(PROCESSORS[content[at + 3]])
+    unsigned = np.frombuffer(content[:BLOCK], f"{numbers.order}u2")
+    header = Header(
+        points=int(unsigned[1]),
+        analog=int(unsigned[2]),
+        first=int(unsigned[3]),
+        last=int(unsigned[4]),
+        scale=float(numbers.floats(content[12:16])[0]),
+        start=int(unsigned[8]),
+        rate=float(numbers.floats(content[20:24])[0]),
+    )
+    return header, numbers, _parameters(content, at + 4, numbers)
+
+
+def _parameters(content: bytes, at: int, numbers: Numbers) -> dict[str, Parameter]:
+    """Every parameter of every group. Groups are named after the parameters that belong to them."""
+    groups: dict[int, str] = {}
+    found: list[tuple[int, str, Parameter]] = []
+    for _ in range(MOST_PARAMETERS):
+        head = content[at : at + 2]
+        if len(head) < 2 or not head[0]:
+            break
+        length, group = (abs(int(n)) for n in np.frombuffer(head, np.int8))
+        own = np.frombuffer(head, np.int8)[1] > 0
+        name = content[at + 2 : at + 2 + length].decode("latin-1").strip().upper()
+        pointer = at + 2 + length
+        if len(content) < pointer + 3:
+            raise ValueError("it ends within its parameters")
+        if own:
+            found.append((group, name, _value(content, pointer + 2, numbers, name)))
+        else:
+            groups[group] = name
+        step = int(numbers.words(content[pointer : pointer + 2])[0])
+        if step == 0:
+            break
+        if step < 3:
+            raise ValueError(f"the parameter {name[:30]!r} points back")
+        at = pointer + step
+    else:
+        raise ValueError(f"it has more than {MOST_PARAMETERS:,} parameters")
+    return {f"{groups.get(group, group)}:{name}": value for group, name, value in found}
+
+
+def _value(content: bytes, at: int, numbers: Numbers, name: str) -> Parameter:
+    """A parameter: numbers in one row, or texts, whose first dimension is their length."""
+    if len(content) < at + 2:
+        raise ValueError("it ends within its parameters")
+    kind, dims = int(np.frombuffer(content[at : at + 1], np.int8)[0]), content[at + 1]
+    shape = tuple(content[at + 2 : at + 2 + dims])
+    width, count = abs(kind), prod(shape)
+    data = content[at + 2 + dims : at + 2 + dims + width * count]
+    if kind not in (-1, 1, 2, 4) or len(shape) < dims or len(data) < width * count or dims > 7:
+        raise ValueError(f"the parameter {name[:30]!r} is damaged")
+    match kind:
+        case -1:
+            long = shape[0] if shape else 1
+            rows = [data[i : i + long] for i in range(0, len(data), long)] if long else []
+            return tuple(
+                row.decode("utf-8", errors="replace").replace("\0", " ").strip() for row in rows
+            )
+        case 1:
+            return np.frombuffer(data, np.uint8).astype(np.float64)
+        case 2:
+            return numbers.words(data).astype(np.float64)
+        case _:
+            return numbers.floats(data)
+
+
+def number_in(parameters: Mapping[str, Parameter], name: str) -> float | None:
+    """The first number of a parameter; None if there is none."""
+    value = parameters.get(name)
+    if value is None or isinstance(value, tuple) or not value.size:
+        return None
+    return float(value[0])
+
+
+def texts_in(parameters: Mapping[str, Parameter], name: str) -> tuple[str, ...]:
+    """The texts of a parameter and of those that continue it: LABELS, LABELS2, LABELS3, ..."""
+    found: list[str] = []
+    more, n = parameters.get(name), 2
+    while isinstance(more, tuple):
+        found += more
+        more, n = parameters.get(f"{name}{n}"), n + 1
+    return tuple(found)
+
+
+MOST_BYTES = 2**29
+COMPUTED = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS")  # points that are no places
+SAME = 1e-5  # how far two statements of a scale or a rate may differ, relative to either
+
+
+def read_c3d(path: str | Path) -> Trajectories:
+    """Read the points of a C3D file; one whose fourth number is negative was not seen.
+
+    Points that the file says are computed (angles, forces, moments, powers, scalars) are left out,
+    and measurements of other devices are not read; `notes` say so. Raises BadFile for a file that
+    is damaged, or whose header and parameters disagree on what its frames hold.
+    """
+    with taken_for(path, "C3D file of markers", "export it again"), damage():
+        return parse_c3d(bounded(path, MOST_BYTES))
+
+
+def parse_c3d(content: bytes) -> Trajectories:
+    """The points in the bytes of a C3D file. Raises ValueError with what is wrong."""
+    header, numbers, parameters = read_header(content)
+    _agree(header, parameters)
+    T = _frames(header, parameters)
+    if not header.points or 3 * T * header.points > MOST_NUMBERS:
+        raise ValueError(f"{T} frames of {header.points} points are none, or too many to be read")
+    places = checked_places(_places(content, header, numbers, parameters, T))
+    names = list(texts_in(parameters, "POINT:LABELS"))[: header.points]
+    names += [""] * (header.points - len(names))
+    computed = {
+        label for kind in COMPUTED for label in texts_in(parameters, f"POINT:{kind}") if label
+    }
+    kept = [m for m, name in enumerate(names) if name not in computed]
+    notes = []
+    if len(kept) < len(names):
+        notes.append(f"left out are {some(n for n in names if n in computed)}, which are computed")
+    if not kept:
+        raise ValueError("all of its points are computed, and none is a marker")
+    if header.analog:
+        notes.append(f"{header.analog} measurements a frame of other devices are not read")
+    labels, renamed = different_labels([names[m] for m in kept])
+    rate = number_in(parameters, "POINT:RATE")
+    fps = header.rate if rate is None or not rate > 0 else rate
+    units = texts_in(parameters, "POINT:UNITS")
+    return Trajectories(
+        places[:, kept],
+        labels,
+        fps if 0 < fps < 1e6 else None,
+        unit_named(units[0]) if units else None,
+        (*notes, *renamed),
+    )
+
+
+def _agree(header: Header, parameters: dict[str, Parameter]) -> None:
+    """Raise ValueError if the header and the parameters say different things of the frames."""
+    said = {
+        "USED": (float(header.points), number_in(parameters, "POINT:USED")),
+        "SCALE": (header.scale, number_in(parameters, "POINT:SCALE")),
+        "RATE": (header.rate, number_in(parameters, "POINT:RATE")),
+    }
+    for name, (one, other) in said.items():
+        if other is None:
+            continue
+        whole = name == "USED" and one == other % 65536
+        if not whole and not abs(one - other) <= SAME * max(abs(one), abs(other)):
+            raise ValueError(f"its header says {one:g}, and POINT:{name} says {other:g}")
+    if not np.isfinite(header.scale) or not header.scale or abs(header.scale) > 1e6:
+        raise ValueError(f"its scale is {header.scale:g}, which makes no lengths")
+
+
+def _frames(header: Header, parameters: dict[str, Parameter]) -> int:
+    """How many frames there are. Two bytes hold numbers up to 65,535, so that others may say it."""
+    ends = [parameters.get(f"TRIAL:ACTUAL_{end}_FIELD") for end in ("START", "END")]
+    counted = []
+    for words in ends:
+        if isinstance(words, np.ndarray) and len(words) == 2:
+            low, high = (int(word) % 65536 for word in words)
+            counted.append(low + 65536 * high)
+    T = header.last - header.first + 1
+    if len(counted) == 2 and counted[1] - counted[0] + 1 >= T:
+        T = counted[1] - counted[0] + 1
+    if T < 1:
+        raise ValueError(f"its frames go from {header.first} to {header.last}")
+    said = number_in(parameters, "POINT:FRAMES")
+    if said is not None and header.last == 65535 and said > T:
+        T = int(min(said, 1e9))
+    return T
+
+
+def _places(
+    content: bytes,
+    header: Header,
+    numbers: Numbers,
+    parameters: dict[str, Parameter],
+    T: int,
+) -> Array:
+    """The places (T, M, 3) in the unit of the file, NaN where a point was not seen."""
+    floats, M = header.scale < 0, header.points
+    width = 4 if floats else 2
+    row = width * (4 * M + header.analog)
+    block = header.start or int(number_in(parameters, "POINT:DATA_START") or 0)
+    start = (block - 1) * BLOCK
+    if block < 2 or start + T * row > len(content):
+        raise ValueError(f"it ends before {T:,} frames of {M} points, which it says it has")
+    each = np.frombuffer(content, np.uint8, T * row, start).reshape(T, row)[:, : 4 * width * M]
+    data = each.tobytes()
+    table = (numbers.floats(data) if floats else numbers.words(data).astype(np.float64)).reshape(
+        T, M, 4
+    )
+    places = table[..., :3] * (1.0 if floats else header.scale)
+    places[~(table[..., 3] >= 0)] = np.nan
+    return places
+
+
+MOST_BYTES = 2**29
+OFF = 0.01  # of the rate, by which the times of frames may be off it before this is said
+
+
+def read_trc(path: str | Path) -> Trajectories:
+    """Read the markers of a .trc file. Empty cells and NaN are markers that were not seen.
+
+    Raises BadFile for a file whose header and rows do not fit together.
+    """
+    with taken_for(path, "TRC file of markers", "export it again"), damage():
+        return parse_trc(bounded(path, MOST_BYTES))
+
+
+def parse_trc(content: bytes) -> Trajectories:
+    """The markers in the text of a .trc file. Raises ValueError with what is wrong."""
+    lines = text_lines(content)
+    head = [line.rstrip("\r\n") for _, line in zip(range(5), lines, strict=False)]
+    if len(head) < 5 or not head[0].startswith("PathFileType"):
+        raise ValueError(f"it begins with {shown(head[0] if head else '')}, and not PathFileType")
+    said = dict(zip(head[1].split(), head[2].split(), strict=False))
+    names = [cell.strip() for cell in _cells(head[3])[2:] if cell.strip()]
+    M, wide = len(names), 3 * len(names) + 2
+    if _whole(said, "NumMarkers") != M or not M:
+        raise ValueError(f"it names {M} markers, and says {said.get('NumMarkers', 'nothing')}")
+    numbers, times = array("d"), array("d")
+    for n, line in enumerate(lines, start=6):
+        row = line.rstrip("\r\n")
+        if not row.strip():
+            continue
+        cells = _cells(row)
+        if any(cell.strip() for cell in cells[wide:]):
+            raise ValueError(f"line {n} has more than {M} markers")
+        if len(numbers) > MOST_NUMBERS:
+            raise ValueError(f"it has more than {len(times):,} frames, too many to be read")
+        try:
+            found = [float(cell) if cell.strip() else np.nan for cell in cells[:wide]]
+        except ValueError as error:
+            raise ValueError(f"line {n}: {shown(str(error))}") from error
+        found += [np.nan] * (wide - len(found))
+        times.append(found[1])
+        numbers.extend(found[2:])
+    T, fps = len(times), _rate(said)
+    if not T:
+        raise ValueError("it has no frames")
+    notes = _off_times(np.array(times), fps)
+    if (told := _whole(said, "NumFrames")) != T:
+        notes += (f"its header says {told} frames, and it has {T}, which are read",)
+    labels, renamed = different_labels(names)
+    places = checked_places(np.array(numbers).reshape(T, M, 3))
+    return Trajectories(places, labels, fps, unit_named(said.get("Units", "")), notes + renamed)
+
+
+def _cells(line: str) -> list[str]:
+    return line.split("\t") if "\t" in line else line.split()
+
+
+def _whole(said: dict[str, str], name: str) -> int:
+    text = said.get(name, "")
+    if not text.isdecimal() or len(text) > 12:
+        raise ValueError(f"its {name} is {shown(text)}, which is no number")
+    return int(text)
+
+
+def _rate(said: dict[str, str]) -> float:
+    text = said.get("DataRate", "")
+    try:
+        rate = float(text)
+    except ValueError:
+        rate = np.nan
+    if not 0 < rate < 1e6:
+        raise ValueError(f"its DataRate is {shown(text)}, which is no number of frames a second")
+    return rate
+
+
+def _off_times(times: np.ndarray, fps: float) -> tuple[str, ...]:
+    """A note if the column of times says another rate."""
+    with np.errstate(all="ignore"):
+        took = (times[-1] - times[0]) / max(1, len(times) - 1)
+        if len(times) < 2 or not np.isfinite(took) or abs(took * fps - 1) <= OFF:
+            return ()
+    return (f"its frames are {took:.6g} s apart by their times, and {1 / fps:.6g} s by DataRate",)
+
+
+def write_trc(path: str | Path, markers: Trajectories) -> None:
+    """Write markers as .trc, a place that was not seen as empty cells. Whole or not at all.
+
+    Raises BadArgument for a recording of unknown rate or unit, which the header states, and for
+    labels with tabs or line breaks, and BadFile.
+    """
+    if markers.fps is None or markers.unit is None:
+        raise BadArgument(
+            "a .trc states its rate and its unit, and this recording lacks one; say it"
+        )
+    if any({"\t", "\n", "\r"} & {*label} or not label.strip() for label in markers.labels):
+        raise BadArgument("a label of a .trc is a text without tabs and line breaks; rename it")
+    T, M = markers.places.shape[:2]
+    said = {"DataRate": markers.fps, "CameraRate": markers.fps, "NumFrames": T, "NumMarkers": M}
+    said |= {"Units": markers.unit, "OrigDataRate": markers.fps}
+    said |= {"OrigDataStartFrame": 1, "OrigNumFrames": T}
+    rates = {key: f"{v:.10g}" if isinstance(v, float) else str(v) for key, v in said.items()}
+    axes = [f"{axis}{m}" for m in range(1, M + 1) for axis in "XYZ"]
+    lines = [
+        f"PathFileType\t4\t(X/Y/Z)\t{Path(path).name}",
+        "\t".join(rates),
+        "\t".join(rates.values()),
+        "Frame#\tTime\t" + "\t".join(f"{label}\t\t" for label in markers.labels),
+        "\t\t" + "\t".join(axes),
+        "",
+    ]
+    for t, frame in enumerate(markers.places):
+        cells = [f"{x:.9g}" if np.isfinite(x) else "" for x in frame.ravel()]
+        lines.append("\t".join([str(t + 1), f"{t / markers.fps:.6f}", *cells]))
+    write_file(path, "\n".join(lines) + "\n")
