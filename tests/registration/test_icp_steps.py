@@ -19,8 +19,7 @@ from workbench.registration import (
     Trimmed,
     distance_gauss_newton,
     icp,
-    icp_losses,
-    point_cloud,
+    icp_steps,
     point_to_plane,
     point_to_point,
 )
@@ -225,7 +224,7 @@ def test_bad_clouds_are_refused() -> None:
 
 
 def test_examples_in_docstrings() -> None:
-    for module in [icp, icp_losses, point_cloud]:
+    for module in [icp, icp_steps]:
         failed, tried = doctest.testmod(module)
         assert tried > 0
         assert failed == 0

@@ -15,10 +15,18 @@ from scipy.spatial.transform import Rotation
 from workbench.arrays import Array
 from workbench.bodies.body import Body
 from workbench.errors import BadArgument, BadFile, shown
-from workbench.geometry.guesses import UP_TO_Y
+from workbench.geometry.guesses import (
+    FRAMES,
+    UNITS,
+    UP_TO_Y,
+    check_given,
+    extents,
+    sizes_of,
+    unit_of,
+    up_of,
+)
 from workbench.geometry.meshes import text_lines
 from workbench.motions.bones import Bones, bones_of
-from workbench.motions.guesses import FRAMES, UNITS, check_given, unit_of, up_of
 from workbench.motions.motion import Motion
 from workbench.reading.arrays import taken_for
 from workbench.reading.facts import bounded
@@ -189,7 +197,7 @@ MOST_BYTES = 2**29
 STRETCH = 0.01  # m, by which the place of a joint at its parent may change from frame to frame
 CENTIMETRES = 1 / UNITS["cm"]  # the unit that is written
 ROTATIONS: Literal["ZXY"] = "ZXY"  # as written; each turns about the axes turned so far
-JOINTS = "joints"
+REACH = "the joints of a frame reach {}"
 SAID = 1e-6  # frames a second: a rate that is rounded by more is said
 
 
@@ -237,8 +245,10 @@ def _motion_of(
     shown_places = np.concatenate(
         [f(pose[some], trans[some]) for f in (bones.joints, bones.ends)], axis=1
     )
-    metres, why = unit_of(shown_places, unit, what=JOINTS)
-    axis, pointing = up_of(metres * shown_places, up, what=JOINTS)
+    size = float(extents(shown_places).max())
+    unit, why = unit_of(size, unit, sizes=sizes_of(names), units=tuple(UNITS), what=REACH)
+    metres = UNITS[unit]
+    axis, pointing = up_of(metres * shown_places, up, names=names, what="the skeleton")
     if stretch * metres > STRETCH:
         raise BadFile(
             f"its bones change their length by up to {stretch * metres:.3f} m from frame to "

@@ -17,10 +17,18 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.files.gltf import Correctives, write_gltf
 from workbench.errors import BadArgument, BadFile, shown, some_of
 from workbench.geometry.gltf import GlbDocument, children, document_of, local_motion, several
-from workbench.geometry.guesses import UP_TO_Y
+from workbench.geometry.guesses import (
+    UNITS,
+    UP_TO_Y,
+    check_given,
+    extents,
+    sizes_of,
+    unit_of,
+    up_of,
+)
 from workbench.geometry.rotation import nearest_rotation, vector_from_matrix
 from workbench.motions.bones import Bones
-from workbench.motions.guesses import BODY, UNITS, check_given, reach, unit_of, up_of
+from workbench.motions.bvh import REACH
 from workbench.motions.motion import Motion
 from workbench.reading.arrays import damage, taken_for
 from workbench.reading.facts import bounded
@@ -346,7 +354,6 @@ MOST_PLACES = 5_000_000  # joints times frames
 STRETCH = 0.01  # m, by which the place of a joint at its parent may change
 WHOLE = 1e-3  # of a rate: one that is nearly a whole number is that number
 USUAL = 30.0  # frames a second of a motion with a single key
-JOINTS = "joints"
 DO = "export a skin with its animation as .glb or .gltf, without compression"
 
 
@@ -389,7 +396,13 @@ def _motion_of(
         raise ValueError("its joints are at places that are not finite")
     R, scale = _turns(moved)
     places = np.einsum("tkij,kj->tki", moved[..., :3, :3], skin.rest) + moved[..., :3, 3]
-    metres, why = _unit(places, unit)
+    size = float(extents(places).max())
+    sizes = sizes_of(skin.names)
+    if unit is None and size <= sizes.others[0][1]:
+        unit, why = "m", "the unit is m, as in all files of glTF"
+    else:
+        unit, why = unit_of(size, unit, sizes=sizes, units=tuple(UNITS), what=REACH)
+    metres = UNITS[unit]
     skin, R, places, lost = _rooted(skin, R, places, STRETCH / metres)
     parents = np.array(skin.parents)
     local = R.copy()
@@ -405,7 +418,9 @@ def _motion_of(
             f"its bones change their length, so that joints are up to {stretch:.3f} m elsewhere, "
             "and a skeleton here has bones of one length"
         )
-    axis, pointing = _up(metres * places, up)
+    axis, pointing = up_of(metres * places, up, "y", what="the skeleton")
+    if up is None and up_of(metres * places, names=skin.names)[0] == "z":
+        pointing += "; the joints reach farthest along z, so give z as up if the person stands"
     notes = (why, pointing, *said, *notes, *more, *lost)
     found = Motion(
         pose, trans, rate, skin.names, _betas(document), bones=bones, origin=name, notes=notes
@@ -483,21 +498,6 @@ def _rooted(
         skin, R, places = skin.only([*range(1, len(skin.names))]), R[:, 1:], places[:, 1:]
     said = (f"left out at the root, because their child moves away: {', '.join(lost)}",)
     return skin, R, places, said if lost else ()
-
-
-def _unit(places: Array, given: str | None) -> tuple[float, str]:
-    if given is None and float(np.linalg.norm(reach(places))) <= BODY[1]:
-        return UNITS["m"], "the unit is m, as in all files of glTF"
-    return unit_of(places, given, what=JOINTS)
-
-
-def _up(places: Array, given: str | None) -> tuple[str, str]:
-    if given is not None:
-        return up_of(places, given, JOINTS)
-    said = "y is up, as in all files of glTF"
-    if up_of(places, None, JOINTS)[0] == "z":
-        said += "; the joints reach farthest along z, so give z as up if the person stands"
-    return "y", said
 
 
 def _betas(document: GlbDocument) -> Array:

@@ -17,9 +17,8 @@ from workbench.arrays import Array
 from workbench.bodies.body import Body
 from workbench.bodies.files.joint_names import BODY, HANDS, family, joint_names
 from workbench.errors import BadArgument, BadFile, some
-from workbench.geometry.guesses import UP_TO_Y
+from workbench.geometry.guesses import UP_TO_Y, check_given
 from workbench.motions.bones import Bones
-from workbench.motions.guesses import check_given
 from workbench.motions.motion import Motion, without_gaps
 from workbench.reading.arrays import (
     Archive,

@@ -1,5 +1,6 @@
 """Registration: surfaces and points brought onto scans, without known correspondences."""
 
+from workbench.geometry.solids import random_surface_points
 from workbench.registration.basins import BasinMap, basin_map
 from workbench.registration.doubts import Doubts, Support, doubts, support
 from workbench.registration.free_vertices import (
@@ -60,7 +61,6 @@ from workbench.registration.scan_jobs import (
     registered,
 )
 from workbench.registration.starts import arms_lowered, facing, hand_starts, scan_starts
-from workbench.registration.surface_points import random_surface_points
 
 __all__ = [
     "FIT_STAGES",

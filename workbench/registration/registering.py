@@ -2,7 +2,7 @@
 
 `fit_model` (stages from many starts), `support`, `doubts` and `FreeVertices` in turn. No fit goes
 uphill from a limb that is folded the wrong way; so other poses of limbs are tried after a stage
-(`limbs`, `unfolding`). Results hold arrays only, so that they may be computed in another process.
+(`limbs`). Results hold arrays only, so that they may be computed in another process.
 """
 
 import time

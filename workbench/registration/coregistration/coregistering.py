@@ -7,7 +7,7 @@ The joint cost of J scans of S people is, for registrations V_j and a model M,
 
 (Hirshberg, Loper, Rachlin and Black, Coregistration, ECCV 2012; Pons-Moll, Virtual Humans 5.1).
 With V held, this is the objective of training, and with the model held every scan is a
-registration of its own. `softness` says why the model's blocks take scans as soft observations,
+registration of its own. `scan_block` says why the model's blocks take scans as soft observations,
 and `template_prior` why templates are held by edges.
 """
 
@@ -72,7 +72,7 @@ class State:
         vertices: (J, N, 3) m, the registrations.
         trans: (J, 3) m.
         targets: (J, N, 3) m, where the scans alone would put the vertices.
-        confidence: (J, N, 3, 3), how surely; see `softness`.
+        confidence: (J, N, 3, 3), how surely; see `scan_block`.
         scan_costs: (J,) E_S of each registration.
         log: the blocks that have run, in order.
     """
