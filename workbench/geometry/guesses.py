@@ -139,7 +139,8 @@ def up_of(
     of `axes` along which the head is above the feet. The points of a standing person spread most
     along the height, with arms stretched to the sides as well: their standard deviations along
     `axes` are compared. The axis is positive, as most are, unless the form of a surface clearly
-    says that the head is at its other end. For what is no standing person y is taken. Raises UnknownName.
+    says that the head is at its other end. For what is no standing person y is taken. Raises
+    UnknownName.
     """
     check_given(None, given)
     if given is not None:

@@ -68,6 +68,7 @@ class Motion:
         bones: the skeleton of a motion that brought its own; None if a body has it.
         origin: where the motion comes from.
         notes: sentences on what was guessed, filled or left out.
+        gender: of the person, as the file says it; empty if it is not known.
     """
 
     pose: Array
@@ -79,35 +80,27 @@ class Motion:
     bones: Bones | None = None
     origin: str = ""
     notes: tuple[str, ...] = ()
+    gender: str = ""
 
     def __post_init__(self) -> None:
         names = tuple(map(str, self.joint_names))
-        arrays = {"pose": self.pose, "trans": self.trans, "betas": self.betas}
-        if self.expression is not None:
-            arrays["expression"] = self.expression
-        given = {name: reals(name, array) for name, array in arrays.items()}
-        pose, T = given["pose"], len(given["pose"]) if given["pose"].ndim else 0
-        if pose.ndim != 3 or pose.shape[1:] != (len(names), 3) or not pose.size:
-            raise BadArgument(
-                f"the pose of a motion of {len(names)} joints has the shape (T, {len(names)}, 3), "
-                f"of one frame or more, not {pose.shape}"
+        kept: dict[str, Any] = {
+            name: reals(name, getattr(self, name)).copy()
+            for name in ("pose", "trans", "betas", "expression")
+            if getattr(self, name) is not None
+        }
+        T, K = len(np.atleast_1d(kept["pose"])), len(names)
+        wanted = {"pose": (T, K, 3), "trans": (T, 3), "betas": ("B",), "expression": (T, "E")}
+        for name, array in kept.items():
+            shape = tuple(wanted[name])
+            right = array.ndim == len(shape) and all(
+                isinstance(n, str) or n == m for n, m in zip(shape, array.shape, strict=True)
             )
-        if given["trans"].shape != (T, 3):
-            raise BadArgument(
-                f"trans of {T} frames has the shape ({T}, 3), not {given['trans'].shape}"
-            )
-        if given["betas"].ndim != 1:
-            raise BadArgument(
-                f"betas are those of one person, (B,), not {given['betas'].shape}; make a motion "
-                "of each person"
-            )
-        if "expression" in given and (
-            given["expression"].ndim != 2 or len(given["expression"]) != T
-        ):
-            raise BadArgument(
-                f"expression of {T} frames has the shape ({T}, E), not {given['expression'].shape}"
-            )
-        for name, array in given.items():
+            if not right or (name == "pose" and not array.size):
+                raise BadArgument(
+                    f"{name} of a motion of {K} joints in {T} frames, one or more, has the shape "
+                    f"({', '.join(map(str, shape))}), not {array.shape}"
+                )
             if not np.isfinite(array).all():
                 at = np.unravel_index(int(np.isfinite(array).argmin()), array.shape)
                 raise BadArgument(
@@ -122,7 +115,6 @@ class Motion:
             raise BadArgument(
                 f"the skeleton has {len(self.bones.parents)} joints, and {len(names)} have names"
             )
-        kept: dict[str, Any] = {n: array.copy() for n, array in given.items()}
         notes = tuple(map(str, self.notes))
         self.__dict__.update(kept, fps=float(self.fps), joint_names=names, notes=notes)
 
