@@ -14,7 +14,6 @@ from workbench.registration.free_vertices import (
     VertexStage,
     by_edges,
     by_vertices,
-    posterior_sd,
     touched,
 )
 from workbench.registration.from_a_camera import EmptySpace, seen_starts
@@ -115,7 +114,6 @@ __all__ = [
     "model_alone",
     "point_to_plane",
     "point_to_point",
-    "posterior_sd",
     "random_surface_points",
     "register",
     "registered",

@@ -45,13 +45,8 @@ class Support:
     sd: Array
 
     @property
-    def expected_error(self) -> float:
-        """The root mean square of `sd`, in m, if noise and priors are as the fit assumes."""
-        return float(np.sqrt(np.mean(self.sd**2)))
-
-    @property
     def mean_sd(self) -> float:
-        """The mean of `sd`, in m: a single hand that may be anywhere counts less than above."""
+        """The mean of `sd`, in m."""
         return float(np.mean(self.sd))
 
 

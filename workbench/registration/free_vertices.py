@@ -359,20 +359,3 @@ class FreeVertices:
 
 def _minimum(problem: Problem, solver: Solver, settled: float, values: Values) -> Solution:
     return solver.solve(problem, values, callback=Settled(settled) if settled > 0 else None)
-
-
-def posterior_sd(problem: Problem, values: Values, draws: int = 64, seed: int = 0) -> Array:
-    """The posterior standard deviation of every free number at a minimum, (n,), estimated.
-
-    If z is standard normal, x = (J'J)^-1 J'z has the covariance (J'J)^-1 of Laplace's approximation
-    (Papandreou and Yuille, Gaussian sampling by local perturbations, 2010). Each draw is one solve
-    by conjugate gradients; `draws` of them give a relative error of 1 / sqrt(2 draws).
-    """
-    here = problem.linearize(values)
-    rng = np.random.default_rng(seed)
-    solve, n = ConjugateGradients(), problem.free.size
-    squares = np.zeros(n)
-    for _ in range(draws):
-        pull = here.jacobian.T @ rng.standard_normal(here.shape[0])
-        squares += solve.solved(here.normal, np.zeros(n), pull) ** 2
-    return np.sqrt(squares / draws)

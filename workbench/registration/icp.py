@@ -43,6 +43,17 @@ class Target(Protocol):
         """The closest place within a distance whose normal agrees with that of the point."""
 
 
+def _vectors(name: str, given: ArrayLike, count: int | None = None) -> Array:
+    """Finite vectors (M, 3); of so many points, if the count is known. Raises BadArgument."""
+    numbers = np.asarray(given, dtype=float)
+    if numbers.shape != (count or len(np.atleast_1d(numbers)), 3) or not numbers.size:
+        wanted = "M, 3), with M at least 1" if count is None else f"{count}, 3), one for each point"
+        raise BadArgument(f"{name} must be an array ({wanted}, not {numbers.shape}")
+    if not np.isfinite(numbers).all():
+        raise BadArgument(f"{name} must be finite; leave out what was not measured")
+    return numbers
+
+
 @dataclass(frozen=True, eq=False)
 class PointCloud:
     """Points (N, 3) m, with unit normals (N, 3) or without, as a target.
@@ -63,23 +74,10 @@ class PointCloud:
     normals: Array | None = None
 
     def __post_init__(self) -> None:
-        for name in ("points", "normals"):
-            given = getattr(self, name)
-            if given is None:
-                continue
-            numbers = np.asarray(given, dtype=float)
-            wrong = numbers.ndim != 2 or numbers.shape[1:] != (3,) or not len(numbers)
-            if wrong or not np.isfinite(numbers).all():
-                raise BadArgument(
-                    f"the {name} of a cloud must be finite and of shape (N, 3) with N at least 1, "
-                    f"not of shape {numbers.shape}; leave out points that were not measured"
-                )
-            object.__setattr__(self, name, numbers)
-        if self.normals is not None and self.normals.shape != self.points.shape:
-            raise BadArgument(
-                f"a cloud of {len(self.points)} points was given {len(self.normals)} normals; "
-                "give one for each point, or none"
-            )
+        self.__dict__["points"] = _vectors("points of a cloud", self.points)
+        if self.normals is not None:
+            count = len(self.points)
+            self.__dict__["normals"] = _vectors("normals of a cloud", self.normals, count)
 
     @cached_property
     def _tree(self) -> cKDTree:
@@ -251,7 +249,7 @@ class Icp:
         contacts must face the same way. `callback` sees every iterate. Raises BadArgument for
         arrays that do not fit or are not finite, and for a start with a scale.
         """
-        source = _Source(points, weights, normals)
+        source = _Source.of(points, weights, normals)
         if start.scale != 1:
             raise BadArgument(f"the start must be rigid, of scale 1, not {start.scale}")
         trace: list[IcpIterate] = []
@@ -293,33 +291,24 @@ class Icp:
         return None
 
 
+@dataclass(frozen=True, eq=False)
 class _Source:
-    """The points as they were given, their weights and their normals."""
+    """The points (M, 3) m as they were given, their weights (M,) and their normals."""
 
-    def __init__(
-        self, points: ArrayLike, weights: ArrayLike | None, normals: ArrayLike | None
-    ) -> None:
-        self.points = np.asarray(points, dtype=float)
-        if self.points.ndim != 2 or self.points.shape[1:] != (3,) or not len(self.points):
-            raise BadArgument(
-                f"points must be an array (M, 3) with M at least 1, not {self.points.shape}"
-            )
-        M = len(self.points)
-        self.weights = np.ones(M) if weights is None else np.asarray(weights, dtype=float)
-        self.normals = None if normals is None else np.asarray(normals, dtype=float)
-        if self.weights.shape != (M,):
-            raise BadArgument(
-                f"weights must be {M} numbers, one for each point, not {self.weights.shape}"
-            )
-        if self.normals is not None and self.normals.shape != (M, 3):
-            raise BadArgument(f"normals must be of shape {(M, 3)}, not {self.normals.shape}")
-        given = (self.points, self.weights) + (() if self.normals is None else (self.normals,))
-        if not all(np.isfinite(numbers).all() for numbers in given):
-            raise BadArgument(
-                "points, weights and normals must be finite; leave out what was not measured"
-            )
-        if (self.weights < 0).any() or not self.weights.any():
+    points: Array
+    weights: Array
+    normals: Array | None
+
+    @staticmethod
+    def of(points: ArrayLike, weights: ArrayLike | None, normals: ArrayLike | None) -> "_Source":
+        places = _vectors("points", points)
+        M = len(places)
+        counts = np.ones(M) if weights is None else np.asarray(weights, dtype=float)
+        if counts.shape != (M,) or not np.isfinite(counts).all():
+            raise BadArgument(f"weights must be {M} finite numbers, one for each point")
+        if (counts < 0).any() or not counts.any():
             raise BadArgument("weights must be at least 0, and one of them above 0")
+        return _Source(places, counts, None if normals is None else _vectors("normals", normals, M))
 
 
 class _Place:

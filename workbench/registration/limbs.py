@@ -26,8 +26,6 @@ GAIN = 0.01  # of the cost, by which another pose of a limb must be better
 SWEEPS = 3  # through all limbs, at most: several may be wrong
 MOST = 12  # starts of a sweep, of those that were compared as they stand
 
-Solve = Callable[[Values], Solution]
-
 
 def limbs(parents: Sequence[int]) -> tuple[tuple[int, ...], ...]:
     """The joints of every unbranched end of a tree that has three joints or more.
@@ -52,11 +50,6 @@ def limbs(parents: Sequence[int]) -> tuple[tuple[int, ...], ...]:
     return tuple(found)
 
 
-def with_limb_at_mean(body: Body, pose: Array, limb: Sequence[int]) -> Array:
-    """The pose (K, 3) rad, in which the joints of a limb have the mean of `pose_prior`."""
-    return _with_limb(pose, limb, _mean(body))
-
-
 def limb_poses(body: Body) -> tuple[Array, ...]:
     """Poses (K - 1, 3) rad of all joints but the root, at which limbs may begin again.
 
@@ -71,7 +64,7 @@ def limb_poses(body: Body) -> tuple[Array, ...]:
 
 def other_limbs(
     body: Body,
-    solve: Solve,
+    solve: Callable[[Values], Solution],
     values: Values,
     *,
     poses: Sequence[Array] | None = None,
@@ -92,7 +85,7 @@ def other_limbs(
     for _ in range(SWEEPS):
         here = {**values, **best.values}
         starts = [
-            {**here, pose: _with_limb(here[pose], limb, other)}
+            {**here, pose: with_limb(here[pose], limb, other)}
             for limb in limbs(body.parents)
             for other in known
         ]
@@ -111,7 +104,8 @@ def _mean(body: Body) -> Array:
     return np.reshape(pose_gaussian(body)[0], (-1, 3))
 
 
-def _with_limb(pose: Array, limb: Sequence[int], other: Array) -> Array:
+def with_limb(pose: Array, limb: Sequence[int], other: Array) -> Array:
+    """The pose (K, 3) rad with the joints of a limb as in `other` (K - 1, 3), without the root."""
     moved = np.array(pose)
     for joint in limb:
         moved[joint] = other[joint - 1]
@@ -122,7 +116,7 @@ ITERATIONS, SETTLED = 12, 0.01  # of a run that tries another pose of a limb
 
 
 @dataclass(frozen=True, eq=False)
-class Known:
+class KnownEnds:
     """Ends that were found, to which another run need not lead.
 
     Attributes:
@@ -158,14 +152,16 @@ def unfolded(
     lowest: list[Solution] = []
 
     def solve(start: Values) -> Solution:
-        known = Known(body, near)
-        for end in lowest:
-            known.add(end.values)
+        known = KnownEnds(body, near, [joints_of(body, end.values) for end in lowest])
         end = runs.run(one.starts[0], start, ITERATIONS, SETTLED, known=known.knows)
         lowest[:] = [min([*lowest, end], key=lambda one: one.cost)]
         return end
 
-    end = other_limbs(body, solve, one.values, poses=limb_poses(body), cost=_cost(screen))
+    def cost(values: Values) -> float:
+        rows = screen.residual(*screen.split(values))
+        return float(rows @ rows) / 2
+
+    end = other_limbs(body, solve, one.values, poses=limb_poses(body), cost=cost)
     if end is None:
         return one
     return Hypothesis(end.values, end.cost, end.status, one.starts, end.violation)
@@ -174,13 +170,3 @@ def unfolded(
 def joints_of(body: Body, values: Values) -> Array:
     """The joints (K, 3) m of a body whose blocks have these values."""
     return body.joints(*(values[block.name] for block in body.blocks()))
-
-
-def _cost(screen: Problem) -> Callable[[Values], float]:
-    """The cost of values as they stand."""
-
-    def cost(values: Values) -> float:
-        rows = screen.residual(*screen.split(values))
-        return float(rows @ rows) / 2
-
-    return cost

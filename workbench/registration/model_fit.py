@@ -18,7 +18,7 @@ from workbench.fitting.scan import Scan
 from workbench.interrupts import Interrupts
 from workbench.problem import Problem
 from workbench.registration.from_a_camera import EmptySpace, seen_starts, sees
-from workbench.registration.limbs import Known, joints_of, unfolded
+from workbench.registration.limbs import KnownEnds, joints_of, unfolded
 from workbench.registration.starts import scan_starts
 from workbench.residuals import Residual
 from workbench.residuals.contacts import Form, distance
@@ -310,7 +310,7 @@ def fit_model(
                 problem, solver, progress, lambda: interrupts.pressed, place, len(begin)
             )
             following = stages[number + 1].starts if number + 1 < len(stages) else 1
-            found, hypotheses, near = [], [], Known(body, AGAIN * same)
+            found, hypotheses, near = [], [], KnownEnds(body, AGAIN * same)
             for k, start in enumerate(begin):
                 enough = hypotheses[following - 1].cost if len(hypotheses) >= following else inf
                 end = runs.run(k, start, stage.iterations, stage.settled, enough, near.knows)

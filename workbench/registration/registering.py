@@ -204,21 +204,29 @@ def register(
         if outside is not camera:
             doubted = (*doubted, AMONG)
         vertices, values, seen = fit.vertices(), fit.values, known.seen
-        unknowns = fit.problem.free.size
         surfaces = _surfaces(fit, recipe.stages(seen=known_camera is not None))
-        told = _Stages(fit, began)
-        stages = [told.ended("model", unknowns, fit.iterations, fit.cost, vertices)]
+        stages: list[StageOutcome] = []
+
+        def ended(name: str, unknowns: int, iterations: int, cost: float) -> None:
+            away = np.abs(_distances(fit.scan, vertices, body.faces))
+            touching = away < fit.reach
+            median = float(np.median(away[touching])) if touching.any() else float("nan")
+            seconds = time.perf_counter() - began - sum(stage.seconds for stage in stages)
+            share = float(touching.mean())
+            stages.append(StageOutcome(name, unknowns, iterations, cost, median, share, seconds))
+
+        ended("model", fit.problem.free.size, fit.iterations, fit.cost)
         for stage in recipe.vertex_stages(body):
             assert isinstance(body, SkinnedBody)  # of which alone there are stages
             done = FreeVertices(body, used).register({**values, "vertices": vertices}, (stage,))
             interrupts.check()
             values, vertices = done.values, done.vertices
             seen = known.seen | done.touched
-            surfaces[_called(stage.name)] = np.asarray(vertices)
+            also = "" if stage.name == "free" else f", {stage.name}"
+            surfaces[f"free vertices{also}"] = np.asarray(vertices)
             solution = done.stages[-1].solution
-            free = sum(np.size(solution.values[name]) for name in stage.free)
-            count, cost = solution.iterations, solution.cost
-            stages.append(told.ended(stage.name, free, count, cost, vertices))
+            unknowns = sum(np.size(solution.values[name]) for name in stage.free)
+            ended(stage.name, unknowns, solution.iterations, solution.cost)
         interrupts.check()
     names = [block.name for block in body.blocks()]
     kept = {name: np.asarray(values[name]) for name in names}
@@ -233,7 +241,13 @@ def register(
         known.sd,
         _distances(used, vertices, body.faces),
         tuple(stages),
-        _others(fit),
+        tuple(
+            OtherEnd(
+                (other.cost - fit.cost) / fit.cost,
+                float(np.linalg.norm(fit.vertices(k) - fit.vertices(), axis=1).mean()),
+            )
+            for k, other in enumerate(fit.hypotheses[1:], start=1)
+        ),
         doubted,
         body_size(body, kept[names[1]]),
         np.asarray(body.bind_pose[0]),
@@ -255,11 +269,6 @@ def _inner(scan: Scan, width: float) -> Mask | None:
     return inner
 
 
-def _called(stage: str) -> str:
-    """What the surface at the end of a stage of free vertices is called."""
-    return "free vertices" if stage == "free" else f"free vertices, {stage}"
-
-
 def _surfaces(fit: ModelFit, stages: Sequence[FitStage]) -> dict[str, Array]:
     """The body on the way of its fit, by stages and the number of points that they use."""
     names = [block.name for block in fit.body.blocks()]
@@ -271,37 +280,7 @@ def _surfaces(fit: ModelFit, stages: Sequence[FitStage]) -> dict[str, Array]:
     }
 
 
-@dataclass
-class _Stages:
-    """How one stage after the other ended; the first began at `since`, in s."""
-
-    fit: ModelFit
-    since: float
-
-    def ended(
-        self, name: str, unknowns: int, iterations: int, cost: float, vertices: Array
-    ) -> StageOutcome:
-        now, fit = time.perf_counter(), self.fit
-        seconds, self.since = now - self.since, now
-        away = np.abs(_distances(fit.scan, vertices, fit.body.faces))
-        touching = away < fit.reach
-        median = float(np.median(away[touching])) if touching.any() else float("nan")
-        share = float(touching.mean())
-        return StageOutcome(name, unknowns, iterations, cost, median, share, seconds)
-
-
 def _distances(scan: Scan, vertices: Array, faces: Index) -> Array:
     """(M,) m, signed; infinite where no surface within 30 cm faces the way of a point."""
     at = SurfaceTree(vertices, faces).closest(scan.points, 10 * NEAR, scan.normals, FACING)
     return np.asarray(np.where(at.faces >= 0, at.distances, np.inf))
-
-
-def _others(fit: ModelFit) -> tuple[OtherEnd, ...]:
-    best = fit.vertices()
-    return tuple(
-        OtherEnd(
-            (other.cost - fit.cost) / fit.cost,
-            float(np.linalg.norm(fit.vertices(k) - best, axis=1).mean()),
-        )
-        for k, other in enumerate(fit.hypotheses[1:], start=1)
-    )
