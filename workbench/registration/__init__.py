@@ -16,7 +16,7 @@ from workbench.registration.free_vertices import (
     by_vertices,
     touched,
 )
-from workbench.registration.from_a_camera import EmptySpace, seen_starts
+from workbench.registration.from_a_camera import seen_starts
 from workbench.registration.icp import Alignment, Icp, IcpIterate, PointCloud, Stopped
 from workbench.registration.icp_steps import (
     Contacts,
@@ -74,7 +74,6 @@ __all__ = [
     "Contacts",
     "Coupling",
     "Doubts",
-    "EmptySpace",
     "FailedScan",
     "FitStage",
     "FreeVertices",

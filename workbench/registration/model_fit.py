@@ -17,7 +17,7 @@ from workbench.fitting.loose_points import loose_points
 from workbench.fitting.scan import Scan
 from workbench.interrupts import Interrupts
 from workbench.problem import Problem
-from workbench.registration.from_a_camera import EmptySpace, seen_starts, sees
+from workbench.registration.from_a_camera import empty_space, seen_starts, sees
 from workbench.registration.limbs import KnownEnds, joints_of, unfolded
 from workbench.registration.starts import scan_starts
 from workbench.residuals import Residual
@@ -229,7 +229,6 @@ def fit_model(
     *,
     keep: Mask | None = None,
     camera: ArrayLike | None = None,
-    empty: EmptySpace = EmptySpace(),  # noqa: B008 - it is immutable
     starts: Callable[[Body, Scan], Sequence[Values]] = scan_starts,
     stages: Sequence[FitStage] = FIT_STAGES,
     kernel: Kernel = geman_mcclure,
@@ -258,7 +257,7 @@ def fit_model(
     no contact.
 
     `camera` (3,) m is where the whole scan was taken from, if that was one place. Then the body is
-    kept out of the space that was seen to be empty (`empty` says how; see `residuals.free_space`),
+    kept out of the space that was seen to be empty (see `residuals.free_space`),
     and the first stage begins at those of many more starts that are most like the scan (see
     `seen_starts`). Loose points are left out (see `fitting.loose_points`), because a limb that was
     not seen would be drawn to them. Points that `keep` leaves out count as seen. `SEEN_STAGES` are
@@ -292,20 +291,19 @@ def fit_model(
                 f"a camera at {np.asarray(camera).tolist()} m stands among the points, which it "
                 "cannot have seen from there; leave `camera` out, or give its place"
             )
-        many = seen_starts(body, seen, np.asarray(camera), ends, stages[0].starts, empty)
-        ends = list(many)
+        ends = list(seen_starts(body, seen, np.asarray(camera), ends, stages[0].starts))
 
-    def beside(stage: FitStage) -> tuple[Residual, ...]:
-        free = () if camera is None else (empty.residual(body, scan, camera, stage),)
-        return (*given, *others, *free)
+    def problem_of(stage: FitStage) -> Problem:
+        some = order[: stage.points]
+        data = _data(body, seen, some, stage, kernel, form, within)
+        free = () if camera is None else (empty_space(body, scan, camera, stage.sigma),)
+        return Problem((data, *given, *others, *free), names)
 
     first = ends
     with Interrupts() as interrupts:
         for number, stage in enumerate(stages):
-            some = order[: stage.points]
-            data = _data(body, seen, some, stage, kernel, form, within)
-            problem = Problem((data, *beside(stage)), names)
-            begin, place = ends[: stage.starts], (number + 1, len(stages))
+            problem, begin = problem_of(stage), ends[: stage.starts]
+            place = (number + 1, len(stages))
             runs = StageRuns(
                 problem, solver, progress, lambda: interrupts.pressed, place, len(begin)
             )
@@ -321,20 +319,15 @@ def fit_model(
                 if runs.stopped:
                     break
             if stage.limbs and not runs.stopped:
-                few = _data(body, seen, order[: SCREEN.points], SCREEN, kernel, form, within)
-                screen = Problem((few, *beside(SCREEN)), names)
-                again = [
-                    unfolded(body, runs, screen, one, AGAIN * same)
-                    for one in hypotheses[: stage.limbs]
-                ]
-                hypotheses[: stage.limbs] = again
+                screen = problem_of(SCREEN)
+                for k, one in enumerate(hypotheses[: stage.limbs]):
+                    hypotheses[k] = unfolded(body, runs, screen, one, AGAIN * same)
                 hypotheses.sort(key=lambda one: one.cost)
             iterations, stopped = iterations + runs.iterations, runs.stopped
             ends = [one.values for one in hypotheses]
             levels.append(hypotheses)
             if stopped:
                 break
-    seconds = time.perf_counter() - before
     return ModelFit(
         body,
         seen,
@@ -342,7 +335,7 @@ def fit_model(
         stage.reach,
         tuple(hypotheses),
         iterations,
-        seconds,
+        time.perf_counter() - before,
         stopped,
         _way(first, levels),
     )

@@ -25,7 +25,6 @@ from workbench.registration.free_vertices import (
     ScanTerm,
     VertexStage,
 )
-from workbench.registration.from_a_camera import EmptySpace
 from workbench.registration.model_fit import (
     FIT_STAGES,
     SAME,
@@ -42,7 +41,6 @@ from workbench.residuals.kernels import Kernel, quadratic
 from workbench.solvers import TrustRegion
 
 PERSON = Doubts()
-EMPTY = EmptySpace()
 LARGE = 3_000  # vertices, from which on the model is held while vertices are free
 
 
@@ -80,8 +78,8 @@ class Recipe:
         same: in m, the mean distance of joints below which two ends are one.
         near: in m; a vertex without a touching point as near as this was not seen.
         doubts: from where on a fit is doubted.
-        empty: how the body is kept out of space that the camera of a scan saw to be empty; None if
-            only the doubts are to look at it.
+        empty: whether the body is kept out of space that the camera of a scan saw to be empty;
+            else only the doubts look at it.
         seen_stages: the stages of the fit of the body where the camera is known; None for those of
             every fit.
     """
@@ -95,7 +93,7 @@ class Recipe:
     same: float = SAME
     near: float = NEAR
     doubts: Doubts = PERSON
-    empty: EmptySpace | None = EMPTY
+    empty: bool = True
     seen_stages: tuple[FitStage, ...] | None = None
 
     def stages(self, seen: bool) -> tuple[FitStage, ...]:
@@ -129,7 +127,6 @@ class Recipe:
             scan,
             keep=keep,
             camera=camera,
-            empty=self.empty or EMPTY,
             starts=self.starts,
             stages=self.stages(seen=camera is not None),
             within=self.within,
@@ -165,7 +162,7 @@ HAND_RECIPE = Recipe(
     same=0.004,
     near=0.006,
     doubts=Doubts(apart=0.006, rough=0.004, open=0.003, unusual=np.inf),
-    empty=None,
+    empty=False,
 )
 """For a hand alone, in metres as a person: a hand has no side that is usually up."""
 

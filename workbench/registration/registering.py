@@ -194,7 +194,7 @@ def register(
     inner = _inner(scan, recipe.boundary)
     used, left_out = (scan, 0) if inner is None else (scan.some(inner), int((~inner).sum()))
     outside = camera if camera is None or sees(camera, used.points) else None
-    known_camera = None if recipe.empty is None else outside
+    known_camera = outside if recipe.empty else None
     began = time.perf_counter()
     with Interrupts() as interrupts:
         fit = recipe.fit(body, scan, keep=inner, camera=known_camera, progress=progress)

@@ -1,7 +1,5 @@
 """Where to begin the fit of a body to a scan without labels, and which way a body faces."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -119,29 +117,23 @@ def check_size(body: Body, scan: Scan) -> None:
 CLOSED = (0.0, 1.5)  # standard deviations of the first component, which closes the hand
 
 
-def hand_starts(body: Body, scan: Scan, *, closed: Sequence[float] = CLOSED) -> tuple[Values, ...]:
+def hand_starts(body: Body, scan: Scan) -> tuple[Values, ...]:
     """Values of pose, betas and trans for 24 ways in which a hand may be turned, and some poses.
 
     A hand has no side that is usually up. Centres and principal axes of hand and scan are brought
     together, by each of the 24 rotations that take a cube to itself, because the longest axis of
-    one need not be that of the other. `closed` says how far the hand is closed, in standard
-    deviations of the first component of its pose space; a hand without one has its mean pose only.
+    one need not be that of the other. The poses are the mean one and, of a hand with a pose space,
+    one that is closed.
 
     Raises BadScan for a scan of fewer than 20 points, or one that is more than five times as large
-    as the hand, or less than a tenth, and BadArgument for no poses.
+    as the hand, or less than a tenth.
     """
-    if not closed:
-        raise BadArgument("starts of a hand need at least one pose; give (0.0,) for the mean one")
     check_size(body, scan)
-    mean = mean_hand(body)
-    pose = body.blocks()[0].name
-    hands = [mean]
+    hands, pose = [mean_hand(body)], body.blocks()[0].name
     if has_pose_space(body):
         space = pose_space(body, 1)
-        hands = []
-        for amount in closed:
-            closing = np.atleast_1d(amount * space.deviations)
-            hands.append(mean | {pose: space.poses(body, closing)})
+        bent = [space.poses(body, np.atleast_1d(x * space.deviations)) for x in CLOSED]
+        hands = [hands[0] | {pose: one} for one in bent]
     middle, axes = _frame(scan.points)
     found = []
     for hand in hands:

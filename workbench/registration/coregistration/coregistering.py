@@ -19,7 +19,7 @@ from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from math import inf
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -200,6 +200,15 @@ def _named(value: object) -> object:
     return getattr(value, "__qualname__", value)
 
 
+class Logged(Protocol):
+    """What a coregistration has found so far, with its log."""
+
+    @property
+    def log(self) -> tuple[LogEntry, ...]:
+        """The blocks that have run, in order."""
+
+
+AnyState = TypeVar("AnyState", bound=Logged)
 SHARES = (1.0, 0.5, 0.25, 0.1)  # of the model's step, until the joint cost falls
 
 
@@ -334,31 +343,24 @@ class Coregistration:
         if folder is not None:
             identity = fingerprint(self.scans, first, self.plan.written())
             state = read_state(folder, identity, first)
-        with limited_threads(), Interrupts() as interrupts:
+        with limited_threads():
             if state is None:
                 state = self._with(first, self._on_scans(measured, first, execution))
-            steps = [*("registrations", "model") * self.plan.rounds, "registrations"]
-            began, already = time.perf_counter(), len(state.log)
-            for number in range(already, len(steps)):
-                interrupts.check()
-                state = self._after(state, steps[number], execution)
-                if folder is not None:
-                    keep(partial(state.save, folder, identity))
-                ended = Progress.since(began, already, number + 1, len(steps), state.log[-1])
-                execution.report.block(ended)
-        return state
+            return in_turn(
+                state,
+                [*("registrations", "model") * self.plan.rounds, "registrations"],
+                self.costs,
+                self._step,
+                execution,
+                lambda state: keep(partial(state.save, folder, identity)) if folder else None,
+            )
 
-    def _after(self, state: State, block: str, execution: Execution) -> State:
-        began, before = time.perf_counter(), self.costs(state)
-        facts: dict[str, float] = {}
-        execution = replace(execution, task=block)
+    def _step(
+        self, state: State, block: str, cost: float, execution: Execution
+    ) -> tuple[State, dict[str, float]]:
         if block == "registrations":
-            found = self._with(state, self._on_scans(registered, state, execution))
-        else:
-            found, facts = self._model(state, sum(before.values()), execution)
-        entry = LogEntry(block, before, self.costs(found), facts, time.perf_counter() - began)
-        entry.check_lowered()
-        return replace(found, log=(*state.log, entry))
+            return self._with(state, self._on_scans(registered, state, execution)), {}
+        return self._model(state, cost, execution)
 
     def _model(
         self, state: State, cost: float, execution: Execution
@@ -367,15 +369,15 @@ class Coregistration:
         objective = self.objective(self.plan.observe(state, self.scans.subject))
         moved = state.estimate
         for name in self.plan.blocks:
-            part = replace(execution, task=f"model, {name}")
-            given = BlockInput(objective, self.body.faces, self.plan.options, part)
+            task = replace(execution, task=f"model, {name}")
+            given = BlockInput(objective, self.body.faces, self.plan.options, task)
             moved = BLOCKS[name](given, moved).estimate
-        for share in SHARES:
+
+        def part(share: float) -> State:
             tried = self._moved(state, objective, _between(state.estimate, moved, share))
-            found = self._with(tried, self._on_scans(measured, tried, execution))
-            if sum(self.costs(found).values()) < cost:
-                return found, {"share": share}
-        return state, {"share": 0.0}
+            return self._with(tried, self._on_scans(measured, tried, execution))
+
+        return lowered(state, part, self.costs, cost, SHARES)
 
     def _moved(self, state: State, objective: Objective, estimate: Estimate) -> State:
         """The state with another model, and the registrations that belong to it."""
@@ -410,6 +412,49 @@ class Coregistration:
             confidence=np.stack([one.pulled.confidence for one in each]),
             scan_costs=np.array([one.scan_cost for one in each]),
         )
+
+
+def in_turn(
+    state: AnyState,
+    steps: Sequence[str],
+    costs: Callable[[AnyState], dict[str, float]],
+    step: Callable[[AnyState, str, float, Execution], tuple[AnyState, dict[str, float]]],
+    execution: Execution,
+    keep: Callable[[AnyState], object] = lambda state: None,
+) -> AnyState:
+    """The blocks in turn, from where the log of the state ends; each is written into it.
+
+    `step` is given the state, the block's name and the joint cost. Raises NotLowered if a block
+    raises that cost, and KeyboardInterrupt between two blocks.
+    """
+    started, already = time.perf_counter(), len(state.log)
+    with Interrupts() as interrupts:
+        for number, block in enumerate(steps[already:], start=already + 1):
+            interrupts.check()
+            began, before = time.perf_counter(), costs(state)
+            task = replace(execution, task=block)
+            found, facts = step(state, block, sum(before.values()), task)
+            entry = LogEntry(block, before, costs(found), facts, time.perf_counter() - began)
+            entry.check_lowered()
+            state = replace(found, log=(*state.log, entry))  # type: ignore[type-var]
+            keep(state)
+            execution.report.block(Progress.since(started, already, number, len(steps), entry))
+    return state
+
+
+def lowered(
+    state: AnyState,
+    part: Callable[[float], AnyState],
+    costs: Callable[[AnyState], dict[str, float]],
+    cost: float,
+    shares: Sequence[float],
+) -> tuple[AnyState, dict[str, float]]:
+    """The state after the first share of a step that lowers the joint cost, and that share."""
+    for share in shares:
+        tried = part(share)
+        if sum(costs(tried).values()) < cost:
+            return tried, {"share": share}
+    return state, {"share": 0.0}
 
 
 def _posed(objective: Objective, estimate: Estimate) -> Array:
