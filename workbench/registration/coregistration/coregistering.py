@@ -37,10 +37,8 @@ from workbench.registration.coregistration.scan_block import (
     Pull,
     ScanPull,
     Scans,
-    Work,
     jobs,
-    measured,
-    registered,
+    on_scans,
 )
 from workbench.registration.free_vertices import CLOSE
 from workbench.residuals import Form
@@ -345,7 +343,7 @@ class Coregistration:
             state = read_state(folder, identity, first)
         with limited_threads():
             if state is None:
-                state = self._with(first, self._on_scans(measured, first, execution))
+                state = self._with(first, self._on_scans(first, execution))
             return in_turn(
                 state,
                 [*("registrations", "model") * self.plan.rounds, "registrations"],
@@ -359,7 +357,7 @@ class Coregistration:
         self, state: State, block: str, cost: float, execution: Execution
     ) -> tuple[State, dict[str, float]]:
         if block == "registrations":
-            return self._with(state, self._on_scans(registered, state, execution)), {}
+            return self._with(state, self._on_scans(state, execution, solve=True)), {}
         return self._model(state, cost, execution)
 
     def _model(
@@ -375,7 +373,7 @@ class Coregistration:
 
         def part(share: float) -> State:
             tried = self._moved(state, objective, _between(state.estimate, moved, share))
-            return self._with(tried, self._on_scans(measured, tried, execution))
+            return self._with(tried, self._on_scans(tried, execution))
 
         return lowered(state, part, self.costs, cost, SHARES)
 
@@ -388,13 +386,13 @@ class Coregistration:
         vertices = there + trusted(batch, batch.vertices - there)  # what E_S and E_C want together
         return replace(state, estimate=estimate, trans=trans, vertices=vertices)
 
-    def _on_scans(self, work: Work, state: State, execution: Execution) -> list[OnScan]:
+    def _on_scans(self, state: State, execution: Execution, solve: bool = False) -> list[OnScan]:
         plan = self.plan
         whole = area(self.body.template, self.body.faces)
         pull = Pull(self.body.faces, whole, plan.sigmas.data, plan.terms)
         todo = jobs(state.estimate, self.scans.subject, state.vertices, state.trans)
         found: list[OnScan] = []
-        for some in execution.executor(partial(work, pull, self.scans), todo):
+        for some in execution.executor(partial(on_scans, pull, self.scans, solve), todo):
             found += some
             execution.finished(len(found), len(self.scans.subject))
         return found
@@ -402,16 +400,9 @@ class Coregistration:
     def _with(self, state: State, found: Iterable[OnScan]) -> State:
         """The state with what was found on every scan."""
         each = list(found)
-        poses = np.stack([one.pose for one in each])
-        return replace(
-            state,
-            estimate=replace(state.estimate, poses=poses),
-            vertices=np.stack([one.vertices for one in each]),
-            trans=np.stack([one.trans for one in each]),
-            targets=np.stack([one.pulled.targets for one in each]),
-            confidence=np.stack([one.pulled.confidence for one in each]),
-            scan_costs=np.array([one.scan_cost for one in each]),
-        )
+        stacked: dict[str, Any] = {n: np.array([getattr(one, n) for one in each]) for n in OWN}
+        poses = np.array([one.pose for one in each])
+        return replace(state, estimate=replace(state.estimate, poses=poses), **stacked)
 
 
 def in_turn(
