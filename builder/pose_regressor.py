@@ -8,7 +8,7 @@ import argparse
 from pathlib import Path
 
 from workbench import load_body
-from workbench.fitting.regressor_files import REGRESSOR_FILE, save_regressor
+from workbench.fitting.pose_regressor import REGRESSOR_FILE, save_regressor
 from workbench.fitting.regressor_training import train_pose_regressor
 from workbench.priors.poses import shipped_mixture
 

@@ -15,7 +15,7 @@ import numpy as np
 from workbench.comparison.log import KINDS
 from workbench.comparison.prices import units
 from workbench.comparison.record import Record
-from workbench.fitting.known import KnownAnswer
+from workbench.fitting.setup import KnownAnswer
 
 RELATIVE = 1e-6
 SHARE = 1e-12

@@ -13,7 +13,7 @@ from builder.hands.sets import HandTeacher
 from workbench.arrays import Array
 from workbench.bodies import HAND_POINTS, SkinnedBody
 from workbench.bodies.forward.posing import Posing
-from workbench.fitting.hand_fit import points_of
+from workbench.fitting.hands import points_of
 from workbench.synthetic import Holes, Noise, SimulatedScan, scan, scanners
 from workbench.synthetic.base_mesh import read_base_mesh
 from workbench.synthetic.shape_targets import read_shape_targets

@@ -30,17 +30,15 @@ from workbench.errors import check_known
 from workbench.experiments.balance import observations
 from workbench.fitting import keypoint_fit, photograph
 from workbench.fitting.body_priors import POSE_PRIOR
-from workbench.fitting.image_fit import ImageFits
-from workbench.fitting.image_recipe import (
+from workbench.fitting.images import (
     ByHeight,
+    ImageFits,
     WithStature,
     image_priors,
     smplify,
     tailed_priors,
 )
-from workbench.fitting.keypoint_precision import alike
-from workbench.fitting.keypoint_problem import KeypointProblem
-from workbench.fitting.keypoints import keypoint_setup
+from workbench.fitting.keypoints import KeypointProblem, alike, keypoint_setup
 from workbench.fitting.observations import Observations
 from workbench.fitting.setup import Setup
 from workbench.geometry.camera import Camera

@@ -29,7 +29,7 @@ from workbench.bodies import SkinnedBody
 from workbench.experiments.balance import published
 from workbench.experiments.balance_video import FPS, balance_clip
 from workbench.fitting.body_priors import pose_prior, shape_prior
-from workbench.fitting.keypoint_problem import landmark_set, observed_blocks
+from workbench.fitting.keypoints import landmark_set, observed_blocks
 from workbench.fitting.videos import (
     EVIDENCE,
     FAR,

@@ -14,7 +14,7 @@ from benchmarks.gym.split import tuning
 from benchmarks.gym.success import is_solved, target
 from workbench.comparison.log import KINDS, Observed
 from workbench.comparison.record import Ending, Record
-from workbench.fitting.known import KnownAnswer
+from workbench.fitting.setup import KnownAnswer
 from workbench.solvers import SOLVERS
 
 pytestmark = pytest.mark.thorough

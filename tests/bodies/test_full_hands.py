@@ -18,7 +18,7 @@ from workbench.bodies.files.saving import save_body
 from workbench.bodies.sewn_hands import with_hands
 from workbench.bodies.sewn_mesh import border, sewn_mesh
 from workbench.errors import BadBody, UnknownName
-from workbench.fitting.keypoint_problem import landmark_set
+from workbench.fitting.keypoints import landmark_set
 from workbench.geometry.mirror import AXIAL, REFLECTION, opposite
 
 pytestmark = pytest.mark.thorough

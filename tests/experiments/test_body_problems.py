@@ -12,7 +12,7 @@ from workbench.bodies.catalogue import load_body
 from workbench.errors import BadArgument, BadBounds, WorkbenchError
 from workbench.experiments import SUITES, Setup, find
 from workbench.experiments.synthetic_people import bent_person, random_start
-from workbench.fitting.known import KnownAnswer
+from workbench.fitting.setup import KnownAnswer
 
 NAMES = [experiment.name for experiment in SUITES["bodies"]]
 CHEAP = ("body-vertices", "body-joints", "body-joints-alone", "body-four-cameras", "body-bounds")

@@ -16,7 +16,8 @@ from workbench.bodies.files.joint_names import HANDS as HAND_JOINTS
 from workbench.bodies.files.layouts import body_from
 from workbench.errors import BadFile, UnknownName
 from workbench.fitting import read_clip, read_keypoints, read_observations
-from workbench.fitting.detector_layouts import (
+from workbench.fitting.files.keypoints import read_person
+from workbench.fitting.files.layouts import (
     COCO_FILES,
     HALPE_26,
     HALPE_136,
@@ -28,7 +29,6 @@ from workbench.fitting.detector_layouts import (
     OPENPOSE_135,
     WHOLE_BODY,
 )
-from workbench.fitting.keypoint_files import read_person
 from workbench.fitting.keypoints import keypoint_fit, unused
 from workbench.fitting.observations import COCO, FEET, BadObservation, Observations, photograph
 

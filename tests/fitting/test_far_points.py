@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from workbench import load_body
-from workbench.fitting.scan import BadScan
-from workbench.fitting.scan_files import read_scan
-from workbench.fitting.scan_outline import means_of_cells, outline
+from workbench.fitting.scans.files import read_scan
+from workbench.fitting.scans.scan import BadScan
+from workbench.fitting.scans.surface import means_of_cells, outline
 
 
 def person(times: int = 5) -> np.ndarray:

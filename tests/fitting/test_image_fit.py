@@ -10,29 +10,28 @@ import pytest
 from workbench import LevenbergMarquardt, Problem, Solution, Status, Values, load_body
 from workbench.errors import BadArgument
 from workbench.experiments.balance import observations
-from workbench.fitting.file_jobs import FailedFile
-from workbench.fitting.image_fit import image_fit
-from workbench.fitting.image_jobs import (
-    FittedImage,
-    ImageReading,
-    ImageWork,
-    image_jobs,
-    in_parts,
-)
-from workbench.fitting.image_recipe import (
+from workbench.fitting.body_priors import stature, stature_prior
+from workbench.fitting.images import (
     LAMBDA_POSE,
     LAMBDA_SHAPE,
     SMPLIFY_SIGMA,
     Appearance,
     ByHeight,
     WithStature,
+    image_fit,
     smplify,
 )
-from workbench.fitting.image_starts import turned_about
-from workbench.fitting.keypoint_precision import MARKED, TYPICAL, alike, as_marked
-from workbench.fitting.keypoint_problem import KeypointProblem
+from workbench.fitting.jobs import (
+    FailedFile,
+    FittedImage,
+    ImageReading,
+    ImageWork,
+    image_jobs,
+    in_parts,
+)
+from workbench.fitting.keypoints import MARKED, TYPICAL, KeypointProblem, alike, as_marked
 from workbench.fitting.observations import COCO, Observations, photograph
-from workbench.fitting.stature import stature, stature_prior
+from workbench.fitting.placing import turned_about
 from workbench.geometry.camera import Camera
 from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.problem.problem import in_stage

@@ -7,10 +7,10 @@ import trimesh
 from workbench.arrays import Array
 from workbench.errors import BadArgument
 from workbench.fitting import Scan, loose_points
-from workbench.fitting.scan_boundary import boundary
-from workbench.fitting.scan_surface import (
+from workbench.fitting.scans.surface import (
     areas_of_faces,
     areas_of_neighbours,
+    boundary,
     filled,
     normals_of_faces,
     normals_of_neighbours,

@@ -5,7 +5,7 @@ import pytest
 
 from workbench import SkinnedBody, load_body
 from workbench.arrays import Array
-from workbench.fitting.scan_surface import (
+from workbench.fitting.scans.surface import (
     NEIGHBOURS,
     least_spread,
     neighbourhoods,

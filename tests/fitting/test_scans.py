@@ -12,9 +12,9 @@ from workbench import load_body
 from workbench.arrays import Array
 from workbench.errors import BadArgument, BadFile, UnknownName, WorkbenchError
 from workbench.fitting import BadScan, Scan
-from workbench.fitting.scan_cleaning import FEWEST
-from workbench.fitting.scan_files import ReadScan, read_scan
-from workbench.fitting.scan_surface import normals_of_faces
+from workbench.fitting.scans.cleaning import FEWEST
+from workbench.fitting.scans.files import ReadScan, read_scan
+from workbench.fitting.scans.surface import normals_of_faces
 from workbench.geometry.guesses import UP_TO_Y
 from workbench.geometry.meshes import write_mesh
 

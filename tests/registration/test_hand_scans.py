@@ -18,7 +18,7 @@ from workbench.bodies.catalogue import load_skinned
 from workbench.cli.app import app
 from workbench.errors import BadArgument, BadBody
 from workbench.fitting import BadScan, Scan
-from workbench.fitting.hand_fit import mean_hand, points_of
+from workbench.fitting.hands import mean_hand, points_of
 from workbench.geometry.surface_tree import SurfaceTree
 from workbench.registration import (
     HAND_RECIPE,

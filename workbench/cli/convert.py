@@ -18,10 +18,10 @@ from workbench.cli.output import Up, say, say_notes, timed_lines, warn_of, warn_
 from workbench.conversion import conversion_errors, correspond, motion_from_points
 from workbench.conversion.converting import Converted, doubts_of, skeleton_errors
 from workbench.conversion.points_in_space import SIGMA
-from workbench.conversion.tracking import Progress
 from workbench.environment import expanded
 from workbench.errors import BadArgument
 from workbench.fitting.marker_files import holds_markers, read_markers
+from workbench.fitting.tracking import Progress
 from workbench.geometry.guesses import UNITS, sizes_of
 from workbench.motions import Motion, read_motion
 

@@ -24,15 +24,14 @@ from workbench.cli.video import fit_video
 from workbench.environment import expanded
 from workbench.errors import BadArgument, BadFile
 from workbench.experiments import Experiment
-from workbench.fitting.clip_files import read_clip
 from workbench.fitting.compared_solvers import MANY
-from workbench.fitting.image_fit import image_fit
-from workbench.fitting.image_jobs import ImageReading, ImageWork
-from workbench.fitting.image_recipe import ByHeight
+from workbench.fitting.files.clips import read_clip
+from workbench.fitting.images import ByHeight, image_fit
+from workbench.fitting.jobs import ImageReading, ImageWork
 from workbench.fitting.keypoints import keypoint_fit
+from workbench.fitting.known_points import own_mesh
 from workbench.fitting.marker_files import READERS as MARKERS
 from workbench.fitting.marker_sets import OUT
-from workbench.fitting.meshes import own_mesh
 from workbench.fitting.setup import Setup
 from workbench.geometry.meshes import READERS, WITH_VERTEX_ORDER
 from workbench.solvers import DEFAULT, SOLVERS, LevenbergMarquardt, Solver

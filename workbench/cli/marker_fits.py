@@ -15,7 +15,6 @@ from workbench.cli.run import carry_out
 from workbench.errors import BadArgument, NotSupported
 from workbench.experiments import Experiment
 from workbench.fitting.marker_files import MarkerRecording, read_markers
-from workbench.fitting.marker_frames import spread_frames
 from workbench.fitting.marker_sets import (
     OUT,
     MarkerSet,
@@ -24,8 +23,9 @@ from workbench.fitting.marker_sets import (
     read_marker_set,
 )
 from workbench.fitting.markers import SIGMA, marker_fit, marker_solver, rms_of_markers
-from workbench.fitting.mosh import FRAMES, frames_that_place, pose_every_frame
+from workbench.fitting.mosh import frames_that_place, pose_every_frame
 from workbench.fitting.setup import Setup
+from workbench.fitting.tracking import FRAMES, spread_frames
 from workbench.geometry.guesses import sizes_of
 from workbench.solvers import Solver
 from workbench.writing import write_arrays

@@ -19,8 +19,7 @@ from workbench.comparison.record import Ending, Record
 from workbench.errors import NotSupported, WorkbenchError
 from workbench.experiments.running import warm
 from workbench.experiments.user_errors import user_errors
-from workbench.fitting.known import digits
-from workbench.fitting.setup import Setup
+from workbench.fitting.setup import Setup, digits
 from workbench.problem import Problem
 from workbench.solvers import Solution, Solver
 from workbench.solvers.limits import Stop

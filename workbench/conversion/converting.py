@@ -15,10 +15,10 @@ from workbench.conversion.correspondence import (
     counted,
     sampled_vertices,
 )
-from workbench.conversion.tracking import Progress, Tracker, quiet
 from workbench.errors import BadArgument
 from workbench.fitting.doubts import of_person
-from workbench.fitting.mesh_start import from_correspondences
+from workbench.fitting.known_points import from_correspondences
+from workbench.fitting.tracking import PointTracker, Progress, quiet
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 from workbench.motions import Motion
 from workbench.residuals import gaussian
@@ -178,7 +178,7 @@ def doubts_of(new: Motion, target: Body, errors: Array, of: str) -> tuple[str, .
 
 def _tracker(
     played: Motion, source: Body, target: Body, correspondence: Correspondence, own: range
-) -> tuple[Tracker, Array]:
+) -> tuple[PointTracker, Array]:
     """The frames of the source as observed places of the target, and the shape to begin with."""
     some = sampled_vertices(target, SAMPLE)
     some = some[correspondence.matched[some]]
@@ -206,7 +206,7 @@ def _tracker(
             ]
         return [turned_on(target, before, played, t)]
 
-    tracker = Tracker(
+    tracker = PointTracker(
         target,
         target.points(pose, betas, trans, vertices=some),
         observed,

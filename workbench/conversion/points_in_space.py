@@ -13,9 +13,9 @@ from workbench.blocks import Points, Values
 from workbench.blocks.checks import reals
 from workbench.bodies.body import Body
 from workbench.bodies.hand_points import HAND_POINTS, TIPS, hand_points
-from workbench.conversion.tracking import QUICK, Progress, Tracker, quiet, solved
 from workbench.errors import BadArgument, UnknownName, some_of
 from workbench.fitting.body_priors import pose_prior
+from workbench.fitting.tracking import QUICK, PointTracker, Progress, quiet, solved
 from workbench.fitting.videos import PLACE_SIGMA, POSE_SIGMA
 from workbench.geometry.rigid import procrustes
 from workbench.geometry.rotation import vector_from_matrix
@@ -109,7 +109,7 @@ def motion_from_points(
     if not len(usable):
         raise BadArgument(f"no frame shows {LEAST} of the points {some_of(own)}")
     pose, betas, trans = (block.symbol for block in body.blocks())
-    tracker = Tracker(
+    tracker = PointTracker(
         body,
         _points(body, kind)(pose, betas, trans),
         places[usable],
@@ -138,7 +138,7 @@ def motion_from_points(
 
 
 def _smoothed(
-    tracker: Tracker,
+    tracker: PointTracker,
     pose: Array,
     betas: Array,
     trans: Array,

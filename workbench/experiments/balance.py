@@ -11,10 +11,8 @@ from workbench.bodies.body import Body
 from workbench.bodies.catalogue import load_body
 from workbench.errors import UnknownName, check_known, listed
 from workbench.fitting.compared_solvers import MANY
-from workbench.fitting.image_fit import image_fit
-from workbench.fitting.image_recipe import ByHeight
-from workbench.fitting.keypoint_problem import landmark_set
-from workbench.fitting.keypoints import keypoint_fit
+from workbench.fitting.images import ByHeight, image_fit
+from workbench.fitting.keypoints import keypoint_fit, landmark_set
 from workbench.fitting.observations import Observations, photograph
 from workbench.fitting.setup import Setup, names
 from workbench.reading.arrays import Expected, any_reals, read_expected, reals, shipped, texts

@@ -5,8 +5,7 @@ from collections.abc import Sequence
 from workbench.bodies.catalogue import load_body
 from workbench.errors import BadArgument, check_known
 from workbench.experiments.balance import observations, published
-from workbench.fitting.clips import Clip, clip_of
-from workbench.fitting.observations import Observations
+from workbench.fitting.observations import Clip, Observations, clip_of
 from workbench.fitting.setup import Setup, names
 from workbench.fitting.videos import video_fit
 

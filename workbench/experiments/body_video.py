@@ -18,7 +18,7 @@ from workbench.experiments.synthetic_people import (
 )
 from workbench.fitting.body_priors import pose_prior, shape_prior
 from workbench.fitting.compared_solvers import SECOND_ORDER
-from workbench.fitting.keypoint_problem import camera_residual, landmark_set
+from workbench.fitting.keypoints import camera_residual, landmark_set
 from workbench.fitting.setup import Measure, Setup, distances, rms
 from workbench.geometry.camera import Camera
 from workbench.problem import Problem, sequence

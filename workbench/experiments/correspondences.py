@@ -15,9 +15,7 @@ from workbench.experiments.synthetic_people import (
 )
 from workbench.fitting.body_priors import pose_prior, shape_prior
 from workbench.fitting.compared_solvers import LARGE, SECOND_ORDER
-from workbench.fitting.landmarks import joint_fit
-from workbench.fitting.mesh_start import STARTS
-from workbench.fitting.meshes import mesh_fit
+from workbench.fitting.known_points import STARTS, joint_fit, mesh_fit
 from workbench.fitting.setup import Setup
 
 

@@ -10,8 +10,7 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.catalogue import load_body
 from workbench.errors import BadArgument
 from workbench.fitting.marker_sets import MARKERS, MarkerSet, default_markers
-from workbench.fitting.markers import marker_fit
-from workbench.fitting.offset_prior import surface_frames
+from workbench.fitting.markers import marker_fit, surface_frames
 from workbench.fitting.setup import Measure, Setup, rms
 from workbench.geometry.surface_tree import SurfaceTree
 from workbench.priors.poses import draw_poses, shipped_gaussian

@@ -22,19 +22,18 @@ from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.errors import some_of
-from workbench.fitting.body_priors import POSE_PRIOR, pose_gaussian
-from workbench.fitting.camera_conventions import (
+from workbench.fitting.body_priors import POSE_PRIOR, pose_gaussian, stature
+from workbench.fitting.conventions import (
     AGREE,
     agreeing_convention,
+    better_reading,
     disagreement,
     unit_of_translations,
 )
-from workbench.fitting.depth_interval import depth_interval
-from workbench.fitting.keypoint_conventions import better_reading
+from workbench.fitting.images import depth_interval
 from workbench.fitting.keypoints import LEAST_CONFIDENCE
 from workbench.fitting.marker_sets import MARKERS, MarkerSet
 from workbench.fitting.setup import Setup, View
-from workbench.fitting.stature import stature
 from workbench.geometry.rigid import procrustes
 from workbench.solvers import Solution, Status
 

@@ -10,11 +10,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
-from workbench.blocks.checks import reals
 from workbench.bodies import Landmarks, SkinnedBody
 from workbench.errors import BadArgument, BadFile, check_known, some
 from workbench.geometry.solids import vertex_normals
@@ -65,19 +63,6 @@ class MarkerSet:
                 f"{chosen[again]}; give each marker a vertex of its own"
             )
         return MarkerSet(names, chosen, out * vertex_normals(body.template, body.faces)[chosen])
-
-    @staticmethod
-    def nearest(body: SkinnedBody, places: Mapping[str, ArrayLike]) -> "MarkerSet":
-        """Markers on the vertices nearest to places (3,) m on the template.
-
-        Raises BadArgument where two are nearest to the same vertex, and NotNumbers.
-        """
-        found = {name: reals(f"the place of marker {name!r}", p) for name, p in places.items()}
-        for name, place in found.items():
-            if place.shape != (3,) or not np.isfinite(place).all():
-                raise BadArgument(f"the place of marker {name!r} is a point (3,) in metres")
-        off = {n: np.linalg.norm(body.template - place, axis=1) for n, place in found.items()}
-        return MarkerSet.of(body, {name: int(np.argmin(far)) for name, far in off.items()})
 
     def on(self, body: SkinnedBody) -> SkinnedBody:
         """The body with these markers as its landmark set `markers`."""

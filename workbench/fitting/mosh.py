@@ -15,7 +15,6 @@ from numpy.typing import ArrayLike
 from workbench.arrays import Array, Index
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
-from workbench.fitting.marker_frames import Choice, spread_frames
 from workbench.fitting.marker_sets import MarkerSet
 from workbench.fitting.markers import (
     LEAST,
@@ -31,12 +30,14 @@ from workbench.fitting.markers import (
 )
 from workbench.fitting.observations import BadObservation
 from workbench.fitting.setup import Setup
+from workbench.fitting.tracking import FRAMES, spread_frames
 from workbench.motions import Motion
 from workbench.motions.motion import without_gaps
 from workbench.residuals.kernels import Kernel, quadratic
 from workbench.solvers.solution import Solution, Solver
 
-FRAMES = 12  # from which MoSh finds shape and offsets
+EVERY = 10  # frames between two that are fitted by themselves as well
+Choice = Callable[[Array, int], Index]  # from markers (T, M, 3) m and how many frames to these
 Said = Callable[[str], object]
 
 
@@ -158,7 +159,7 @@ def pose_every_frame(
         if done % every == 0 or done == all_of:
             progress(f"poses: frame {done} of {all_of}")
 
-    moved = frame_by_frame(frame, dressed, whole[usable], known, shares, said)
+    moved = frame_by_frame(frame, dressed, whole[usable], known, shares, EVERY, said)
     poses = np.full((len(whole), dressed.n_joints, 3), np.nan)
     places, errors = np.full((len(whole), 3), np.nan), np.full(whole.shape[:2], np.nan)
     poses[usable], places[usable] = moved[pose], moved[trans]

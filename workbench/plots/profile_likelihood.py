@@ -3,7 +3,7 @@
 import numpy as np
 from matplotlib.axes import Axes
 
-from workbench.fitting.profile_likelihood import Profile
+from workbench.fitting.refits import Profile
 from workbench.plots.palette import BLUE, FAINT, GREEN, VERMILLION
 
 SHOWN = 2.5  # of the rise at the ends of the interval: the height of the axes

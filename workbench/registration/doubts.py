@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from workbench.arrays import Array, Index, Mask
 from workbench.errors import NotFinite
 from workbench.fitting.doubts import of_person, pose_square
-from workbench.fitting.loose_points import loose_points
+from workbench.fitting.scans.surface import loose_points
 from workbench.geometry.surface_tree import SurfaceTree
 from workbench.registration.from_a_camera import shows_all
 from workbench.registration.model_fit import ModelFit

@@ -12,7 +12,7 @@ from workbench.blocks import Block, Points, Values
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadArgument
 from workbench.fitting.body_priors import usual_priors
-from workbench.fitting.scan import Scan
+from workbench.fitting.scans.scan import Scan
 from workbench.geometry.solids import area, mesh_edges
 from workbench.problem import Problem
 from workbench.problem.conjugate_gradients import ConjugateGradients

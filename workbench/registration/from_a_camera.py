@@ -10,7 +10,7 @@ from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.bodies.body import Body
 from workbench.fitting.body_priors import pose_gaussian
-from workbench.fitting.scan import Scan
+from workbench.fitting.scans.scan import Scan
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.geometry.solids import face_vectors, sums_over_faces
 from workbench.priors.poses import draw_poses, shipped_mixture

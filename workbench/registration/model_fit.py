@@ -13,8 +13,8 @@ from workbench.blocks import Values
 from workbench.bodies.body import Body
 from workbench.errors import BadArgument
 from workbench.fitting.body_priors import usual_priors
-from workbench.fitting.loose_points import loose_points
-from workbench.fitting.scan import Scan
+from workbench.fitting.scans.scan import Scan
+from workbench.fitting.scans.surface import loose_points
 from workbench.interrupts import Interrupts
 from workbench.problem import Problem
 from workbench.registration.from_a_camera import empty_space, seen_starts, sees

@@ -12,8 +12,8 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.bodies.hand_axes import is_hand
 from workbench.errors import BadArgument
-from workbench.fitting.hand_fit import SIGMA, checked_hand, hand_landmarks, hand_problem, hand_start
-from workbench.fitting.scan import Scan
+from workbench.fitting.hands import SIGMA, checked_hand, hand_landmarks, hand_problem, hand_start
+from workbench.fitting.scans.scan import Scan
 from workbench.registration.doubts import NEAR, Doubts
 from workbench.registration.free_vertices import (
     BODY,

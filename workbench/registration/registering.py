@@ -17,8 +17,8 @@ from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.bodies.hand_axes import is_hand
-from workbench.fitting.scan import BadScan, Scan
-from workbench.fitting.scan_boundary import boundary
+from workbench.fitting.scans.scan import BadScan, Scan
+from workbench.fitting.scans.surface import boundary
 from workbench.geometry.surface_tree import SurfaceTree
 from workbench.interrupts import Interrupts
 from workbench.registration.doubts import FACING, NEAR, doubts, support

@@ -8,8 +8,8 @@ from pathlib import Path
 from workbench.arrays import Array
 from workbench.bodies.body import Body
 from workbench.errors import BadArgument
-from workbench.fitting.file_jobs import FailedFile, FileJob, check_names_differ, reason_of
-from workbench.fitting.scan_files import FEWEST, read_scan
+from workbench.fitting.jobs import FailedFile, FileJob, check_names_differ, reason_of
+from workbench.fitting.scans.files import FEWEST, read_scan
 from workbench.geometry.guesses import check_given, sizes_of
 from workbench.registration.model_fit import Progress
 from workbench.registration.recipe import Recipe

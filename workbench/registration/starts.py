@@ -9,8 +9,8 @@ from workbench.bodies.body import Body
 from workbench.bodies.forward.posing import local_rotations, world_rotations
 from workbench.bodies.pose_space import has_pose_space, pose_space
 from workbench.errors import BadArgument
-from workbench.fitting.hand_fit import mean_hand, placed_hand
-from workbench.fitting.scan import BadScan, Scan
+from workbench.fitting.hands import mean_hand, placed_hand
+from workbench.fitting.scans.scan import BadScan, Scan
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 
 

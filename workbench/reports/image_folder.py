@@ -11,11 +11,10 @@ import numpy as np
 
 from workbench.bodies import SkinnedBody
 from workbench.comparison.identity import code_version, digest, file_digest
-from workbench.fitting.depth_interval import FOUND, DepthInterval
-from workbench.fitting.file_jobs import FailedFile, FileJob
-from workbench.fitting.image_jobs import FittedImage, ImageWork
-from workbench.fitting.regressor_files import shipped_regressor
-from workbench.fitting.stature import stature
+from workbench.fitting.body_priors import stature
+from workbench.fitting.images import INTERVAL_NOTE, DepthInterval
+from workbench.fitting.jobs import FailedFile, FileJob, FittedImage, ImageWork
+from workbench.fitting.pose_regressor import shipped_regressor
 from workbench.reading.arrays import opened, read_expected, reals
 from workbench.reports.entries import Entry, csv_text, kept_entry
 from workbench.reports.folder import SUMMARY, own_folder, summary_text
@@ -127,7 +126,7 @@ class ImageFolder:
             ambiguous=sum(_ambiguous(entry) for entry in entries),
             hypotheses=self.work.hypotheses,
             doubted=sum(bool(entry.facts["warnings"]) for entry in entries),
-            found=FOUND,
+            found=INTERVAL_NOTE,
         )
         write_file(self.place / "index.html", text)
         self._write_summary(entries, failed)

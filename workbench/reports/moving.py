@@ -2,9 +2,8 @@
 
 from workbench import plots
 from workbench.blocks import Values
-from workbench.fitting.effective_frames import autocorrelation
 from workbench.fitting.setup import Setup
-from workbench.fitting.videos import errors_of, worth_of
+from workbench.fitting.videos import autocorrelation, errors_of, worth_of
 from workbench.reports.figures import Shown, plotted
 
 MOST = 4  # cameras whose strips are drawn

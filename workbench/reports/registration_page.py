@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.fitting.scan import Scan
+from workbench.fitting.scans.scan import Scan
 from workbench.geometry.meshes import write_mesh
 from workbench.plots.registered_scan import (
     caption_registered_scan,

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.fitting.image_jobs import Picture
+from workbench.fitting.jobs import Picture
 from workbench.plots.palette import BLUE, VERMILLION
 
 HEIGHT, MARGIN = 120.0, 8.0  # px of the picture, and of it around the person

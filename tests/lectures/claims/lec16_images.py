@@ -7,8 +7,7 @@ import numpy as np
 
 from tests.lectures.numerals import below
 from tests.lectures.prose import Run
-from workbench.fitting.image_fit import appearance
-from workbench.fitting.image_recipe import LAMBDA_POSE, ByHeight
+from workbench.fitting.images import LAMBDA_POSE, ByHeight, appearance
 from workbench.lectures.material.photographs import Shot
 
 KINDS = ("balance", "made up")

@@ -10,7 +10,7 @@ from workbench.arrays import Array, Index
 from workbench.bodies import SkinnedBody
 from workbench.bodies.catalogue import load_skinned
 from workbench.errors import BadFile
-from workbench.fitting.scan import BadScan, Scan
+from workbench.fitting.scans.scan import BadScan, Scan
 from workbench.geometry.surface_tree import SurfaceTree
 from workbench.reading.arrays import opened, optional, read_expected, reals
 from workbench.reading.facts import json_in

@@ -19,7 +19,7 @@ from workbench.arrays import Array, Index
 from workbench.blocks import Block, Points, Values
 from workbench.errors import BadArgument
 from workbench.fitting.body_priors import pose_prior
-from workbench.fitting.scan import Scan
+from workbench.fitting.scans.scan import Scan
 from workbench.problem import Problem
 from workbench.problem.banded import BlockMatrix
 from workbench.registration.free_vertices import CLOSE, SETTLED, TOGETHER, VERTICES, Settled

@@ -11,13 +11,12 @@ from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadFile
 from workbench.experiments.photographed import Shot, made_up_shots
-from workbench.fitting.image_recipe import NEARLY, image_priors
-from workbench.fitting.keypoint_problem import KeypointProblem
-from workbench.fitting.keypoints import keypoint_setup
+from workbench.fitting.images import NEARLY, image_priors
+from workbench.fitting.keypoints import KeypointProblem, keypoint_setup
 from workbench.fitting.observations import LIMBS, SIDES, BadObservation
+from workbench.fitting.placing import regressed_start
 from workbench.fitting.pose_regressor import PoseRegressor
-from workbench.fitting.regressed_start import regressed_start
-from workbench.fitting.synthetic_views import draw_facings
+from workbench.fitting.regressor_training import draw_facings
 from workbench.priors.mocap import read_mocap
 from workbench.priors.poses import draw_poses, shipped_mixture
 from workbench.residuals.kernels import geman_mcclure, scaled

@@ -16,10 +16,8 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.catalogue import load_skinned
 from workbench.errors import BadArgument
 from workbench.experiments.photographed import Shot
-from workbench.fitting.pose_regressor import PoseRegressor
-from workbench.fitting.regressor_files import shipped_regressor
-from workbench.fitting.regressor_training import trained
-from workbench.fitting.synthetic_views import people_in
+from workbench.fitting.pose_regressor import PoseRegressor, shipped_regressor
+from workbench.fitting.regressor_training import people_in, trained
 from workbench.studies.fitting_loop.people import Fitting, drawn_shots
 from workbench.studies.pages import Report
 

@@ -1,0 +1,148 @@
+"""What is left out of a scan before it is used, each time with a sentence that says so."""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from workbench.arrays import Array, Index, Mask
+from workbench.fitting.scans.scan import BadScan, Contents, drawn
+
+LARGEST = 1e9  # in the file's unit: farther out is no coordinate but damage
+FEWEST = 100  # points
+FAR = 20.0  # times the size of the scan from its middle: what cannot belong to it
+ISOLATED = 10.0  # times the usual distance from the nearest neighbour
+
+
+def cleaned(contents: Contents, most: int) -> Contents:
+    """The points that can be used, at most `most` of a cloud; faces are renumbered with them.
+
+    Left out are points that are not finite, missing measurements at the origin of a cloud, points
+    of a mesh that no face uses, repeated points and points far from everything. Raises BadScan if
+    fewer than 100 are left, or if faces name points that do not exist.
+    """
+    if not len(contents.points):
+        raise BadScan("it holds no points")
+    if contents.faces is not None:
+        contents = _with_faces_checked(contents)
+    points = contents.points
+    with np.errstate(invalid="ignore"):
+        there = np.asarray((np.abs(points) < LARGEST).all(axis=1))  # nor NaN
+    contents = _kept(contents, there, "NaN, infinite or beyond 1e9, and left out")
+    if contents.faces is None:
+        nothing = np.asarray(~contents.points.any(axis=1))
+        if nothing.sum() > 1:
+            contents = _kept(contents, ~nothing, "0 0 0, as missing ones are, and left out")
+        contents = _sampled(contents, most)
+    else:
+        used = np.zeros(len(contents.points), dtype=bool)
+        used[contents.faces] = True
+        contents = _kept(contents, used, "in no face, and left out")
+    contents = _merged(contents)
+    if len(contents.points):
+        middle = np.median(contents.points, axis=0)
+        away = np.linalg.norm(contents.points - middle, axis=1)
+        near = np.asarray(away <= FAR * np.percentile(away, 90))
+        contents = _kept(contents, near, "far from all others, and left out")
+    if len(contents.points) < FEWEST:
+        said = "".join(f"; {note}" for note in contents.notes[-4:])
+        raise BadScan(
+            f"{len(contents.points)} different points are left of it, and a scan has at least "
+            f"{FEWEST}{said}"
+        )
+    return contents
+
+
+def isolated(points: Array) -> Mask:
+    """Which points (M, 3) have no other within ten times the usual distance: (M,)."""
+    distances = np.asarray(cKDTree(points).query(points, k=2)[0])[:, 1]
+    return np.asarray(distances > ISOLATED * np.median(distances), dtype=np.bool_)
+
+
+def points_are(count: int) -> str:
+    """The beginning of a sentence on so many points."""
+    return "1 point is" if count == 1 else f"{count:,} points are"
+
+
+def _with_faces_checked(contents: Contents) -> Contents:
+    assert contents.faces is not None
+    if not len(contents.faces):
+        return replace(contents, faces=None)
+    N = len(contents.points)
+    wrong = ((contents.faces < 0) | (contents.faces >= N)).any(axis=1)
+    if wrong.any():
+        face = int(np.argmax(wrong))
+        raise BadScan(
+            f"face {face} is {contents.faces[face].tolist()}, but there are {N} points from 0"
+        )
+    return contents
+
+
+def _kept(contents: Contents, mask: Mask, why: str) -> Contents:
+    """The points that a mask chooses, and the faces between them."""
+    count = int((~mask).sum())
+    if not count:
+        return contents
+    number = np.cumsum(mask) - 1
+    faces = contents.faces
+    if faces is not None:
+        faces = number[faces[mask[faces].all(axis=1)]]
+    return replace(
+        contents,
+        points=contents.points[mask],
+        normals=None if contents.normals is None else contents.normals[mask],
+        faces=faces,
+        notes=(*contents.notes, f"{points_are(count)} {why}"),
+    )
+
+
+def _sampled(contents: Contents, most: int) -> Contents:
+    """At most `most` points of a cloud, drawn at random with a fixed seed."""
+    N = len(contents.points)
+    if most >= N:
+        return contents
+    chosen = drawn(N, most)
+    return _kept(contents, chosen, f"left out, drawn at random, for {most:,} are enough")
+
+
+def _merged(contents: Contents) -> Contents:
+    """Every place once, with the normal of the first point there; no face is a line or twice."""
+    points = contents.points + 0.0  # no -0
+    order = np.lexsort(points.T)
+    fresh = np.ones(len(points), dtype=bool)
+    fresh[1:] = (np.diff(points[order], axis=0) != 0).any(axis=1)
+    if fresh.all():
+        return _without_flat_faces(contents)
+    place = np.empty(len(points), dtype=np.int64)
+    place[order] = np.cumsum(fresh) - 1
+    firsts = np.full(int(fresh.sum()), len(points))
+    np.minimum.at(firsts, place, np.arange(len(points)))
+    back = np.argsort(firsts)  # places in the order in which the file has them
+    number = np.empty_like(back)
+    number[back] = np.arange(len(back))
+    first = firsts[back]
+    count = len(points) - len(first)
+    return _without_flat_faces(
+        replace(
+            contents,
+            points=points[first],
+            normals=None if contents.normals is None else contents.normals[first],
+            faces=None if contents.faces is None else number[place[contents.faces]],
+            notes=(
+                *contents.notes,
+                f"{points_are(count)} in the place of another, and merged with it",
+            ),
+        )
+    )
+
+
+def _without_flat_faces(contents: Contents) -> Contents:
+    if contents.faces is None:
+        return contents
+    corners = np.sort(contents.faces, axis=1)
+    proper = (corners[:, 0] < corners[:, 1]) & (corners[:, 1] < corners[:, 2])
+    order = np.lexsort(corners.T)
+    again = np.zeros(len(corners), dtype=bool)
+    again[order[1:]] = (np.diff(corners[order], axis=0) == 0).all(axis=1)
+    faces: Index = contents.faces[proper & ~again]
+    return replace(contents, faces=faces if len(faces) else None)
