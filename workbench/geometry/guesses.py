@@ -30,7 +30,7 @@ UNSURE = ": no standing person, so that this is uncertain; give the unit if it i
 FRAMES = 400  # that are looked at
 TRIM = (0.2, 99.8)  # percentiles of points, between which an extent is measured
 STANDING = (1.0, 2.3)  # m, from the floor to the head
-LONGER = 1.3  # times as tall as the thinnest side
+LONGER = 1.3  # times as tall as the thinnest side, or as another one, is clearly
 END = 0.06  # of the height: the feet at one end, the head at the other
 FLOOR = 0.1  # of the height, at either end
 ABOVE, WIDER = 11.0, 0.5  # what the two signs of a head count
@@ -150,10 +150,12 @@ def up_of(
         return declared, f"{declared} is up, as the format prescribes"
     frames, sides = _looked_at(points), extents(points)
     if (way := _to_head(frames, names)) is not None:
-        axis = "xyz"[int(np.argmax(np.abs(way)))]
-        if axis in axes and way.max() == np.abs(way).max():
+        axis = "xyz"[int(np.argmax(way))]
+        if axis in axes and way.max() > LONGER * np.sort(np.abs(way))[1]:
             return axis, f"{axis} is taken to be up, along which the head is above the feet"
     spread = np.median(np.nanstd(frames, axis=1), axis=0)
+    if points.ndim == 3:
+        spread[1] *= LONGER  # a person who bends or lies down has y up, if nothing else is clear
     height = max(("xyz".index(axis) for axis in axes), key=lambda k: spread[k])
     if not (STANDING[0] <= sides[height] <= STANDING[1] and sides[height] > LONGER * sides.min()):
         return "y", (
