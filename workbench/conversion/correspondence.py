@@ -18,8 +18,8 @@ from workbench.bodies.body import Body
 from workbench.bodies.forward.evaluation import regressed
 from workbench.errors import BadArgument, some_of
 from workbench.fitting.body_priors import shape_prior
+from workbench.fitting.placing import moved
 from workbench.geometry.rigid import procrustes
-from workbench.geometry.rotation import vector_from_matrix
 from workbench.geometry.solids import vertex_normals
 from workbench.geometry.surface_tree import SurfaceTree, barycentric_weights
 from workbench.problem import Problem
@@ -165,13 +165,7 @@ def _by_joints(source: Body, target: Body) -> Values:
     )
     at_rest = target.joints()
     motion = procrustes(at_rest[theirs], observed[theirs])
-    start = target.start()
-    if target.bind_pose[0].any():
-        motion = replace(motion, R=np.eye(3), t=(observed[theirs] - at_rest[theirs]).mean(axis=0))
-    else:
-        start[pose.name] = start[pose.name].copy()
-        start[pose.name][0] = vector_from_matrix(motion.R)
-    start[trans.name] = motion.R @ at_rest[0] + motion.t - at_rest[0]
+    start = target.start() | moved(target, motion.R, motion.t)
     return {**start, **TrustRegion(max_iterations=50).solve(problem, start).values}
 
 

@@ -9,7 +9,8 @@ from workbench.bodies.body import Body
 from workbench.bodies.forward.posing import local_rotations, world_rotations
 from workbench.bodies.pose_space import has_pose_space, pose_space
 from workbench.errors import BadArgument
-from workbench.fitting.hands import mean_hand, placed_hand
+from workbench.fitting.hands import mean_hand
+from workbench.fitting.placing import moved
 from workbench.fitting.scans.scan import BadScan, Scan
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 
@@ -129,7 +130,7 @@ def hand_starts(body: Body, scan: Scan) -> tuple[Values, ...]:
     as the hand, or less than a tenth.
     """
     check_size(body, scan)
-    hands, pose = [mean_hand(body)], body.blocks()[0].name
+    hands, (pose, betas, _) = [mean_hand(body)], (block.name for block in body.blocks())
     if has_pose_space(body):
         space = pose_space(body, 1)
         bent = [space.poses(body, np.atleast_1d(x * space.deviations)) for x in CLOSED]
@@ -140,7 +141,7 @@ def hand_starts(body: Body, scan: Scan) -> tuple[Values, ...]:
         own, own_axes = _frame(body.vertices(hand[pose]))
         for turn in Rotation.create_group("O").as_matrix():
             R = axes @ turn @ own_axes.T
-            found.append(placed_hand(body, hand, R, middle - R @ own))
+            found.append(hand | moved(body, R, middle - R @ own, hand[pose], hand[betas]))
     return tuple(found)
 
 
