@@ -26,7 +26,7 @@ from workbench.geometry.guesses import (
     up_of,
 )
 from workbench.geometry.meshes import text_lines
-from workbench.motions.bones import Bones, bones_of
+from workbench.motions.bones import Bones, bones_of, different_names
 from workbench.motions.motion import Motion
 from workbench.reading.arrays import taken_for
 from workbench.reading.facts import bounded
@@ -226,7 +226,7 @@ def read_bvh(
 def _motion_of(
     text: BvhText, unit: str | None, up: str | None, given: float | None, name: str
 ) -> Motion:
-    names, renamed = _different(text.names)
+    names, renamed = different_names(text.names)
     rate, said = _rate(text.frame_time) if given is None else (given, "")
     pose, moved = np.zeros((len(text.rows), len(names), 3)), {}
     at = 0
@@ -320,24 +320,6 @@ def _rate(written: str) -> tuple[float, str]:
         told = f"the frame time {seconds:g} s is taken for {near} frames a second"
         return float(near), told if abs(rate - near) > SAID else ""
     return rate, ""
-
-
-def _different(names: list[str]) -> tuple[tuple[str, ...], list[str]]:
-    """The names, a number being put after one that was there before; and what is to be said."""
-    seen: dict[str, int] = {}
-    taken, found, again = {*names}, [], 0
-    for name in names:
-        seen[name] = seen.get(name, 0) + 1
-        new = name
-        while seen[name] > 1 and new in taken:
-            new = f"{name}_{seen[name]}"
-            seen[name] += new in taken
-        again += new != name
-        taken.add(new)
-        found.append(new)
-    return tuple(found), [f"{again} joints have the name of another, and got a number"] * bool(
-        again
-    )
 
 
 def write_bvh(path: str | Path, motion: Motion, body: Body | None = None) -> None:

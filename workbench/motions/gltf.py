@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from workbench.arrays import Array, Mask
+from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
 from workbench.bodies.files.gltf import Correctives, write_gltf
 from workbench.errors import BadArgument, BadFile, shown, some_of
@@ -27,7 +27,7 @@ from workbench.geometry.guesses import (
     up_of,
 )
 from workbench.geometry.rotation import nearest_rotation, vector_from_matrix
-from workbench.motions.bones import Bones
+from workbench.motions.bones import Bones, different_names
 from workbench.motions.bvh import REACH
 from workbench.motions.motion import Motion
 from workbench.reading.arrays import damage, taken_for
@@ -35,7 +35,6 @@ from workbench.reading.facts import bounded
 
 WIDTHS = {"rotation": 4, "translation": 3, "scale": 3}
 LINEAR, STEP, CUBIC = "LINEAR", "STEP", "CUBICSPLINE"
-PARALLEL = 1 - 1e-9  # of the product of two quaternions: closer ones are blended as numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +69,8 @@ class Track:
         elif self.way == STEP:
             found = self.values[before]
         elif self.turns:
-            found = _slerp(self.values[before], self.values[after], s)
+            a, b = (Rotation.from_quat(self.values[i]) for i in (before, after))
+            found = (a * Rotation.from_rotvec(s * (a.inv() * b).as_rotvec())).as_quat()
         else:
             found = (1 - s) * self.values[before] + s * self.values[after]
         return np.asarray(_normalised(found) if self.turns else found)
@@ -119,18 +119,6 @@ def _normalised(q: Array) -> Array:
     if not (size > 0).all():
         raise ValueError("a rotation is zero, and not a unit quaternion")
     return np.asarray(q / size)
-
-
-def _slerp(a: Array, b: Array, s: Array) -> Array:
-    """Quaternions (S, 4) on the shorter way from a to b, at shares s (S, 1)."""
-    product = (a * b).sum(axis=1, keepdims=True)
-    b, product = np.where(product < 0, -b, b), np.abs(product)
-    close: Mask = np.asarray(product > PARALLEL)
-    angle = np.arccos(np.clip(product, -1, 1))
-    sine = np.where(close, 1.0, np.sin(angle))
-    first = np.where(close, 1 - s, np.sin((1 - s) * angle) / sine)
-    second = np.where(close, s, np.sin(s * angle) / sine)
-    return np.asarray(first * a + second * b)
 
 
 def local_motions(base: Array, node: dict[str, Any], parts: dict[str, Array], count: int) -> Array:
@@ -333,20 +321,17 @@ def _tree(
         while above != -1 and above not in where:
             above = nodes.parents[above]
         parents.append(-1 if above == -1 else place[where[above]])
-    names: list[str] = []
-    for i, k in enumerate(order):
-        name = str(nodes.json[listed[k]].get("name") or f"joint_{i}")[:100]
-        names.append(name if name not in names else f"{name}_{i}")
-    skin = Skin(
-        tuple(listed[k] for k in order), tuple(parents), tuple(names), to_rest[order], rest[order]
-    )
+    given = [str(nodes.json[listed[k]].get("name") or "")[:100] for k in order]
+    names, renamed = different_names(given)
+    skin = Skin(tuple(listed[k] for k in order), tuple(parents), names, to_rest[order], rest[order])
     roots = [i for i, parent in enumerate(parents) if parent == -1]
     if len(roots) == 1:
-        return skin, ()
+        return skin, renamed
     trees = [skin.below(root) for root in roots]
     kept = max(trees, key=len)
     lost = [name for i, name in enumerate(names) if i not in kept]
-    return skin.only(kept), (f"joints in trees of their own are left out: {some_of(lost)}",)
+    note = f"joints in trees of their own are left out: {some_of(lost)}"
+    return skin.only(kept), (*renamed, note)
 
 
 MOST_BYTES = 2**30

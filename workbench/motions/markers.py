@@ -1,7 +1,7 @@
 """Recorded points in C3D (c3d.org) and TRC files, in their own unit and axes."""
 
 from array import array
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import prod
 from pathlib import Path
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from workbench.arrays import Array
 from workbench.errors import BadArgument, shown, some
 from workbench.geometry.meshes import text_lines
+from workbench.motions.bones import different_names
 from workbench.reading.arrays import damage, taken_for
 from workbench.reading.facts import bounded
 from workbench.writing import write_file
@@ -49,23 +50,6 @@ def unit_named(text: str) -> str | None:
     """The unit that a file names, in whatever spelling; None for one that is not known."""
     plain = text.strip().lower()
     return next((unit for unit, names in LENGTHS.items() if plain in names), None)
-
-
-def different_labels(given: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Labels of which each occurs once, and a note if some had to be changed."""
-    found: list[str] = []
-    taken, changed = {*given}, 0
-    seen: set[str] = set()
-    for m, label in enumerate(given):
-        new, n = label or f"point_{m}", 1
-        while new in seen or (new != label and new in taken):
-            n += 1
-            new = f"{label or f'point_{m}'}_{n}"
-        changed += new != label
-        seen.add(new)
-        found.append(new)
-    note = f"{changed} of {len(found)} points had no name or that of another, and got a number"
-    return tuple(found), (note,) if changed else ()
 
 
 def checked_places(places: Array) -> Array:
@@ -265,7 +249,7 @@ def parse_c3d(content: bytes) -> Trajectories:
         raise ValueError("all of its points are computed, and none is a marker")
     if header.analog:
         notes.append(f"{header.analog} measurements a frame of other devices are not read")
-    labels, renamed = different_labels([names[m] for m in kept])
+    labels, renamed = different_names([names[m] for m in kept], "point")
     rate = number_in(parameters, "POINT:RATE")
     fps = header.rate if rate is None or not rate > 0 else rate
     units = texts_in(parameters, "POINT:UNITS")
@@ -386,7 +370,7 @@ def parse_trc(content: bytes) -> Trajectories:
     notes = _off_times(np.array(times), fps)
     if (told := _whole(said, "NumFrames")) != T:
         notes += (f"its header says {told} frames, and it has {T}, which are read",)
-    labels, renamed = different_labels(names)
+    labels, renamed = different_names(names, "point")
     places = checked_places(np.array(numbers).reshape(T, M, 3))
     return Trajectories(places, labels, fps, unit_named(said.get("Units", "")), notes + renamed)
 
