@@ -19,6 +19,7 @@ from workbench.writing import write_file
 
 MOST_NUMBERS = 25_000_000  # coordinates of a recording: 80 markers for 14 minutes at 120 fps
 LARGEST = 1e9  # of a coordinate, in any unit
+MOST_BYTES = 2**29
 LENGTHS = {
     "m": ("m", "meter", "meters", "metre", "metres"),
     "cm": ("cm", "centimeter", "centimeters"),
@@ -62,63 +63,49 @@ def checked_places(places: Array) -> Array:
     return places
 
 
+# C3D files, after The C3D File Format User Guide, Motion Lab Systems. Functions below raise
+# ValueError with what is wrong; they read nothing beyond the bytes that are there.
 BLOCK = 512  # bytes
 PROCESSORS = {84: "<", 85: "dec", 86: ">"}
 MOST_PARAMETERS = 10_000
+COMPUTED = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS")  # points that are no places
+SAME = 1e-5  # how far two statements of a scale or a rate may differ, relative to either
 Parameter = NDArray[np.float64] | tuple[str, ...]
 
 
+def read_c3d(path: str | Path) -> Trajectories:
+    """Read the points of a C3D file; one whose fourth number is negative was not seen.
+
+    Whole numbers or floats, of all three kinds of processors. Points that the file says are
+    computed (angles, forces, moments, powers, scalars) are left out, and measurements of other
+    devices are not read; `notes` say so. Raises BadFile for a file that is damaged, or whose header
+    and parameters disagree on what its frames hold.
+    """
+    with taken_for(path, "C3D file of markers", "export it again"), damage():
+        return _c3d(bounded(path, MOST_BYTES))
+
+
 @dataclass(frozen=True)
-class Numbers:
+class _Numbers:
     """How numbers are written: `<` as on Intel, `>` as on MIPS, or `dec`, with floats of a VAX."""
 
     kind: str
 
-    @property
-    def order(self) -> str:
-        """The order of bytes of whole numbers."""
-        return ">" if self.kind == ">" else "<"
-
     def words(self, content: bytes) -> NDArray[np.int64]:
         """Whole numbers of two bytes, with a sign."""
-        return np.frombuffer(content, f"{self.order}i2").astype(np.int64)
+        order = ">" if self.kind == ">" else "<"
+        return np.frombuffer(content, f"{order}i2").astype(np.int64)
 
     def floats(self, content: bytes) -> Array:
         """Numbers of four bytes. A VAX exchanges the two words of a float, and means a fourth."""
-        if self.kind != "dec":
-            with np.errstate(invalid="ignore"):
-                return np.frombuffer(content, f"{self.order}f4").astype(np.float64)
-        swapped = np.frombuffer(content, "<u2").reshape(-1, 2)[:, ::-1]
         with np.errstate(invalid="ignore"):
-            found = np.ascontiguousarray(swapped).view("<f4").ravel().astype(np.float64) / 4
-        return found
+            if self.kind != "dec":
+                return np.frombuffer(content, f"{self.kind}f4").astype(np.float64)
+            swapped = np.frombuffer(content, "<u2").reshape(-1, 2)[:, ::-1]
+            return np.ascontiguousarray(swapped).view("<f4").ravel().astype(np.float64) / 4
 
 
-@dataclass(frozen=True)
-class Header:
-    """The first block: how many points, where the frames begin, and how they are scaled.
-
-    Attributes:
-        points: in each frame.
-        analog: measurements of other devices in each frame.
-        first: the number of the first frame.
-        last: that of the last one, as far as it fits into two bytes.
-        scale: from whole numbers to lengths; negative if the frames hold floats.
-        start: the block in which the frames begin, counted from 1.
-        rate: frames a second.
-    """
-
-    points: int
-    analog: int
-    first: int
-    last: int
-    scale: float
-    start: int
-    rate: float
-
-
-def read_header(content: bytes) -> tuple[Header, Numbers, dict[str, Parameter]]:
-    """The header, how numbers are written, and the parameters by name, such as POINT:LABELS."""
+def _c3d(content: bytes) -> Trajectories:
     if len(content) < BLOCK or content[1] != 0x50:
         raise ValueError("it does not begin as a C3D file does")
     at = (content[0] - 1) * BLOCK
@@ -126,21 +113,69 @@ def read_header(content: bytes) -> tuple[Header, Numbers, dict[str, Parameter]]:
         raise ValueError("it ends before its parameters")
     if content[at + 3] not in PROCESSORS:
         raise ValueError(f"its processor has the number {content[at + 3]}, and there are 84 to 86")
-    numbers = Numbers(PROCESSORS[content[at + 3]])
-    unsigned = np.frombuffer(content[:BLOCK], f"{numbers.order}u2")
-    header = Header(
-        points=int(unsigned[1]),
-        analog=int(unsigned[2]),
-        first=int(unsigned[3]),
-        last=int(unsigned[4]),
-        scale=float(numbers.floats(content[12:16])[0]),
-        start=int(unsigned[8]),
-        rate=float(numbers.floats(content[20:24])[0]),
-    )
-    return header, numbers, _parameters(content, at + 4, numbers)
+    numbers = _Numbers(PROCESSORS[content[at + 3]])
+    parameters = _parameters(content, at + 4, numbers)
+    # points and other measurements in each frame, the numbers of the first and the last frame as
+    # far as they fit into two bytes, and the block in which the frames begin, counted from 1
+    head = [int(word) % 65536 for word in numbers.words(content[:BLOCK])]
+    M, analog, first, last, start = head[1], head[2], head[3], head[4], head[8]
+    scale, rate = (float(numbers.floats(content[i : i + 4])[0]) for i in (12, 20))
+    for name, said in (("USED", float(M)), ("SCALE", scale), ("RATE", rate)):
+        other = _number(parameters, f"POINT:{name}")
+        if other is None or (name == "USED" and said == other % 65536):
+            continue
+        if not abs(said - other) <= SAME * max(abs(said), abs(other)):
+            raise ValueError(f"its header says {said:g}, and POINT:{name} says {other:g}")
+    if not np.isfinite(scale) or not scale or abs(scale) > 1e6:
+        raise ValueError(f"its scale is {scale:g}, which makes no lengths")
+    T = _frames(first, last, parameters)
+    if not M or 3 * T * M > MOST_NUMBERS:
+        raise ValueError(f"{T} frames of {M} points are none, or too many to be read")
+    width = 4 if scale < 0 else 2  # floats, or whole numbers
+    row = width * (4 * M + analog)
+    begin = ((start or int(_number(parameters, "POINT:DATA_START") or 0)) - 1) * BLOCK
+    if begin < BLOCK or begin + T * row > len(content):
+        raise ValueError(f"it ends before {T:,} frames of {M} points, which it says it has")
+    each = np.frombuffer(content, np.uint8, T * row, begin).reshape(T, row)[:, : 4 * width * M]
+    read = numbers.floats if scale < 0 else numbers.words
+    table = np.asarray(read(each.tobytes()), np.float64).reshape(T, M, 4)
+    places = table[..., :3] * (1.0 if scale < 0 else scale)
+    places[~(table[..., 3] >= 0)] = np.nan
+    names = [*_texts(parameters, "POINT:LABELS"), *[""] * M][:M]
+    computed = {text for kind in COMPUTED for text in _texts(parameters, f"POINT:{kind}") if text}
+    kept, notes = [m for m, name in enumerate(names) if name not in computed], []
+    if len(kept) < M:
+        notes.append(f"left out are {some(n for n in names if n in computed)}, which are computed")
+    if not kept:
+        raise ValueError("all of its points are computed, and none is a marker")
+    if analog:
+        notes.append(f"{analog} measurements a frame of other devices are not read")
+    labels, renamed = different_names([names[m] for m in kept], "point")
+    fps = _number(parameters, "POINT:RATE") or rate
+    fps = fps if fps > 0 else rate
+    unit = next((unit_named(text) for text in _texts(parameters, "POINT:UNITS")), None)
+    places = checked_places(places)[:, kept]
+    return Trajectories(places, labels, fps if 0 < fps < 1e6 else None, unit, (*notes, *renamed))
 
 
-def _parameters(content: bytes, at: int, numbers: Numbers) -> dict[str, Parameter]:
+def _frames(first: int, last: int, parameters: Mapping[str, Parameter]) -> int:
+    """How many frames there are. Two bytes hold numbers up to 65,535, so that others may say it."""
+    ends = []
+    for name in ("START", "END"):
+        words = parameters.get(f"TRIAL:ACTUAL_{name}_FIELD")
+        if isinstance(words, np.ndarray) and len(words) == 2:
+            low, high = (int(word) % 65536 for word in words)
+            ends.append(low + 65536 * high)
+    T = last - first + 1
+    if len(ends) == 2:
+        T = max(T, ends[1] - ends[0] + 1)
+    if T < 1:
+        raise ValueError(f"its frames go from {first} to {last}")
+    said = _number(parameters, "POINT:FRAMES")
+    return int(min(said, 1e9)) if said is not None and last == 65535 and said > T else T
+
+
+def _parameters(content: bytes, at: int, numbers: _Numbers) -> dict[str, Parameter]:
     """Every parameter of every group. Groups are named after the parameters that belong to them."""
     groups: dict[int, str] = {}
     found: list[tuple[int, str, Parameter]] = []
@@ -169,7 +204,7 @@ def _parameters(content: bytes, at: int, numbers: Numbers) -> dict[str, Paramete
     return {f"{groups.get(group, group)}:{name}": value for group, name, value in found}
 
 
-def _value(content: bytes, at: int, numbers: Numbers, name: str) -> Parameter:
+def _value(content: bytes, at: int, numbers: _Numbers, name: str) -> Parameter:
     """A parameter: numbers in one row, or texts, whose first dimension is their length."""
     if len(content) < at + 2:
         raise ValueError("it ends within its parameters")
@@ -194,15 +229,13 @@ def _value(content: bytes, at: int, numbers: Numbers, name: str) -> Parameter:
             return numbers.floats(data)
 
 
-def number_in(parameters: Mapping[str, Parameter], name: str) -> float | None:
+def _number(parameters: Mapping[str, Parameter], name: str) -> float | None:
     """The first number of a parameter; None if there is none."""
     value = parameters.get(name)
-    if value is None or isinstance(value, tuple) or not value.size:
-        return None
-    return float(value[0])
+    return float(value[0]) if isinstance(value, np.ndarray) and value.size else None
 
 
-def texts_in(parameters: Mapping[str, Parameter], name: str) -> tuple[str, ...]:
+def _texts(parameters: Mapping[str, Parameter], name: str) -> tuple[str, ...]:
     """The texts of a parameter and of those that continue it: LABELS, LABELS2, LABELS3, ..."""
     found: list[str] = []
     more, n = parameters.get(name), 2
@@ -212,118 +245,6 @@ def texts_in(parameters: Mapping[str, Parameter], name: str) -> tuple[str, ...]:
     return tuple(found)
 
 
-MOST_BYTES = 2**29
-COMPUTED = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS")  # points that are no places
-SAME = 1e-5  # how far two statements of a scale or a rate may differ, relative to either
-
-
-def read_c3d(path: str | Path) -> Trajectories:
-    """Read the points of a C3D file; one whose fourth number is negative was not seen.
-
-    Points that the file says are computed (angles, forces, moments, powers, scalars) are left out,
-    and measurements of other devices are not read; `notes` say so. Raises BadFile for a file that
-    is damaged, or whose header and parameters disagree on what its frames hold.
-    """
-    with taken_for(path, "C3D file of markers", "export it again"), damage():
-        return parse_c3d(bounded(path, MOST_BYTES))
-
-
-def parse_c3d(content: bytes) -> Trajectories:
-    """The points in the bytes of a C3D file. Raises ValueError with what is wrong."""
-    header, numbers, parameters = read_header(content)
-    _agree(header, parameters)
-    T = _frames(header, parameters)
-    if not header.points or 3 * T * header.points > MOST_NUMBERS:
-        raise ValueError(f"{T} frames of {header.points} points are none, or too many to be read")
-    places = checked_places(_places(content, header, numbers, parameters, T))
-    names = list(texts_in(parameters, "POINT:LABELS"))[: header.points]
-    names += [""] * (header.points - len(names))
-    computed = {
-        label for kind in COMPUTED for label in texts_in(parameters, f"POINT:{kind}") if label
-    }
-    kept = [m for m, name in enumerate(names) if name not in computed]
-    notes = []
-    if len(kept) < len(names):
-        notes.append(f"left out are {some(n for n in names if n in computed)}, which are computed")
-    if not kept:
-        raise ValueError("all of its points are computed, and none is a marker")
-    if header.analog:
-        notes.append(f"{header.analog} measurements a frame of other devices are not read")
-    labels, renamed = different_names([names[m] for m in kept], "point")
-    rate = number_in(parameters, "POINT:RATE")
-    fps = header.rate if rate is None or not rate > 0 else rate
-    units = texts_in(parameters, "POINT:UNITS")
-    return Trajectories(
-        places[:, kept],
-        labels,
-        fps if 0 < fps < 1e6 else None,
-        unit_named(units[0]) if units else None,
-        (*notes, *renamed),
-    )
-
-
-def _agree(header: Header, parameters: dict[str, Parameter]) -> None:
-    """Raise ValueError if the header and the parameters say different things of the frames."""
-    said = {
-        "USED": (float(header.points), number_in(parameters, "POINT:USED")),
-        "SCALE": (header.scale, number_in(parameters, "POINT:SCALE")),
-        "RATE": (header.rate, number_in(parameters, "POINT:RATE")),
-    }
-    for name, (one, other) in said.items():
-        if other is None:
-            continue
-        whole = name == "USED" and one == other % 65536
-        if not whole and not abs(one - other) <= SAME * max(abs(one), abs(other)):
-            raise ValueError(f"its header says {one:g}, and POINT:{name} says {other:g}")
-    if not np.isfinite(header.scale) or not header.scale or abs(header.scale) > 1e6:
-        raise ValueError(f"its scale is {header.scale:g}, which makes no lengths")
-
-
-def _frames(header: Header, parameters: dict[str, Parameter]) -> int:
-    """How many frames there are. Two bytes hold numbers up to 65,535, so that others may say it."""
-    ends = [parameters.get(f"TRIAL:ACTUAL_{end}_FIELD") for end in ("START", "END")]
-    counted = []
-    for words in ends:
-        if isinstance(words, np.ndarray) and len(words) == 2:
-            low, high = (int(word) % 65536 for word in words)
-            counted.append(low + 65536 * high)
-    T = header.last - header.first + 1
-    if len(counted) == 2 and counted[1] - counted[0] + 1 >= T:
-        T = counted[1] - counted[0] + 1
-    if T < 1:
-        raise ValueError(f"its frames go from {header.first} to {header.last}")
-    said = number_in(parameters, "POINT:FRAMES")
-    if said is not None and header.last == 65535 and said > T:
-        T = int(min(said, 1e9))
-    return T
-
-
-def _places(
-    content: bytes,
-    header: Header,
-    numbers: Numbers,
-    parameters: dict[str, Parameter],
-    T: int,
-) -> Array:
-    """The places (T, M, 3) in the unit of the file, NaN where a point was not seen."""
-    floats, M = header.scale < 0, header.points
-    width = 4 if floats else 2
-    row = width * (4 * M + header.analog)
-    block = header.start or int(number_in(parameters, "POINT:DATA_START") or 0)
-    start = (block - 1) * BLOCK
-    if block < 2 or start + T * row > len(content):
-        raise ValueError(f"it ends before {T:,} frames of {M} points, which it says it has")
-    each = np.frombuffer(content, np.uint8, T * row, start).reshape(T, row)[:, : 4 * width * M]
-    data = each.tobytes()
-    table = (numbers.floats(data) if floats else numbers.words(data).astype(np.float64)).reshape(
-        T, M, 4
-    )
-    places = table[..., :3] * (1.0 if floats else header.scale)
-    places[~(table[..., 3] >= 0)] = np.nan
-    return places
-
-
-MOST_BYTES = 2**29
 OFF = 0.01  # of the rate, by which the times of frames may be off it before this is said
 
 
