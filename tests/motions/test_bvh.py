@@ -66,6 +66,12 @@ def test_joints_match_kinematics_by_hand(tmp_path: Path) -> None:
     assert "positions of the root take the place of its OFFSET, which is not zero" in found.notes
 
 
+def test_rate_in_place_of_the_frame_time_is_told(tmp_path: Path) -> None:
+    found = read_bvh(saved(tmp_path, bvh_text(bvh_rows(), "30")))
+    assert found.fps == pytest.approx(1 / 30)
+    assert any("if these are frames a second" in note for note in found.notes)
+
+
 def test_bvh_survives_its_file(tmp_path: Path) -> None:
     motion = walk()
     write_bvh(tmp_path / "walk.bvh", motion, SMALL)

@@ -63,15 +63,6 @@ class BvhText:
     rows: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
 
-def parse_bvh(content: bytes) -> BvhText:
-    """The hierarchy and the motion of a BVH file. Raises ValueError."""
-    found = BvhText()
-    lines = _lines(content)
-    _hierarchy(lines, found)
-    _motion(lines, found)
-    return found
-
-
 def _lines(content: bytes) -> Iterator[tuple[int, str]]:
     """Lines that are not empty, with their numbers; a brace is a line of its own."""
     for number, line in enumerate(text_lines(content), start=1):
@@ -84,7 +75,7 @@ def _hierarchy(lines: Iterator[tuple[int, str]], found: BvhText) -> None:
     """Read up to the line MOTION."""
     open_now: list[int | None] = []  # the joints around a line; None is an end site
     begun: int | None = None  # the joint whose brace is still to come
-    waiting, _complete = False, [False]
+    waiting = False
     number, line = next(lines, (0, ""))
     if line.upper() != "HIERARCHY":
         raise ValueError(f"it begins with {shown(line)}, and not with HIERARCHY")
@@ -217,7 +208,9 @@ def read_bvh(
     check_given(unit, up)
     with taken_for(path, "BVH file of one skeleton", "export it again, or give what is missing"):
         try:
-            text = parse_bvh(bounded(path, MOST_BYTES))
+            text, lines = BvhText(), _lines(bounded(path, MOST_BYTES))
+            _hierarchy(lines, text)
+            _motion(lines, text)
             return _motion_of(text, unit, up, fps, Path(path).name)
         except (ValueError, OSError, BadArgument) as error:
             raise BadFile(str(getattr(error, "strerror", None) or error)) from error
@@ -319,7 +312,8 @@ def _rate(written: str) -> tuple[float, str]:
     if near and rate != near and abs(1 / near - seconds) <= 10.0 ** -min(digits, 300):
         told = f"the frame time {seconds:g} s is taken for {near} frames a second"
         return float(near), told if abs(rate - near) > SAID else ""
-    return rate, ""
+    told = f"the frame time is {seconds:g} s; if these are frames a second, give them as the rate"
+    return rate, told if seconds > 1 else ""
 
 
 def write_bvh(path: str | Path, motion: Motion, body: Body | None = None) -> None:
@@ -353,37 +347,36 @@ def write_bvh(path: str | Path, motion: Motion, body: Body | None = None) -> Non
 
 def _written_tree(bones: Bones, names: list[str], lines: list[str]) -> list[int]:
     """Add the hierarchy to the lines; the joints in its order, each before those below it."""
-    below: dict[int, list[int]] = {k: [] for k in range(len(names))}
-    for k, parent in enumerate(bones.parents[1:], start=1):
+    parents = bones.parents
+    below: list[list[int]] = [[] for _ in names]
+    ends: list[list[Array]] = [[] for _ in names]
+    for k, parent in enumerate(parents[1:], start=1):
         below[parent].append(k)
-    ends: dict[int, list[Array]] = {k: [] for k in below}
     for k, end in zip(bones.end_parents, bones.end_offsets, strict=True):
         ends[k].append(end)
-    order: list[int] = []
-    path: list[tuple[int, Iterator[int]]] = []
-    pending: Iterator[int] = iter([0])
+    order, waiting = list[int](), [0]
+    while waiting:
+        order.append(waiting.pop())
+        waiting += reversed(below[order[-1]])
+    depth = [0] * (len(names) + 1)
     turns = " ".join(f"{axis}rotation" for axis in ROTATIONS)
-    while True:
-        k = next(pending, -1)
-        indent = "  " * len(path)
-        if k >= 0:
-            order.append(k)
-            offset = CENTIMETRES * bones.offsets[k] * (k > 0)
-            lines += [f"{indent}{'JOINT' if k else 'ROOT'} {names[k]}", f"{indent}{{"]
-            lines.append(f"{indent}  OFFSET {_three(offset)}")
-            moves = "" if k else "Xposition Yposition Zposition "
-            lines.append(f"{indent}  CHANNELS {3 if k else 6} {moves}{turns}")
-            for end in ends[k] if ends[k] or below[k] else [np.zeros(3)]:
-                lines += [f"{indent}  End Site", f"{indent}  {{"]
-                lines += [f"{indent}    OFFSET {_three(CENTIMETRES * end)}", f"{indent}  }}"]
-            path.append((k, pending))
-            pending = iter(below[k])
-        elif path:
-            _, pending = path.pop()
-            lines.append(f"{'  ' * len(path)}}}")
-        else:
-            return order
 
+    def offset(v: Array) -> str:
+        return "OFFSET " + " ".join(f"{x:.6f}" for x in CENTIMETRES * v)
 
-def _three(v: Array) -> str:
-    return " ".join(f"{x:.6f}" for x in v)
+    for k, following in zip(order, [*order[1:], -1], strict=True):
+        depth[k] = depth[parents[k]] + 1 if k else 0
+        indent = "  " * depth[k]
+        moves = "" if k else "Xposition Yposition Zposition "
+        lines += [
+            f"{indent}{'JOINT' if k else 'ROOT'} {names[k]}",
+            f"{indent}{{",
+            f"{indent}  {offset(bones.offsets[k] * (k > 0))}",
+            f"{indent}  CHANNELS {3 if k else 6} {moves}{turns}",
+        ]
+        for end in ends[k] if ends[k] or below[k] else [np.zeros(3)]:
+            lines += [f"{indent}  End Site", f"{indent}  {{", f"{indent}    {offset(end)}"]
+            lines.append(f"{indent}  }}")
+        over = depth[parents[following]] if following > 0 else -1
+        lines += ["  " * level + "}" for level in range(depth[k], over, -1)]
+    return order
