@@ -47,7 +47,7 @@ def test_tissue_is_stable_and_bounded() -> None:
     pose = rng.standard_normal((600, 24, 3))
     wild = Motion(pose, rng.standard_normal((600, 3)), 60.0, BODY.joint_names)
     phi = TISSUE.coefficients(BODY, wild)
-    x = tissue_inputs(MovingFrames.of(BODY, wild), TISSUE.part, TISSUE.n_betas).values
+    x = tissue_inputs(MovingFrames.of(BODY, wild), TISSUE.part, TISSUE.n_betas)
     C, H = TISSUE.n_coefficients, companion(TISSUE.first, TISSUE.second)
     most, power = np.zeros(C), np.eye(2 * C)
     for _ in range(600):

@@ -107,10 +107,9 @@ def unit_of(
         return given, f"the unit {given} was given; {long}"
     ranges, instead = (sizes.usual, *sizes.others), ""
     if declared is not None and declared in UNITS:
-        long = size * UNITS[declared]
-        if ranges[-1][0] <= long <= ranges[-1][1]:
+        if ranges[-1][0] <= size * UNITS[declared] <= ranges[-1][1]:
             return declared, f"the unit is {declared}, as the file says"
-        long = what.format(f"{long:,.4g} m")
+        long = what.format(f"{size * UNITS[declared]:,.4g} m")
         instead = f"; the file says {declared}, in which {long}, as no body is"
     for least, most in ranges:
         for unit in units if (least, most) == sizes.usual else METRIC:

@@ -127,7 +127,7 @@ class SoftTissue:
         """
         self._check(body, motion)
         frames = MovingFrames.of(body, motion)
-        x = tissue_inputs(frames, self.part, self.n_betas).values
+        x = tissue_inputs(frames, self.part, self.n_betas)
         return free_run(self.first, self.second, x @ self.response.T)
 
     def displacements(self, body: SkinnedBody, coefficients: ArrayLike, betas: Any = None) -> Array:

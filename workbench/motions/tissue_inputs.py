@@ -100,21 +100,8 @@ FASTEST_ROOT, HARDEST_PUSH = 4.0, 25.0  # m/s, m/s^2
 STRONGEST_FORCE = 20.0  # m/s^2: about two more gravities
 
 
-@dataclass(frozen=True, eq=False)
-class TissueInputs:
-    """The inputs of the model in T frames.
-
-    Attributes:
-        values: (T, X).
-        names: (X,) what each of them is.
-    """
-
-    values: Array
-    names: tuple[str, ...]
-
-
-def tissue_inputs(frames: MovingFrames, part: Index, n_betas: int = 0) -> TissueInputs:
-    """The inputs along a motion, in this order:
+def tissue_inputs(frames: MovingFrames, part: Index, n_betas: int = 0) -> Array:
+    """The inputs (T, X) along a motion, named by `input_names`, in this order:
 
     - the angular velocity of each joint relative to its parent (rad/s), and its derivative
       (rad/s^2), the root's first;
@@ -152,7 +139,7 @@ def tissue_inputs(frames: MovingFrames, part: Index, n_betas: int = 0) -> Tissue
         np.tile(betas, (T, 1)),
         np.ones((T, 1)),
     ]
-    return TissueInputs(np.hstack(parts), input_names(body.joint_names, len(joints), n_betas))
+    return np.hstack(parts)
 
 
 def _bounded(vectors: Array, most: float) -> Array:

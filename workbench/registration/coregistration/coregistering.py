@@ -19,7 +19,7 @@ from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from math import inf
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -56,6 +56,9 @@ from workbench.training.registrations import InMemory
 from workbench.training.shape_training import start_shape
 from workbench.training.template_prior import smooth_prior
 from workbench.writing import Keeping, replacing
+
+if TYPE_CHECKING:
+    from workbench.registration.coregistration.triangles import TriangleState
 
 FILE, VERSION = "coregistration.npz", "2:"
 OWN = ("vertices", "trans", "targets", "confidence", "scan_costs")
@@ -198,15 +201,7 @@ def _named(value: object) -> object:
     return getattr(value, "__qualname__", value)
 
 
-class Logged(Protocol):
-    """What a coregistration has found so far, with its log."""
-
-    @property
-    def log(self) -> tuple[LogEntry, ...]:
-        """The blocks that have run, in order."""
-
-
-AnyState = TypeVar("AnyState", bound=Logged)
+AnyState = TypeVar("AnyState", "State", "TriangleState")
 SHARES = (1.0, 0.5, 0.25, 0.1)  # of the model's step, until the joint cost falls
 
 
@@ -427,7 +422,7 @@ def in_turn(
             found, facts = step(state, block, sum(before.values()), task)
             entry = LogEntry(block, before, costs(found), facts, time.perf_counter() - began)
             entry.check_lowered()
-            state = replace(found, log=(*state.log, entry))  # type: ignore[type-var]
+            state = replace(found, log=(*state.log, entry))
             keep(state)
             execution.report.block(Progress.since(started, already, number, len(steps), entry))
     return state

@@ -66,8 +66,7 @@ def train_tissue(
     part = soft_parts(body, clips, plan.parts, plan.seed)
     progress(f"{len(clips)} clips, {frames} frames, {part.max() + 1} soft parts")
     inputs = [
-        tissue_inputs(MovingFrames.of(body, clip.motion), part, plan.n_betas).values
-        for clip in clips
+        tissue_inputs(MovingFrames.of(body, clip.motion), part, plan.n_betas) for clip in clips
     ]
     index = np.log([body_mass_index(body, clip.motion.betas) for clip in clips])
     index -= np.log(body_mass_index(body))
@@ -91,7 +90,7 @@ def one_step_of(tissue: SoftTissue, body: SkinnedBody, clips: Sequence[TissueCli
         frames = MovingFrames.of(body, clip.motion)
         gain = tissue.gain(body, clip.motion.betas)
         phi = coefficients_of(tissue.directions, clip.displacements) / gain
-        pairs.append((phi, tissue_inputs(frames, tissue.part, tissue.n_betas).values))
+        pairs.append((phi, tissue_inputs(frames, tissue.part, tissue.n_betas)))
     return OneStep.of(pairs)
 
 
