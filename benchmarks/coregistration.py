@@ -32,8 +32,7 @@ from workbench.registration.coregistration import (
     Fitted,
     hard,
 )
-from workbench.registration.free_vertices import CLOSE
-from workbench.registration.scan_term import PATCH
+from workbench.registration.free_vertices import CLOSE, PATCH
 from workbench.residuals import Residual, geman_mcclure, model_to_scan, plane, scaled
 from workbench.studies.coregistration.scans import (
     MM,

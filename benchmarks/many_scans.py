@@ -27,8 +27,8 @@ from benchmarks.keeping import keep
 from benchmarks.machine import description
 from workbench import load_body
 from workbench.bodies.files.saving import save_body
+from workbench.registration.coregistration.coregistering import FILE
 from workbench.registration.coregistration.folder import BODY, SCAN
-from workbench.registration.coregistration.state import FILE
 from workbench.reports.registration_folder import table_of
 from workbench.reports.registration_page import ARRAYS, points
 from workbench.studies.coregistration.scans import START, ScannedSet, scanned_set

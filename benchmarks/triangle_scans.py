@@ -25,9 +25,8 @@ from workbench import load_body
 from workbench.bodies.triangles import TriangleBody, blend_scape
 from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.registration.coregistration import Fitted
-from workbench.registration.coregistration.triangle_plan import TrianglePlan
 from workbench.registration.coregistration.triangle_steps import learned_bends
-from workbench.registration.coregistration.triangles import TriangleCoregistration
+from workbench.registration.coregistration.triangles import TriangleCoregistration, TrianglePlan
 from workbench.studies.coregistration.scans import START, Apart, ScannedSet, errors, scanned_set
 from workbench.training.executor import Execution, Executor, Processes
 

@@ -294,7 +294,7 @@ def test_damaged_scans_are_refused(tmp_path: Path) -> None:
 
 def test_bad_scan_arguments_are_refused(tmp_path: Path) -> None:
     path = saved(tmp_path / "scan.npy")
-    with pytest.raises(UnknownName, match="no unit is called 'feet'; there are cm, in, m, mm"):
+    with pytest.raises(UnknownName, match="no unit is called 'feet'; there are cm, cmu, in, m, mm"):
         read_scan(path, unit="feet")
     with pytest.raises(UnknownName, match="no axis is called 'w'"):
         read_scan(path, up="w")

@@ -26,6 +26,7 @@ from workbench.fitting.markers import SIGMA, marker_fit, marker_solver, rms_of_m
 from workbench.fitting.mosh import frames_that_place, pose_every_frame
 from workbench.fitting.setup import Setup
 from workbench.fitting.tracking import FRAMES, spread_frames
+from workbench.geometry.guesses import sizes_of
 from workbench.solvers import Solver
 from workbench.writing import write_arrays
 
@@ -80,7 +81,7 @@ def fit_markers(
     """
     if not isinstance(body, SkinnedBody):
         raise NotSupported(not_skinned(body, "a fit to markers", "take a SkinnedBody"))
-    recording = read_markers(file)
+    recording = read_markers(file, sizes=sizes_of(body.joint_names))
     worn, places, notes = matched(recording.labels, markers_worn.on(body))
     say_notes(console, (*recording.notes, *notes))
     markers, precision = recording.markers[:, list(places)], SIGMA if sigma is None else sigma

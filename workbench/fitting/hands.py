@@ -92,8 +92,8 @@ def hand_start(body: SkinnedBody, observed: ArrayLike) -> Values:
     palm = known & np.isin(HAND_POINTS, PALM)
     used = palm if palm.sum() > LEAST else known
     motion = procrustes(own[used], places[used])
-    begin = placed_hand(body, mean, motion.R, motion.t)
-    return begin | {OBSERVED: places, SEEN: seen}
+    pose, betas, _ = (mean[block.name] for block in body.blocks())
+    return mean | moved(body, motion.R, motion.t, pose, betas) | {OBSERVED: places, SEEN: seen}
 
 
 def hand_fit(
@@ -142,13 +142,6 @@ def mean_hand(body: Body) -> Values:
     """The mean pose of the prior, the mean shape, at the origin, the wrist not turned."""
     pose = np.concatenate([np.zeros((1, 3)), pose_gaussian(body)[0].reshape(-1, 3)])
     return body.start() | {body.blocks()[0].name: pose}
-
-
-def placed_hand(body: Body, hand: Values, R: Array, t: Array) -> Values:
-    """A hand whose wrist is not turned, moved as a whole by p -> R p + t."""
-    pose, _, trans = (block.name for block in body.blocks())
-    wrist = moved(body, R, t)
-    return hand | {pose: np.concatenate([wrist[pose][:1], hand[pose][1:]]), trans: wrist[trans]}
 
 
 def checked_hand(body: SkinnedBody) -> None:

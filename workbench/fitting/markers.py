@@ -26,10 +26,10 @@ from workbench.fitting.body_priors import pose_prior, shape_prior
 from workbench.fitting.doubts import of_markers
 from workbench.fitting.marker_sets import MARKERS, MarkerSet
 from workbench.fitting.observations import BadObservation
+from workbench.fitting.placing import moved
 from workbench.fitting.setup import Measure, Setup
 from workbench.fitting.tracking import Tracker
 from workbench.geometry.rigid import procrustes
-from workbench.geometry.rotation import vector_from_matrix
 from workbench.geometry.solids import vertex_normals
 from workbench.problem import Problem, sequence
 from workbench.residuals import Residual, gaussian, landmarks
@@ -243,21 +243,15 @@ def placed_rigidly(body: SkinnedBody, observed: Array, first: Values) -> Values:
 
     It is Procrustes' method, for the markers of the trunk where four of them are seen.
     """
-    pose, betas, trans = (block.name for block in body.blocks())
+    pose, betas, _ = (block.name for block in body.blocks())
     posed = np.concatenate([np.zeros((1, 3)), first[pose][1:]])
     expected = body.landmark(MARKERS, posed, first[betas], offsets=first["offsets"])
-    pelvis = body.joints(betas=first[betas])[0]
     seen: Mask = np.asarray(np.isfinite(observed).all(axis=1))
     leader = np.asarray(body.landmarks[MARKERS].regressor @ body.weights).argmax(axis=1)
     trunk = seen & np.isin(np.array(body.joint_names)[leader], TRUNK)
     used = trunk if trunk.sum() >= LEAST else seen
     motion = procrustes(expected[used], observed[used])
-    turn = vector_from_matrix(motion.R)
-    return {
-        **first,
-        pose: np.concatenate([turn[None], posed[1:]]),
-        trans: motion.t + motion.R @ pelvis - pelvis,
-    }
+    return first | moved(body, motion.R, motion.t, posed, first[betas])
 
 
 def marker_errors(body: SkinnedBody, observed: Array, values: Values) -> Array:

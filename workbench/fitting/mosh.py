@@ -32,7 +32,7 @@ from workbench.fitting.observations import BadObservation
 from workbench.fitting.setup import Setup
 from workbench.fitting.tracking import FRAMES, spread_frames
 from workbench.motions import Motion
-from workbench.motions.gaps import without_gaps
+from workbench.motions.motion import without_gaps
 from workbench.residuals.kernels import Kernel, quadratic
 from workbench.solvers.solution import Solution, Solver
 

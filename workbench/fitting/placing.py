@@ -116,15 +116,17 @@ def placed(body: Body, observed: Array) -> Values:
     return moved(body, motion.R, motion.t)
 
 
-def moved(body: Body, R: Array, t: Array) -> Values:
-    """Pose and trans of the rest body moved as a whole by p -> R p + t; the root turns about its
-    own joint.
+def moved(
+    body: Body, R: Array, t: Array, pose: Array | None = None, betas: Array | None = None
+) -> Values:
+    """Pose and trans of a body that was moved as a whole by p -> R p + t; the root turns about its
+    own joint. Before, it has `pose` (K, 3) rad, the bind pose if there is none, and trans zero.
     """
-    pose, _, trans = body.blocks()
-    root = body.joints()[0]
-    turned = body.bind_pose.copy()
+    turned = (body.bind_pose if pose is None else pose).copy()
     turned[0] = vector_from_matrix(R @ matrix_from_vector(turned[0]))
-    return {pose.name: turned, trans.name: R @ root + t - root}
+    root = body.joints(betas=betas)[0]
+    names = [block.name for block in body.blocks()]
+    return {names[0]: turned, names[2]: R @ root + t - root}
 
 
 FAR = 0.25  # m, at the depth of the body: how far a regressed body may be from a keypoint

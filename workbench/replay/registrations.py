@@ -5,7 +5,7 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.geometry.surface_tree import SurfaceTree
 from workbench.registration import Registration
-from workbench.registration.support import FACING, NEAR
+from workbench.registration.doubts import FACING, NEAR
 from workbench.replay.assembling import recording
 from workbench.replay.observations import spread
 from workbench.replay.packing import packed

@@ -16,8 +16,12 @@ from workbench.plots.distances import line_up_coloured
 from workbench.plots.figure import drawn as figure_of
 from workbench.plots.joint_cost import caption_joint_cost, plot_joint_cost
 from workbench.registration.coregistration import Coregistration, State
-from workbench.registration.coregistration.folder import BODY, RegisteredScans
-from workbench.registration.coregistration.measures import beyond_betas, distances
+from workbench.registration.coregistration.folder import (
+    BODY,
+    RegisteredScans,
+    beyond_betas,
+    distances,
+)
 from workbench.reports.figures import Shown, plotted, shown
 from workbench.reports.folder import SUMMARY, summary_text
 from workbench.reports.page import page

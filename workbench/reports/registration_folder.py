@@ -10,7 +10,7 @@ from workbench.bodies.body import Body
 from workbench.bodies.files.saving import save_body
 from workbench.comparison.identity import code_version, digest, file_digest
 from workbench.registration import FailedScan, Reading, Recipe, RegisteredScan, ScanJob
-from workbench.registration.body_size import HEIGHT, LENGTH
+from workbench.registration.registering import HEIGHT, LENGTH
 from workbench.reports.entries import Entry, csv_text, kept_entry
 from workbench.reports.folder import SUMMARY, own_folder, summary_text
 from workbench.reports.page import page

@@ -10,8 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from workbench.arrays import Array, Index
 from workbench.errors import BadArgument, BadFile, cut, listed, some
-from workbench.fitting.scan_units import UNITS, unit_of
-from workbench.fitting.scan_up import up_axis
 from workbench.fitting.scans.cleaning import cleaned, isolated, points_are
 from workbench.fitting.scans.scan import BadScan, Contents, Scan
 from workbench.fitting.scans.surface import (
@@ -22,11 +20,12 @@ from workbench.fitting.scans.surface import (
     normals_of_faces,
     normals_of_neighbours,
     outline,
+    principal_axes,
     towards,
     units,
 )
 from workbench.geometry.gltf import parse_glb
-from workbench.geometry.guesses import UP_TO_Y
+from workbench.geometry.guesses import PERSON, UNITS, UP_TO_Y, Sizes, extents, unit_of, up_of
 from workbench.geometry.meshes import READERS as MESHES
 from workbench.geometry.meshes import parse_ply_and_normals, parsed_mesh
 from workbench.geometry.point_clouds import parse_pcd, parse_xyz
@@ -323,12 +322,14 @@ def read_scan(
     name: str | None = None,
     camera_position: ArrayLike | None = None,
     most: int = MOST,
+    sizes: Sizes = PERSON,
 ) -> ReadScan:
     """Read a scan of a person or of a part of one from a file, with or without faces.
 
     Formats are .ply, .pcd, .obj, .off, .stl, .glb, .npz, .npy, and .xyz, .txt or .csv with x y z
     and perhaps nx ny nz in each line. `unit` (m, cm, mm, in) and `up` (x, y, z, -x, -y, -z) are
-    guessed if they are not given: see `unit_of` and `up_axis`. `name` is the array of points in an
+    guessed if they are not given: see `unit_of` and `up_of`; `sizes` says how long what was scanned
+    usually is. `name` is the array of points in an
     .npz file. `camera_position` (3,), in the file's own unit and axes, is from where all points
     were seen. An .npz file may hold it, and so may a .pcd file, as its viewpoint; there 0 0 0 is
     what programs write that do not know it, and is not taken. Of a cloud of more than `most` points
@@ -346,8 +347,8 @@ def read_scan(
     if camera_position is not None:
         contents = replace(contents, camera_position=_place(camera_position))
     try:
-        return _read(contents, path.suffix.lower(), unit, up, most)
-    except BadScan as error:
+        return _read(contents, path.suffix.lower(), unit, up, most, sizes)
+    except (BadScan, BadFile) as error:
         raise BadScan(f"cannot use the scan {path}: {cut(error, 500)}") from error
     except MemoryError as error:
         raise BadFile(
@@ -355,7 +356,9 @@ def read_scan(
         ) from error
 
 
-def _read(contents: Contents, suffix: str, unit: str | None, up: str | None, most: int) -> ReadScan:
+def _read(
+    contents: Contents, suffix: str, unit: str | None, up: str | None, most: int, sizes: Sizes
+) -> ReadScan:
     contents = cleaned(contents, most)
     cells = outline(contents.points)
     if len(cells) < FEWEST_PLACES:
@@ -364,9 +367,10 @@ def _read(contents: Contents, suffix: str, unit: str | None, up: str | None, mos
             "of the same thing; remove what is far away"
         )
     metres, axis = DECLARED.get(suffix, (None, None))
-    unit, of_unit = unit_of(cells, unit, metres)
+    size = float(extents(cells @ principal_axes(cells).T).max())
+    unit, of_unit = unit_of(size, unit, metres, sizes=sizes)
     scale = UNITS[unit]
-    up, of_up = up_axis(cells * scale, up, axis)
+    up, of_up = up_of(cells * scale, up, axis, axes="xyz", what="the scan")
     turn = UP_TO_Y[up]
     camera = contents.camera_position
     if camera is not None and not np.isfinite(camera).all():

@@ -21,7 +21,6 @@ LOOKED_AT = 200_000  # points that are looked at
 OUTLINE_CELLS = 50  # cells along the longest side of the scan
 SHARE = 0.1  # of the points of a usual cell: one with fewer is clutter
 INNER = (1.0, 99.0)  # percentiles between which the scan's own size is looked for
-TRIM = (0.2, 99.8)  # percentiles of cells, between which an extent is measured
 SEED = 0
 
 
@@ -59,12 +58,6 @@ def means_of_cells(points: Array, along: int) -> tuple[Array, Index, Index]:
     )
     sums = np.stack([np.bincount(cell, inside[:, axis]) for axis in range(3)], axis=1)
     return np.asarray(sums / counts[:, None]), cell, counts
-
-
-def extents(cells: Array, axes: Array) -> Array:
-    """How far an outline (C, 3) extends along each of the axes (3, 3), which are rows: (3,)."""
-    low, high = np.percentile(cells @ axes.T, TRIM, axis=0)
-    return np.asarray(high - low)
 
 
 def principal_axes(cells: Array) -> Array:

@@ -11,9 +11,8 @@ from workbench.arrays import Array, Index
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body_mass import body_mass_index
 from workbench.errors import BadArgument
-from workbench.motions.accelerations import MovingFrames
 from workbench.motions.soft_tissue import SoftTissue, free_run
-from workbench.motions.tissue_inputs import tissue_inputs
+from workbench.motions.tissue_inputs import MovingFrames, tissue_inputs
 from workbench.training.soft_tissue.identification import OneStep, TissueClip, stabilized
 
 MOST_POWERS, CLOSE = 10, 0.02  # of the gain: how often it is improved, and when it stays
@@ -67,8 +66,7 @@ def train_tissue(
     part = soft_parts(body, clips, plan.parts, plan.seed)
     progress(f"{len(clips)} clips, {frames} frames, {part.max() + 1} soft parts")
     inputs = [
-        tissue_inputs(MovingFrames.of(body, clip.motion), part, plan.n_betas).values
-        for clip in clips
+        tissue_inputs(MovingFrames.of(body, clip.motion), part, plan.n_betas) for clip in clips
     ]
     index = np.log([body_mass_index(body, clip.motion.betas) for clip in clips])
     index -= np.log(body_mass_index(body))
@@ -92,7 +90,7 @@ def one_step_of(tissue: SoftTissue, body: SkinnedBody, clips: Sequence[TissueCli
         frames = MovingFrames.of(body, clip.motion)
         gain = tissue.gain(body, clip.motion.betas)
         phi = coefficients_of(tissue.directions, clip.displacements) / gain
-        pairs.append((phi, tissue_inputs(frames, tissue.part, tissue.n_betas).values))
+        pairs.append((phi, tissue_inputs(frames, tissue.part, tissue.n_betas)))
     return OneStep.of(pairs)
 
 

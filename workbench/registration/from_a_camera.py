@@ -1,9 +1,10 @@
-"""Where to begin the fit of a body to what one camera saw of it."""
+"""Scans that one camera took: space that it saw to be empty, and starts like what it saw."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
 from workbench.blocks import Values
@@ -13,10 +14,59 @@ from workbench.fitting.scans.scan import Scan
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.geometry.solids import face_vectors, sums_over_faces
 from workbench.priors.poses import draw_poses, shipped_mixture
-from workbench.registration.empty_space import EmptySpace
 from workbench.registration.limbs import limb_poses
-from workbench.registration.scan_starts import STRAY, WHOLE
-from workbench.residuals.scans import Shadow
+from workbench.registration.starts import STRAY, WHOLE
+from workbench.residuals import Residual, free_space, geman_mcclure, scaled
+from workbench.residuals.scans import BESIDE, Shadow
+
+KEPT_OUT = 300  # vertices of the body, drawn at random, that are kept out of empty space
+DEEP = 0.03  # m: as far into empty space a vertex gets without being wrong, at least
+WIDER = 3.0  # times the sigma of a stage: the same, if that is more
+REACH = 0.2  # m: the scale of the robust kernel; a limb in empty space has a long way back
+BEHIND = 0.02  # of the points of a scan may be behind a camera that looks at their middle
+
+
+def empty_space(body: Body, scan: Scan, camera: ArrayLike, sigma: float) -> Residual:
+    """How far vertices stand in space that a camera at `camera` (3,) m saw to be empty.
+
+    `sigma` is that of the stage in m: one that is coarse in its distances is as coarse in this. Of
+    a scan that shows only a part of the body (see `shows_all`), what is beside counts as out of
+    view. The lengths suit a whole person.
+    """
+    order = np.random.default_rng(0).permutation(body.n_vertices)
+    sigma = max(WIDER * sigma, DEEP)
+    return free_space(
+        body.points(*(block.symbol for block in body.blocks()), vertices=np.sort(order[:KEPT_OUT])),
+        scan.points,
+        camera,
+        sigma=sigma,
+        kernel=scaled(geman_mcclure, REACH / sigma),
+        within=np.inf if shows_all(body, scan) else BESIDE,
+        name="empty space",
+    )
+
+
+def shows_all(body: Body, scan: Scan) -> bool:
+    """Whether a scan is at least 0.6 times as high as the body, as `scan_starts` asks for too.
+
+    A lower one may have been cut off, so that nothing is known of what is beyond its points.
+    """
+    low, high = np.quantile(scan.points[:, 1], [STRAY, 1 - STRAY])
+    return bool(high - low > WHOLE * np.ptp(body.template[:, 1]))
+
+
+def sees(camera: ArrayLike, points: Array) -> bool:
+    """Whether one look from `camera` (3,) m can have all but 2 % of points (M, 3) m before it.
+
+    A camera that stands among the points cannot have taken them.
+    """
+    rays = points - np.asarray(camera, dtype=float)
+    far = np.linalg.norm(rays, axis=1)
+    if not (far > 0).all():
+        return False
+    unit = rays / far[:, None]
+    return bool(np.mean(unit @ np.median(unit, axis=0) <= 0) <= BEHIND)
+
 
 DRAWS = 72  # poses of the prior that are tried beside those of the starts
 SAME_ROOT = 1e-6  # rad: root rotations that differ less are one
@@ -49,7 +99,6 @@ def seen_starts(
     camera: Array,
     starts: Sequence[Values],
     count: int,
-    empty: EmptySpace,
 ) -> tuple[Values, ...]:
     """The `count` starts that are most like the scan, the most alike first.
 
@@ -60,14 +109,14 @@ def seen_starts(
 
     With d the distance from a point of the scan to the nearest vertex that faces its way, and e
     that from a vertex to the shadow of the scan (see `residuals.free_space`), starts are compared
-    by the robust means, with the reach of `empty`,
+    by the robust means, with REACH,
 
         mean d^2 / (d^2 + reach^2) + EMPTY mean e^2 / (e^2 + reach^2).
     """
     pose, betas, trans = (block.name for block in body.blocks())
     roots = _different([start[pose][0] for start in starts])
     poses = [*_different([start[pose][1:] for start in starts]), *start_poses(body)]
-    look, shape = _Look.of(scan, camera, empty), starts[0][betas]
+    look, shape = _Look.of(scan, camera), starts[0][betas]
     vertices = np.linspace(0, body.n_vertices - 1, VERTICES).astype(int)
     turns = matrix_from_vector(np.array(roots))
     posed = np.stack([np.concatenate([np.zeros((1, 3)), other]) for other in poses])
@@ -102,7 +151,6 @@ class _Look:
         middle: (3,) m, the median of all.
         ends: the heights in m between which they are.
         way: (3,) the unit vector from the camera to the middle.
-        reach: in m, where a distance counts half of the most.
     """
 
     points: Array
@@ -111,21 +159,19 @@ class _Look:
     middle: Array
     ends: Array
     way: Array
-    reach: float
 
     @staticmethod
-    def of(scan: Scan, camera: Array, empty: EmptySpace) -> "_Look":
+    def of(scan: Scan, camera: Array) -> "_Look":
         """Of a scan that was taken from `camera` (3,) m."""
         some = np.random.default_rng(0).permutation(scan.n_points)[:POINTS]
         middle = np.median(scan.points, axis=0)
         return _Look(
             scan.points[some],
             None if scan.normals is None else scan.normals[some],
-            Shadow.of(scan.points, camera, empty.beside, empty.before),
+            Shadow.of(scan.points, camera),
             middle,
             np.quantile(scan.points[:, 1], [STRAY, 1 - STRAY]),
             (middle - camera) / np.linalg.norm(middle - camera),
-            empty.reach,
         )
 
     def place(self, vertices: Array, normals: Array) -> Array:
@@ -142,15 +188,16 @@ class _Look:
         squares -= 2 * self.points @ vertices.T
         if self.normals is not None:
             squares[self.normals @ normals.T < FACING] = np.inf
-        return self._share(np.maximum(squares.min(axis=1), 0.0))
+        return _share(np.maximum(squares.min(axis=1), 0.0))
 
     def outside(self, vertices: Array) -> float:
         """How much of a body (n, 3) m is in space that was seen to be empty, from 0 to 1."""
-        return self._share(self.shadow.distances(vertices).numbers.ravel() ** 2)
+        return _share(self.shadow.distances(vertices).numbers.ravel() ** 2)
 
-    def _share(self, squares: Array) -> float:
-        """The mean of what is 1/2 at the square of the reach, and 1 for infinity."""
-        return float(np.mean(1 - self.reach**2 / (squares + self.reach**2)))
+
+def _share(squares: Array) -> float:
+    """The mean of what is 1/2 at the square of REACH, and 1 for infinity."""
+    return float(np.mean(1 - REACH**2 / (squares + REACH**2)))
 
 
 def _different(arrays: Sequence[Array]) -> list[Array]:

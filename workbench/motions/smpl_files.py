@@ -5,7 +5,7 @@ Mahmood, Ghorbani, Troje, Pons-Moll and Black, AMASS: Archive of Motion Capture 
 has `mocap_frame_rate`, and the parts of a pose beside the whole.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,11 +17,9 @@ from workbench.arrays import Array
 from workbench.bodies.body import Body
 from workbench.bodies.files.joint_names import BODY, HANDS, family, joint_names
 from workbench.errors import BadArgument, BadFile, some
-from workbench.geometry.guesses import UP_TO_Y
+from workbench.geometry.guesses import UP_TO_Y, check_given
 from workbench.motions.bones import Bones
-from workbench.motions.gaps import without_gaps
-from workbench.motions.guesses import check_given
-from workbench.motions.motion import Motion
+from workbench.motions.motion import Motion, without_gaps
 from workbench.reading.arrays import (
     Archive,
     Expected,
@@ -83,16 +81,15 @@ def read_amass(
     with opened(path, "motion", INSTEAD) as archive:
         arrays = read_expected(archive, _expected(archive))
         for name in ("poses", "trans", "betas", "expression", *PARTS):
-            given = arrays.get(name)
-            if (
-                given is not None
-                and given.size
-                and not np.nanmax(np.abs(given), initial=0) < LARGEST
-            ):
+            if name in arrays and np.nanmax(np.abs(arrays[name]), initial=0) >= LARGEST:
                 raise BadFile(f"{name} holds numbers beyond {LARGEST:g}, which are no motion")
         pose, names = _pose(arrays)
-        notes = [_said_of(archive, arrays, names)]
-        unread = {*archive.headers} - {*arrays, "gender"}
+        gender, read = _gender(archive)
+        notes = []
+        if "joint_names" not in arrays:
+            of = f" of the gender {some([gender])}" if gender else ""
+            notes.append(f"made for {family(len(names))}{of}")
+        unread = {*archive.headers} - {*arrays, *read}
         if others := [*sorted(unread), *archive.others]:
             notes.append(f"not read are {some(others)}")
         rate = _rate(arrays) if fps is None else fps
@@ -110,11 +107,12 @@ def read_amass(
                 _bones(arrays),
                 str(arrays.get("origin", Path(path).name)) or Path(path).name,
                 (*map(str, arrays.get("notes", ())), *filled),
+                gender,
             )
         except BadArgument as error:
             raise BadFile(str(error)) from error
     declared = str(arrays["up_axis"]) if "up_axis" in arrays else None
-    return _upright(motion, up, declared, body, [text for text in notes if text])
+    return _upright(motion, up, declared, body, notes)
 
 
 def _expected(archive: Archive) -> dict[str, Expected]:
@@ -169,17 +167,13 @@ def _pose(arrays: Mapping[str, NDArray[Any]]) -> tuple[Array, tuple[str, ...]]:
     return pose, names
 
 
-def _said_of(archive: Archive, arrays: Mapping[str, NDArray[Any]], names: Iterable[str]) -> str:
-    """Which model and which gender the motion was made for, as far as the file says."""
-    if "joint_names" in arrays:
-        return ""
+def _gender(archive: Archive) -> tuple[str, tuple[str, ...]]:
+    """The gender as the file says it, and the entries that were read for it."""
     header = archive.headers.get("gender")
-    gender = ""
-    if header is not None and header.dtype.kind in "US" and header.count == 1:
-        raw = archive.array("gender").reshape(-1)[0]
-        gender = raw.decode("ascii", "replace") if isinstance(raw, bytes) else str(raw)
-    model = family(len(tuple(names)))
-    return f"made for {model}" + (f" of the gender {some([gender])}" if gender else "")
+    if header is None or header.dtype.kind not in "US" or header.count != 1:
+        return "", ()
+    raw = archive.array("gender").reshape(-1)[0]
+    return raw.decode("ascii", "replace") if isinstance(raw, bytes) else str(raw), ("gender",)
 
 
 def _rate(arrays: Mapping[str, NDArray[Any]]) -> float:
@@ -256,7 +250,7 @@ def save_motion(path: str | Path, motion: Motion) -> None:
         "trans": motion.trans,
         "betas": motion.betas,
         "mocap_framerate": np.array(motion.fps),
-        "gender": np.array("neutral"),
+        "gender": np.array(motion.gender or "neutral"),
         "joint_names": np.array(motion.joint_names),
         "up_axis": np.array("y"),
         "origin": np.array(motion.origin),

@@ -1,16 +1,31 @@
-"""Where to begin the fit of a body to a scan without labels: which way it faces, how its arms hang,
-and where it stands.
-"""
+"""Where to begin the fit of a body to a scan without labels, and which way a body faces."""
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.bodies.body import Body
 from workbench.bodies.forward.posing import local_rotations, world_rotations
+from workbench.bodies.pose_space import has_pose_space, pose_space
 from workbench.errors import BadArgument
+from workbench.fitting.hands import mean_hand
+from workbench.fitting.placing import moved
 from workbench.fitting.scans.scan import BadScan, Scan
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
+
+
+def facing(root: Array, bind: Array) -> Array:
+    """The horizontal unit vector (3,) along which a body faces whose root is turned by `root`
+    (3,) rad, and which faces +z in the bind pose, where the root is turned by `bind` (3,) rad.
+
+    A body that lies on its back or its front faces up or down: that vector is returned then.
+    """
+    forward = (matrix_from_vector(root) @ matrix_from_vector(bind).T)[:, 2]
+    level = forward * [1.0, 0.0, 1.0]
+    length = float(np.linalg.norm(level))
+    return np.asarray(level / length if length > 0 else forward)
+
 
 YAWS = 8
 ARMS = (1.3, 0.7, 0.1)  # rad below the horizontal: hanging down, half raised, and spread
@@ -98,3 +113,41 @@ def check_size(body: Body, scan: Scan) -> None:
             f"the scan is {size:.3g} m in size, and the body {height:.3g} m; points are expected "
             "in metres, and of one person (millimetres look 1000 times too large)"
         )
+
+
+CLOSED = (0.0, 1.5)  # standard deviations of the first component, which closes the hand
+
+
+def hand_starts(body: Body, scan: Scan) -> tuple[Values, ...]:
+    """Values of pose, betas and trans for 24 ways in which a hand may be turned, and some poses.
+
+    A hand has no side that is usually up. Centres and principal axes of hand and scan are brought
+    together, by each of the 24 rotations that take a cube to itself, because the longest axis of
+    one need not be that of the other. The poses are the mean one and, of a hand with a pose space,
+    one that is closed.
+
+    Raises BadScan for a scan of fewer than 20 points, or one that is more than five times as large
+    as the hand, or less than a tenth.
+    """
+    check_size(body, scan)
+    hands, (pose, betas, _) = [mean_hand(body)], (block.name for block in body.blocks())
+    if has_pose_space(body):
+        space = pose_space(body, 1)
+        bent = [space.poses(body, np.atleast_1d(x * space.deviations)) for x in CLOSED]
+        hands = [hands[0] | {pose: one} for one in bent]
+    middle, axes = _frame(scan.points)
+    found = []
+    for hand in hands:
+        own, own_axes = _frame(body.vertices(hand[pose]))
+        for turn in Rotation.create_group("O").as_matrix():
+            R = axes @ turn @ own_axes.T
+            found.append(hand | moved(body, R, middle - R @ own, hand[pose], hand[betas]))
+    return tuple(found)
+
+
+def _frame(points: Array) -> tuple[Array, Array]:
+    """The centre (3,) of points (N, 3), and their principal axes as columns of a rotation."""
+    middle = points.mean(axis=0)
+    axes = np.linalg.svd(points - middle, full_matrices=False)[2].T
+    axes[:, 2] *= np.sign(np.linalg.det(axes))
+    return middle, axes
