@@ -143,6 +143,11 @@ def rms(name: str, differences: Array, unit: str = "mm") -> Measure:
     return Measure(f"{name}, rms", float(np.sqrt(np.mean(differences**2))), unit)
 
 
+def largest_beta(betas: Array) -> Measure:
+    """The coefficient of the shape that is farthest from the mean person's, as a measure."""
+    return Measure("largest |beta|", float(np.max(np.abs(betas), initial=0.0)), "sd")
+
+
 @dataclass(frozen=True, eq=False)
 class View:
     """One camera and the landmarks that it observed.
@@ -242,13 +247,21 @@ class Setup:
     gauges: tuple[Gauge, ...] = ()
 
     def __post_init__(self) -> None:
-        expect("problem", self.problem, Problem, "a Problem")
-        expect("start", self.start, Mapping, "a dict of arrays by the names of blocks")
-        kinds = SkinnedBody, TriangleBody, NoneType
-        expect("body", self.body, kinds, "a SkinnedBody, a TriangleBody or None")
-        expect("question", self.question, str, "a text")
-        expect("known", self.known, (KnownAnswer, NoneType), "a KnownAnswer or None")
-        expect("views", self.views, (tuple, list), "several Views")
+        bodies = SkinnedBody, TriangleBody, NoneType
+        for name, kind, wanted in (
+            ("problem", Problem, "a Problem"),
+            ("start", Mapping, "a dict of arrays by the names of blocks"),
+            ("body", bodies, "a SkinnedBody, a TriangleBody or None"),
+            ("question", str, "a text"),
+            ("known", (KnownAnswer, NoneType), "a KnownAnswer or None"),
+            ("views", (tuple, list), "several Views"),
+            ("compared", (Iterable, Residual), "names of solvers"),
+            ("priors", (Iterable, Residual), "names of residuals"),
+            ("synthetic", str, "a text"),
+            ("candidates", Mapping, "a dict of residuals by name"),
+            ("made_of", (Mapping, NoneType), "a dict of arrays by block, or None"),
+        ):
+            expect(name, getattr(self, name), kind, wanted)
         for view in self.views:
             expect("views", view, View, "several Views")
         shape = None if self.body is None else self.body.template.shape
@@ -257,17 +270,11 @@ class Setup:
                 f"`truth` of a setup must have the shape {shape} of the body's vertices, not "
                 f"{np.shape(self.truth)}"
             )
-        for name, known, kind in (
-            ("compared", SOLVERS, "solver"),
-            ("priors", self.problem.rows, "residual"),
-        ):
-            expect(name, getattr(self, name), (Iterable, Residual), f"names of {kind}s")
-            several = names(getattr(self, name))
-            object.__setattr__(self, name, several)  # a single text is one name
-            for one in several:
-                check_known(kind, one, known)
-        object.__setattr__(self, "notes", names(self.notes))
-        expect("synthetic", self.synthetic, str, "a text")
+        for name in ("compared", "priors", "notes"):  # a single text is one name
+            object.__setattr__(self, name, names(getattr(self, name)))
+        for solver in self.compared:
+            check_known("solver", solver, SOLVERS)
+        self.problem.rows_named(self.priors)
         if not (self.strategy is None or callable(self.strategy)):
             raise BadSetup(
                 "`strategy` of a setup must be a function that makes a solver out of a solver or "
@@ -276,10 +283,8 @@ class Setup:
         self.problem.split(self.start)
         if self.known is not None:
             self.known.check(self.problem)
-        found = (self.gauges,) if isinstance(self.gauges, Gauge) else self.gauges
-        object.__setattr__(self, "gauges", checks.several("`gauges`", found, Gauge, BadSetup))
-        expect("candidates", self.candidates, Mapping, "a dict of residuals by name")
-        expect("made_of", self.made_of, (Mapping, NoneType), "a dict of arrays by block, or None")
+        gauges = (self.gauges,) if isinstance(self.gauges, Gauge) else self.gauges
+        object.__setattr__(self, "gauges", checks.several("`gauges`", gauges, Gauge, BadSetup))
         if self.made_of is not None:
             self.problem.free.pack(dict(self.start) | dict(self.made_of))
 
