@@ -24,7 +24,6 @@ from workbench.cli.video import fit_video
 from workbench.environment import expanded
 from workbench.errors import BadArgument, BadFile
 from workbench.experiments import Experiment
-from workbench.fitting.compared_solvers import MANY
 from workbench.fitting.files.clips import read_clip
 from workbench.fitting.images import ByHeight, image_fit
 from workbench.fitting.jobs import ImageReading, ImageWork
@@ -32,7 +31,7 @@ from workbench.fitting.keypoints import as_marked, keypoint_fit
 from workbench.fitting.known_points import own_mesh
 from workbench.fitting.marker_files import READERS as MARKERS
 from workbench.fitting.marker_sets import OUT
-from workbench.fitting.setup import Setup
+from workbench.fitting.setup import MANY, Setup
 from workbench.geometry.meshes import READERS, WITH_VERTEX_ORDER
 from workbench.solvers import DEFAULT, SOLVERS, LevenbergMarquardt, Solver
 

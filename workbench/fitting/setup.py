@@ -110,6 +110,14 @@ def digits(found: Mapping[str, ArrayLike], certified: Mapping[str, ArrayLike]) -
     return max(0.0, float(fewest))
 
 
+SECOND_ORDER = ("trust-region", "gauss-newton", "levenberg-marquardt", "ipopt")
+LARGE = (*SECOND_ORDER, "nlopt-lbfgs")  # also of problems whose exact Hessian takes long
+GRADED = (*SECOND_ORDER, "ipopt-exact", "nlopt-lbfgs")
+MANY = (*GRADED, "nlopt-tnewton", "nlopt-slsqp")
+BOUNDED = ("ipopt", "ipopt-exact", "nlopt-lbfgs", "nlopt-slsqp")
+"""Which solvers a setup may compare, by their names in `SOLVERS`."""
+
+
 def names(given: str | Residual | Iterable[str | Residual]) -> tuple[str, ...]:
     """The given names as a tuple, also if a single one is given; a residual stands for its name."""
     several = (given,) if isinstance(given, str | Residual) else tuple(given)
