@@ -340,7 +340,7 @@ def other_minima(
 
     On each side of the minimum there are two starts: at three standard deviations along the
     direction, but at most 1.5 characteristic scales, and at half this distance. `progress` is told
-    how many fits are done, and of how many. Minima that lie in no such direction are not found. Raises
+    how many fits are done, and of how many. Minima in no such direction are not found. Raises
     BadArgument for no directions.
 
     >>> import casadi, workbench as wb
