@@ -46,13 +46,6 @@ class People:
     landmarks: Array
 
 
-def draw_people(
-    body: Body, prior: PoseGaussian | PoseMixture, n: int, rng: np.random.Generator
-) -> People:
-    """People in poses of a prior with betas of the standard normal distribution."""
-    return people_in(body, draw_poses(prior, n, rng), rng)
-
-
 def people_in(body: Body, poses: Array, rng: np.random.Generator) -> People:
     """People in given poses (N, K, 3) rad with betas of the standard normal distribution."""
     betas = rng.standard_normal((len(poses), body.n_betas))
@@ -139,7 +132,9 @@ def train_pose_regressor(
             "regressor is trained with a body of SMPL's 24 joints, such as `default`"
         )
     rng = np.random.default_rng(seed)
-    return trained(body, draw_people(body, prior, n, rng), passes, hidden, rng, progress)
+    return trained(
+        body, people_in(body, draw_poses(prior, n, rng), rng), passes, hidden, rng, progress
+    )
 
 
 def trained(

@@ -121,7 +121,7 @@ def _merged(contents: Contents) -> Contents:
 
 
 def _unique(rows: NDArray[Any]) -> tuple[Index, Index]:
-    """Where different rows (n, 3) are first, and which of these each is; faster than `np.unique`."""
+    """Where rows (n, 3) that differ are first, and which each is; faster than `np.unique`."""
     order = np.lexsort(rows.T)
     fresh = np.ones(len(rows), dtype=bool)
     fresh[1:] = (np.diff(rows[order], axis=0) != 0).any(axis=1)
