@@ -31,6 +31,10 @@ from workbench.geometry.solids import ray_crossings
 from workbench.residuals import Residual, keypoints, landmarks
 
 THICK = 0.15  # m of the body in front of a landmark: a joint is hardly ever as deep under the skin
+AROUND = tuple(range(0, 360, 30))  # degrees
+UP = (0, 30, 60)  # degrees
+PREFIX = "candidate/"  # of the blocks of a camera that could be put up
+OWN = "own"
 
 
 def hidden_landmarks(body: SkinnedBody, name: str, values: Values, eye: Array) -> Mask:
@@ -44,11 +48,6 @@ def hidden_landmarks(body: SkinnedBody, name: str, values: Values, eye: Array) -
     points, skin = body.landmark(name, *at), body.vertices(*at)
     exits, inside = ray_crossings(eye, points, skin, body.faces)
     return np.asarray((exits > 0) | (inside > THICK))
-
-
-AROUND = tuple(range(0, 360, 30))  # degrees
-UP = (0, 30, 60)  # degrees
-PREFIX = "candidate/"  # of the blocks of a camera that could be put up
 
 
 def looking_at(centre: ArrayLike, around: float, up: float, distance: float) -> tuple[Array, Array]:
@@ -209,7 +208,6 @@ def _keypoints(body: Body, camera: Camera, confidence: cs.MX | Array, sigma: flo
     return keypoints(points, camera, origin, confidence, sigma=sigma, name="keypoints")
 
 
-OWN = "own"
 Candidates = Callable[[Setup, Values], Given]
 
 

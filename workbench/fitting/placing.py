@@ -16,6 +16,13 @@ from workbench.geometry.rigid import procrustes
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 
 TORSO = ("left_shoulder", "right_shoulder", "left_hip", "right_hip")
+FAR = 0.25  # m, at the depth of the body: how far a regressed body may be from a keypoint
+SUBSETS, LEFT_OUT = 64, 0.35  # how many subsets of keypoints, and the share that is left out
+ROUNDS = 2  # of regressing without the keypoints that disagree
+REWEIGHTED = 6  # times, when a body is placed
+NEAREST = 0.1  # m, the depth of a body in front of the camera
+MOST = 8  # directions in which a body may face
+TURNS = (0, 4, 2, 6, 1, 3, 5, 7)  # eighths of a turn: the other way, and then far from both first
 
 
 def place_body(body: Body, views: Sequence[View], values: Values) -> Values:
@@ -128,13 +135,6 @@ def moved(
     return {names[0]: turned, names[2]: R @ root + t - root}
 
 
-FAR = 0.25  # m, at the depth of the body: how far a regressed body may be from a keypoint
-SUBSETS, LEFT_OUT = 64, 0.35  # how many subsets of keypoints, and the share that is left out
-ROUNDS = 2  # of regressing without the keypoints that disagree
-REWEIGHTED = 6  # times, when a body is placed
-NEAREST = 0.1  # m, the depth of a body in front of the camera
-
-
 def regressed_start(regressor: PoseRegressor, body: Body, view: View, values: Values) -> Values:
     """Pose, betas (zero) and trans of a body that one camera observed.
 
@@ -239,10 +239,6 @@ def _subsets(known: Mask) -> Mask:
     count = int(known.sum())
     kept = max(FEWEST, count - round(LEFT_OUT * count))
     return np.asarray((order < kept) & known)
-
-
-MOST = 8  # directions in which a body may face
-TURNS = (0, 4, 2, 6, 1, 3, 5, 7)  # eighths of a turn: the other way, and then far from both first
 
 
 def image_starts(body: Body, view: View, placed: Values, count: int) -> list[Values]:

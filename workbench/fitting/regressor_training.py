@@ -32,6 +32,12 @@ LIMBS = tuple(
     )
 )
 
+HIDDEN = (256, 256)
+PEOPLE, PASSES = 20_000, 60
+RATE = 2e-3  # of Adam's method (Kingma and Ba 2015)
+AVERAGED = 0.3  # of the passes, the last ones, whose weights are averaged
+LEAST_SCALE = 0.03  # m per rad: joints that move no landmark are learned a little as well
+
 
 @dataclass(frozen=True, eq=False)
 class People:
@@ -94,13 +100,6 @@ def draw_views(
     missing |= feet & (rng.random((n, 1)) < 0.5)
     missing &= (~missing).sum(axis=1, keepdims=True) >= 4
     return rays, (~missing).astype(float)
-
-
-HIDDEN = (256, 256)
-PEOPLE, PASSES = 20_000, 60
-RATE = 2e-3  # of Adam's method (Kingma and Ba 2015)
-AVERAGED = 0.3  # of the passes, the last ones, whose weights are averaged
-LEAST_SCALE = 0.03  # m per rad: joints that move no landmark are learned a little as well
 
 
 def train_pose_regressor(

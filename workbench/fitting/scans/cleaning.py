@@ -13,7 +13,7 @@ from workbench.fitting.scans.scan import BadScan, Contents, drawn
 LARGEST = 1e9  # in the file's unit: farther out is no coordinate but damage
 FEWEST = 100  # points
 FAR = 20.0  # times the size of the scan from its middle: what cannot belong to it
-ISOLATED = 10.0  # times the usual distance from the nearest neighbour
+BESIDE = 10.0  # times the usual distance from the nearest neighbour
 
 
 def cleaned(contents: Contents, most: int) -> Contents:
@@ -64,10 +64,10 @@ def cleaned(contents: Contents, most: int) -> Contents:
     return contents
 
 
-def isolated(points: Array) -> Mask:
+def far_points(points: Array) -> Mask:
     """Which points (M, 3) have no other within ten times the usual distance: (M,)."""
     distances = np.asarray(cKDTree(points).query(points, k=2)[0])[:, 1]
-    return np.asarray(distances > ISOLATED * np.median(distances), dtype=np.bool_)
+    return np.asarray(distances > BESIDE * np.median(distances), dtype=np.bool_)
 
 
 def points_are(count: int) -> str:

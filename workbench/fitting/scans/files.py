@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from workbench.arrays import Array, Index
 from workbench.errors import BadArgument, BadFile, cut, listed, some
-from workbench.fitting.scans.cleaning import cleaned, isolated, points_are
+from workbench.fitting.scans.cleaning import cleaned, far_points, points_are
 from workbench.fitting.scans.scan import BadScan, Contents, Scan
 from workbench.fitting.scans.surface import (
     areas_of_faces,
@@ -36,6 +36,12 @@ POINTS = ("points", "vertices", "xyz", "positions", "scan")
 NORMALS, FACES = ("normals", "vertex_normals"), ("faces", "triangles")
 CAMERA = ("camera_position", "camera_center")
 OTHERS = ("colors", "colours", "rgb", "directions")  # of the form of points, and none
+MOST_BYTES = 2**31  # of a file that is read as a whole
+UNIT = 0.05  # how far the length of a normal may be from one, for columns that nothing names
+ARRAYS = (".npz", ".npy")  # which are checked before anything is read
+FEWEST, MOST = 1_000, 500_000  # points of a cloud; a fit uses a tenth of them
+FEWEST_PLACES = 10  # cells that an outline fills; that of a person fills thousands
+DECLARED = {".glb": ("m", "y")}  # by glTF 2.0, section 3.4
 
 
 def chosen_arrays(archive: Archive, name: str | None) -> Contents:
@@ -90,10 +96,6 @@ def _points(headers: Mapping[str, Header], name: str | None) -> str:
 
 def _is_of_points(header: Header) -> bool:
     return header.dtype.kind in "iuf" and len(header.shape) == 2 and header.shape[1] == 3
-
-
-MOST_BYTES = 2**31  # of a file that is read as a whole
-UNIT = 0.05  # how far the length of a normal may be from one, for columns that nothing names
 
 
 def contents_of(path: Path, name: str | None = None) -> Contents:
@@ -184,7 +186,6 @@ def _npz(path: Path, name: str | None) -> Contents:
 
 
 Reader = Callable[[Path, str | None], Contents]
-ARRAYS = (".npz", ".npy")  # which are checked before anything is read
 READERS: dict[str, Reader] = {
     ".ply": _parser(_ply),
     ".obj": _mesh(MESHES[".obj"]),
@@ -247,11 +248,6 @@ def _with_faces_outwards(contents: Contents, faces: Index, camera: Array | None)
     turned = np.ascontiguousarray(faces[:, ::-1])
     note = f"the faces {why}, and are turned round"
     return replace(contents, faces=turned, notes=(*contents.notes, note))
-
-
-FEWEST, MOST = 1_000, 500_000  # points of a cloud; a fit uses a tenth of them
-FEWEST_PLACES = 10  # cells that an outline fills; that of a person fills thousands
-DECLARED = {".glb": ("m", "y")}  # by glTF 2.0, section 3.4
 
 
 @dataclass(frozen=True, eq=False)
@@ -360,7 +356,7 @@ def _weighted(contents: Contents, most: int) -> tuple[Scan, tuple[str, ...]]:
     """The scan with the area of each point, as a cloud if it has too many points; and notes."""
     points, normals, faces = contents.points, contents.normals, contents.faces
     if faces is None:
-        alone = int(isolated(points).sum())
+        alone = int(far_points(points).sum())
         note = f"{points_are(alone)} far from all neighbours, and may not belong to the scan"
         return Scan(points, normals, None, areas_of_neighbours(points)), (note,) if alone else ()
     weights = areas_of_faces(points, faces)
