@@ -42,8 +42,7 @@ from workbench.registration.coregistration import (
     Fitted,
     hard,
 )
-from workbench.registration.free_vertices import CLOSE
-from workbench.registration.scan_term import PATCH
+from workbench.registration.free_vertices import CLOSE, PATCH
 from workbench.residuals import Residual, geman_mcclure, model_to_scan, plane, scaled
 from workbench.training.blocks import BLOCKS, BlockInput
 from workbench.training.estimate import Estimate

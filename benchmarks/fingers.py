@@ -17,8 +17,7 @@ from workbench.bodies import SkinnedBody, pose_space
 from workbench.bodies.catalogue import load_skinned
 from workbench.experiments.balance import balance, observations
 from workbench.fitting import Setup
-from workbench.fitting.keypoint_problem import WITH_HANDS
-from workbench.fitting.keypoints import keypoint_fit
+from workbench.fitting.keypoints import WITH_HANDS, keypoint_fit
 from workbench.fitting.observations import Observations
 
 PLAIN, HANDS = "full", "full-hands"

@@ -28,8 +28,8 @@ from benchmarks.machine import description
 from examples.studies.simulated_scans import START, ScannedSet, scanned_set
 from workbench import load_body
 from workbench.bodies.files.saving import save_body
+from workbench.registration.coregistration.coregistering import FILE
 from workbench.registration.coregistration.folder import BODY, SCAN
-from workbench.registration.coregistration.state import FILE
 from workbench.reports.registration import ARRAYS, points, subjects_csv
 from workbench.training.folder import TABLE, Row
 from workbench.writing import write_arrays

@@ -17,8 +17,7 @@ import workbench as wb
 from workbench.bodies.ablations import without_pose_blend_shapes
 from workbench.experiments.balance import observations
 from workbench.fitting.body_priors import shape_prior
-from workbench.fitting.keypoint_problem import camera_residual
-from workbench.fitting.keypoints import keypoint_fit
+from workbench.fitting.keypoints import camera_residual, keypoint_fit
 from workbench.priors.poses import shipped_gaussian
 from workbench.residuals.kernels import quadratic
 

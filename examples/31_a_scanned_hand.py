@@ -19,7 +19,7 @@ import numpy as np
 import workbench as wb
 from workbench.bodies import HAND_POINTS, pose_space
 from workbench.fitting import Scan, hand_problem, hand_start, read_scan
-from workbench.fitting.hand_fit import points_of
+from workbench.fitting.hands import points_of
 from workbench.geometry.surface_tree import SurfaceTree
 from workbench.registration import Registration, fit_hand, register
 from workbench.synthetic import Noise, SimulatedScan, scan, scanners

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.fitting.test_scan_terraces import from_behind, rounded
+from tests.fitting.test_scan_surface import from_behind, rounded
 from workbench import load_body
 from workbench.registration import FitStage
 

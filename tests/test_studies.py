@@ -12,11 +12,12 @@ import pytest
 from numpy.testing import assert_allclose
 
 import workbench as wb
+from benchmarks.floor_of_arithmetic import products
 from examples.studies import blend_shapes, coregistration, output, spin_loop, triangles
 from examples.studies.simulated_scans import errors, ratio, scanned_set
 from tests.bodies_made_up import random_body
 from tests.training.test_triangles import many_people
-from workbench.bodies.forward.features import Powers, count_features, products, rotation_vectors
+from workbench.bodies.forward.features import Powers, count_features, rotation_vectors
 from workbench.bodies.forward.skinning import unskinned
 from workbench.bodies.triangles import TriangleBody, blend_scape
 from workbench.errors import BadArgument, BadFile
@@ -33,9 +34,8 @@ from workbench.lectures.material.kernel_features import Examples, GaussianKernel
 from workbench.lectures.material.tubes import tube
 from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.synthetic.teacher import body_on_teachers_rig, teacher_of
-from workbench.training.blend_shapes import solve_ridge
+from workbench.training.blend_shapes import RidgeSums, solve_ridge
 from workbench.training.blocks import Plan
-from workbench.training.ridge import Sums
 from workbench.training.triangles.alternation import TriangleOptions
 from workbench.training.triangles.learning import Lsqr
 
@@ -124,7 +124,7 @@ def test_predictors_are_fitted_like_smpl(data: TrainingData, wanted: Correctives
 
 def ridge(A: np.ndarray, D: np.ndarray, value: float) -> np.ndarray:
     """Ridge regression with all features at all vertices."""
-    return solve_ridge(Sums.of([(A, D)]), np.ones((D.shape[1], A.shape[1]), bool), value)
+    return solve_ridge(RidgeSums.of([(A, D)]), np.ones((D.shape[1], A.shape[1]), bool), value)
 
 
 def test_polynomials_are_recovered_without_bones() -> None:

@@ -18,7 +18,7 @@ from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.diagnostics.design import Quantity, design, sd_of
 from workbench.experiments.balance import balance, observations
-from workbench.fitting.measurement_candidates import cameras_of
+from workbench.fitting.candidates import cameras_of
 
 FRAMES = tuple(range(0, 100, 4))
 RESAMPLED = 2000

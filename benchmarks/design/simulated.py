@@ -21,13 +21,13 @@ from workbench.diagnostics.design import (
 from workbench.experiments.balance import balance_monocular
 from workbench.fitting import default_markers
 from workbench.fitting.body_priors import pose_prior, shape_prior
-from workbench.fitting.measurement_candidates import (
+from workbench.fitting.candidates import (
     cameras_on_a_sphere,
     depth_of,
     marker_candidates,
     stature_of,
 )
-from workbench.fitting.repeated_fits import RepeatedFits, repeated_fits
+from workbench.fitting.refits import RepeatedFits, repeated_fits
 from workbench.priors.poses import draw_poses, shipped_gaussian
 
 FITS, SECOND = 400, 200

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.fitting.known import KnownAnswer
+from workbench.fitting.setup import KnownAnswer
 
 FILE = Path(__file__).parent / "data" / "answers.json"
 

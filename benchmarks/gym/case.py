@@ -11,8 +11,7 @@ from benchmarks.gym import answers
 from workbench.arrays import Array
 from workbench.blocks import Block, Values
 from workbench.experiments import Experiment
-from workbench.fitting.known import KnownAnswer
-from workbench.fitting.setup import Setup
+from workbench.fitting.setup import KnownAnswer, Setup
 from workbench.problem import Problem
 from workbench.residuals import Residual
 

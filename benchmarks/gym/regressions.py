@@ -15,8 +15,7 @@ import numpy as np
 
 from benchmarks.gym.case import Case, case
 from workbench.blocks import Block
-from workbench.fitting.known import KnownAnswer
-from workbench.fitting.setup import Setup
+from workbench.fitting.setup import KnownAnswer, Setup
 from workbench.problem import Problem
 from workbench.residuals import Residual
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from workbench.comparison.record import KINDS, Record
 from workbench.comparison.targets import units
-from workbench.fitting.known import KnownAnswer
+from workbench.fitting.setup import KnownAnswer
 
 RELATIVE = 1e-6
 SHARE = 1e-12

@@ -17,7 +17,7 @@ from benchmarks.hands.strangers import Stranger, noisy, scanned
 from workbench.arrays import Array
 from workbench.bodies import HAND_POINTS, SkinnedBody
 from workbench.fitting import Scan, read_scan
-from workbench.fitting.hand_fit import points_of
+from workbench.fitting.hands import points_of
 from workbench.geometry.surface_tree import SurfaceTree
 from workbench.registration import fit_hand, random_surface_points, register
 

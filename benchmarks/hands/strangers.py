@@ -14,7 +14,7 @@ from builder.wheel import Wheel
 from workbench.arrays import Array
 from workbench.bodies import HAND_POINTS, SkinnedBody
 from workbench.bodies.forward.posing import Posing
-from workbench.fitting.hand_fit import points_of
+from workbench.fitting.hands import points_of
 from workbench.synthetic import Holes, Noise, SimulatedScan, scan, scanners
 from workbench.synthetic.teacher import joint_positions
 

@@ -24,7 +24,7 @@ from workbench import load_body
 from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
-from workbench.fitting.image_fit import ImageFits
+from workbench.fitting.images import ImageFits
 from workbench.fitting.setup import Setup
 from workbench.priors.recordings import held_out_poses
 from workbench.sampling import posterior_mean

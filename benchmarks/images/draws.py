@@ -34,9 +34,7 @@ from benchmarks.posterior.pieces import Pieces, runs_of
 from workbench import load_body
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
-from workbench.fitting.depth_interval import OFFSET, spreads
-from workbench.fitting.image_fit import ImageFits
-from workbench.fitting.image_recipe import ByHeight, WithStature
+from workbench.fitting.images import OFFSET, ByHeight, ImageFits, WithStature, spreads
 from workbench.priors.poses import draw_poses, shipped_gaussian
 
 

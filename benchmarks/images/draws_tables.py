@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmarks.images.intervals import LEVEL, WHAT, line, parts, share
 from workbench.arrays import Array
-from workbench.fitting.depth_interval import OFFSET, Z90
+from workbench.fitting.images import OFFSET, Z90
 
 RESULTS = Path(__file__).parent.parent / "results" / "draws.json"
 BEGIN = "<!-- draws: written by `python -m benchmarks.images.draws` -->"

@@ -37,14 +37,19 @@ from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
-from workbench.fitting.body_priors import POSE_PRIOR
-from workbench.fitting.depth_interval import OFFSET, Z90, spreads
-from workbench.fitting.image_fit import ImageFits
-from workbench.fitting.image_recipe import ByHeight, WithStature, image_priors
-from workbench.fitting.keypoint_problem import Terms
+from workbench.fitting.body_priors import POSE_PRIOR, stature
+from workbench.fitting.images import (
+    OFFSET,
+    Z90,
+    ByHeight,
+    ImageFits,
+    WithStature,
+    image_priors,
+    spreads,
+)
+from workbench.fitting.keypoints import Terms
 from workbench.fitting.observations import Observations
 from workbench.fitting.setup import Setup, View
-from workbench.fitting.stature import stature
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.priors.recordings import held_out_poses

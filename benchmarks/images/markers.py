@@ -2,11 +2,11 @@
 
 Synthetic markers on `default`, in poses of clips that are held out of the pose prior
 (`PoseRecording.split`): 60 frames of which 12 are chosen, noise of 1 mm along each axis, 5 %
-missing, and offsets 5 mm along each axis from their nominal places. Every choice of frames gets the
-same markers. A second person wears markers of the nominal height, displaced by 5 mm along each of
-two directions of the surface; they are fitted as if nothing was known of their heights, and with
-heights that are known to 1 mm. Numbers go to `results/markers.json`. With `--tuning` the poses are
-those of the other clips, and nothing is kept: settings were chosen there.
+missing, and offsets 5 mm along each axis from their nominal places. A second person wears markers
+of the nominal height, displaced by 5 mm along each of two directions of the surface; they are
+fitted as if nothing was known of their heights, and with heights that are known to 1 mm. Numbers go
+to `results/markers.json`. With `--tuning` the poses are those of the other clips, and nothing is
+kept: settings were chosen there.
 """
 
 import argparse
@@ -31,14 +31,12 @@ from workbench.experiments.moving_people import (
 )
 from workbench.fitting import (
     default_markers,
-    informative_frames,
     marker_fit,
     marker_solver,
-    random_frames,
     spread_frames,
 )
-from workbench.fitting.marker_frames import Choice
 from workbench.fitting.marker_sets import MarkerSet
+from workbench.fitting.mosh import Choice
 from workbench.priors.recordings import read_recording
 
 RESULTS = Path(__file__).parent.parent / "results" / "markers.json"
@@ -92,9 +90,7 @@ def main() -> None:
     rows: dict[str, list[dict[str, float]]] = {}
     for seed in range(given.seeds):
         for name, choose, placed, across in (
-            ("random", random_frames(seed), anywhere, None),
             ("spread", spread_frames, anywhere, None),
-            ("informative", informative_frames(body, worn, sigma=NOISE), anywhere, None),
             ("on the surface", spread_frames, on_the_surface, None),
             ("on the surface, heights known", spread_frames, on_the_surface, ACROSS),
         ):

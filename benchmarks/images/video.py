@@ -24,8 +24,7 @@ from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.experiments.balance import balance, balance_clip, published
 from workbench.fitting.setup import Setup
-from workbench.fitting.video_mean import video_mean
-from workbench.fitting.videos import EVIDENCE, landmarks_of, video_fit
+from workbench.fitting.videos import EVIDENCE, landmarks_of, video_fit, video_mean
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.problem import Problem
 from workbench.solvers import TrustRegion

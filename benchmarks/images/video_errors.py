@@ -28,7 +28,7 @@ from workbench.blocks import Block, Values
 from workbench.bodies import SkinnedBody
 from workbench.experiments.balance import FPS, balance_clip, published
 from workbench.fitting.body_priors import pose_prior, shape_prior
-from workbench.fitting.keypoint_problem import landmark_set, observed_blocks
+from workbench.fitting.keypoints import landmark_set, observed_blocks
 from workbench.fitting.videos import (
     EVIDENCE,
     FAR,

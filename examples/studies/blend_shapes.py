@@ -20,6 +20,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from scipy.sparse import csr_array
 
+from benchmarks.floor_of_arithmetic import products
 from examples.studies.output import Drawing, Report, arguments, report, write_study
 from workbench.arrays import Array, Mask
 from workbench.bodies import SkinnedBody, dual_quaternion_blend
@@ -29,7 +30,6 @@ from workbench.bodies.forward import surface
 from workbench.bodies.forward.features import (
     Features,
     Powers,
-    products,
     quaternion_elements,
     rotation_elements,
     rotation_vectors,
@@ -51,9 +51,8 @@ from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.priors.recordings import held_out_poses
 from workbench.reports.page import Columns, Table
 from workbench.synthetic.teacher import body_on_teachers_rig, teacher_of
-from workbench.training.blend_shapes import solve_ridge
+from workbench.training.blend_shapes import RidgeSums, solve_ridge
 from workbench.training.estimate import bent
-from workbench.training.ridge import Sums
 
 STEPS = 400  # of the accelerated proximal gradient method, at most
 SETTLED = 1e-5  # a step that changes |P| by less ends it: within a thousandth of the minimum
@@ -120,7 +119,7 @@ def group_lasso(features: Array, wanted: Array, per_joint: int, penalty: float) 
 def refitted(features: Array, wanted: Array, posedirs: Array) -> Array:
     """Least squares on the numbers that are not zero, all of which the lasso made too small."""
     nonzero: Mask = np.any(posedirs, axis=1)
-    return solve_ridge(Sums.of([(features, wanted)]), nonzero, REFIT_RIDGE)
+    return solve_ridge(RidgeSums.of([(features, wanted)]), nonzero, REFIT_RIDGE)
 
 
 def nonzero_share(posedirs: Array) -> float:

@@ -22,19 +22,17 @@ from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.catalogue import load_skinned
 from workbench.errors import BadArgument, BadFile
-from workbench.fitting.image_recipe import NEARLY, image_priors
-from workbench.fitting.keypoint_problem import KeypointProblem
-from workbench.fitting.keypoints import keypoint_setup
+from workbench.fitting.doubts import NEARLY
+from workbench.fitting.images import image_priors
+from workbench.fitting.keypoints import KeypointProblem, keypoint_setup
 from workbench.fitting.observations import LIMBS, SIDES, BadObservation
-from workbench.fitting.pose_regressor import PoseRegressor
-from workbench.fitting.regressed_start import regressed_start
-from workbench.fitting.regressor_files import shipped_regressor
-from workbench.fitting.regressor_training import trained
-from workbench.fitting.synthetic_views import draw_facings, people_in
+from workbench.fitting.placing import regressed_start
+from workbench.fitting.pose_regressor import PoseRegressor, shipped_regressor
+from workbench.fitting.regressor_training import draw_facings, people_in, trained
 from workbench.lectures.material.photographs import Shot, made_up_shots
 from workbench.plots.palette import FAINT, LINES, MARKERS
-from workbench.priors.mocap import read_mocap
 from workbench.priors.poses import draw_poses, shipped_mixture
+from workbench.priors.recordings import read_recording
 from workbench.reports.page import Columns, Table
 from workbench.residuals.kernels import geman_mcclure, scaled
 
@@ -100,13 +98,13 @@ def drawn_shots(
 
     With a recording, people are in poses of its held-out clips, each clip being in one of the two
     sets; without one, in draws of the mixture of poses. Raises BadFile for a recording with fewer
-    than two held-out clips, and as `read_mocap` does.
+    than two held-out clips, and as `read_recording` does.
     """
     if mocap is None:
         poses = draw_poses(shipped_mixture(), sum(counts), rng)
         sets = [poses[: counts[0]], poses[counts[0] :]]
     else:
-        clips = read_mocap(mocap).split()[1]
+        clips = read_recording(mocap).split()[1]
         numbers = np.unique(clips.clip)
         if len(numbers) < 2:
             raise BadFile(f"{mocap} holds fewer than two clips of which nothing was learned")

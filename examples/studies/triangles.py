@@ -22,6 +22,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from scipy.sparse import csr_array
 
+from benchmarks.images.draws import Fits
 from builder.base_mesh import FILES, read_topology
 from builder.population import JITTER, gather_sources
 from builder.wheel import Wheel
@@ -46,6 +47,7 @@ from workbench.problem import Problem
 from workbench.reports.page import Columns, Table
 from workbench.residuals import vertices as on_vertices
 from workbench.synthetic.teacher import Teacher
+from workbench.training.blend_shapes import RidgeChoice
 from workbench.training.blocks import BLOCKS, QUICK, REACH, BlockInput, Plan, alternation
 from workbench.training.estimate import Estimate, Sigmas
 from workbench.training.evaluation import VertexErrors
@@ -53,9 +55,7 @@ from workbench.training.execution import BlockLines
 from workbench.training.first_guess import Start
 from workbench.training.objective import Objective
 from workbench.training.pose_training import PoseModel, train_poses
-from workbench.training.poses import Fits
 from workbench.training.registrations import InMemory, training_and_held_out
-from workbench.training.ridge import Selection
 from workbench.training.training import train
 from workbench.training.triangles.alternation import QUICK as QUICK_BLOCKS
 from workbench.training.triangles.alternation import (
@@ -248,7 +248,7 @@ class TrainedModels:
 
     models: dict[str, AnyBody]
     training_rms: dict[str, float]
-    choices: dict[str, Selection]
+    choices: dict[str, RidgeChoice]
 
     @property
     def smpl(self) -> SkinnedBody:
@@ -312,7 +312,7 @@ def train_models(
     return TrainedModels(models, training_rms, choices)
 
 
-def choose_sigma(data: TriangleData, options: TrainingOptions) -> Selection:
+def choose_sigma(data: TriangleData, options: TrainingOptions) -> RidgeChoice:
     """The sigma of E_P, chosen by validation on some of the subjects.
 
     After the first stages of training, blend shapes are learned from the other subjects with each
@@ -332,7 +332,7 @@ def choose_sigma(data: TriangleData, options: TrainingOptions) -> Selection:
         given = BlockInput(objective, start.faces, QUICK)
         found = BLOCKS["poses"](given, bent).estimate
         left.append(_mm(objective, found))
-    return Selection(options.sigmas, tuple(left))
+    return RidgeChoice(options.sigmas, tuple(left))
 
 
 def _some(
@@ -473,7 +473,7 @@ class TriangleStudy:
     gradients: Array
     results: tuple[ModelResult, ...]
     true_seam_jump: float
-    choices: Mapping[str, Selection]
+    choices: Mapping[str, RidgeChoice]
     timings: tuple[Timing, ...]
 
 

@@ -6,9 +6,8 @@ import numpy as np
 
 import workbench as wb
 from workbench.course import check, equal, holds, mistake
-from workbench.fitting.image_recipe import NEARLY
-from workbench.fitting.keypoint_problem import KeypointProblem
-from workbench.fitting.keypoints import keypoint_setup
+from workbench.fitting.images import NEARLY
+from workbench.fitting.keypoints import KeypointProblem, keypoint_setup
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.lectures.lec16_images import solutions
 from workbench.priors.poses import draw_poses, shipped_mixture

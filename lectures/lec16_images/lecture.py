@@ -43,16 +43,13 @@ from workbench.fitting import (
     shipped_regressor,
     stature,
 )
-from workbench.fitting.body_priors import usual_priors
-from workbench.fitting.image_recipe import NEARLY, ROUGHLY, smplify_stages
-from workbench.fitting.image_starts import turned_about
-from workbench.fitting.keypoint_problem import KeypointProblem, camera_residual
-from workbench.fitting.keypoints import keypoint_setup
+from workbench.fitting.body_priors import stature_expression, usual_priors
+from workbench.fitting.images import NEARLY, ROUGHLY, smplify_stages
+from workbench.fitting.keypoints import KeypointProblem, camera_residual, keypoint_setup
 from workbench.fitting.observations import COCO, LIMBS, SIDES
+from workbench.fitting.placing import turned_about
 from workbench.fitting.pose_regressor import normalised
-from workbench.fitting.regressor_training import radian_lengths
-from workbench.fitting.stature import stature_expression
-from workbench.fitting.synthetic_views import draw_facings, draw_views, people_in
+from workbench.fitting.regressor_training import draw_facings, draw_views, people_in, radian_lengths
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.lectures.material.photographs import (
     draw_from_aside,

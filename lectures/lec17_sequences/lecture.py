@@ -33,11 +33,16 @@ from workbench.fitting import (
     stature,
     video_fit,
 )
-from workbench.fitting.effective_frames import autocorrelation, worth_of_errors
-from workbench.fitting.keypoint_problem import camera_residual
+from workbench.fitting.keypoints import camera_residual
 from workbench.fitting.markers import OFFSET_SIGMA, marker_frame, observations
 from workbench.fitting.observations import LIMBS, SIDES
-from workbench.fitting.videos import EVIDENCE, landmarks_of, worth_of
+from workbench.fitting.videos import (
+    EVIDENCE,
+    autocorrelation,
+    landmarks_of,
+    worth_of,
+    worth_of_errors,
+)
 from workbench.plots import house_style, sheet
 from workbench.plots.body import Figurine, front, line_up
 from workbench.priors.poses import draw_poses, shipped_gaussian

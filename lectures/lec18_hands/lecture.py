@@ -20,7 +20,7 @@ import workbench as wb
 from workbench.bodies import HAND_POINTS, pose_space
 from workbench.course import Picture, source
 from workbench.fitting import hand_problem, hand_start
-from workbench.fitting.hand_fit import points_of
+from workbench.fitting.hands import points_of
 from workbench.geometry.mirror import AXIAL, REFLECTION
 from workbench.plots import house_style, sheet
 from workbench.plots.body import Figurine, line_up

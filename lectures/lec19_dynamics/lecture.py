@@ -21,8 +21,8 @@ from workbench.bodies.forward.posing import Posing
 from workbench.bodies.spaces import body_mass_index
 from workbench.course import Picture, source
 from workbench.motions import load_tissue
-from workbench.motions.accelerations import MovingFrames, second_differences
 from workbench.motions.soft_tissue import companion, free_run
+from workbench.motions.tissue_inputs import MovingFrames, second_differences
 from workbench.plots import house_style, sheet
 from workbench.synthetic import simulate_tissue
 from workbench.synthetic.made_up import limb, made_up_motion, random_smpl

@@ -13,7 +13,7 @@ from benchmarks.gym.runs import read as read_runs
 from benchmarks.gym.split import tuning
 from benchmarks.gym.success import is_solved, target
 from workbench.comparison.record import KINDS, ObservedRun, Record, RunEnding
-from workbench.fitting.known import KnownAnswer
+from workbench.fitting.setup import KnownAnswer
 from workbench.solvers import SOLVERS
 
 pytestmark = pytest.mark.thorough

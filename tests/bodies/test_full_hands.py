@@ -17,7 +17,7 @@ from workbench.bodies.files.embedded import embedded, embedded_hand, sewing_of
 from workbench.bodies.files.saving import save_body
 from workbench.bodies.sewn_hands import border, sewn_mesh, with_hands
 from workbench.errors import BadBody, UnknownName
-from workbench.fitting.keypoint_problem import landmark_set
+from workbench.fitting.keypoints import landmark_set
 from workbench.geometry.mirror import AXIAL, REFLECTION, opposite
 
 pytestmark = pytest.mark.thorough

@@ -10,7 +10,7 @@ import workbench as wb
 from tests.cli.conftest import Run
 from workbench.bodies.triangles import scape
 from workbench.experiments.balance import NAMES, observations, published
-from workbench.fitting.detector_layouts import OPENPOSE, OPENPOSE_25
+from workbench.fitting.files.layouts import OPENPOSE, OPENPOSE_25
 from workbench.geometry.meshes import write_mesh
 from workbench.motions import read_motion
 

@@ -16,9 +16,8 @@ from workbench import Camera, LevenbergMarquardt, load_body
 from workbench.cli import image_mean
 from workbench.cli.app import app
 from workbench.cli.leaving import Interrupted
-from workbench.fitting.depth_interval import FOUND
-from workbench.fitting.image_jobs import ImageReading, ImageWork
-from workbench.fitting.image_recipe import ByHeight, WithStature
+from workbench.fitting.images import INTERVAL_NOTE, ByHeight, WithStature
+from workbench.fitting.jobs import ImageReading, ImageWork
 from workbench.fitting.observations import COCO
 from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.reports.many import ImageFolder
@@ -70,7 +69,7 @@ def test_folder_refits_only_what_changed(tmp_path: Path) -> None:
         assert 0 < low < depth < high
         assert f"{low:.2f} to {high:.2f}" in (folder / "index.html").read_text()
         assert f'src="fits/{row["file"]}.svg"' in (folder / "index.html").read_text()
-    assert FOUND.split(";")[0] in (folder / "index.html").read_text()
+    assert INTERVAL_NOTE.split(";")[0] in (folder / "index.html").read_text()
     with np.load(folder / "poses.npz") as poses:
         assert poses["pose"].shape == (3, 24, 3)
         assert poses["file"].tolist() == ["frame0", "frame1", "frame2"]

@@ -21,11 +21,12 @@ from workbench.conversion import (
     motion_from_points,
     point_sets,
 )
-from workbench.conversion.converting import doubts_of, skeleton_errors, turned_on
-from workbench.conversion.parts import vertex_parts
-from workbench.conversion.points_in_space import body_points, plain_name
-from workbench.conversion.sampled import counted, sampled_vertices
+from workbench.conversion.converting import doubts_of, skeleton_errors, turned_on, vertex_parts
+from workbench.conversion.correspondence import counted, sampled_vertices
+from workbench.conversion.points_in_space import body_points, placed_by_points, plain_name
 from workbench.errors import BadArgument, UnknownName
+from workbench.fitting.placing import moved
+from workbench.geometry.rigid import Similarity
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.motions import bones_of, read_bvh, write_bvh
 
@@ -251,6 +252,20 @@ def test_motion_is_recovered_from_joints_with_gaps() -> None:
     assert found.names == SMALL.joint_names
     assert np.isnan(found.errors[6]).all()
     assert "1 of 9 frames were not found" in " ".join(found.motion.notes)
+
+
+def test_body_with_a_turned_root_at_rest_is_placed_by_points() -> None:
+    bind = SMALL.bind_pose.copy()
+    bind[0] = [0.0, 0.6, 0.3]
+    body = replace(SMALL, bound_in=bind)
+    motion = Similarity(matrix_from_vector([0.2, 1.0, 0.0]), np.array([1.0, 0.0, 2.0]))
+    rest = body.joints(body.bind_pose)
+    found = moved(body, motion.R, motion.t)
+    there = body.joints(found["pose"], np.zeros(body.n_betas), found["trans"])
+    np.testing.assert_allclose(there, motion(rest), atol=1e-12)
+    start = placed_by_points(body, "joints", there)
+    again = body.joints(start["pose"], np.zeros(body.n_betas), start["trans"])
+    np.testing.assert_allclose(again, there, atol=1e-12)
 
 
 def test_frames_of_points_may_jump() -> None:

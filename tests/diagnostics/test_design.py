@@ -22,7 +22,7 @@ from workbench.diagnostics.design import (
     with_candidates,
 )
 from workbench.errors import BadArgument, NotFinite, NotSupported, UnknownName
-from workbench.fitting.repeated_fits import repeated_fits
+from workbench.fitting.refits import repeated_fits
 
 N = 4
 

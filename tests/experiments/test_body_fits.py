@@ -16,7 +16,7 @@ from workbench.errors import BadArgument, BadBounds, UnknownName, WorkbenchError
 from workbench.experiments import SUITES, Setup, find, run
 from workbench.experiments.body_fits import known_correspondences
 from workbench.experiments.synthetic_people import bent_person, random_start
-from workbench.fitting.known import KnownAnswer
+from workbench.fitting.setup import KnownAnswer
 from workbench.solvers import SOLVERS, LevenbergMarquardt
 
 NAMES = [experiment.name for experiment in SUITES["bodies"]]

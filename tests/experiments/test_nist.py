@@ -11,7 +11,7 @@ from tests.tiers import few
 from workbench.errors import BadArgument, UnknownName
 from workbench.experiments import SUITES, Setup, find
 from workbench.experiments.nist import MODELS, certified
-from workbench.fitting.known import KnownAnswer, digits
+from workbench.fitting.setup import KnownAnswer, digits
 from workbench.solvers import SOLVERS
 
 NAMES = [experiment.name for experiment in SUITES["nist"]]

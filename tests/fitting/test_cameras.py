@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from workbench.errors import BadArgument, BadFile
-from workbench.fitting.calibration_files import read_calibration
-from workbench.fitting.keypoint_files import (
+from workbench.fitting.files.cameras import read_calibration
+from workbench.fitting.files.keypoints import (
     read_observations,
 )
 

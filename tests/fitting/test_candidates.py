@@ -5,24 +5,25 @@ import pytest
 
 import workbench as wb
 from workbench.bodies import SkinnedBody
+from workbench.diagnostics.design import Candidate
 from workbench.errors import BadArgument, UnknownName
 from workbench.fitting import default_markers, marker_fit
-from workbench.fitting.body_priors import pose_prior, shape_prior
-from workbench.fitting.keypoint_problem import landmark_set
-from workbench.fitting.measurement_candidates import (
+from workbench.fitting.body_priors import pose_prior, shape_prior, stature
+from workbench.fitting.candidates import (
     cameras_of,
     cameras_on_a_sphere,
     depth_of,
     keypoint_candidates,
     looking_at,
     marker_candidates,
-    pose_candidates,
     stature_of,
     without_hidden,
 )
+from workbench.fitting.keypoints import landmark_set
+from workbench.fitting.markers import marker_frame
 from workbench.fitting.observations import photograph
-from workbench.fitting.stature import stature
 from workbench.geometry.camera import Camera
+from workbench.residuals.kernels import quadratic
 
 SEEN = 0.1  # rad, of a pose
 
@@ -164,7 +165,7 @@ def test_marker_candidates_determine_stature(
 
 
 @pytest.mark.thorough
-def test_pose_candidates_equal_a_marker_fit(body: SkinnedBody) -> None:
+def test_frames_with_own_poses_equal_a_marker_fit(body: SkinnedBody) -> None:
     """The same as the posterior of the shape in the fit to markers of these frames."""
     worn = default_markers(body)
     rng = np.random.default_rng(1)
@@ -176,7 +177,14 @@ def test_pose_candidates_equal_a_marker_fit(body: SkinnedBody) -> None:
     )
     problem = wb.Problem([shape_prior(body), near], ["betas", "offsets"], blocks=[betas, offsets])
     at = {"betas": np.zeros(body.n_betas), "offsets": worn.nominal}
-    several = pose_candidates(body, worn, poses, sigma=0.002)
+    free = ("trans", "pose", "betas")
+    frame, _ = marker_frame(worn.on(body), worn, 0.002, 0.005, quadratic, free)
+    terms = [one for one in frame.residuals if one.name != "shape prior"]
+    seen = {"observed": np.zeros((41, 3)), "seen": np.ones(41), "trans": np.zeros(3)}
+    several = {
+        f"pose {i}": Candidate(terms, seen | {"pose": pose}, own=("trans", "pose"))
+        for i, pose in enumerate(poses)
+    }
     found = wb.design(problem, several, at, choose=2, criterion=wb.a_optimal.over("betas"))
     markers = worn.on(body).landmark("markers", poses, at["betas"], np.zeros((2, 3)), worn.nominal)
     setup = marker_fit(
@@ -193,5 +201,3 @@ def test_pose_candidates_equal_a_marker_fit(body: SkinnedBody) -> None:
     np.testing.assert_allclose(mine, np.sqrt(np.diag(C))[slices["betas"]], rtol=1e-5)
     with pytest.raises(UnknownName, match="no block is called 'offsets'"):
         wb.design(problem.without("offset prior"), several, {"betas": at["betas"]})
-    with pytest.raises(BadArgument, match="the poses are"):
-        pose_candidates(body, worn, np.zeros((2, 5, 3)))

@@ -67,6 +67,14 @@ def test_one_person_is_followed(tmp_path: Path) -> None:
         read_clip(tmp_path, fps=30, size=SIZE, person=5)
 
 
+def test_what_is_not_read_of_many_frames_is_said_once(tmp_path: Path) -> None:
+    for number in range(3):
+        one = {"pose_keypoints_2d": person(100.0), "pose_keypoints_3d": [1.0] * 72}
+        (tmp_path / f"film_{number}.json").write_text(json.dumps({"people": [one]}))
+    (note,) = read_clip(tmp_path, fps=30, size=SIZE).notes
+    assert note == "film_0.json: not read are pose_keypoints_3d (and so in 3 frames)"
+
+
 def test_person_with_one_keypoint_is_followed(tmp_path: Path) -> None:
     single = person(100)[:3] + [0.0] * 51
     for number, one in enumerate((single, person(100), single, person(110), person(110))):

@@ -7,13 +7,19 @@ import pytest
 
 from tests.fitting.test_image_fit import BODY, person, seen
 from workbench import LevenbergMarquardt, Values
-from workbench.fitting.depth_interval import FOUND, Z90, depth_interval, spreads
-from workbench.fitting.image_fit import image_fit
-from workbench.fitting.image_recipe import ByHeight, WithStature
-from workbench.fitting.keypoint_precision import as_marked
+from workbench.fitting.body_priors import stature
+from workbench.fitting.images import (
+    INTERVAL_NOTE,
+    Z90,
+    ByHeight,
+    WithStature,
+    depth_interval,
+    image_fit,
+    spreads,
+)
+from workbench.fitting.keypoints import as_marked
 from workbench.fitting.observations import Observations
 from workbench.fitting.setup import Setup
-from workbench.fitting.stature import stature
 
 PRECISE = LevenbergMarquardt(gradient_tolerance=1e-9)
 
@@ -110,7 +116,7 @@ def test_fit_of_one_image_measures_depth(one: tuple[Setup, Values]) -> None:
     of = "distance from the camera"
     ends = [told[f"{of}, {end} end of the 90 % interval"].value for end in ("lower", "upper")]
     assert [told[of].value, *ends] == [found.mean, found.low, found.high]
-    assert FOUND in setup.notes
+    assert INTERVAL_NOTE in setup.notes
 
 
 def test_two_images_have_no_depth_interval() -> None:
@@ -119,6 +125,6 @@ def test_two_images_have_no_depth_interval() -> None:
     both = Observations(tuple(BODY.landmark_names("coco")), tuple(shots))
     setup = image_fit(both, BODY, "q")
     assert depth_interval(setup, setup.start) is None
-    assert FOUND not in setup.notes
+    assert INTERVAL_NOTE not in setup.notes
     out = image_fit(both, BODY, "q", held_out=("two",))
     assert depth_interval(out, out.start) is not None

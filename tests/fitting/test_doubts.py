@@ -12,17 +12,15 @@ from workbench import load_body
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
 from workbench.fitting.body_priors import usual_priors
-from workbench.fitting.calibration_files import in_degrees, read_calibration
-from workbench.fitting.clips import Clip, Film
-from workbench.fitting.depth_interval import depth_interval
+from workbench.fitting.conventions import ORDERS
 from workbench.fitting.doubts import doubts, of_markers, of_person
-from workbench.fitting.image_fit import image_fit
-from workbench.fitting.keypoint_conventions import ORDERS
-from workbench.fitting.keypoint_files import read_observations
+from workbench.fitting.files.cameras import in_degrees, read_calibration
+from workbench.fitting.files.keypoints import read_observations
+from workbench.fitting.images import depth_interval, image_fit
 from workbench.fitting.keypoints import keypoint_fit
+from workbench.fitting.known_points import mesh_fit
 from workbench.fitting.marker_sets import MarkerSet, default_markers
-from workbench.fitting.meshes import mesh_fit
-from workbench.fitting.observations import COCO, Observations, photograph
+from workbench.fitting.observations import COCO, Clip, Film, Observations, photograph
 from workbench.fitting.setup import Setup
 from workbench.fitting.videos import video_fit
 from workbench.geometry.camera import Camera

@@ -18,9 +18,8 @@ from workbench.experiments import Setup, find
 from workbench.experiments.body_fits import known_correspondences
 from workbench.fitting import BadObservation, hand_fit, hand_problem, hand_start, pose_prior
 from workbench.fitting.body_priors import BESIDE, pose_gaussian
-from workbench.fitting.hand_fit import points_of
-from workbench.fitting.mesh_start import STARTS, from_correspondences
-from workbench.fitting.meshes import own_mesh
+from workbench.fitting.hands import points_of
+from workbench.fitting.known_points import STARTS, from_correspondences, own_mesh
 from workbench.geometry.meshes import read_mesh, read_registered, write_mesh
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.solvers import SOLVERS, solve

@@ -24,15 +24,12 @@ from workbench.fitting import (
     marker_fit,
     marker_solver,
     mosh,
-    random_frames,
     read_marker_set,
     read_markers,
     spread_frames,
 )
-from workbench.fitting.marker_information import informative_frames
 from workbench.fitting.marker_sets import matched
-from workbench.fitting.markers import marker_errors
-from workbench.fitting.offset_prior import offset_prior, surface_frames
+from workbench.fitting.markers import marker_errors, offset_prior, surface_frames
 from workbench.geometry.solids import vertex_normals
 from workbench.geometry.surface_tree import SurfaceTree
 from workbench.motions import read_motion
@@ -177,17 +174,7 @@ def test_spread_frames_skips_alike_frames() -> None:
     observed = np.nan_to_num(observed, nan=0.5)
     again = np.concatenate([np.repeat(observed[:1], 20, axis=0), observed[1:]])
     assert spread_frames(again, 6).tolist() == [0, 20, 21, 22, 23, 24]
-    assert len(random_frames(0)(again, 6)) == 6
     assert spread_frames(again[:3], 12).tolist() == [0, 1, 2]
-
-
-@pytest.mark.thorough
-def test_informative_frames_prefer_new_poses() -> None:
-    _, observed = person(5, 8)
-    again = np.concatenate([np.repeat(observed[:1], 6, axis=0), observed[1:]])
-    chosen = informative_frames(BODY, WORN, sigma=0.001)(again, 4)
-    assert len(chosen) == 4
-    assert (chosen >= 6).sum() >= 3
 
 
 def test_bad_markers_are_refused() -> None:
@@ -210,10 +197,6 @@ def test_bad_marker_sets_are_refused(tmp_path: Path) -> None:
         MarkerSet.of(BODY, {"a": 369})
     with pytest.raises(BadArgument, match="one marker or more"):
         MarkerSet.of(BODY, {})
-    near = MarkerSet.nearest(BODY, {"nose": BODY.template[7] + 1e-6})
-    assert near.vertices.tolist() == [7]
-    with pytest.raises(BadArgument, match="is a point"):
-        MarkerSet.nearest(BODY, {"nose": [1.0, 2.0]})
     with pytest.raises(UnknownName, match="no marker is called 'knee'"):
         WORN.only(["knee"])
     path = tmp_path / "set.json"
@@ -275,7 +258,7 @@ def test_damaged_marker_files_are_refused(tmp_path: Path) -> None:
         ({"markers": np.zeros((2, 2, 3)), "labels": ["a", "b"]}, "no marker was seen"),
         ({"markers": np.ones((2, 2, 3)), "labels": ["a", "a"]}, "more than once"),
         ({"markers": np.full((2, 2, 3), np.inf), "labels": ["a", "b"]}, "infinite"),
-        ({"markers": 1e9 * np.eye(3)[None], "labels": ["a", "b", "c"]}, "no body"),
+        ({"markers": 1e9 * np.eye(3)[None], "labels": ["a", "b", "c"]}, "size of a body"),
         ({"markers": np.ones((2, 2, 3)), "labels": ["a", "b"], "fps": 0.0}, "fps is 0"),
         ({"markers": np.array([["a"]]), "labels": ["a"]}, "markers"),
     ]:

@@ -15,8 +15,8 @@ from workbench.fitting import (
     shipped_regressor,
     train_pose_regressor,
 )
-from workbench.fitting.image_fit import image_fit
-from workbench.fitting.regressed_start import placed_by_rays
+from workbench.fitting.images import image_fit
+from workbench.fitting.placing import placed_by_rays
 from workbench.geometry.mirror import opposites
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.priors.poses import shipped_mixture

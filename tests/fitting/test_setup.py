@@ -26,10 +26,10 @@ from workbench.experiments import (
     run,
 )
 from workbench.experiments.catalogue import SUMMARIES
-from workbench.fitting.keypoint_files import read_observations
+from workbench.fitting.files.keypoints import read_observations
 from workbench.fitting.keypoints import keypoint_fit
-from workbench.fitting.known import digits
 from workbench.fitting.observations import COCO, FEET
+from workbench.fitting.setup import digits
 from workbench.problem import Problem
 from workbench.reports import write_report
 from workbench.residuals import gaussian

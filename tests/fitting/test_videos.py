@@ -17,8 +17,7 @@ from workbench.fitting import (
     video_fit,
     video_mean,
 )
-from workbench.fitting.effective_frames import autocorrelation
-from workbench.fitting.videos import errors_of
+from workbench.fitting.videos import autocorrelation, errors_of
 from workbench.residuals import geman_mcclure, scaled
 from workbench.solvers import TrustRegion
 
@@ -118,19 +117,19 @@ def test_interrupt_ends_the_start_of_a_video() -> None:
 
     def stop(done: int, all_: int) -> None:
         told.append((done, all_))
-        if done == 1:
+        if done == 2:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         video_fit(balance_clip(range(40, 44), ["cam01"]), BODY, "?", told=stop)
-    assert told == [(0, 4), (1, 4)]
+    assert told == [(1, 4), (2, 4)]
 
 
 def test_bad_clips_are_refused() -> None:
     clip = balance_clip([40, 41], ["cam01"])
     with pytest.raises(BadArgument, match="2 frames are worth 1 to 2"):
         video_fit(clip, BODY, "?", worth=3)
-    with pytest.raises(BadObservation, match="no frame shows a keypoint"):
+    with pytest.raises(BadObservation, match="no keypoint has a confidence above 0"):
         gapped(clip, [0, 1])
     with pytest.raises(BadObservation, match="frames per second"):
         replace(clip, fps=0)

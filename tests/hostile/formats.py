@@ -35,10 +35,10 @@ from workbench.comparison.ends import Component, EndAnalysis, Explanation
 from workbench.comparison.record import KINDS, ROW, Description, ObservedRun, Record, RunEnding
 from workbench.comparison.store import FolderStore
 from workbench.errors import BadFile
-from workbench.fitting.calibration_files import read_calibration
-from workbench.fitting.keypoint_files import read_observations
+from workbench.fitting.files.cameras import read_calibration
+from workbench.fitting.files.keypoints import read_observations
 from workbench.fitting.marker_files import read_markers
-from workbench.fitting.scan_files import read_scan
+from workbench.fitting.scans.files import read_scan
 from workbench.geometry.meshes import read_mesh, write_mesh
 from workbench.motions import SoftTissue, load_tissue, read_motion, save_tissue
 from workbench.priors.poses import read_pose_gaussian, read_pose_mixture, read_pose_student

@@ -17,8 +17,8 @@ from workbench.experiments.experiment import converted
 from workbench.reports.folder import SUMMARY, refuse_foreign, replacing_folder
 from workbench.training.evaluation import CARD
 
-KEYPOINTS = "workbench.fitting.keypoint_files:read_keypoints"
-CAMERAS = "workbench.fitting.calibration_files:read_calibration"
+KEYPOINTS = "workbench.fitting.files.keypoints:read_keypoints"
+CAMERAS = "workbench.fitting.files.cameras:read_calibration"
 DEEP = "[" * 200_000 + "]" * 200_000
 DEEPISH = "[" * 900 + "]" * 900  # not too deep for JSON
 LONG = "x" * 1_000_000

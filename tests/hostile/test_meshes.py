@@ -22,9 +22,9 @@ from tests.geometry.mesh_files import (
 from tests.hostile.formats import cloud
 from tests.hostile.limits import Reader
 from workbench.errors import BadFile
-from workbench.fitting.scan_files import read_scan
+from workbench.fitting.scans.files import read_scan
 
-MESH, SCAN = "workbench.geometry.meshes:read_mesh", "workbench.fitting.scan_files:read_scan"
+MESH, SCAN = "workbench.geometry.meshes:read_mesh", "workbench.fitting.scans.files:read_scan"
 TRIANGLE = b"0 0 0\n1 0 0\n0 1 0\n"
 FACE = b"\3" + bytes(12)
 MANY = 3_000_000_000

@@ -93,8 +93,20 @@ def test_motion_survives_its_file(tmp_path: Path) -> None:
     with np.load(tmp_path / "walk.npz") as arrays:  # AMASS's names
         assert arrays["poses"].shape == (5, 6)
         assert {"trans", "betas", "mocap_framerate", "gender"} <= set(arrays)
+        assert str(arrays["gender"]) == "neutral"
     with pytest.raises(BadFile, match=r"a motion is saved as \.npz"):
         save_motion(tmp_path / "walk.txt", motion)
+
+
+def test_gender_is_kept_or_said_to_be_lost(tmp_path: Path) -> None:
+    found = read_motion(saved(tmp_path, amass_entries(walk())))
+    assert found.gender == "female"
+    save_motion(tmp_path / "again.npz", found.resampled(5.0)[:3].named(SMALL))
+    assert read_motion(tmp_path / "again.npz").gender == "female"
+    entries = amass_entries(walk()) | {"gender": np.array("male", dtype=object)}
+    lost = read_motion(saved(tmp_path, entries))
+    assert lost.gender == ""
+    assert any(note.startswith("not read are") and "gender" in note for note in lost.notes)
 
 
 def test_frames_of_nan_are_filled(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from workbench.errors import BadFile
 from workbench.geometry import gltf
 from workbench.geometry.gltf import GlbDocument, document_of
 from workbench.motions import read_glb, write_glb
-from workbench.motions.gltf_tracks import Track
+from workbench.motions.gltf import Track
 
 
 @pytest.mark.parametrize("option", few([{"cubic": True}, {"floor": True}, {}, {"step": True}], 2))

@@ -17,7 +17,7 @@ import workbench as wb
 from benchmarks.clips_made_up import clip
 from tests.bodies.model_files import flame, with_fingers, written
 from workbench.errors import BadArgument
-from workbench.motions import glb_files, write_glb
+from workbench.motions import gltf, write_glb
 
 pytestmark = pytest.mark.thorough
 
@@ -95,7 +95,7 @@ def test_glb_that_would_be_too_large_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     body = wb.load_body("small")
-    monkeypatch.setattr(glb_files, "LARGEST", 30_000)
+    monkeypatch.setattr(gltf, "LARGEST", 30_000)
     with pytest.raises(
         BadArgument, match="12 morph targets of 369 vertices in 12 frames take 0 MB"
     ):

@@ -105,7 +105,7 @@ def test_markers_are_written_in_metres_with_y_up(tmp_path: Path, suffix: str) ->
     write_markers(tmp_path / f"out{suffix}", found)
     again = read_markers(tmp_path / f"out{suffix}")
     np.testing.assert_allclose(again.markers, found.markers, atol=1e-8)
-    assert "y is taken to be up" in again.notes
+    assert any(note.startswith("y is taken to be up") for note in again.notes)
     with pytest.raises(BadFile, match=r"are written as \.trc or \.npz"):
         write_markers(tmp_path / "out.c3d", found)
 
@@ -145,8 +145,8 @@ def test_trc_times_of_another_rate_are_noted(tmp_path: Path) -> None:
 
 
 def test_markers_of_odd_size_need_a_unit(tmp_path: Path) -> None:
-    np.savez(tmp_path / "walk.npz", markers=PLACES / 100, labels=np.array(LABELS))
-    with pytest.raises(BadFile, match=r"reach 17.*, which is no body in m, cm and mm; give"):
+    np.savez(tmp_path / "walk.npz", markers=PLACES / 1e5, labels=np.array(LABELS))
+    with pytest.raises(BadFile, match=r"reach 0.0167, in a unit that is not known"):
         read_markers(tmp_path / "walk.npz")
-    found = read_markers(tmp_path / "walk.npz", unit="in")
-    assert found.notes[0] == "the unit in was given"
+    found = read_markers(tmp_path / "walk.npz", unit="m")
+    assert found.notes[0].startswith("the unit m was given")

@@ -17,7 +17,7 @@ from workbench.fitting import MarkerFit
 from workbench.fitting.setup import Moving
 from workbench.geometry.guesses import UP_TO_Y
 from workbench.motions import Bones, Motion, bones_of, read_motion
-from workbench.motions.gaps import without_gaps
+from workbench.motions.motion import without_gaps
 from workbench.plots import caption_motion, plot_motion
 from workbench.plots.style import drawn
 from workbench.priors.recordings import recorded_motions
@@ -40,11 +40,17 @@ def spinning(speed: float, fps: float, T: int) -> Motion:
 
 def test_bad_motions_are_refused() -> None:
     for changed, said in [
-        ({"pose": np.zeros((2, 3))}, r"shape \(T, 1, 3\), of one frame or more, not \(2, 3\)"),
-        ({"pose": np.zeros((0, 1, 3)), "trans": np.zeros((0, 3))}, "of one frame or more"),
-        ({"trans": np.zeros((3, 3))}, r"trans of 2 frames has the shape \(2, 3\), not \(3, 3\)"),
-        ({"betas": np.zeros((2, 4))}, "betas are those of one person"),
-        ({"expression": np.zeros((3, 4))}, r"expression of 2 frames has the shape \(2, E\)"),
+        (
+            {"pose": np.zeros((2, 3))},
+            r"pose .*, has the shape \(2, 1, 3\), not \(2, 3\)",
+        ),
+        (
+            {"pose": np.zeros((0, 1, 3)), "trans": np.zeros((0, 3))},
+            "in 0 frames, one or more",
+        ),
+        ({"trans": np.zeros((3, 3))}, r"trans of .* has the shape \(2, 3\), not \(3, 3\)"),
+        ({"betas": np.zeros((2, 4))}, r"betas of .* has the shape \(B\), not \(2, 4\)"),
+        ({"expression": np.zeros((3, 4))}, r"expression of .* has the shape \(2, E\)"),
         ({"trans": np.full((2, 3), np.nan)}, r"trans is nan at \[0, 0\]; leave such frames out"),
         ({"fps": 0.0}, "fps is a number above 0, not 0.0"),
         ({"fps": np.inf}, "fps is a number above 0"),
@@ -231,7 +237,7 @@ def test_marker_fits_become_motions(tmp_path: Path) -> None:
     pose, trans = motion.pose.copy(), motion.trans.copy()
     pose[3], trans[3] = np.nan, np.nan
     nothing = cast(Any, None)
-    found = MarkerFit(pose, trans, motion.betas, nothing, nothing, nothing, nothing, nothing)
+    found = MarkerFit(pose, trans, motion.betas, nothing, nothing, nothing, nothing)
     filled = found.motion(SMALL, 60.0)
     np.testing.assert_array_equal(filled.pose[4], motion.pose[4])
     assert filled.notes == ("1 of 6 frames were not found, and are interpolated",)

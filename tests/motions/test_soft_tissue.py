@@ -13,10 +13,14 @@ from workbench.bodies.spaces import body_mass_index
 from workbench.cli.app import app
 from workbench.errors import BadArgument, BadFile
 from workbench.motions import Motion, SoftTissue, load_tissue, save_tissue, write_glb
-from workbench.motions.accelerations import GRAVITY, MovingFrames
-from workbench.motions.soft_tissue import companion, surface_as_landmarks
-from workbench.motions.tissue_betas import betas_with_tissue, displaced_by, with_tissue
-from workbench.motions.tissue_inputs import input_names, tissue_inputs
+from workbench.motions.soft_tissue import (
+    betas_with_tissue,
+    companion,
+    displaced_by,
+    surface_as_landmarks,
+    with_tissue,
+)
+from workbench.motions.tissue_inputs import GRAVITY, MovingFrames, input_names, tissue_inputs
 from workbench.synthetic.made_up import made_up_motion
 
 BODY = wb.load_body("default")
@@ -43,7 +47,7 @@ def test_tissue_is_stable_and_bounded() -> None:
     pose = rng.standard_normal((600, 24, 3))
     wild = Motion(pose, rng.standard_normal((600, 3)), 60.0, BODY.joint_names)
     phi = TISSUE.coefficients(BODY, wild)
-    x = tissue_inputs(MovingFrames.of(BODY, wild), TISSUE.part, TISSUE.n_betas).values
+    x = tissue_inputs(MovingFrames.of(BODY, wild), TISSUE.part, TISSUE.n_betas)
     C, H = TISSUE.n_coefficients, companion(TISSUE.first, TISSUE.second)
     most, power = np.zeros(C), np.eye(2 * C)
     for _ in range(600):

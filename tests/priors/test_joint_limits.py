@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import workbench
-from builder.hands.limits import hand_limits as built
-from builder.hands.poses import HandPoses
+from builder.hands.sets import HandPoses
 from builder.joint_limits import anatomical, recorded
+from builder.joint_limits import hand_limits as built
 from builder.pose_priors import mirrored_pose
 from workbench import Block, LevenbergMarquardt, Problem, load_body, residuals
 from workbench.bodies import hand_motions, is_hand

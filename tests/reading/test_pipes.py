@@ -9,8 +9,8 @@ import pytest
 
 from workbench.course.packs.handing_out import read_students
 from workbench.errors import BadFile
-from workbench.fitting.calibration_files import read_calibration
-from workbench.fitting.keypoint_files import read_keypoints
+from workbench.fitting.files.cameras import read_calibration
+from workbench.fitting.files.keypoints import read_keypoints
 from workbench.fitting.marker_files import read_markers
 from workbench.motions import read_motion
 from workbench.reading.facts import bounded, json_in

@@ -24,10 +24,13 @@ from workbench.registration.coregistration import (
     State,
     hard,
 )
-from workbench.registration.coregistration.plan import SETTINGS
-from workbench.registration.coregistration.scan_block import Pull, jobs, measured, registered
-from workbench.registration.coregistration.softness import pulled
-from workbench.registration.coregistration.state import FILE
+from workbench.registration.coregistration.coregistering import FILE, SETTINGS
+from workbench.registration.coregistration.scan_block import (
+    Pull,
+    jobs,
+    on_scans,
+    scan_evidence,
+)
 from workbench.registration.coregistration.symbolic_form import (
     OF_MODEL,
     OF_SCANS,
@@ -147,7 +150,7 @@ def test_pulled_targets_bound_the_scan_cost() -> None:
     here = [
         one
         for job in jobs(estimate, subject, state().vertices, state().trans)
-        for one in registered(pull, joint().scans, job)
+        for one in on_scans(pull, joint().scans, True, job)
     ]
     rng, h = np.random.default_rng(1), 1e-3
     V = np.stack([one.vertices for one in here])
@@ -157,20 +160,20 @@ def test_pulled_targets_bound_the_scan_cost() -> None:
     there = [
         one
         for job in jobs(replace(estimate, poses=poses), subject, moved, trans)
-        for one in measured(pull, joint().scans, job)
+        for one in on_scans(pull, joint().scans, False, job)
     ]
     sigma = PLAN.sigmas.data
     for j, (one, other) in enumerate(zip(here, there, strict=True)):
-        C = one.pulled.confidence
+        C = one.confidence
         e, Q = np.linalg.eigh(C)
         assert e.min() > -1e-12
         assert e.max() < 1
         L = np.einsum("nab,nb,ncb->nac", Q, e / (1 - e), Q) / sigma**2
         bound = [
             0.5 * np.einsum("na,nab,nb->", d, L, d)
-            for d in (x - one.pulled.targets for x in (V[j], moved[j]))
+            for d in (x - one.targets for x in (V[j], moved[j]))
         ]
-        rise = other.scan_cost - one.scan_cost
+        rise = other.scan_costs - one.scan_costs
         assert rise <= (bound[1] - bound[0]) * 1.1 + 0.02 * abs(rise), j
 
 
@@ -181,7 +184,7 @@ def test_kernels_of_norms_are_refused() -> None:
     scan = three.residual(block.symbol, body().faces, made()[0].read(0), 1.0)
     norms = replace(scan, kernel=of_norms(geman_mcclure))
     with pytest.raises(BadArgument, match="kernel of single numbers"):
-        pulled([norms], V, 0.002)
+        scan_evidence([norms], V, 0.002)
 
 
 def test_targets_of_landmarks_are_their_places() -> None:
@@ -189,12 +192,12 @@ def test_targets_of_landmarks_are_their_places() -> None:
     V = made()[2][0]
     block, there = Block("vertices", V.shape, "m"), V[4] + [0.01, -0.02, 0.03]
     place = Residual("mark", block.symbol[:, 4] - there, 0.004, "m", rows_per_point=3)
-    found = pulled([place], V, 0.002)
-    np.testing.assert_allclose(found.targets[4], there, atol=1e-12)
-    np.testing.assert_allclose(found.confidence[4], np.eye(3) / 5, atol=1e-12)
-    np.testing.assert_array_equal(np.delete(found.targets, 4, axis=0), np.delete(V, 4, axis=0))
-    twice = pulled([place, replace(place, name="again")], V, 0.002)
-    np.testing.assert_allclose(twice.confidence[4], np.eye(3) / 3, atol=1e-12)
+    targets, confidence = scan_evidence([place], V, 0.002)
+    np.testing.assert_allclose(targets[4], there, atol=1e-12)
+    np.testing.assert_allclose(confidence[4], np.eye(3) / 5, atol=1e-12)
+    np.testing.assert_array_equal(np.delete(targets, 4, axis=0), np.delete(V, 4, axis=0))
+    _, twice = scan_evidence([place, replace(place, name="again")], V, 0.002)
+    np.testing.assert_allclose(twice[4], np.eye(3) / 3, atol=1e-12)
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from workbench.blocks import Values
 from workbench.fitting.body_priors import pose_gaussian
 from workbench.registration import FitStage, FreeVertices, fit_model
 from workbench.registration.free_vertices import BODY, MODEL_STAGES, Settled
-from workbench.registration.limbs import limbs, other_limbs, with_limb_at_mean
+from workbench.registration.limbs import limbs, other_limbs, with_limb
 from workbench.solvers import Solution
 
 MODEL = MODEL_STAGES[:1]
@@ -31,10 +31,10 @@ def test_limbs_are_arms_and_legs() -> None:
 def test_joints_beside_a_limb_keep_rotations() -> None:
     limb = limbs(body().parents)[0]
     pose = np.random.default_rng(0).standard_normal((24, 3))
-    moved = with_limb_at_mean(body(), pose, limb)
+    mean = np.reshape(pose_gaussian(body())[0], (-1, 3))
+    moved = with_limb(pose, limb, mean)
     others = np.delete(np.arange(24), limb)
     np.testing.assert_array_equal(moved[others], pose[others])
-    mean = np.reshape(pose_gaussian(body())[0], (-1, 3))
     np.testing.assert_array_equal(moved[list(limb)], mean[np.array(limb) - 1])
 
 

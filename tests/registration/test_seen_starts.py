@@ -12,7 +12,6 @@ from workbench.bodies import SkinnedBody
 from workbench.errors import BadArgument
 from workbench.fitting import Scan, loose_points
 from workbench.registration import (
-    EmptySpace,
     FitStage,
     Recipe,
     arms_lowered,
@@ -24,8 +23,7 @@ from workbench.registration import (
     scan_starts,
     seen_starts,
 )
-from workbench.registration.empty_space import sees
-from workbench.registration.seen_starts import start_poses
+from workbench.registration.from_a_camera import KEPT_OUT, sees, start_poses
 
 STAGE = FitStage(200, 0.02, 0.05, 3, 12)
 FRONT = np.array([np.sin(TURN), 0.0, np.cos(TURN)])  # where the person faces
@@ -65,7 +63,7 @@ def test_seen_starts_face_the_camera(
     body: SkinnedBody, truth: Array, half: Scan, camera: Array
 ) -> None:
     given = scan_starts(body, half)
-    found = seen_starts(body, half, camera, given, 4, EmptySpace())
+    found = seen_starts(body, half, camera, given, 4)
     assert len(found) == 4
     surfaces = [body.vertices(*(one[name] for name in ("pose", "betas", "trans"))) for one in found]
     for one in found[:2]:
@@ -90,13 +88,11 @@ def test_empty_space_needs_a_camera(
     one = replace(STAGE, starts=1, iterations=4)
     fits = [
         fit_model(body, half, keep=few, stages=(one,), **given)
-        for given in ({}, {"camera": camera}, {"camera": camera, "empty": EmptySpace(10)})
+        for given in ({}, {"camera": camera})
     ]
     rows = [fit.problem.rows.get("empty space", slice(0, 0)) for fit in fits]
-    assert [one.stop - one.start for one in rows] == [0, EmptySpace().vertices, 10]
-    all_of_them, *firm = (fit.scan.n_points for fit in fits)
-    assert all_of_them == few.sum()
-    assert firm[0] == firm[1] == np.sum(few & ~loose_points(half))
+    assert [one.stop - one.start for one in rows] == [0, KEPT_OUT]
+    assert [fit.scan.n_points for fit in fits] == [few.sum(), np.sum(few & ~loose_points(half))]
 
 
 @pytest.mark.thorough
@@ -104,7 +100,7 @@ def test_body_beside_the_scan_is_brought_behind_it(
     body: SkinnedBody, half: Scan, camera: Array
 ) -> None:
     """Far points let it stand anywhere, but the camera would have seen it there."""
-    start = seen_starts(body, half, camera, scan_starts(body, half), 1, EmptySpace())[0]
+    start = seen_starts(body, half, camera, scan_starts(body, half), 1)[0]
     aside = start["trans"] + 0.5 * np.cross(FRONT, [0.0, 1.0, 0.0])
     stage = FitStage(200, 0.02, 0.02, 1, 15)
     off = []

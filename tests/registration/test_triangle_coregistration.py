@@ -15,7 +15,6 @@ from workbench.arrays import Array
 from workbench.bodies.triangles import TriangleBody, blend_scape
 from workbench.errors import BadArgument
 from workbench.geometry.triangles import edges
-from workbench.registration.coregistration.triangle_plan import TrianglePlan
 from workbench.registration.coregistration.triangle_steps import (
     Bends,
     JointStep,
@@ -26,6 +25,7 @@ from workbench.registration.coregistration.triangle_steps import (
 )
 from workbench.registration.coregistration.triangles import (
     TriangleCoregistration,
+    TrianglePlan,
     TriangleState,
 )
 

@@ -5,7 +5,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from workbench.fitting.image_jobs import Picture
+from workbench.fitting.jobs import Picture
 from workbench.reports.many import MARGIN, TALL, thumbnail
 
 SVG = "{http://www.w3.org/2000/svg}"

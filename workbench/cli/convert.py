@@ -18,12 +18,12 @@ from workbench.cli.output import Up, say, say_notes, timed_lines, warn_of, warn_
 from workbench.conversion import conversion_errors, correspond, motion_from_points
 from workbench.conversion.converting import Converted, doubts_of, skeleton_errors
 from workbench.conversion.points_in_space import SIGMA
-from workbench.conversion.tracking import Progress
 from workbench.environment import expanded
 from workbench.errors import BadArgument
 from workbench.fitting.marker_files import holds_markers, read_markers
+from workbench.fitting.tracking import Progress
+from workbench.geometry.guesses import UNITS, sizes_of
 from workbench.motions import Motion, read_motion
-from workbench.motions.guesses import OTHERS, UNITS
 
 TIMES = 10  # how often progress is told
 APART = 0.1  # m, of joints from those of a skeleton: proportions explain less
@@ -62,7 +62,7 @@ def convert(
         typer.Option(help="Frames a second, where the file does not say it, or says wrong."),
     ] = None,
     unit: Annotated[
-        str | None, typer.Option(help=f"Unit of the points ({', '.join(UNITS | OTHERS)}).")
+        str | None, typer.Option(help=f"Unit of the points ({', '.join(UNITS)}).")
     ] = None,
     up: Up = None,
 ) -> None:
@@ -135,7 +135,7 @@ def _from_points(
     unit: str | None,
     up: str | None,
 ) -> Motion:
-    recording = read_markers(path, unit=unit, up=up)
+    recording = read_markers(path, unit=unit, up=up, sizes=sizes_of(target.joint_names))
     say_notes(console, recording.notes)
     fps = recording.fps if rate is None else rate
     if fps is None:

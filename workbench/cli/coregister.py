@@ -15,9 +15,8 @@ from workbench.cli.train import Lines
 from workbench.environment import expanded
 from workbench.errors import BadArgument
 from workbench.registration.coregistration import Coregistration, CoregistrationPlan
+from workbench.registration.coregistration.coregistering import EDGES, FILE
 from workbench.registration.coregistration.folder import open_registered
-from workbench.registration.coregistration.plan import EDGES
-from workbench.registration.coregistration.state import FILE
 from workbench.reports.folder import own_folder
 from workbench.reports.registration import Coregistered, begin_folder, write_coregistration
 from workbench.training.execution import Execution

@@ -15,8 +15,8 @@ from workbench.cli.run import Name, Out, Setting, SolverName, settings, solved, 
 from workbench.diagnostics.design import CRITERIA, with_candidates
 from workbench.errors import BadArgument, check_known
 from workbench.experiments import find
-from workbench.fitting.candidate_catalogue import CANDIDATES, OWN, QUANTITIES, sd_named
-from workbench.fitting.repeated_fits import checked_by_fits, repeated_fits
+from workbench.fitting.candidates import CANDIDATES, OWN, QUANTITIES, sd_named
+from workbench.fitting.refits import checked_by_fits, repeated_fits
 from workbench.reports import write_design
 from workbench.solvers import DEFAULT
 

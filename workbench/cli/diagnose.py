@@ -12,8 +12,7 @@ from workbench.cli.output import folder_to_write, print_page, say, warn_without_
 from workbench.cli.run import Name, Out, Setting, SolverName, settings, solved, solver_named
 from workbench.errors import BadArgument
 from workbench.experiments import Experiment, find
-from workbench.fitting.other_minima import other_minima
-from workbench.fitting.profile_likelihood import profile_likelihood
+from workbench.fitting.refits import other_minima, profile_likelihood
 from workbench.fitting.setup import Setup
 from workbench.reports import write_diagnosis
 from workbench.solvers import DEFAULT, SOLVERS, Solver

@@ -4,8 +4,8 @@ import re
 from dataclasses import replace
 
 from workbench.errors import BadArgument
-from workbench.fitting.image_recipe import ByHeight, WithStature
-from workbench.fitting.stature import checked_height
+from workbench.fitting.body_priors import checked_height
+from workbench.fitting.images import ByHeight, WithStature
 
 
 def recipe_of(height: float | None, sigma: float | None) -> ByHeight:

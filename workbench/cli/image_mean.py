@@ -9,7 +9,7 @@ from rich.console import Console
 
 from workbench.blocks import Values
 from workbench.cli.leaving import interrupts_say
-from workbench.fitting.image_mean import SPREAD, image_mean
+from workbench.fitting.images import SPREAD, image_mean
 from workbench.fitting.setup import Setup
 from workbench.writing import write_arrays
 

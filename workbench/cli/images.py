@@ -9,7 +9,7 @@ from workbench.cli.cluster import executing
 from workbench.cli.many import carry_out
 from workbench.cli.output import say
 from workbench.errors import BadFile, some_of
-from workbench.fitting.image_jobs import ImageWork, image_jobs, in_parts
+from workbench.fitting.jobs import ImageWork, image_jobs, in_parts
 from workbench.reports.many import ImageFolder
 
 KEYPOINTS = ".json"

@@ -11,7 +11,7 @@ from rich.markup import escape
 from workbench.cli.bars import Bars
 from workbench.cli.leaving import interrupts_say
 from workbench.cli.output import print_page, say, warn_of
-from workbench.fitting.file_jobs import FailedFile, FileJob
+from workbench.fitting.jobs import FailedFile, FileJob
 from workbench.reports.page import Entry
 
 

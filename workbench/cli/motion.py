@@ -30,9 +30,9 @@ from workbench.fitting.marker_files import (
     read_markers,
     write_markers,
 )
+from workbench.geometry.guesses import UNITS
 from workbench.motions import Motion, bones_of, load_tissue, read_motion
-from workbench.motions.guesses import OTHERS, UNITS
-from workbench.motions.tissue_betas import betas_with_tissue, displaced_by, with_tissue
+from workbench.motions.soft_tissue import betas_with_tissue, displaced_by, with_tissue
 from workbench.plots import plot_motion
 from workbench.plots.style import drawn, png
 from workbench.reports.replays import motion_page
@@ -88,7 +88,7 @@ def motion(
     unit: Annotated[
         str | None,
         typer.Option(
-            help=f"Unit of a .bvh or of markers ({', '.join(UNITS | OTHERS)}; cmu is that of BVH "
+            help=f"Unit of a .bvh or of markers ({', '.join(UNITS)}; cmu is that of BVH "
             "conversions of CMU's recordings, 0.0564 m)."
         ),
     ] = None,

@@ -28,8 +28,8 @@ from workbench.cli.output import (
 from workbench.cli.run import Out
 from workbench.environment import expanded
 from workbench.errors import BadArgument, BadFile, listed, some_of
-from workbench.fitting.scan_contents import READERS
-from workbench.fitting.scan_units import UNITS
+from workbench.fitting.scans.files import READERS
+from workbench.geometry.guesses import UNITS
 from workbench.registration import (
     FailedScan,
     Progress,

@@ -11,10 +11,9 @@ from workbench.cli.image_mean import FILE, drawing
 from workbench.cli.leaving import Interrupted
 from workbench.cli.output import folder_to_write, print_page, warn_of
 from workbench.cli.progress import LiveTrace
-from workbench.fitting.clips import Clip
 from workbench.fitting.doubts import doubts
-from workbench.fitting.video_mean import video_mean
-from workbench.fitting.videos import video_fit
+from workbench.fitting.observations import Clip
+from workbench.fitting.videos import video_fit, video_mean
 from workbench.reports.run import motion_arrays, write_video
 from workbench.solvers import Solver, Status
 from workbench.writing import write_arrays
@@ -43,7 +42,7 @@ def fit_video(
             body,
             question,
             sigma=sigma,
-            told=lambda done, all_: status.update(f"frame {done + 1} of {all_}"),
+            told=lambda done, all_: status.update(f"frame {done} of {all_}"),
         )
     for note in setup.notes:
         console.print(f"[dim]{escape(note)}.[/]", highlight=False)

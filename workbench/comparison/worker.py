@@ -25,8 +25,7 @@ from workbench.comparison.workers import AnalyseEnds, Announce, Job, JobFailed, 
 from workbench.errors import NotSupported, UnknownName, WorkbenchError
 from workbench.experiments.experiment import user_errors
 from workbench.experiments.running import warm
-from workbench.fitting.known import digits
-from workbench.fitting.setup import Setup
+from workbench.fitting.setup import Setup, digits
 from workbench.processes import Channel, end_with_parent
 from workbench.solvers import Solution
 from workbench.solvers.limits import Stop

@@ -7,17 +7,43 @@ import numpy as np
 from workbench.arrays import Array, Index
 from workbench.blocks import Values
 from workbench.bodies.body import Body
+from workbench.bodies.parts import BONES
 from workbench.bodies.spaces import shape_space
-from workbench.conversion.correspondence import Correspondence, correspond
-from workbench.conversion.parts import HANDS, vertex_parts
-from workbench.conversion.sampled import counted, sampled_vertices
-from workbench.conversion.tracking import Progress, Tracker, quiet
+from workbench.conversion.correspondence import (
+    Correspondence,
+    correspond,
+    counted,
+    sampled_vertices,
+)
 from workbench.errors import BadArgument
 from workbench.fitting.doubts import of_person
-from workbench.fitting.mesh_start import from_correspondences
+from workbench.fitting.known_points import from_correspondences
+from workbench.fitting.tracking import PointTracker, Progress, quiet
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 from workbench.motions import Motion
 from workbench.residuals import gaussian
+
+HANDS = tuple(f"{side}_{part}" for side in ("left", "right") for part in ("hand", "fingers"))
+
+
+def vertex_parts(body: Body) -> tuple[str, ...]:
+    """The name (N,) of each vertex's part: that of the joint which moves it most.
+
+    A joint without a part, such as one of a finger, belongs to that of its parent; what lies below
+    a wrist is fingers. Bodies without SMPL's joints, such as a hand, have a part for each joint.
+    """
+    names: list[str] = []
+    for k, joint in enumerate(body.joint_names):
+        parent = body.joint_names[body.parents[k]] if k else ""
+        below = names[body.parents[k]] if k else ""
+        if joint in BONES:
+            names.append(BONES[joint])
+        elif parent in ("left_wrist", "right_wrist"):
+            names.append(parent.replace("wrist", "fingers"))
+        else:
+            names.append(below if below in BONES.values() else joint)
+    return tuple(names[k] for k in body.vertex_weights.argmax(axis=1))
+
 
 SAMPLE = 1200  # vertices to which a pose is fitted
 SIGMA = 0.005  # m, of a vertex beside its place on the other body
@@ -152,7 +178,7 @@ def doubts_of(new: Motion, target: Body, errors: Array, of: str) -> tuple[str, .
 
 def _tracker(
     played: Motion, source: Body, target: Body, correspondence: Correspondence, own: range
-) -> tuple[Tracker, Array]:
+) -> tuple[PointTracker, Array]:
     """The frames of the source as observed places of the target, and the shape to begin with."""
     some = sampled_vertices(target, SAMPLE)
     some = some[correspondence.matched[some]]
@@ -180,7 +206,7 @@ def _tracker(
             ]
         return [turned_on(target, before, played, t)]
 
-    tracker = Tracker(
+    tracker = PointTracker(
         target,
         target.points(pose, betas, trans, vertices=some),
         observed,

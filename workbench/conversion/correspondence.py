@@ -15,18 +15,45 @@ from scipy.sparse import csr_array, eye_array
 from workbench.arrays import Array, Index, Mask
 from workbench.blocks import Block, Values
 from workbench.bodies.body import Body, regressed
-from workbench.conversion.sampled import sampled_vertices
 from workbench.errors import BadArgument, some_of
 from workbench.fitting.body_priors import shape_prior
+from workbench.fitting.placing import moved
 from workbench.geometry.rigid import procrustes
-from workbench.geometry.rotation import vector_from_matrix
 from workbench.geometry.solids import vertex_normals
 from workbench.geometry.surface_tree import SurfaceTree, barycentric_weights
 from workbench.problem import Problem
 from workbench.residuals import Residual, gaussian, landmarks, vertices
 from workbench.solvers import TrustRegion
 
-LEAST = 3  # joints that two bodies have in common, by which one is placed on the other
+LEAST = 20  # vertices of each joint, or all that it has: six numbers place a rigid part
+
+
+def sampled_vertices(body: Body, count: int) -> Index:
+    """About `count` vertices, in order, evenly over those that follow each joint most.
+
+    Those that follow one joint are taken at equal steps in the order of the mesh; each joint has
+    its share of all vertices, but `LEAST` of them or all that it has.
+    """
+    N, owner = body.n_vertices, body.vertex_weights.argmax(axis=1)
+    chosen: list[int] = []
+    for k in range(body.n_joints):
+        own = np.flatnonzero(owner == k)
+        many = min(len(own), max(LEAST, round(count * len(own) / N)))
+        if many:
+            chosen += own[np.linspace(0, len(own) - 1, many).round().astype(int)].tolist()
+    return np.array(sorted(chosen), dtype=np.int64)
+
+
+def counted(body: Body, chosen: Index) -> Array:
+    """How many of all vertices each chosen one stands for, (n,), divided by their mean."""
+    owner = body.vertex_weights.argmax(axis=1)
+    of_all = np.bincount(owner, minlength=body.n_joints)
+    of_chosen = np.bincount(owner[chosen], minlength=body.n_joints)
+    found = of_all[owner[chosen]] / of_chosen[owner[chosen]]
+    return np.asarray(found / found.mean())
+
+
+COMMON = 3  # joints that two bodies have in common, by which one is placed on the other
 JOINT_SIGMA = 0.01  # m, of a joint of one body beside that of another
 SURFACE_SIGMA = 0.005  # m, of a vertex beside the closest place on another surface
 POSE_SIGMA = 0.3  # rad, between the rest poses of two bodies
@@ -115,10 +142,10 @@ def _closest(
 def _by_joints(source: Body, target: Body) -> Values:
     """The target with its joints where those of the same names of the source are at rest."""
     shared = [name for name in target.joint_names if name in source.joint_names]
-    if len(shared) < LEAST:
+    if len(shared) < COMMON:
         raise BadArgument(
             f"bodies {source.name!r} and {target.name!r} have {len(shared)} joints of the same "
-            f"names, and one is placed on the other by {LEAST} or more; the joints are "
+            f"names, and one is placed on the other by {COMMON} or more; the joints are "
             f"{some_of(source.joint_names)} and {some_of(target.joint_names)}; rename those that "
             "are the same"
         )
@@ -137,13 +164,7 @@ def _by_joints(source: Body, target: Body) -> Values:
     )
     at_rest = target.joints()
     motion = procrustes(at_rest[theirs], observed[theirs])
-    start = target.start()
-    if target.bind_pose[0].any():
-        motion = replace(motion, R=np.eye(3), t=(observed[theirs] - at_rest[theirs]).mean(axis=0))
-    else:
-        start[pose.name] = start[pose.name].copy()
-        start[pose.name][0] = vector_from_matrix(motion.R)
-    start[trans.name] = motion.R @ at_rest[0] + motion.t - at_rest[0]
+    start = target.start() | moved(target, motion.R, motion.t)
     return {**start, **TrustRegion(max_iterations=50).solve(problem, start).values}
 
 

@@ -13,14 +13,14 @@ from workbench.blocks import Points, Values
 from workbench.blocks.checks import reals
 from workbench.bodies.body import Body
 from workbench.bodies.hands import HAND_POINTS, TIPS, hand_points
-from workbench.conversion.tracking import QUICK, Progress, Tracker, quiet, solved
 from workbench.errors import BadArgument, UnknownName, some_of
 from workbench.fitting.body_priors import pose_prior
+from workbench.fitting.placing import moved
+from workbench.fitting.tracking import QUICK, PointTracker, Progress, quiet, solved
 from workbench.fitting.videos import PLACE_SIGMA, POSE_SIGMA
 from workbench.geometry.rigid import procrustes
-from workbench.geometry.rotation import vector_from_matrix
 from workbench.motions import Motion
-from workbench.motions.gaps import without_gaps
+from workbench.motions.motion import without_gaps
 from workbench.problem import sequence
 from workbench.residuals import smooth
 
@@ -109,28 +109,30 @@ def motion_from_points(
     if not len(usable):
         raise BadArgument(f"no frame shows {LEAST} of the points {some_of(own)}")
     pose, betas, trans = (block.symbol for block in body.blocks())
-    tracker = Tracker(
+    tracker = PointTracker(
         body,
         _points(body, kind)(pose, betas, trans),
         places[usable],
         np.ones(len(own)),
         sigma,
         pose_prior(body),
-        lambda t, before: [_placed(body, kind, places[usable[t]]) if before is None else before],
+        lambda t, before: [
+            placed_by_points(body, kind, places[usable[t]]) if before is None else before
+        ],
         WIDE,
     )
     shape = tracker.shape(np.zeros(body.n_betas), progress)
     found = tracker.poses(shape, progress)
-    moved, where = _spread(found, usable, len(given), body)
-    moved, where, _, filled = without_gaps(moved, where)
+    turned, where = _spread(found, usable, len(given), body)
+    turned, where, _, filled = without_gaps(turned, where)
     whole = slice(int(usable[0]), int(usable[-1]) + 1)
-    moved, shape, where = _smoothed(
-        replace(tracker, observed=places[whole]), moved, shape, where, fps, progress
+    turned, shape, where = _smoothed(
+        replace(tracker, observed=places[whole]), turned, shape, where, fps, progress
     )
     motion = Motion(
-        moved, where, fps, tuple(body.joint_names), shape, origin="points", notes=(*notes, *filled)
+        turned, where, fps, tuple(body.joint_names), shape, origin="points", notes=(*notes, *filled)
     )
-    at = body_points(body, kind, moved, shape, where)
+    at = body_points(body, kind, turned, shape, where)
     errors = np.full(places.shape[:2], np.nan)
     errors[whole] = np.linalg.norm(at - places[whole], axis=2)
     some: Mask = np.asarray(seen.any(axis=0))
@@ -138,7 +140,7 @@ def motion_from_points(
 
 
 def _smoothed(
-    tracker: Tracker,
+    tracker: PointTracker,
     pose: Array,
     betas: Array,
     trans: Array,
@@ -214,17 +216,12 @@ def _matched(
     return kind, own, tuple(notes)
 
 
-def _placed(body: Body, kind: str, places: Array) -> Values:
+def placed_by_points(body: Body, kind: str, places: Array) -> Values:
     """The body at rest where a rigid motion brings its points nearest to the observed ones."""
-    pose, _, trans = (block.name for block in body.blocks())
     rest = body_points(body, kind, body.bind_pose[None], np.zeros(body.n_betas), np.zeros((1, 3)))
     seen = np.isfinite(places).all(axis=1)
     motion = procrustes(rest[0, seen], places[seen])
-    turned = body.bind_pose.copy()
-    if not turned[0].any():
-        turned[0] = vector_from_matrix(motion.R)
-    root = body.joints()[0]
-    return {pose: turned, trans: motion.R @ root + motion.t - root}
+    return moved(body, motion.R, motion.t)
 
 
 def _spread(found: Values, usable: Index, count: int, body: Body) -> tuple[Array, Array]:

@@ -3,7 +3,6 @@
 from workbench.experiments.catalogue import EXPERIMENTS, SUITES, find
 from workbench.experiments.experiment import Experiment
 from workbench.experiments.running import Outcome, run
-from workbench.fitting.known import KnownAnswer
-from workbench.fitting.setup import Setup
+from workbench.fitting.setup import KnownAnswer, Setup
 
 __all__ = ["EXPERIMENTS", "SUITES", "Experiment", "KnownAnswer", "Outcome", "Setup", "find", "run"]

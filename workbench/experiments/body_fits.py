@@ -28,15 +28,21 @@ from workbench.experiments.synthetic_people import (
     with_refined_answer,
 )
 from workbench.fitting.body_priors import pose_prior, shape_prior
-from workbench.fitting.compared_solvers import BOUNDED, GRADED, LARGE, SECOND_ORDER
-from workbench.fitting.keypoint_problem import landmark_set
-from workbench.fitting.keypoints import keypoint_fit
-from workbench.fitting.known import KnownAnswer
-from workbench.fitting.landmarks import joint_fit
-from workbench.fitting.mesh_start import STARTS, placed
-from workbench.fitting.meshes import mesh_fit
+from workbench.fitting.keypoints import keypoint_fit, landmark_set
+from workbench.fitting.known_points import STARTS, joint_fit, mesh_fit
 from workbench.fitting.observations import Observations, photograph
-from workbench.fitting.setup import Measure, Setup, distances, rms
+from workbench.fitting.placing import placed
+from workbench.fitting.setup import (
+    BOUNDED,
+    GRADED,
+    LARGE,
+    SECOND_ORDER,
+    KnownAnswer,
+    Measure,
+    Setup,
+    distances,
+    rms,
+)
 from workbench.geometry.camera import Camera
 from workbench.priors.poses import draw_poses, shipped_mixture
 from workbench.problem import Problem

@@ -12,8 +12,7 @@ from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.errors import check_known
 from workbench.experiments.experiment import Experiment
 from workbench.experiments.synthetic_people import TIGHT, check_start, with_refined_answer
-from workbench.fitting.known import KnownAnswer
-from workbench.fitting.setup import Measure, Setup, distances, rms
+from workbench.fitting.setup import KnownAnswer, Measure, Setup, distances, rms
 from workbench.geometry.triangles import gradients
 from workbench.problem import Problem
 from workbench.solvers import Ipopt, exact_hessian

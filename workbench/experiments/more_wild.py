@@ -21,9 +21,7 @@ from workbench.blocks import Block, Values
 from workbench.errors import UnknownName, check_known
 from workbench.experiments.experiment import Experiment
 from workbench.experiments.synthetic_people import check_start
-from workbench.fitting.compared_solvers import GRADED
-from workbench.fitting.known import KnownAnswer
-from workbench.fitting.setup import Measure, Setup
+from workbench.fitting.setup import GRADED, KnownAnswer, Measure, Setup
 from workbench.problem import Problem
 from workbench.residuals import Residual
 

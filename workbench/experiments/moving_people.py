@@ -20,11 +20,10 @@ from workbench.experiments.synthetic_people import (
     with_refined_answer,
 )
 from workbench.fitting.body_priors import pose_prior, shape_prior
-from workbench.fitting.compared_solvers import SECOND_ORDER
-from workbench.fitting.keypoint_problem import camera_residual, landmark_set
+from workbench.fitting.keypoints import camera_residual, landmark_set
 from workbench.fitting.marker_sets import MARKERS, MarkerSet, default_markers
 from workbench.fitting.markers import marker_fit
-from workbench.fitting.setup import Measure, Setup, distances, rms
+from workbench.fitting.setup import SECOND_ORDER, Measure, Setup, distances, rms
 from workbench.geometry.camera import Camera
 from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.problem import Problem, sequence

@@ -15,8 +15,7 @@ from workbench.bodies.body import Body
 from workbench.bodies.catalogue import load_body
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadArgument
-from workbench.fitting.known import KnownAnswer
-from workbench.fitting.setup import Setup
+from workbench.fitting.setup import KnownAnswer, Setup
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 from workbench.priors.poses import shipped_gaussian
 from workbench.solvers import Ipopt, LevenbergMarquardt, Solver

@@ -1,17 +1,21 @@
-"""The priors on a body's pose and shape that decide what observations leave open."""
+"""The priors that decide what observations leave open: on pose, shape and stature."""
 
 from collections.abc import Sequence
 
 import casadi as cs
 import numpy as np
+from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
-from workbench.bodies.body import Body
+from workbench.blocks import Block
+from workbench.bodies import SkinnedBody
+from workbench.bodies.body import Body, why_not_skinned
 from workbench.bodies.hands import hands_of
 from workbench.bodies.spaces import PoseSpace, has_pose_space, pose_space
+from workbench.errors import BadArgument
 from workbench.priors.joint_limits import hand_limits
-from workbench.priors.poses import numbers_of, shipped_gaussian, shipped_student
-from workbench.residuals import Residual, gaussian, student_t
+from workbench.priors.poses import numbers_of, shipped_gaussian
+from workbench.residuals import Residual, gaussian
 
 POSE_PRIOR = "pose prior"
 SMPL_JOINTS = 24  # of the bodies for which the pose prior was learned
@@ -19,6 +23,8 @@ TO_THE_WRISTS = 21  # of them, without the root; what is left are fingers as a w
 OTHERS = 0.5  # rad: joints of which nothing is known
 BESIDE = 0.05  # rad, beside what a pose space says: nobody's poses are exactly in it
 BESIDE_ON_A_BODY = 0.1  # rad, the same for the hands of a whole body
+SHORTEST, TALLEST = 0.4, 2.8  # m
+MEASURED = 0.01  # m, the usual standard deviation of a stature that was measured
 
 
 def pose_prior(body: Body, pose: cs.MX | None = None) -> Residual:
@@ -29,42 +35,6 @@ def pose_prior(body: Body, pose: cs.MX | None = None) -> Residual:
     pose = body.blocks()[0].symbol if pose is None else pose
     mean, covariance = pose_gaussian(body)
     return gaussian(pose[:, 1:], mean=mean, covariance=covariance, unit="rad", name=POSE_PRIOR)
-
-
-def tailed_pose_prior(body: Body, counted: float) -> Residual:
-    """A Student's t on the joints that the recording moves, and `pose_prior` for the others.
-
-    It is for observations that determine some of the numbers of a pose, such as those of one image:
-    `counted` of them count (`student_t`). It is meant for likeliest poses, not for draws. The t and
-    the Gaussian were learned from the same frames (`data/poses/PROVENANCE.md`). A body without
-    these joints gets `pose_prior`.
-    """
-    learned, names = shipped_student(), body.joint_names[1:]
-    if not {*learned.joint_names} <= {*names}:
-        return pose_prior(body)
-    mean, covariance = pose_gaussian(body)
-    if covariance.ndim == 0:
-        covariance = covariance * np.eye(mean.size)
-    x = cs.vec(body.blocks()[0].symbol[:, 1:])
-    moving = numbers_of(learned.joint_names, names)
-    still = np.setdiff1d(np.arange(3 * len(names)), moving)
-    of_moving = student_t(
-        x[moving.tolist()],
-        dof=learned.dof,
-        mean=learned.mean,
-        scale=learned.scale,
-        counted=counted,
-        name=POSE_PRIOR,
-    )
-    if not len(still):
-        return of_moving
-    of_still = gaussian(
-        x[still.tolist()],
-        mean=mean.ravel()[still],
-        covariance=covariance[np.ix_(still, still)],
-        name=POSE_PRIOR,
-    )
-    return Residual(POSE_PRIOR, cs.vertcat(of_moving.whitened, of_still.whitened), 1.0)
 
 
 def pose_gaussian(body: Body) -> tuple[Array, Array]:
@@ -124,3 +94,51 @@ def usual_priors(body: Body, pose: cs.MX | None = None) -> tuple[Residual, ...]:
     """
     limited = (hand_limits().residual(body, pose),) if hands_of(body) else ()
     return pose_prior(body, pose), shape_prior(body), *limited
+
+
+def stature(body: SkinnedBody, betas: ArrayLike) -> Array:
+    """The height (...,) m of bodies with betas (..., B), from the lowest to the highest vertex.
+
+    These are the vertices that are lowest and highest on the mean person, at rest; so stature is
+    linear in betas. A person whose crown or sole is another vertex differs by millimetres.
+    """
+    mean, slopes = _linear(body)
+    return np.asarray(mean + np.asarray(betas, dtype=float) @ slopes)
+
+
+def stature_expression(body: SkinnedBody, betas: cs.MX) -> cs.MX:
+    """`stature` in symbols, of betas (B, 1)."""
+    mean, slopes = _linear(body)
+    return mean + cs.dot(cs.DM(slopes), betas)
+
+
+def stature_prior(
+    body: SkinnedBody, height: float, *, sigma: float = MEASURED, name: str = "stature"
+) -> Residual:
+    """The residual of a measured height in metres, `sigma` its standard deviation.
+
+    One image shows how large a person appears, and not how large or how far away; with a known
+    stature, it shows the distance too. Raises BadArgument for a height of no person.
+    """
+    checked_height(height)
+    betas: Block = body.blocks()[1]
+    off = stature_expression(body, betas.symbol) - height
+    return Residual(name, off, sigma, "m", blocks=(betas,))
+
+
+def checked_height(height: float) -> None:
+    """Raise BadArgument for a height in metres of no person."""
+    if not SHORTEST <= height <= TALLEST:
+        hint = "; it is given in metres" if SHORTEST <= height / 100 <= TALLEST else ""
+        raise BadArgument(
+            f"a stature is between {SHORTEST:g} and {TALLEST:g} m, not {height:g}{hint}"
+        )
+
+
+def _linear(body: SkinnedBody) -> tuple[float, Array]:
+    """The stature of the mean person in m, and what each of the betas adds to it, (B,)."""
+    if reason := why_not_skinned(body, "a stature", "measure its vertices"):
+        raise BadArgument(reason)
+    y, slopes = body.template[:, 1], body.shapedirs[:, 1]
+    top, bottom = int(np.argmax(y)), int(np.argmin(y))
+    return float(y[top] - y[bottom]), np.asarray(slopes[top] - slopes[bottom])

@@ -1,31 +1,219 @@
-"""Fitting a body to keypoints in one or several images: the problem, its start, its measures."""
+"""A body in photographs: one problem for all of a kind, the fit to one or several, its measures.
 
-from collections.abc import Sequence
+Several people marked the same persons in photographs of COCO, and the standard deviations of what
+they marked, divided by the square root of the person's area, came out between 0.025 for eyes and
+0.107 for hips; COCO's measure of detectors, the object keypoint similarity, is made with them
+(Lin et al., Microsoft COCO, 2014, and its page on the evaluation of keypoints; for feet Jin et al.,
+Whole-Body Human Pose Estimation in the Wild, 2020, the mean of both sides). Detectors learn from
+such marks.
+"""
 
+from collections.abc import Callable, Collection, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+
+import casadi as cs
 import numpy as np
-from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
-from workbench.blocks import Values
+from workbench.blocks import Block, Points, Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.bodies.triangles import TriangleBody
-from workbench.fitting.detector_layouts import counted_by_part
-from workbench.fitting.image_recipe import SIGMA
-from workbench.fitting.keypoint_problem import (
-    KeypointProblem,
-    camera_values,
-    landmark_set,
-    observed_blocks,
-)
-from workbench.fitting.keypoint_start import place_body
-from workbench.fitting.observations import COCO, BadObservation, Observations
-from workbench.fitting.setup import Measure, Setup, View, names
-from workbench.geometry.camera import triangulate
-from workbench.residuals.kernels import Kernel, quadratic
+from workbench.errors import BadArgument
+from workbench.fitting.body_priors import usual_priors
+from workbench.fitting.files.layouts import counted_by_part
+from workbench.fitting.observations import COCO, BadObservation, Observations, Photograph, pinhole
+from workbench.fitting.placing import place_body, regressed_start
+from workbench.fitting.pose_regressor import shipped_regressor
+from workbench.fitting.setup import Measure, Setup, View, distances, largest_beta, names
+from workbench.geometry.camera import Camera, triangulate
+from workbench.problem import Problem
+from workbench.residuals import Residual, keypoints
+from workbench.residuals.kernels import Kernel, geman_mcclure, quadratic, scaled
 
+MARKED = {
+    "nose": 0.026,
+    "eye": 0.025,
+    "ear": 0.035,
+    "shoulder": 0.079,
+    "elbow": 0.072,
+    "wrist": 0.062,
+    "hip": 0.107,
+    "knee": 0.087,
+    "ankle": 0.089,
+    "toe": 0.080,
+    "heel": 0.080,
+}
+TYPICAL = 0.080  # the median of COCO's 17 keypoints and 6 of the feet, both sides counted
+PLAIN, WITH_HANDS = "coco", "coco_with_hands"  # sets of landmarks
+SIGMA = 0.004  # of a person's height in an image: 3 px in the recording on which it was chosen
+OUTLIER = 0.08  # of that height, from which on a coordinate counts as an outlier
+FOCAL_SIGMA = 0.3  # of log f, for a camera of unknown focal length
 LEAST_CONFIDENCE = 0.2  # above which a keypoint counts in a mean
 COUNTED = f"keypoints with a confidence above {LEAST_CONFIDENCE}"
+
+
+def alike(names: Sequence[str]) -> Array:
+    """The relative standard deviations (M,) of keypoints that are all known alike: 1."""
+    return np.ones(len(names))
+
+
+def as_marked(names: Sequence[str]) -> Array:
+    """The standard deviations (M,) of keypoints with these names, relative to a typical one's.
+
+    A landmark of a body is besides not at the very place that a detector calls by its name. That
+    difference is taken to be as large for all as the marks of a typical keypoint spread, so that
+    variances are m_k^2 + m^2, divided by 2 m^2, with m = 0.080. Eyes have 0.74, hips 1.18. A
+    keypoint that nobody marked for COCO, such as one of a finger, has 1.
+    """
+    ends = [next((s for end, s in MARKED.items() if name.endswith(end)), TYPICAL) for name in names]
+    return np.asarray(np.sqrt((np.array(ends) ** 2 + TYPICAL**2) / (2 * TYPICAL**2)))
+
+
+Kind = tuple[tuple[str, tuple[int, int] | None, bool], ...]  # of the photographs of one person
+Relative = Callable[[Sequence[str]], Array]  # sigmas (M,) of keypoints compared with a typical one
+Terms = Callable[[SkinnedBody | TriangleBody], Sequence[Residual]]
+
+
+@dataclass(frozen=True, eq=False)
+class KeypointProblem:
+    """The problem of a body in photographs; what was observed is in fixed blocks.
+
+    Photographs that differ in their keypoints and calibrations only have one and the same problem,
+    with the functions that were derived for it; in a folder of a thousand images it is made once.
+
+    Attributes:
+        body: the body that is fitted.
+        sigma: the standard deviation of a keypoint, in px: one, or one for each photograph.
+        kernel: the robust kernel of keypoints: one, or one for each photograph.
+        priors: the residuals of a body beside its keypoints.
+        relative: the standard deviations of keypoints by name, in sigmas.
+    """
+
+    body: SkinnedBody | TriangleBody
+    sigma: float | tuple[float, ...] = 4.0
+    kernel: Kernel | tuple[Kernel, ...] = quadratic
+    priors: Terms = usual_priors
+    relative: Relative = alike
+    _made: dict[tuple[str, Kind], tuple[Problem, tuple[Camera, ...], tuple[str, ...]]] = field(
+        default_factory=dict, init=False, repr=False
+    )
+
+    def of(
+        self,
+        photographs: Sequence[Photograph],
+        held_out: Collection[str],
+        landmarks: str | None = None,
+    ) -> tuple[Problem, tuple[Camera, ...], tuple[str, ...]]:
+        """The problem, a camera for each photograph, and the names of the priors.
+
+        `landmarks` is the set of landmarks that are fitted; without it, it is `landmark_set`'s.
+        Cameras of photographs that are held out are not among the problem's.
+        """
+        landmarks = landmark_set(self.body) if landmarks is None else landmarks
+        kind = tuple(
+            (p.name, p.size if p.K is None else None, p.name in held_out) for p in photographs
+        )
+        if (landmarks, kind) not in self._made:
+            self._made[landmarks, kind] = self._make(landmarks, kind)
+        return self._made[landmarks, kind]
+
+    def _make(
+        self, landmarks: str, kind: Kind
+    ) -> tuple[Problem, tuple[Camera, ...], tuple[str, ...]]:
+        body = self.body
+        names = body.landmark_names(landmarks)
+        pose, betas, trans = body.blocks()
+        points = body.landmark_points(landmarks, pose.symbol, betas.symbol, trans.symbol)
+        cameras = tuple(Camera(name + "/") for name, _, _ in kind)
+        terms, priors, blocks = [], list(self.priors(body)), list[Block]()
+        free = [pose.name, betas.name, trans.name]
+        sigmas = self.sigma if isinstance(self.sigma, tuple) else (self.sigma,) * len(kind)
+        kernels = self.kernel if isinstance(self.kernel, tuple) else (self.kernel,) * len(kind)
+        for camera, sigma, kernel, (_, size, out) in zip(
+            cameras, sigmas, kernels, kind, strict=True
+        ):
+            if out:
+                continue
+            relative = self.relative(names)
+            terms.append(camera_residual(points, camera, names, sigma, kernel, relative)[0])
+            blocks += camera.blocks
+            if size is not None:
+                priors.append(focal_prior(camera, max(size)))
+                free.append(camera.focal.name)
+        problem = Problem([*terms, *priors], free, blocks=blocks)
+        return problem, cameras, tuple(prior.name for prior in priors)
+
+
+def landmark_set(body: Body, observed: Collection[str] = ()) -> str:
+    """The landmark set that is fitted: `coco` where the body has it, or else its joints.
+
+    A body with fingers has another set, `coco_with_hands`, which is fitted if any of the `observed`
+    keypoints is one of a hand.
+    """
+    both = [body.landmarks[name].names for name in (PLAIN, WITH_HANDS) if name in body.landmarks]
+    if len(both) == 2 and {*observed} & ({*both[1]} - {*both[0]}):
+        return WITH_HANDS
+    return PLAIN if PLAIN in body.landmarks else "joints"
+
+
+def observed_blocks(camera: Camera, landmarks: tuple[str, ...]) -> tuple[Block, Block]:
+    """The blocks of what a camera observed: `observed` (M, 2) px and `confidence` (M,)."""
+    return (
+        Block(camera.prefix + "observed", (len(landmarks), 2), "px", landmarks),
+        Block(camera.prefix + "confidence", (len(landmarks),), "1", landmarks),
+    )
+
+
+def camera_residual(
+    points: Points,
+    camera: Camera,
+    landmarks: tuple[str, ...],
+    sigma: float,
+    kernel: Kernel,
+    relative: Array | None = None,
+) -> tuple[Residual, tuple[Block, Block]]:
+    """The residual of M landmarks in one camera, and the blocks of what the camera observed.
+
+    These are `observed` (M, 2) px and `confidence` (M,), whose square is the residual's weight.
+    `relative` (M,) are the keypoints' standard deviations in sigmas, all 1 if they are not given;
+    the weight is divided by their squares.
+    """
+    observed, confidence = observed_blocks(camera, landmarks)
+    residual = keypoints(
+        points,
+        camera,
+        observed.symbol,
+        confidence.symbol**2 if relative is None else (confidence.symbol / cs.DM(relative)) ** 2,
+        sigma=sigma,
+        kernel=kernel,
+        name=f"keypoints({camera.prefix.rstrip('/')})",
+    )
+    return residual, (observed, confidence)
+
+
+def camera_values(camera: Camera, photo: Photograph) -> Values:
+    """The camera's numbers; without K, the focal length is guessed as the longer side in px."""
+    width, height = photo.size
+    return camera.values(
+        K=pinhole(max(photo.size), width, height) if photo.K is None else photo.K,
+        R=np.eye(3) if photo.R is None else photo.R,
+        t=np.zeros(3) if photo.t is None else photo.t,
+        distortion=() if photo.distortion is None else photo.distortion,
+    )
+
+
+def focal_prior(camera: Camera, guess: float) -> Residual:
+    """A prior on log f_x with a standard deviation of 0.3, and one on log f_y - log f_x of 0.01.
+
+    The first is centred on a guess in px, the second on square pixels.
+    """
+    f = camera.focal.symbol
+    logs = cs.vertcat(
+        (cs.log(f[0]) - float(np.log(guess))) / FOCAL_SIGMA, (cs.log(f[1]) - cs.log(f[0])) / 0.01
+    )
+    return Residual(f"focal prior({camera.prefix.rstrip('/')})", logs, 1.0)
 
 
 def keypoint_fit(
@@ -34,31 +222,44 @@ def keypoint_fit(
     question: str,
     *,
     sigma: float | None = 4.0,
-    kernel: Kernel = quadratic,
+    kernel: Kernel | None = quadratic,
+    relative: Relative = alike,
     held_out: Sequence[str] = (),
     reference: Array | None = None,
     compared: tuple[str, ...] = (),
 ) -> Setup:
     """Pose, betas and trans of a body from its keypoints in photographs; `sigma` in px.
 
-    Without a sigma, it is SIGMA times the height of the person in each image.
+    Without a sigma, it is SIGMA times the height of the person in each image. Without a kernel, it
+    is Geman and McClure's, with outliers from OUTLIER times that height on; as such a kernel needs
+    a start that is near, the fit then begins in the pose that a regressor reads off the view that
+    shows most (`regressed_start`), where the body is of its kind.
 
     A detector's confidence c enters as the weight c^2, outside of the kernel, as in SPIN
     (Kolotouros et al. 2019): without a robust kernel, that keypoint has the standard deviation
-    sigma / c. Priors on the pose (`pose_prior`) and the shape (`shape_prior`) determine what the
-    keypoints do not. Photographs in `held_out` are not fitted, but drawn and measured. `reference`
-    (M, 3) m holds published positions of the body's landmarks, NaN where there is none. A camera
-    without K gets a free focal length.
+    sigma / c, times that of `relative`. Priors on the pose (`pose_prior`) and the shape
+    (`shape_prior`) determine what the keypoints do not. Photographs in `held_out` are not fitted,
+    but drawn and measured. `reference` (M, 3) m holds published positions of the body's landmarks,
+    NaN where there is none. A camera without K gets a free focal length.
 
     Raises BadObservation if the keypoints cannot place the body.
     """
-    if sigma is None:
-        placed = keypoint_setup(KeypointProblem(body), observations, question, held_out)
-        heights = [height_in_view(body, view, placed.start) for view in placed.views]
-        of = KeypointProblem(body, tuple(SIGMA * height for height in heights), kernel)
-    else:
-        of = KeypointProblem(body, sigma, kernel)
-    return keypoint_setup(of, observations, question, held_out, reference, compared)
+    shown = placed_views(body, observations, held_out)
+    heights = [max(height_in_view(body, view, shown.start), 1.0) for view in shown.views]
+    sigmas = tuple(SIGMA * height if sigma is None else sigma for height in heights)
+    kernels: tuple[Kernel, ...] = (kernel or quadratic,) * len(sigmas)
+    if kernel is None:
+        kernels = tuple(
+            scaled(geman_mcclure, OUTLIER * height / own)
+            for height, own in zip(heights, sigmas, strict=True)
+        )
+        fitted = [view for view in shown.views if not view.held_out]
+        best = max(fitted, key=lambda view: float(view.confidence.sum()))
+        with suppress(BadArgument, BadObservation):
+            begun = regressed_start(shipped_regressor(), body, best, shown.start)
+            shown = replace(shown, start={**shown.start, **begun})
+    of = KeypointProblem(body, sigmas, kernels, relative=relative)
+    return shown.setup(of, question, reference, compared)
 
 
 def keypoint_setup(
@@ -70,42 +271,78 @@ def keypoint_setup(
     compared: tuple[str, ...] = (),
 ) -> Setup:
     """The fit of a problem to these observations; arguments and errors are `keypoint_fit`'s."""
-    body = of.body
+    shown = placed_views(of.body, observations, held_out)
+    return shown.setup(of, question, reference, compared)
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedViews:
+    """What cameras observed of a body that was placed where it was seen.
+
+    Attributes:
+        observations: what was observed.
+        photographs: the same, of the landmarks that are fitted.
+        views: one for each photograph.
+        start: the numbers of the cameras, what they observed, and the placed body.
+    """
+
+    observations: Observations
+    photographs: tuple[Photograph, ...]
+    views: tuple[View, ...]
+    start: Values
+
+    def setup(
+        self,
+        of: KeypointProblem,
+        question: str,
+        reference: Array | None = None,
+        compared: tuple[str, ...] = (),
+    ) -> Setup:
+        """The fit of a problem to these views; see `keypoint_fit`."""
+        body, held_out = of.body, [view.name for view in self.views if view.held_out]
+        problem, _, priors = of.of(self.photographs, held_out, self.views[0].landmarks)
+        return Setup(
+            problem=problem,
+            start=self.start,
+            question=question,
+            body=body,
+            views=self.views,
+            measures=lambda values: measures(body, self.views, values, reference),
+            priors=priors,
+            compared=compared,
+            notes=(*self.observations.notes, *unused(self.observations, body)),
+        )
+
+
+def placed_views(
+    body: SkinnedBody | TriangleBody, observations: Observations, held_out: Sequence[str] = ()
+) -> PlacedViews:
+    """The views of photographs, and where the body is in those that are fitted.
+
+    Raises BadObservation if the keypoints cannot place the body.
+    """
     kind, held_out = landmark_set(body, observations.observed()), names(held_out)
     landmarks = body.landmark_names(kind)
     photographs = observations.ordered(landmarks).photographs
-    if all(photo.name in held_out for photo in photographs):
-        raise BadObservation("there is no image to fit; hold out fewer")
-    problem, cameras, priors = of.of(photographs, held_out, kind)
     start, views = body.start(), []
-    for camera, photo in zip(cameras, photographs, strict=True):
+    for photo in photographs:
+        camera = Camera(photo.name + "/")
         observed, confidence = (block.name for block in observed_blocks(camera, landmarks))
-        seen = {observed: photo.pixels, confidence: photo.confidence}
-        start |= camera_values(camera, photo) | seen
+        start |= camera_values(camera, photo)
+        start |= {observed: photo.pixels, confidence: photo.confidence}
         out = photo.name in held_out
         views.append(
             View(photo.name, camera, photo.size, kind, photo.pixels, photo.confidence, out)
         )
-    fitted = [view for view in views if not view.held_out]
     try:
         with np.errstate(divide="raise", invalid="raise", over="raise"):
-            start |= place_body(body, fitted, start)
+            start |= place_body(body, [view for view in views if not view.held_out], start)
     except (ArithmeticError, np.linalg.LinAlgError) as error:
         raise BadObservation(
             "the keypoints do not determine the place of the body: those of its torso, or all of "
             "them, coincide or lie absurdly far out; check their coordinates, which are px"
         ) from error
-    return Setup(
-        problem=problem,
-        start=start,
-        question=question,
-        body=body,
-        views=tuple(views),
-        measures=lambda values: measures(body, views, values, reference),
-        priors=priors,
-        compared=compared,
-        notes=(*observations.notes, *unused(observations, body)),
-    )
+    return PlacedViews(observations, photographs, tuple(views), start)
 
 
 def height_in_view(body: Body, view: View, values: Values) -> float:
@@ -120,8 +357,7 @@ def unused(observations: Observations, body: Body) -> tuple[str, ...]:
     """A sentence on the observed keypoints that have no landmark on the body, if there are any."""
     observed = observations.observed()
     kind = landmark_set(body, observed)
-    landmarks = body.landmark_names(kind)
-    others = [name for name in observed if name not in landmarks]
+    others = [name for name in observed if name not in body.landmark_names(kind)]
     if not others:
         return ()
     return (
@@ -131,53 +367,42 @@ def unused(observations: Observations, body: Body) -> tuple[str, ...]:
     )
 
 
+def triangulated(views: Sequence[View], values: Values) -> Array:
+    """The keypoints (M, 3) m that two views or more see; NaN for others."""
+    confidences = [
+        np.where(view.confidence > LEAST_CONFIDENCE, view.confidence, 0.0) for view in views
+    ]
+    observed = [view.observed for view in views]
+    return triangulate([view.camera for view in views], values, observed, confidences)
+
+
 def measures(
     body: Body, views: Sequence[View], values: Values, reference: Array | None
 ) -> tuple[Measure, ...]:
     """The mean reprojection error of every view, by `reprojection_errors`, and the mean distances
     of COCO's 17 keypoints to their triangulated and published positions.
     """
-    arguments = [values[block.name] for block in body.blocks()]
     kind = views[0].landmarks
-    found = body.landmark(kind, *arguments)  # (M, 3) m
+    places = body.landmark(kind, *(values[block.name] for block in body.blocks()))  # (M, 3) m
     coco = np.isin(body.landmark_names(kind), COCO)
-    result = []
-    fitted: list[float] = []
-    for view in views:
-        error = reprojection_errors(
-            view.observed, view.camera.pixels(found, values), view.confidence
-        )
-        if not view.held_out:
-            fitted += error.tolist()
-        what = f"reprojection, {view.name}{' (held out)' if view.held_out else ''}"
-        result.append(_mean(what, error, "px", COUNTED))
-    result.insert(0, _mean("reprojection, mean of the fitted", fitted, "px", COUNTED))
-    fitting = [view for view in views if not view.held_out]
-    if len(fitting) > 1:
-        places = triangulate(
-            [view.camera for view in fitting],
-            values,
-            [view.observed for view in fitting],
-            [
-                np.where(view.confidence > LEAST_CONFIDENCE, view.confidence, 0.0)
-                for view in fitting
-            ],
-        )
-        off = np.linalg.norm(found - places, axis=1)[coco]
-        result.append(
-            _mean(
-                "distance to triangulated keypoints",
-                1e3 * off,
-                "mm",
-                f"COCO {COUNTED} in 2 views",
-            )
-        )
+    fitted = [view for view in views if not view.held_out]
+    errors = [
+        reprojection_errors(view.observed, view.camera.pixels(places, values), view.confidence)
+        for view in views
+    ]
+    own = [error for view, error in zip(views, errors, strict=True) if not view.held_out]
+    shown = [_mean("reprojection, mean of the fitted", np.concatenate(own), "px", COUNTED)]
+    for view, error in zip(views, errors, strict=True):
+        name = f"reprojection, {view.name}{' (held out)' if view.held_out else ''}"
+        shown.append(_mean(name, error, "px", COUNTED))
+    if len(fitted) > 1:
+        off = distances(places, triangulated(fitted, values))[coco]
+        of = f"COCO {COUNTED} in 2 views"
+        shown.append(_mean("distance to triangulated keypoints", off, "mm", of))
     if reference is not None:
-        off = np.linalg.norm(found - reference, axis=1)[coco]
-        result.append(_mean("distance to published keypoints", 1e3 * off, "mm", "COCO keypoints"))
-    betas = values[body.blocks()[1].name]
-    result.append(Measure("largest |beta|", float(np.max(np.abs(betas), initial=0.0)), "sd"))
-    return tuple(result)
+        off = distances(places, reference)[coco]
+        shown.append(_mean("distance to published keypoints", off, "mm", "COCO keypoints"))
+    return (*shown, largest_beta(values[body.blocks()[1].name]))
 
 
 def reprojection_errors(observed: Array, projected: Array, confidence: Array) -> Array:
@@ -190,9 +415,8 @@ def reprojection_errors(observed: Array, projected: Array, confidence: Array) ->
     return np.asarray(np.linalg.norm((projected - observed)[well], axis=1))
 
 
-def _mean(name: str, numbers: ArrayLike, unit: str, what: str) -> Measure:
+def _mean(name: str, numbers: Array, unit: str, what: str) -> Measure:
     """The mean of the finite numbers; `what` says what they are."""
-    known = np.asarray(numbers, dtype=float)
-    known = known[np.isfinite(known)]
+    known = numbers[np.isfinite(numbers)]
     value = float(np.mean(known)) if known.size else np.nan
     return Measure(name, value, unit, f"{known.size} {what}")

@@ -12,11 +12,17 @@ from numpy.typing import NDArray
 
 from workbench.arrays import Array, Mask
 from workbench.errors import BadFile, listed, some
-from workbench.geometry.guesses import UP_TO_Y
-from workbench.motions.c3d_files import read_c3d
-from workbench.motions.guesses import check_given, unit_of, up_of
-from workbench.motions.trajectories import Trajectories, checked_places
-from workbench.motions.trc_files import read_trc, write_trc
+from workbench.geometry.guesses import (
+    UNITS,
+    UP_TO_Y,
+    Sizes,
+    check_given,
+    extents,
+    sizes_of,
+    unit_of,
+    up_of,
+)
+from workbench.motions.markers import Trajectories, checked_places, read_c3d, read_trc, write_trc
 from workbench.reading.arrays import any_reals, opened, optional, read_expected, taken_for, texts
 from workbench.writing import write_arrays
 
@@ -46,11 +52,14 @@ class MarkerRecording:
     notes: tuple[str, ...]
 
 
-def read_markers(path: Path, *, unit: str | None = None, up: str | None = None) -> MarkerRecording:
+def read_markers(
+    path: Path, *, unit: str | None = None, up: str | None = None, sizes: Sizes | None = None
+) -> MarkerRecording:
     """Read markers from an .npz, .trc or .c3d file, in metres, y up.
 
-    The unit is what the file says it is; in an .npz, and where a file does not say, m, cm or mm is
-    guessed from the size of a body. So is the axis that points up, y or z; `notes` say both.
+    The unit is what the file says it is; in an .npz, and where a file does not say, it is guessed
+    from the size of a body: `sizes`, or what the labels say it is, a hand or a person. So is the
+    axis that points up, y or z; `notes` say both.
     A marker that was not seen is NaN, or zero in all coordinates, as some systems write it. `unit`
     is `m`, `cm`, `mm` or `in`, and `up` an axis, such as `z`. Raises BadFile for a damaged file, or
     one of another layout, and for markers that are no body's in any unit; UnknownName for a unit
@@ -59,11 +68,15 @@ def read_markers(path: Path, *, unit: str | None = None, up: str | None = None) 
     check_given(unit, up)
     suffix = Path(path).suffix.lower()
     read = READERS.get(suffix, read_marker_arrays)
-    return upright(path, read(path), unit, up)
+    return upright(path, read(path), unit, up, sizes)
 
 
 def upright(
-    path: str | Path, found: Trajectories, unit: str | None, up: str | None
+    path: str | Path,
+    found: Trajectories,
+    unit: str | None,
+    up: str | None,
+    sizes: Sizes | None = None,
 ) -> MarkerRecording:
     """Trajectories of a file in metres, y up. Raises BadFile."""
     with taken_for(path, "recording of markers of a body", "see that they are those of a person"):
@@ -72,9 +85,15 @@ def upright(
         if lost.all():
             raise BadFile("no marker was seen in any frame")
         places = np.where(lost[..., None], np.nan, found.places)
-        metres, said = unit_of(places, unit, found.unit)
-        places = places * metres
-        axis, why = up_of(places, up)
+        unit, said = unit_of(
+            float(extents(places).max()),
+            unit,
+            found.unit,
+            sizes=sizes or sizes_of(found.labels),
+            what="the markers of a frame reach {}",
+        )
+        places = places * UNITS[unit]
+        axis, why = up_of(places, up, names=found.labels, what="the recording")
     share = f"{100 * lost.mean():.1f} % of the places of markers are missing"
     notes = (said, why, share, *found.notes)
     return MarkerRecording(places @ UP_TO_Y[axis].T, found.labels, found.fps, notes)

@@ -3,13 +3,19 @@
 MoSh (Loper, Mahmood and Black, Motion and Shape Capture from Sparse Markers, 2014) estimates the
 shape and the places of markers on the body from a few frames, and then the pose of every frame with
 these held. Both are problems of the same blocks with other names free.
+
+How far the centre of a ball lies above the skin to which it is glued is known: it is the radius of
+the ball and the thickness of its foot. What is not known is where on the surface somebody put it,
+so that its offset is uncertain along the surface and nearly known across it (section 3).
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
+import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg import block_diag
 
 from workbench.arrays import Array, Mask
 from workbench.blocks import Block, Values
@@ -20,16 +26,19 @@ from workbench.fitting.body_priors import pose_prior, shape_prior
 from workbench.fitting.doubts import of_markers
 from workbench.fitting.marker_sets import MARKERS, MarkerSet
 from workbench.fitting.observations import BadObservation
-from workbench.fitting.offset_prior import offset_prior
-from workbench.fitting.setup import Measure, Setup
+from workbench.fitting.placing import moved
+from workbench.fitting.setup import Measure, Setup, largest_beta
+from workbench.fitting.tracking import Tracker
 from workbench.geometry.rigid import procrustes
-from workbench.geometry.rotation import vector_from_matrix
+from workbench.geometry.solids import vertex_normals
 from workbench.problem import Problem, sequence
-from workbench.residuals import landmarks
+from workbench.residuals import Residual, gaussian, landmarks
 from workbench.residuals.kernels import Kernel, quadratic
-from workbench.solvers import Staged, TrustRegion
+from workbench.solvers import SolveStage, Staged, TrustRegion
 from workbench.solvers.solution import Solver
 
+NAME = "offset prior"
+WAYS = "along 1", "along 2", "across"  # the surface: the rows of a marker
 SIGMA = 0.002  # m, of a marker's place beside that of the body: noise, and skin that slides
 OFFSET_SIGMA = 0.0095 / np.sqrt(3)  # m along each axis: MoSh's 9.5 mm from the nominal place
 POSE_WORTH = 0.5  # of a frame, for the pose prior: poses of one person in one clip are alike
@@ -38,6 +47,51 @@ WIDE = (0.1, 0.02)  # m, sigmas of markers in turn while poses are looked for: n
 ITERATIONS = 100  # of a frame by itself
 STAGES = (("trans", "pose", "betas"),)  # before all that is free
 TRUNK = ("pelvis", "spine1", "spine2", "spine3", "neck", "left_collar", "right_collar")
+
+
+def offset_prior(
+    body: SkinnedBody, marker_set: MarkerSet, sigma: float, across: float | None = None
+) -> Residual:
+    """Offsets (M, 3) m of a body that wears the markers, about their nominal places.
+
+    `sigma` is the standard deviation along each axis in m; with `across`, it is that of the two
+    directions along the surface, and `across` that of the height above it. The directions are those
+    of the surface of the mean person at rest: its normal at the marker's vertex, and two
+    perpendicular to it. A surface is curved: on a limb of radius R, a marker at the distance t from
+    its vertex lies t^2 / 2R below the tangent plane in which the prior expects it, though its
+    height above the skin is right; that is 0.3 mm for t = 5 mm and R = 4 cm. A coarse mesh and the
+    shapes of other people add to it (`benchmarks/MARKERS.md`). Raises BadArgument for standard
+    deviations that are not above 0, and where heights are known for a marker on a vertex that
+    belongs to no face.
+    """
+    for what, value in (("offset_sigma", sigma), ("across", across)):
+        number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
+        if value is not None and not (number and 0 < value < np.inf):
+            raise BadArgument(f"{what} is a standard deviation in m, above 0, not {value!r}")
+    offsets = body.offsets(MARKERS).symbol
+    if across is None:
+        return gaussian(offsets, mean=marker_set.nominal, covariance=sigma**2, unit="m", name=NAME)
+    turns = surface_frames(body, marker_set)
+    rows = cs.sparsify(cs.DM(block_diag(*turns))) @ (
+        cs.vec(offsets) - cs.DM(marker_set.nominal.ravel())
+    )
+    labels = tuple(f"{name}, {way}" for name in marker_set.names for way in WAYS)
+    sigmas = np.tile([sigma, sigma, across], len(turns))
+    return Residual(NAME, rows, sigmas, "m", labels=labels)
+
+
+def surface_frames(body: SkinnedBody, marker_set: MarkerSet) -> Array:
+    """(M, 3, 3): two directions along the surface of the mean person at rest, and its normal, as
+    the rows of an orthonormal matrix for each marker.
+    """
+    normals = vertex_normals(body.template, body.faces)[marker_set.vertices]
+    if (lost := np.linalg.norm(normals, axis=1) < 0.5).any():
+        raise BadArgument(
+            f"marker {marker_set.names[int(lost.argmax())]!r} is on a vertex that no face has, so "
+            "that it has no height above a surface; leave `across` out, or put the marker elsewhere"
+        )
+    rows = np.linalg.svd(normals[:, None, :])[2]  # +-n first, and what is perpendicular to it
+    return np.concatenate([rows[:, 1:], normals[:, None, :]], axis=1)
 
 
 def marker_fit(
@@ -73,9 +127,8 @@ def marker_fit(
     frame, priors = marker_frame(dressed, marker_set, sigma, offset_sigma, kernel, free, across)
     first = dressed.start() | {"offsets": marker_set.nominal} | dict(start or {})
     if start is None or trans not in start:
-        first |= frame_by_frame(
-            frame, dressed, observed, first, tuple(sigma / wide for wide in WIDE)
-        )
+        shares = tuple(sigma / wide for wide in WIDE)
+        first |= frame_by_frame(frame, dressed, observed, first, shares, every=1)
     return Setup(
         problem=sequence([frame] * len(observed), shared=(betas, "offsets")),
         start=first | observations(observed),
@@ -128,34 +181,30 @@ def frame_by_frame(
     observed: Array,
     first: Values,
     shares: tuple[float, ...],
-    progress: Callable[[int, int], object] = lambda done, all_of: None,
+    every: int,
+    progress: Callable[[int, int], object] = lambda done, of: None,
 ) -> Values:
     """The poses (T, K, 3) rad and trans (T, 3) m of T frames, each fitted by itself.
 
-    Shape and offsets are held as in `first`. Each frame begins in the rest pose, placed by
-    Procrustes' method, and in the pose of the frame before as well; of the two ends, that of the
-    lower cost counts. Markers have `shares` of their precision 1 / sigma in turn, so that the pose
-    prior leads at first. `progress` is called with the number of frames that are done, and of all.
+    Shape and offsets are held as in `first`. A frame by itself begins in the rest pose, and others
+    in that of the frame before (`Tracker`), both placed by Procrustes' method. In one by itself,
+    markers have `shares` of their precision 1 / sigma in turn, so that the pose prior leads at
+    first; every `every`-th frame is one. `progress` is called with the number of frames that are
+    done, and of all.
     """
     pose, _, trans = (block.name for block in body.blocks())
-    alone, solver = frame.freeing(trans, pose), TrustRegion(max_iterations=ITERATIONS)
-    found: list[Values] = []
-    for t, own in enumerate(observed):
-        data = observations(own)
-        before = [{**first, pose: found[-1][pose]}] if found else []
-        ends = []
-        for one in (first, *before):
-            values = {**placed_rigidly(body, own, one), **data}
-            cost = np.inf
-            for share in shares:
-                values["seen"] = data["seen"] * share**2
-                end = solver.solve(alone, {name: values[name] for name in alone.known})
-                values |= end.values
-                cost = end.cost
-            ends.append((cost, values))
-        found.append(min(ends, key=lambda end: end[0])[1])
-        progress(t + 1, len(observed))
-    return {name: np.array([one[name] for one in found]) for name in (pose, trans)}
+
+    def starts(t: int, before: Values | None) -> list[Values]:
+        posed = first if before is None else {**first, pose: before[pose]}
+        data = observations(observed[t])
+        data["seen"] = data["seen"] * shares[-1] ** 2
+        return [placed_rigidly(body, observed[t], posed) | data]
+
+    stages = tuple(SolveStage(weights={MARKERS: (s / shares[-1]) ** 2}) for s in shares[:-1])
+    solver = TrustRegion(max_iterations=ITERATIONS)
+    tracker = Tracker(frame.freeing(trans, pose), starts, stages, solver, solver, every)
+    frames = tracker.frames(len(observed), progress)
+    return {name: np.array([one[name] for one in frames if one]) for name in (pose, trans)}
 
 
 def marker_solver(solver: Solver | None = None) -> Staged:
@@ -192,21 +241,15 @@ def placed_rigidly(body: SkinnedBody, observed: Array, first: Values) -> Values:
 
     It is Procrustes' method, for the markers of the trunk where four of them are seen.
     """
-    pose, betas, trans = (block.name for block in body.blocks())
+    pose, betas, _ = (block.name for block in body.blocks())
     posed = np.concatenate([np.zeros((1, 3)), first[pose][1:]])
     expected = body.landmark(MARKERS, posed, first[betas], offsets=first["offsets"])
-    pelvis = body.joints(betas=first[betas])[0]
     seen: Mask = np.asarray(np.isfinite(observed).all(axis=1))
     leader = np.asarray(body.landmarks[MARKERS].regressor @ body.weights).argmax(axis=1)
     trunk = seen & np.isin(np.array(body.joint_names)[leader], TRUNK)
     used = trunk if trunk.sum() >= LEAST else seen
     motion = procrustes(expected[used], observed[used])
-    turn = vector_from_matrix(motion.R)
-    return {
-        **first,
-        pose: np.concatenate([turn[None], posed[1:]]),
-        trans: motion.t + motion.R @ pelvis - pelvis,
-    }
+    return first | moved(body, motion.R, motion.t, posed, first[betas])
 
 
 def marker_errors(body: SkinnedBody, observed: Array, values: Values) -> Array:
@@ -234,6 +277,4 @@ def marker_measures(body: SkinnedBody, observed: Array, values: Values) -> tuple
         found.append(
             Measure(f"distance to marker {name}, rms", float(each[m]), "mm", f"{counts[m]} frames")
         )
-    betas = values[body.blocks()[1].name]
-    found.append(Measure("largest |beta|", float(np.max(np.abs(betas), initial=0.0)), "sd"))
-    return tuple(found)
+    return (*found, largest_beta(values[body.blocks()[1].name]))

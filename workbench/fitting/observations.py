@@ -1,7 +1,8 @@
-"""Keypoints of one person at one moment, as one or several cameras observed them."""
+"""What cameras saw of a person: keypoints of one moment, or of the frames of a clip."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,6 +15,7 @@ HEAD = ("eye", "ear")
 LIMBS = ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
 COCO = ("nose", *(f"{side}_{part}" for part in HEAD + LIMBS for side in SIDES))
 FEET = tuple(f"{side}_{part}" for side in SIDES for part in ("big_toe", "small_toe", "heel"))
+PLACING = 4  # keypoints in an image, by which a body is placed in a frame
 
 
 class BadObservation(WorkbenchError):
@@ -48,20 +50,61 @@ class Photograph:
     t: Array | None = None
     distortion: Array | None = None
 
+    @property
+    def calibration(self) -> tuple[Array | None, ...]:
+        """K, R, t and distortion."""
+        return self.K, self.R, self.t, self.distortion
+
+    def ordered(self, index: Sequence[int]) -> Self:
+        """The keypoints of these numbers; those of number -1 have confidence 0."""
+        there = (np.array(index) >= 0) & (self.confidence[..., index] > 0)
+        pixels = np.where(there[..., None], self.pixels[..., index, :], 0.0)
+        return replace(
+            self, pixels=pixels, confidence=np.where(there, self.confidence[..., index], 0.0)
+        )
+
     def __post_init__(self) -> None:
-        bad = ~np.isfinite(self.pixels).all(axis=1) & (self.confidence > 0)
+        bad = ~np.isfinite(self.pixels).all(axis=-1) & (self.confidence > 0)
         bad |= ~(np.isfinite(self.confidence) & (self.confidence >= 0))
         if bad.any():
-            row = int(np.argmax(bad))
+            *frame, row = at = tuple(int(i) for i in np.argwhere(bad)[0])
             raise BadObservation(
-                f"{self.name}: keypoint {row} is {self.pixels[row].tolist()} with confidence "
-                f"{self.confidence[row]}; give finite numbers, or confidence 0 if it was not seen"
+                f"{self.name}{''.join(f', frame {t}' for t in frame)}: keypoint {row} is "
+                f"{self.pixels[at].tolist()} with confidence {self.confidence[at]}; give finite "
+                "numbers, or confidence 0 if it was not seen"
             )
         object.__setattr__(self, "confidence", np.minimum(self.confidence, 1.0))
         if not (self.confidence > 0).any():
             raise BadObservation(
                 f"{self.name}: no keypoint has a confidence above 0; leave out this camera"
             )
+
+
+@dataclass(frozen=True, eq=False)
+class Film(Photograph):
+    """The keypoints that one camera observed in T frames, and its calibration.
+
+    It is a photograph with `pixels` (T, M, 2) and `confidence` (T, M). Raises BadObservation for
+    other shapes, and as a photograph does.
+    """
+
+    def __post_init__(self) -> None:
+        if self.pixels.shape != (*self.confidence.shape, 2) or self.confidence.ndim != 2:
+            raise BadObservation(
+                f"{self.name}: the keypoints of a film are (T, M, 2) with confidences (T, M), not "
+                f"{self.pixels.shape} and {self.confidence.shape}"
+            )
+        super().__post_init__()
+
+    def photograph(self, frame: int) -> Photograph:
+        """One frame. Raises BadObservation if nothing was observed in it."""
+        return Photograph(
+            f"{self.name}, frame {frame}",
+            self.size,
+            self.pixels[frame],
+            self.confidence[frame],
+            *self.calibration,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,20 +132,15 @@ class Observations:
         Raises BadObservation if none of them was observed.
         """
         where = {name: i for i, name in enumerate(self.names)}
-        index = np.array([where.get(name, -1) for name in names], dtype=int)
-        if (index < 0).all():
+        index = [where.get(name, -1) for name in names]
+        if max(index, default=-1) < 0:
             raise BadObservation(
                 f"none of the observed keypoints ({', '.join(self.names)}) is one of the body's "
                 f"({', '.join(names)})"
             )
-
-        def pick(photograph: Photograph) -> Photograph:
-            there = (index >= 0) & (photograph.confidence[index] > 0)
-            pixels = np.where(there[:, None], photograph.pixels[index], 0.0)
-            confidence = np.where(there, photograph.confidence[index], 0.0)
-            return replace(photograph, pixels=pixels, confidence=confidence)
-
-        return Observations(tuple(names), tuple(pick(p) for p in self.photographs), self.notes)
+        return Observations(
+            tuple(names), tuple(p.ordered(index) for p in self.photographs), self.notes
+        )
 
 
 def photograph(
@@ -129,3 +167,71 @@ def photograph(
 def pinhole(focal: float, width: int, height: int) -> Array:
     """The matrix K (3, 3) px of a camera with square pixels, centred on the image."""
     return np.array([[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1]], dtype=float)
+
+
+@dataclass(frozen=True, eq=False)
+class Clip:
+    """The same keypoints in T frames of one or several cameras that run in step.
+
+    A frame in which a camera saw nothing has confidence 0 there: a gap. Raises BadObservation for
+    films of different lengths, for no film, and for fps that are not above zero.
+
+    Attributes:
+        names: the M keypoints, in the order of the films' columns.
+        films: one per camera.
+        fps: frames per second.
+        notes: sentences about what was not read or is missing.
+    """
+
+    names: tuple[str, ...]
+    films: tuple[Film, ...]
+    fps: float
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        shapes = sorted({film.confidence.shape for film in self.films})
+        if len(shapes) != 1 or shapes[0][1] != len(self.names):
+            raise BadObservation(
+                f"the films of a clip have the same frames and the {len(self.names)} keypoints "
+                f"that are named, not {shapes} frames and keypoints"
+            )
+        if not 0 < self.fps < np.inf:
+            raise BadObservation(f"a clip has a number of frames per second, not {self.fps}")
+
+    @property
+    def count(self) -> int:
+        """T, the number of frames."""
+        return len(self.films[0].confidence)
+
+    @property
+    def gaps(self) -> tuple[int, ...]:
+        """The frames in which no camera saw anything."""
+        seen = np.any([(film.confidence > 0).any(axis=1) for film in self.films], axis=0)
+        return tuple(int(t) for t in np.flatnonzero(~seen))
+
+
+def clip_of(frames: Sequence[Observations | None], fps: float, notes: tuple[str, ...] = ()) -> Clip:
+    """A clip from what the same cameras observed in each frame; None is a gap.
+
+    Raises BadObservation if there is no frame, or if frames differ in cameras, sizes or keypoints.
+    """
+    known = [one for one in frames if one is not None]
+    if not known:
+        raise BadObservation("a clip needs at least one frame in which something was observed")
+    first = known[0]
+    described = {(one.names, tuple((p.name, p.size) for p in one.photographs)) for one in known}
+    if len(described) > 1:
+        raise BadObservation(
+            "the frames of a clip have the same cameras, image sizes and keypoints, and these do "
+            "not; make a clip of the frames that go together"
+        )
+    T, M = len(frames), len(first.names)
+    films = []
+    for i, photo in enumerate(first.photographs):
+        pixels, confidence = np.zeros((T, M, 2)), np.zeros((T, M))
+        for t, one in enumerate(frames):
+            if one is not None:
+                pixels[t] = one.photographs[i].pixels
+                confidence[t] = one.photographs[i].confidence
+        films.append(Film(photo.name, photo.size, pixels, confidence, *photo.calibration))
+    return Clip(first.names, tuple(films), fps, notes)

@@ -6,18 +6,26 @@ Only NumPy is needed to use it; `workbench.fitting.regressor_training` trains it
 """
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
+from importlib.resources import as_file, files
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, Index, Mask
-from workbench.errors import BadArgument
+from workbench.errors import BadArgument, BadFile
 from workbench.geometry.mirror import AXIAL, REFLECTION, opposites
 from workbench.geometry.rotation import nearest_rotation
+from workbench.reading.arrays import opened, read_expected, reals, texts, wholes
+from workbench.writing import write_arrays
 
 FEWEST = 3  # keypoints, below which nothing says how a body is turned
 COLUMNS = np.outer(REFLECTION, REFLECTION)[:, :2]  # what becomes of them under S R S
+FOLDER = files("workbench") / "data" / "poses"
+REGRESSOR_FILE = "regressor.npz"
+MOST_LAYERS = 9
+LARGEST = 2**15 - 1  # of the whole numbers in which weights are stored
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,3 +155,67 @@ def looking_at(place: Array) -> Array:
 def _median(points: Array, known: Mask) -> Array:
     """The median (N, D) of the known points (N, M, D) of each image."""
     return np.asarray(np.nanmedian(np.where(known[..., None], points, np.nan), axis=1))
+
+
+def save_regressor(regressor: PoseRegressor, path: str | Path) -> None:
+    """Write a regressor into an .npz; weights become multiples of a step, in 16 bits.
+
+    The step is the largest weight of a layer / 32,767. Raises BadFile if it cannot be written.
+    """
+    arrays = {
+        "keypoint_names": np.array(regressor.keypoint_names),
+        "joint_names": np.array(regressor.joint_names),
+        "mean": regressor.mean.astype(np.float32),
+        "scales": regressor.scales.astype(np.float32),
+    }
+    for i, (W, b) in enumerate(zip(regressor.weights, regressor.biases, strict=True)):
+        step = float(np.abs(W).max()) / LARGEST or 1.0
+        arrays[f"weights_{i}"] = np.rint(W / step).astype(np.int16)
+        arrays[f"step_{i}"] = np.array(step)
+        arrays[f"biases_{i}"] = b.astype(np.float32)
+    write_arrays(path, arrays)
+
+
+def read_regressor(path: str | Path) -> PoseRegressor:
+    """Read a regressor that `save_regressor` wrote. Raises BadFile if there is none in it."""
+    with opened(path, "regressor of poses", "give a file that `save_regressor` wrote") as archive:
+        layers = sum(f"weights_{i}" in archive.headers for i in range(MOST_LAYERS))
+        expected = {
+            "keypoint_names": texts("M"),
+            "joint_names": texts("K"),
+            "mean": reals("K", 3),
+            "scales": reals("K"),
+        }
+        for i in range(max(1, layers)):
+            expected[f"weights_{i}"] = wholes(f"n{i}", f"n{i + 1}")
+            expected[f"step_{i}"] = reals()
+            expected[f"biases_{i}"] = reals(f"n{i + 1}")
+        arrays = read_expected(archive, expected)
+        keypoints, joints = (tuple(map(str, arrays[f"{x}_names"])) for x in ("keypoint", "joint"))
+        weights: list[Array] = [arrays[f"weights_{i}"] * arrays[f"step_{i}"] for i in range(layers)]
+        inputs, outputs = 3 * len(keypoints), 3 + 3 * len(joints)
+        if (len(weights[0]), weights[-1].shape[1]) != (inputs, outputs):
+            raise BadFile(
+                f"its network takes {len(weights[0])} numbers and gives {weights[-1].shape[1]}; "
+                f"{len(keypoints)} keypoints are {inputs}, and {len(joints)} joints {outputs}"
+            )
+        if not (arrays["scales"] > 0).all():
+            raise BadFile("its scales are not above 0")
+    return PoseRegressor(
+        keypoints,
+        joints,
+        tuple(weights),
+        tuple(arrays[f"biases_{i}"] for i in range(layers)),
+        arrays["mean"],
+        arrays["scales"],
+    )
+
+
+@cache
+def shipped_regressor() -> PoseRegressor:
+    """The regressor that comes with the workbench, for COCO's keypoints and SMPL's joints.
+
+    `data/poses/PROVENANCE.md` says how it was trained.
+    """
+    with as_file(FOLDER / REGRESSOR_FILE) as path:
+        return read_regressor(path)

@@ -1,6 +1,7 @@
 """Training a regressor of poses on synthetic views, by scikit-learn's multi-layer perceptron."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,14 +13,93 @@ from workbench.environment import pip_install
 from workbench.errors import BadArgument, NotSupported
 from workbench.fitting.observations import COCO
 from workbench.fitting.pose_regressor import PoseRegressor, normalised
-from workbench.fitting.synthetic_views import People, draw_facings, draw_people, draw_views
-from workbench.priors.poses import PoseGaussian, PoseMixture
+from workbench.geometry.rotation import matrix_from_vector
+from workbench.priors.poses import PoseGaussian, PoseMixture, draw_poses
+
+STATURE = 400.0  # px, in whose images noise and outliers are given
+TALL = 1.7  # m
+NOISE = (2.0, 10.0)  # px, of one image
+OUTLIER = 120.0  # px
+LIMBS = tuple(
+    tuple(f"{side}_{part}" for part in parts)
+    for side in ("left", "right")
+    for parts in (
+        ("elbow", "wrist"),
+        ("wrist",),
+        ("knee", "ankle", "big_toe", "small_toe", "heel"),
+        ("ankle", "big_toe", "small_toe", "heel"),
+        ("eye", "ear"),
+    )
+)
 
 HIDDEN = (256, 256)
 PEOPLE, PASSES = 20_000, 60
 RATE = 2e-3  # of Adam's method (Kingma and Ba 2015)
 AVERAGED = 0.3  # of the passes, the last ones, whose weights are averaged
 LEAST_SCALE = 0.03  # m per rad: joints that move no landmark are learned a little as well
+
+
+@dataclass(frozen=True, eq=False)
+class People:
+    """People of whom views are drawn.
+
+    Attributes:
+        poses: (N, K, 3) rad, in which the root is not turned.
+        landmarks: (N, M, 3) m, relative to the root joint.
+    """
+
+    poses: Array
+    landmarks: Array
+
+
+def people_in(body: Body, poses: Array, rng: np.random.Generator) -> People:
+    """People in given poses (N, K, 3) rad with betas of the standard normal distribution."""
+    betas = rng.standard_normal((len(poses), body.n_betas))
+    at = body.joints(poses, betas)[:, :1]
+    return People(poses, body.landmark("coco", poses, betas) - at)
+
+
+def draw_facings(n: int, rng: np.random.Generator) -> Array:
+    """Rotations (n, 3, 3) of the root as upright cameras see it, facing in all directions.
+
+    Cameras look down by 10 degrees on average. Most people stand upright, and some do not.
+    """
+    upright = np.diag([1.0, -1.0, -1.0])
+    spread = np.where(rng.random((n, 1)) < 0.85, 0.15, 0.6)
+    tilt = spread * rng.standard_normal((n, 3)) * [1, 0, 1]
+    facing = np.column_stack([np.zeros(n), rng.uniform(-np.pi, np.pi, n), np.zeros(n)])
+    pitch = np.column_stack([rng.normal(0.17, 0.2, n), np.zeros(n), rng.normal(0, 0.06, n)])
+    R = matrix_from_vector(pitch) @ upright @ matrix_from_vector(facing) @ matrix_from_vector(tilt)
+    return np.asarray(R)
+
+
+def draw_views(
+    landmarks: Array, R: Array, names: tuple[str, ...], rng: np.random.Generator
+) -> tuple[Array, Array]:
+    """Rays (N, M, 2) and confidences (N, M) of landmarks that are turned by R (N, 3, 3).
+
+    The camera looks at the root; its distance is 2.5 to 12 m. Keypoints are noisy, a few of some
+    images are wrong, and single ones and whole limbs are missing.
+    """
+    n, M = landmarks.shape[:2]
+    depth = np.exp(rng.uniform(np.log(2.5), np.log(12.0), n))[:, None]
+    seen = np.einsum("nij,nmj->nmi", R, landmarks)
+    z = np.maximum(seen[..., 2] + depth, 0.3)
+    rays = seen[..., :2] / z[..., None]
+    px = TALL / depth / STATURE  # of a ray
+    noise = rng.uniform(*NOISE, (n, 1, 1)) * px[..., None]
+    rays = rays + noise * rng.standard_normal((n, M, 2))
+    wrong = rng.random((n, M)) < rng.choice([0, 0.1, 0.25], (n, 1), p=[0.7, 0.2, 0.1])
+    rays = rays + (wrong * px)[..., None] * OUTLIER * rng.standard_normal((n, M, 2))
+    missing = rng.random((n, M)) < rng.choice([0, 0.1, 0.3], (n, 1), p=[0.5, 0.3, 0.2])
+    for limb in LIMBS:
+        missing |= np.isin(names, limb) & (rng.random((n, 1)) < 0.05)
+    legs = np.isin([name.split("_")[-1] for name in names], ("knee", "ankle", "toe", "heel"))
+    feet = np.isin([name.split("_")[-1] for name in names], ("toe", "heel"))
+    missing |= legs & (rng.random((n, 1)) < 0.05)
+    missing |= feet & (rng.random((n, 1)) < 0.5)
+    missing &= (~missing).sum(axis=1, keepdims=True) >= 4
+    return rays, (~missing).astype(float)
 
 
 def train_pose_regressor(
@@ -34,7 +114,7 @@ def train_pose_regressor(
 ) -> PoseRegressor:
     """Train a regressor on `n` people in poses drawn from a prior, with random shapes.
 
-    In each of the passes every person is seen by another camera at random (`synthetic_views`). The
+    In each of the passes every person is seen by another camera at random (`draw_views`). The
     squared errors of angles are weighted by the squares of `radian_lengths`, so that they are about
     those of the landmarks. Half of the weights' noise is taken away by averaging them over the last
     passes (Polyak and Juditsky 1992). `progress` is called after each pass with the number of
@@ -51,7 +131,9 @@ def train_pose_regressor(
             "regressor is trained with a body of SMPL's 24 joints, such as `default`"
         )
     rng = np.random.default_rng(seed)
-    return trained(body, draw_people(body, prior, n, rng), passes, hidden, rng, progress)
+    return trained(
+        body, people_in(body, draw_poses(prior, n, rng), rng), passes, hidden, rng, progress
+    )
 
 
 def trained(

@@ -1,10 +1,11 @@
-"""A problem ready to be solved: its start, its question, and what is measured afterwards."""
+"""A problem ready to be solved: its start, its known answer, and what is measured afterwards."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from types import NoneType
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
 from workbench.blocks import Values, checks
@@ -12,13 +13,107 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
 from workbench.diagnostics.design.candidates import Given
 from workbench.diagnostics.gauges import Gauge
-from workbench.errors import BadSetup, check_known
-from workbench.fitting.known import KnownAnswer
+from workbench.errors import BadSetup, WorkbenchError, check_known, listed
 from workbench.geometry.camera import Camera
 from workbench.motions import Motion
 from workbench.problem import Problem
 from workbench.residuals import Residual
 from workbench.solvers import SOLVERS, Solver
+
+CERTIFIED_DIGITS = 11  # of NIST's parameters: more cannot agree
+# which solvers a setup compares, by their names in SOLVERS
+SECOND_ORDER = ("trust-region", "gauss-newton", "levenberg-marquardt", "ipopt")
+LARGE = (*SECOND_ORDER, "nlopt-lbfgs")  # also of problems whose exact Hessian takes long
+GRADED = (*SECOND_ORDER, "ipopt-exact", "nlopt-lbfgs")
+MANY = (*GRADED, "nlopt-tnewton", "nlopt-slsqp")
+BOUNDED = ("ipopt", "ipopt-exact", "nlopt-lbfgs", "nlopt-slsqp")
+
+
+@dataclass(frozen=True, eq=False)
+class KnownAnswer:
+    """The answer of a problem, or the lowest known cost, and its source.
+
+    Raises BadSetup for an empty source, for a cost or a standard deviation of a residual that is no
+    number from 0 on, and for deviations without values; `check` also compares values with a
+    problem.
+
+    Attributes:
+        source: `NIST StRD, certified to 11 digits`, `best of 100 starts, polished`.
+        cost: the certified or the best known cost.
+        values: those of the free blocks, where the answer is known and there is only one.
+        deviations: the standard deviations of the values, block by block.
+        residual_deviation: that of one observation, as estimated from the residual.
+    """
+
+    source: str
+    cost: float | None = None
+    values: Values | None = None
+    deviations: Values | None = None
+    residual_deviation: float | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.source, str) or not self.source.strip():
+            raise BadSetup(f"a known answer needs its source as a text, not {self.source!r:.80}")
+        for name in ("cost", "residual_deviation"):
+            number = getattr(self, name)
+            if number is None:
+                continue
+            # a bool is a number to Python, and nothing that was meant
+            real = isinstance(number, (int, float, np.number)) and not isinstance(number, bool)
+            if not real or not 0 <= number < np.inf:
+                raise BadSetup(f"the known {name} must be a number from 0 on, not {number!r:.80}")
+            object.__setattr__(self, name, float(number))
+        for name in ("values", "deviations"):
+            given = getattr(self, name)
+            if given is not None and not isinstance(given, Mapping):
+                raise BadSetup(
+                    f"the known {name} must be a dict of arrays by the names of free blocks, not "
+                    f"{given!r:.80}"
+                )
+        if self.deviations is not None and self.values is None:
+            raise BadSetup(
+                "known deviations are those of known values, which are missing; give them too"
+            )
+
+    def check(self, problem: Problem) -> None:
+        """Raise BadSetup unless values and deviations cover exactly the problem's free blocks."""
+        for name in ("values", "deviations"):
+            given = getattr(self, name)
+            if given is None:
+                continue
+            foreign = set(given) - set(problem.free.names)
+            if foreign:
+                raise BadSetup(
+                    f"the known {name} hold {', '.join(sorted(foreign))}, which is not free; the "
+                    f"free blocks are {', '.join(problem.free.names)}"
+                )
+            try:
+                flat = problem.free.pack(given)
+            except WorkbenchError as error:
+                raise BadSetup(f"the known {name} are not the problem's: {error}") from error
+            if name == "deviations" and (flat < 0).any():
+                raise BadSetup(
+                    f"the known deviation of {problem.free.label(int(np.argmin(flat)))} "
+                    f"is {flat.min():g}; it must be from 0 on"
+                )
+
+
+def digits(found: Mapping[str, ArrayLike], certified: Mapping[str, ArrayLike]) -> float:
+    """How many digits agree, of the parameter that agrees worst: 0 to 11.
+
+    The log relative error -log10 |found - certified| / |certified| (McCullough, The American
+    Statistician 52, 1998), absolute where the certified number is 0. Raises BadSetup for a block
+    that was not found.
+    """
+    fewest = float(CERTIFIED_DIGITS)
+    for name, numbers in certified.items():
+        if name not in found:
+            raise BadSetup(f"no values of {name} to compare; there are {listed(found)}")
+        c, x = np.asarray(numbers, dtype=float), np.asarray(found[name], dtype=float)
+        error = np.abs(x - c) / np.where(c == 0, 1.0, np.abs(c))
+        worst = float(np.max(np.where(np.isfinite(error), error, np.inf), initial=0.0))
+        fewest = min(fewest, -np.log10(worst) if worst > 0 else np.inf)
+    return max(0.0, float(fewest))
 
 
 def names(given: str | Residual | Iterable[str | Residual]) -> tuple[str, ...]:
@@ -52,6 +147,11 @@ def distances(found: Array, reference: Array) -> Array:
 def rms(name: str, differences: Array, unit: str = "mm") -> Measure:
     """The root mean square of differences that are given in `unit`, as a measure."""
     return Measure(f"{name}, rms", float(np.sqrt(np.mean(differences**2))), unit)
+
+
+def largest_beta(betas: Array) -> Measure:
+    """The coefficient of the shape that is farthest from the mean person's, as a measure."""
+    return Measure("largest |beta|", float(np.max(np.abs(betas), initial=0.0)), "sd")
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,13 +253,21 @@ class Setup:
     gauges: tuple[Gauge, ...] = ()
 
     def __post_init__(self) -> None:
-        expect("problem", self.problem, Problem, "a Problem")
-        expect("start", self.start, Mapping, "a dict of arrays by the names of blocks")
-        kinds = SkinnedBody, TriangleBody, NoneType
-        expect("body", self.body, kinds, "a SkinnedBody, a TriangleBody or None")
-        expect("question", self.question, str, "a text")
-        expect("known", self.known, (KnownAnswer, NoneType), "a KnownAnswer or None")
-        expect("views", self.views, (tuple, list), "several Views")
+        bodies = SkinnedBody, TriangleBody, NoneType
+        for name, kind, wanted in (
+            ("problem", Problem, "a Problem"),
+            ("start", Mapping, "a dict of arrays by the names of blocks"),
+            ("body", bodies, "a SkinnedBody, a TriangleBody or None"),
+            ("question", str, "a text"),
+            ("known", (KnownAnswer, NoneType), "a KnownAnswer or None"),
+            ("views", (tuple, list), "several Views"),
+            ("compared", (Iterable, Residual), "names of solvers"),
+            ("priors", (Iterable, Residual), "names of residuals"),
+            ("synthetic", str, "a text"),
+            ("candidates", Mapping, "a dict of residuals by name"),
+            ("made_of", (Mapping, NoneType), "a dict of arrays by block, or None"),
+        ):
+            expect(name, getattr(self, name), kind, wanted)
         for view in self.views:
             expect("views", view, View, "several Views")
         shape = None if self.body is None else self.body.template.shape
@@ -168,17 +276,11 @@ class Setup:
                 f"`truth` of a setup must have the shape {shape} of the body's vertices, not "
                 f"{np.shape(self.truth)}"
             )
-        for name, known, kind in (
-            ("compared", SOLVERS, "solver"),
-            ("priors", self.problem.rows, "residual"),
-        ):
-            expect(name, getattr(self, name), (Iterable, Residual), f"names of {kind}s")
-            several = names(getattr(self, name))
-            object.__setattr__(self, name, several)  # a single text is one name
-            for one in several:
-                check_known(kind, one, known)
-        object.__setattr__(self, "notes", names(self.notes))
-        expect("synthetic", self.synthetic, str, "a text")
+        for name in ("compared", "priors", "notes"):  # a single text is one name
+            object.__setattr__(self, name, names(getattr(self, name)))
+        for solver in self.compared:
+            check_known("solver", solver, SOLVERS)
+        self.problem.rows_named(self.priors)
         if not (self.strategy is None or callable(self.strategy)):
             raise BadSetup(
                 "`strategy` of a setup must be a function that makes a solver out of a solver or "
@@ -187,10 +289,8 @@ class Setup:
         self.problem.split(self.start)
         if self.known is not None:
             self.known.check(self.problem)
-        found = (self.gauges,) if isinstance(self.gauges, Gauge) else self.gauges
-        object.__setattr__(self, "gauges", checks.several("`gauges`", found, Gauge, BadSetup))
-        expect("candidates", self.candidates, Mapping, "a dict of residuals by name")
-        expect("made_of", self.made_of, (Mapping, NoneType), "a dict of arrays by block, or None")
+        gauges = (self.gauges,) if isinstance(self.gauges, Gauge) else self.gauges
+        object.__setattr__(self, "gauges", checks.several("`gauges`", gauges, Gauge, BadSetup))
         if self.made_of is not None:
             self.problem.free.pack(dict(self.start) | dict(self.made_of))
 

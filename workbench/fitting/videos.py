@@ -2,48 +2,121 @@
 
 Errors of a detector are alike from frame to frame: `effective_frames` estimates from the residuals
 how many independent frames they are worth, and the data are weighted by this number. Frames that
-are fitted from the one before are only a start, and are solved roughly (`video_start`).
+are fitted from the one before are only a start, and are solved roughly.
+
+The likeliest motion and the expected one differ, as in single images (`sampling.posterior_mean`).
+Draws of all frames at once would take minutes. Each frame counts n / T times in a video. Smoothness
+lets about T / n frames tell of one pose, so that a pose is taken to be as uncertain as one frame by
+itself leaves it, given the shape. The mean of that posterior is found in a few frames, and its
+difference from the likeliest pose and place, which changes slowly, is interpolated and smoothed.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
+from scipy.ndimage import gaussian_filter1d
 
 from workbench.arrays import Array
 from workbench.blocks import Block, Values
+from workbench.blocks.checks import reals
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadArgument
 from workbench.fitting.body_priors import pose_prior, shape_prior
-from workbench.fitting.clips import Clip, Film
-from workbench.fitting.effective_frames import effective_frames
-from workbench.fitting.image_recipe import SIGMA
-from workbench.fitting.keypoint_problem import (
+from workbench.fitting.keypoints import (
+    COUNTED,
+    LEAST_CONFIDENCE,
+    SIGMA,
     camera_residual,
     camera_values,
     focal_prior,
+    height_in_view,
     landmark_set,
 )
-from workbench.fitting.keypoint_start import place_body
-from workbench.fitting.keypoints import COUNTED, LEAST_CONFIDENCE, height_in_view
-from workbench.fitting.observations import BadObservation
-from workbench.fitting.setup import Measure, Moving, Setup, View
-from workbench.fitting.video_start import FEWEST, FrameFits, Told, frame_by_frame
+from workbench.fitting.observations import PLACING, BadObservation, Clip, Film
+from workbench.fitting.placing import place_body
+from workbench.fitting.setup import Measure, Moving, Setup, View, largest_beta
+from workbench.fitting.tracking import Tracker
 from workbench.geometry.camera import Camera
 from workbench.problem import Problem, sequence
 from workbench.residuals import Residual, smooth
 from workbench.residuals.kernels import Kernel, geman_mcclure, scaled
 from workbench.residuals.sequences import Between, Frames
-from workbench.solvers import TrustRegion
+from workbench.sampling.posterior_mean import posterior_mean
+from workbench.solvers import SolveStage, TrustRegion
 
+COARSE = (0.345, 0.048)  # of a person's height in an image: the sigmas of the stages before
+EVERY = 10  # frames between two that are fitted from scratch
+QUICK = TrustRegion(max_iterations=30, gradient_tolerance=1e-3)
+ROUGHLY = TrustRegion(max_iterations=30, gradient_tolerance=1e-2)  # all frames are fitted again
 FAR = 0.12  # of a person's height: 100 px at 830, where outliers begin (Bogo et al., SMPLify)
 LOOKED_AT = 9  # frames, for the height of the person
 POSE_SIGMA, PLACE_SIGMA = 36.0, 11.0  # rad/s^2 and m/s^2, of all joints and axes together
-ENOUGH = TrustRegion(max_iterations=40, gradient_tolerance=1e-3)  # keypoints are not better
 EVIDENCE = "evidence"  # the fixed block that says how often each frame counts
+APART, BLUR = 1 / 12, 0.1  # s: between frames that are drawn; sd of the Gaussian that smooths
+
+
+def effective_frames(errors: ArrayLike, known: ArrayLike | None = None) -> float:
+    """The number of independent frames whose mean error is as uncertain as that of these T frames.
+
+    Errors of a detector are alike from frame to frame: a constant part, such as a hip that is
+    always found too far out, and noise that changes slowly. If x_t has the autocorrelation r_k
+    about zero, the mean of T frames has the variance of the mean of
+
+        n = T / (1 + 2 sum over k of (1 - k / T) r_k)
+
+    independent ones (Geyer, Practical Markov chain Monte Carlo, 1992). With the sums of x_t x_{t+k}
+    of all pairs of frames for r_k this is mean(x^2) / mean(x)^2, so that no lag has to be cut off.
+    One series says little; the squares are therefore summed over all series, one for each
+    coordinate of each landmark, before they are divided. White noise has n = T, a constant has
+    n = 1, and noise with x_t = rho x_{t-1} + e_t has T (1 - rho) / (1 + rho) for large T.
+
+    `errors` (T, ...) are differences that a fit left, in sigmas, one series for each entry of a
+    frame; `known` of the same shape is False where nothing was observed. Errors that the fit took
+    over into the shape or the pose are not among them, so that n is an estimate from above.
+    The result is between 1 and T. Raises BadObservation if no series has two known frames, or if
+    a known error is not finite.
+    """
+    x = reals("the errors of a video", errors)
+    there = np.ones(x.shape, dtype=bool) if known is None else np.asarray(known, dtype=bool)
+    if x.ndim == 0 or there.shape != x.shape:
+        raise BadObservation(
+            f"errors are (T, ...) and `known` has the same shape, not {x.shape} and {there.shape}"
+        )
+    x = np.where(there, x, 0.0).reshape(len(x), -1)
+    if not np.isfinite(x).all():
+        raise BadObservation("the errors of a video must be finite where something was observed")
+    count = there.reshape(x.shape).sum(axis=0)
+    used = count > 1
+    if not used.any():
+        raise BadObservation("no landmark was observed in two frames, so nothing can be compared")
+    return worth_of_errors(x[:, used], count[used])
+
+
+def worth_of_errors(x: Array, count: Array) -> float:
+    """n of errors (T, M), zero where not known; `count` (M,) says how often each is known."""
+    squares, sums = np.sum(x**2), np.sum(x.sum(axis=0) ** 2 / count)
+    return float(np.clip(squares / sums if sums > 0 else np.inf, 1, len(x)))
+
+
+def autocorrelation(errors: Array, known: Array) -> Array:
+    """The correlation r_k about zero of errors k frames apart, (T,), of all series (T, ...) pooled.
+
+    The products of all pairs of known frames are summed, and divided by the number of pairs. Lags
+    with fewer pairs than one for each series are NaN.
+    """
+    x = np.where(known, errors, 0.0).reshape(len(errors), -1)
+    there = np.asarray(known, dtype=float).reshape(x.shape)
+    found = np.full(len(x), np.nan)
+    for k in range(len(x)):
+        pairs = np.sum(there[k:] * there[: len(x) - k])
+        if pairs >= max(1, x.shape[1] // 2):
+            found[k] = np.sum(x[k:] * x[: len(x) - k]) / pairs
+    return found / found[0] if found[0] > 0 else found
 
 
 @dataclass(frozen=True)
@@ -75,7 +148,7 @@ def video_fit(
     smoothness: Smoothness = SMOOTH,
     shared: Sequence[str] = ("betas",),
     worth: float | None = None,
-    told: Told = lambda done, all_: None,
+    told: Callable[[int, int], object] = lambda done, all_: None,
 ) -> Setup:
     """Poses and places in T frames, and one shape, from the keypoints of one or several cameras.
 
@@ -83,7 +156,7 @@ def video_fit(
     images. The kernel is Geman and McClure's, with outliers from 12 % of the height on, unless
     another is given. Cameras without K share a free focal length. Blocks of the body named
     in `shared` are one for all frames. The start is found frame by frame, and `told` is called
-    with the number of each frame and of all.
+    with the number of frames that are done and of all.
 
     A detector's errors are alike from frame to frame, so that T frames are not T times the evidence
     on the shape. All terms of frames, data, priors and smoothness, have the weight n / T of the
@@ -106,7 +179,8 @@ def video_fit(
     pose, betas, trans = body.blocks()
     points = body.landmark_points(kind, pose.symbol, betas.symbol, trans.symbol)
     evidence = Block(EVIDENCE, (1,))
-    films = _ordered(clip, landmarks)
+    order = [clip.names.index(name) if name in clip.names else -1 for name in landmarks]
+    films = [film.ordered(order) for film in clip.films]
     heights = heights_of(films, body, kind)
     common: Values = {EVIDENCE: np.ones(1)}
     data, observed, cameras, own_priors, free = [], [], [], [], [pose.name, betas.name, trans.name]
@@ -144,15 +218,15 @@ def video_fit(
         each.append(values)
     own = frame.freeing(pose.name, betas.name, trans.name)  # focal lengths wait for all frames
     data_names = tuple(shares)
-    found = frame_by_frame(FrameFits(own, body, shares), each, views, told)
+    frames = frame_by_frame(own, body, shares, each, views, told)
     names = [*(b.name for b in lenses), EVIDENCE, *shared]
     problem = sequence(
         [frame] * T, shared=names, between=_between(smoothness, body, evidence, clip)
     )
     start = {
-        name: np.median([one[name] for one in found], axis=0)
+        name: np.median([one[name] for one in frames], axis=0)
         if name in names
-        else np.array([one[name] for one in found])
+        else np.array([one[name] for one in frames])
         for name in problem.known
     }
     if worth is None:
@@ -180,6 +254,48 @@ def video_fit(
     )
 
 
+def frame_by_frame(
+    frame: Problem,
+    body: Body,
+    shares: Mapping[str, float],
+    each: Sequence[Values],
+    views: Sequence[Sequence[View]],
+    progress: Callable[[int, int], object],
+) -> list[Values]:
+    """The values of each frame; those without enough keypoints are as the last one with them.
+
+    `shares` are the sigmas of the residuals of keypoints, by their names, as shares of the height
+    of the person in the image. A frame by itself is placed in closed form, and fitted in stages
+    whose sigma falls to the last one. Raises BadObservation if no frame has enough keypoints to
+    place the body.
+    """
+    own = [block.name for block in body.blocks()]
+    seen = [[v for v in some if (v.confidence > 0).sum() >= PLACING] for some in views]
+
+    def starts(t: int, before: Values | None) -> list[Values]:
+        if not seen[t]:
+            return []
+        if before is None:
+            return [each[t] | place_body(body, seen[t], each[t])]
+        return [each[t] | {name: before[name] for name in own}]
+
+    stages = tuple(
+        SolveStage(weights={name: (share / wide) ** 2 for name, share in shares.items()})
+        for wide in COARSE
+    )
+    ends = Tracker(frame, starts, stages, QUICK, ROUGHLY, EVERY).frames(len(each), progress)
+    last = next((end for end in ends if end), None)
+    if last is None:
+        raise BadObservation(
+            f"no frame shows {PLACING} keypoints in one image, which a body needs to be placed"
+        )
+    whole = []
+    for values, end in zip(each, ends, strict=True):
+        last = end or last
+        whole.append(values | {name: last[name] for name in own})
+    return whole
+
+
 def heights_of(films: Sequence[Film], body: Body, kind: str) -> list[float]:
     """How high the person is in each film in px: the median over some frames."""
     T = len(films[0].confidence)
@@ -187,7 +303,7 @@ def heights_of(films: Sequence[Film], body: Body, kind: str) -> list[float]:
     for t in np.unique(np.linspace(0, T - 1, min(T, LOOKED_AT)).round().astype(int)):
         values, views = body.start(), []
         for i, film in enumerate(films):
-            if (film.confidence[t] > 0).sum() < FEWEST:
+            if (film.confidence[t] > 0).sum() < PLACING:
                 continue
             camera = Camera(film.name + "/")
             values |= camera_values(camera, film.photograph(t))
@@ -251,20 +367,7 @@ def video_measures(moving: Moving, problem: Problem, values: Values) -> tuple[Me
     if len(places) > 1:
         worth = worth_of(problem, values, moving.data)
         found.append(Measure("independent frames", worth, "1", f"{len(places)} frames"))
-    found.append(Measure("largest |beta|", float(np.max(np.abs(betas), initial=0.0)), "sd"))
-    return tuple(found)
-
-
-def _ordered(clip: Clip, landmarks: tuple[str, ...]) -> list[Film]:
-    """The films with a column for each landmark, of confidence 0 where there is no keypoint."""
-    films = []
-    for film in clip.films:
-        order = [clip.names.index(name) if name in clip.names else -1 for name in landmarks]
-        there = np.array(order) >= 0
-        sure = np.where(there, film.confidence[:, order], 0.0)
-        pixels = np.where((sure > 0)[..., None], film.pixels[:, order], 0.0)
-        films.append(replace(film, pixels=pixels, confidence=sure))
-    return films
+    return (*found, largest_beta(betas))
 
 
 def _between(smoothness: Smoothness, body: Body, evidence: Block, clip: Clip) -> list[Between]:
@@ -288,3 +391,45 @@ def _between(smoothness: Smoothness, body: Body, evidence: Block, clip: Clip) ->
         return between
 
     return [weighted(link) for link in made]
+
+
+def video_mean(
+    setup: Setup,
+    values: Values,
+    *,
+    seed: int = 0,
+    told: Callable[[int, int], object] = lambda done, all_: None,
+) -> Values:
+    """The expected pose and trans in every frame, given the shape; other blocks as they are.
+
+    `setup` is one of `video_fit`, and `values` are its solution. `told` is called with the number
+    of frames that have been drawn, and of all that will be. Frames with less than four keypoints in
+    every image are not drawn, because they do not place a body. Raises BadArgument for a setup
+    without frames.
+    """
+    moving = setup.moving
+    if moving is None or moving.frame is None:
+        raise BadArgument("this setup is not that of a video; give one that `video_fit` made")
+    pose, _, trans = (block.name for block in moving.body.blocks())
+    own = moving.frame.freeing(trans, pose)
+    framed = {name for name, block in setup.problem.known.items() if block.framed}
+    counts = [(view.confidence > 0).sum(axis=1) for view in moving.views]
+    seen = np.flatnonzero(np.max(counts, axis=0) >= PLACING)
+    step = max(1, round(APART * moving.fps))
+    drawn = np.unique(np.append(seen[::step], seen[-1]))
+    moved: dict[str, list[np.ndarray]] = {pose: [], trans: []}
+    T = len(values[trans])
+    for done, t in enumerate(drawn):
+        here = {n: values[n][t] if n in framed else values[n] for n in own.known}
+        mean = posterior_mean(own, here | {EVIDENCE: np.ones(1)}, seed=seed * T + int(t)).values
+        for name, differences in moved.items():
+            differences.append(mean[name] - here[name])
+        told(done + 1, len(drawn))
+    found = dict(values)
+    times = np.arange(T)
+    for name, differences in moved.items():
+        each = np.reshape(differences, (len(drawn), -1)).T
+        whole = np.stack([np.interp(times, drawn, one) for one in each], axis=1)
+        whole = gaussian_filter1d(whole, BLUR * moving.fps, axis=0, mode="nearest")
+        found[name] = values[name] + whole.reshape(values[name].shape)
+    return found

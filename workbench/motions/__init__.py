@@ -17,19 +17,14 @@ guessed in one place (`guesses`).
 [0.0, 0.2, 0.4, 0.6, 0.8]
 """
 
-from workbench.motions.amass_files import read_amass, save_motion
 from workbench.motions.bones import Bones, bones_of
-from workbench.motions.bvh_files import read_bvh, write_bvh
-from workbench.motions.c3d_files import read_c3d
+from workbench.motions.bvh import read_bvh, write_bvh
 from workbench.motions.files import read_motion
-from workbench.motions.glb_files import write_glb
-from workbench.motions.gltf_files import read_glb
-from workbench.motions.motion import Motion
-from workbench.motions.soft_tissue import SoftTissue
-from workbench.motions.splines import splined
-from workbench.motions.tissue_files import load_tissue, save_tissue
-from workbench.motions.trajectories import Trajectories
-from workbench.motions.trc_files import read_trc, write_trc
+from workbench.motions.gltf import read_glb, write_glb
+from workbench.motions.markers import Trajectories, read_c3d, read_trc, write_trc
+from workbench.motions.motion import Motion, splined
+from workbench.motions.smpl_files import read_amass, save_motion
+from workbench.motions.soft_tissue import SoftTissue, load_tissue, save_tissue
 
 __all__ = [
     "Bones",

@@ -1,5 +1,6 @@
 """A skeleton by itself: joints, and how far each is from its parent, without a surface."""
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -89,6 +90,24 @@ class Bones:
     def pairs(self) -> Index:
         """Each joint but the root with its parent, (K - 1, 2)."""
         return np.array(list(enumerate(self.parents)), dtype=np.int64).reshape(-1, 2)[1:]
+
+
+def different_names(
+    given: Sequence[str], what: str = "joint"
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names of which each occurs once, and a note if some had to be changed: `joint_3`, `hip_2`."""
+    names: list[str] = []
+    taken, used, last = {*given}, set[str](), Counter[str]()
+    for k, name in enumerate(given):
+        own = new = name or f"{what}_{k}"
+        while new in used or (new != name and new in taken):
+            last[own] += 1
+            new = f"{own}_{last[own] + 1}"
+        used.add(new)
+        names.append(new)
+    changed = sum(new != old for new, old in zip(names, given, strict=True))
+    note = f"{changed} of {len(names)} {what}s had no name or that of another, and got a number"
+    return tuple(names), (note,) * bool(changed)
 
 
 def bones_of(body: Body, betas: Sequence[float] | Array | None = None) -> Bones:

@@ -4,10 +4,10 @@ from pathlib import Path
 
 from workbench.bodies.body import Body
 from workbench.errors import BadFile
-from workbench.motions.amass_files import read_amass
-from workbench.motions.bvh_files import read_bvh
-from workbench.motions.gltf_files import read_glb
+from workbench.motions.bvh import read_bvh
+from workbench.motions.gltf import read_glb
 from workbench.motions.motion import Motion
+from workbench.motions.smpl_files import read_amass
 
 SUFFIXES = (".npz", ".bvh", ".glb", ".gltf")
 

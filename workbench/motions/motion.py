@@ -5,16 +5,46 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation
+from scipy.interpolate import CubicSpline
+from scipy.spatial.transform import Rotation, RotationSpline
 
-from workbench.arrays import Array
+from workbench.arrays import Array, Index, Mask
 from workbench.blocks.checks import reals
 from workbench.bodies.body import Body
 from workbench.bodies.spaces import shape_space
 from workbench.errors import BadArgument, some_of
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.motions.bones import Bones
-from workbench.motions.interpolation import between, rotations_between
+
+
+def between(values: Array, at: Array) -> Array:
+    """Values (T, ...) at fractional frames (S,), linear from frame to frame: (S, ...)."""
+    before, after, share = _neighbours(len(values), at)
+    shares = share.reshape(-1, *[1] * (values.ndim - 1))
+    return np.asarray(values[before] * (1 - shares) + values[after] * shares)
+
+
+def rotations_between(pose: Array, at: Array) -> Array:
+    """Rotation vectors (T, K, 3) rad at fractional frames (S,): (S, K, 3) rad.
+
+    From a to b, R(s) = R_a exp(s log(R_a' R_b)), which turns at a constant speed about one axis by
+    at most half a turn (slerp: Shoemake, Animating Rotation with Quaternion Curves, 1985). At whole
+    frames the vectors are those that were given.
+    """
+    before, after, share = _neighbours(len(pose), at)
+    first, second = pose[before], pose[after]
+    a, b = (Rotation.from_rotvec(v.reshape(-1, 3)) for v in (first, second))
+    way = (a.inv() * b).as_rotvec().reshape(first.shape)
+    turned = a * Rotation.from_rotvec((share[:, None, None] * way).reshape(-1, 3))
+    found = turned.as_rotvec().reshape(first.shape)
+    return np.asarray(np.where((share > 0)[:, None, None], found, first))
+
+
+def _neighbours(T: int, at: Array) -> tuple[Index, Index, Array]:
+    """The frames before and after, (S,), and how far it is from the one to the other, 0 to 1."""
+    before: Index = np.clip(np.floor(at).astype(np.int64), 0, T - 1)
+    return before, np.minimum(before + 1, T - 1), np.clip(at - before, 0.0, 1.0)
+
 
 ROUNDING = 1e-9  # frames, by which the last frame of another rate may lie beyond the last one
 
@@ -38,6 +68,7 @@ class Motion:
         bones: the skeleton of a motion that brought its own; None if a body has it.
         origin: where the motion comes from.
         notes: sentences on what was guessed, filled or left out.
+        gender: of the person, as the file says it; empty if it is not known.
     """
 
     pose: Array
@@ -49,35 +80,27 @@ class Motion:
     bones: Bones | None = None
     origin: str = ""
     notes: tuple[str, ...] = ()
+    gender: str = ""
 
     def __post_init__(self) -> None:
         names = tuple(map(str, self.joint_names))
-        arrays = {"pose": self.pose, "trans": self.trans, "betas": self.betas}
-        if self.expression is not None:
-            arrays["expression"] = self.expression
-        given = {name: reals(name, array) for name, array in arrays.items()}
-        pose, T = given["pose"], len(given["pose"]) if given["pose"].ndim else 0
-        if pose.ndim != 3 or pose.shape[1:] != (len(names), 3) or not pose.size:
-            raise BadArgument(
-                f"the pose of a motion of {len(names)} joints has the shape (T, {len(names)}, 3), "
-                f"of one frame or more, not {pose.shape}"
+        kept: dict[str, Any] = {
+            name: reals(name, getattr(self, name)).copy()
+            for name in ("pose", "trans", "betas", "expression")
+            if getattr(self, name) is not None
+        }
+        T, K = len(np.atleast_1d(kept["pose"])), len(names)
+        wanted = {"pose": (T, K, 3), "trans": (T, 3), "betas": ("B",), "expression": (T, "E")}
+        for name, array in kept.items():
+            shape = tuple(wanted[name])
+            right = array.ndim == len(shape) and all(
+                isinstance(n, str) or n == m for n, m in zip(shape, array.shape, strict=True)
             )
-        if given["trans"].shape != (T, 3):
-            raise BadArgument(
-                f"trans of {T} frames has the shape ({T}, 3), not {given['trans'].shape}"
-            )
-        if given["betas"].ndim != 1:
-            raise BadArgument(
-                f"betas are those of one person, (B,), not {given['betas'].shape}; make a motion "
-                "of each person"
-            )
-        if "expression" in given and (
-            given["expression"].ndim != 2 or len(given["expression"]) != T
-        ):
-            raise BadArgument(
-                f"expression of {T} frames has the shape ({T}, E), not {given['expression'].shape}"
-            )
-        for name, array in given.items():
+            if not right or (name == "pose" and not array.size):
+                raise BadArgument(
+                    f"{name} of a motion of {K} joints in {T} frames, one or more, has the shape "
+                    f"({', '.join(map(str, shape))}), not {array.shape}"
+                )
             if not np.isfinite(array).all():
                 at = np.unravel_index(int(np.isfinite(array).argmin()), array.shape)
                 raise BadArgument(
@@ -92,7 +115,6 @@ class Motion:
             raise BadArgument(
                 f"the skeleton has {len(self.bones.parents)} joints, and {len(names)} have names"
             )
-        kept: dict[str, Any] = {n: array.copy() for n, array in given.items()}
         notes = tuple(map(str, self.notes))
         self.__dict__.update(kept, fps=float(self.fps), joint_names=names, notes=notes)
 
@@ -261,3 +283,79 @@ class Motion:
 def _above_zero(number: object) -> bool:
     real = isinstance(number, (int, float, np.number, np.ndarray)) and not isinstance(number, bool)
     return real and np.ndim(number) == 0 and 0 < float(number) < np.inf  # type: ignore[arg-type]
+
+
+def without_gaps(
+    pose: Array, trans: Array, expression: Array | None = None
+) -> tuple[Array, Array, Array | None, tuple[str, ...]]:
+    """Pose (T, K, 3) rad, trans (T, 3) m and expression without NaN, and sentences on it.
+
+    A frame that holds NaN is interpolated between the frames before and after it; at both ends
+    such frames are left out. Raises BadArgument if no frame is whole.
+    """
+    T = len(pose)
+    lines = (trans,) if expression is None else (trans, expression)
+    missing: Mask = np.asarray(np.isnan(pose).reshape(T, -1).any(axis=1))
+    for line in lines:
+        missing |= np.isnan(line).any(axis=1)
+    if not missing.any():
+        return pose, trans, expression, ()
+    whole = np.flatnonzero(~missing)
+    if not len(whole):
+        raise BadArgument("no frame of the motion is whole: each one holds NaN")
+    first, last = int(whole[0]), int(whole[-1])
+    at = np.interp(np.arange(first, last + 1), whole, np.arange(len(whole)))
+    filled, cut = int(missing[first:last].sum()), T - (last + 1 - first)
+    said = []
+    if filled:
+        said.append(f"{filled} of {T} frames were not found, and are interpolated")
+    if cut:
+        said.append(f"{cut} of {T} frames at the ends were not found, and are left out")
+    moved = [between(line[whole], at) for line in lines]
+    return (
+        rotations_between(pose[whole], at),
+        moved[0],
+        moved[1] if expression is not None else None,
+        tuple(said),
+    )
+
+
+FEWEST = 4  # frames, of a cubic spline with free ends
+
+
+def splined(motion: Motion, fps: float) -> Motion:
+    """The motion at another rate, through the same frames, with continuous accelerations.
+
+    `Motion.resampled` turns joints along the shortest arcs, at speeds that jump from one frame to
+    the next. Here rotations are cubic splines on the group (`scipy`'s RotationSpline) and places
+    are cubic splines. What lies between the recorded frames is made up all the same: a recording
+    at 10 frames a second holds nothing above 5 Hz.
+
+    Raises BadArgument for fewer than 4 frames, a rate that is not above zero, or one that makes
+    more than ten million frames.
+    """
+    if len(motion) < FEWEST:
+        raise BadArgument(
+            f"a spline needs {FEWEST} frames or more, and this motion has {len(motion)}; "
+            "use motion.resampled, or a longer motion"
+        )
+    times = motion.resampled(fps)  # checks the rate
+    at = np.arange(len(times)) / times.fps
+    known = np.arange(len(motion)) / motion.fps
+    pose = np.stack(
+        [
+            RotationSpline(known, Rotation.from_rotvec(turns))(at).as_rotvec()
+            for turns in motion.pose.swapaxes(0, 1)
+        ],
+        axis=1,
+    )
+    face = motion.expression
+    note = f"resampled by splines from {motion.fps:g} to {times.fps:g} frames a second"
+    return replace(
+        motion,
+        pose=pose,
+        trans=CubicSpline(known, motion.trans)(at),
+        expression=None if face is None else CubicSpline(known, face)(at),
+        fps=times.fps,
+        notes=(*motion.notes, note),
+    )

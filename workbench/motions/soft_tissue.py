@@ -13,8 +13,11 @@ with x_t the inputs of `tissue_inputs`. Joints are those of the person without t
 paper.
 """
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from importlib.resources import as_file, files
+from pathlib import Path
 from typing import Any
 
 import casadi as cs
@@ -24,16 +27,17 @@ from scipy.sparse import csr_array, eye_array
 
 from workbench.arrays import Array, Index
 from workbench.blocks import Block, Points
-from workbench.blocks.checks import reals
+from workbench.blocks.checks import reals as as_reals
 from workbench.bodies import Landmarks, SkinnedBody
 from workbench.bodies.body import why_not_skinned
 from workbench.bodies.readonly import locked
 from workbench.bodies.spaces import body_mass_index
-from workbench.errors import BadArgument
-from workbench.motions.accelerations import MovingFrames
-from workbench.motions.motion import Motion
-from workbench.motions.splines import FEWEST, splined
-from workbench.motions.tissue_inputs import tissue_inputs
+from workbench.environment import expanded
+from workbench.errors import BadArgument, BadFile
+from workbench.motions.motion import FEWEST, Motion, splined
+from workbench.motions.tissue_inputs import MovingFrames, tissue_inputs
+from workbench.reading.arrays import opened, read_expected, reals, texts, wholes
+from workbench.writing import write_arrays
 
 LARGEST_RADIUS = 0.999  # of a model that is taken; at 60 frames a second it dies away in 17 s
 SAME_RATE = 1e-6  # relative
@@ -75,7 +79,7 @@ class SoftTissue:
 
     def __post_init__(self) -> None:
         names = ("directions", "first", "second", "response")
-        given = {name: reals(name, getattr(self, name)) for name in names}
+        given = {name: as_reals(name, getattr(self, name)) for name in names}
         given["part"] = np.asarray(self.part, dtype=np.int64)
         N, C = given["directions"].shape[0], given["directions"].shape[-1]
         X = 6 * len(self.joint_names) + 6 + 3 * (int(given["part"].max(initial=-1)) + 1)
@@ -123,12 +127,12 @@ class SoftTissue:
         """
         self._check(body, motion)
         frames = MovingFrames.of(body, motion)
-        x = tissue_inputs(frames, self.part, self.n_betas).values
+        x = tissue_inputs(frames, self.part, self.n_betas)
         return free_run(self.first, self.second, x @ self.response.T)
 
     def displacements(self, body: SkinnedBody, coefficients: ArrayLike, betas: Any = None) -> Array:
         """What coefficients (..., C) add to the rest surface of a person, (..., N, 3) m."""
-        phi = reals("coefficients", coefficients)
+        phi = as_reals("coefficients", coefficients)
         if phi.shape[-1:] != (self.n_coefficients,):
             raise BadArgument(
                 f"this tissue has {self.n_coefficients} coefficients a frame, not {phi.shape}"
@@ -222,3 +226,110 @@ def surface_as_landmarks(body: SkinnedBody) -> SkinnedBody:
     names = tuple(map(str, range(body.n_vertices)))
     every = Landmarks(names, csr_array(eye_array(body.n_vertices)))
     return replace(body, landmarks={**body.landmarks, "surface": every})
+
+
+def with_tissue(body: SkinnedBody, tissue: SoftTissue) -> SkinnedBody:
+    """The body with B + C betas, the last C of which displace its tissue and move no joint.
+
+    The regressor is the one nearest to the body's of those that give its joints (least squares).
+    """
+    N = body.n_vertices
+    seen = np.hstack([np.ones((N, 1)), body.template, body.shapedirs.reshape(N, -1)])
+    every = np.hstack([seen, tissue.directions.reshape(N, -1)])
+    wanted = np.zeros((body.n_joints, every.shape[1]))
+    wanted[:, : seen.shape[1]] = body.J_regressor @ seen
+    change = np.linalg.lstsq(every.T, (wanted - body.J_regressor @ every).T)[0].T
+    return replace(
+        body,
+        shapedirs=np.concatenate([body.shapedirs, tissue.directions], axis=2),
+        J_regressor=csr_array(body.J_regressor.toarray() + change),
+        capsules=None,
+        name=f"{body.name} with soft tissue",
+    )
+
+
+def betas_with_tissue(
+    body: SkinnedBody, tissue: SoftTissue, motion: Motion, exaggeration: float = 1.0
+) -> Array:
+    """The betas (T, B + C) of `with_tissue` in a motion of the tissue's rate, frame by frame.
+
+    Raises BadArgument for another rate or another body.
+    """
+    phi = tissue.coefficients(body, motion)
+    gain = exaggeration * tissue.gain(body, motion.named(body).betas)
+    own = np.broadcast_to(motion.betas_on(body), (len(motion), body.n_betas))
+    return np.hstack([own, gain * phi])
+
+
+def displaced_by(tissue: SoftTissue, betas: Array) -> Array:
+    """How far tissue is displaced at rest, (T, N, 3) m, by betas (T, B + C) of a body with it."""
+    phi = betas[:, betas.shape[1] - tissue.n_coefficients :]
+    displaced: Array = np.einsum("tc,ndc->tnd", phi, tissue.directions)
+    return displaced
+
+
+EMBEDDED = ("default",)
+EXPECTED = {
+    "directions": reals("N", 3, "C"),
+    "first": reals("C", "C"),
+    "second": reals("C", "C"),
+    "response": reals("C", "X"),
+    "part": wholes("N"),
+    "fps": reals(),
+    "power": reals(),
+    "n_betas": wholes(),
+    "joint_names": texts("K"),
+    "card": texts(),
+}
+
+
+def save_tissue(path: str | Path, tissue: SoftTissue) -> None:
+    """Write soft tissue as an .npz, in single precision. Raises BadFile."""
+    reals_of = ("directions", "first", "second", "response", "fps", "power")
+    arrays = {name: np.asarray(getattr(tissue, name), np.float32) for name in reals_of}
+    others = {
+        "part": tissue.part.astype(np.int16),
+        "n_betas": np.array(tissue.n_betas),
+        "joint_names": np.array(tissue.joint_names),
+        "card": np.array(json.dumps(dict(tissue.card))),
+    }
+    write_arrays(path, {**arrays, **others})
+
+
+def load_tissue(name_or_path: str | Path = "default") -> SoftTissue:
+    """The embedded soft tissue of the body `default`, or that of a file of `save_tissue`.
+
+    The embedded one was learned from simulated tissue (`data/tissue/PROVENANCE.md`). Raises BadFile
+    if there is no such file, or it holds something else.
+    """
+    if isinstance(name_or_path, str) and name_or_path in EMBEDDED:
+        with as_file(files("workbench") / "data" / "tissue" / f"{name_or_path}.npz") as path:
+            return _read(path)
+    path = expanded(name_or_path)
+    if not path.exists():
+        raise BadFile(
+            f"no soft tissue is called {str(name_or_path)!r}, and there is no such file; there is "
+            f"{EMBEDDED[0]!r}, or give an .npz that save_tissue wrote"
+        )
+    return _read(path)
+
+
+def _read(path: Path) -> SoftTissue:
+    with opened(path, "soft tissue", "give an .npz that save_tissue wrote") as archive:
+        found = read_expected(archive, EXPECTED)
+        try:
+            card = json.loads(str(found["card"]))
+            return SoftTissue(
+                directions=found["directions"],
+                first=found["first"],
+                second=found["second"],
+                response=found["response"],
+                part=found["part"],
+                fps=float(found["fps"]),
+                joint_names=tuple(map(str, found["joint_names"])),
+                n_betas=int(found["n_betas"]),
+                power=float(found["power"]),
+                card=card if isinstance(card, dict) else {},
+            )
+        except (BadArgument, ValueError) as error:
+            raise BadFile(str(error)) from error

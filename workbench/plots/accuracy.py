@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from workbench.comparison import Comparison
-from workbench.fitting.known import CERTIFIED_DIGITS
+from workbench.fitting.setup import CERTIFIED_DIGITS
 from workbench.plots.palette import FAINT, INK, solver_styles
 from workbench.plots.style import plain
 

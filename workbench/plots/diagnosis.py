@@ -15,7 +15,7 @@ from workbench.arrays import Index, Mask
 from workbench.diagnostics import Diagnosis, Direction, MeasurementDesign
 from workbench.diagnostics.words import counted
 from workbench.errors import BadArgument
-from workbench.fitting.profile_likelihood import Profile
+from workbench.fitting.refits import Profile
 from workbench.plots.palette import BLUE, FAINT, GREEN, LINES, MARKERS, VERMILLION
 from workbench.plots.style import apart, decades, drawn, note_at, plain, shortened
 

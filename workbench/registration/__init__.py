@@ -1,44 +1,54 @@
 """Registration: surfaces and points brought onto scans, without known correspondences."""
 
+from workbench.geometry.solids import random_surface_points
 from workbench.registration.basins import BasinMap, basin_map
-from workbench.registration.body_size import BodySize, body_size
-from workbench.registration.coupling import Coupling, by_edges, by_vertices
-from workbench.registration.doubts import Doubts, doubts
-from workbench.registration.empty_space import EmptySpace
-from workbench.registration.facing import facing
-from workbench.registration.fit_stage import FitStage, Progress
+from workbench.registration.doubts import Doubts, Support, doubts, support
 from workbench.registration.free_vertices import (
     QUICK_VERTEX_STAGES,
     VERTEX_STAGES,
+    Coupling,
     FreeVertices,
     Registered,
+    ScanTerm,
     StageResult,
     VertexStage,
-    posterior_sd,
+    by_edges,
+    by_vertices,
+    touched,
 )
-from workbench.registration.hand_scan import fit_hand
-from workbench.registration.hand_starts import hand_starts
-from workbench.registration.icp import Alignment, Icp, IcpIterate, Stopped
-from workbench.registration.icp_losses import GemanMcClure, LeastSquares, Trimmed
+from workbench.registration.from_a_camera import seen_starts
+from workbench.registration.icp import Alignment, Icp, IcpIterate, PointCloud, Stopped
 from workbench.registration.icp_steps import (
     Contacts,
+    GemanMcClure,
+    LeastSquares,
+    Trimmed,
     distance_gauss_newton,
     point_to_plane,
     point_to_point,
 )
-from workbench.registration.model_fit import FIT_STAGES, SEEN_STAGES, ModelFit, fit_model
-from workbench.registration.point_cloud import PointCloud
+from workbench.registration.model_fit import (
+    FIT_STAGES,
+    SEEN_STAGES,
+    FitStage,
+    ModelFit,
+    Progress,
+    fit_model,
+)
 from workbench.registration.recipe import (
     HAND_RECIPE,
     PERSON_RECIPE,
     Recipe,
+    fit_hand,
     model_alone,
     usual_recipe,
 )
 from workbench.registration.registering import (
+    BodySize,
     OtherEnd,
     Registration,
     StageOutcome,
+    body_size,
     register,
 )
 from workbench.registration.scan_jobs import (
@@ -49,11 +59,7 @@ from workbench.registration.scan_jobs import (
     jobs_of,
     registered,
 )
-from workbench.registration.scan_starts import arms_lowered, scan_starts
-from workbench.registration.scan_term import ScanTerm, touched
-from workbench.registration.seen_starts import seen_starts
-from workbench.registration.support import Support, support
-from workbench.registration.surface_points import random_surface_points
+from workbench.registration.starts import arms_lowered, facing, hand_starts, scan_starts
 
 __all__ = [
     "FIT_STAGES",
@@ -68,7 +74,6 @@ __all__ = [
     "Contacts",
     "Coupling",
     "Doubts",
-    "EmptySpace",
     "FailedScan",
     "FitStage",
     "FreeVertices",
@@ -108,7 +113,6 @@ __all__ = [
     "model_alone",
     "point_to_plane",
     "point_to_point",
-    "posterior_sd",
     "random_surface_points",
     "register",
     "registered",

@@ -17,8 +17,6 @@ AXES: Mapping[str, tuple[float, float, float]] = {"x": (1, 0, 0), "y": (0, 1, 0)
 NEAR = 0.02  # m: a mean distance from the truth up to which a registration has found it
 HALF_TURN = 180.0  # degrees
 
-Align = Callable[[Similarity], Alignment]  # the registration, from a start
-
 
 @dataclass(frozen=True, eq=False)
 class BasinMap:
@@ -60,7 +58,14 @@ class BasinMap:
 
     def rows(self) -> Iterable[tuple[str, ...]]:
         """The map as a table of texts, its head first: one row for each start."""
-        yield (*(f"{a}_deg" for a in self.axes), "found", "turned_deg", "off_mm", *_MORE)
+        yield (
+            *(f"{a}_deg" for a in self.axes),
+            "found",
+            "turned_deg",
+            "off_mm",
+            "iterations",
+            "stopped",
+        )
         each = zip(self.angles, self.found, self.turned, self.off, strict=True)
         for s, (angles, found, turned, off) in enumerate(each):
             numbers = (f"{turned:.4f}", f"{1e3 * off:.4f}", str(self.iterations[s]))
@@ -68,11 +73,8 @@ class BasinMap:
             yield (*starts, "yes" if found else "no", *numbers, self.stopped[s].name)
 
 
-_MORE = ("iterations", "stopped")
-
-
 def basin_map(
-    align: Align,
+    align: Callable[[Similarity], Alignment],
     points: ArrayLike,
     truth: Similarity,
     axes: Sequence[str] = ("y",),

@@ -1,26 +1,142 @@
 """Registration with free vertices: the template's vertices are unknowns, coupled to the model."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 
 import casadi as cs
 import numpy as np
 
-from workbench.arrays import Array, Mask
+from workbench.arrays import Array, Index, Mask
 from workbench.blocks import Block, Points, Values
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadArgument
 from workbench.fitting.body_priors import usual_priors
-from workbench.fitting.scan import Scan
-from workbench.geometry.solids import area
+from workbench.fitting.scans.scan import Scan
+from workbench.geometry.solids import area, mesh_edges
 from workbench.problem import Problem
 from workbench.problem.conjugate_gradients import ConjugateGradients
-from workbench.registration.coupling import Coupling, by_edges
+from workbench.problem.sparsity import rows_of_nonzeros
 from workbench.registration.limbs import other_limbs
-from workbench.registration.scan_term import ScanTerm, touched
-from workbench.residuals import Residual
+from workbench.residuals import (
+    Form,
+    Residual,
+    distance,
+    edges,
+    geman_mcclure,
+    scaled,
+    scan_to_model,
+    vertices,
+)
+from workbench.residuals.contacts import MovingContacts
 from workbench.solvers import Iterate, Solution, Solver, TrustRegion
+
+PATCH = 1e-3  # m^2 of a scan that count as one observation
+
+
+@dataclass(frozen=True)
+class ScanTerm:
+    """How a scan becomes a residual on a surface: E_S, Geman-McClure's, weighted by areas.
+
+    The weight of a point, outside of the kernel, is the area that it stands for, divided by
+    `patch`. The weighted sum approximates the integral of rho over the scanned surface, divided by
+    `patch`. So neither the resolution of the scan nor that of the template changes how much the
+    scan counts beside priors and the coupling. Neighbouring points are not independent observations
+    of a model that is not exact, so that counting every one would trust the scan too much. Points
+    whose areas are not known share the template's area evenly.
+
+    Raises BadArgument for a length or an area that is not above zero.
+
+    Attributes:
+        sigma: in m, the noise of the scan.
+        outlier: in m, the distance at which Geman-McClure's rho is half of its largest value.
+        within: in m, the gate: a point farther away has no contact.
+        facing: the least cosine of the angle between the normals in contact, if the scan has some.
+        patch: in m^2, how much surface counts as one observation.
+        form: what a contact says.
+    """
+
+    sigma: float = 0.003
+    outlier: float = 0.03
+    within: float = 0.1
+    facing: float = 0.5
+    patch: float = PATCH
+    form: Form = distance
+
+    def __post_init__(self) -> None:
+        if not min(self.sigma, self.outlier, self.within, self.patch) > 0:
+            raise BadArgument(
+                "the sigma, the outlier's distance, the gate and the patch of a scan's term are "
+                f"above zero, not {self.sigma:g}, {self.outlier:g}, {self.within:g} m and "
+                f"{self.patch:g} m^2"
+            )
+
+    def residual(self, points: Points | cs.MX, faces: Index, scan: Scan, area: float) -> Residual:
+        """The residual, in m, of a surface's vertices (N, 3); `area` in m^2 is the template's."""
+        areas = (
+            np.full(scan.n_points, area / scan.n_points) if scan.weights is None else scan.weights
+        )
+        return scan_to_model(
+            points,
+            faces,
+            scan.points,
+            sigma=self.sigma,
+            kernel=scaled(geman_mcclure, self.outlier / self.sigma),
+            weights=areas / self.patch,
+            normals=scan.normals,
+            within=self.within,
+            facing=self.facing,
+            form=self.form,
+            name="scan",
+        )
+
+
+def touched(scan_residual: Residual, values: Mapping[str, Array], outlier: float) -> Mask:
+    """Which vertices (N,) the scan touches: corners of triangles in contact with its points.
+
+    A contact counts if its share in the vertex is above zero and it is at most `outlier` m long.
+    Vertices that nothing touches are known only through the others. Raises BadArgument for a
+    residual that has no contacts.
+    """
+    source = scan_residual.points[0].source if scan_residual.points else None
+    if not isinstance(source, MovingContacts):
+        raise BadArgument(
+            f"residual {scan_residual.name!r} chooses no contacts; give one made by scan_to_model"
+        )
+    contacts = source.contacts(values)
+    near = contacts.found & (np.linalg.norm(contacts.numbers, axis=1) <= outlier)
+    rows = np.repeat(near, contacts.numbers.shape[1])[rows_of_nonzeros(contacts.jacobian)]
+    columns = contacts.jacobian.indices[rows & (contacts.jacobian.data != 0)]
+    found = np.zeros(contacts.jacobian.shape[1] // 3, dtype=bool)
+    found[columns // 3] = True
+    return found
+
+
+Coupling = Callable[[cs.MX, Points, Index, float], Residual]
+"""From the vertices' symbol (3, N), the model's points, faces (F, 3) and a sigma in m."""
+
+
+def by_edges(free: cs.MX, model: Points, faces: Index, sigma: float) -> Residual:
+    """E_C = |A V - A M|^2, where A takes the differences along all edges.
+
+    V are the free vertices and M the model's (SMPL, section 4.1; Hirshberg et al., Coregistration,
+    2012, take the differences along two edges of each triangle).
+
+    The sigma is in m. The term is a membrane: what the scan moves takes its surroundings along,
+    also where nothing was seen. It is blind to translation. On a surface its sum does not depend on
+    the mesh's resolution.
+    """
+    return edges(model, free, mesh_edges(faces), sigma=sigma, name="coupling")
+
+
+def by_vertices(free: cs.MX, model: Points, faces: Index, sigma: float) -> Residual:
+    """E_C = |V - M|^2: each free vertex is drawn to its place on the model, whatever others do.
+
+    The sigma is in m. A vertex that was not seen stays where the model puts it, even if all around
+    it are elsewhere.
+    """
+    return vertices(model, free, sigma=sigma, name="coupling")
+
 
 NEAR = ScanTerm(outlier=0.01, within=0.05, facing=0.8)
 CLOSE = ScanTerm(outlier=0.006, within=0.05, facing=0.5)
@@ -243,20 +359,3 @@ class FreeVertices:
 
 def _minimum(problem: Problem, solver: Solver, settled: float, values: Values) -> Solution:
     return solver.solve(problem, values, callback=Settled(settled) if settled > 0 else None)
-
-
-def posterior_sd(problem: Problem, values: Values, draws: int = 64, seed: int = 0) -> Array:
-    """The posterior standard deviation of every free number at a minimum, (n,), estimated.
-
-    If z is standard normal, x = (J'J)^-1 J'z has the covariance (J'J)^-1 of Laplace's approximation
-    (Papandreou and Yuille, Gaussian sampling by local perturbations, 2010). Each draw is one solve
-    by conjugate gradients; `draws` of them give a relative error of 1 / sqrt(2 draws).
-    """
-    here = problem.linearize(values)
-    rng = np.random.default_rng(seed)
-    solve, n = ConjugateGradients(), problem.free.size
-    squares = np.zeros(n)
-    for _ in range(draws):
-        pull = here.jacobian.T @ rng.standard_normal(here.shape[0])
-        squares += solve.solved(here.normal, np.zeros(n), pull) ** 2
-    return np.sqrt(squares / draws)

@@ -7,16 +7,115 @@ turns them into a motion. A step that raises the cost is halved.
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
+from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
 
 from workbench.arrays import Array, Mask
 from workbench.errors import BadArgument
 from workbench.geometry.rigid import Similarity
-from workbench.registration.icp_losses import LeastSquares, Loss
-from workbench.registration.icp_steps import Contacts, Step, distance_gauss_newton, part_of
-from workbench.registration.point_cloud import Target
+from workbench.geometry.surface_tree import Closest
+from workbench.registration.icp_steps import (
+    Contacts,
+    LeastSquares,
+    Loss,
+    Step,
+    distance_gauss_newton,
+    part_of,
+)
+
+MOST_TRIED = 16  # nearest points of a cloud among which one that faces the right way is looked for
+
+
+class Target(Protocol):
+    """What points are registered to: a `SurfaceTree` or a `PointCloud`."""
+
+    def closest(
+        self,
+        points: Array,
+        within: float = np.inf,
+        normals: Array | None = None,
+        facing: float = 0.5,
+    ) -> Closest:
+        """The closest place within a distance whose normal agrees with that of the point."""
+
+
+def _vectors(name: str, given: ArrayLike, count: int | None = None) -> Array:
+    """Finite vectors (M, 3); of so many points, if the count is known. Raises BadArgument."""
+    numbers = np.asarray(given, dtype=float)
+    if numbers.shape != (count or len(np.atleast_1d(numbers)), 3) or not numbers.size:
+        wanted = "M, 3), with M at least 1" if count is None else f"{count}, 3), one for each point"
+        raise BadArgument(f"{name} must be an array ({wanted}, not {numbers.shape}")
+    if not np.isfinite(numbers).all():
+        raise BadArgument(f"{name} must be finite; leave out what was not measured")
+    return numbers
+
+
+@dataclass(frozen=True, eq=False)
+class PointCloud:
+    """Points (N, 3) m, with unit normals (N, 3) or without, as a target.
+
+    Attributes:
+        points: (N, 3) m.
+        normals: (N, 3); without them, distances have no direction to compare with.
+
+    Raises BadArgument for arrays of other shapes, or with numbers that are not finite.
+
+    >>> cloud = PointCloud([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    >>> found = cloud.closest(np.array([[0.9, 0.2, 0.0]]))
+    >>> found.faces, found.distances.round(3)
+    (array([1]), array([0.224]))
+    """
+
+    points: Array
+    normals: Array | None = None
+
+    def __post_init__(self) -> None:
+        self.__dict__["points"] = _vectors("points of a cloud", self.points)
+        if self.normals is not None:
+            count = len(self.points)
+            self.__dict__["normals"] = _vectors("normals of a cloud", self.normals, count)
+
+    @cached_property
+    def _tree(self) -> cKDTree:
+        return cKDTree(self.points)
+
+    def closest(
+        self,
+        points: Array,
+        within: float = np.inf,
+        normals: Array | None = None,
+        facing: float = 0.5,
+    ) -> Closest:
+        """The nearest point of the cloud to each of M points (M, 3) m.
+
+        It is within `within` m, and if both sides have normals, theirs have a cosine of at least
+        `facing`; of the nearest 16 points the first such one is taken. `faces` holds the numbers
+        of the points, -1 where there is none. Distances are not negative, as a cloud has no inside.
+        """
+        compared = normals is not None and self.normals is not None
+        count = min(MOST_TRIED, len(self.points)) if compared else 1
+        asked = self._tree.query(points, k=[*range(1, count + 1)], distance_upper_bound=within)
+        distances, numbers = np.asarray(asked[0]), np.asarray(asked[1])  # (M, count) both
+        near = np.isfinite(distances)
+        numbers = np.where(near, numbers, 0)
+        if normals is not None and self.normals is not None:
+            near &= np.einsum("mi,mki->mk", normals, self.normals[numbers]) >= facing
+        rows, first = np.arange(len(points)), near.argmax(axis=1)
+        found, chosen = near[rows, first], numbers[rows, first]
+        own = np.zeros_like(self.points) if self.normals is None else self.normals
+        there = found[:, None]
+        return Closest(
+            faces=np.where(found, chosen, -1),
+            shares=there * np.array([1.0, 0.0, 0.0]),
+            points=np.where(there, self.points[chosen], points),
+            distances=np.where(found, distances[rows, first], within),
+            normals=np.where(there, own[chosen], 0.0),
+        )
+
 
 STAY = Similarity(np.eye(3), np.zeros(3))
 SQUARES = LeastSquares()
@@ -150,7 +249,7 @@ class Icp:
         contacts must face the same way. `callback` sees every iterate. Raises BadArgument for
         arrays that do not fit or are not finite, and for a start with a scale.
         """
-        source = _Source(points, weights, normals)
+        source = _Source.of(points, weights, normals)
         if start.scale != 1:
             raise BadArgument(f"the start must be rigid, of scale 1, not {start.scale}")
         trace: list[IcpIterate] = []
@@ -192,33 +291,24 @@ class Icp:
         return None
 
 
+@dataclass(frozen=True, eq=False)
 class _Source:
-    """The points as they were given, their weights and their normals."""
+    """The points (M, 3) m as they were given, their weights (M,) and their normals."""
 
-    def __init__(
-        self, points: ArrayLike, weights: ArrayLike | None, normals: ArrayLike | None
-    ) -> None:
-        self.points = np.asarray(points, dtype=float)
-        if self.points.ndim != 2 or self.points.shape[1:] != (3,) or not len(self.points):
-            raise BadArgument(
-                f"points must be an array (M, 3) with M at least 1, not {self.points.shape}"
-            )
-        M = len(self.points)
-        self.weights = np.ones(M) if weights is None else np.asarray(weights, dtype=float)
-        self.normals = None if normals is None else np.asarray(normals, dtype=float)
-        if self.weights.shape != (M,):
-            raise BadArgument(
-                f"weights must be {M} numbers, one for each point, not {self.weights.shape}"
-            )
-        if self.normals is not None and self.normals.shape != (M, 3):
-            raise BadArgument(f"normals must be of shape {(M, 3)}, not {self.normals.shape}")
-        given = (self.points, self.weights) + (() if self.normals is None else (self.normals,))
-        if not all(np.isfinite(numbers).all() for numbers in given):
-            raise BadArgument(
-                "points, weights and normals must be finite; leave out what was not measured"
-            )
-        if (self.weights < 0).any() or not self.weights.any():
+    points: Array
+    weights: Array
+    normals: Array | None
+
+    @staticmethod
+    def of(points: ArrayLike, weights: ArrayLike | None, normals: ArrayLike | None) -> "_Source":
+        places = _vectors("points", points)
+        M = len(places)
+        counts = np.ones(M) if weights is None else np.asarray(weights, dtype=float)
+        if counts.shape != (M,) or not np.isfinite(counts).all():
+            raise BadArgument(f"weights must be {M} finite numbers, one for each point")
+        if (counts < 0).any() or not counts.any():
             raise BadArgument("weights must be at least 0, and one of them above 0")
+        return _Source(places, counts, None if normals is None else _vectors("normals", normals, M))
 
 
 class _Place:

@@ -1,10 +1,8 @@
-"""The three forms of a step of rigid ICP: how points in contact with a surface move towards it.
-
-A form is a function from contacts to a motion, which is carried out after the motion so far.
-"""
+"""Rigid ICP: what a distance costs, and the three forms of a step towards a surface."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -12,6 +10,94 @@ from workbench.arrays import Array
 from workbench.errors import BadArgument
 from workbench.geometry.rigid import Similarity, procrustes
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
+
+
+class Loss(Protocol):
+    """What distances cost."""
+
+    def costs(self, distances: Array) -> Array:
+        """1/2 rho of distances (M,) m: (M,) m^2."""
+
+    def weights(self, distances: Array) -> Array:
+        """How much each of the distances (M,) m counts in a least-squares step: (M,), 0 to 1."""
+
+
+@dataclass(frozen=True)
+class LeastSquares:
+    """rho(d) = d^2: every point counts the same."""
+
+    def costs(self, distances: Array) -> Array:
+        """1/2 d^2 of distances (M,) m: (M,) m^2."""
+        return distances**2 / 2
+
+    def weights(self, distances: Array) -> Array:
+        """Ones (M,): by least squares, every point counts the same."""
+        return np.ones(len(distances))
+
+
+@dataclass(frozen=True)
+class GemanMcClure:
+    """rho(d) = d^2 / (1 + (d / scale)^2), at most scale^2 however far a point is (1987).
+
+    Attributes:
+        scale: the distance, m, at which rho is half of what it can be. It says where outliers
+            begin, and says nothing about the noise of the others.
+
+    Raises BadArgument for a scale that is not above zero.
+
+    >>> GemanMcClure(0.02).weights(np.array([0.0, 0.02, 2.0])).round(4)
+    array([1.  , 0.25, 0.  ])
+    """
+
+    scale: float
+
+    def __post_init__(self) -> None:
+        if not 0 < self.scale < np.inf:
+            raise BadArgument(f"the scale of a robust loss must be above 0 m, not {self.scale}")
+
+    def costs(self, distances: Array) -> Array:
+        """1/2 rho of distances (M,) m: (M,) m^2."""
+        return distances**2 / (1 + (distances / self.scale) ** 2) / 2
+
+    def weights(self, distances: Array) -> Array:
+        """1 / (1 + (d / scale)^2)^2 of distances (M,) m."""
+        return np.asarray((1 + (distances / self.scale) ** 2) ** -2)
+
+
+@dataclass(frozen=True)
+class Trimmed:
+    """The squares of the smallest distances alone (Chetverikov et al. 2002).
+
+    Attributes:
+        share: the share of the points that count, above 0 and at most 1. It should be below the
+            share of the points that have a counterpart. Points are counted whatever their weight,
+            so that only with equal weights the cost of alternation never rises.
+
+    Raises BadArgument for another share.
+
+    >>> Trimmed(0.5).weights(np.array([0.01, 0.3, 0.02, 0.5]))
+    array([1., 0., 1., 0.])
+    """
+
+    share: float
+
+    def __post_init__(self) -> None:
+        if not 0 < self.share <= 1:
+            raise BadArgument(
+                f"the share of points that count must be above 0 and at most 1, not {self.share}"
+            )
+
+    def costs(self, distances: Array) -> Array:
+        """1/2 d^2 of the smallest of the distances (M,) m, and 0 for the others: (M,) m^2."""
+        return self.weights(distances) * distances**2 / 2
+
+    def weights(self, distances: Array) -> Array:
+        """1 for the smallest of the distances (M,) m, and 0 for the others."""
+        kept = max(1, round(self.share * len(distances)))
+        weights = np.zeros(len(distances))
+        weights[np.argsort(distances, kind="stable")[:kept]] = 1.0
+        return weights
+
 
 TOUCHING = 1e-9  # m: below this the direction of a distance is rounding
 UNSEEN = 1e-10  # of the largest eigenvalue of J'J: motions that change no distance

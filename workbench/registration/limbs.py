@@ -5,6 +5,8 @@ backwards leads uphill. The cost knows which of the two is right, so it is enoug
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,14 +15,16 @@ from workbench.blocks import Values
 from workbench.bodies.body import Body
 from workbench.fitting.body_priors import pose_gaussian
 from workbench.priors.poses import shipped_mixture
-from workbench.solvers import Solution
+from workbench.problem import Problem
+from workbench.solvers.solution import Hypothesis, Solution
+
+if TYPE_CHECKING:
+    from workbench.registration.model_fit import StageRuns
 
 SHORTEST = 3  # joints of a limb
 GAIN = 0.01  # of the cost, by which another pose of a limb must be better
 SWEEPS = 3  # through all limbs, at most: several may be wrong
 MOST = 12  # starts of a sweep, of those that were compared as they stand
-
-Solve = Callable[[Values], Solution]
 
 
 def limbs(parents: Sequence[int]) -> tuple[tuple[int, ...], ...]:
@@ -46,11 +50,6 @@ def limbs(parents: Sequence[int]) -> tuple[tuple[int, ...], ...]:
     return tuple(found)
 
 
-def with_limb_at_mean(body: Body, pose: Array, limb: Sequence[int]) -> Array:
-    """The pose (K, 3) rad, in which the joints of a limb have the mean of `pose_prior`."""
-    return _with_limb(pose, limb, _mean(body))
-
-
 def limb_poses(body: Body) -> tuple[Array, ...]:
     """Poses (K - 1, 3) rad of all joints but the root, at which limbs may begin again.
 
@@ -65,7 +64,7 @@ def limb_poses(body: Body) -> tuple[Array, ...]:
 
 def other_limbs(
     body: Body,
-    solve: Solve,
+    solve: Callable[[Values], Solution],
     values: Values,
     *,
     poses: Sequence[Array] | None = None,
@@ -86,7 +85,7 @@ def other_limbs(
     for _ in range(SWEEPS):
         here = {**values, **best.values}
         starts = [
-            {**here, pose: _with_limb(here[pose], limb, other)}
+            {**here, pose: with_limb(here[pose], limb, other)}
             for limb in limbs(body.parents)
             for other in known
         ]
@@ -105,8 +104,69 @@ def _mean(body: Body) -> Array:
     return np.reshape(pose_gaussian(body)[0], (-1, 3))
 
 
-def _with_limb(pose: Array, limb: Sequence[int], other: Array) -> Array:
+def with_limb(pose: Array, limb: Sequence[int], other: Array) -> Array:
+    """The pose (K, 3) rad with the joints of a limb as in `other` (K - 1, 3), without the root."""
     moved = np.array(pose)
     for joint in limb:
         moved[joint] = other[joint - 1]
     return moved
+
+
+ITERATIONS, SETTLED = 12, 0.01  # of a run that tries another pose of a limb
+
+
+@dataclass(frozen=True, eq=False)
+class KnownEnds:
+    """Ends that were found, to which another run need not lead.
+
+    Attributes:
+        body: the body.
+        near: in m, the mean distance of joints from an end, within which a run leads to it.
+        ends: the joints (K, 3) m of each end.
+    """
+
+    body: Body
+    near: float
+    ends: list[Array] = field(default_factory=list)
+
+    def add(self, values: Values) -> None:
+        """Remember the body with these values as an end that was found."""
+        self.ends.append(joints_of(self.body, values))
+
+    def knows(self, values: Values) -> bool:
+        """Whether the joints at these values are within `near` of an end, in the mean."""
+        if not self.ends:
+            return False
+        off = np.linalg.norm(np.array(self.ends) - joints_of(self.body, values), axis=-1)
+        return bool((off.mean(axis=1) < self.near).any())
+
+
+def unfolded(
+    body: Body, runs: "StageRuns", screen: Problem, one: Hypothesis, near: float
+) -> Hypothesis:
+    """The hypothesis, or a lower one in which limbs have other poses.
+
+    `screen` is a coarser problem, which says at which poses of limbs it is worth to begin. A run
+    that comes within `near` m of the lowest end so far, in the mean of the joints, is given up.
+    """
+    lowest: list[Solution] = []
+
+    def solve(start: Values) -> Solution:
+        known = KnownEnds(body, near, [joints_of(body, end.values) for end in lowest])
+        end = runs.run(one.starts[0], start, ITERATIONS, SETTLED, known=known.knows)
+        lowest[:] = [min([*lowest, end], key=lambda one: one.cost)]
+        return end
+
+    def cost(values: Values) -> float:
+        rows = screen.residual(*screen.split(values))
+        return float(rows @ rows) / 2
+
+    end = other_limbs(body, solve, one.values, poses=limb_poses(body), cost=cost)
+    if end is None:
+        return one
+    return Hypothesis(end.values, end.cost, end.status, one.starts, end.violation)
+
+
+def joints_of(body: Body, values: Values) -> Array:
+    """The joints (K, 3) m of a body whose blocks have these values."""
+    return body.joints(*(values[block.name] for block in body.blocks()))

@@ -13,21 +13,144 @@ from workbench.blocks import Values
 from workbench.bodies.body import Body
 from workbench.errors import BadArgument
 from workbench.fitting.body_priors import usual_priors
-from workbench.fitting.loose_points import loose_points
-from workbench.fitting.scan import Scan
+from workbench.fitting.scans.scan import Scan
+from workbench.fitting.scans.surface import loose_points
 from workbench.interrupts import Interrupts
 from workbench.problem import Problem
-from workbench.registration.empty_space import EmptySpace, sees
-from workbench.registration.fit_stage import FitStage, Progress, StageRuns
-from workbench.registration.scan_starts import scan_starts
-from workbench.registration.seen_starts import seen_starts
-from workbench.registration.unfolding import Known, joints_of, unfolded
+from workbench.registration.from_a_camera import empty_space, seen_starts, sees
+from workbench.registration.limbs import KnownEnds, joints_of, unfolded
+from workbench.registration.starts import scan_starts
 from workbench.residuals import Residual
 from workbench.residuals.contacts import Form, distance
 from workbench.residuals.kernels import Kernel, geman_mcclure, scaled
 from workbench.residuals.scans import scan_to_model
-from workbench.solvers.solution import Hypothesis, Solution, Solver
+from workbench.solvers.solution import Hypothesis, Iterate, Solution, Solver
 from workbench.solvers.trust_region import TrustRegion
+
+OVER = 3  # iterations, over which a decrease is measured
+FURTHER = 5  # such decreases are what a run is expected to gain yet, at most
+CLEARLY = 1.1  # times the cost that it must come down to: above this it is given up
+
+
+@dataclass(frozen=True)
+class FitStage:
+    """One stage of a fit, from coarse to fine.
+
+    Attributes:
+        points: of the scan, drawn at random; all if there are fewer.
+        sigma: in m, how far good points are from the model's surface: noise, and what the model
+            cannot express.
+        reach: in m, the scale of the robust kernel, where bad points begin.
+        starts: how many of the best ends of the stage before are taken up.
+        iterations: the most from each start.
+        settled: a run ends when three iterations together lower the cost by less than this share.
+        limbs: of how many of the best ends the arms and legs begin again in other poses afterwards,
+            in case one is folded the wrong way (see `limbs.other_limbs`).
+
+    A point at the surface lowers the cost by (reach / sigma)^2 / 2, compared with one far from it.
+    With a wide reach, a few points of clutter outweigh the prior, and draw hidden limbs to them.
+    So sigma shrinks with the reach on the way, and the last reach is three sigmas.
+    """
+
+    points: int
+    sigma: float
+    reach: float
+    starts: int
+    iterations: int
+    settled: float = 0.01
+    limbs: int = 0
+
+    def __post_init__(self) -> None:
+        least = min(self.points, self.sigma, self.reach, self.starts, self.iterations)
+        if not least > 0 or not 0 <= self.settled < 1 or self.limbs < 0:
+            raise BadArgument(
+                "the numbers of a stage are above zero, settled < 1 and limbs 0 or more, "
+                f"not {self}"
+            )
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a fit has come; `stage` and `start` count from 1, `cost` is that of its iterate."""
+
+    stage: int
+    stages: int
+    start: int
+    starts: int
+    iteration: int
+    cost: float
+
+
+@dataclass
+class StageRuns:
+    """The runs of one stage, one after the other, until somebody stops them.
+
+    Attributes:
+        problem: what they solve.
+        solver: what solves it.
+        progress: is told of every iterate, and stops all runs by returning True.
+        interrupted: whether Ctrl-C was pressed.
+        stage: the number of the stage, and how many there are.
+        starts: how many starts there are.
+        iterations: of all runs together.
+        stopped: why the runs were stopped, in a sentence; empty if they were not.
+        given_up: whether the last run was, so that its end is only a place on its way.
+    """
+
+    problem: Problem
+    solver: Solver
+    progress: Callable[[Progress], object] | None
+    interrupted: Callable[[], bool]
+    stage: tuple[int, int]
+    starts: int
+    iterations: int = 0
+    stopped: str = ""
+    given_up: bool = False
+
+    def run(
+        self,
+        number: int,
+        start: Values,
+        most: int,
+        settled: float,
+        enough: float = inf,
+        known: Callable[[Values], bool] | None = None,
+    ) -> Solution:
+        """One run that begins at `start`, or at what was found from the start of this number.
+
+        It ends after `most` iterations, when three of them together lower the cost by less than a
+        share of it, or when the runs are stopped. It is given up when five times the decrease over
+        the last three iterations would leave its cost more than a tenth above `enough`, and at an
+        iterate after the first that `known` says is near an end that is known already.
+        """
+        costs: list[float] = []
+        self.given_up = False
+        at = Progress(*self.stage, number + 1, self.starts, 0, 0.0)
+
+        def done(iterate: Iterate) -> bool:
+            costs.append(iterate.cost)
+            now = replace(at, iteration=len(costs) - 1, cost=iterate.cost)
+            if self.stopped or (self.progress is not None and self.progress(now) is True):
+                self.stopped = "stopped"
+            if self.stopped or now.iteration >= most:
+                return True
+            if known is not None and len(costs) > 1 and known(iterate.values):
+                self.given_up = True
+                return True
+            if len(costs) <= OVER + 1:
+                return False
+            gained = costs[-1 - OVER] - iterate.cost
+            hopeless = iterate.cost - FURTHER * gained > CLEARLY * enough
+            settles = gained < settled * iterate.cost
+            self.given_up = hopeless and not settles
+            return settles or hopeless
+
+        end = self.solver.solve(self.problem, start, callback=done)
+        self.iterations += len(end.trace) - 1
+        if self.stopped or self.interrupted():
+            self.stopped = end.message
+        return end
+
 
 SAME = 0.02  # m, mean distance of joints: two ends that are nearer are one hypothesis
 AGAIN = 0.375  # times that: a run that comes so near to an end leads to it
@@ -106,7 +229,6 @@ def fit_model(
     *,
     keep: Mask | None = None,
     camera: ArrayLike | None = None,
-    empty: EmptySpace = EmptySpace(),  # noqa: B008 - it is immutable
     starts: Callable[[Body, Scan], Sequence[Values]] = scan_starts,
     stages: Sequence[FitStage] = FIT_STAGES,
     kernel: Kernel = geman_mcclure,
@@ -135,7 +257,7 @@ def fit_model(
     no contact.
 
     `camera` (3,) m is where the whole scan was taken from, if that was one place. Then the body is
-    kept out of the space that was seen to be empty (`empty` says how; see `residuals.free_space`),
+    kept out of the space that was seen to be empty (see `residuals.free_space`),
     and the first stage begins at those of many more starts that are most like the scan (see
     `seen_starts`). Loose points are left out (see `fitting.loose_points`), because a limb that was
     not seen would be drawn to them. Points that `keep` leaves out count as seen. `SEEN_STAGES` are
@@ -169,25 +291,24 @@ def fit_model(
                 f"a camera at {np.asarray(camera).tolist()} m stands among the points, which it "
                 "cannot have seen from there; leave `camera` out, or give its place"
             )
-        many = seen_starts(body, seen, np.asarray(camera), ends, stages[0].starts, empty)
-        ends = list(many)
+        ends = list(seen_starts(body, seen, np.asarray(camera), ends, stages[0].starts))
 
-    def beside(stage: FitStage) -> tuple[Residual, ...]:
-        free = () if camera is None else (empty.residual(body, scan, camera, stage),)
-        return (*given, *others, *free)
+    def problem_of(stage: FitStage) -> Problem:
+        some = order[: stage.points]
+        data = _data(body, seen, some, stage, kernel, form, within)
+        free = () if camera is None else (empty_space(body, scan, camera, stage.sigma),)
+        return Problem((data, *given, *others, *free), names)
 
     first = ends
     with Interrupts() as interrupts:
         for number, stage in enumerate(stages):
-            some = order[: stage.points]
-            data = _data(body, seen, some, stage, kernel, form, within)
-            problem = Problem((data, *beside(stage)), names)
-            begin, place = ends[: stage.starts], (number + 1, len(stages))
+            problem, begin = problem_of(stage), ends[: stage.starts]
+            place = (number + 1, len(stages))
             runs = StageRuns(
                 problem, solver, progress, lambda: interrupts.pressed, place, len(begin)
             )
             following = stages[number + 1].starts if number + 1 < len(stages) else 1
-            found, hypotheses, near = [], [], Known(body, AGAIN * same)
+            found, hypotheses, near = [], [], KnownEnds(body, AGAIN * same)
             for k, start in enumerate(begin):
                 enough = hypotheses[following - 1].cost if len(hypotheses) >= following else inf
                 end = runs.run(k, start, stage.iterations, stage.settled, enough, near.knows)
@@ -198,20 +319,15 @@ def fit_model(
                 if runs.stopped:
                     break
             if stage.limbs and not runs.stopped:
-                few = _data(body, seen, order[: SCREEN.points], SCREEN, kernel, form, within)
-                screen = Problem((few, *beside(SCREEN)), names)
-                again = [
-                    unfolded(body, runs, screen, one, AGAIN * same)
-                    for one in hypotheses[: stage.limbs]
-                ]
-                hypotheses[: stage.limbs] = again
+                screen = problem_of(SCREEN)
+                for k, one in enumerate(hypotheses[: stage.limbs]):
+                    hypotheses[k] = unfolded(body, runs, screen, one, AGAIN * same)
                 hypotheses.sort(key=lambda one: one.cost)
             iterations, stopped = iterations + runs.iterations, runs.stopped
             ends = [one.values for one in hypotheses]
             levels.append(hypotheses)
             if stopped:
                 break
-    seconds = time.perf_counter() - before
     return ModelFit(
         body,
         seen,
@@ -219,7 +335,7 @@ def fit_model(
         stage.reach,
         tuple(hypotheses),
         iterations,
-        seconds,
+        time.perf_counter() - before,
         stopped,
         _way(first, levels),
     )

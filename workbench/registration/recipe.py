@@ -1,7 +1,7 @@
 """How scans are registered: stages, starts and lengths as data, for people and for hands."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,10 +12,9 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.bodies.hands import is_hand
 from workbench.errors import BadArgument
-from workbench.fitting.scan import Scan
-from workbench.registration.doubts import Doubts
-from workbench.registration.empty_space import EmptySpace
-from workbench.registration.fit_stage import FitStage, Progress
+from workbench.fitting.hands import SIGMA, checked_hand, hand_landmarks, hand_problem, hand_start
+from workbench.fitting.scans.scan import Scan
+from workbench.registration.doubts import NEAR, Doubts
 from workbench.registration.free_vertices import (
     BODY,
     MODEL_STAGES,
@@ -23,24 +22,25 @@ from workbench.registration.free_vertices import (
     TOGETHER,
     VERTEX_STAGES,
     VERTICES,
+    ScanTerm,
     VertexStage,
 )
-from workbench.registration.hand_starts import hand_starts
 from workbench.registration.model_fit import (
     FIT_STAGES,
     SAME,
     SEEN_STAGES,
     WITHIN,
+    FitStage,
     ModelFit,
+    Progress,
     fit_model,
 )
-from workbench.registration.scan_starts import scan_starts
-from workbench.registration.scan_term import ScanTerm
-from workbench.registration.support import NEAR
+from workbench.registration.starts import hand_starts, scan_starts
 from workbench.residuals import Residual
+from workbench.residuals.kernels import Kernel, quadratic
+from workbench.solvers import TrustRegion
 
 PERSON = Doubts()
-EMPTY = EmptySpace()
 LARGE = 3_000  # vertices, from which on the model is held while vertices are free
 
 
@@ -78,8 +78,8 @@ class Recipe:
         same: in m, the mean distance of joints below which two ends are one.
         near: in m; a vertex without a touching point as near as this was not seen.
         doubts: from where on a fit is doubted.
-        empty: how the body is kept out of space that the camera of a scan saw to be empty; None if
-            only the doubts are to look at it.
+        empty: whether the body is kept out of space that the camera of a scan saw to be empty;
+            else only the doubts look at it.
         seen_stages: the stages of the fit of the body where the camera is known; None for those of
             every fit.
     """
@@ -93,7 +93,7 @@ class Recipe:
     same: float = SAME
     near: float = NEAR
     doubts: Doubts = PERSON
-    empty: EmptySpace | None = EMPTY
+    empty: bool = True
     seen_stages: tuple[FitStage, ...] | None = None
 
     def stages(self, seen: bool) -> tuple[FitStage, ...]:
@@ -127,7 +127,6 @@ class Recipe:
             scan,
             keep=keep,
             camera=camera,
-            empty=self.empty or EMPTY,
             starts=self.starts,
             stages=self.stages(seen=camera is not None),
             within=self.within,
@@ -163,7 +162,7 @@ HAND_RECIPE = Recipe(
     same=0.004,
     near=0.006,
     doubts=Doubts(apart=0.006, rough=0.004, open=0.003, unusual=np.inf),
-    empty=None,
+    empty=False,
 )
 """For a hand alone, in metres as a person: a hand has no side that is usually up."""
 
@@ -171,3 +170,36 @@ HAND_RECIPE = Recipe(
 def usual_recipe(body: Body) -> Recipe:
     """The recipe for scans of what a body is: a hand alone, or a whole person."""
     return HAND_RECIPE if is_hand(body) else PERSON_RECIPE
+
+
+def fit_hand(
+    body: SkinnedBody,
+    scan: Scan,
+    points: ArrayLike | None = None,
+    *,
+    sigma: float = SIGMA,
+    kernel: Kernel = quadratic,
+    recipe: Recipe = HAND_RECIPE,
+    progress: Callable[[Progress], object] | None = None,
+) -> ModelFit:
+    """Find pose, betas and trans of a hand from a scan, with or without a skeleton; lengths in m.
+
+    The energy is E_S + E_J + E_theta + E_beta + E_L: robust distances of the scan's points, each
+    weighted by its area, squared distances of the skeleton's points, the priors on pose and shape,
+    and what is beyond the limits of joints. The stages of the recipe lead from few points of the
+    scan and a wide kernel to many and a narrow one. Without a skeleton the fit begins from all
+    starts of the recipe, and with one where the hand is that fits the skeleton alone.
+
+    `points` are (16, 3) in the order of the body's joints or (21, 3) in that of `HAND_POINTS`, NaN
+    where one was not seen; `sigma` and `kernel` are theirs, along each axis. Raises BadBody for a
+    body that is no hand, BadObservation for other points, and what `fit_model` raises.
+    """
+    checked_hand(body)
+    others = []
+    if points is not None:
+        skeleton = hand_problem(body, sigma=sigma, kernel=kernel)
+        end = TrustRegion().solve(skeleton, hand_start(body, points)).values
+        own = {block.name: end[block.name] for block in body.blocks()}
+        recipe = replace(recipe, starts=lambda body, scan: (own,))
+        others = [hand_landmarks(body, points, sigma=sigma, kernel=kernel)]
+    return recipe.fit(body, scan, others=others, progress=progress)

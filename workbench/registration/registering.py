@@ -2,7 +2,7 @@
 
 `fit_model` (stages from many starts), `support`, `doubts` and `FreeVertices` in turn. No fit goes
 uphill from a limb that is folded the wrong way; so other poses of limbs are tried after a stage
-(`limbs`, `unfolding`). Results hold arrays only, so that they may be computed in another process.
+(`limbs`). Results hold arrays only, so that they may be computed in another process.
 """
 
 from __future__ import annotations
@@ -19,20 +19,51 @@ from workbench.arrays import Array, Index, Mask
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
-from workbench.fitting.scan import BadScan, Scan
-from workbench.fitting.scan_boundary import boundary
+from workbench.bodies.hands import is_hand
+from workbench.fitting.scans.scan import BadScan, Scan
+from workbench.fitting.scans.surface import boundary
 from workbench.geometry.meshes import Mesh
 from workbench.geometry.surface_tree import SurfaceTree
 from workbench.interrupts import Interrupts
-from workbench.registration.body_size import BodySize, body_size
-from workbench.registration.doubts import doubts
-from workbench.registration.empty_space import sees
-from workbench.registration.facing import facing
-from workbench.registration.fit_stage import FitStage, Progress
+from workbench.registration.doubts import FACING, NEAR, doubts, support
 from workbench.registration.free_vertices import FreeVertices
-from workbench.registration.model_fit import ModelFit
+from workbench.registration.from_a_camera import sees
+from workbench.registration.model_fit import FitStage, ModelFit, Progress
 from workbench.registration.recipe import Recipe, usual_recipe
-from workbench.registration.support import FACING, NEAR, support
+from workbench.registration.starts import facing
+
+HEIGHT, LENGTH = "height", "length"
+
+
+@dataclass(frozen=True)
+class BodySize:
+    """The size of a body in its bind pose.
+
+    Attributes:
+        name: `height` of a person, from the lowest to the highest vertex; `length` of a hand, from
+            the wrist's joint to the vertex that is farthest from it, a finger's tip.
+        metres: how much it is.
+    """
+
+    name: str
+    metres: float
+
+
+def body_size(body: Body, betas: Array) -> BodySize:
+    """The size of a body with the shape betas (B,).
+
+    >>> from workbench import load_body
+    >>> hand = load_body("hand")
+    >>> size = body_size(hand, np.zeros(hand.n_betas))
+    >>> size.name, round(size.metres, 2)
+    ('length', 0.19)
+    """
+    surface = body.vertices(body.bind_pose, betas, np.zeros(3))
+    if not is_hand(body):
+        return BodySize(HEIGHT, float(np.ptp(surface[:, 1])))
+    wrist = body.joints(body.bind_pose, betas, np.zeros(3))[0]
+    return BodySize(LENGTH, float(np.linalg.norm(surface - wrist, axis=1).max()))
+
 
 if TYPE_CHECKING:
     import trimesh
@@ -172,7 +203,7 @@ def register(
     inner = _inner(scan, recipe.boundary)
     used, left_out = (scan, 0) if inner is None else (scan.some(inner), int((~inner).sum()))
     outside = camera if camera is None or sees(camera, used.points) else None
-    known_camera = None if recipe.empty is None else outside
+    known_camera = outside if recipe.empty else None
     began = time.perf_counter()
     with Interrupts() as interrupts:
         fit = recipe.fit(body, scan, keep=inner, camera=known_camera, progress=progress)
@@ -182,21 +213,29 @@ def register(
         if outside is not camera:
             doubted = (*doubted, AMONG)
         vertices, values, seen = fit.vertices(), fit.values, known.seen
-        unknowns = fit.problem.free.size
         surfaces = _surfaces(fit, recipe.stages(seen=known_camera is not None))
-        told = _Stages(fit, began)
-        stages = [told.ended("model", unknowns, fit.iterations, fit.cost, vertices)]
+        stages: list[StageOutcome] = []
+
+        def ended(name: str, unknowns: int, iterations: int, cost: float) -> None:
+            away = np.abs(_distances(fit.scan, vertices, body.faces))
+            touching = away < fit.reach
+            median = float(np.median(away[touching])) if touching.any() else float("nan")
+            seconds = time.perf_counter() - began - sum(stage.seconds for stage in stages)
+            share = float(touching.mean())
+            stages.append(StageOutcome(name, unknowns, iterations, cost, median, share, seconds))
+
+        ended("model", fit.problem.free.size, fit.iterations, fit.cost)
         for stage in recipe.vertex_stages(body):
             assert isinstance(body, SkinnedBody)  # of which alone there are stages
             done = FreeVertices(body, used).register({**values, "vertices": vertices}, (stage,))
             interrupts.check()
             values, vertices = done.values, done.vertices
             seen = known.seen | done.touched
-            surfaces[_called(stage.name)] = np.asarray(vertices)
+            also = "" if stage.name == "free" else f", {stage.name}"
+            surfaces[f"free vertices{also}"] = np.asarray(vertices)
             solution = done.stages[-1].solution
-            free = sum(np.size(solution.values[name]) for name in stage.free)
-            count, cost = solution.iterations, solution.cost
-            stages.append(told.ended(stage.name, free, count, cost, vertices))
+            unknowns = sum(np.size(solution.values[name]) for name in stage.free)
+            ended(stage.name, unknowns, solution.iterations, solution.cost)
         interrupts.check()
     names = [block.name for block in body.blocks()]
     kept = {name: np.asarray(values[name]) for name in names}
@@ -211,7 +250,13 @@ def register(
         known.sd,
         _distances(used, vertices, body.faces),
         tuple(stages),
-        _others(fit),
+        tuple(
+            OtherEnd(
+                (other.cost - fit.cost) / fit.cost,
+                float(np.linalg.norm(fit.vertices(k) - fit.vertices(), axis=1).mean()),
+            )
+            for k, other in enumerate(fit.hypotheses[1:], start=1)
+        ),
         doubted,
         body_size(body, kept[names[1]]),
         np.asarray(body.bind_pose[0]),
@@ -233,11 +278,6 @@ def _inner(scan: Scan, width: float) -> Mask | None:
     return inner
 
 
-def _called(stage: str) -> str:
-    """What the surface at the end of a stage of free vertices is called."""
-    return "free vertices" if stage == "free" else f"free vertices, {stage}"
-
-
 def _surfaces(fit: ModelFit, stages: Sequence[FitStage]) -> dict[str, Array]:
     """The body on the way of its fit, by stages and the number of points that they use."""
     names = [block.name for block in fit.body.blocks()]
@@ -249,37 +289,7 @@ def _surfaces(fit: ModelFit, stages: Sequence[FitStage]) -> dict[str, Array]:
     }
 
 
-@dataclass
-class _Stages:
-    """How one stage after the other ended; the first began at `since`, in s."""
-
-    fit: ModelFit
-    since: float
-
-    def ended(
-        self, name: str, unknowns: int, iterations: int, cost: float, vertices: Array
-    ) -> StageOutcome:
-        now, fit = time.perf_counter(), self.fit
-        seconds, self.since = now - self.since, now
-        away = np.abs(_distances(fit.scan, vertices, fit.body.faces))
-        touching = away < fit.reach
-        median = float(np.median(away[touching])) if touching.any() else float("nan")
-        share = float(touching.mean())
-        return StageOutcome(name, unknowns, iterations, cost, median, share, seconds)
-
-
 def _distances(scan: Scan, vertices: Array, faces: Index) -> Array:
     """(M,) m, signed; infinite where no surface within 30 cm faces the way of a point."""
     at = SurfaceTree(vertices, faces).closest(scan.points, 10 * NEAR, scan.normals, FACING)
     return np.asarray(np.where(at.faces >= 0, at.distances, np.inf))
-
-
-def _others(fit: ModelFit) -> tuple[OtherEnd, ...]:
-    best = fit.vertices()
-    return tuple(
-        OtherEnd(
-            (other.cost - fit.cost) / fit.cost,
-            float(np.linalg.norm(fit.vertices(k) - best, axis=1).mean()),
-        )
-        for k, other in enumerate(fit.hypotheses[1:], start=1)
-    )

@@ -7,12 +7,11 @@ from pathlib import Path
 
 from workbench.arrays import Array
 from workbench.bodies.body import Body
-from workbench.errors import BadArgument, check_known
-from workbench.fitting.file_jobs import FailedFile, FileJob, check_names_differ, reason_of
-from workbench.fitting.scan_files import FEWEST, read_scan
-from workbench.fitting.scan_units import UNITS
-from workbench.geometry.guesses import UP_TO_Y
-from workbench.registration.fit_stage import Progress
+from workbench.errors import BadArgument
+from workbench.fitting.jobs import FailedFile, FileJob, check_names_differ, reason_of
+from workbench.fitting.scans.files import FEWEST, read_scan
+from workbench.geometry.guesses import check_given, sizes_of
+from workbench.registration.model_fit import Progress
 from workbench.registration.recipe import Recipe
 from workbench.registration.registering import Registration, register
 
@@ -43,10 +42,7 @@ class Reading:
     most: int = MOST
 
     def __post_init__(self) -> None:
-        if self.unit is not None:
-            check_known("unit", self.unit, UNITS)
-        if self.up is not None:
-            check_known("axis", self.up.removeprefix("+"), UP_TO_Y)
+        check_given(self.unit, self.up)
         if self.most < FEWEST:
             raise BadArgument(f"at least {FEWEST:,} points of a scan are read, not {self.most}")
 
@@ -86,6 +82,7 @@ def registered(
             name=reading.array if job.path.suffix.lower() == ".npz" else None,
             camera_position=reading.camera,
             most=reading.most,
+            sizes=sizes_of(body.joint_names),
         )
         found = register(
             body, read.scan, recipe=recipe, camera=read.camera_position, progress=progress

@@ -13,7 +13,7 @@ from workbench.diagnostics import Diagnosis, DiagnosisComparison, SequenceDiagno
 from workbench.diagnostics.diagnosis import diagnose_whole
 from workbench.diagnostics.report import compared_blocks, further, held
 from workbench.errors import BadArgument, joined
-from workbench.fitting.profile_likelihood import Profile
+from workbench.fitting.refits import Profile
 from workbench.fitting.setup import View
 from workbench.plots.diagnosis import sparsity_sheet
 from workbench.reports import diagnosis_tables

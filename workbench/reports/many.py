@@ -13,16 +13,15 @@ from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.bodies.files.saving import save_body
-from workbench.fitting.depth_interval import FOUND, DepthInterval
-from workbench.fitting.file_jobs import FailedFile, FileJob
-from workbench.fitting.image_jobs import FittedImage, ImageWork, Picture
-from workbench.fitting.regressor_files import shipped_regressor
-from workbench.fitting.stature import stature
+from workbench.fitting.body_priors import stature
+from workbench.fitting.images import INTERVAL_NOTE, DepthInterval
+from workbench.fitting.jobs import FailedFile, FileJob, FittedImage, ImageWork, Picture
+from workbench.fitting.pose_regressor import shipped_regressor
 from workbench.identity import code_version, digest, file_digest
 from workbench.plots.palette import BLUE, VERMILLION
 from workbench.reading.arrays import opened, read_expected, reals
 from workbench.registration import FailedScan, Reading, Recipe, RegisteredScan, ScanJob
-from workbench.registration.body_size import HEIGHT, LENGTH
+from workbench.registration.registering import HEIGHT, LENGTH
 from workbench.reports.folder import SUMMARY, own_folder, summary_text
 from workbench.reports.page import Entry, as_json, csv_text, kept_entry, number, page
 from workbench.reports.registration import ARRAYS, FORMAT, subjects_csv, write_registration
@@ -139,7 +138,7 @@ class ImageFolder:
             ambiguous=sum(_ambiguous(entry) for entry in entries),
             hypotheses=self.work.hypotheses,
             doubted=sum(bool(entry.facts["warnings"]) for entry in entries),
-            found=FOUND,
+            found=INTERVAL_NOTE,
         )
         write_file(self.place / "index.html", text)
         self._write_summary(entries, failed)

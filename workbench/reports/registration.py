@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
 from workbench.bodies.files.saving import save_body
-from workbench.fitting.scan import Scan
+from workbench.fitting.scans.scan import Scan
 from workbench.geometry.meshes import write_mesh
 from workbench.plots.body import Figurine, front, line_up_coloured
 from workbench.plots.scans import (
@@ -26,8 +26,13 @@ from workbench.plots.scans import (
 from workbench.plots.style import drawn as figure_of
 from workbench.registration import OtherEnd, RegisteredScan, Registration, StageOutcome
 from workbench.registration.coregistration import Coregistration, State
-from workbench.registration.coregistration.folder import BODY, SCAN, RegisteredScans
-from workbench.registration.coregistration.measures import beyond_betas, distances
+from workbench.registration.coregistration.folder import (
+    BODY,
+    SCAN,
+    RegisteredScans,
+    beyond_betas,
+    distances,
+)
 from workbench.reports.folder import SUMMARY, Content, summary_text, write_folder
 from workbench.reports.page import Columns, Shown, Table, csv_text, number, page, plotted, shown
 from workbench.reports.replay import recorded_registration

@@ -20,10 +20,9 @@ from workbench.diagnostics import Diagnosis
 from workbench.errors import joined, some_of
 from workbench.experiments.running import Outcome, ending_in_words
 from workbench.fitting.doubts import doubts
-from workbench.fitting.effective_frames import autocorrelation
 from workbench.fitting.keypoints import LEAST_CONFIDENCE
 from workbench.fitting.setup import Measure, Moving, Setup
-from workbench.fitting.videos import errors_of, worth_of
+from workbench.fitting.videos import autocorrelation, errors_of, worth_of
 from workbench.geometry.meshes import write_mesh
 from workbench.plots.body import capsules_sheet, distances_sheet
 from workbench.plots.diagnosis import sparsity_sheet

@@ -14,7 +14,7 @@ from workbench.arrays import Array, Index, Mask
 from workbench.blocks import Values
 from workbench.blocks.checks import numbers, reals, several
 from workbench.errors import BadArgument
-from workbench.fitting.scan import BadScan, Scan
+from workbench.fitting.scans.scan import BadScan, Scan
 from workbench.geometry.meshes import Mesh
 from workbench.geometry.solids import face_vectors, vertex_normals
 from workbench.synthetic.scan_effects import (

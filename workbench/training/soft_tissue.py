@@ -20,9 +20,8 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.spaces import body_mass_index
 from workbench.errors import BadArgument
 from workbench.motions import Motion
-from workbench.motions.accelerations import MovingFrames
 from workbench.motions.soft_tissue import SoftTissue, companion, free_run
-from workbench.motions.tissue_inputs import input_names, tissue_inputs
+from workbench.motions.tissue_inputs import MovingFrames, input_names, tissue_inputs
 from workbench.problem import Problem
 from workbench.residuals import Residual
 
@@ -154,8 +153,7 @@ def train_tissue(
     part = soft_parts(body, clips, plan.parts, plan.seed)
     progress(f"{len(clips)} clips, {frames} frames, {part.max() + 1} soft parts")
     inputs = [
-        tissue_inputs(MovingFrames.of(body, clip.motion), part, plan.n_betas).values
-        for clip in clips
+        tissue_inputs(MovingFrames.of(body, clip.motion), part, plan.n_betas) for clip in clips
     ]
     index = np.log([body_mass_index(body, clip.motion.betas) for clip in clips])
     index -= np.log(body_mass_index(body))
@@ -179,7 +177,7 @@ def one_step_of(tissue: SoftTissue, body: SkinnedBody, clips: Sequence[TissueCli
         frames = MovingFrames.of(body, clip.motion)
         gain = tissue.gain(body, clip.motion.betas)
         phi = coefficients_of(tissue.directions, clip.displacements) / gain
-        pairs.append((phi, tissue_inputs(frames, tissue.part, tissue.n_betas).values))
+        pairs.append((phi, tissue_inputs(frames, tissue.part, tissue.n_betas)))
     return OneStep.of(pairs)
 
 

@@ -5,17 +5,25 @@ and the pose prior; no block raises it. One block registers all scans with the m
 fits the model. The latter does not take registrations as if they had been observed, because where
 nothing was scanned, a registration only repeats the model and would hold it where it is. What
 remains of a scan's cost when its registration is eliminated is a target for each vertex, with a
-confidence that depends on the direction (`softness`). The prior on a person's template acts on its
-edges: under one on vertices, these slide along the skin.
+confidence that depends on the direction (`scan_block`). The prior on a person's template acts on
+its edges: under one on vertices, these slide along the skin.
 """
 
-from workbench.registration.coregistration.coregistering import Coregistration, Fitted
-from workbench.registration.coregistration.plan import CoregistrationPlan, hard, soft
+from workbench.registration.coregistration.coregistering import (
+    Coregistration,
+    CoregistrationPlan,
+    Fitted,
+    State,
+    hard,
+    soft,
+)
 from workbench.registration.coregistration.scan_block import Scans, ScansInMemory
-from workbench.registration.coregistration.state import State
-from workbench.registration.coregistration.triangle_plan import TrianglePlan
 from workbench.registration.coregistration.triangle_steps import learned_bends
-from workbench.registration.coregistration.triangles import TriangleCoregistration, TriangleState
+from workbench.registration.coregistration.triangles import (
+    TriangleCoregistration,
+    TrianglePlan,
+    TriangleState,
+)
 
 __all__ = [
     "Coregistration",

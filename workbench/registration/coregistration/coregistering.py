@@ -7,38 +7,45 @@ The joint cost of J scans of S people is, for registrations V_j and a model M,
 
 (Hirshberg, Loper, Rachlin and Black, Coregistration, ECCV 2012; Pons-Moll, Virtual Humans 5.1).
 With V held, this is the objective of training, and with the model held every scan is a
-registration of its own. `softness` says why the model's blocks take scans as soft observations,
+registration of its own. `scan_block` says why the model's blocks take scans as soft observations,
 and `template_prior` why templates are held by edges.
 """
 
+import hashlib
+import json
 import time
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
+from math import inf
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
 from workbench.bodies import SkinnedBody
-from workbench.errors import BadArgument
+from workbench.errors import BadArgument, BadFile
 from workbench.fitting.body_priors import pose_gaussian
 from workbench.geometry.solids import area
 from workbench.interrupts import Interrupts
-from workbench.registration.coregistration.plan import CoregistrationPlan
+from workbench.reading.arrays import doubles, nothing_else, opened, read_expected, texts
+from workbench.reading.facts import facts_in
 from workbench.registration.coregistration.scan_block import (
     OnScan,
     Pull,
+    ScanPull,
     Scans,
-    Work,
     jobs,
-    measured,
-    registered,
+    on_scans,
 )
-from workbench.registration.coregistration.state import State, fingerprint, read_state
+from workbench.registration.free_vertices import CLOSE
+from workbench.residuals import Form
 from workbench.threads import limited_threads
-from workbench.training.blocks import BLOCKS, BlockInput
-from workbench.training.estimate import Estimate
+from workbench.training.blocks import BLOCKS, BlockInput, BlockOptions
+from workbench.training.checkpoint import FACTS, REMOVE, log_entry
+from workbench.training.estimate import Estimate, Sigmas
 from workbench.training.execution import SERIAL, Execution, LogEntry, Progress
 from workbench.training.first_guess import Start
 from workbench.training.objective import Objective, centred, trusted
@@ -46,8 +53,153 @@ from workbench.training.pose_training import PoseModel
 from workbench.training.priors import PosePrior, smooth_prior
 from workbench.training.registrations import InMemory
 from workbench.training.shape_training import start_shape
-from workbench.writing import Keeping
+from workbench.writing import Keeping, replacing
 
+if TYPE_CHECKING:
+    from workbench.registration.coregistration.triangles import TriangleState
+
+FILE, VERSION = "coregistration.npz", "2:"
+OWN = ("vertices", "trans", "targets", "confidence", "scan_costs")
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """The unknowns of a coregistration of J scans.
+
+    Attributes:
+        estimate: templates, joints, pose blend shapes, weights, and the pose of every scan.
+        vertices: (J, N, 3) m, the registrations.
+        trans: (J, 3) m.
+        targets: (J, N, 3) m, where the scans alone would put the vertices.
+        confidence: (J, N, 3, 3), how surely; see `scan_block`.
+        scan_costs: (J,) E_S of each registration.
+        log: the blocks that have run, in order.
+    """
+
+    estimate: Estimate
+    vertices: Array
+    trans: Array
+    targets: Array
+    confidence: Array
+    scan_costs: Array
+    log: tuple[LogEntry, ...] = ()
+
+    def arrays(self) -> dict[str, Array]:
+        """All arrays by name, as they are stored."""
+        return self.estimate.arrays() | {name: getattr(self, name) for name in OWN}
+
+    def save(self, folder: Path, fingerprint: str) -> None:
+        """Write the checkpoint, completely or not at all."""
+        told = {"fingerprint": fingerprint, "log": [asdict(entry) for entry in self.log]}
+        stored: dict[str, Any] = {FACTS: np.array(json.dumps(told)), **self.arrays()}
+        with replacing(folder / FILE) as temporary, temporary.open("wb") as file:
+            np.savez(file, **stored)
+
+
+def read_state(folder: Path, fingerprint: str, first: State) -> State | None:
+    """The state of an earlier run in `folder`, or None if there is no file.
+
+    `first` is the state that the run began with, whose sizes do not change. Raises BadFile if the
+    file is of other scans or settings, of another version, or damaged.
+    """
+    path = folder / FILE
+    if not path.exists():
+        return None
+    with opened(path, "checkpoint of this coregistration", REMOVE) as archive:
+        told = facts_in(read_expected(archive, {FACTS: texts()})[FACTS])
+        if (digest := told.text("fingerprint")) != fingerprint:
+            raise BadFile(
+                "it is of other scans, another body or other settings"
+                if digest.startswith(VERSION)
+                else "another version of the workbench wrote it, which cannot be continued"
+            )
+        expected = {name: doubles(*array.shape) for name, array in first.arrays().items()}
+        nothing_else(archive, (*expected, FACTS))
+        found = read_expected(archive, expected)
+        log = told.several("log", log_entry)
+    regressor = csr_array(found.pop("regressor"))
+    own = {name: found.pop(name) for name in OWN}
+    given: dict[str, Any] = dict(found)
+    return State(replace(first.estimate, **given, regressor=regressor), **own, log=log)
+
+
+def fingerprint(scans: Scans, first: State, settings: str) -> str:
+    """A digest of all that determines a coregistration. It reads every scan once."""
+    digest = hashlib.sha256(settings.encode())
+    arrays = [*first.arrays().values(), scans.subject]
+    for row in range(len(scans.subject)):
+        scan = scans.read(row)
+        arrays += [a for a in (scan.points, scan.normals, scan.weights) if a is not None]
+    for array in arrays:
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return VERSION + digest.hexdigest()
+
+
+EDGES = 0.01  # m
+SETTINGS = Sigmas(data=0.003, rings=0.002, posedirs=0.001, weights=0.05)
+
+Observe = Callable[[State, Index], InMemory]
+"""Scans as registrations for the model's blocks, from a state and the subjects (J,) of scans."""
+
+
+def soft(state: State, subject: Index) -> InMemory:
+    """Scans as they are: targets, with a confidence for each direction of each vertex."""
+    return InMemory(state.targets, subject, state.confidence)
+
+
+def hard(state: State, subject: Index) -> InMemory:
+    """The registrations as if they had been observed, hidden vertices included."""
+    return InMemory(state.vertices, subject)
+
+
+@dataclass(frozen=True)
+class CoregistrationPlan:
+    """What a coregistration does, and how strongly its terms hold.
+
+    Raises BadArgument for no rounds.
+
+    Attributes:
+        rounds: how often registrations and the model are found in turn; at the end the
+            registrations are found once more.
+        sigmas: of the terms; `data` is sigma_C, the coupling of registrations and model, in m.
+        edges: sigma in m of the edges of a template, beyond what betas explain (E_T); None holds
+            every vertex of a template for itself, by `sigmas.subjects`.
+        blocks: those of training that make up the step of the model; none holds it.
+        observe: how scans are seen by the model's blocks, `soft` or `hard`.
+        terms: how a scan pulls, together E_S.
+        options: when the inner iterations of the model's blocks stop.
+    """
+
+    rounds: int = 4
+    sigmas: Sigmas = SETTINGS
+    edges: float | None = EDGES
+    bends: float = inf
+    blocks: tuple[str, ...] = ("people", "surfaces", "regressor")
+    observe: Observe = soft
+    terms: tuple[ScanPull, ...] = (CLOSE,)
+    options: BlockOptions = field(default_factory=lambda: BlockOptions(linear_tolerance=1e-3))
+
+    def __post_init__(self) -> None:
+        if self.rounds < 1:
+            raise BadArgument(f"a coregistration has one round or more, not {self.rounds}")
+
+    def written(self) -> str:
+        """The plan in letters, the same in every process, by which checkpoints are known."""
+        pulls = tuple((type(term).__qualname__, sorted(vars(term).items())) for term in self.terms)
+        rest = (self.rounds, self.sigmas, self.edges, self.bends, self.blocks, self.options)
+        return repr((*rest, _named(self.observe), _named(pulls)))
+
+
+def _named(value: object) -> object:
+    """A value without addresses in memory: functions by their names, and forms by their sizes."""
+    if isinstance(value, tuple | list):
+        return tuple(_named(one) for one in value)
+    if isinstance(value, Form):
+        return value.numbers
+    return getattr(value, "__qualname__", value)
+
+
+AnyState = TypeVar("AnyState", "State", "TriangleState")
 SHARES = (1.0, 0.5, 0.25, 0.1)  # of the model's step, until the joint cost falls
 
 
@@ -87,7 +239,7 @@ class Coregistration:
 
     body: SkinnedBody
     scans: Scans
-    plan: CoregistrationPlan = CoregistrationPlan()  # noqa: RUF009 - it is immutable
+    plan: CoregistrationPlan = CoregistrationPlan()
 
     def __post_init__(self) -> None:
         subject = self.scans.subject
@@ -182,31 +334,24 @@ class Coregistration:
         if folder is not None:
             identity = fingerprint(self.scans, first, self.plan.written())
             state = read_state(folder, identity, first)
-        with limited_threads(), Interrupts() as interrupts:
+        with limited_threads():
             if state is None:
-                state = self._with(first, self._on_scans(measured, first, execution))
-            steps = [*("registrations", "model") * self.plan.rounds, "registrations"]
-            began, already = time.perf_counter(), len(state.log)
-            for number in range(already, len(steps)):
-                interrupts.check()
-                state = self._after(state, steps[number], execution)
-                if folder is not None:
-                    keep(partial(state.save, folder, identity))
-                ended = Progress.since(began, already, number + 1, len(steps), state.log[-1])
-                execution.report.block(ended)
-        return state
+                state = self._with(first, self._on_scans(first, execution))
+            return in_turn(
+                state,
+                [*("registrations", "model") * self.plan.rounds, "registrations"],
+                self.costs,
+                self._step,
+                execution,
+                lambda state: keep(partial(state.save, folder, identity)) if folder else None,
+            )
 
-    def _after(self, state: State, block: str, execution: Execution) -> State:
-        began, before = time.perf_counter(), self.costs(state)
-        facts: dict[str, float] = {}
-        execution = replace(execution, task=block)
+    def _step(
+        self, state: State, block: str, cost: float, execution: Execution
+    ) -> tuple[State, dict[str, float]]:
         if block == "registrations":
-            found = self._with(state, self._on_scans(registered, state, execution))
-        else:
-            found, facts = self._model(state, sum(before.values()), execution)
-        entry = LogEntry(block, before, self.costs(found), facts, time.perf_counter() - began)
-        entry.check_lowered()
-        return replace(found, log=(*state.log, entry))
+            return self._with(state, self._on_scans(state, execution, solve=True)), {}
+        return self._model(state, cost, execution)
 
     def _model(
         self, state: State, cost: float, execution: Execution
@@ -215,15 +360,15 @@ class Coregistration:
         objective = self.objective(self.plan.observe(state, self.scans.subject))
         moved = state.estimate
         for name in self.plan.blocks:
-            part = replace(execution, task=f"model, {name}")
-            given = BlockInput(objective, self.body.faces, self.plan.options, part)
+            task = replace(execution, task=f"model, {name}")
+            given = BlockInput(objective, self.body.faces, self.plan.options, task)
             moved = BLOCKS[name](given, moved).estimate
-        for share in SHARES:
+
+        def part(share: float) -> State:
             tried = self._moved(state, objective, _between(state.estimate, moved, share))
-            found = self._with(tried, self._on_scans(measured, tried, execution))
-            if sum(self.costs(found).values()) < cost:
-                return found, {"share": share}
-        return state, {"share": 0.0}
+            return self._with(tried, self._on_scans(tried, execution))
+
+        return lowered(state, part, self.costs, cost, SHARES)
 
     def _moved(self, state: State, objective: Objective, estimate: Estimate) -> State:
         """The state with another model, and the registrations that belong to it."""
@@ -234,13 +379,13 @@ class Coregistration:
         vertices = there + trusted(batch, batch.vertices - there)  # what E_S and E_C want together
         return replace(state, estimate=estimate, trans=trans, vertices=vertices)
 
-    def _on_scans(self, work: Work, state: State, execution: Execution) -> list[OnScan]:
+    def _on_scans(self, state: State, execution: Execution, solve: bool = False) -> list[OnScan]:
         plan = self.plan
         whole = area(self.body.template, self.body.faces)
         pull = Pull(self.body.faces, whole, plan.sigmas.data, plan.terms)
         todo = jobs(state.estimate, self.scans.subject, state.vertices, state.trans)
         found: list[OnScan] = []
-        for some in execution.executor(partial(work, pull, self.scans), todo):
+        for some in execution.executor(partial(on_scans, pull, self.scans, solve), todo):
             found += some
             execution.finished(len(found), len(self.scans.subject))
         return found
@@ -248,16 +393,52 @@ class Coregistration:
     def _with(self, state: State, found: Iterable[OnScan]) -> State:
         """The state with what was found on every scan."""
         each = list(found)
-        poses = np.stack([one.pose for one in each])
-        return replace(
-            state,
-            estimate=replace(state.estimate, poses=poses),
-            vertices=np.stack([one.vertices for one in each]),
-            trans=np.stack([one.trans for one in each]),
-            targets=np.stack([one.pulled.targets for one in each]),
-            confidence=np.stack([one.pulled.confidence for one in each]),
-            scan_costs=np.array([one.scan_cost for one in each]),
-        )
+        stacked: dict[str, Any] = {n: np.array([getattr(one, n) for one in each]) for n in OWN}
+        poses = np.array([one.pose for one in each])
+        return replace(state, estimate=replace(state.estimate, poses=poses), **stacked)
+
+
+def in_turn(
+    state: AnyState,
+    steps: Sequence[str],
+    costs: Callable[[AnyState], dict[str, float]],
+    step: Callable[[AnyState, str, float, Execution], tuple[AnyState, dict[str, float]]],
+    execution: Execution,
+    keep: Callable[[AnyState], object] = lambda state: None,
+) -> AnyState:
+    """The blocks in turn, from where the log of the state ends; each is written into it.
+
+    `step` is given the state, the block's name and the joint cost. Raises NotLowered if a block
+    raises that cost, and KeyboardInterrupt between two blocks.
+    """
+    started, already = time.perf_counter(), len(state.log)
+    with Interrupts() as interrupts:
+        for number, block in enumerate(steps[already:], start=already + 1):
+            interrupts.check()
+            began, before = time.perf_counter(), costs(state)
+            task = replace(execution, task=block)
+            found, facts = step(state, block, sum(before.values()), task)
+            entry = LogEntry(block, before, costs(found), facts, time.perf_counter() - began)
+            entry.check_lowered()
+            state = replace(found, log=(*state.log, entry))
+            keep(state)
+            execution.report.block(Progress.since(started, already, number, len(steps), entry))
+    return state
+
+
+def lowered(
+    state: AnyState,
+    part: Callable[[float], AnyState],
+    costs: Callable[[AnyState], dict[str, float]],
+    cost: float,
+    shares: Sequence[float],
+) -> tuple[AnyState, dict[str, float]]:
+    """The state after the first share of a step that lowers the joint cost, and that share."""
+    for share in shares:
+        tried = part(share)
+        if sum(costs(tried).values()) < cost:
+            return tried, {"share": share}
+    return state, {"share": 0.0}
 
 
 def _posed(objective: Objective, estimate: Estimate) -> Array:

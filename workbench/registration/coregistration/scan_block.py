@@ -6,24 +6,97 @@ with the person's template, joints, weights and pose blend shapes held. All scan
 so that an executor may take them in any number of processes.
 """
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
 from typing import Protocol
 
 import casadi as cs
 import numpy as np
+from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
 from workbench.blocks import Block, Points, Values
+from workbench.errors import BadArgument
 from workbench.fitting.body_priors import pose_prior
-from workbench.fitting.scan import Scan
+from workbench.fitting.scans.scan import Scan
 from workbench.problem import Problem
-from workbench.registration.coregistration.softness import Pulled, pulled
-from workbench.registration.free_vertices import CLOSE, TOGETHER, VERTICES, Settled
-from workbench.residuals import Residual, vertices
-from workbench.solvers import Solver
+from workbench.problem.banded import BlockMatrix
+from workbench.registration.free_vertices import CLOSE, SETTLED, TOGETHER, VERTICES, Settled
+from workbench.residuals import Residual, quadratic, vertices
+from workbench.residuals.kernels import Kernel, OfNorms
 from workbench.training.estimate import Estimate
 from workbench.training.poses import body_of_subjects
+
+TINY = 1e-12  # a derivative's length, below which it has no direction
+UNSEEN = 1e-3  # of 1 / sigma_C^2: what is known less of, a scan does not see
+
+
+def scan_evidence(
+    pulls: Sequence[Residual], vertices: Array, coupling: float
+) -> tuple[Array, Array]:
+    """What residuals of the block `vertices` (N, 3) m alone say of each of its rows.
+
+    First the targets (N, 3) m, where the scan would put each vertex; the vertex itself where it
+    says nothing. Then the confidence (N, 3, 3), symmetric: how surely, against the coupling of
+    sigma `coupling` in m, with eigenvalues from 0 to 1. A row that reads several vertices, or
+    several coordinates, is bounded as above, with the lengths of its derivatives as shares. Raises
+    BadArgument for a kernel of norms.
+    """
+    N = len(vertices)
+    L, pull = np.zeros((N, 3, 3)), np.zeros((N, 3))
+    for residual in pulls:
+        if isinstance(residual.kernel, OfNorms):
+            raise BadArgument(
+                f"the kernel of residual {residual.name!r} is one of norms, and scans are bounded "
+                "row by row; give a kernel of single numbers"
+            )
+        plain = Problem((replace(residual, kernel=quadratic),), (VERTICES,))
+        here = plain.linearize({VERTICES: vertices})
+        whole = here.jacobian
+        J = csr_array(whole.sparse if isinstance(whole, BlockMatrix) else whole)
+        r = here.residual
+        outside = 1.0 if residual.weights is None else np.asarray(residual.weights, dtype=float)
+        counts = np.broadcast_to(outside, len(r) // residual.rows_per_point)
+        counts = np.repeat(counts, residual.rows_per_point)
+        w = kernel_weights(residual.kernel, np.divide(r**2, counts, where=counts > 0, out=0 * r))
+        rows, corners, slopes = _by_vertex(J)
+        lengths = np.linalg.norm(slopes, axis=1)
+        total = np.bincount(rows, lengths, len(r))
+        along = slopes / np.maximum(lengths, TINY)[:, None]
+        scale = (w * total)[rows] * lengths
+        np.add.at(L, corners, scale[:, None, None] * along[:, :, None] * along[:, None, :])
+        np.add.at(pull, corners, -(w * r)[rows, None] * slopes)
+    e, Q = np.linalg.eigh(L)
+    seen = e > UNSEEN / coupling**2
+    inverse = np.where(seen, 1 / np.where(seen, e, 1.0), 0.0)
+    shrunk = np.where(seen, e / (e + coupling**-2), 0.0)
+    moved = np.einsum("nab,nb,ncb,nc->na", Q, inverse, Q, pull)
+    return vertices + moved, np.einsum("nab,nb,ncb->nac", Q, shrunk, Q)
+
+
+def _by_vertex(J: csr_array) -> tuple[Index, Index, Array]:
+    """The rows, vertices and derivatives (n, 3) of all pairs of a row and a vertex in J."""
+    entries = J.tocoo()
+    pairs, where = np.unique(
+        entries.row.astype(np.int64) * (J.shape[1] // 3) + entries.col // 3, return_inverse=True
+    )
+    slopes = np.zeros((len(pairs), 3))
+    np.add.at(slopes, (where, entries.col % 3), entries.data)
+    return pairs // (J.shape[1] // 3), pairs % (J.shape[1] // 3), slopes
+
+
+@cache
+def _slope_of(kernel: Kernel) -> cs.Function:
+    s = cs.MX.sym("s")
+    rho = s * kernel(s) ** 2
+    return cs.Function("weights", [s], [cs.jacobian(rho, s)])
+
+
+def kernel_weights(kernel: Kernel, squares: Array) -> Array:
+    """rho'(s) at squares s (M,) of whitened residuals: the weights that a robust kernel leaves."""
+    return np.asarray(_slope_of(kernel).map(len(squares))(squares[None])).ravel()
+
 
 JOB_SIZE = 4  # scans that one job registers, with one symbolic body
 
@@ -72,16 +145,12 @@ class Pull:
         area: m^2, of the starting body's surface, which points without areas share evenly.
         coupling: sigma_C in m, of each coordinate of a vertex from the model's.
         terms: how the scan pulls.
-        solver: what finds vertices, pose and translation.
-        settled: a scan is done after a step that lowers its cost by less than this share of it.
     """
 
     faces: Index
     area: float
     coupling: float
     terms: tuple[ScanPull, ...] = (CLOSE,)
-    solver: Solver = TOGETHER
-    settled: float = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,15 +161,17 @@ class OnScan:
         vertices: (N, 3) m.
         pose: (K, 3) rad.
         trans: (3,) m.
-        scan_cost: E_S of the vertices.
-        pulled: where the scan alone would put the vertices, and how surely.
+        scan_costs: E_S of the vertices.
+        targets: (N, 3) m, where the scan alone would put the vertices.
+        confidence: (N, 3, 3), how surely; see `scan_evidence`.
     """
 
     vertices: Array
     pose: Array
     trans: Array
-    scan_cost: float
-    pulled: Pulled
+    scan_costs: float
+    targets: Array
+    confidence: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,25 +201,12 @@ def jobs(estimate: Estimate, subject: Index, vertices: Array, trans: Array) -> I
         yield Job(theirs, tuple(rows.tolist()), numbered, vertices[rows], trans[rows])
 
 
-def registered(pull: Pull, scans: Scans, job: Job) -> list[OnScan]:
-    """Vertices, pose and translation of every scan of a job; no cost is higher afterwards."""
-    return [_on_scan(pull, one, _solved(pull, one)) for one in _each(pull, scans, job)]
+def on_scans(pull: Pull, scans: Scans, solve: bool, job: Job) -> list[OnScan]:
+    """Every scan of a job where its vertices, pose and translation are, or where they end.
 
-
-def measured(pull: Pull, scans: Scans, job: Job) -> list[OnScan]:
-    """The costs of every scan of a job where its vertices, pose and translation are."""
-    return [_on_scan(pull, one, one.values) for one in _each(pull, scans, job)]
-
-
-@dataclass(frozen=True, eq=False)
-class _One:
-    problem: Problem
-    scan: tuple[Residual, ...]
-    values: Values
-
-
-def _each(pull: Pull, scans: Scans, job: Job) -> Iterator[_One]:
-    estimate = job.estimate
+    With `solve` they are found, and no cost is higher afterwards.
+    """
+    estimate, found = job.estimate, []
     body = body_of_subjects(estimate, pull.faces)
     N = estimate.templates.shape[1]
     pose, betas, trans = (block.symbol for block in body.blocks())
@@ -159,34 +217,28 @@ def _each(pull: Pull, scans: Scans, job: Job) -> Iterator[_One]:
     for i, row in enumerate(job.rows):
         there = scans.read(row)
         scan = tuple(t.residual(block.symbol, pull.faces, there, pull.area) for t in pull.terms)
-        problem = Problem((*scan, coupling, prior), ("pose", "trans", VERTICES), blocks=(block,))
         values = {
             "pose": estimate.poses[i],
             "betas": np.eye(len(estimate.templates))[job.subject[i]],
             "trans": job.trans[i],
             VERTICES: job.vertices[i],
         }
-        yield _One(problem, scan, values)
-
-
-def _solved(pull: Pull, one: _One) -> Values:
-    ends = Settled(pull.settled) if pull.settled > 0 else None
-    return one.values | pull.solver.solve(one.problem, one.values, callback=ends).values
-
-
-def _on_scan(pull: Pull, one: _One, values: Values) -> OnScan:
-    return OnScan(
-        values[VERTICES],
-        values["pose"],
-        values["trans"],
-        sum(cost_of_scan(residual, values) for residual in one.scan),
-        pulled(one.scan, values[VERTICES], pull.coupling),
-    )
+        if solve:
+            free = ("pose", "trans", VERTICES)
+            problem = Problem((*scan, coupling, prior), free, blocks=(block,))
+            values |= TOGETHER.solve(problem, values, callback=Settled(SETTLED)).values
+        found.append(
+            OnScan(
+                values[VERTICES],
+                values["pose"],
+                values["trans"],
+                sum(cost_of_scan(residual, values) for residual in scan),
+                *scan_evidence(scan, values[VERTICES], pull.coupling),
+            )
+        )
+    return found
 
 
 def cost_of_scan(residual: Residual, values: Values) -> float:
     """The cost of a residual of vertices alone."""
     return Problem((residual,), (VERTICES,)).linearize({VERTICES: values[VERTICES]}).cost
-
-
-Work = Callable[[Pull, Scans, Job], list[OnScan]]

@@ -15,8 +15,7 @@ from workbench.blocks import Block, Values
 from workbench.fitting.body_priors import pose_prior
 from workbench.geometry.solids import area
 from workbench.problem import Problem
-from workbench.registration.coregistration.coregistering import Coregistration
-from workbench.registration.coregistration.state import State
+from workbench.registration.coregistration.coregistering import Coregistration, State
 from workbench.residuals import Residual, vertices
 from workbench.training.registrations import InMemory
 from workbench.training.symbolic import TERMS, SymbolicTraining

@@ -15,7 +15,6 @@ Conjugate gradients find x; they are preconditioned by what x would be if the ve
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 from scipy.sparse import block_diag, csc_array, csr_array, eye_array, kron
@@ -30,27 +29,6 @@ from workbench.training.triangles.learning import neighbour_differences
 
 FREE = 1e-6  # of the coupling: what holds the place of vertices that no scan and no edge holds
 TOLERANCE, MOST = 1e-2, 60  # of the gradient, and iterations
-
-
-class Unknown(Protocol):
-    """D of a subject or Q of all: how it reaches edges, and its prior."""
-
-    @property
-    def prior(self) -> csr_array:
-        """The precision (n, n) of the prior on a change."""
-
-    @property
-    def prior_slope(self) -> Array:
-        """The gradient (n,) of the prior's cost where the unknown is."""
-
-    def forth(self, j: int, x: Array) -> Array:
-        """The change (2 F, 3) m of the edges that the model gives scan j, of a change (n,)."""
-
-    def back(self, j: int, pull: Array) -> Array:
-        """The adjoint of `forth`: (n,) from (2 F, 3)."""
-
-    def grams(self, j: int) -> Array:
-        """T_j'T_j, which is block diagonal: a block (F, q, q) for each face."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,6 +122,14 @@ class Bends:
         left, middle = BD.transpose(0, 2, 1) @ BD, e.transpose(0, 2, 1) @ e
         found = np.einsum("fab,fcd,fi,fj->facibdj", left, middle, at.twists, at.twists)
         return np.asarray(found.reshape(len(e), 9 * at.twists.shape[1], -1))
+
+
+Unknown = Persons | Bends
+"""D of a subject or Q of all, with the same methods.
+
+`prior` is the precision (n, n) of the prior on a change, and `prior_slope` the gradient (n,) of its
+cost where the unknown is; `forth(j, x)` is the change (2 F, 3) m of the edges that the model gives
+scan j, `back` its adjoint, and `grams(j)` its T_j'T_j: a block (F, q, q) for each face."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,9 +18,8 @@ Black, Embodied Hands, 2017, and the notes on its alignments), so that only the 
 against everything else. `TrianglePlan.symmetric` chooses; at lambda_C = 1 both are the same.
 """
 
-import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from math import sqrt
 
@@ -37,9 +36,13 @@ from workbench.geometry.solids import area
 from workbench.geometry.triangles import edges
 from workbench.problem import Linearization, Problem
 from workbench.problem.storage import unblocked
-from workbench.registration.coregistration.coregistering import Fitted, median_betas
+from workbench.registration.coregistration.coregistering import (
+    Fitted,
+    in_turn,
+    lowered,
+    median_betas,
+)
 from workbench.registration.coregistration.scan_block import JOB_SIZE, Scans, cost_of_scan
-from workbench.registration.coregistration.triangle_plan import TrianglePlan
 from workbench.registration.coregistration.triangle_steps import (
     Bends,
     JointStep,
@@ -48,9 +51,61 @@ from workbench.registration.coregistration.triangle_steps import (
     Unknown,
     differing,
 )
-from workbench.registration.free_vertices import VERTICES, Settled
+from workbench.registration.free_vertices import CLOSE, TOGETHER, VERTICES, ScanTerm, Settled
 from workbench.residuals import stitching
-from workbench.training.execution import SERIAL, Execution, LogEntry, Progress
+from workbench.solvers import Solver
+from workbench.training.execution import SERIAL, Execution, LogEntry
+
+
+@dataclass(frozen=True)
+class TrianglePlan:
+    """What a coregistration of triangles does, and how strongly its terms hold.
+
+    Raises BadArgument for no rounds, and for a sigma or weight that is not above zero.
+
+    Attributes:
+        rounds: how often the model and the registrations are found in turn.
+        coupling: sigma_C in m, of each coordinate of an edge.
+        neighbours: sigma_D of what the entries of D differ by between neighbouring faces.
+        bends: sigma_Q of an entry of posedirs, per rad.
+        weight: lambda_C.
+        symmetric: whether lambda_C multiplies the priors of poses, D and Q as it does E_C.
+        blocks: which parts of the model are found, of persons and bends; none holds it.
+        term: how a scan pulls, E_S.
+        solver: what finds vertices and pose.
+        settled: a scan is done after a step that lowers its cost by less than this share of it.
+    """
+
+    rounds: int = 4
+    coupling: float = 0.01
+    neighbours: float = 0.05
+    bends: float = 0.1
+    weight: float = 1.0
+    symmetric: bool = True
+    blocks: tuple[str, ...] = ("persons", "bends")
+    term: ScanTerm = CLOSE
+    solver: Solver = field(default=TOGETHER)
+    settled: float = 1e-3
+
+    def __post_init__(self) -> None:
+        if self.rounds < 1:
+            raise BadArgument(f"a coregistration has one round or more, not {self.rounds}")
+        for name in ("coupling", "neighbours", "bends", "weight"):
+            if not 0 < getattr(self, name) < np.inf:
+                raise BadArgument(f"{name} is above zero, not {getattr(self, name):g}")
+        if unknown := set(self.blocks) - {"persons", "bends"}:
+            raise BadArgument(f"no block is called {sorted(unknown)[0]!r}; give persons and bends")
+
+    @property
+    def of_edges(self) -> float:
+        """Sigma in m of a coordinate of an edge, lambda_C included."""
+        return self.coupling / sqrt(self.weight)
+
+    @property
+    def of_priors(self) -> float:
+        """What multiplies the priors."""
+        return self.weight if self.symmetric else 1.0
+
 
 SHARES = (1.0, 0.5, 0.25, 0.1, 0.03)  # of a step of D or Q, until the joint cost falls
 
@@ -89,7 +144,7 @@ class TriangleCoregistration:
 
     body: TriangleBody
     scans: Scans
-    plan: TrianglePlan = TrianglePlan()  # noqa: RUF009 - it is immutable
+    plan: TrianglePlan = TrianglePlan()
 
     def __post_init__(self) -> None:
         people = np.unique(self.scans.subject)
@@ -118,21 +173,20 @@ class TriangleCoregistration:
         scan, where nothing draws it back. Raises NotLowered if a block raises the joint cost.
         """
         first = self.first(fits, vertices)
-        found = self._measured(first)
-        steps = [*self.plan.blocks, "registrations"] * self.plan.rounds
-        began = time.perf_counter()
-        for number, block in enumerate(steps, start=1):
-            start, before = time.perf_counter(), self.costs(found, first.body)
+
+        def costs(state: TriangleState) -> dict[str, float]:
+            return self.costs(state, first.body)
+
+        def step(
+            state: TriangleState, block: str, cost: float, execution: Execution
+        ) -> tuple[TriangleState, dict[str, float]]:
             if block == "registrations":
-                found = self._registered(found, replace(execution, task=block))
-            else:
-                found = self._stepped(found, first.body, block, sum(before.values()))
-            after, seconds = self.costs(found, first.body), time.perf_counter() - start
-            entry = LogEntry(block, before, after, {}, seconds)
-            entry.check_lowered()
-            found = replace(found, log=(*found.log, entry))
-            execution.report.block(Progress.since(began, 0, number, len(steps), entry))
-        return found
+                return self._registered(state, execution), {}
+            part = partial(self._moved, state, *self._step(state, first.body, block))
+            return lowered(state, part, costs, cost, SHARES)
+
+        steps = [*self.plan.blocks, "registrations"] * self.plan.rounds
+        return in_turn(self._measured(first), steps, costs, step, execution)
 
     def costs(self, state: TriangleState, first: TriangleBody) -> dict[str, float]:
         """The joint cost of a state, by term; E_D and E_Q count from the body `first`."""
@@ -181,55 +235,48 @@ class TriangleCoregistration:
         term = self.plan.term.residual(block.symbol, self.body.faces, self.scans.read(j), whole)
         return Problem((term,), (VERTICES,), blocks=(block,)).linearize({VERTICES: vertices})
 
-    def _stepped(
-        self, state: TriangleState, first: TriangleBody, block: str, cost: float
-    ) -> TriangleState:
-        """D of all subjects or Q, and the registrations with it, as far as the joint cost falls."""
+    def _step(
+        self, state: TriangleState, first: TriangleBody, block: str
+    ) -> tuple[Array, Array, Array]:
+        """The changes of D of all subjects and Q, of which one is zero, and of registrations."""
         J = len(state.poses)
         scans = [
             OfScan(V, here.gradient, csc_array(unblocked(here.normal)))
             for V, here in ((V, self._scan(j, V)) for j, V in enumerate(state.vertices))
         ]
         here = [self._here(state, j) for j in range(J)]
-        model = [_edges_of(state.body, at) for at in here]
         vertices, D = np.zeros_like(state.vertices), np.zeros_like(state.body.shapedirs)
         Q = np.zeros_like(state.body.posedirs)
         scale = 1 / sqrt(self.plan.of_priors)
-        who: Unknown
+
+        def found(unknown: Unknown, own: Index) -> Array:
+            some, model = [scans[j] for j in own], [_edges_of(state.body, here[j]) for j in own]
+            x, changes = JointStep(unknown, some, model, self.plan.of_edges, self.body).found()
+            vertices[own] = np.stack(changes)
+            return x
+
         if block == "persons":
             fitted = np.eye(3)[..., None] + first.shapedirs
             for s in range(state.body.n_betas):
                 own = np.flatnonzero(self.scans.subject == s)
                 sigma = self.plan.neighbours * scale
                 who = Persons(state.body, [here[j] for j in own], sigma, fitted[..., s])
-                x, changes = self._step(who, scans, model, own)
-                D[..., s], vertices[own] = x.reshape(-1, 3, 3), changes
+                D[..., s] = found(who, own).reshape(-1, 3, 3)
         else:
-            x, changes = self._step(
-                Bends(state.body, here, self.plan.bends * scale, first.posedirs),
-                scans,
-                model,
-                np.arange(J),
-            )
-            Q[:], vertices[:] = x.reshape(Q.shape), changes
-        for share in SHARES:
-            body = replace(
-                state.body,
-                shapedirs=state.body.shapedirs + share * D,
-                posedirs=state.body.posedirs + share * Q,
-            )
-            moved = replace(state, body=body, vertices=state.vertices + share * vertices)
-            tried = self._measured(moved)
-            if sum(self.costs(tried, first).values()) < cost:
-                return tried
-        return state
+            bends = Bends(state.body, here, self.plan.bends * scale, first.posedirs)
+            Q[:] = found(bends, np.arange(J)).reshape(Q.shape)
+        return D, Q, vertices
 
-    def _step(
-        self, unknown: Unknown, scans: Sequence[OfScan], model: Sequence[Array], own: Index
-    ) -> tuple[Array, Array]:
-        some, theirs = [scans[j] for j in own], [model[j] for j in own]
-        x, changes = JointStep(unknown, some, theirs, self.plan.of_edges, self.body).found()
-        return x, np.stack(changes)
+    def _moved(
+        self, state: TriangleState, D: Array, Q: Array, vertices: Array, share: float
+    ) -> TriangleState:
+        """The state after a share of these changes."""
+        body = replace(
+            state.body,
+            shapedirs=state.body.shapedirs + share * D,
+            posedirs=state.body.posedirs + share * Q,
+        )
+        return self._measured(replace(state, body=body, vertices=state.vertices + share * vertices))
 
 
 def _edges_of(body: TriangleBody, at: TriangleSurface) -> Array:

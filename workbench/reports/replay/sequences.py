@@ -16,7 +16,8 @@ from workbench.geometry.surface_tree import SurfaceTree
 from workbench.motions import Motion
 from workbench.problem import Problem
 from workbench.registration import Registration
-from workbench.registration.support import FACING, NEAR
+from workbench.registration.basins import NEAR
+from workbench.registration.coregistration.folder import FACING
 from workbench.reports.replay.observations import (
     landmarks_of_views,
     observed_points,

@@ -1,0 +1,305 @@
+"""Measurements of a body that could be made, and the catalogue of them that `design` takes.
+
+All of them see every landmark, also those that the body itself hides; of cameras these can be left
+out (`without_hidden`).
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+import casadi as cs
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.arrays import Array, Mask
+from workbench.blocks import Block, Values
+from workbench.blocks.checks import reals
+from workbench.bodies import SkinnedBody
+from workbench.bodies.body import Body
+from workbench.diagnostics.design import Candidate, Criterion, Quantity, sd_of
+from workbench.diagnostics.design.candidates import Given
+from workbench.errors import BadArgument
+from workbench.fitting.body_priors import stature_expression
+from workbench.fitting.keypoints import camera_values, landmark_set
+from workbench.fitting.marker_sets import MARKERS, MarkerSet, default_markers
+from workbench.fitting.markers import OFFSET_SIGMA, SIGMA
+from workbench.fitting.observations import Photograph, pinhole
+from workbench.fitting.setup import Setup, View
+from workbench.geometry.camera import Camera
+from workbench.geometry.rotation import matrix_from_vector
+from workbench.geometry.solids import ray_crossings
+from workbench.residuals import Residual, keypoints, landmarks
+
+THICK = 0.15  # m of the body in front of a landmark: a joint is hardly ever as deep under the skin
+AROUND = tuple(range(0, 360, 30))  # degrees
+UP = (0, 30, 60)  # degrees
+PREFIX = "candidate/"  # of the blocks of a camera that could be put up
+OWN = "own"
+
+
+def hidden_landmarks(body: SkinnedBody, name: str, values: Values, eye: Array) -> Mask:
+    """Which landmarks of a set the body hides from an eye (3,) m, where the values put it, (M,).
+
+    A landmark is hidden where the way to it leaves the body again, as behind another limb, or is
+    for more than 0.15 m inside of it. Joints lie inside, so that a way that only enters says
+    nothing. Detectors often guess hidden landmarks, so this is the strict case.
+    """
+    at = [values[block.name] for block in body.blocks()]
+    points, skin = body.landmark(name, *at), body.vertices(*at)
+    exits, inside = ray_crossings(eye, points, skin, body.faces)
+    return np.asarray((exits > 0) | (inside > THICK))
+
+
+def looking_at(centre: ArrayLike, around: float, up: float, distance: float) -> tuple[Array, Array]:
+    """R (3, 3) and t (3,) m of an upright camera that looks at a point (3,) m.
+
+    It stands `distance` m away, `around` degrees about the y axis (0 is in front, at +z, and 90 at
+    +x) and `up` degrees above the height of the point. Straight above, the top of its image is
+    away from where it would stand on the ground.
+    """
+    a, e = np.radians([around, up])
+    towards = -np.array([np.cos(e) * np.sin(a), np.sin(e), np.cos(e) * np.cos(a)])
+    right = np.array([np.cos(a), 0.0, -np.sin(a)])
+    R = np.array([right, np.cross(towards, right), towards])
+    return R, distance * np.array([0.0, 0.0, 1.0]) - R @ np.asarray(centre, dtype=float)
+
+
+def cameras_on_a_sphere(
+    body: Body,
+    centre: ArrayLike,
+    *,
+    distance: float = 4.0,
+    around: Sequence[float] = AROUND,
+    up: Sequence[float] = UP,
+    focal: float = 1200.0,
+    size: tuple[int, int] = (1000, 1000),
+    sigma: float = 4.0,
+) -> dict[str, Candidate]:
+    """Cameras around a point (3,) m, each of which sees the body's keypoints.
+
+    Angles are in degrees, see `looking_at`; focal and sigma are in px. They are called `90 around,
+    30 up`. Raises BadArgument for a centre that is no point, or a distance that is not above zero.
+    """
+    middle = reals("the centre of the cameras", centre)
+    if middle.shape != (3,) or not np.isfinite(middle).all():
+        raise BadArgument(f"the centre of the cameras is a point (3,) in m, not {middle.tolist()}")
+    if not (distance > 0 and focal > 0 and sigma > 0):
+        raise BadArgument(
+            f"cameras need a distance, a focal length and a sigma above zero, not {distance:g} m, "
+            f"{focal:g} px and {sigma:g} px"
+        )
+    K, numbers = pinhole(focal, *size), {}
+    for u in up:
+        for a in around:
+            R, t = looking_at(middle, a, u, distance)
+            numbers[f"{a:g} around, {u:g} up"] = Camera(PREFIX).values(K=K, R=R, t=t)
+    return _cameras(body, numbers, sigma)
+
+
+def cameras_of(
+    body: Body, photographs: Sequence[Photograph], *, sigma: float = 4.0
+) -> dict[str, Candidate]:
+    """Cameras that exist: those of photographs, by their names. What they observed does not count.
+
+    Each sees all keypoints of the body, with a sigma in px. Raises BadArgument for a camera without
+    a calibration.
+    """
+    for photo in photographs:
+        if photo.K is None or photo.R is None or photo.t is None:
+            raise BadArgument(
+                f"{photo.name} has no calibration; a camera that could be put up needs K, R and t"
+            )
+    camera = Camera(PREFIX)
+    return _cameras(
+        body, {photo.name: camera_values(camera, photo) for photo in photographs}, sigma
+    )
+
+
+def without_hidden(
+    body: SkinnedBody, cameras: Mapping[str, Candidate], values: Values
+) -> dict[str, Candidate]:
+    """Cameras of `cameras_on_a_sphere` or `cameras_of`, without what the body hides from each.
+
+    What is hidden is decided where the values put the body, and does not change with the body; see
+    `hidden_landmarks`.
+    """
+    name = landmark_set(body)
+    seen = Block(PREFIX + "seen", (len(body.landmark_names(name)),), "1")
+    found = {}
+    for called, one in cameras.items():
+        (rows,) = one.residuals
+        sigma = float(np.max(rows.sigma))  # one for all, as these functions make them
+        t, R = (np.asarray(one.values[PREFIX + part]) for part in ("translation", "rotation"))
+        hidden = hidden_landmarks(body, name, values, -matrix_from_vector(R).T @ t)
+        rows = _keypoints(body, Camera(PREFIX), seen.symbol, sigma)
+        found[called] = Candidate((rows,), one.values | {seen.name: np.where(hidden, 0.0, 1.0)})
+    return found
+
+
+def _cameras(body: Body, numbers: dict[str, Values], sigma: float) -> dict[str, Candidate]:
+    count = len(body.landmark_names(landmark_set(body)))
+    seen = _keypoints(body, Camera(PREFIX), np.ones(count), sigma)
+    return {name: Candidate((seen,), one) for name, one in numbers.items()}
+
+
+def keypoint_candidates(
+    body: Body, camera: Camera, numbers: Values, *, sigma: float = 4.0
+) -> dict[str, Candidate]:
+    """Each of the body's keypoints by itself, seen by one camera with these numbers; sigma in px.
+
+    Points of a detector's layout are candidates too, if the body has them as landmarks.
+    """
+    labels = body.landmark_names(landmark_set(body))
+    seen, one = _one_of(labels)
+    own = {block.name: np.asarray(numbers[block.name], dtype=float) for block in camera.blocks}
+    rows = _keypoints(body, camera, seen.symbol, sigma)
+    return {label: Candidate((rows,), own | only) for label, only in one.items()}
+
+
+def marker_candidates(
+    body: SkinnedBody,
+    marker_set: MarkerSet,
+    *,
+    sigma: float = SIGMA,
+    offset_sigma: float = OFFSET_SIGMA,
+) -> dict[str, Candidate]:
+    """Each marker of a set by itself, seen once; sigmas in m along each axis.
+
+    A marker is beside its nominal place by an offset that one moment cannot tell from the body, so
+    its rows have the standard deviation sqrt(sigma^2 + offset_sigma^2).
+    """
+    seen, one = _one_of(marker_set.names)
+    at = [block.symbol for block in body.blocks()]
+    points = marker_set.on(body).landmark_points(MARKERS, *at)
+    origin = np.zeros((len(marker_set.names), 3))
+    spread = float(np.hypot(sigma, offset_sigma))
+    rows = replace(landmarks(points, origin, sigma=spread, name=MARKERS), weights=seen.symbol)
+    return {label: Candidate((rows,), only) for label, only in one.items()}
+
+
+def stature_of(body: SkinnedBody) -> Quantity:
+    """The stature of a body in m, a linear function of its betas; see `stature`."""
+    betas = body.blocks()[1]
+    expression = stature_expression(body, betas.symbol)
+    return Quantity("stature", expression, "m", blocks=(betas,))
+
+
+def depth_of(body: Body, camera: Camera, numbers: Values) -> Quantity:
+    """How far the body's root is from a camera's plane, in m along the axis of the camera."""
+    joints = body.joint_points(*(block.symbol for block in body.blocks()))
+    axis = cs.DM(matrix_from_vector(np.asarray(numbers[camera.rotation.name], dtype=float))[2])
+    away = float(np.asarray(numbers[camera.translation.name], dtype=float)[2])
+    name = f"the distance from {camera.prefix.rstrip('/') or 'the camera'}"
+    return Quantity(name, cs.dot(axis, joints.symbol[:, 0]) + away, "m", (joints,))
+
+
+def _one_of(labels: tuple[str, ...]) -> tuple[Block, dict[str, Values]]:
+    """A block of weights (M,), and by label the values of it that count this one alone."""
+    seen = Block(PREFIX + "seen", (len(labels),), "1", labels)
+    only = np.eye(len(labels))
+    return seen, {label: {seen.name: only[i]} for i, label in enumerate(labels)}
+
+
+def _keypoints(body: Body, camera: Camera, confidence: cs.MX | Array, sigma: float) -> Residual:
+    """The residual of all keypoints of a body in a camera, for its Jacobian alone."""
+    name = landmark_set(body)
+    points = body.landmark_points(name, *(block.symbol for block in body.blocks()))
+    origin = np.zeros((len(body.landmark_names(name)), 2))
+    return keypoints(points, camera, origin, confidence, sigma=sigma, name="keypoints")
+
+
+Candidates = Callable[[Setup, Values], Given]
+
+
+def own_candidates(setup: Setup, values: Values) -> Given:
+    """Those that the setup or the user's file names."""
+    if not setup.candidates:
+        raise BadArgument(
+            "this problem names no candidates of its own; define `candidates` in the file, a dict "
+            f"of residuals by name, or give --candidates {', '.join(CANDIDATES)}"
+        )
+    return setup.candidates
+
+
+def cameras_around(setup: Setup, values: Values) -> dict[str, Candidate]:
+    """36 cameras 4 m from the body's root."""
+    body = _body(setup)
+    root = body.joints(*(values[block.name] for block in body.blocks()))[0]
+    return cameras_on_a_sphere(body, root)
+
+
+def held_out_views(setup: Setup, values: Values) -> dict[str, Candidate]:
+    """The real cameras of the setup that were held out."""
+    views = [view for view in setup.views if view.held_out]
+    if not views:
+        raise BadArgument("no camera of this problem is held out; hold one out, or take cameras")
+    return cameras_of(_body(setup), [_photograph(view, values) for view in views])
+
+
+def occluded(cameras: Callable[[Setup, Values], dict[str, Candidate]]) -> Candidates:
+    """The same cameras, none of which sees what the body hides from it."""
+    return lambda setup, values: without_hidden(_skinned(setup), cameras(setup, values), values)
+
+
+def markers_worn(setup: Setup, values: Values) -> Given:
+    """Each of the 41 default markers."""
+    body = _skinned(setup)
+    return marker_candidates(body, default_markers(body))
+
+
+def keypoints_seen(setup: Setup, values: Values) -> Given:
+    """Each keypoint, seen once more by the first camera."""
+    return keypoint_candidates(_body(setup), _view(setup).camera, values)
+
+
+CANDIDATES: Mapping[str, Candidates] = {
+    OWN: own_candidates,
+    "cameras": cameras_around,
+    "views": held_out_views,
+    "cameras-occluded": occluded(cameras_around),
+    "views-occluded": occluded(held_out_views),
+    "markers": markers_worn,
+    "keypoints": keypoints_seen,
+}
+QUANTITIES: Mapping[str, Callable[[Setup, Values], Quantity]] = {
+    "stature": lambda setup, values: stature_of(_skinned(setup)),
+    "depth": lambda setup, values: depth_of(_body(setup), _view(setup).camera, values),
+}
+
+
+def sd_named(name: str, setup: Setup, values: Values) -> Criterion:
+    """The standard deviation of a quantity of the catalogue, or else of the entry of that name."""
+    return sd_of(QUANTITIES[name](setup, values) if name in QUANTITIES else name)
+
+
+def _body(setup: Setup) -> Body:
+    if setup.body is None or setup.moving is not None:
+        raise BadArgument(
+            "cameras, markers, keypoints, stature and depth are of a problem that fits a body in "
+            "one frame, and this one does not; define `candidates` in the file of the problem and "
+            f"give --candidates {OWN}"
+        )
+    return setup.body
+
+
+def _skinned(setup: Setup) -> SkinnedBody:
+    body = _body(setup)
+    if not isinstance(body, SkinnedBody):
+        raise BadArgument(
+            "markers and stature are those of a skinned body, not of one of triangles"
+        )
+    return body
+
+
+def _view(setup: Setup) -> View:
+    for view in setup.views:
+        if not view.held_out:
+            return view
+    raise BadArgument("no camera sees the body of this problem")
+
+
+def _photograph(view: View, values: Values) -> Photograph:
+    focal, centre, distortion, rotation, t = (values[block.name] for block in view.camera.blocks)
+    K = np.array([[focal[0], 0, centre[0]], [0, focal[1], centre[1]], [0, 0, 1]])
+    R = matrix_from_vector(rotation)
+    return Photograph(view.name, view.size, view.observed, view.confidence, K, R, t, distortion)

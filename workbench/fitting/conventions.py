@@ -1,0 +1,276 @@
+"""Which other convention of keypoints or cameras would make a doubted fit a good one."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+from itertools import permutations
+
+import numpy as np
+
+from workbench.arrays import Array
+from workbench.blocks import Values
+from workbench.errors import WorkbenchError
+from workbench.fitting.keypoints import LEAST_CONFIDENCE, triangulated
+from workbench.fitting.observations import COCO
+from workbench.fitting.placing import image_starts, place_body
+from workbench.fitting.setup import Setup, View
+from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
+from workbench.solvers import Solution, TrustRegion
+
+BETTER = 0.7  # of the cost: another reading that costs less is said
+CLOSE = 1.5  # times the cost of the best reading, up to which another may be the right one
+MIRRORED = "the images are mirrored"
+SIDES = "left and right were exchanged, or the image is mirrored"
+UPWARDS = "y points up in the image; give v from its upper border"
+HALF_TURN = "the image is upside down; turn it by 180 degrees"
+PLAIN = TrustRegion(max_iterations=50, gradient_tolerance=1e-3)
+DOWN = 0.7  # cosine between a body's own y and the image's, from which on it stands on its head
+ORDERS = {  # of 17 keypoints
+    "Human3.6M": (
+        *("pelvis", "right_hip", "right_knee", "right_ankle", "left_hip", "left_knee"),
+        *("left_ankle", "spine", "neck", "nose", "head", "left_shoulder", "left_elbow"),
+        *("left_wrist", "right_shoulder", "right_elbow", "right_wrist"),
+    ),
+    "OpenPose's COCO-18 without the neck": (
+        *("nose", "right_shoulder", "right_elbow", "right_wrist", "left_shoulder", "left_elbow"),
+        *("left_wrist", "right_hip", "right_knee", "right_ankle", "left_hip", "left_knee"),
+        *("left_ankle", "right_eye", "left_eye", "right_ear", "left_ear"),
+    ),
+}
+AGREE = 0.02  # of the size of the person in an image: rays that miss each other by more contradict
+MOST_ORDERS = 5  # cameras of which all orders are tried; of more, every exchange of two
+OPENGL = np.diag([1.0, -1.0, -1.0])  # x right, y up, z backwards
+PERSON = 0.5, 2.6  # m, between the keypoints of a person that are farthest apart
+UNITS = {"mm": 1e-3, "cm": 1e-2, "in": 0.0254}
+
+
+def opposite(name: str) -> str:
+    """The keypoint of the other side: `left_knee` for `right_knee`."""
+    for side, other in (("left_", "right_"), ("right_", "left_")):
+        if name.startswith(side):
+            return other + name.removeprefix(side)
+    return name
+
+
+def sides_exchanged(view: View, names: Sequence[str]) -> View:
+    """The view with the keypoints of left and right exchanged; `names` (M,) are theirs."""
+    order = [names.index(opposite(n)) if opposite(n) in names else i for i, n in enumerate(names)]
+    return replace(view, observed=view.observed[order], confidence=view.confidence[order])
+
+
+def y_upwards(view: View) -> View:
+    """The view as it was if its v pointed upwards, from the lower border."""
+    observed = view.observed * [1, -1] + [0, view.size[1]]
+    return replace(view, observed=observed)
+
+
+def mirrored(view: View) -> View:
+    """The view in a mirror."""
+    return replace(view, observed=view.observed * [-1, 1] + [view.size[0], 0])
+
+
+def readings(names: Sequence[str]) -> dict[str, Callable[[View], View]]:
+    """Other readings of keypoints with these names, by the words of a doubt: `if ...`."""
+    found: dict[str, Callable[[View], View]] = {
+        SIDES: lambda view: sides_exchanged(view, names),
+        UPWARDS: y_upwards,
+        HALF_TURN: lambda view: y_upwards(mirrored(view)),
+        "u and v were exchanged": lambda view: replace(view, observed=view.observed[:, ::-1]),
+    }
+    if {*COCO} <= {*names}:
+        for what, order in ORDERS.items():
+            found[f"they are in the order of {what}, not COCO's"] = partial(
+                _reordered, names=names, order=order
+            )
+    return found
+
+
+def _reordered(view: View, names: Sequence[str], order: Sequence[str]) -> View:
+    """The view if its 17 keypoints, read in COCO's order, were in another."""
+    observed, confidence = view.observed.copy(), np.zeros_like(view.confidence)
+    for k, name in enumerate(order):
+        if name in names:
+            row, there = names.index(name), names.index(COCO[k])
+            observed[row], confidence[row] = view.observed[there], view.confidence[there]
+    return replace(view, observed=observed, confidence=confidence)
+
+
+def better_reading(setup: Setup, values: Values, solution: Solution, *, doubted: bool) -> str:
+    """What would fit the keypoints of one moment much better, in a sentence; empty if nothing does.
+
+    Fits that are `doubted` are made again with all other `readings`, those of a person who stands
+    on their head with those that turn the image, and any other to one image with left and right
+    exchanged.
+    """
+    views = [view for view in setup.views if not view.held_out]
+    if setup.body is None or not views:
+        return ""
+    known = readings(setup.body.landmark_names(views[0].landmarks))
+    if len(views) > 1:
+        known[MIRRORED] = mirrored
+    head = all(is_upside_down(setup, view, values) for view in views)
+    if not doubted:
+        once = (UPWARDS, HALF_TURN) if head else (SIDES,) if len(views) == 1 else ()
+        known = {what: known[what] for what in once}
+    costs = {what: _cost(setup, views, [*map(change, views)]) for what, change in known.items()}
+    best = min(costs, key=lambda what: costs[what], default="")
+    if head and (up := min((UPWARDS, HALF_TURN), key=lambda what: costs[what])):
+        best = up if costs[up] < CLOSE * costs[best] or costs[best] > solution.cost else best
+    if best in (UPWARDS, HALF_TURN) and head:
+        return f"the person stands on their head in the image; if they do not, {best}"
+    if best and costs[best] < BETTER * solution.cost:
+        share = 100 * costs[best] / solution.cost
+        return f"the keypoints would fit better, at {share:.0f} % of the cost, if {best}"
+    return ""
+
+
+def is_upside_down(setup: Setup, view: View, values: Values) -> bool:
+    """Whether the body's own y points down in the image."""
+    assert setup.body is not None
+    root = matrix_from_vector(values[setup.body.blocks()[0].name][0])
+    if setup.body.bind_pose[0].any():
+        root = root @ matrix_from_vector(setup.body.bind_pose[0]).T
+    camera = matrix_from_vector(np.asarray(values[view.camera.rotation.name]))
+    return bool((camera @ root)[1, 1] > DOWN)
+
+
+def _cost(setup: Setup, views: Sequence[View], changed: Sequence[View]) -> float:
+    """The cost of the fit to other readings of the views, from its own start."""
+    body = setup.body
+    assert body is not None
+    start = dict(setup.start)
+    for view, other in zip(views, changed, strict=True):
+        prefix = view.camera.prefix
+        start |= {prefix + "observed": other.observed, prefix + "confidence": other.confidence}
+    try:
+        with np.errstate(all="ignore"):
+            start |= place_body(body, changed, start)
+            if len(changed) == 1:
+                start |= image_starts(body, changed[0], start, 1)[0]
+            solver = PLAIN if setup.strategy is None else setup.strategy(None)
+            cost = solver.solve(setup.problem, start).cost
+    except (WorkbenchError, ArithmeticError, np.linalg.LinAlgError):
+        return np.inf
+    return cost if np.isfinite(cost) else np.inf
+
+
+Extrinsics = list[tuple[Array, Array]]  # R (3, 3) and t (3,) of each camera
+
+
+def disagreement(views: Sequence[View], values: Values) -> float:
+    """How far triangulated keypoints are from those of the views, as a share of the person's size.
+
+    It is the median of the reprojection errors, each divided by the size of the person in its
+    image; infinite for points behind a camera, and NaN where no keypoint is seen by two views.
+    """
+    points, off = triangulated(views, values), []
+    several = np.sum([view.confidence > LEAST_CONFIDENCE for view in views], axis=0) > 1
+    for view in views:
+        rows = several & (view.confidence > LEAST_CONFIDENCE)
+        if not rows.any():
+            continue
+        seen = view.observed[rows]
+        size = float(np.linalg.norm(np.ptp(seen, axis=0)))
+        depth = view.camera.depths(points[rows], values)
+        error = np.linalg.norm(view.camera.pixels(points[rows], values) - seen, axis=1)
+        off.append(np.where(depth > 0, error / max(size, 1e-9), np.inf))
+    return float(np.median(np.concatenate(off))) if off else np.nan
+
+
+def unit_of_translations(views: Sequence[View], values: Values) -> str:
+    """The unit in which the person would have the size of one; empty if metres are right."""
+    points = triangulated(views, values)
+    points = points[np.isfinite(points).all(axis=1)]
+    size = float(np.linalg.norm(points[:, None] - points, axis=-1).max(initial=0.0))
+    if not size or PERSON[0] <= size <= PERSON[1]:
+        return ""
+    fitting = [unit for unit, m in UNITS.items() if PERSON[0] <= m * size <= PERSON[1]]
+    return fitting[0] if fitting else "another unit"
+
+
+def agreeing_convention(views: Sequence[View], values: Values, names: Sequence[str]) -> str:
+    """What would make views that contradict each other agree; empty if nothing known does.
+
+    Other conventions of the extrinsics, other orders of the cameras, other readings of images, and
+    views left out are tried. `names` (M,) are those of the keypoints.
+    """
+    given: Extrinsics = [
+        (
+            matrix_from_vector(np.asarray(values[v.camera.rotation.name])),
+            np.asarray(values[v.camera.translation.name], dtype=float),
+        )
+        for v in views
+    ]
+    tried: list[tuple[str, Sequence[View], Values]] = []
+    for what, extrinsics in _conventions(given):
+        changed = dict(values)
+        for view, (R, t) in zip(views, extrinsics, strict=True):
+            changed[view.camera.rotation.name] = vector_from_matrix(R)
+            changed[view.camera.translation.name] = t
+        tried.append((what, views, changed))
+    for what, seen in _other_views(views, names):
+        tried.append((what, seen, values))
+    with np.errstate(all="ignore"):
+        here, best, said = disagreement(views, values), AGREE / 0.8, ""
+        for what, seen, changed in tried:
+            found = disagreement(seen, changed)
+            if found < min(0.8 * best, here / 3):
+                best, said = found, what
+                if unit := unit_of_translations(seen, changed):
+                    said = f"{what}, with translations in {unit}"
+        if said or len(views) < 3:
+            return said
+        others = [disagreement((*views[:k], *views[k + 1 :]), values) for k in range(len(views))]
+    k = int(np.argmin(np.nan_to_num(others, nan=np.inf)))
+    if not others[k] < AGREE:
+        return ""
+    return f"{views[k].name} is left out; look at its calibration, its keypoints and whom it shows"
+
+
+def _other_views(
+    views: Sequence[View], names: Sequence[str]
+) -> Iterator[tuple[str, Sequence[View]]]:
+    """Other readings of the images, of one or of all."""
+    for k, view in enumerate(views):
+        yield (
+            f"left and right were exchanged in {view.name}",
+            (*views[:k], sides_exchanged(view, names), *views[k + 1 :]),
+        )
+    for what, change in (("y pointed up", y_upwards), ("u pointed left (mirrored)", mirrored)):
+        yield f"{what} in all images", tuple(map(change, views))
+        for k, view in enumerate(views):
+            yield f"{what} in {view.name}", (*views[:k], change(view), *views[k + 1 :])
+
+
+def _conventions(given: Extrinsics) -> Iterator[tuple[str, Extrinsics]]:
+    yield (
+        "the extrinsics are camera-to-world, not world-to-camera",
+        [(R.T, -R.T @ t) for R, t in given],
+    )
+    yield (
+        "rotations are in degrees",
+        [(matrix_from_vector(np.radians(vector_from_matrix(R))), t) for R, t in given],
+    )
+    yield "`t` are the places of the cameras, not translations", [(R, -R @ t) for R, t in given]
+    yield (
+        "the cameras have OpenGL's axes (y up, z backwards)",
+        [(OPENGL @ R, OPENGL @ t) for R, t in given],
+    )
+    yield (
+        "the extrinsics are camera-to-world, with OpenGL's axes (y up, z backwards)",
+        [(OPENGL @ R.T, -OPENGL @ R.T @ t) for R, t in given],
+    )
+    count = len(given)
+    orders = permutations(range(count)) if count <= MOST_ORDERS else _exchanges(count)
+    for order in orders:
+        if list(order) != list(range(count)):
+            said = ", ".join(str(k + 1) for k in order)
+            yield f"the cameras belong to the files in the order {said}", [given[k] for k in order]
+
+
+def _exchanges(count: int) -> Iterator[tuple[int, ...]]:
+    for i in range(count):
+        for j in range(i + 1, count):
+            order = list(range(count))
+            order[i], order[j] = j, i
+            yield tuple(order)

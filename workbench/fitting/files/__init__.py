@@ -1,0 +1,1 @@
+"""Readers of other programs' files: keypoints of detectors, clips, and calibrated cameras."""

@@ -1,0 +1,224 @@
+"""A clip in files: a keypoint file for each frame or one for all, of one camera or several."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import gcd
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from workbench.arrays import Array
+from workbench.errors import BadArgument, BadFile, UnknownName, some
+from workbench.fitting.files.cameras import in_degrees, read_calibration
+from workbench.fitting.files.keypoints import (
+    by_image,
+    calibration_of,
+    number_in,
+    people_of,
+    person_of,
+)
+from workbench.fitting.files.layouts import DetectedPerson
+from workbench.fitting.observations import PLACING, Clip, Film
+from workbench.reading.facts import json_in
+
+MOST_FRAMES, MOST_PEOPLE = 100_000, 100  # of a clip, and of one of its frames
+FARTHEST_STEP = 1.0  # of a person between two frames, in diagonals of the person's box
+
+
+@dataclass(frozen=True)
+class _Frame:
+    """A file, and what it says of one frame: all of it, unless `part` holds that."""
+
+    path: Path
+    part: Any = None
+
+    def content(self) -> Any:
+        """What is said of this frame."""
+        return json_in(self.path) if self.part is None else self.part
+
+
+def read_clip(
+    folder: str | Path,
+    *,
+    fps: float,
+    calibration: str | Path | None = None,
+    size: tuple[int, int] | None = None,
+    focal: float | None = None,
+    person: int | None = None,
+) -> Clip:
+    """Read the COCO or OpenPose JSON files of a folder, or of one folder for each camera in it.
+
+    One file that holds all images, as AlphaPose and COCO write, may take the place of a folder, or
+    be the only file in one; its frames have the numbers in the names of the images.
+    Files are ordered by the last number in their names; frames of which there is no file are gaps,
+    and a note says which. If the numbers grow by a constant step, such as 10, 20, 30, each step is
+    one frame, and `fps` are those of the files. Of several people in a frame the one nearest to
+    where the person was before is followed; the first is number `person`, or the one seen best.
+    Folders of cameras go with the cameras of the calibration, by name or else in order.
+
+    Raises BadFile, UnknownName, BadArgument or BadObservation.
+    """
+    root = Path(folder)
+    if not root.is_dir() and not (root.is_file() and root.suffix.lower() == ".json"):
+        raise BadFile(
+            f"{root} is no folder; a clip is a folder with a JSON file for each frame, or one "
+            ".json of AlphaPose or COCO with all of them"
+        )
+    if not 0 < fps < np.inf:
+        raise BadArgument(f"a clip has a number of frames per second above 0, not {fps:g}")
+    inside = root.iterdir() if root.is_dir() else ()
+    inner = sorted(one for one in inside if one.is_dir() and any(one.glob("*.json")))
+    if inner and any(root.glob("*.json")):
+        raise BadFile(
+            f"{root} holds JSON files and folders of JSON files; give the folder of one camera, or "
+            "one that holds nothing but a folder for each camera"
+        )
+    cameras = inner or [root]
+    known = read_calibration(calibration) if calibration is not None else {}
+    if len(known) != len(cameras) and (known or len(cameras) > 1):
+        raise BadFile(
+            f"{root} holds the frames of {len(cameras)} cameras, and {len(known)} are calibrated; "
+            "give --cameras FILE with one camera for each folder"
+        )
+    names = [one.name for one in cameras] if inner else list(known) or ["camera"]
+    by_name = set(names) == set(known)
+    numbered = [_numbered(one) for one in cameras]
+    numbers = sorted({n for files in numbered for n in files})
+    step = gcd(*np.diff(numbers).tolist()) or 1
+    frames = range(numbers[0], numbers[-1] + 1, step)
+    if len(frames) > MOST_FRAMES:
+        raise BadFile(f"{root} has frames {frames[0]} to {frames[-1]}; at most {MOST_FRAMES:,}")
+    notes, films, first = [], [], None
+    for i, (name, files) in enumerate(zip(names, numbered, strict=True)):
+        camera = known[name] if by_name else list(known.values())[i] if known else {}
+        people, more = _followed(files, frames, size or camera.get("size"), person)
+        notes += more
+        seen = [one for one in people if one is not None]
+        if not seen:
+            raise BadFile(f"{cameras[i]}: no frame holds a person")
+        sizes = {one.size for one in seen}
+        if len(sizes) > 1 or None in sizes:
+            raise BadFile(
+                f"{cameras[i]}: images have the sizes {sorted(map(str, sizes))}; a clip has one, "
+                "which --size WIDTHxHEIGHT says"
+            )
+        whole = tuple(dict.fromkeys(n for one in seen for n in one.names))
+        first = first or whole
+        if {one.body for one in seen} != {seen[0].body} or not set(whole) <= set(first):
+            raise BadFile(f"{cameras[i]}: files list different keypoints; give one detector's")
+        points = np.zeros((len(frames), len(first), 3))
+        for t, one in enumerate(people):
+            if one is not None:
+                points[t, [first.index(n) for n in one.names]] = one.points
+        image = seen[0].size
+        assert image is not None
+        calibrated = calibration_of(camera, focal, image)
+        films.append(Film(name, image, points[..., :2], points[..., 2], *calibrated))
+    assert first is not None
+    notes += in_degrees(calibration, known)
+    return Clip(first, tuple(films), fps, tuple(dict.fromkeys(notes)))
+
+
+def _numbered(folder: Path) -> dict[int, _Frame]:
+    """The frames of a file or a folder by the last number in their names. Raises BadFile."""
+    paths = sorted(folder.glob("*.json")) if folder.is_dir() else [folder]
+    if len(paths) == 1 and (paths[0] == folder or number_in(paths[0].name) is None):
+        parts = by_image(paths[0], json_in(paths[0]))
+        if not parts:
+            raise BadFile(f"{paths[0]} holds no frame with a person")
+        return {number: _Frame(paths[0], part) for number, part in parts.items()}
+    found: dict[int, _Frame] = {}
+    for path in paths:
+        number = number_in(path.name)
+        if number is None:
+            raise BadFile(f"{path}: the name of a frame holds its number, such as frame_012.json")
+        if number in found:
+            raise BadFile(
+                f"{found[number].path} and {path} have the same number, {number}; keep one"
+            )
+        found[number] = _Frame(path)
+    if not found:
+        raise BadFile(f"{folder} holds no JSON file; a clip has one for each frame")
+    return found
+
+
+def _followed(
+    files: dict[int, _Frame], frames: range, size: tuple[int, int] | None, person: int | None
+) -> tuple[list[DetectedPerson | None], list[str]]:
+    """One person in every frame, or None, and notes."""
+    found: list[DetectedPerson | None] = []
+    last: Array | None = None
+    several = lost = 0
+    first = next(iter(files.values()))
+    folder = first.path.parent.name if first.part is None else first.path.name
+    for number in frames:
+        people = _people(files[number], size) if number in files else {}
+        several += len(people) > 1
+        if not people:
+            found.append(None)
+        elif last is None:
+            if person is not None and person not in people:
+                raise UnknownName("person", str(person), map(str, people))
+            best = max(people, key=lambda i: people[i].points[:, 2].sum())
+            found.append(people[best if person is None else person])
+        else:
+            near = {i: _apart(last, one.points) for i, one in people.items()}
+            i = min(near, key=lambda i: near[i])
+            found.append(people[i] if near[i] < FARTHEST_STEP else None)
+            lost += found[-1] is None
+        one = found[-1]
+        if one is not None and (one.points[:, 2] > 0).sum() >= PLACING:
+            last = one.points  # fewer keypoints do not say how large a person is
+    notes = _of_all_frames([note for one in found if one is not None for note in one.notes])
+    missing = [str(n) for n in frames if n not in files]
+    if missing:
+        what = "there are no files of" if first.part is None else "nothing is said of"
+        notes.append(f"{folder}: {what} frames {some(missing)}, which are gaps")
+    if several:
+        notes.append(
+            f"{folder}: {several} frames hold several people; one is followed, from the one seen "
+            "best in the first frame unless --person says which"
+        )
+    if lost:
+        notes.append(f"{folder}: in {lost} frames nobody is near to where the person was: gaps")
+    return found, notes
+
+
+def _of_all_frames(notes: Sequence[str]) -> list[str]:
+    """The notes on frames: of those that say the same, whatever the numbers, the first one."""
+    alike: dict[str, list[str]] = {}
+    for note in notes:
+        alike.setdefault(re.sub(r"\d+", "", note), []).append(note)
+    return [
+        some[0] if len(some) == 1 else f"{some[0]} (and so in {len(some)} frames)"
+        for some in alike.values()
+    ]
+
+
+def _people(frame: _Frame, size: tuple[int, int] | None) -> dict[int, DetectedPerson]:
+    """The people of a frame who have a keypoint, by their number in it."""
+    path, content = frame.path, frame.content()
+    there = people_of(path, content)
+    if len(there) > MOST_PEOPLE:
+        raise BadFile(
+            f"{path} holds {len(there):,} people in one image; a frame of a clip, {MOST_PEOPLE}"
+        )
+    people = {i: person_of(path, content, size, i) for i in there}
+    return {i: one for i, one in people.items() if (one.points[:, 2] > 0).any()}
+
+
+def _apart(last: Array, now: Array) -> float:
+    """The mean distance of the keypoints that both have, over the diagonal of the last one's box.
+
+    Infinite if they have none in common.
+    """
+    if len(last) != len(now):
+        return np.inf
+    both = (last[:, 2] > 0) & (now[:, 2] > 0)
+    if not both.any():
+        return np.inf
+    box = np.ptp(last[last[:, 2] > 0, :2], axis=0)
+    far = np.linalg.norm(last[both, :2] - now[both, :2], axis=1).mean()
+    return float(far / max(np.linalg.norm(box), 1.0))

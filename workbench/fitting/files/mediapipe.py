@@ -1,0 +1,200 @@
+"""What MediaPipe finds in JSON: hands of 21 points, bodies of 33, or both.
+
+Programs write MediaPipe's results in three ways, and all of them are read: the tasks' results with
+the keys of Python (`hand_landmarks`, `handedness`, `pose_landmarks`) or of JavaScript (`landmarks`,
+`handedness`), and the messages of the older solutions (`multiHandLandmarks`, `multiHandedness`,
+`leftHandLandmarks`), whose lists are under `landmark`. Points are fractions of the image's width
+and height there, so that the size of the image must be known.
+"""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from workbench.arrays import Array
+from workbench.errors import BadFile, shown, some
+from workbench.fitting.files.layouts import HANDS, MEDIAPIPE_33, DetectedPerson, no_such_person
+
+SIDES = ("left", "right")
+UNSEEN = np.zeros(3)
+HANDS_KEYS = ("hand_landmarks", "multi_hand_landmarks")
+POSES_KEY = "pose_landmarks"
+EITHER = "landmarks"  # of JavaScript: hands if there is a handedness, and poses if not
+KNOWN = {
+    *HANDS_KEYS,
+    POSES_KEY,
+    EITHER,
+    *("handedness", "handednesses", "multi_handedness"),
+    *(f"{side}_hand_landmarks" for side in SIDES),
+}
+MOST = 1000  # hands or bodies of one image
+FARTHEST = 100.0  # sizes of the image: no point is farther out
+
+
+def is_mediapipe(data: Any) -> bool:
+    """Whether the content of a JSON file is a result of MediaPipe."""
+    return isinstance(data, dict) and any(_snake(key) in KNOWN for key in data)
+
+
+def mediapipe_person(
+    path: str | Path, data: dict[str, Any], size: tuple[int, int] | None, person: int | None
+) -> DetectedPerson:
+    """One person of a file: the points of the body, if it has any, and those of both hands.
+
+    A hand's points have confidence 1, a body's their visibility, and both hands are always there if
+    the file can hold hands, with confidence 0 if they were not seen. Where a hand is seen, it
+    replaces the three points that the body has of it. Raises BadFile, and UnknownName for a person
+    that the file does not hold.
+    """
+    said = {_snake(key): value for key, value in data.items()}
+    hands = _hands(path, said)
+    bodies = _bodies(path, said)
+    if size is None:
+        raise BadFile(
+            f"{path} holds fractions of an image, as MediaPipe gives them, and not how large the "
+            "image is; give --size WIDTHxHEIGHT in px"
+        )
+    if not hands and not bodies:
+        raise BadFile(f"{path} holds no person's keypoints: MediaPipe found no hand and no body")
+    if person is not None and not 0 <= person < max(len(bodies), 1):
+        raise no_such_person(path, person, max(len(bodies), 1))
+    notes = _notes(path, said, bodies, person)
+    looked_for = any("hand_landmarks" in key or "handed" in key for key in said)
+    known = dict.fromkeys([*HANDS[0], *HANDS[1]], UNSEEN) if looked_for else {}
+    if bodies:
+        best = max(range(len(bodies)), key=lambda i: float(bodies[i][:, 2].sum()))
+        points = bodies[best if person is None else person]
+        known = dict(zip(MEDIAPIPE_33, points, strict=True)) | {
+            name: known[name] for name in known if name not in MEDIAPIPE_33
+        }
+    for side, own in zip(SIDES, HANDS, strict=True):
+        seen = [points for where, points in hands if where == side]
+        if len(seen) > 1:
+            notes.append(
+                f"{Path(path).name} holds {len(seen)} {side} hands; the first is read. MediaPipe "
+                "takes a hand for the other one in an image that is mirrored"
+            )
+        known |= dict(zip(own, seen[0], strict=True)) if seen else {}
+    names, points = tuple(known), np.array([*known.values()])
+    in_px = points * [size[0], size[1], 1.0]
+    body = MEDIAPIPE_33 if bodies else ()  # files of cameras must agree on these
+    return DetectedPerson(names, in_px, size, body, tuple(notes))
+
+
+def mediapipe_people(path: str | Path, data: dict[str, Any]) -> int:
+    """The number of people in a result of MediaPipe; hands without a body are one person."""
+    said = {_snake(key): value for key, value in data.items()}
+    return len(_bodies(path, said)) or int(bool(_hands(path, said)))
+
+
+def _snake(key: Any) -> str:
+    """The key as Python would write it: `handLandmarks` -> `hand_landmarks`."""
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", str(key)[:60]).lower()
+
+
+def _hands(path: str | Path, said: dict[str, Any]) -> list[tuple[str, Array]]:
+    """Each hand with its side."""
+    found = []
+    for side in SIDES:
+        if given := said.get(f"{side}_hand_landmarks"):
+            points = _one(given)
+            found.append((side, _points(path, f"{side}_hand_landmarks", points, 21)))
+    sides = next(
+        (said[key] for key in ("handedness", "handednesses", "multi_handedness") if said.get(key)),
+        None,
+    )
+    keys = [key for key in (*HANDS_KEYS, *((EITHER,) if sides else ())) if said.get(key)]
+    for key in keys[:1]:
+        several = _several(path, key, said[key])
+        named = _several(path, "handedness", sides) if sides else []
+        if len(named) != len(several):
+            raise BadFile(
+                f"{path} holds {len(several)} hands under {key}, and {len(named)} entries that say "
+                "which is left and which is right; write `handedness` with one for each"
+            )
+        for i, (one, label) in enumerate(zip(several, named, strict=True)):
+            where = f"{key}[{i}]"
+            found.append((_side(path, where, label), _points(path, where, _one(one), 21)))
+    return found
+
+
+def _bodies(path: str | Path, said: dict[str, Any]) -> list[Array]:
+    of_either = not any("handed" in key for key in said)
+    key = POSES_KEY if said.get(POSES_KEY) else EITHER if of_either else ""
+    given = said.get(key)
+    if not given:
+        return []
+    if isinstance(given, dict) or (isinstance(given[0], dict) and "x" in given[0]):
+        given = [given]  # the one person of the older solutions, and of the holistic model
+    several = _several(path, key, given)
+    return [_points(path, f"{key}[{i}]", _one(one), 33) for i, one in enumerate(several)]
+
+
+def _one(given: Any) -> Any:
+    """The list of points, which messages hold under `landmark`; of several, the first."""
+    if isinstance(given, dict):
+        given = given.get("landmark", given.get("landmarks"))
+    return given[0] if isinstance(given, list) and given and isinstance(given[0], list) else given
+
+
+def _several(path: str | Path, key: str, given: Any) -> list[Any]:
+    if not isinstance(given, list) or len(given) > MOST:
+        raise BadFile(f"{path}: {key} must be a list of at most {MOST}, not {shown(given)}")
+    return given
+
+
+def _side(path: str | Path, where: str, label: Any) -> str:
+    """Left or right, by a category of MediaPipe's tasks or a classification of its messages."""
+    if isinstance(label, dict):
+        label = label.get("classification", [label])
+    first = label[0] if isinstance(label, list) and label else label
+    if isinstance(first, dict):
+        named = {_snake(key): value for key, value in first.items()}
+        first = next((named[k] for k in ("category_name", "label") if k in named), None)
+    side = first.lower() if isinstance(first, str) else ""
+    if side not in SIDES:
+        raise BadFile(f"{path}: {where} is said to be {shown(first)}; a hand is Left or Right")
+    return side
+
+
+def _points(path: str | Path, where: str, given: Any, count: int) -> Array:
+    """Points (count, 3): u and v as fractions of the image, and a confidence."""
+    if not isinstance(given, list) or len(given) != count:
+        many = f"{len(given)} points" if isinstance(given, list) else shown(given)
+        raise BadFile(f"{path}: {where} has {many}; MediaPipe's has {count}, each with x and y")
+    rows = []
+    for i, one in enumerate(given):
+        if not isinstance(one, dict) or not {"x", "y"} <= one.keys():
+            raise BadFile(f"{path}: {where}: point {i} must have x and y, but is {shown(one)}")
+        sure = one.get("visibility")
+        rows.append([one["x"], one["y"], 1.0 if sure is None or count == 21 else sure])
+    if not all(type(x) in (int, float) and abs(x) < FARTHEST for row in rows for x in row):
+        raise BadFile(
+            f"{path}: {where} must hold numbers: x and y as fractions of the image, and a "
+            "visibility from 0 to 1"
+        )
+    points = np.array(rows, dtype=np.float64)
+    if not ((points[:, 2] >= 0) & (points[:, 2] <= 1)).all():
+        raise BadFile(f"{path}: {where} has a visibility that is not from 0 to 1")
+    return points
+
+
+def _notes(
+    path: str | Path, said: dict[str, Any], bodies: list[Array], person: int | None
+) -> list[str]:
+    unread = sorted(
+        key
+        for key, value in said.items()
+        if key not in KNOWN and value and isinstance(value, list | dict)
+    )
+    notes = [f"{Path(path).name}: not read are {some(unread)}"] if unread else []
+    if len(bodies) > 1 and person is None:
+        notes.append(
+            f"{Path(path).name} holds {len(bodies)} people; the one seen best is read, and "
+            "--person takes another"
+        )
+    if len(bodies) > 1 and any("hand" in key for key in said):
+        notes.append(f"{Path(path).name} does not say whose the hands are; they go with that body")
+    return notes

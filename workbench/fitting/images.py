@@ -1,0 +1,505 @@
+"""A body on the keypoints of one image: recipe, stages and starts, the mean, and the distance.
+
+SMPLify (Bogo et al., Keep it SMPL, 2016) has all of these: a robust reprojection error, priors on
+pose and shape, a term against elbows and knees that bend backwards, and stages in which priors
+count much at first. Its code multiplies residuals by weights: lambda_theta is 404, 404, 57.4 and
+4.78 in its four stages, lambda_beta 100, 50, 10 and 5, and the term of the elbows and knees is
+3.17 lambda_theta. Its prior on the pose is half a squared distance, its keypoints are whole
+squares in px, and so lambda_theta = sqrt(2) sigma for our sigma of a keypoint in px.
+
+Lengths in px are proportional to the height of the person in the image. What a camera observed is
+in fixed blocks, so that images of one kind share one problem with its derived functions. A fit
+begins at what a small network reads off the keypoints, and further hypotheses at the resting body
+and at turned ones.
+
+The landmarks of a detector are not those of a body: a hip, say, is always found a little farther
+out. Detectors are marker sets whose markers have unknown offsets. If each keypoint k has an offset
+of its own, o_k ~ N(0, (s m_k)^2) m in each direction, seen as s m_k f / z px at the distance z, and
+it is integrated out, then the estimate x of the fit has another covariance than Laplace's
+C = (J'J)^-1:
+
+    C + (s f / (z sigma))^2 C J_d' J_d C
+
+with the rows J_d of the keypoints, whitened (White, Maximum likelihood estimation of misspecified
+models, 1982), both up to the curvature that the Gauss-Newton Hessian J'J leaves out. A keypoint
+that is known less well has a larger offset too: m_k is its standard deviation in sigmas, 1 for a
+typical keypoint of confidence 1 (`as_marked`). The estimate stays what it is: fits in which
+keypoints have this larger variance from the outset have larger errors (`benchmarks/IMAGES.md`).
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from workbench.arrays import Array
+from workbench.blocks import Values
+from workbench.bodies import SkinnedBody
+from workbench.bodies.body import Body
+from workbench.bodies.triangles import TriangleBody
+from workbench.errors import BadArgument
+from workbench.fitting.body_priors import MEASURED, stature_prior, usual_priors
+from workbench.fitting.keypoints import (
+    LEAST_CONFIDENCE,
+    OUTLIER,
+    SIGMA,
+    KeypointProblem,
+    Relative,
+    Terms,
+    alike,
+    as_marked,
+    height_in_view,
+    placed_views,
+)
+from workbench.fitting.observations import Observations
+from workbench.fitting.placing import image_starts
+from workbench.fitting.setup import Measure, Setup, View
+from workbench.geometry.rotation import matrix_from_vector
+from workbench.residuals import Residual, bending
+from workbench.residuals.kernels import geman_mcclure, scaled
+from workbench.residuals.numbers import HINGES
+from workbench.sampling.posterior_mean import posterior_mean
+from workbench.solvers import LevenbergMarquardt, Solver, SolveStage, Staged, Starts
+
+KEYPOINTS = "keypoints"  # in the weights of a stage: those of every camera
+LAMBDA_POSE = 404.0, 404.0, 57.4, 4.78
+LAMBDA_SHAPE = 100.0, 50.0, 10.0, 5.0
+ANGLES = 3.17  # SMPLify's weight of the term of elbows and knees, in lambda_theta
+SMPLIFY_SIGMA = LAMBDA_POSE[-1] / float(np.sqrt(2))  # px
+
+Recipe = Callable[["Appearance"], "ImageRecipe"]
+ROUGHLY = LevenbergMarquardt(gradient_tolerance=0.01)  # of a stage that is only a start
+NEARLY = LevenbergMarquardt(gradient_tolerance=1e-3)  # beyond, keypoints tell nothing more
+SUSPECT = 1 / 7  # of a person's height in the image
+STEP = 1.25  # heights in an image are rounded to powers of it, so that images share problems
+OFFSET = 0.015  # m, in each direction: how far a detector's landmarks are from the body's
+Z90 = 1.6448536269514722  # 90 % of a normal distribution are within so many standard deviations
+INTERVAL_NOTE = (
+    "The 90 % interval of the distance allows for landmarks of the detector that lie "
+    f"{100 * OFFSET:g} cm (standard deviation in each direction) beside those of the body. It was "
+    "tested on 100 images of one real person, whose distance was known from four calibrated "
+    "cameras: it contained this distance in 100 % of the images, and in 93 % if the stature was "
+    "given. Intervals 0.79 and 0.89 times as wide would have contained it in 90 %"
+)
+DIFFERENCE = 1e-5  # of an unknown, for a central difference
+# frames 0, 8, ..., 96 of `balance`, each camera alone; the truth is the fit to all four cameras
+SPREAD = (
+    "too small: on 52 images of one real person, landmarks were 1.6 times as far from the truth "
+    "(root mean square; 1.0 to 2.0 times, by landmark)"
+)
+
+
+def image_priors(body: SkinnedBody | TriangleBody) -> tuple[Residual, ...]:
+    """Priors on pose and shape, and elbows and knees that do not bend backwards."""
+    pose = body.blocks()[0]
+    hinged = set(HINGES) & set(pose.labels or ())
+    return (*usual_priors(body), *([bending(pose)] if hinged else []))
+
+
+def smplify_priors(body: SkinnedBody | TriangleBody) -> tuple[Residual, ...]:
+    """The same with the weights that SMPLify's code has in its last stage."""
+    counts = {
+        "shape prior": 2 * (LAMBDA_SHAPE[-1] / LAMBDA_POSE[-1]) ** 2,
+        "bending": 2 * ANGLES**2,
+    }
+    priors = image_priors(body)
+    return tuple(p.weighed(counts[p.name]) if p.name in counts else p for p in priors)
+
+
+def wider(sigma: float, *wide: float, solver: Solver | None = None) -> tuple[SolveStage, ...]:
+    """Stages in which keypoints have these larger sigmas in px, before the fit with `sigma`."""
+    return tuple(SolveStage(weights={KEYPOINTS: (sigma / w) ** 2}, solver=solver) for w in wide)
+
+
+def smplify_stages() -> tuple[SolveStage, ...]:
+    """SMPLify's schedule: the place first, and then three stages before the last one."""
+    last = LAMBDA_SHAPE[-1] / LAMBDA_POSE[-1]
+    weights = [
+        {KEYPOINTS: (LAMBDA_POSE[-1] / pose) ** 2, "shape prior": (shape / pose / last) ** 2}
+        for pose, shape in zip(LAMBDA_POSE[:-1], LAMBDA_SHAPE[:-1], strict=True)
+    ]
+    return (SolveStage(("trans", "pose[pelvis]")), *(SolveStage(weights=w) for w in weights))
+
+
+@dataclass(frozen=True)
+class WithStature:
+    """The priors of an image and a stature that was measured.
+
+    Attributes:
+        height: the stature in m.
+        sigma: its standard deviation in m.
+        priors: the other terms.
+    """
+
+    height: float
+    sigma: float = MEASURED
+    priors: Terms = image_priors
+
+    def __call__(self, body: SkinnedBody | TriangleBody) -> tuple[Residual, ...]:
+        """The priors of this body. Raises BadArgument for one that is not skinned."""
+        if not isinstance(body, SkinnedBody):
+            raise BadArgument(
+                f"the stature of body {body.name!r} is no linear function of its shape; fit it "
+                "without a height, or take a skinned body"
+            )
+        return (*self.priors(body), stature_prior(body, self.height, sigma=self.sigma))
+
+
+@dataclass(frozen=True)
+class ImageRecipe:
+    """How a body is fitted to the keypoints of one image, with all lengths in px.
+
+    Raises BadArgument for a sigma or an outlier that is not above 0.
+
+    Attributes:
+        sigma: the standard deviation of a keypoint, in px.
+        outlier: the distance in px from which on a coordinate counts as an outlier: Geman and
+            McClure's kernel has this scale, whatever sigma is.
+        priors: the residuals of a body beside its keypoints.
+        stages: what is different before the last stage; the name `keypoints` among the weights
+            stands for those of every camera.
+        solver: what solves each stage, if the stage does not say.
+        relative: the standard deviations of keypoints by name, in sigmas.
+    """
+
+    sigma: float
+    outlier: float
+    priors: Terms
+    stages: tuple[SolveStage, ...]
+    solver: Solver
+    relative: Relative = alike
+
+    def __post_init__(self) -> None:
+        for name in ("sigma", "outlier"):
+            if not 0 < getattr(self, name) < np.inf:
+                raise BadArgument(f"{name} is a length in px above 0, not {getattr(self, name)!r}")
+
+    def stages_of(self, cameras: Sequence[str], solver: Solver | None) -> tuple[SolveStage, ...]:
+        """The stages of a problem with these residuals of cameras, by `solver` if there is one."""
+
+        def spelled(stage: SolveStage) -> SolveStage:
+            weights = dict(stage.weights)
+            weight = weights.pop(KEYPOINTS, None)
+            each = {} if weight is None else dict.fromkeys(cameras, weight)
+            return replace(stage, weights=each | weights, solver=solver or stage.solver)
+
+        return tuple(map(spelled, self.stages))
+
+
+@dataclass(frozen=True)
+class Appearance:
+    """What is known of a person in an image before the fit.
+
+    Attributes:
+        height: how high the person would be in the image if they stood upright, in px.
+        suspect: whether some keypoints lie far from where the start has them.
+    """
+
+    height: float
+    suspect: bool = False
+
+
+def smplify(person: Appearance) -> ImageRecipe:
+    """SMPLify's own terms, weights and stages, whatever the person looks like."""
+    stages = smplify_stages()
+    return ImageRecipe(SMPLIFY_SIGMA, 100.0, smplify_priors, stages, LevenbergMarquardt())
+
+
+@dataclass(frozen=True)
+class ByHeight:
+    """A recipe whose lengths grow with the height of the person in the image.
+
+    Whether a keypoint is wrong, or the body still far from where it should be, is a matter of
+    its distance compared with the person, not of px: 100 px are little for a person who fills a
+    photograph, and half of one in its background.
+
+    Attributes:
+        sigma: the standard deviation of a keypoint, in px; without one, SIGMA times the height, as
+            what detectors and people mark spreads in proportion to the person's size (Lin et al.,
+            Microsoft COCO, 2014).
+        outlier: from which distance on a coordinate counts as an outlier, as a share of the
+            person's height in the image.
+        strict: the same if some keypoints are suspected to be wrong already at the start.
+        wide: the sigmas of keypoints in the stages before the last one, as such shares.
+        priors: the residuals of a body beside its keypoints.
+        solver: what solves the last stage; those before are solved roughly.
+        relative: the standard deviations of keypoints by name, in sigmas.
+    """
+
+    sigma: float | None = None
+    outlier: float = OUTLIER
+    strict: float = 0.04
+    wide: tuple[float, ...] = ()
+    priors: Terms = image_priors
+    solver: Solver = NEARLY
+    relative: Relative = as_marked
+
+    def __call__(self, person: Appearance) -> ImageRecipe:
+        """The recipe for a person of this appearance."""
+        height = person.height
+        sigma = SIGMA * height if self.sigma is None else self.sigma
+        stages = wider(sigma, *(share * height for share in self.wide), solver=ROUGHLY)
+        outlier = height * (self.strict if person.suspect else self.outlier)
+        return ImageRecipe(sigma, outlier, self.priors, stages, self.solver, self.relative)
+
+
+@dataclass(frozen=True, eq=False)
+class ImageFits:
+    """Fits of a body to single images by a recipe; what images have in common is made once.
+
+    Attributes:
+        body: the body that is fitted.
+        recipe: how it is fitted, by the appearance of the person.
+    """
+
+    body: SkinnedBody | TriangleBody
+    recipe: Recipe = field(default_factory=ByHeight)
+    _made: dict[Appearance, tuple[ImageRecipe, KeypointProblem]] = field(
+        default_factory=dict, init=False, repr=False
+    )
+
+    def setup(
+        self,
+        observations: Observations,
+        question: str,
+        *,
+        hypotheses: int = 1,
+        held_out: Sequence[str] = (),
+        reference: Array | None = None,
+        compared: tuple[str, ...] = (),
+    ) -> Setup:
+        """Pose, betas and trans of the body from the keypoints of one image.
+
+        The `strategy` of the setup takes the stages of the recipe, from `hypotheses` starts (see
+        `image_starts`). Its measures tell the distance from the camera with its 90 % interval (see
+        `depth_interval`). Other arguments and errors are those of `keypoint_fit`.
+        """
+        shown = placed_views(self.body, observations, held_out)
+        view = next(view for view in shown.views if not view.held_out)
+        starts = image_starts(self.body, view, shown.start, hypotheses)
+        shown = replace(shown, start={**shown.start, **starts[0]})
+        recipe, of = self._for(appearance(self.body, view, shown.start))
+        setup = shown.setup(of, question, reference, compared)
+        cameras = [name for name in setup.problem.rows if name.startswith("keypoints(")]
+
+        def strategy(solver: Solver | None) -> Solver:
+            staged = Staged(recipe.stages_of(cameras, solver), solver or recipe.solver)
+            return staged if len(starts) == 1 else Starts(starts, staged)
+
+        plain = replace(setup, strategy=strategy)
+        if sum(not view.held_out for view in plain.views) != 1:
+            return plain
+        return replace(
+            plain,
+            measures=lambda values: (*plain.measures(values), *depth_measures(plain, values)),
+            notes=(*plain.notes, INTERVAL_NOTE),
+        )
+
+    def _for(self, person: Appearance) -> tuple[ImageRecipe, KeypointProblem]:
+        """The recipe and the problem for a person who looks nearly like this."""
+        step = round(float(np.log(max(person.height, 1.0)) / np.log(STEP)))
+        nearly = Appearance(STEP**step, person.suspect)
+        if nearly not in self._made:
+            recipe = self.recipe(nearly)
+            kernel = scaled(geman_mcclure, recipe.outlier / recipe.sigma)
+            problem = KeypointProblem(
+                self.body, recipe.sigma, kernel, recipe.priors, recipe.relative
+            )
+            self._made[nearly] = recipe, problem
+        return self._made[nearly]
+
+
+def image_fit(
+    observations: Observations,
+    body: SkinnedBody | TriangleBody,
+    question: str,
+    *,
+    recipe: Recipe | None = None,
+    hypotheses: int = 1,
+    held_out: Sequence[str] = (),
+    reference: Array | None = None,
+    compared: tuple[str, ...] = (),
+) -> Setup:
+    """Pose, betas and trans of a body from the keypoints of one image, as SMPLify does.
+
+    The setup's `strategy` is how it is solved: in stages, from `hypotheses` starts. To fit many
+    images, make one `ImageFits`. `reference` is as for `keypoint_fit`. Raises
+    BadObservation if the keypoints cannot place the body.
+    """
+    fits = ImageFits(body, recipe or ByHeight())
+    return fits.setup(
+        observations,
+        question,
+        hypotheses=hypotheses,
+        held_out=held_out,
+        reference=reference,
+        compared=compared,
+    )
+
+
+def appearance(body: Body, view: View, values: Values) -> Appearance:
+    """How high a person at the depth of a start would be in the image, and whether some keypoint
+    is suspect: farther from the start's than a seventh of that height.
+    """
+    found = body.landmark(view.landmarks, *(values[block.name] for block in body.blocks()))
+    height = height_in_view(body, view, values)
+    off = np.linalg.norm(view.camera.pixels(found, values) - view.observed, axis=1)
+    suspect = (off > SUSPECT * height) & (view.confidence > LEAST_CONFIDENCE)
+    return Appearance(height, bool(suspect.any()))
+
+
+Quantities = Callable[[Array, Array, Array], Array]  # (N, k) of N poses, betas and trans
+
+
+@dataclass(frozen=True)
+class DepthInterval:
+    """How far the body's root is from the camera's plane, along the axis of the camera.
+
+    Attributes:
+        mean: the distance in m.
+        sd: its standard deviation in m.
+    """
+
+    mean: float
+    sd: float
+
+    @property
+    def low(self) -> float:
+        """The lower end of the 90 % interval, m."""
+        return self.mean - Z90 * self.sd
+
+    @property
+    def high(self) -> float:
+        """The upper end of the 90 % interval, m."""
+        return self.mean + Z90 * self.sd
+
+    def __str__(self) -> str:
+        return f"{self.mean:.2f} m (90 %: {self.low:.2f} to {self.high:.2f} m)"
+
+
+def depth_interval(setup: Setup, values: Values, offset: float = OFFSET) -> DepthInterval | None:
+    """The distance of the body in the one view that was fitted, at the solution `values`.
+
+    `offset` is the standard deviation in m of the distance between a landmark of the detector and
+    that of the body, in each direction; with 0 the interval is Laplace's. None if keypoints and
+    priors do not determine the distance, or if not one view was fitted.
+    """
+    fitted = [view for view in setup.views if not view.held_out]
+    if len(fitted) != 1 or setup.body is None or residual_of(setup, fitted[0]) is None:
+        return None
+    body, view = setup.body, fitted[0]
+    R = matrix_from_vector(values[view.camera.rotation.name])
+    t = values[view.camera.translation.name]
+
+    def depth(pose: Array, betas: Array, trans: Array) -> Array:
+        return np.asarray(body.joints(pose, betas, trans)[:, :1] @ R[2] + t[2])
+
+    found, sd, lever = spreads(setup, view, values, depth)
+    total = float(np.hypot(sd[0], offset * lever[0]))
+    return DepthInterval(float(found[0]), total) if np.isfinite(total) else None
+
+
+def depth_measures(setup: Setup, values: Values) -> tuple[Measure, ...]:
+    """The distance of `depth_interval` and the ends of its interval; none where it is unknown."""
+    found = depth_interval(setup, values)
+    if found is None:
+        return ()
+    name, of = "distance from the camera", "end of the 90 % interval"
+    return (
+        Measure(name, found.mean, "m"),
+        Measure(f"{name}, lower {of}", found.low, "m"),
+        Measure(f"{name}, upper {of}", found.high, "m"),
+    )
+
+
+def spreads(setup: Setup, view: View, values: Values, of: Quantities) -> tuple[Array, Array, Array]:
+    """Quantities of a body in one view, and how uncertain they are; (k,) each.
+
+    What they are at `values`; Laplace's standard deviations; and what an offset of 1 m in each
+    direction, as standard deviation of each typical landmark by itself, adds to that in quadrature.
+    """
+    body, free = setup.body, setup.problem.free
+    assert body is not None
+    blocks = [block.name for block in body.blocks()]
+    at = [values[name] for name in blocks]
+    slopes = np.zeros((free.size, len(of(*(one[None] for one in at))[0])))
+    for i, name in enumerate(blocks):
+        moves = DIFFERENCE * np.eye(at[i].size).reshape(-1, *at[i].shape)
+        count = 2 * len(moves)
+        moved = [np.broadcast_to(one, (count, *one.shape)) for one in at]
+        moved[i] = at[i] + np.concatenate([moves, -moves])
+        ahead, behind = np.split(of(*moved), 2)
+        slopes[free.slices[name]] = (ahead - behind) / (2 * DIFFERENCE)
+    here, keypoints = setup.problem.linearize(values), residual_of(setup, view)
+    assert keypoints is not None
+    by_data = here.covariance @ slopes
+    depth = view.camera.depths(body.joints(*at)[:1], values)[0]
+    px = np.mean(values[view.camera.focal.name]) / depth  # of 1 m
+    data = here.dense[setup.problem.rows[keypoints.name]]
+    lever = px / float(keypoints.sigma) * np.linalg.norm(data @ by_data, axis=0)
+    return of(*(one[None] for one in at))[0], np.sqrt(np.sum(slopes * by_data, axis=0)), lever
+
+
+def residual_of(setup: Setup, view: View) -> Residual | None:
+    """The residual of the keypoints of a view, or None if the problem has none of its name."""
+    name = f"keypoints({view.camera.prefix.rstrip('/')})"
+    return next((one for one in setup.problem.residuals if one.name == name), None)
+
+
+@dataclass(frozen=True, eq=False)
+class ImageMean:
+    """The expected body of a fit to images, beside the likeliest one.
+
+    Attributes:
+        values: all blocks, with the mean of what is free.
+        names: the landmarks (M,) of the body.
+        landmarks: (M, 3) m their places on the body of the means.
+        sd: (M,) m the standard deviations of their distances from there, once the middle of all
+            landmarks of a draw is brought to that of the mean. They are those of the posterior
+            near its mode; `SPREAD` says how far landmarks were from measured ones instead.
+        moved: how far that middle is from the one of the likeliest body, in m.
+        apart: (M,) m how far landmarks are from those of the likeliest body, about their middles.
+        error: the standard error of the mean place, from the number of draws, in m.
+        draws: how many there were.
+    """
+
+    values: Values = field(repr=False)
+    names: tuple[str, ...] = field(repr=False)
+    landmarks: Array = field(repr=False)
+    sd: Array = field(repr=False)
+    moved: float
+    apart: Array = field(repr=False)
+    error: float
+    draws: int
+
+
+def image_mean(setup: Setup, values: Values) -> ImageMean:
+    """Draw about `values`, the solution of a fit to images, and take the mean of the draws.
+
+    Raises what `posterior_mean` raises.
+    """
+    body = setup.body
+    assert body is not None  # which every fit to images has
+    found = posterior_mean(setup.problem, values)
+    kind = next(view.landmarks for view in setup.views)
+    blocks = [block.name for block in body.blocks()]
+    given = setup.problem.split(values)[1]
+    drawn = [setup.problem.values(x, given) for x in found.draws]
+    places = body.landmark(kind, *(np.array([one[name] for one in drawn]) for name in blocks))
+    mean, likeliest = (
+        body.landmark(kind, *(at[name] for name in blocks)) for at in (found.values, values)
+    )
+    return ImageMean(
+        found.values,
+        tuple(body.landmark_names(kind)),
+        mean,
+        np.sqrt(np.sum((_centred(places) - _centred(mean)) ** 2, axis=2).mean(axis=0)),
+        float(np.linalg.norm(mean.mean(axis=0) - likeliest.mean(axis=0))),
+        np.linalg.norm(_centred(mean) - _centred(likeliest), axis=1),
+        float(np.linalg.norm(setup.problem.free.unpack(found.error, values)[blocks[2]])),
+        len(found.draws),
+    )
+
+
+def _centred(places: Array) -> Array:
+    return np.asarray(places - places.mean(axis=-2, keepdims=True))

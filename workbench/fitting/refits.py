@@ -1,0 +1,522 @@
+"""What one linearization does not tell: profiles of the cost, other minima, fits to new noise.
+
+Laplace's interval of an entry is what a parabola through the minimum says. The profile follows the
+true cost: at each value of the entry all other unknowns are fitted anew. The interval of level
+a ends where the cost is above its minimum by half the a-quantile of chi-squared with one degree of
+freedom (Venzon and Moolgavkar, A method for computing profile-likelihood-based confidence
+intervals, 1988). It may be lopsided, and it may be open: then no value of the entry on that side is
+refuted (Raue et al., Structural and practical identifiability analysis, Bioinformatics 2009).
+
+A direction that is weak at one point may be the floor of a valley, along which every point is as
+good, or the way into a second basin: a limb that one camera sees may lean towards it or away from
+it, at nearly the same cost. So the fit is repeated from points on both sides along the weakest
+directions, and the ends are told apart.
+
+Fits to data that are made anew say how uncertain a solution is without linear algebra. At a point
+x* every whitened row r(x) is replaced by r(x) - r(x*) - e with e ~ N(0, 1): data at which x* is
+exact, and noise of the size that sigma states. Priors count as data about x*, so that the spread
+of the ends is that of the posterior: J'J exactly where residuals are linear (randomized maximum
+likelihood; Oliver, He and Reynolds, Conditioning permeability fields to pressure data, 1996), and
+up to curvature elsewhere.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from math import inf, sqrt
+
+import casadi as cs
+import numpy as np
+import scipy.linalg
+from numpy.typing import ArrayLike
+from scipy.special import ndtri
+
+from workbench.arrays import Array, Mask
+from workbench.blocks import Block, Layout, Values
+from workbench.blocks.directions import in_units
+from workbench.blocks.layout import entries
+from workbench.diagnostics import diagnose_whole
+from workbench.diagnostics.design import Criterion, MeasurementDesign, Quantity
+from workbench.errors import BadArgument, UnknownName
+from workbench.problem import Problem
+from workbench.residuals import Residual
+from workbench.solvers import DEFAULT, SOLVERS, Solver, TrustRegion
+
+FIRST = 0.5  # of Laplace's standard deviation: the first step
+GROWTH, LONGEST = 1.5, 4.0  # of a step while the cost rises slowly, and its limit in deviations
+MOST = 25  # fits on each side
+PAST = 1.3  # of the rise at which the interval ends: where a side is followed to
+CLOSE, REFINED = 0.02, 6  # of the root of the rise: how near a fit is to each end; fits for that
+BETTER = 1e-6  # of the cost, by which another minimum has to be lower
+REACH, FARTHEST = (
+    3.0,
+    1.5,
+)  # of a start: standard deviations along its direction; characteristic scales at most
+SHARES = (1.0, 0.5)  # of this: how far the starts are on each side
+SAME = 0.01  # characteristic scales of each entry: nearer ends are one
+LEVEL = 1e-6  # of 1 + cost: ends of the same cost that are apart are in one valley
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """The profile of one entry.
+
+    Attributes:
+        entry: its name, such as `betas[0]`.
+        unit: what it is measured in.
+        best: its value at the minimum.
+        sd: its standard deviation by Laplace's approximation; infinite where a null direction
+            takes part.
+        level: of the interval.
+        at: (k,) values of the entry, rising.
+        costs: (k,) the lowest cost that was found at each.
+        fits: all unknowns at each of these.
+        lower: values at a lower cost than the first ones had, if the fits came upon some.
+    """
+
+    entry: str
+    unit: str
+    best: float
+    sd: float
+    level: float
+    at: Array
+    costs: Array
+    fits: tuple[Values, ...] = field(repr=False)
+    lower: Values | None = field(default=None, repr=False)
+
+    @property
+    def rise(self) -> float:
+        """How far the cost is above its minimum at the ends of the interval."""
+        return _rise(self.level)
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """The values of the entry, on either side, at which the cost has risen by `rise`.
+
+        One is infinite if the cost does not rise so far within the profile.
+        """
+        roots = np.sqrt(np.maximum(self.costs - self.costs.min(), 0))
+        least, end = int(np.argmin(self.costs)), sqrt(self.rise)
+        return (
+            _crossing(self.at[least::-1], roots[least::-1], end, -inf),
+            _crossing(self.at[least:], roots[least:], end, inf),
+        )
+
+    @property
+    def laplace(self) -> tuple[float, float]:
+        """The interval of the same level by Laplace's approximation."""
+        reach = sqrt(2 * self.rise) * self.sd
+        return self.best - reach, self.best + reach
+
+    def __str__(self) -> str:
+        """The interval in a sentence, beside Laplace's."""
+        low, high = self.interval
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        told = f"{self.entry} is between {low:.4g} and {high:.4g}{unit} ({self.level:.0%})"
+        if low == -inf and high == inf:
+            told = (
+                f"nothing bounds {self.entry} between {self.at[0]:.4g} and {self.at[-1]:.4g}{unit}"
+            )
+        elif low == -inf or high == inf:
+            side, end = ("below", high) if low == -inf else ("above", low)
+            followed = self.at[0] if low == -inf else self.at[-1]
+            told = (
+                f"{self.entry} is {side} {end:.4g}{unit} ({self.level:.0%}); on the other side "
+                f"nothing bounds it up to {followed:.4g}{unit}"
+            )
+        if np.isfinite(self.sd):
+            a, b = self.laplace
+            told += f"; Laplace says {a:.4g} to {b:.4g}"
+        if self.lower is not None:
+            told += "; on the way there is a lower minimum, so that the fit was not at the best one"
+        return told
+
+
+def profile_likelihood(
+    problem: Problem,
+    values: Mapping[str, ArrayLike],
+    entry: str,
+    *,
+    level: float = 0.9,
+    solver: Solver = SOLVERS[DEFAULT],
+    progress: Callable[[int], object] | None = None,
+) -> Profile:
+    """Follow the lowest cost to both sides of a free entry's value at the minimum `values`.
+
+    `entry` is the name of a single number, such as `betas[0]` or `pose[left_knee, x]`. Every fit
+    starts from the one before it. A side ends where the cost has risen past the end of the
+    interval, or after 25 fits. `progress` is told how many fits are done.
+
+    Raises UnknownName for an entry that is not free, and BadArgument for a level that is not
+    between 0 and 1 and for a problem with nothing else free.
+
+    >>> import casadi, numpy as np, workbench as wb
+    >>> from workbench.fitting import profile_likelihood
+    >>> from workbench.residuals import Residual
+    >>> x = wb.Block("x", (2,))
+    >>> seen = Residual("sum and difference", casadi.vertcat(
+    ...     x.symbol[0] + x.symbol[1], x.symbol[0] - x.symbol[1]), 1.0)
+    >>> found = profile_likelihood(wb.Problem([seen], ["x"]), {"x": [0, 0]}, "x[0]", level=0.9)
+    >>> np.round([*found.interval, *found.laplace], 3).tolist()
+    [-1.163, 1.163, -1.163, 1.163]
+    """
+    if not 0 < level < 1:
+        raise BadArgument(f"the level of an interval is between 0 and 1, not {level:g}")
+    labels = problem.free.single_labels
+    if entry not in labels:
+        raise UnknownName("free entry", entry, labels)
+    if len(labels) < 2:
+        raise BadArgument(
+            f"{entry} is all that is free, so that there is nothing to fit; look at the cost itself"
+        )
+    k = labels[entry]
+    whole = diagnose_whole(problem, values)
+    sd = float(whole.identifiability.sigma[k])
+    size = min(sd, float(whole.scales.sizes[k]))
+    others = problem.freeing(*(name for name in labels if name != entry))
+    count = 0
+
+    def fit(values: Values, at: float) -> _Fit:
+        nonlocal count
+        x, fixed = problem.split(values)
+        x[k] = at
+        there = problem.values(x, fixed)
+        there = {**there, **solver.solve(others, there).values}
+        count += 1
+        if progress is not None:
+            progress(count)
+        return at, problem.linearize(there).cost, there
+
+    start = problem.read(values)
+    best = float(problem.split(start)[0][k])
+    middle = (best, whole.here.cost, start)
+    below, above = (
+        _refined(fit, middle, _followed(fit, middle, sign * size, _rise(level)), _rise(level))
+        for sign in (-1, 1)
+    )
+    at, costs, fits = zip(*below[::-1], middle, *above, strict=True)
+    least = int(np.argmin(costs))
+    lower = fits[least] if costs[least] < whole.here.cost * (1 - BETTER) else None
+    unit = problem.free.unit(k)
+    return Profile(entry, unit, best, sd, level, np.array(at), np.array(costs), tuple(fits), lower)
+
+
+_Fit = tuple[float, float, Values]  # the entry's value, the cost, all values
+
+
+def _followed(
+    fit: Callable[[Values, float], _Fit], middle: _Fit, size: float, rise: float
+) -> list[_Fit]:
+    """Fits on one side, each from the one before; steps are FIRST to LONGEST signed sizes."""
+    side: list[_Fit] = []
+    (at, before, values), step = middle, FIRST
+    least = before
+    for _ in range(MOST):
+        at, cost, values = fit(values, at + step * size)
+        side.append((at, cost, values))
+        least = min(least, cost)
+        if cost - least > PAST * rise:
+            break
+        if cost - before < 0.3 * rise:
+            step = min(GROWTH * step, LONGEST)
+        before = cost
+    return side
+
+
+def _refined(
+    fit: Callable[[Values, float], _Fit], middle: _Fit, side: list[_Fit], rise: float
+) -> list[_Fit]:
+    """A side with fits near the end of the interval, where it crosses it."""
+    end = sqrt(rise)
+    for _ in range(REFINED):
+        there = [middle, *side]
+        costs = np.array([cost for _, cost, _ in there])
+        roots = np.sqrt(costs - costs.min())
+        past = np.flatnonzero(roots >= end)
+        if not len(past) or past[0] == 0 or np.abs(roots - end).min() < CLOSE * end:
+            break
+        k = int(past[0])
+        share = min(max((end - roots[k - 1]) / (roots[k] - roots[k - 1]), 0.2), 0.8)
+        between = there[k - 1][0] + share * (there[k][0] - there[k - 1][0])
+        side.insert(k - 1, fit(there[k - 1][2], float(between)))
+    return side
+
+
+def _rise(level: float) -> float:
+    """Half the quantile of chi squared with one degree of freedom, which is a squared normal."""
+    return float(ndtri((1 + level) / 2) ** 2) / 2
+
+
+def _crossing(at: Array, roots: Array, end: float, nowhere: float) -> float:
+    """Where the root of the rise first comes to `end`, by linear interpolation."""
+    past = np.flatnonzero(roots >= end)
+    if not len(past):
+        return nowhere
+    k = int(past[0])
+    share = (end - roots[k - 1]) / (roots[k] - roots[k - 1])
+    return float(at[k - 1] + share * (at[k] - at[k - 1]))
+
+
+@dataclass(frozen=True, eq=False)
+class OtherMinimum:
+    """An end that is not the first one.
+
+    Attributes:
+        values: all unknowns there.
+        excess: its cost minus that of the first.
+        apart: the largest difference of an entry from the first minimum, in
+            characteristic scales.
+        entry: the entry of this difference.
+        starts: how many starts led to it.
+    """
+
+    values: Values = field(repr=False)
+    excess: float
+    apart: float
+    entry: str
+    starts: int
+
+
+@dataclass(frozen=True, eq=False)
+class OtherMinima:
+    """What starts along the weakest directions ended in.
+
+    Attributes:
+        starts: how many there were.
+        came_back: how many ended at the first minimum.
+        valley: those at the same cost as the first, each apart from it.
+        minima: those at other costs, the lowest first.
+        directions: along which directions the starts lay, in words.
+    """
+
+    starts: int
+    came_back: int
+    valley: tuple[OtherMinimum, ...]
+    minima: tuple[OtherMinimum, ...]
+    directions: tuple[str, ...] = field(repr=False)
+
+    @property
+    def better(self) -> tuple[OtherMinimum, ...]:
+        """The minima at a lower cost than the first."""
+        return tuple(one for one in self.minima if one.excess < 0)
+
+    def __str__(self) -> str:
+        """All of it in sentences."""
+        told = [
+            f"Of {self.starts} fits from starts on both sides along the {len(self.directions)} "
+            f"weakest directions, {self.came_back} came back."
+        ]
+        if self.valley:
+            far = max(self.valley, key=lambda one: one.apart)
+            told.append(
+                f"{sum(one.starts for one in self.valley)} ended elsewhere at the same cost, up to "
+                f"{far.apart:.2g} characteristic scales away in {far.entry}: this is a valley, and "
+                "where a fit ends in it is arbitrary."
+            )
+        for one in self.minima:
+            side = f"{one.excess:.3g} above" if one.excess > 0 else f"{-one.excess:.3g} below"
+            told.append(
+                f"{one.starts} ended in another minimum, at a cost {side}, which differs most in "
+                f"{one.entry}, by {one.apart:.2g} characteristic scales."
+            )
+        if self.better:
+            told.append("The fit was not at the best minimum.")
+        if not self.valley and not self.minima:
+            told.append("No other minimum was found this way.")
+        return " ".join(told)
+
+
+def other_minima(
+    problem: Problem,
+    values: Mapping[str, ArrayLike],
+    *,
+    directions: int = 8,
+    solver: Solver = SOLVERS[DEFAULT],
+    progress: Callable[[int, int], object] | None = None,
+) -> OtherMinima:
+    """Fit from four starts along each of the weakest directions at the minimum `values`.
+
+    On each side of the minimum there are two starts: at three standard deviations along the
+    direction, but at most 1.5 characteristic scales, and at half this distance. `progress` is told
+    how many fits are done, and of how many. Minima in no such direction are not found. Raises
+    BadArgument for no directions.
+
+    >>> import casadi, workbench as wb
+    >>> from workbench.fitting import other_minima
+    >>> from workbench.residuals import Residual
+    >>> x = wb.Block("x", (2,))
+    >>> bent = casadi.vertcat(x.symbol[0] ** 2 - 0.5, 0.1 * (x.symbol[0] + 2), x.symbol[1])
+    >>> problem = wb.Problem([Residual("two wells", bent, 1.0)], ["x"])
+    >>> found = other_minima(problem, wb.solve(problem, {"x": [1, 0]}).values)
+    >>> len(found.better), found.better[0].entry
+    (1, 'x[0]')
+    """
+    if directions < 1:
+        raise BadArgument(f"one direction or more is looked along, not {directions}")
+    here = diagnose_whole(problem, values)
+    sizes = here.scales.sizes
+    J = here.here.dense * sizes
+    few = (0, min(directions, J.shape[1]) - 1)
+    squares, vectors = scipy.linalg.eigh(J.T @ J, subset_by_index=few)
+    s, basis = np.sqrt(np.maximum(squares, 0)), vectors.T
+    x, fixed = problem.split(values)
+    starts = [
+        np.clip(x + sign * share * length * sizes * d, problem.lower, problem.upper)
+        for d, length in zip(
+            basis, np.minimum(REACH / np.maximum(s, 1e-300), FARTHEST), strict=True
+        )
+        for sign in (1, -1)
+        for share in SHARES
+    ]
+    first, back = here.here.cost, 0
+    ends: list[tuple[Array, float, int]] = []
+    for done, start in enumerate(starts, start=1):
+        solution = solver.solve(problem, problem.values(start, fixed))
+        end = problem.split({**values, **solution.values})[0]
+        near = (i for i, (there, *_) in enumerate(ends) if _apart(end, there, sizes) < SAME)
+        if _apart(end, x, sizes) < SAME:
+            back += 1
+        elif (same := next(near, None)) is not None:
+            ends[same] = (*ends[same][:2], ends[same][2] + 1)
+        else:
+            ends.append((end, solution.cost, 1))
+        if progress is not None:
+            progress(done, len(starts))
+    found = []
+    for end, cost, count in ends:
+        away = np.abs((end - x) / sizes)
+        k = int(np.argmax(away))
+        there, entry = problem.values(end, fixed), problem.free.label(k)
+        found.append(OtherMinimum(there, cost - first, float(away[k]), entry, count))
+    level = LEVEL * (1 + first)
+    return OtherMinima(
+        len(starts),
+        back,
+        tuple(one for one in found if abs(one.excess) <= level),
+        tuple(sorted((o for o in found if abs(o.excess) > level), key=lambda one: one.excess)),
+        tuple(in_units(d * sizes, problem.free) for d in basis),
+    )
+
+
+def _apart(one: Array, other: Array, sizes: Array) -> float:
+    """The largest difference of an entry, in characteristic scales."""
+    return float(np.abs((one - other) / sizes).max())
+
+
+@dataclass(frozen=True, eq=False)
+class RepeatedFits:
+    """The ends of N fits.
+
+    Attributes:
+        free: the layout of the unknowns.
+        truth: (n,) the point from which the data were made.
+        ends: (N, n) the free numbers at the ends.
+        converged: (N,) which of the fits converged.
+    """
+
+    free: Layout
+    truth: Array
+    ends: Array
+    converged: Mask
+
+    @property
+    def errors(self) -> Array:
+        """The ends minus the truth, (N, n)."""
+        return self.ends - self.truth
+
+    def values(self, fit: int, values: Values) -> Values:
+        """The values of all blocks at the end of one fit; fixed ones are taken from `values`."""
+        return dict(values) | self.free.unpack(self.ends[fit])
+
+    def numbers(self, what: Quantity, values: Values) -> Array:
+        """A quantity at every end, (N, q); fixed blocks are taken from `values`."""
+        graph = what.residual.graph()
+        symbols = cs.symvar(graph)
+        function = cs.Function("quantity", symbols, [graph])
+        found = []
+        for fit in range(len(self.ends)):
+            at = self.values(fit, values)
+            given = (np.asarray(at[symbol.name()], dtype=float).T for symbol in symbols)
+            found.append(np.asarray(function(*given)).ravel())
+        return np.array(found)
+
+    def spread(self, criterion: Criterion, values: Values) -> float:
+        """The standard deviation that `sd_of` predicts, as it is among the ends."""
+        if criterion.quantity is not None:
+            numbers = self.numbers(criterion.quantity, values)
+        else:
+            numbers = self.ends[:, entries(self.free, criterion.names or self.free.names)]
+        return float(np.sqrt(numbers.var(axis=0, ddof=1).sum()))
+
+
+def repeated_fits(
+    problem: Problem,
+    values: Mapping[str, ArrayLike],
+    count: int,
+    *,
+    seed: int = 0,
+    solver: Solver | None = None,
+    progress: Callable[[int, int], object] = lambda done, of: None,
+) -> RepeatedFits:
+    """`count` fits to data with new noise, each of which begins at the point `values`.
+
+    Bounds and constraints hold as usual. Raises BadArgument for less than one fit, and for a
+    problem whose residuals are of a sequence.
+    """
+    if count < 1:
+        raise BadArgument(f"one fit or more can be made, not {count}")
+    if any(residual.by_frame for residual in problem.residuals):
+        raise BadArgument(
+            "the data of a sequence are not made anew; take the problem of one frame, or stack "
+            "residuals of your own in a Problem"
+        )
+    x, fixed = problem.split(values)
+    exact = problem.residual(x, fixed)
+    noise = Block("noise", (problem.size,), "1")
+    noisy = []
+    for one in problem.residuals:  # zero at the point but for the noise
+        rows = problem.rows[one.name]
+        whitened = one.whitened - exact[rows] - noise.symbol[rows]
+        noisy.append(Residual(one.name, whitened, 1.0, points=one.points, blocks=one.blocks))
+    blocks = (*problem.known.values(), noise)
+    made = Problem(
+        noisy, problem.free.spelled(), problem.bounds, blocks, constraints=problem.constraints
+    )
+    rng, by = np.random.default_rng(seed), solver or TrustRegion()
+    ends, converged = [], []
+    for fit in range(count):
+        data = {noise.name: rng.standard_normal(problem.size)}
+        solution = by.solve(made, {**problem.read(values), **data})
+        ends.append(problem.split(dict(values) | solution.values)[0])
+        converged.append(solution.converged)
+        progress(fit + 1, count)
+    return RepeatedFits(problem.free, x, np.array(ends), np.array(converged))
+
+
+def checked_by_fits(
+    found: MeasurementDesign,
+    problems: tuple[Problem, Problem],
+    criterion: Criterion,
+    values: Values,
+    count: int,
+    *,
+    seed: int = 0,
+    progress: Callable[[str, int, int], None] = lambda what, done, of: None,
+) -> str:
+    """A sentence that compares the standard deviations of a design with those of `count` fits each.
+
+    `problems` are those without and with the chosen candidates.
+    """
+    unit = "" if found.unit == "1" else f" {found.unit}"
+    parts = []
+    for when, problem, score in zip(
+        ("before", "after"), problems, (found.before, found.after), strict=True
+    ):
+        if score.open:
+            parts.append(f"{when}: undetermined, so nothing was simulated")
+            continue
+        told = partial(progress, f"simulated fits {when}")
+        fits = repeated_fits(problem, values, count, seed=seed, progress=told)
+        sd = fits.spread(criterion, values)
+        parts.append(f"{when}: predicted {score.sd:.3g}{unit}, simulated {sd:.3g}{unit}")
+    return f"Checked by {count} simulated fits each; {'; '.join(parts)}."

@@ -1,0 +1,1 @@
+"""Scans of people: unlabelled points, read from files, cleaned, with normals and areas."""

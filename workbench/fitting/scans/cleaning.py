@@ -1,0 +1,130 @@
+"""What is left out of a scan before it is used, each time with a sentence that says so."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from workbench.arrays import Array, Index, Mask
+from workbench.fitting.scans.scan import BadScan, Contents, drawn
+
+LARGEST = 1e9  # in the file's unit: farther out is no coordinate but damage
+FEWEST = 100  # points
+FAR = 20.0  # times the size of the scan from its middle: what cannot belong to it
+BESIDE = 10.0  # times the usual distance from the nearest neighbour
+
+
+def cleaned(contents: Contents, most: int) -> Contents:
+    """The points that can be used, at most `most` of a cloud; faces are renumbered with them.
+
+    Left out are points that are not finite, missing measurements at the origin of a cloud, points
+    of a mesh that no face uses, repeated points and points far from everything. Raises BadScan if
+    fewer than 100 are left, or if faces name points that do not exist.
+    """
+    if not len(contents.points):
+        raise BadScan("it holds no points")
+    points, faces = contents.points, contents.faces
+    if faces is not None:
+        wrong = ((faces < 0) | (faces >= len(points))).any(axis=1)
+        if wrong.any():
+            face = int(np.argmax(wrong))
+            raise BadScan(
+                f"face {face} is {faces[face].tolist()}, but there are {len(points)} points from 0"
+            )
+        contents = replace(contents, faces=faces if len(faces) else None)
+    with np.errstate(invalid="ignore"):
+        there = np.asarray((np.abs(points) < LARGEST).all(axis=1))  # nor NaN
+    contents = _kept(contents, there, "NaN, infinite or beyond 1e9, and left out")
+    if contents.faces is None:
+        nothing = np.asarray(~contents.points.any(axis=1))
+        if nothing.sum() > 1:
+            contents = _kept(contents, ~nothing, "0 0 0, as missing ones are, and left out")
+        if most < len(contents.points):
+            chosen = drawn(len(contents.points), most)
+            why = f"left out, drawn at random, for {most:,} are enough"
+            contents = _kept(contents, chosen, why)
+    else:
+        used = np.zeros(len(contents.points), dtype=bool)
+        used[contents.faces] = True
+        contents = _kept(contents, used, "in no face, and left out")
+    contents = _merged(contents)
+    if len(contents.points):
+        middle = np.median(contents.points, axis=0)
+        away = np.linalg.norm(contents.points - middle, axis=1)
+        near = np.asarray(away <= FAR * np.percentile(away, 90))
+        contents = _kept(contents, near, "far from all others, and left out")
+    if len(contents.points) < FEWEST:
+        said = "".join(f"; {note}" for note in contents.notes[-4:])
+        raise BadScan(
+            f"{len(contents.points)} different points are left of it, and a scan has at least "
+            f"{FEWEST}{said}"
+        )
+    return contents
+
+
+def far_points(points: Array) -> Mask:
+    """Which points (M, 3) have no other within ten times the usual distance: (M,)."""
+    distances = np.asarray(cKDTree(points).query(points, k=2)[0])[:, 1]
+    return np.asarray(distances > BESIDE * np.median(distances), dtype=np.bool_)
+
+
+def points_are(count: int) -> str:
+    """The beginning of a sentence on so many points."""
+    return "1 point is" if count == 1 else f"{count:,} points are"
+
+
+def _kept(contents: Contents, mask: Mask, why: str) -> Contents:
+    """The points that a mask chooses, and the faces between them."""
+    count = int((~mask).sum())
+    if not count:
+        return contents
+    number = np.cumsum(mask) - 1
+    faces = contents.faces
+    if faces is not None:
+        faces = number[faces[mask[faces].all(axis=1)]]
+    return replace(
+        contents,
+        points=contents.points[mask],
+        normals=None if contents.normals is None else contents.normals[mask],
+        faces=faces,
+        notes=(*contents.notes, f"{points_are(count)} {why}"),
+    )
+
+
+def _merged(contents: Contents) -> Contents:
+    """Every place once, with the normal of the first point there; no face is a line or twice."""
+    first, place = _unique(contents.points + 0.0)  # so that there is no -0
+    count = len(contents.points) - len(first)
+    if count:
+        order = np.argsort(first)  # places in the order in which the file has them
+        number = np.argsort(order)
+        contents = replace(
+            contents,
+            points=contents.points[first[order]] + 0.0,
+            normals=None if contents.normals is None else contents.normals[first[order]],
+            faces=None if contents.faces is None else number[place[contents.faces]],
+            notes=(
+                *contents.notes,
+                f"{points_are(count)} in the place of another, and merged with it",
+            ),
+        )
+    if contents.faces is None:
+        return contents
+    corners = np.sort(contents.faces, axis=1)
+    first = _unique(corners)[0]
+    corners = corners[first]
+    proper = (corners[:, 0] < corners[:, 1]) & (corners[:, 1] < corners[:, 2])
+    faces: Index = contents.faces[np.sort(first[proper])]
+    return replace(contents, faces=faces if len(faces) else None)
+
+
+def _unique(rows: NDArray[Any]) -> tuple[Index, Index]:
+    """Where rows (n, 3) that differ are first, and which each is; faster than `np.unique`."""
+    order = np.lexsort(rows.T)
+    fresh = np.ones(len(rows), dtype=bool)
+    fresh[1:] = (np.diff(rows[order], axis=0) != 0).any(axis=1)
+    place = np.empty(len(rows), dtype=np.int64)
+    place[order] = np.cumsum(fresh) - 1
+    return order[fresh], place

@@ -1,0 +1,385 @@
+"""Scans in users' files: formats, guesses with a sentence each, normals that point outwards."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from workbench.arrays import Array, Index
+from workbench.errors import BadArgument, BadFile, cut, listed, some
+from workbench.fitting.scans.cleaning import cleaned, far_points, points_are
+from workbench.fitting.scans.scan import BadScan, Contents, Scan
+from workbench.fitting.scans.surface import (
+    areas_of_faces,
+    areas_of_neighbours,
+    edges_of_one_face,
+    filled,
+    normals_of_faces,
+    normals_of_neighbours,
+    outline,
+    principal_axes,
+    towards,
+    units,
+)
+from workbench.geometry.gltf import parse_glb
+from workbench.geometry.guesses import PERSON, UNITS, UP_TO_Y, Sizes, extents, unit_of, up_of
+from workbench.geometry.meshes import READERS as MESHES
+from workbench.geometry.meshes import parse_ply_and_normals, parsed_mesh
+from workbench.geometry.point_clouds import parse_pcd, parse_xyz
+from workbench.geometry.solids import face_vectors, volume
+from workbench.reading.arrays import Archive, Header, mapped_array, opened, taken_for, widened
+
+POINTS = ("points", "vertices", "xyz", "positions", "scan")
+NORMALS, FACES = ("normals", "vertex_normals"), ("faces", "triangles")
+CAMERA = ("camera_position", "camera_center")
+OTHERS = ("colors", "colours", "rgb", "directions")  # of the form of points, and none
+MOST_BYTES = 2**31  # of a file that is read as a whole
+UNIT = 0.05  # how far the length of a normal may be from one, for columns that nothing names
+ARRAYS = (".npz", ".npy")  # which are checked before anything is read
+FEWEST, MOST = 1_000, 500_000  # points of a cloud; a fit uses a tenth of them
+FEWEST_PLACES = 10  # cells that an outline fills; that of a person fills thousands
+DECLARED = {".glb": ("m", "y")}  # by glTF 2.0, section 3.4
+
+
+def chosen_arrays(archive: Archive, name: str | None) -> Contents:
+    """The points that are called `name`, or the only ones, with what belongs to them.
+
+    Raises BadFile with the reason alone, which lists the names if there are several.
+    """
+    headers = archive.headers
+    name = _points(headers, name)
+
+    def of(names: tuple[str, ...], fits: Callable[[Header], bool]) -> str | None:
+        return next((one for one in names if one in headers and fits(headers[one])), None)
+
+    normals = of(
+        (f"{name}_normals", *NORMALS),
+        lambda one: _is_of_points(one) and one.shape[0] == headers[name].shape[0],
+    )
+    faces = of((f"{name}_faces", *FACES), lambda one: _is_of_points(one) and one.dtype.kind != "f")
+    camera = of(CAMERA, lambda one: one.dtype.kind in "iuf" and one.shape in ((3,), (1, 3), (3, 1)))
+    unread = sorted(headers.keys() - {name, normals, faces, camera}) + list(archive.others)
+    return Contents(
+        widened(archive.array(name)),
+        None if normals is None else widened(archive.array(normals)),
+        None if faces is None else archive.array(faces).astype("i8"),
+        None if camera is None else widened(archive.array(camera)).reshape(3),
+        (f"not read are the arrays {some(unread)}",) if unread else (),
+    )
+
+
+def _points(headers: Mapping[str, Header], name: str | None) -> str:
+    """The name of the points, which have their form and no name that speaks against it."""
+    taken = {*NORMALS, *FACES, *OTHERS}
+    candidates = [
+        one
+        for one, header in headers.items()
+        if _is_of_points(header) and one not in taken and not one.endswith("_normals")
+    ]
+    if name is not None:
+        if name not in headers:
+            raise BadFile(f"it has no array {name!r}; arrays of points are {some(candidates)}")
+        if not _is_of_points(headers[name]):
+            header = headers[name]
+            raise BadFile(f"{name} is {header.dtype} of shape {header.shape}, not points (N, 3)")
+        return name
+    known = [one for one in POINTS if one in candidates]
+    if len(known) == 1 or len(candidates) == 1:
+        return (known or candidates)[0]
+    if not candidates:
+        raise BadFile(f"no array has the shape (N, 3) of points; it holds {some(headers)}")
+    raise BadFile(f"several of its arrays may be the points; name one of {some(candidates)}")
+
+
+def _is_of_points(header: Header) -> bool:
+    return header.dtype.kind in "iuf" and len(header.shape) == 2 and header.shape[1] == 3
+
+
+def contents_of(path: Path, name: str | None = None) -> Contents:
+    """Read a file as its suffix says; `name` is the array of points in an .npz file.
+
+    Raises BadFile with a sentence, or BadArgument for a name of what has no names.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in READERS:
+        raise BadFile(
+            f"{path}: no format of scans is called {path.suffix!r}; there are {listed(READERS)}"
+        )
+    if name is not None and suffix != ".npz":
+        raise BadArgument(f"{path} has no arrays with names, so that none is called {name!r}")
+    try:
+        if path.is_file() and path.stat().st_size > MOST_BYTES and suffix not in ARRAYS:
+            raise BadFile(
+                f"{path} has {path.stat().st_size / 2**30:.1f} GB, and at most 2 GB are read; "
+                "give fewer points, or an .npy file"
+            )
+    except OSError as error:
+        raise BadFile(f"cannot read {path}: {error.strerror}") from error
+    return READERS[suffix](path, name)
+
+
+def _parser(parse: Callable[[bytes], Contents]) -> "Reader":
+    return lambda path, name: parsed_mesh(path, parse)
+
+
+def _mesh(parse: Callable[[bytes], tuple[Array, Index]]) -> "Reader":
+    def read(content: bytes) -> Contents:
+        points, faces = parse(content)
+        return Contents(points, faces=faces)
+
+    return _parser(read)
+
+
+def _ply(content: bytes) -> Contents:
+    points, faces, normals = parse_ply_and_normals(content)
+    return Contents(points, normals, faces)
+
+
+def _pcd(content: bytes) -> Contents:
+    found = parse_pcd(content)
+    notes: tuple[str, ...] = ()
+    if found.unread:
+        notes = (f"not read are the fields {some(found.unread)}",)
+    if found.viewpoint is None:
+        notes += (
+            "the file names no viewpoint, or 0 0 0, which programs write that do not know it; if "
+            "the points were seen from there, give the camera's position 0 0 0",
+        )
+    return Contents(found.points, found.normals, None, found.viewpoint, notes)
+
+
+def _of_columns(numbers: NDArray[Any], columns: int) -> Contents:
+    """Points, and normals if there are six columns and the last three are of unit length."""
+    points, further = widened(numbers[:, :3]), widened(numbers[:, 3:6])
+    with np.errstate(all="ignore"):
+        units = np.abs(np.linalg.norm(further, axis=1) - 1) < UNIT
+    are_normals = further.shape[1] == 3 and units.mean() > 0.5
+    read = 6 if are_normals else 3
+    notes: tuple[str, ...] = ()
+    if are_normals:
+        notes = ("columns 4 to 6 have length one and are taken for normals",)
+    if columns > read:
+        one = columns == read + 1
+        which = f"column {columns} is" if one else f"columns {read + 1} to {columns} are"
+        notes += (f"{which} not read",)
+    return Contents(points, further if are_normals else None, notes=notes)
+
+
+def _npy(path: Path, name: str | None) -> Contents:
+    with taken_for(path, "scan", "give an array (N, 3) of points as numpy.save writes it"):
+        array = mapped_array(path)
+        if array.dtype.kind not in "iuf" or array.ndim < 2:
+            raise BadFile(f"it holds {array.dtype} of shape {array.shape}, not points (N, 3)")
+        rows = array.reshape(-1, array.shape[-1]) if array.shape[-1] == 3 else array
+        if rows.ndim != 2 or rows.shape[1] < 3:
+            raise BadFile(f"it holds an array of shape {array.shape}, not points (N, 3)")
+        return _of_columns(rows[:, :6], rows.shape[1])
+
+
+def _npz(path: Path, name: str | None) -> Contents:
+    do = "give an .npz file with an array (N, 3) called points, as numpy.savez writes it"
+    with opened(path, "scan", do) as archive:
+        return chosen_arrays(archive, name)
+
+
+Reader = Callable[[Path, str | None], Contents]
+READERS: dict[str, Reader] = {
+    ".ply": _parser(_ply),
+    ".obj": _mesh(MESHES[".obj"]),
+    ".off": _mesh(MESHES[".off"]),
+    ".pcd": _parser(_pcd),
+    ".stl": _mesh(MESHES[".stl"]),
+    ".glb": _mesh(parse_glb),
+    ".npz": _npz,
+    ".npy": _npy,
+    **dict.fromkeys((".xyz", ".txt", ".csv"), _parser(lambda text: _of_columns(*parse_xyz(text)))),
+}
+
+
+def with_normals(contents: Contents, camera: Array | None) -> Contents:
+    """The scan with unit normals that point outwards, or without any if this is not known.
+
+    Faces of a closed mesh that look inwards, and faces that look away from the camera, are turned
+    round. A cloud has only the normals of its file, or those of neighbouring points turned to the
+    camera. What is done is said in a note.
+    """
+    if contents.faces is not None:
+        contents = _with_faces_outwards(contents, contents.faces, camera)
+    points, faces, notes = contents.points, contents.faces, contents.notes
+    normals = None if contents.normals is None else filled(points, contents.normals)
+    if normals is not None and normals.any():
+        source = "normals are those of the file"
+    elif faces is not None:
+        normals = filled(points, normals_of_faces(points, faces))
+        source = "normals are of the faces"
+    elif camera is not None:
+        normals, source = normals_of_neighbours(points), "normals are estimated from neighbours"
+    else:
+        normals = None
+        source = "there are no normals: nothing says on which side of the points the inside is"
+    if normals is not None and not normals.any():
+        normals, source = None, "there are no normals: no face has an area"
+    if normals is not None and camera is not None:
+        turned = towards(normals, points, camera)
+        count = int((turned != normals).any(axis=1).sum())
+        if "estimated" in source:
+            source += " and turned to the camera"
+        elif count:
+            source += f"; {count:,} are turned to the camera"
+        normals = turned
+    return replace(contents, normals=normals, notes=(*notes, source))
+
+
+def _with_faces_outwards(contents: Contents, faces: Index, camera: Array | None) -> Contents:
+    points = contents.points
+    if not len(edges_of_one_face(faces)):
+        inwards, why = volume(points - points.mean(axis=0), faces) < 0, "look inwards"
+    elif camera is not None:
+        middles = points[faces].mean(axis=1)
+        facing = ((camera - middles) * face_vectors(points, faces)).sum()
+        inwards, why = bool(facing < 0), "look away from the camera"
+    else:
+        inwards, why = False, ""
+    if not inwards:
+        return contents
+    turned = np.ascontiguousarray(faces[:, ::-1])
+    note = f"the faces {why}, and are turned round"
+    return replace(contents, faces=turned, notes=(*contents.notes, note))
+
+
+@dataclass(frozen=True, eq=False)
+class ReadScan:
+    """A scan that was read from a file, and what was guessed about it.
+
+    >>> import numpy as np, tempfile
+    >>> from workbench import load_body
+    >>> body = load_body("small")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     np.save(f"{folder}/scan.npy", 1000 * body.template)
+    ...     read = read_scan(f"{folder}/scan.npy")
+    >>> read.unit, read.up, read.scan.n_points
+    ('mm', 'y', 369)
+
+    Attributes:
+        scan: the scan in m, y up.
+        unit: the unit of the file: m, cm, mm or in.
+        up: the axis of the file that pointed up: x, y, z, -x, -y or -z.
+        camera_position: (3,) m where the camera was, in the axes of the scan; None if unknown.
+        notes: sentences on what was guessed, repaired and left out.
+    """
+
+    scan: Scan
+    unit: str
+    up: str
+    camera_position: Array | None
+    notes: tuple[str, ...]
+
+
+def read_scan(
+    path: str | Path,
+    *,
+    unit: str | None = None,
+    up: str | None = None,
+    name: str | None = None,
+    camera_position: ArrayLike | None = None,
+    most: int = MOST,
+    sizes: Sizes = PERSON,
+) -> ReadScan:
+    """Read a scan of a person or of a part of one from a file, with or without faces.
+
+    Formats are .ply, .pcd, .obj, .off, .stl, .glb, .npz, .npy, and .xyz, .txt or .csv with x y z
+    and perhaps nx ny nz in each line. `unit` (m, cm, mm, in) and `up` (x, y, z, -x, -y, -z) are
+    guessed if they are not given: see `unit_of` and `up_of`; `sizes` says how long what was scanned
+    usually is. `name` is the array of points in an
+    .npz file. `camera_position` (3,), in the file's own unit and axes, is from where all points
+    were seen. An .npz file may hold it, and so may a .pcd file, as its viewpoint; there 0 0 0 is
+    what programs write that do not know it, and is not taken. Of a cloud of more than `most` points
+    so many are drawn.
+
+    Normals are those of the file, of its faces, or of neighbouring points; of the last it is not
+    known on which side they are, unless the camera's position is. Weights are areas in m^2.
+
+    Raises BadFile or BadScan for a file that holds no scan, UnknownName or BadArgument.
+    """
+    path = Path(path)
+    if most < FEWEST:
+        raise BadArgument(f"`most` must be at least 1,000 points, not {most}")
+    contents = contents_of(path, name)
+    if camera_position is not None:
+        contents = replace(contents, camera_position=_place(camera_position))
+    try:
+        return _read(contents, path.suffix.lower(), unit, up, most, sizes)
+    except (BadScan, BadFile) as error:
+        raise BadScan(f"cannot use the scan {path}: {cut(error, 500)}") from error
+    except MemoryError as error:
+        raise BadFile(
+            f"there is not enough memory for the scan {path}; give one with fewer points"
+        ) from error
+
+
+def _read(
+    contents: Contents, suffix: str, unit: str | None, up: str | None, most: int, sizes: Sizes
+) -> ReadScan:
+    contents = cleaned(contents, most)
+    cells = outline(contents.points)
+    if len(cells) < FEWEST_PLACES:
+        raise BadScan(
+            "most of its points lie within a fiftieth of its size, so that the others are no part "
+            "of the same thing; remove what is far away"
+        )
+    metres, axis = DECLARED.get(suffix, (None, None))
+    size = float(extents(cells @ principal_axes(cells).T).max())
+    unit, of_unit = unit_of(size, unit, metres, sizes=sizes)
+    scale = UNITS[unit]
+    up, of_up = up_of(cells * scale, up, axis, axes="xyz", what="the scan")
+    turn = UP_TO_Y[up]
+    camera = contents.camera_position
+    if camera is not None and not np.isfinite(camera).all():
+        contents, camera = _noted(contents, "the camera's position is not finite"), None
+    if camera is not None:
+        camera = turn @ camera * scale
+    contents = _noted(contents, of_unit, of_up)
+    contents = replace(
+        contents,
+        points=np.ascontiguousarray(contents.points @ turn.T * scale),
+        normals=None if contents.normals is None else units(contents.normals) @ turn.T,
+    )
+    contents = with_normals(contents, camera)
+    scan, notes = _weighted(contents, most)
+    return ReadScan(scan, unit, up, camera, (*contents.notes, *notes))
+
+
+def _weighted(contents: Contents, most: int) -> tuple[Scan, tuple[str, ...]]:
+    """The scan with the area of each point, as a cloud if it has too many points; and notes."""
+    points, normals, faces = contents.points, contents.normals, contents.faces
+    if faces is None:
+        alone = int(far_points(points).sum())
+        note = f"{points_are(alone)} far from all neighbours, and may not belong to the scan"
+        return Scan(points, normals, None, areas_of_neighbours(points)), (note,) if alone else ()
+    weights = areas_of_faces(points, faces)
+    if not weights.any():
+        raise BadScan("its faces have no area")
+    scan = Scan(points, normals, faces, weights).thinned(most)
+    if scan.n_points == len(points):
+        return scan, ()
+    note = f"{scan.n_points:,} of {len(points):,} points are drawn at random, without the faces"
+    return scan, (f"{note} between them",)
+
+
+def _place(given: ArrayLike) -> Array:
+    try:
+        place = np.asarray(given, dtype=np.float64)
+    except (ValueError, TypeError) as error:
+        raise BadArgument(
+            f"a camera's position is three numbers, not this: {cut(error)}"
+        ) from error
+    if place.shape != (3,) or not np.isfinite(place).all():
+        raise BadArgument(f"a camera's position is three finite numbers, not {cut(str(place))}")
+    return place
+
+
+def _noted(contents: Contents, *notes: str) -> Contents:
+    return replace(contents, notes=(*contents.notes, *notes))

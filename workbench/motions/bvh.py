@@ -1,0 +1,382 @@
+"""Motions from BVH files and to them (Biovision): a hierarchy of joints, a row of numbers a frame.
+
+Meredith and Maddock, Motion Capture File Formats Explained, 2001."""
+
+import warnings
+from array import array
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from workbench.arrays import Array
+from workbench.bodies.body import Body
+from workbench.errors import BadArgument, BadFile, shown
+from workbench.geometry.guesses import (
+    FRAMES,
+    UNITS,
+    UP_TO_Y,
+    check_given,
+    extents,
+    sizes_of,
+    unit_of,
+    up_of,
+)
+from workbench.geometry.meshes import text_lines
+from workbench.motions.bones import Bones, bones_of, different_names
+from workbench.motions.motion import Motion
+from workbench.reading.arrays import taken_for
+from workbench.reading.facts import bounded
+from workbench.writing import replacing
+
+CHANNELS = tuple(f"{axis}{kind}" for kind in ("position", "rotation") for axis in "XYZ")
+MOST_JOINTS = 10_000
+MOST_NUMBERS = 20_000_000  # of all frames together
+LARGEST = 1e9  # of any length or angle
+
+
+@dataclass
+class BvhText:
+    """What a BVH file says, in its own units: lengths, and degrees.
+
+    Attributes:
+        names: of its K joints, as written.
+        parents: (K,) of each joint, -1 for the root.
+        offsets: (K, 3) from the parent.
+        channels: of each joint, in the order of its numbers in a row, such as Zrotation.
+        end_parents: of each end site.
+        end_offsets: (E, 3).
+        frame_time: as written, in s.
+        rows: (T, C), a number for each channel.
+    """
+
+    names: list[str] = field(default_factory=list)
+    parents: list[int] = field(default_factory=list)
+    offsets: list[list[float]] = field(default_factory=list)
+    channels: list[tuple[str, ...]] = field(default_factory=list)
+    end_parents: list[int] = field(default_factory=list)
+    end_offsets: list[list[float]] = field(default_factory=list)
+    frame_time: str = ""
+    rows: Array = field(default_factory=lambda: np.zeros((0, 0)))
+
+
+def _lines(content: bytes) -> Iterator[tuple[int, str]]:
+    """Lines that are not empty, with their numbers; a brace is a line of its own."""
+    for number, line in enumerate(text_lines(content), start=1):
+        for part in line.replace("{", "\n{\n").replace("}", "\n}\n").split("\n"):
+            if part.strip():
+                yield number, part.strip()
+
+
+def _hierarchy(lines: Iterator[tuple[int, str]], found: BvhText) -> None:
+    """Read up to the line MOTION."""
+    open_now: list[int | None] = []  # the joints around a line; None is an end site
+    begun: int | None = None  # the joint whose brace is still to come
+    waiting = False
+    number, line = next(lines, (0, ""))
+    if line.upper() != "HIERARCHY":
+        raise ValueError(f"it begins with {shown(line)}, and not with HIERARCHY")
+    for number, line in lines:
+        word, _, rest = line.partition(" ") if " " in line else line.partition("\t")
+        match word.upper():
+            case "{" if waiting:
+                open_now.append(begun)
+                waiting = False
+            case "}" if open_now and not waiting:
+                _check_closed(open_now.pop(), found, number)
+            case "MOTION" if found.names and not open_now and not waiting:
+                return
+            case "ROOT" if not found.names and not waiting:
+                begun, waiting = _joint(rest, -1, found), True
+            case "ROOT" if not open_now:
+                raise ValueError(f"line {number} begins a second skeleton; split the file")
+            case "JOINT" if open_now and open_now[-1] is not None and not waiting:
+                begun, waiting = _joint(rest, open_now[-1], found), True
+            case "END" if open_now and open_now[-1] is not None and not waiting:
+                found.end_parents.append(open_now[-1])
+                begun, waiting = None, True
+            case "OFFSET" if open_now and not waiting:
+                owner = found.end_offsets if open_now[-1] is None else found.offsets
+                count = len(found.end_parents) if open_now[-1] is None else open_now[-1] + 1
+                if len(owner) != count - 1:
+                    raise ValueError(f"line {number} gives an offset where none is expected")
+                owner.append(_numbers(rest.split(), 3, number))
+            case "CHANNELS" if open_now and open_now[-1] is not None and not waiting:
+                if len(found.channels) != open_now[-1]:
+                    raise ValueError(f"line {number} gives channels where none are expected")
+                found.channels.append(_channels(rest.split(), number))
+            case _:
+                raise ValueError(f"line {number} is {shown(line)}, which is not expected there")
+    raise ValueError(f"its hierarchy is not closed, or no MOTION follows, up to line {number}")
+
+
+def _joint(name: str, parent: int, found: BvhText) -> int:
+    k = len(found.names)
+    if k >= MOST_JOINTS:
+        raise ValueError(f"it has more than {MOST_JOINTS:,} joints")
+    if parent >= 0 and (len(found.offsets) != k or len(found.channels) != k):
+        raise ValueError(f"the joint {shown(found.names[k - 1])} has no OFFSET or no CHANNELS")
+    found.names.append(" ".join(rest for rest in name.split()) or f"joint_{k}")
+    found.parents.append(parent)
+    return k
+
+
+def _check_closed(joint: int | None, found: BvhText, number: int) -> None:
+    if joint is None and len(found.end_offsets) != len(found.end_parents):
+        raise ValueError(f"the end site that ends at line {number} has no OFFSET")
+    if joint is not None and min(len(found.offsets), len(found.channels)) != len(found.names):
+        raise ValueError(f"the joint {shown(found.names[-1])} has no OFFSET or no CHANNELS")
+
+
+def _channels(words: list[str], number: int) -> tuple[str, ...]:
+    by_name = {name.lower(): name for name in CHANNELS}
+    known = tuple(by_name.get(word.lower(), "") for word in words[1:])
+    if not words or words[0] != str(len(known)) or not all(known) or len(known) > 6:
+        raise ValueError(
+            f"line {number} has the channels {shown(' '.join(words))}; they are a count of up to "
+            "6 and as many of Xposition, Yposition, Zposition, Xrotation, Yrotation, Zrotation"
+        )
+    if len({*known}) < len(known):
+        raise ValueError(f"line {number} has the same channel twice")
+    return known
+
+
+def _motion(lines: Iterator[tuple[int, str]], found: BvhText) -> None:
+    _, line = next(lines, (0, ""))
+    word, _, count = line.partition(":")
+    if word.strip().lower() != "frames" or not count.strip().isdecimal() or len(count) > 12:
+        raise ValueError(f"after MOTION comes {shown(line)}, and not the number of Frames")
+    number, line = next(lines, (0, ""))
+    word, _, found.frame_time = line.partition(":")
+    if [part.lower() for part in word.split()] != ["frame", "time"]:
+        raise ValueError(f"after the number of frames comes {shown(line)}, and no Frame Time")
+    wide, T = sum(map(len, found.channels)), int(count)
+    if not T or not wide:
+        raise ValueError(f"it has {T} frames of {wide} channels; a motion has one or more")
+    if T * wide > MOST_NUMBERS:
+        raise ValueError(f"{T:,} frames of {wide:,} channels are too many to be read")
+    numbers, rows = array("d"), 0
+    for number, line in lines:
+        if rows == T:
+            raise ValueError(f"line {number} follows the last of {T:,} frames")
+        numbers.extend(_numbers(line.split(), wide, number))
+        rows += 1
+    if rows < T:
+        raise ValueError(f"it has {rows:,} frames, and says {T:,}")
+    found.rows = np.array(numbers).reshape(T, wide)
+
+
+def _numbers(words: Iterable[str], count: int, number: int) -> list[float]:
+    """So many finite numbers of a line."""
+    given = list(words)
+    try:
+        numbers = [float(word) for word in given]
+    except ValueError as error:
+        raise ValueError(f"line {number}: {shown(str(error))}") from error
+    if len(numbers) != count:
+        raise ValueError(f"line {number} has {len(numbers)} numbers, and must have {count}")
+    if not all(-LARGEST <= x <= LARGEST for x in numbers):
+        wrong = next(x for x in numbers if not -LARGEST <= x <= LARGEST)
+        raise ValueError(f"line {number} holds {wrong:g}, which is no length and no angle")
+    return numbers
+
+
+MOST_BYTES = 2**29
+STRETCH = 0.01  # m, by which the place of a joint at its parent may change from frame to frame
+CENTIMETRES = 1 / UNITS["cm"]  # the unit that is written
+ROTATIONS: Literal["ZXY"] = "ZXY"  # as written; each turns about the axes turned so far
+REACH = "the joints of a frame reach {}"
+SAID = 1e-6  # frames a second: a rate that is rounded by more is said
+
+
+def read_bvh(
+    path: str | Path, *, unit: str | None = None, up: str | None = None, fps: float | None = None
+) -> Motion:
+    """Read a BVH file: its rotations, its root, and its skeleton with the ends of bones.
+
+    A joint's rotations are multiplied in the order of its channels. Positions of the root are its
+    place, as in Blender, whatever its OFFSET. Those of other joints are added to their offsets, or
+    take their place, whichever changes the skeleton less. The unit (m, cm, mm, in, cmu) and the
+    axis that points up are guessed from the size and the form of the skeleton unless they are
+    given; `fps` takes the place of the file's rate. `notes` of the motion say all of this. Raises
+    BadFile for a file that is damaged, has several skeletons, or has bones that change their length
+    by more than a centimetre; UnknownName for a unit or an axis.
+    """
+    check_given(unit, up)
+    with taken_for(path, "BVH file of one skeleton", "export it again, or give what is missing"):
+        try:
+            text, lines = BvhText(), _lines(bounded(path, MOST_BYTES))
+            _hierarchy(lines, text)
+            _motion(lines, text)
+            return _motion_of(text, unit, up, fps, Path(path).name)
+        except (ValueError, OSError, BadArgument) as error:
+            raise BadFile(str(getattr(error, "strerror", None) or error)) from error
+
+
+def _motion_of(
+    text: BvhText, unit: str | None, up: str | None, given: float | None, name: str
+) -> Motion:
+    names, renamed = different_names(text.names)
+    rate, said = _rate(text.frame_time) if given is None else (given, "")
+    pose, moved = np.zeros((len(text.rows), len(names), 3)), {}
+    at = 0
+    for k, channels in enumerate(text.channels):
+        columns = text.rows[:, at : at + len(channels)]
+        at += len(channels)
+        pose[:, k] = _turned(channels, columns)
+        if any(channel.endswith("position") for channel in channels):
+            moved[k] = _places(channels, columns)
+    offsets = np.array(text.offsets)
+    trans = moved.pop(0, offsets[0]) - np.tile(offsets[0], (len(pose), 1))
+    offsets, stretch, replaced = _bones(offsets, moved)
+    ends = np.array(text.end_offsets).reshape(-1, 3)
+    bones = Bones(tuple(text.parents), offsets, tuple(text.end_parents), ends)
+    some = slice(None, None, max(1, len(pose) // FRAMES))
+    shown_places = np.concatenate(
+        [f(pose[some], trans[some]) for f in (bones.joints, bones.ends)], axis=1
+    )
+    size = float(extents(shown_places).max())
+    unit, why = unit_of(size, unit, sizes=sizes_of(names), units=tuple(UNITS), what=REACH)
+    metres = UNITS[unit]
+    axis, pointing = up_of(metres * shown_places, up, names=names, what="the skeleton")
+    if stretch * metres > STRETCH:
+        raise BadFile(
+            f"its bones change their length by up to {stretch * metres:.3f} m from frame to "
+            "frame, and a skeleton here has bones of one length"
+        )
+    notes = [why, pointing, *([said] if said else []), *renamed]
+    if offsets[0].any() and trans.any():
+        notes.append("positions of the root take the place of its OFFSET, which is not zero")
+    if moved:
+        way = "take the place of their offsets" if replaced else "are added to their offsets"
+        notes.append(
+            f"positions of {len(moved)} joints below the root {way}, and are taken as their mean, "
+            f"from which they differ by up to {1e3 * stretch * metres:.2g} mm"
+        )
+    if still := [n for n, c in zip(names, text.channels, strict=True) if not c]:
+        notes.append(f"{len(still)} joints have no channels and do not turn, as {shown(still[0])}")
+    scaled = Bones(bones.parents, metres * offsets, bones.end_parents, metres * ends)
+    return Motion(
+        pose, metres * trans, rate, names, bones=scaled, origin=name, notes=tuple(notes)
+    ).turned(UP_TO_Y[axis])
+
+
+def _turned(channels: tuple[str, ...], columns: Array) -> Array:
+    """The rotation vectors (T, 3) of channels (T, c): R = R_1 R_2 R_3 in their order."""
+    found = Rotation.identity(len(columns))
+    for channel, degrees in zip(channels, columns.T, strict=True):
+        if channel.endswith("rotation"):
+            axis = np.eye(3)["XYZ".index(channel[0])]
+            found = found * Rotation.from_rotvec(np.radians(degrees)[:, None] * axis)
+    return np.asarray(found.as_rotvec())
+
+
+def _places(channels: tuple[str, ...], columns: Array) -> Array:
+    places = np.zeros((len(columns), 3))
+    for channel, column in zip(channels, columns.T, strict=True):
+        if channel.endswith("position"):
+            places[:, "XYZ".index(channel[0])] = column
+    return places
+
+
+def _bones(offsets: Array, moved: dict[int, Array]) -> tuple[Array, float, bool]:
+    """The offsets (K, 3) with the positions of joints below the root in them.
+
+    Also the largest change of a position, and whether positions repeat the offsets. Some programs
+    write what is added to OFFSET, and others the whole: the skeleton is to change less.
+    """
+    if not moved:
+        return offsets, 0.0, False
+    below = list(moved)
+    means = np.array([moved[k].mean(axis=0) for k in below])
+    stretch = max(float(np.abs(moved[k] - m).max()) for k, m in zip(below, means, strict=True))
+    whole = float(np.abs(means - offsets[below]).sum()) < float(np.abs(means).sum())
+    found = offsets.copy()
+    found[below] = means if whole else offsets[below] + means
+    return found, stretch, whole
+
+
+def _rate(written: str) -> tuple[float, str]:
+    """Frames a second, and what is to be said: 0.033333 is 30 of them, as far as it is written."""
+    try:
+        seconds = float(written)
+    except ValueError:
+        seconds = np.nan
+    if not 1e-6 < seconds < 1e6:
+        raise ValueError(f"its frame time is {shown(written.strip())}, which is no time in seconds")
+    rate, digits = 1 / seconds, len(written.strip().partition(".")[2])
+    near = round(rate)
+    if near and rate != near and abs(1 / near - seconds) <= 10.0 ** -min(digits, 300):
+        told = f"the frame time {seconds:g} s is taken for {near} frames a second"
+        return float(near), told if abs(rate - near) > SAID else ""
+    told = f"the frame time is {seconds:g} s; if these are frames a second, give them as the rate"
+    return rate, told if seconds > 1 else ""
+
+
+def write_bvh(path: str | Path, motion: Motion, body: Body | None = None) -> None:
+    """Write a motion as BVH, in centimetres, y up, with the bones of a body or its own.
+
+    The root has OFFSET 0 and its whole place in its channels. Whole or not at all. Raises
+    BadArgument for a motion without bones if no body is given, and BadFile.
+    """
+    if body is not None:
+        motion = motion.named(body)
+        bones = bones_of(body, motion.betas)
+    elif motion.bones is not None:
+        bones = motion.bones
+    else:
+        raise BadArgument(
+            "a BVH holds bones, and this motion has none; give the body that has them"
+        )
+    lines = ["HIERARCHY"]
+    order = _written_tree(bones, [" ".join(n.split()) for n in motion.joint_names], lines)
+    turns = Rotation.from_rotvec(motion.pose[:, order].reshape(-1, 3))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # where two angles turn about one axis, either is right
+        angles = turns.as_euler(ROTATIONS, degrees=True).reshape(len(motion), -1)
+    angles = np.unwrap(angles, period=360, axis=0)
+    root = CENTIMETRES * (bones.offsets[0] + motion.trans)
+    lines += ["MOTION", f"Frames: {len(motion)}", f"Frame Time: {1 / motion.fps:.10g}"]
+    with replacing(path) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as file:
+        file.write("\n".join(lines) + "\n")
+        np.savetxt(file, np.column_stack([root, angles]), fmt="%.6f")
+
+
+def _written_tree(bones: Bones, names: list[str], lines: list[str]) -> list[int]:
+    """Add the hierarchy to the lines; the joints in its order, each before those below it."""
+    parents = bones.parents
+    below: list[list[int]] = [[] for _ in names]
+    ends: list[list[Array]] = [[] for _ in names]
+    for k, parent in enumerate(parents[1:], start=1):
+        below[parent].append(k)
+    for k, end in zip(bones.end_parents, bones.end_offsets, strict=True):
+        ends[k].append(end)
+    order, waiting = list[int](), [0]
+    while waiting:
+        order.append(waiting.pop())
+        waiting += reversed(below[order[-1]])
+    depth = [0] * (len(names) + 1)
+    turns = " ".join(f"{axis}rotation" for axis in ROTATIONS)
+
+    def offset(v: Array) -> str:
+        return "OFFSET " + " ".join(f"{x:.6f}" for x in CENTIMETRES * v)
+
+    for k, following in zip(order, [*order[1:], -1], strict=True):
+        depth[k] = depth[parents[k]] + 1 if k else 0
+        indent = "  " * depth[k]
+        moves = "" if k else "Xposition Yposition Zposition "
+        lines += [
+            f"{indent}{'JOINT' if k else 'ROOT'} {names[k]}",
+            f"{indent}{{",
+            f"{indent}  {offset(bones.offsets[k] * (k > 0))}",
+            f"{indent}  CHANNELS {3 if k else 6} {moves}{turns}",
+        ]
+        for end in ends[k] if ends[k] or below[k] else [np.zeros(3)]:
+            lines += [f"{indent}  End Site", f"{indent}  {{", f"{indent}    {offset(end)}"]
+            lines.append(f"{indent}  }}")
+        over = depth[parents[following]] if following > 0 else -1
+        lines += ["  " * level + "}" for level in range(depth[k], over, -1)]
+    return order

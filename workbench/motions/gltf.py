@@ -1,0 +1,548 @@
+"""Motions from skinned, animated glTF files (.glb, .gltf) and to them.
+
+The motion of a joint in a frame of the animation is the rigid motion from its bind pose to its pose
+in that frame; nodes between joints and above them are included. Other files that a .gltf names are
+opened only if they are in its folder. Khronos Group, glTF 2.0 Specification, section 3.11 and
+appendix C (interpolation)."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from workbench.arrays import Array
+from workbench.bodies import SkinnedBody
+from workbench.bodies.files.gltf import Correctives, write_gltf
+from workbench.errors import BadArgument, BadFile, shown, some_of
+from workbench.geometry.gltf import GlbDocument, children, document_of, local_motion, several
+from workbench.geometry.guesses import (
+    UNITS,
+    UP_TO_Y,
+    check_given,
+    extents,
+    sizes_of,
+    unit_of,
+    up_of,
+)
+from workbench.geometry.rotation import nearest_rotation, vector_from_matrix
+from workbench.motions.bones import Bones, different_names
+from workbench.motions.bvh import REACH
+from workbench.motions.motion import Motion
+from workbench.reading.arrays import damage, taken_for
+from workbench.reading.facts import bounded
+
+WIDTHS = {"rotation": 4, "translation": 3, "scale": 3}
+LINEAR, STEP, CUBIC = "LINEAR", "STEP", "CUBICSPLINE"
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """One property of one node in time.
+
+    Attributes:
+        times: (n,) s, rising.
+        values: (n, w), or (n, 3, w) with the tangents before and after for CUBICSPLINE.
+        way: LINEAR, STEP or CUBICSPLINE.
+        turns: whether the values are quaternions xyzw.
+    """
+
+    times: Array
+    values: Array
+    way: str
+    turns: bool
+
+    def at(self, times: Array) -> Array:
+        """The values (S, w) at times (S,) s; before the first and after the last they stay."""
+        n, t = len(self.times), np.clip(times, self.times[0], self.times[-1])
+        before = np.clip(np.searchsorted(self.times, t, side="right") - 1, 0, n - 1)
+        after = np.minimum(before + 1, n - 1)
+        gap = self.times[after] - self.times[before]
+        share = np.divide(t - self.times[before], gap, out=np.zeros_like(t), where=gap > 0)
+        s = share[:, None]
+        if self.way == CUBIC:
+            p0, p1 = self.values[before, 1], self.values[after, 1]
+            m0, m1 = (gap[:, None] * self.values[i, k] for i, k in ((before, 2), (after, 0)))
+            found = (2 * s**3 - 3 * s**2 + 1) * p0 + (s**3 - 2 * s**2 + s) * m0
+            found = found + (3 * s**2 - 2 * s**3) * p1 + (s**3 - s**2) * m1
+        elif self.way == STEP:
+            found = self.values[before]
+        elif self.turns:
+            a, b = (Rotation.from_quat(self.values[i]) for i in (before, after))
+            found = (a * Rotation.from_rotvec(s * (a.inv() * b).as_rotvec())).as_quat()
+        else:
+            found = (1 - s) * self.values[before] + s * self.values[after]
+        return np.asarray(_normalised(found) if self.turns else found)
+
+
+def tracks_of(document: GlbDocument, animation: dict[str, Any]) -> dict[tuple[int, str], Track]:
+    """The tracks of an animation by node and property; others, as of morph targets, are left out.
+
+    Raises ValueError for a track that does not fit together.
+    """
+    samplers, found = several(animation, "samplers"), {}
+    for channel in several(animation, "channels"):
+        target = channel.get("target")
+        if not isinstance(target, dict) or target.get("path") not in WIDTHS:
+            continue
+        node, path = target.get("node"), str(target["path"])
+        if type(node) is not int:
+            continue
+        number = channel.get("sampler")
+        if type(number) is not int or not 0 <= number < len(samplers):
+            raise ValueError(f"there is no samplers[{shown(number)}] of its animation")
+        found[node, path] = _track(document, samplers[number], path)
+    return found
+
+
+def _track(document: GlbDocument, sampler: dict[str, Any], path: str) -> Track:
+    way, width = sampler.get("interpolation", LINEAR), WIDTHS[path]
+    if way not in (LINEAR, STEP, CUBIC):
+        raise ValueError(f"there is no interpolation {shown(way)}")
+    times = document.values(sampler.get("input"), "SCALAR", 1).ravel()
+    values = document.values(sampler.get("output"), f"VEC{width}", width)
+    if not len(times) or len(values) != len(times) * (3 if way == CUBIC else 1):
+        raise ValueError(f"a {path} has {len(times)} times and {len(values)} values")
+    if not np.isfinite(times).all() or not np.isfinite(values).all() or (np.diff(times) < 0).any():
+        raise ValueError(f"a {path} has times or values that are not finite, or times that fall")
+    turns = path == "rotation"
+    if way == CUBIC:
+        values = values.reshape(len(times), 3, width)
+    elif turns:
+        values = _normalised(values)
+    return Track(times, values, way, turns)
+
+
+def _normalised(q: Array) -> Array:
+    size = np.linalg.norm(q, axis=-1, keepdims=True)
+    if not (size > 0).all():
+        raise ValueError("a rotation is zero, and not a unit quaternion")
+    return np.asarray(q / size)
+
+
+def local_motions(base: Array, node: dict[str, Any], parts: dict[str, Array], count: int) -> Array:
+    """The motions (S, 4, 4) of a node whose properties are animated; `base` (4, 4) if none is."""
+    if not parts:
+        return np.broadcast_to(base, (count, 4, 4))
+    given = {
+        "translation": node.get("translation", (0.0, 0.0, 0.0)),
+        "rotation": node.get("rotation", (0.0, 0.0, 0.0, 1.0)),
+        "scale": node.get("scale", (1.0, 1.0, 1.0)),
+    }
+    whole = {
+        name: parts.get(name, np.broadcast_to(np.asarray(value, float), (count, WIDTHS[name])))
+        for name, value in given.items()
+    }
+    found = np.zeros((count, 4, 4))
+    found[:, :3, :3] = Rotation.from_quat(whole["rotation"]).as_matrix()
+    found[:, :3, :3] *= whole["scale"][:, None]
+    found[:, :3, 3], found[:, 3, 3] = whole["translation"], 1.0
+    return found
+
+
+MOST_NODES = 10_000
+TOGETHER = 500  # frames whose motions are in memory at once
+
+
+@dataclass(frozen=True, eq=False)
+class Nodes:
+    """The nodes of a file, each after its parent.
+
+    Attributes:
+        order: the numbers of the nodes.
+        parents: the parent of each node by its number; -1 for one without.
+        base: the motion (4, 4) of each node in its parent, when nothing is animated.
+        json: the nodes as the file has them.
+    """
+
+    order: tuple[int, ...]
+    parents: dict[int, int]
+    base: dict[int, Array]
+    json: list[dict[str, Any]]
+
+    @staticmethod
+    def of(document: GlbDocument) -> "Nodes":
+        """The nodes of a document. Raises ValueError for those that hang on each other."""
+        nodes = several(document.json, "nodes")
+        if len(nodes) > MOST_NODES:
+            raise ValueError(
+                f"it has {len(nodes):,} nodes, and a skeleton has {MOST_NODES:,} at most"
+            )
+        parents = dict.fromkeys(range(len(nodes)), -1)
+        for number, node in enumerate(nodes):
+            for child in children(node, "children"):
+                document.entry("nodes", child)
+                if parents[child] != -1 or child == number:
+                    raise ValueError(f"nodes[{child}] hangs on two others, or on itself")
+                parents[child] = number
+        order: list[int] = []
+        waiting = [number for number, parent in parents.items() if parent == -1]
+        while waiting:
+            number = waiting.pop()
+            order.append(number)
+            waiting += children(nodes[number], "children")
+        if len(order) < len(nodes):
+            raise ValueError("its nodes hang on each other in a circle")
+        base = {number: local_motion(nodes[number]) for number in order}
+        return Nodes(tuple(order), parents, base, nodes)
+
+    def above(self, some: set[int]) -> tuple[int, ...]:
+        """These nodes and all those that they hang on, each after its parent."""
+        found: set[int] = set()
+        for number in some:
+            while number != -1 and number not in found:
+                found.add(number)
+                number = self.parents[number]
+        return tuple(number for number in self.order if number in found)
+
+    def world(self, some: set[int], tracks: dict[tuple[int, str], Track], times: Array) -> Array:
+        """The motions (S, len(some), 4, 4) of some nodes, in rising order, at times (S,) s."""
+        found: dict[int, Array] = {}
+        for number in self.above(some):
+            parts = {
+                path: track.at(times) for (node, path), track in tracks.items() if node == number
+            }
+            own = local_motions(self.base[number], self.json[number], parts, len(times))
+            above = self.parents[number]
+            found[number] = own if above == -1 else found[above] @ own
+        return np.stack([found[number] for number in sorted(some)], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class Skin:
+    """K joints of a skin, each after its parent.
+
+    Attributes:
+        nodes: the number of each joint's node.
+        parents: (K,) with parents[0] == -1.
+        names: (K,) different names.
+        to_rest: (K, 4, 4) from the world in which the skin was bound to the joint's node.
+        rest: (K, 3) where the joints were in that world.
+    """
+
+    nodes: tuple[int, ...]
+    parents: tuple[int, ...]
+    names: tuple[str, ...]
+    to_rest: Array
+    rest: Array
+
+    def only(self, kept: list[int]) -> "Skin":
+        """Some of the joints, of which the first is the root."""
+        place = {k: i for i, k in enumerate(kept)}
+        return Skin(
+            tuple(self.nodes[k] for k in kept),
+            tuple(place.get(self.parents[k], -1) if i else -1 for i, k in enumerate(kept)),
+            tuple(self.names[k] for k in kept),
+            self.to_rest[kept],
+            self.rest[kept],
+        )
+
+    def below(self, root: int) -> list[int]:
+        """A joint and all those below it."""
+        found = [root]
+        for k in range(root + 1, len(self.parents)):
+            if self.parents[k] in found:
+                found.append(k)
+        return found
+
+    def motions(self, nodes: Nodes, tracks: dict[tuple[int, str], Track], times: Array) -> Array:
+        """What takes the joints from rest to where they are, (S, K, 4, 4), at times (S,) s."""
+        some = {*self.nodes}
+        column = {number: i for i, number in enumerate(sorted(some))}
+        columns = [column[number] for number in self.nodes]
+        found = np.empty((len(times), len(self.nodes), 4, 4))
+        for first in range(0, len(times), TOGETHER):
+            part = slice(first, first + TOGETHER)
+            found[part] = nodes.world(some, tracks, times[part])[:, columns] @ self.to_rest
+        return found
+
+
+def skin_of(document: GlbDocument, nodes: Nodes) -> tuple[Skin, tuple[str, ...]]:
+    """The skin with most joints, and sentences on what is left out. Raises ValueError."""
+    skins = several(document.json, "skins")
+    joints: list[list[Any]] = [
+        j if isinstance(j := skin.get("joints"), list) else [] for skin in skins
+    ]
+    sizes = [len(j) for j in joints]
+    if not any(sizes):
+        raise ValueError("it has no skin with joints, so that nothing in it is a skeleton")
+    number = int(np.argmax(sizes))
+    notes = (
+        [f"of {len(skins)} skins, that with {max(sizes)} joints is read"] if len(skins) > 1 else []
+    )
+    listed = joints[number]
+    for one in listed:
+        document.entry("nodes", one)
+    if len({*listed}) < len(listed):
+        raise ValueError("a skin lists the same joint twice")
+    inverse = np.tile(np.eye(4), (len(listed), 1, 1))
+    worn = next((i for i, node in enumerate(nodes.json) if node.get("skin") == number), None)
+    bound = np.eye(4) if worn is None else nodes.world({worn}, {}, np.zeros(1))[0, 0]
+    if "inverseBindMatrices" in skins[number]:
+        flat = document.values(skins[number]["inverseBindMatrices"], "MAT4", 16)
+        if len(flat) < len(listed):
+            raise ValueError(f"a skin has {len(listed)} joints and {len(flat)} bind matrices")
+        inverse = flat[: len(listed)].reshape(-1, 4, 4).transpose(0, 2, 1)
+    else:  # bound where the nodes are
+        world = nodes.world({*listed}, {}, np.zeros(1))[0]
+        inverse = np.linalg.inv(world[np.argsort(np.argsort(listed))]) @ bound
+    try:
+        rest = (bound @ np.linalg.inv(inverse))[:, :3, 3]
+        to_rest = inverse @ np.linalg.inv(bound)
+    except np.linalg.LinAlgError as error:
+        raise ValueError("a bind matrix of its skin has no inverse") from error
+    if not np.isfinite(to_rest).all() or not np.isfinite(rest).all():
+        raise ValueError("a bind matrix of its skin is not finite")
+    skin, more = _tree(nodes, listed, to_rest, rest)
+    return skin, (*notes, *more)
+
+
+def _tree(
+    nodes: Nodes, listed: list[int], to_rest: Array, rest: Array
+) -> tuple[Skin, tuple[str, ...]]:
+    """The largest tree of the joints: the parent of each is the next joint that it hangs on.
+
+    They are in the order of the skin, if each comes after its parent there.
+    """
+    where = {number: k for k, number in enumerate(listed)}
+    order = [where[number] for number in nodes.order if number in where]
+    if all(
+        where[up] < k
+        for k, one in enumerate(listed)
+        for up in nodes.above({one})
+        if up in where and up != one
+    ):
+        order = [*range(len(listed))]
+    place = {k: i for i, k in enumerate(order)}
+    parents = []
+    for k in order:
+        above = nodes.parents[listed[k]]
+        while above != -1 and above not in where:
+            above = nodes.parents[above]
+        parents.append(-1 if above == -1 else place[where[above]])
+    given = [str(nodes.json[listed[k]].get("name") or "")[:100] for k in order]
+    names, renamed = different_names(given)
+    skin = Skin(tuple(listed[k] for k in order), tuple(parents), names, to_rest[order], rest[order])
+    roots = [i for i, parent in enumerate(parents) if parent == -1]
+    if len(roots) == 1:
+        return skin, renamed
+    trees = [skin.below(root) for root in roots]
+    kept = max(trees, key=len)
+    lost = [name for i, name in enumerate(names) if i not in kept]
+    note = f"joints in trees of their own are left out: {some_of(lost)}"
+    return skin.only(kept), (*renamed, note)
+
+
+MOST_BYTES = 2**30
+MOST_PLACES = 5_000_000  # joints times frames
+STRETCH = 0.01  # m, by which the place of a joint at its parent may change
+WHOLE = 1e-3  # of a rate: one that is nearly a whole number is that number
+USUAL = 30.0  # frames a second of a motion with a single key
+DO = "export a skin with its animation as .glb or .gltf, without compression"
+
+
+def read_glb(
+    path: str | Path, *, unit: str | None = None, up: str | None = None, fps: float | None = None
+) -> Motion:
+    """Read the motion of the skin with most joints in a .glb or .gltf: names, tree, rotations.
+
+    Buffers beside a file are read from its folder, or from below it, and from nowhere else.
+    At rest the joints are where the skin was bound, and a rotation is relative to that. The rate is
+    that of the key frames, unless `fps` is given; the motion is read off the tracks at that rate. A
+    file is in metres, y up; `unit` and `up` say otherwise, and a skeleton of more than 3 m is taken
+    to be in cm or mm. The betas of a file that the workbench wrote are read too; morph targets and
+    scales are not. `notes` say all of this. A root joint from which its only child
+    moves away, such as a marker on the floor, is left out.
+
+    Raises BadFile for a file that is damaged, has no skin or no animation of it, whose bones change
+    their length by more than a centimetre, or are mirrored; UnknownName for a unit or an axis.
+    """
+    check_given(unit, up)
+    with taken_for(path, "motion as glTF", DO), damage():
+        document = document_of(bounded(path, MOST_BYTES), Path(path).parent)
+        try:
+            return _motion_of(document, unit, up, fps, Path(path).name)
+        except BadArgument as error:
+            raise BadFile(str(error)) from error
+
+
+def _motion_of(
+    document: GlbDocument, unit: str | None, up: str | None, fps: float | None, name: str
+) -> Motion:
+    nodes = Nodes.of(document)
+    skin, notes = skin_of(document, nodes)
+    tracks, more = _animation(document, nodes, skin)
+    times, rate, said = _times(tracks, fps)
+    if len(times) * len(skin.names) > MOST_PLACES:
+        raise ValueError(f"{len(times):,} frames of {len(skin.names)} joints are too many")
+    moved = skin.motions(nodes, tracks, times)
+    if not np.isfinite(moved).all():
+        raise ValueError("its joints are at places that are not finite")
+    R, scale = _turns(moved)
+    places = np.einsum("tkij,kj->tki", moved[..., :3, :3], skin.rest) + moved[..., :3, 3]
+    size = float(extents(places).max())
+    sizes = sizes_of(skin.names)
+    if unit is None and size <= sizes.others[0][1]:
+        unit, why = "m", "the unit is m, as in all files of glTF"
+    else:
+        unit, why = unit_of(size, unit, sizes=sizes, units=tuple(UNITS), what=REACH)
+    metres = UNITS[unit]
+    skin, R, places, lost = _rooted(skin, R, places, STRETCH / metres)
+    parents = np.array(skin.parents)
+    local = R.copy()
+    local[:, 1:] = R[:, parents[1:]].swapaxes(2, 3) @ R[:, 1:]
+    rest = scale * metres * skin.rest
+    offsets = rest - np.where(np.arange(len(rest))[:, None] > 0, rest[parents], 0.0)
+    bones = Bones(skin.parents, offsets)
+    pose = vector_from_matrix(local)
+    trans = metres * places[:, 0] - rest[0]
+    stretch = float(np.abs(bones.joints(pose, trans) - metres * places).max())
+    if stretch > STRETCH:
+        raise ValueError(
+            f"its bones change their length, so that joints are up to {stretch:.3f} m elsewhere, "
+            "and a skeleton here has bones of one length"
+        )
+    axis, pointing = up_of(metres * places, up, "y", what="the skeleton")
+    if up is None and up_of(metres * places, names=skin.names)[0] == "z":
+        pointing += "; the joints reach farthest along z, so give z as up if the person stands"
+    notes = (why, pointing, *said, *notes, *more, *lost)
+    found = Motion(
+        pose, trans, rate, skin.names, _betas(document), bones=bones, origin=name, notes=notes
+    )
+    return found.turned(UP_TO_Y[axis])
+
+
+def _animation(
+    document: GlbDocument, nodes: Nodes, skin: Skin
+) -> tuple[dict[tuple[int, str], Track], tuple[str, ...]]:
+    """The tracks of the first animation that moves the skin, and sentences on the others."""
+    animations = several(document.json, "animations")
+    own = {*nodes.above({*skin.nodes})}
+    for number, animation in enumerate(animations):
+        tracks = {k: t for k, t in tracks_of(document, animation).items() if k[0] in own}
+        if tracks:
+            notes = []
+            if len(animations) > 1:
+                called = shown(animation.get("name", number))
+                notes.append(f"of {len(animations)} animations, {called} is read")
+            paths = [c.get("target") for c in several(animation, "channels")]
+            if any(isinstance(p, dict) and p.get("path") == "weights" for p in paths):
+                notes.append("the weights of morph targets are not read")
+            return tracks, tuple(notes)
+    raise ValueError("it has no animation of the joints of its skin")
+
+
+def _times(
+    tracks: dict[tuple[int, str], Track], given: float | None
+) -> tuple[Array, float, tuple[str, ...]]:
+    """The times (T,) s of frames, their rate, and what is to be said about it."""
+    first = min(float(t.times[0]) for t in tracks.values())
+    last = max(float(t.times[-1]) for t in tracks.values())
+    keys = max((t.times for t in tracks.values()), key=len)
+    steps = np.diff(keys)
+    steps = steps[steps > 0]
+    rate, said = given, tuple[str, ...]()
+    if rate is None and not len(steps):
+        rate, said = USUAL, (f"it has one key frame, and is taken to have {USUAL:g} a second",)
+    elif rate is None:
+        rate = 1 / float(np.median(steps))
+        rate = round(rate) if abs(rate - round(rate)) < WHOLE * rate else rate
+        if np.ptp(steps) > 0.01 * steps.max():
+            said = (f"key frames are not evenly spaced; {rate:.4g} a second are read off them",)
+    assert rate is not None
+    if not 0 < rate < np.inf or not (last - first) * rate < MOST_PLACES:
+        raise ValueError(f"{last - first:g} s at {rate:g} frames a second are no motion")
+    count = int((last - first) * rate + 0.01) + 1
+    times = first + np.arange(count) / rate
+    nearest = keys[np.searchsorted(0.5 * (keys[1:] + keys[:-1]), times)]
+    return np.where(np.abs(times - nearest) < WHOLE / rate, nearest, times), float(rate), said
+
+
+def _turns(moved: Array) -> tuple[Array, float]:
+    """The rotations (T, K, 3, 3) of motions with a scale, and the scale of the first frame."""
+    A = moved[..., :3, :3]
+    sizes = np.linalg.det(A)
+    if not (sizes > 0).all():
+        raise ValueError("a joint is mirrored, or has no size, and no rotation does that")
+    scales = np.cbrt(sizes)
+    R: Array = nearest_rotation(A / scales[..., None, None])
+    return R, float(np.median(scales[0]))
+
+
+def _rooted(
+    skin: Skin, R: Array, places: Array, most: float
+) -> tuple[Skin, Array, Array, tuple[str, ...]]:
+    """The skin without joints at its root from which the only child moves away."""
+    lost = []
+    while skin.parents.count(0) == 1 and len(skin.names) > 1:
+        away = np.einsum("tji,tj->ti", R[:, 0], places[:, 1] - places[:, 0])
+        if np.ptp(away, axis=0).max() <= most:
+            break
+        lost.append(skin.names[0])
+        skin, R, places = skin.only([*range(1, len(skin.names))]), R[:, 1:], places[:, 1:]
+    said = (f"left out at the root, because their child moves away: {', '.join(lost)}",)
+    return skin, R, places, said if lost else ()
+
+
+def _betas(document: GlbDocument) -> Array:
+    """The betas that the workbench wrote into the file."""
+    asset: Any = document.json.get("asset")
+    extras = asset.get("extras") if isinstance(asset, dict) else None
+    given = extras.get("betas") if isinstance(extras, dict) else None
+    if not isinstance(given, list) or len(given) > 1000 or asset.get("generator") != "workbench":
+        return np.zeros(0)
+    if not all(isinstance(b, int | float) and np.isfinite(b) for b in given):
+        return np.zeros(0)
+    return np.array(given, dtype=float)
+
+
+LARGEST = 2.5e8  # bytes of morph targets, and of their weights in all frames
+
+
+def write_glb(
+    path: str | Path,
+    motion: Motion,
+    body: SkinnedBody,
+    *,
+    correctives: int | None = None,
+    shapes: int = 0,
+    betas: Array | None = None,
+) -> Correctives:
+    """Write a motion as .glb: surface, skeleton and correctives of a body, and its way.
+
+    Each frame is a key frame. `correctives` is the number of morph targets that stand for what the
+    motion uses of the pose blend shapes: None for all of it, 0 for none. What is returned says how
+    far the surface is off with them, and so do the file's extras. An expression moves the face of a
+    body that has one; `betas` (T, B) take the place of the motion's own. `shapes` is the number of
+    shape directions that become morph targets as well, at zero for the person of the motion.
+
+    Raises BadArgument for a file of more than 250 MB, and what `write_gltf` and `Motion.named`
+    raise.
+    """
+    here, T = motion.named(body), len(motion)
+    used = min(T, body.posedirs.shape[2])
+    each = here.betas_on(body) if betas is None else betas
+    person = np.zeros(body.n_betas)
+    person[: len(here.betas)] = here.betas
+    moving = np.broadcast_to(each, (T, body.n_betas)) - person
+    morphs = shapes + (used if correctives is None else min(correctives, used))
+    morphs += int(moving.any(axis=0).sum())
+    size = morphs * (12.0 * body.n_vertices + 4.0 * T)
+    if size > LARGEST:
+        raise BadArgument(
+            f"{morphs} morph targets of {body.n_vertices} vertices in {T} frames take "
+            f"{size / 1e6:.0f} MB as .glb; ask for fewer correctives, resample the motion, slice "
+            "it, or take a smaller body"
+        )
+    return write_gltf(
+        path,
+        body,
+        here.pose,
+        here.betas,
+        trans=here.trans,
+        moving=moving,
+        seconds=1 / here.fps,
+        correctives=correctives,
+        shapes=shapes,
+    )

@@ -1,0 +1,209 @@
+"""Scans that one camera took: space that it saw to be empty, and starts like what it saw."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from workbench.arrays import Array
+from workbench.blocks import Values
+from workbench.bodies.body import Body
+from workbench.fitting.body_priors import pose_gaussian
+from workbench.fitting.scans.scan import Scan
+from workbench.geometry.rotation import matrix_from_vector
+from workbench.geometry.solids import face_vectors, sums_over_faces
+from workbench.priors.poses import draw_poses, shipped_mixture
+from workbench.registration.limbs import limb_poses
+from workbench.registration.starts import STRAY, WHOLE
+from workbench.residuals import Residual, free_space, geman_mcclure, scaled
+from workbench.residuals.scans import BESIDE, Shadow
+
+KEPT_OUT = 300  # vertices of the body, drawn at random, that are kept out of empty space
+DEEP = 0.03  # m: as far into empty space a vertex gets without being wrong, at least
+WIDER = 3.0  # times the sigma of a stage: the same, if that is more
+REACH = 0.2  # m: the scale of the robust kernel; a limb in empty space has a long way back
+BEHIND = 0.02  # of the points of a scan may be behind a camera that looks at their middle
+
+
+def empty_space(body: Body, scan: Scan, camera: ArrayLike, sigma: float) -> Residual:
+    """How far vertices stand in space that a camera at `camera` (3,) m saw to be empty.
+
+    `sigma` is that of the stage in m: one that is coarse in its distances is as coarse in this. Of
+    a scan that shows only a part of the body (see `shows_all`), what is beside counts as out of
+    view. The lengths suit a whole person.
+    """
+    order = np.random.default_rng(0).permutation(body.n_vertices)
+    sigma = max(WIDER * sigma, DEEP)
+    return free_space(
+        body.points(*(block.symbol for block in body.blocks()), vertices=np.sort(order[:KEPT_OUT])),
+        scan.points,
+        camera,
+        sigma=sigma,
+        kernel=scaled(geman_mcclure, REACH / sigma),
+        within=np.inf if shows_all(body, scan) else BESIDE,
+        name="empty space",
+    )
+
+
+def shows_all(body: Body, scan: Scan) -> bool:
+    """Whether a scan is at least 0.6 times as high as the body, as `scan_starts` asks for too.
+
+    A lower one may have been cut off, so that nothing is known of what is beyond its points.
+    """
+    low, high = np.quantile(scan.points[:, 1], [STRAY, 1 - STRAY])
+    return bool(high - low > WHOLE * np.ptp(body.template[:, 1]))
+
+
+def sees(camera: ArrayLike, points: Array) -> bool:
+    """Whether one look from `camera` (3,) m can have all but 2 % of points (M, 3) m before it.
+
+    A camera that stands among the points cannot have taken them.
+    """
+    rays = points - np.asarray(camera, dtype=float)
+    far = np.linalg.norm(rays, axis=1)
+    if not (far > 0).all():
+        return False
+    unit = rays / far[:, None]
+    return bool(np.mean(unit @ np.median(unit, axis=0) <= 0) <= BEHIND)
+
+
+DRAWS = 72  # poses of the prior that are tried beside those of the starts
+SAME_ROOT = 1e-6  # rad: root rotations that differ less are one
+TOWARDS = 0.3  # cosine with the way to the camera, from which on a vertex faces it
+POINTS, VERTICES = 200, 300  # of the scan and of the body, that are compared
+FACING = 0.5  # cosine of the largest angle between the normals of a point and of a vertex
+EMPTY = 0.3  # how much a vertex in empty space counts beside a point without surface
+
+
+def start_poses(body: Body, draws: int = DRAWS) -> Array:
+    """Poses (P, K - 1, 3) rad of all joints but the root, such as people take.
+
+    They are `limb_poses`, and random ones: of `shipped_mixture` for a body with its joints, and of
+    the Gaussian of `pose_prior` for others. The same body always gets the same poses.
+    """
+    rng, mixture = np.random.default_rng(0), shipped_mixture()
+    if tuple(body.joint_names[1:]) == tuple(mixture.joint_names):
+        drawn = draw_poses(mixture, draws, rng)[:, 1:]
+    else:
+        mean, covariance = pose_gaussian(body)
+        flat = np.ravel(mean)
+        spread = covariance if np.ndim(covariance) == 2 else covariance * np.eye(len(flat))
+        drawn = rng.multivariate_normal(flat, spread, draws).reshape(draws, -1, 3)
+    return np.concatenate([limb_poses(body), drawn])
+
+
+def seen_starts(
+    body: Body,
+    scan: Scan,
+    camera: Array,
+    starts: Sequence[Values],
+    count: int,
+) -> tuple[Values, ...]:
+    """The `count` starts that are most like the scan, the most alike first.
+
+    Every root rotation of `starts` is combined with every pose of the other joints: those of
+    `starts` and `start_poses`. `camera` (3,) m is where the scan was taken from. A scan from one
+    side has its median on the skin, and not inside of the body; so the median of the vertices that
+    face the camera comes to that of the scan. Feet are where `scan_starts` puts them.
+
+    With d the distance from a point of the scan to the nearest vertex that faces its way, and e
+    that from a vertex to the shadow of the scan (see `residuals.free_space`), starts are compared
+    by the robust means, with REACH,
+
+        mean d^2 / (d^2 + reach^2) + EMPTY mean e^2 / (e^2 + reach^2).
+    """
+    pose, betas, trans = (block.name for block in body.blocks())
+    roots = _different([start[pose][0] for start in starts])
+    poses = [*_different([start[pose][1:] for start in starts]), *start_poses(body)]
+    look, shape = _Look.of(scan, camera), starts[0][betas]
+    vertices = np.linspace(0, body.n_vertices - 1, VERTICES).astype(int)
+    turns = matrix_from_vector(np.array(roots))
+    posed = np.stack([np.concatenate([np.zeros((1, 3)), other]) for other in poses])
+    centre = body.joints(posed[0], shape, np.zeros(3))[0]  # the root's, which no pose moves
+    tried: list[tuple[float, Array, Values]] = []
+    for other, surface in zip(poses, body.vertices(posed, shape, np.zeros(3)), strict=True):
+        normals = sums_over_faces(face_vectors(surface, body.faces), body.faces, len(surface))
+        normals = normals[vertices] / np.linalg.norm(normals[vertices], axis=1, keepdims=True)
+        for root, R in zip(roots, turns, strict=True):
+            v, n = (surface[vertices] - centre) @ R.T + centre, normals @ R.T
+            place = look.place(v, n)
+            start = {pose: np.concatenate([root[None], other]), betas: shape, trans: place}
+            tried.append((look.unlike(v + place, n), v + place, start))
+    tried.sort(key=lambda one: one[0])
+    found: list[tuple[float, Values]] = []
+    for unlike, v, start in tried:
+        if len(found) == count and unlike >= found[-1][0]:
+            break  # empty space only adds to what the points say
+        found.append((unlike + EMPTY * look.outside(v), start))
+        found = sorted(found, key=lambda one: one[0])[:count]
+    return tuple(start for _, start in found)
+
+
+@dataclass(frozen=True, eq=False)
+class _Look:
+    """What a camera saw, to be compared with bodies.
+
+    Attributes:
+        points: (m, 3) m of the scan.
+        normals: (m, 3) of them, or None.
+        shadow: of all points.
+        middle: (3,) m, the median of all.
+        ends: the heights in m between which they are.
+        way: (3,) the unit vector from the camera to the middle.
+    """
+
+    points: Array
+    normals: Array | None
+    shadow: Shadow
+    middle: Array
+    ends: Array
+    way: Array
+
+    @staticmethod
+    def of(scan: Scan, camera: Array) -> "_Look":
+        """Of a scan that was taken from `camera` (3,) m."""
+        some = np.random.default_rng(0).permutation(scan.n_points)[:POINTS]
+        middle = np.median(scan.points, axis=0)
+        return _Look(
+            scan.points[some],
+            None if scan.normals is None else scan.normals[some],
+            Shadow.of(scan.points, camera),
+            middle,
+            np.quantile(scan.points[:, 1], [STRAY, 1 - STRAY]),
+            (middle - camera) / np.linalg.norm(middle - camera),
+        )
+
+    def place(self, vertices: Array, normals: Array) -> Array:
+        """The translation (3,) m that brings what faces the camera to the scan."""
+        faces = -normals @ self.way > TOWARDS
+        off = self.middle - np.median(vertices[faces] if faces.any() else vertices, axis=0)
+        if np.ptp(self.ends) > WHOLE * np.ptp(vertices[:, 1]):
+            off[1] = self.ends[0] - vertices[:, 1].min()
+        return np.asarray(off)
+
+    def unlike(self, vertices: Array, normals: Array) -> float:
+        """How much the points differ from a body (n, 3) m, from 0 to 1."""
+        squares = (self.points**2).sum(axis=1)[:, None] + (vertices**2).sum(axis=1)
+        squares -= 2 * self.points @ vertices.T
+        if self.normals is not None:
+            squares[self.normals @ normals.T < FACING] = np.inf
+        return _share(np.maximum(squares.min(axis=1), 0.0))
+
+    def outside(self, vertices: Array) -> float:
+        """How much of a body (n, 3) m is in space that was seen to be empty, from 0 to 1."""
+        return _share(self.shadow.distances(vertices).numbers.ravel() ** 2)
+
+
+def _share(squares: Array) -> float:
+    """The mean of what is 1/2 at the square of REACH, and 1 for infinity."""
+    return float(np.mean(1 - REACH**2 / (squares + REACH**2)))
+
+
+def _different(arrays: Sequence[Array]) -> list[Array]:
+    """Those that differ from all before by more than rounding."""
+    found: list[Array] = []
+    for one in arrays:
+        if all(np.abs(one - other).max() > SAME_ROOT for other in found):
+            found.append(one)
+    return found
