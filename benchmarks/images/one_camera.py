@@ -36,7 +36,6 @@ from workbench.fitting.images import (
     WithStature,
     image_priors,
     smplify,
-    tailed_priors,
 )
 from workbench.fitting.keypoints import KeypointProblem, alike, keypoint_setup
 from workbench.fitting.observations import Observations
@@ -58,7 +57,7 @@ REPORTED = range(0, 100, 4)  # frames of `balance`; recipes were chosen on 2, 10
 STATURE = 1.72  # m, of the person of `balance`, by the fits to four cameras
 PEOPLE = 200
 NOISE = 5.0  # px
-STRICT = 0.035  # of the height, from which on keypoints are outliers, with the Student's t
+STRICT = 0.035  # of the height, from which on keypoints are outliers, in one of the recipes
 OUTLIERS, FAR = 4, 150.0  # how many keypoints are wrong, and by how many px
 TITLES = {
     "balance": "The person of `balance`, one camera",
@@ -218,9 +217,6 @@ def run(recording: Path | None, only: Sequence[str] | None = None) -> dict[str, 
             ImageFits(body, ByHeight(relative=alike))
         ),
         "regressed start, pose prior half": in_stages(ImageFits(body, ByHeight(priors=half))),
-        "regressed start, Student's t of poses": in_stages(
-            ImageFits(body, ByHeight(priors=tailed_priors, strict=STRICT))
-        ),
         "regressed start, outliers from 3.5 % on": in_stages(
             ImageFits(body, ByHeight(strict=STRICT))
         ),

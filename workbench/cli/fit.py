@@ -28,7 +28,7 @@ from workbench.fitting.compared_solvers import MANY
 from workbench.fitting.files.clips import read_clip
 from workbench.fitting.images import ByHeight, image_fit
 from workbench.fitting.jobs import ImageReading, ImageWork
-from workbench.fitting.keypoints import keypoint_fit
+from workbench.fitting.keypoints import as_marked, keypoint_fit
 from workbench.fitting.known_points import own_mesh
 from workbench.fitting.marker_files import READERS as MARKERS
 from workbench.fitting.marker_sets import OUT
@@ -282,7 +282,15 @@ def _keypoints(given: Given, files: list[Path], hypotheses: int) -> Setup:
         f"{', '.join(str(f.name) for f in files)}?"
     )
     if len(files) > 1:
-        return keypoint_fit(observed, given.body, question, sigma=given.sigma, compared=MANY)
+        return keypoint_fit(
+            observed,
+            given.body,
+            question,
+            sigma=given.sigma,
+            kernel=None,
+            relative=as_marked,
+            compared=MANY,
+        )
     return image_fit(
         observed,
         given.body,

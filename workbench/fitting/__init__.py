@@ -15,7 +15,6 @@ from workbench.fitting.body_priors import (
     shape_prior,
     stature,
     stature_prior,
-    tailed_pose_prior,
     usual_priors,
 )
 from workbench.fitting.candidates import (
@@ -41,7 +40,6 @@ from workbench.fitting.images import (
     image_fit,
     image_priors,
     smplify,
-    tailed_priors,
     wider,
 )
 from workbench.fitting.keypoints import keypoint_fit
@@ -51,7 +49,6 @@ from workbench.fitting.known_points import (
     joint_fit,
     mesh_fit,
     own_mesh,
-    placed,
 )
 from workbench.fitting.marker_files import MarkerRecording, read_markers
 from workbench.fitting.marker_sets import MarkerSet, default_markers, read_marker_set
@@ -66,7 +63,7 @@ from workbench.fitting.observations import (
     clip_of,
     photograph,
 )
-from workbench.fitting.placing import regressed_start
+from workbench.fitting.placing import placed, regressed_start
 from workbench.fitting.pose_regressor import (
     PoseRegressor,
     read_regressor,
@@ -167,8 +164,6 @@ __all__ = [
     "stature",
     "stature_of",
     "stature_prior",
-    "tailed_pose_prior",
-    "tailed_priors",
     "train_pose_regressor",
     "usual_priors",
     "video_fit",

@@ -16,8 +16,7 @@ from workbench.bodies.skinned_only import not_skinned
 from workbench.errors import BadArgument
 from workbench.priors.hand_limits import hand_limits
 from workbench.priors.poses import numbers_of, shipped_gaussian
-from workbench.priors.tailed_poses import shipped_student
-from workbench.residuals import Residual, gaussian, student_t
+from workbench.residuals import Residual, gaussian
 
 POSE_PRIOR = "pose prior"
 SMPL_JOINTS = 24  # of the bodies for which the pose prior was learned
@@ -35,42 +34,6 @@ def pose_prior(body: Body, pose: cs.MX | None = None) -> Residual:
     pose = body.blocks()[0].symbol if pose is None else pose
     mean, covariance = pose_gaussian(body)
     return gaussian(pose[:, 1:], mean=mean, covariance=covariance, unit="rad", name=POSE_PRIOR)
-
-
-def tailed_pose_prior(body: Body, counted: float) -> Residual:
-    """A Student's t on the joints that the recording moves, and `pose_prior` for the others.
-
-    It is for observations that determine some of the numbers of a pose, such as those of one image:
-    `counted` of them count (`student_t`). It is meant for likeliest poses, not for draws. The t and
-    the Gaussian were learned from the same frames (`data/poses/PROVENANCE.md`). A body without
-    these joints gets `pose_prior`.
-    """
-    learned, names = shipped_student(), body.joint_names[1:]
-    if not {*learned.joint_names} <= {*names}:
-        return pose_prior(body)
-    mean, covariance = pose_gaussian(body)
-    if covariance.ndim == 0:
-        covariance = covariance * np.eye(mean.size)
-    x = cs.vec(body.blocks()[0].symbol[:, 1:])
-    moving = numbers_of(learned.joint_names, names)
-    still = np.setdiff1d(np.arange(3 * len(names)), moving)
-    of_moving = student_t(
-        x[moving.tolist()],
-        dof=learned.dof,
-        mean=learned.mean,
-        scale=learned.scale,
-        counted=counted,
-        name=POSE_PRIOR,
-    )
-    if not len(still):
-        return of_moving
-    of_still = gaussian(
-        x[still.tolist()],
-        mean=mean.ravel()[still],
-        covariance=covariance[np.ix_(still, still)],
-        name=POSE_PRIOR,
-    )
-    return Residual(POSE_PRIOR, cs.vertcat(of_moving.whitened, of_still.whitened), 1.0)
 
 
 def pose_gaussian(body: Body) -> tuple[Array, Array]:

@@ -142,8 +142,7 @@ def _cost(setup: Setup, views: Sequence[View], changed: Sequence[View]) -> float
         with np.errstate(all="ignore"):
             start |= place_body(body, changed, start)
             if len(changed) == 1:
-                placed = replace(setup, start=start, views=tuple(changed))
-                start |= image_starts(body, placed, 1)[0]
+                start |= image_starts(body, changed[0], start, 1)[0]
             solver = PLAIN if setup.strategy is None else setup.strategy(None)
             cost = solver.solve(setup.problem, start).cost
     except (WorkbenchError, ArithmeticError, np.linalg.LinAlgError):

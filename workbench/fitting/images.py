@@ -29,18 +29,19 @@ keypoints have this larger variance from the outset have larger errors (`benchma
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 import numpy as np
 
 from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
+from workbench.bodies.body import Body
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadArgument
-from workbench.fitting.body_priors import MEASURED, stature_prior, tailed_pose_prior, usual_priors
+from workbench.fitting.body_priors import MEASURED, stature_prior, usual_priors
 from workbench.fitting.keypoints import (
     LEAST_CONFIDENCE,
+    OUTLIER,
     SIGMA,
     KeypointProblem,
     Relative,
@@ -48,7 +49,7 @@ from workbench.fitting.keypoints import (
     alike,
     as_marked,
     height_in_view,
-    keypoint_setup,
+    placed_views,
 )
 from workbench.fitting.observations import Observations
 from workbench.fitting.placing import image_starts
@@ -67,7 +68,6 @@ ANGLES = 3.17  # SMPLify's weight of the term of elbows and knees, in lambda_the
 SMPLIFY_SIGMA = LAMBDA_POSE[-1] / float(np.sqrt(2))  # px
 
 Recipe = Callable[["Appearance"], "ImageRecipe"]
-COUNTED = 13.0  # numbers of a pose, by the Student's t: fewer than one image determines
 ROUGHLY = LevenbergMarquardt(gradient_tolerance=0.01)  # of a stage that is only a start
 NEARLY = LevenbergMarquardt(gradient_tolerance=1e-3)  # beyond, keypoints tell nothing more
 
@@ -77,20 +77,6 @@ def image_priors(body: SkinnedBody | TriangleBody) -> tuple[Residual, ...]:
     pose = body.blocks()[0]
     hinged = set(HINGES) & set(pose.labels or ())
     return (*usual_priors(body), *([bending(pose)] if hinged else []))
-
-
-def tailed_priors(body: SkinnedBody | TriangleBody) -> tuple[Residual, ...]:
-    """The same with a Student's t for the pose, of which 13 numbers count (`student_t`).
-
-    At the fits to one image the data determine 18 to 20 of the 51: 51 less the trace of prior
-    precision times Laplace's covariance. With 20, synthetic people are found better and real ones
-    are not; 13 was chosen on tuning data of both kinds. A real person is found a little better than
-    with the Gaussian, synthetic ones a little worse, and clearly worse where detections are grossly
-    wrong, so that it is not the default (`benchmarks/IMAGES.md`). Take it with outliers that begin
-    at 3.5 % of the height: `ByHeight(priors=tailed_priors, strict=0.035)`.
-    """
-    of_pose = tailed_pose_prior(body, COUNTED)
-    return tuple(of_pose if one.name == of_pose.name else one for one in image_priors(body))
 
 
 def smplify_priors(body: SkinnedBody | TriangleBody) -> tuple[Residual, ...]:
@@ -224,7 +210,7 @@ class ByHeight:
     """
 
     sigma: float | None = None
-    outlier: float = 0.08
+    outlier: float = OUTLIER
     strict: float = 0.04
     wide: tuple[float, ...] = ()
     priors: Terms = image_priors
@@ -259,11 +245,6 @@ class ImageFits:
         default_factory=dict, init=False, repr=False
     )
 
-    @cached_property
-    def _placing(self) -> KeypointProblem:
-        """The problem of those setups that only say where the torso was seen."""
-        return KeypointProblem(self.body)
-
     def setup(
         self,
         observations: Observations,
@@ -280,12 +261,12 @@ class ImageFits:
         `image_starts`). Its measures tell the distance from the camera with its 90 % interval (see
         `depth_interval`). Other arguments and errors are those of `keypoint_fit`.
         """
-        given = observations, question, held_out, reference, compared
-        placed = keypoint_setup(self._placing, *given)
-        starts = image_starts(self.body, placed, hypotheses)
-        first = placed.start | starts[0]
-        recipe, of = self._for(appearance(placed, first))
-        setup = replace(keypoint_setup(of, *given), start=first)
+        shown = placed_views(self.body, observations, held_out)
+        view = next(view for view in shown.views if not view.held_out)
+        starts = image_starts(self.body, view, shown.start, hypotheses)
+        shown = replace(shown, start={**shown.start, **starts[0]})
+        recipe, of = self._for(appearance(self.body, view, shown.start))
+        setup = shown.setup(of, question, reference, compared)
         cameras = [name for name in setup.problem.rows if name.startswith("keypoints(")]
 
         def strategy(solver: Solver | None) -> Solver:
@@ -343,13 +324,10 @@ def image_fit(
     )
 
 
-def appearance(setup: Setup, values: Values) -> Appearance:
+def appearance(body: Body, view: View, values: Values) -> Appearance:
     """How high a person at the depth of a start would be in the image, and whether some keypoint
     is suspect: farther from the start's than a seventh of that height.
     """
-    view = next(view for view in setup.views if not view.held_out)
-    body = setup.body
-    assert body is not None
     found = body.landmark(view.landmarks, *(values[block.name] for block in body.blocks()))
     height = height_in_view(body, view, values)
     off = np.linalg.norm(view.camera.pixels(found, values) - view.observed, axis=1)

@@ -9,7 +9,8 @@ such marks.
 """
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 
 import casadi as cs
 import numpy as np
@@ -20,15 +21,17 @@ from workbench.blocks import Block, Points, Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.bodies.triangles import TriangleBody
+from workbench.errors import BadArgument
 from workbench.fitting.body_priors import usual_priors
 from workbench.fitting.files.layouts import counted_by_part
 from workbench.fitting.observations import COCO, BadObservation, Observations, Photograph, pinhole
-from workbench.fitting.placing import place_body
+from workbench.fitting.placing import place_body, regressed_start
+from workbench.fitting.pose_regressor import shipped_regressor
 from workbench.fitting.setup import Measure, Setup, View, names
 from workbench.geometry.camera import Camera, triangulate
 from workbench.problem import Problem
 from workbench.residuals import Residual, keypoints
-from workbench.residuals.kernels import Kernel, quadratic
+from workbench.residuals.kernels import Kernel, geman_mcclure, quadratic, scaled
 
 MARKED = {
     "nose": 0.026,
@@ -66,6 +69,7 @@ def as_marked(names: Sequence[str]) -> Array:
 
 PLAIN, WITH_HANDS = "coco", "coco_with_hands"  # sets of landmarks
 SIGMA = 0.004  # of a person's height in an image: 3 px in the recording on which it was chosen
+OUTLIER = 0.08  # of that height, from which on a coordinate counts as an outlier
 FOCAL_SIGMA = 0.3  # of log f, for a camera of unknown focal length
 Kind = tuple[tuple[str, tuple[int, int] | None, bool], ...]  # of the photographs of one person
 Relative = Callable[[Sequence[str]], Array]  # sigmas (M,) of keypoints compared with a typical one
@@ -82,14 +86,14 @@ class KeypointProblem:
     Attributes:
         body: the body that is fitted.
         sigma: the standard deviation of a keypoint, in px: one, or one for each photograph.
-        kernel: the robust kernel of keypoints.
+        kernel: the robust kernel of keypoints: one, or one for each photograph.
         priors: the residuals of a body beside its keypoints.
         relative: the standard deviations of keypoints by name, in sigmas.
     """
 
     body: SkinnedBody | TriangleBody
     sigma: float | tuple[float, ...] = 4.0
-    kernel: Kernel = quadratic
+    kernel: Kernel | tuple[Kernel, ...] = quadratic
     priors: Terms = usual_priors
     relative: Relative = alike
     _made: dict[tuple[str, Kind], tuple[Problem, tuple[Camera, ...], tuple[str, ...]]] = field(
@@ -126,11 +130,14 @@ class KeypointProblem:
         terms, priors, blocks = [], list(self.priors(body)), list[Block]()
         free = [pose.name, betas.name, trans.name]
         sigmas = self.sigma if isinstance(self.sigma, tuple) else (self.sigma,) * len(kind)
-        for camera, sigma, (_, size, out) in zip(cameras, sigmas, kind, strict=True):
+        kernels = self.kernel if isinstance(self.kernel, tuple) else (self.kernel,) * len(kind)
+        for camera, sigma, kernel, (_, size, out) in zip(
+            cameras, sigmas, kernels, kind, strict=True
+        ):
             if out:
                 continue
-            given = points, camera, names, sigma, self.kernel, self.relative(names)
-            terms.append(camera_residual(*given)[0])
+            relative = self.relative(names)
+            terms.append(camera_residual(points, camera, names, sigma, kernel, relative)[0])
             blocks += camera.blocks
             if size is not None:
                 priors.append(focal_prior(camera, max(size)))
@@ -219,31 +226,44 @@ def keypoint_fit(
     question: str,
     *,
     sigma: float | None = 4.0,
-    kernel: Kernel = quadratic,
+    kernel: Kernel | None = quadratic,
+    relative: Relative = alike,
     held_out: Sequence[str] = (),
     reference: Array | None = None,
     compared: tuple[str, ...] = (),
 ) -> Setup:
     """Pose, betas and trans of a body from its keypoints in photographs; `sigma` in px.
 
-    Without a sigma, it is SIGMA times the height of the person in each image.
+    Without a sigma, it is SIGMA times the height of the person in each image. Without a kernel, it
+    is Geman and McClure's, with outliers from OUTLIER times that height on; as such a kernel needs
+    a start that is near, the fit then begins in the pose that a regressor reads off the view that
+    shows most (`regressed_start`), where the body is of its kind.
 
     A detector's confidence c enters as the weight c^2, outside of the kernel, as in SPIN
     (Kolotouros et al. 2019): without a robust kernel, that keypoint has the standard deviation
-    sigma / c. Priors on the pose (`pose_prior`) and the shape (`shape_prior`) determine what the
-    keypoints do not. Photographs in `held_out` are not fitted, but drawn and measured. `reference`
-    (M, 3) m holds published positions of the body's landmarks, NaN where there is none. A camera
-    without K gets a free focal length.
+    sigma / c, times that of `relative`. Priors on the pose (`pose_prior`) and the shape
+    (`shape_prior`) determine what the keypoints do not. Photographs in `held_out` are not fitted,
+    but drawn and measured. `reference` (M, 3) m holds published positions of the body's landmarks,
+    NaN where there is none. A camera without K gets a free focal length.
 
     Raises BadObservation if the keypoints cannot place the body.
     """
-    if sigma is None:
-        placed = keypoint_setup(KeypointProblem(body), observations, question, held_out)
-        heights = [height_in_view(body, view, placed.start) for view in placed.views]
-        of = KeypointProblem(body, tuple(SIGMA * height for height in heights), kernel)
-    else:
-        of = KeypointProblem(body, sigma, kernel)
-    return keypoint_setup(of, observations, question, held_out, reference, compared)
+    shown = placed_views(body, observations, held_out)
+    heights = [max(height_in_view(body, view, shown.start), 1.0) for view in shown.views]
+    sigmas = tuple(SIGMA * height if sigma is None else sigma for height in heights)
+    kernels: tuple[Kernel, ...] = (kernel or quadratic,) * len(sigmas)
+    if kernel is None:
+        kernels = tuple(
+            scaled(geman_mcclure, OUTLIER * height / own)
+            for height, own in zip(heights, sigmas, strict=True)
+        )
+        fitted = [view for view in shown.views if not view.held_out]
+        best = max(fitted, key=lambda view: float(view.confidence.sum()))
+        with suppress(BadArgument, BadObservation):
+            begun = regressed_start(shipped_regressor(), body, best, shown.start)
+            shown = replace(shown, start={**shown.start, **begun})
+    of = KeypointProblem(body, sigmas, kernels, relative=relative)
+    return shown.setup(of, question, reference, compared)
 
 
 def keypoint_setup(
@@ -255,42 +275,78 @@ def keypoint_setup(
     compared: tuple[str, ...] = (),
 ) -> Setup:
     """The fit of a problem to these observations; arguments and errors are `keypoint_fit`'s."""
-    body = of.body
+    shown = placed_views(of.body, observations, held_out)
+    return shown.setup(of, question, reference, compared)
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedViews:
+    """What cameras observed of a body that was placed where it was seen.
+
+    Attributes:
+        observations: what was observed.
+        photographs: the same, of the landmarks that are fitted.
+        views: one for each photograph.
+        start: the numbers of the cameras, what they observed, and the placed body.
+    """
+
+    observations: Observations
+    photographs: tuple[Photograph, ...]
+    views: tuple[View, ...]
+    start: Values
+
+    def setup(
+        self,
+        of: KeypointProblem,
+        question: str,
+        reference: Array | None = None,
+        compared: tuple[str, ...] = (),
+    ) -> Setup:
+        """The fit of a problem to these views; see `keypoint_fit`."""
+        body, held_out = of.body, [view.name for view in self.views if view.held_out]
+        problem, _, priors = of.of(self.photographs, held_out, self.views[0].landmarks)
+        return Setup(
+            problem=problem,
+            start=self.start,
+            question=question,
+            body=body,
+            views=self.views,
+            measures=lambda values: measures(body, self.views, values, reference),
+            priors=priors,
+            compared=compared,
+            notes=(*self.observations.notes, *unused(self.observations, body)),
+        )
+
+
+def placed_views(
+    body: SkinnedBody | TriangleBody, observations: Observations, held_out: Sequence[str] = ()
+) -> PlacedViews:
+    """The views of photographs, and where the body is in those that are fitted.
+
+    Raises BadObservation if the keypoints cannot place the body.
+    """
     kind, held_out = landmark_set(body, observations.observed()), names(held_out)
     landmarks = body.landmark_names(kind)
     photographs = observations.ordered(landmarks).photographs
-    if all(photo.name in held_out for photo in photographs):
-        raise BadObservation("there is no image to fit; hold out fewer")
-    problem, cameras, priors = of.of(photographs, held_out, kind)
     start, views = body.start(), []
-    for camera, photo in zip(cameras, photographs, strict=True):
+    for photo in photographs:
+        camera = Camera(photo.name + "/")
         observed, confidence = (block.name for block in observed_blocks(camera, landmarks))
-        seen = {observed: photo.pixels, confidence: photo.confidence}
-        start |= camera_values(camera, photo) | seen
+        start |= camera_values(camera, photo)
+        start |= {observed: photo.pixels, confidence: photo.confidence}
         out = photo.name in held_out
         views.append(
             View(photo.name, camera, photo.size, kind, photo.pixels, photo.confidence, out)
         )
-    fitted = [view for view in views if not view.held_out]
     try:
         with np.errstate(divide="raise", invalid="raise", over="raise"):
-            start |= place_body(body, fitted, start)
+            start |= place_body(body, [view for view in views if not view.held_out], start)
     except (ArithmeticError, np.linalg.LinAlgError) as error:
         raise BadObservation(
             "the keypoints do not determine the place of the body: those of its torso, or all of "
             "them, coincide or lie absurdly far out; check their coordinates, which are px"
         ) from error
-    return Setup(
-        problem=problem,
-        start=start,
-        question=question,
-        body=body,
-        views=tuple(views),
-        measures=lambda values: measures(body, views, values, reference),
-        priors=priors,
-        compared=compared,
-        notes=(*observations.notes, *unused(observations, body)),
-    )
+    return PlacedViews(observations, photographs, tuple(views), start)
 
 
 def height_in_view(body: Body, view: View, values: Values) -> float:

@@ -11,7 +11,7 @@ from workbench.bodies.body import Body
 from workbench.errors import BadArgument
 from workbench.fitting.observations import BadObservation
 from workbench.fitting.pose_regressor import FEWEST, PoseRegressor, shipped_regressor
-from workbench.fitting.setup import Setup, View
+from workbench.fitting.setup import View
 from workbench.geometry.camera import triangulate
 from workbench.geometry.rigid import procrustes
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
@@ -272,20 +272,19 @@ def _subsets(known: Mask) -> Mask:
 MOST = 8  # directions in which a body may face
 
 
-def image_starts(body: Body, placed: Setup, count: int) -> list[Values]:
+def image_starts(body: Body, view: View, placed: Values, count: int) -> list[Values]:
     """`count` starts of a body in one image, the likeliest first.
 
     The first is what the regressor makes of the keypoints, the second the resting body where its
-    torso was seen, which `placed` begins with; the others are the first one turned about its own
-    axis. A body that the regressor does not know begins at rest. Raises BadArgument for fewer than
-    1 or more than 8 starts.
+    torso was seen, which is in the values `placed`; the others are the first one turned about its
+    own axis. A body that the regressor does not know begins at rest. Raises BadArgument for fewer
+    than 1 or more than 8 starts.
     """
     if not 1 <= count <= MOST:
         raise BadArgument(f"a fit begins at 1 to {MOST} starts, not at {count}")
-    at_rest = {block.name: placed.start[block.name] for block in body.blocks()}
-    view = next(view for view in placed.views if not view.held_out)
+    at_rest = {block.name: placed[block.name] for block in body.blocks()}
     try:
-        first = regressed_start(shipped_regressor(), body, view, placed.start)
+        first = regressed_start(shipped_regressor(), body, view, placed)
     except (BadArgument, BadObservation):
         return turned_about(body, at_rest, count)
     turned = turned_about(body, first, max(1, count - 1))

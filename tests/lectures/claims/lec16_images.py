@@ -7,7 +7,8 @@ import numpy as np
 
 from tests.lectures.numerals import below
 from tests.lectures.prose import Run
-from workbench.fitting.images import LAMBDA_POSE, ByHeight, appearance
+from workbench.fitting.images import LAMBDA_POSE, ByHeight
+from workbench.fitting.keypoints import height_in_view
 from workbench.lectures.material.photographs import Shot
 
 KINDS = ("balance", "made up")
@@ -59,7 +60,9 @@ def near(run: Run) -> list[float]:
 def tall(run: Run) -> float:
     """How high the person of `balance` would be in the image, upright: the mean, in px."""
     setups = [(run["keypoint_setup"](run["usual"], one.observed, ""), one) for one in run["real"]]
-    heights = [appearance(setup, setup.start | one.truth).height for setup, one in setups]
+    heights = [
+        height_in_view(setup.body, setup.views[0], setup.start | one.truth) for setup, one in setups
+    ]
     return float(np.mean(heights))
 
 
