@@ -1,5 +1,6 @@
 """A clip in files: a keypoint file for each frame or one for all, of one camera or several."""
 
+from collections import Counter
 from dataclasses import dataclass
 from math import gcd
 from pathlib import Path
@@ -169,7 +170,12 @@ def _followed(
         one = found[-1]
         if one is not None and (one.points[:, 2] > 0).sum() >= PLACING:
             last = one.points  # fewer keypoints do not say how large a person is
-    notes = [note for one in found if one is not None and len(found) == 1 for note in one.notes]
+    told = Counter(
+        note.removeprefix(files[number].path.name)
+        for number, one in zip(frames, found, strict=True)
+        for note in (() if one is None else one.notes)
+    )
+    notes = [f"{folder}, in {count} of {len(found)} frames{note}" for note, count in told.items()]
     missing = [str(n) for n in frames if n not in files]
     if missing:
         what = "there are no files of" if first.part is None else "nothing is said of"
