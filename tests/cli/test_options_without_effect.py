@@ -13,7 +13,7 @@ from workbench.blocks import Values
 from workbench.cli.marker_fits import Worn
 from workbench.errors import WorkbenchError
 from workbench.experiments import Experiment, Setup
-from workbench.fitting.compared_solvers import MANY
+from workbench.fitting.setup import MANY
 from workbench.geometry.meshes import write_mesh
 
 

@@ -48,15 +48,6 @@ def test_missing_and_empty_frames_are_gaps(tmp_path: Path) -> None:
     assert any("no files of frames 3" in note for note in clip.notes)
 
 
-def test_what_frames_hold_unread_is_told(tmp_path: Path) -> None:
-    for number in range(3):
-        hand = {"hand_left_keypoints_2d": [1.0, 2.0, 0.9] * 5} if number else {}
-        people = [{"pose_keypoints_2d": person(100)} | hand]
-        (tmp_path / f"film_{number}_keypoints.json").write_text(json.dumps({"people": people}))
-    (note,) = read_clip(tmp_path, fps=30, size=SIZE).notes
-    assert "in 2 of 3 frames: not read are hand_left_keypoints_2d (5 points)" in note
-
-
 def test_constant_step_of_numbers_is_one_frame(tmp_path: Path) -> None:
     for number in (10, 20, 40):
         write(tmp_path, str(number), person(number))
@@ -74,6 +65,14 @@ def test_one_person_is_followed(tmp_path: Path) -> None:
     assert any("in 1 frames nobody is near" in note for note in notes)
     with pytest.raises(UnknownName):
         read_clip(tmp_path, fps=30, size=SIZE, person=5)
+
+
+def test_what_is_not_read_of_many_frames_is_said_once(tmp_path: Path) -> None:
+    for number in range(3):
+        one = {"pose_keypoints_2d": person(100.0), "pose_keypoints_3d": [1.0] * 72}
+        (tmp_path / f"film_{number}.json").write_text(json.dumps({"people": [one]}))
+    (note,) = read_clip(tmp_path, fps=30, size=SIZE).notes
+    assert note == "film_0.json: not read are pose_keypoints_3d (and so in 3 frames)"
 
 
 def test_person_with_one_keypoint_is_followed(tmp_path: Path) -> None:

@@ -6,8 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from workbench import LevenbergMarquardt, Problem, Solution, Status, Values, load_body
+from workbench.cli.fit import Given, of_keypoints
 from workbench.errors import BadArgument
 from workbench.experiments.balance import observations
 from workbench.fitting.body_priors import stature, stature_prior
@@ -29,14 +31,22 @@ from workbench.fitting.jobs import (
     image_jobs,
     in_parts,
 )
-from workbench.fitting.keypoints import MARKED, TYPICAL, KeypointProblem, alike, as_marked
+from workbench.fitting.keypoints import (
+    MARKED,
+    TYPICAL,
+    KeypointProblem,
+    alike,
+    as_marked,
+    keypoint_fit,
+)
 from workbench.fitting.observations import COCO, Observations, photograph
 from workbench.fitting.placing import turned_about
 from workbench.geometry.camera import Camera
+from workbench.geometry.rotation import matrix_from_vector
 from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.problem.problem import in_stage
-from workbench.residuals.kernels import geman_mcclure, scaled
-from workbench.solvers import Staged, Starts
+from workbench.residuals.kernels import Scaled, geman_mcclure, quadratic, scaled
+from workbench.solvers import Staged, Starts, TrustRegion
 
 BODY = load_body("small")
 SIZE = (1080, 1080)
@@ -285,6 +295,42 @@ def test_interrupted_image_fit_ends_the_work(
 def test_files_of_the_same_name_are_refused() -> None:
     with pytest.raises(BadArgument, match="same name"):
         image_jobs([Path("a/one.json"), Path("b/One.json")])
+
+
+def test_gross_outliers_in_several_cameras_hardly_move_the_body() -> None:
+    """As in one image, beside a least-squares fit that they move by decimetres."""
+    truth, names, photographs = person(3), BODY.landmark_names("coco"), []
+    points = BODY.landmark("coco", *truth.values())
+    for i, turn in enumerate((0.0, 1.5, 3.0)):
+        turned = R @ matrix_from_vector([0.0, turn, 0.0])
+        pixels = Camera("c/").pixels(points, Camera("c/").values(K=K, R=turned, t=(0, 0, 4.0)))
+        pixels[[2 + i, 8 + i]] += [150.0, -120.0]
+        given = {"K": K, "R": turned, "t": [0, 0, 4.0]}
+        keypoints = np.column_stack([pixels, np.ones(len(pixels))])
+        photographs.append(photograph(f"c{i}", SIZE, keypoints, given))
+    observed, off = Observations(tuple(names), tuple(photographs)), []
+    for kernel in (None, quadratic):
+        setup = keypoint_fit(observed, BODY, "q", sigma=None, kernel=kernel, relative=as_marked)
+        values = setup.start | TrustRegion().solve(setup.problem, setup.start).values
+        found = BODY.landmark("coco", *(values[name] for name in ("pose", "betas", "trans")))
+        off.append(np.linalg.norm(found - points, axis=1).mean())
+    assert off[0] < 0.005
+    assert off[1] > 5 * off[0]
+
+
+def test_files_of_several_cameras_are_fitted_robustly(tmp_path: Path) -> None:
+    files = []
+    for photo in observations(40)[0].photographs[:2]:
+        points = np.column_stack([photo.pixels, photo.confidence])[:17]
+        files.append(tmp_path / f"{photo.name}.json")
+        files[-1].write_text(json.dumps([{"keypoints": points.ravel().tolist()}]))
+    cameras = {file.stem: {"K": K.tolist(), "R": R.tolist(), "t": [0, 0, 4]} for file in files}
+    (tmp_path / "cameras.json").write_text(json.dumps(cameras))
+    reading = ImageReading(SIZE, None, tmp_path / "cameras.json")
+    for sigma in (None, 4.0):
+        given = Given(Console(), BODY, "small", reading, ByHeight(), sigma, None, False, tmp_path)
+        problem = of_keypoints(given, files, 1).problem
+        assert {type(one.kernel) for one in problem.residuals[:2]} == {Scaled}
 
 
 @pytest.mark.thorough

@@ -129,7 +129,7 @@ def test_bad_clips_are_refused() -> None:
     clip = balance_clip([40, 41], ["cam01"])
     with pytest.raises(BadArgument, match="2 frames are worth 1 to 2"):
         video_fit(clip, BODY, "?", worth=3)
-    with pytest.raises(BadObservation, match="no frame shows a keypoint"):
+    with pytest.raises(BadObservation, match="no keypoint has a confidence above 0"):
         gapped(clip, [0, 1])
     with pytest.raises(BadObservation, match="frames per second"):
         replace(clip, fps=0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.outcomes_made_up import outcome_made_up
-from workbench.fitting.compared_solvers import MANY
+from workbench.fitting.setup import MANY
 from workbench.plots import SECONDS, caption_convergence, plot_convergence, png, sheet
 from workbench.plots.convergence import best_cost, gap
 from workbench.plots.palette import solver_styles

@@ -24,7 +24,6 @@ from workbench.cli.video import fit_video
 from workbench.environment import expanded
 from workbench.errors import BadArgument, BadFile
 from workbench.experiments import Experiment
-from workbench.fitting.compared_solvers import MANY
 from workbench.fitting.files.clips import read_clip
 from workbench.fitting.images import ByHeight, image_fit
 from workbench.fitting.jobs import ImageReading, ImageWork
@@ -32,7 +31,7 @@ from workbench.fitting.keypoints import as_marked, keypoint_fit
 from workbench.fitting.known_points import own_mesh
 from workbench.fitting.marker_files import READERS as MARKERS
 from workbench.fitting.marker_sets import OUT
-from workbench.fitting.setup import Setup
+from workbench.fitting.setup import MANY, Setup
 from workbench.geometry.meshes import READERS, WITH_VERTEX_ORDER
 from workbench.solvers import DEFAULT, SOLVERS, LevenbergMarquardt, Solver
 
@@ -205,7 +204,7 @@ def fit(
     many = {"--workers": workers > 1, "--dask": dask is not None}
     one_image = {"--height": height is not None, "--hypotheses": hypotheses != 1}
     drawn = {"--mean": mean}
-    of_keypoints = {
+    by_keypoints = {
         "--cameras": cameras is not None,
         "--size": size is not None,
         "--focal": focal is not None,
@@ -250,11 +249,11 @@ def fit(
         fit_folder(given.console, first, work, body=body, out=out, workers=workers, dask=dask)
     elif first.suffix.lower() in MARKERS:
         given.mind(
-            of_keypoints | one_image | drawn | {"--compare": compare}, "it is not for markers"
+            by_keypoints | one_image | drawn | {"--compare": compare}, "it is not for markers"
         )
         fit_markers(given.console, first, model, worn, fps, sigma, given.named, out)
     elif first.suffix.lower() in READERS:
-        given.mind(of_keypoints, "it is for keypoints, and this is a mesh")
+        given.mind(by_keypoints, "it is for keypoints, and this is a mesh")
         given.mind(one_image | drawn | moving | of_markers, "it is not for a mesh")
         setup = own_mesh(first, model, 0.002 if sigma is None else sigma)
         _carry_out(given, first, setup)
@@ -263,14 +262,14 @@ def fit(
         if len(paths) > 1:
             why = "it is for one camera; several show where and how tall a person is"
             given.mind(one_image, why)
-        setup = _keypoints(given, paths, hypotheses)
+        setup = of_keypoints(given, paths, hypotheses)
         values, folder = _carry_out(given, first, setup)
         (folder / MEAN).unlink(missing_ok=True)  # of an earlier fit
         if mean:
             add_mean(given.console, setup, values, folder)
 
 
-def _keypoints(given: Given, files: list[Path], hypotheses: int) -> Setup:
+def of_keypoints(given: Given, files: list[Path], hypotheses: int) -> Setup:
     """The fit to keypoints of one moment, from one camera or several."""
     reading = given.reading
     observed = reading.observations(files)

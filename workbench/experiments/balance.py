@@ -10,11 +10,10 @@ from workbench.arrays import Array
 from workbench.bodies.body import Body
 from workbench.bodies.catalogue import load_body
 from workbench.errors import UnknownName, check_known, listed
-from workbench.fitting.compared_solvers import MANY
 from workbench.fitting.images import ByHeight, image_fit
 from workbench.fitting.keypoints import keypoint_fit, landmark_set
 from workbench.fitting.observations import Observations, photograph
-from workbench.fitting.setup import Setup, names
+from workbench.fitting.setup import MANY, Setup, names
 from workbench.reading.arrays import Expected, any_reals, read_expected, reals, shipped, texts
 from workbench.solvers import LevenbergMarquardt
 

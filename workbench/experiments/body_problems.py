@@ -26,11 +26,10 @@ from workbench.experiments.synthetic_people import (
     with_refined_answer,
 )
 from workbench.fitting.body_priors import pose_prior, shape_prior
-from workbench.fitting.compared_solvers import BOUNDED, GRADED
 from workbench.fitting.keypoints import keypoint_fit, landmark_set
 from workbench.fitting.known_points import joint_fit, mesh_fit
 from workbench.fitting.observations import Observations, photograph
-from workbench.fitting.setup import KnownAnswer, Setup
+from workbench.fitting.setup import BOUNDED, GRADED, KnownAnswer, Setup
 from workbench.geometry.camera import Camera
 from workbench.residuals.kernels import Kernel, geman_mcclure, huber, quadratic
 

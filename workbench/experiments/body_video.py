@@ -17,9 +17,8 @@ from workbench.experiments.synthetic_people import (
     with_refined_answer,
 )
 from workbench.fitting.body_priors import pose_prior, shape_prior
-from workbench.fitting.compared_solvers import SECOND_ORDER
 from workbench.fitting.keypoints import camera_residual, landmark_set
-from workbench.fitting.setup import Measure, Setup, distances, rms
+from workbench.fitting.setup import SECOND_ORDER, Measure, Setup, distances, rms
 from workbench.geometry.camera import Camera
 from workbench.problem import Problem, sequence
 from workbench.residuals import Residual, smooth

@@ -14,9 +14,8 @@ from workbench.experiments.synthetic_people import (
     person_at_origin,
 )
 from workbench.fitting.body_priors import pose_prior, shape_prior
-from workbench.fitting.compared_solvers import LARGE, SECOND_ORDER
 from workbench.fitting.known_points import STARTS, joint_fit, mesh_fit
-from workbench.fitting.setup import Setup
+from workbench.fitting.setup import LARGE, SECOND_ORDER, Setup
 
 
 def known_correspondences(

@@ -23,8 +23,7 @@ from workbench.experiments.synthetic_people import (
     with_refined_answer,
 )
 from workbench.fitting.body_priors import shape_prior
-from workbench.fitting.compared_solvers import GRADED
-from workbench.fitting.setup import Measure, Setup, distances, rms
+from workbench.fitting.setup import GRADED, Measure, Setup, distances, rms
 from workbench.problem import Problem
 from workbench.residuals import vertices
 

@@ -18,8 +18,7 @@ from workbench.errors import UnknownName, check_known
 from workbench.experiments import more_wild_formulas as f
 from workbench.experiments.experiment import Experiment
 from workbench.experiments.synthetic_people import check_start
-from workbench.fitting.compared_solvers import GRADED
-from workbench.fitting.setup import KnownAnswer, Measure, Setup
+from workbench.fitting.setup import GRADED, KnownAnswer, Measure, Setup
 from workbench.problem import Problem
 from workbench.residuals import Residual
 

@@ -20,8 +20,7 @@ import numpy as np
 from workbench.blocks import Block, Values
 from workbench.errors import UnknownName, check_known
 from workbench.experiments.experiment import Experiment
-from workbench.fitting.compared_solvers import GRADED
-from workbench.fitting.setup import KnownAnswer, Measure, Setup, digits
+from workbench.fitting.setup import GRADED, KnownAnswer, Measure, Setup, digits
 from workbench.problem import Problem
 from workbench.residuals import Residual
 

@@ -8,10 +8,9 @@ from workbench.bodies.catalogue import load_body
 from workbench.bodies.files.embedded import UNTRAINED
 from workbench.errors import UnknownName
 from workbench.fitting.body_priors import shape_prior
-from workbench.fitting.compared_solvers import LARGE
 from workbench.fitting.known_points import mesh_fit
 from workbench.fitting.placing import placed
-from workbench.fitting.setup import Setup
+from workbench.fitting.setup import LARGE, Setup
 from workbench.reading.arrays import read_expected, reals, shipped
 from workbench.solvers import solve
 

@@ -7,8 +7,7 @@ from workbench.bodies import SkinnedBody, capsule_gaps, capsule_points, capsules
 from workbench.bodies.catalogue import load_body
 from workbench.errors import BadArgument
 from workbench.fitting.body_priors import pose_prior, shape_prior
-from workbench.fitting.compared_solvers import SECOND_ORDER
-from workbench.fitting.setup import Measure, Setup, distances, rms
+from workbench.fitting.setup import SECOND_ORDER, Measure, Setup, distances, rms
 from workbench.priors.poses import draw_poses, shipped_mixture
 from workbench.problem import Problem
 from workbench.residuals import apart, landmarks

@@ -10,11 +10,10 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.errors import WorkbenchError
-from workbench.fitting.keypoints import LEAST_CONFIDENCE
+from workbench.fitting.keypoints import LEAST_CONFIDENCE, triangulated
 from workbench.fitting.observations import COCO
 from workbench.fitting.placing import image_starts, place_body
 from workbench.fitting.setup import Setup, View
-from workbench.geometry.camera import triangulate
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 from workbench.solvers import Solution, TrustRegion
 
@@ -156,15 +155,6 @@ OPENGL = np.diag([1.0, -1.0, -1.0])  # x right, y up, z backwards
 PERSON = 0.5, 2.6  # m, between the keypoints of a person that are farthest apart
 UNITS = {"mm": 1e-3, "cm": 1e-2, "in": 0.0254}
 Extrinsics = list[tuple[Array, Array]]  # R (3, 3) and t (3,) of each camera
-
-
-def triangulated(views: Sequence[View], values: Values) -> Array:
-    """The keypoints (M, 3) m that two views or more see; NaN for others."""
-    confidences = [
-        np.where(view.confidence > LEAST_CONFIDENCE, view.confidence, 0.0) for view in views
-    ]
-    observed = [view.observed for view in views]
-    return triangulate([view.camera for view in views], values, observed, confidences)
 
 
 def disagreement(views: Sequence[View], values: Values) -> float:

@@ -69,6 +69,7 @@ TAKEN = {  # what was taken for what, by the factor between them
 }
 TORSO = ("pelvis", "spine1", "spine2", "spine3", "neck", "head", "left_collar", "right_collar")
 LEAST_TORSO = 5  # markers
+OPPOSITE = {"L": "R", "R": "L", "l": "r", "r": "l"}  # how labels of markers begin
 MARKER_OFF = 0.06  # m: a marker that is farther from its nominal place
 MARKERS_OFF = 0.02  # m, of the median marker
 FRAMES = 12  # of a clip, that are looked at
@@ -84,7 +85,12 @@ def doubts(
     again with left and right exchanged also where nothing else speaks against the fit, which takes
     as long as the fit itself.
     """
-    found = [*_ending(solution)]
+    found = []
+    if solution.status not in (Status.CONVERGED, Status.STOPPED):
+        found.append(
+            f"the solver did not converge ({solution.status.name.lower().replace('_', ' ')}); the "
+            "numbers are those of the best point that it found"
+        )
     moments = _moments(setup, values)
     seen = [_of_moment(moment) for moment in moments]
     wrong = _often([one for one, _ in seen])
@@ -92,9 +98,21 @@ def doubts(
         return (*found, *wrong)
     found += _often([other for _, other in seen])
     if setup.moving is None and setup.body is not None and moments:
-        found += _interval(setup, values)
-    found += [*_person(setup, values), *setup.doubts(values), *_priors(setup, values)]
-    odd = [*_pose(setup, values)] if moments else []
+        depth = depth_interval(setup, values)
+        if depth is not None and depth.low <= 0:
+            found.append(
+                f"the 90 % interval of the distance, {depth.low:.2f} to {depth.high:.2f} m, "
+                "reaches behind the camera: the keypoints hardly tell how far away the person is; "
+                "give --height or --focal"
+            )
+    body = setup.body if setup.moving is None else setup.moving.body
+    free, odd = setup.problem.free.names, list[str]()
+    if body is not None:
+        pose, betas, _ = (block.name for block in body.blocks())
+        found += of_person(body, values[betas]) if betas in free else ()
+        if moments and pose in free and POSE_PRIOR in setup.problem.rows:
+            odd += of_pose(body, values[pose])
+    found += [*setup.doubts(values), *_priors(setup, values)]
     if setup.moving is None and moments and (found or odd or again):
         better = better_reading(setup, values, solution, doubted=bool(found or odd))
         if better:
@@ -127,21 +145,17 @@ def _moments(setup: Setup, values: Values) -> list[Moment]:
     pose, betas, trans = (block.name for block in body.blocks())
     sure = [(view.confidence > LEAST_CONFIDENCE).any(axis=1) for view in views]
     seen = np.flatnonzero(np.all(sure, axis=0))
-    some = (
-        seen[np.unique(np.linspace(0, len(seen) - 1, FRAMES).round().astype(int))]
-        if len(seen)
-        else []
-    )
-    found = []
-    for t in some:
-        at = {pose: values[pose][t], trans: values[trans][t]}
-        at[betas] = values[betas] if values[betas].ndim == 1 else values[betas][t]
-        frame = tuple(
-            replace(view, observed=view.observed[t], confidence=view.confidence[t])
-            for view in views
+    at = np.unique(np.linspace(0, len(seen) - 1, FRAMES).round().astype(int))
+    some = seen[at] if len(seen) else []
+    shapes = np.broadcast_to(values[betas], (len(values[pose]), values[betas].shape[-1]))
+    return [
+        Moment(
+            body,
+            tuple(replace(v, observed=v.observed[t], confidence=v.confidence[t]) for v in views),
+            {**values, pose: values[pose][t], trans: values[trans][t], betas: shapes[t]},
         )
-        found.append(Moment(body, frame, {**values, **at}))
-    return found
+        for t in some
+    ]
 
 
 Said = dict[str, str]  # sentences by what they are about
@@ -171,14 +185,6 @@ def _of_moment(moment: Moment) -> tuple[Said, Said]:
     for view in views:
         found |= _view(moment, view)
     return {}, found
-
-
-def _ending(solution: Solution) -> Iterator[str]:
-    if solution.status not in (Status.CONVERGED, Status.STOPPED):
-        yield (
-            f"the solver did not converge ({solution.status.name.lower().replace('_', ' ')}); the "
-            "numbers are those of the best point that it found"
-        )
 
 
 def _units(views: Sequence[View]) -> Iterator[tuple[str, str]]:
@@ -253,36 +259,6 @@ def _view(moment: Moment, view: View) -> Said:
     return found
 
 
-def _interval(setup: Setup, values: Values) -> Iterator[str]:
-    found = depth_interval(setup, values)
-    if found is not None and found.low <= 0:
-        yield (
-            f"the 90 % interval of the distance, {found.low:.2f} to {found.high:.2f} m, reaches "
-            "behind the camera: the keypoints hardly tell how far away the person is; give "
-            "--height or --focal"
-        )
-
-
-def _person(setup: Setup, values: Values) -> Iterator[str]:
-    moving = setup.moving
-    body = setup.body if moving is None else moving.body
-    if body is None:
-        return
-    betas = body.blocks()[1].name
-    if betas in setup.problem.free.names and betas in values:
-        yield from of_person(body, values[betas])
-
-
-def _pose(setup: Setup, values: Values) -> Iterator[str]:
-    moving = setup.moving
-    body = setup.body if moving is None else moving.body
-    if body is None:
-        return
-    pose = body.blocks()[0].name
-    if pose in setup.problem.free.names and POSE_PRIOR in setup.problem.rows:
-        yield from of_pose(body, values[pose])
-
-
 def of_person(body: Body, betas: Array) -> Iterator[str]:
     """What speaks against a shape (B,) that was found, or shapes (T, B) of frames."""
     betas = np.asarray(betas, dtype=float)
@@ -298,7 +274,8 @@ def of_person(body: Body, betas: Array) -> Iterator[str]:
             f"the mean person, root mean square {np.sqrt(square):.1f}; check the units, which "
             "points are which, and whether the body is one of this person"
         )
-    if isinstance(body, SkinnedBody) and _is_person(body):
+    size = float(np.ptp(body.template, axis=0).max())
+    if isinstance(body, SkinnedBody) and STATURES[0] < size < STATURES[1]:  # not a hand
         height = float(stature(body, betas))
         if not STATURES[0] <= height <= STATURES[1]:
             yield (
@@ -335,14 +312,17 @@ def of_markers(
     names = marker_set.names
     scale = _extent(observed) / _extent(body.landmark(MARKERS)[None])
     if not 1 / OTHER_SIZE < scale < OTHER_SIZE:
+        units = (w for f, w in TAKEN.items() if 1 / NEARLY < scale / f < NEARLY)
+        taken = next((f", as if {what}" for what in units), "")
         yield (
-            f"the markers reach {scale:.3g} times as far as those of the body{_unit_of(scale)}; "
+            f"the markers reach {scale:.3g} times as far as those of the body{taken}; "
             "check their unit, and whether the body is the one that wore them"
         )
         return
     pose, betas, trans = (values[block.name] for block in body.blocks())
     nominal = body.landmark(MARKERS, pose, betas, trans, marker_set.nominal)
-    other = [names.index(other) if (other := _other_label(n)) in names else -1 for n in names]
+    opposites = [OPPOSITE.get(label[:1], label[:1]) + label[1:] for label in names]
+    other = [names.index(label) if label in names else -1 for label in opposites]
     torso = np.isin(np.array(body.joint_names)[marker_set.leaders(body)], TORSO) & (
         np.array(other) >= 0
     )
@@ -379,20 +359,6 @@ def of_markers(
 def _extent(places: Array) -> float:
     """How far points (T, M, 3) reach in a usual frame, in m."""
     return float(np.median(np.sqrt(np.nansum(np.nanvar(places, axis=1), axis=1))))
-
-
-def _unit_of(scale: float) -> str:
-    """The units that were taken for others, by the factor between them."""
-    for factor, what in TAKEN.items():
-        if 1 / NEARLY < scale / factor < NEARLY:
-            return f", as if {what}"
-    return ""
-
-
-def _other_label(label: str) -> str:
-    """The label of the marker on the other side: `RKNE` for `LKNE`."""
-    sides = {"L": "R", "R": "L", "l": "r", "r": "l"}
-    return sides.get(label[:1], label[:1]) + label[1:]
 
 
 def _rigid_error(rest: Array, observed: Array) -> float:
@@ -433,22 +399,16 @@ def pose_square(body: Body, pose: Array) -> Array:
     return np.asarray(np.sum(flat * whole, axis=-1) / flat.shape[-1])
 
 
-def _is_person(body: SkinnedBody) -> bool:
-    return STATURES[0] < float(np.ptp(body.template, axis=0).max()) < STATURES[1]
-
-
 def _priors(setup: Setup, values: Values) -> Iterator[str]:
     """Data that are met far better than their sigma says, by a body that the priors object to."""
     problem = setup.problem
     if not setup.priors or len(setup.priors) == len(problem.residuals):
         return
     residual = problem.residual(*problem.split(values))
-    prior: Mask = np.zeros(len(residual), dtype=bool)
-    for name in setup.priors:
-        prior[problem.rows[name]] = True
+    prior = problem.rows_named(setup.priors)
     if not prior.any() or prior.all():
         return
-    of_prior, of_data = (_rms(residual[rows]) for rows in (prior, ~prior))
+    of_prior, of_data = (float(np.sqrt(np.mean(residual[rows] ** 2))) for rows in (prior, ~prior))
     if of_data < MET and of_prior > UNLIKELY:
         share = float(np.sum(residual[prior] ** 2) / np.sum(residual**2))
         yield (
@@ -456,7 +416,3 @@ def _priors(setup: Setup, values: Values) -> Iterator[str]:
             f"their sigma, by a body {of_prior:.1f} standard deviations off the priors; the points "
             "may not be where the body has them, or sigma is too large"
         )
-
-
-def _rms(numbers: Array) -> float:
-    return float(np.sqrt(np.mean(numbers**2)))

@@ -14,7 +14,6 @@ from dataclasses import dataclass, field, replace
 
 import casadi as cs
 import numpy as np
-from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
 from workbench.blocks import Block, Points, Values
@@ -27,7 +26,7 @@ from workbench.fitting.files.layouts import counted_by_part
 from workbench.fitting.observations import COCO, BadObservation, Observations, Photograph, pinhole
 from workbench.fitting.placing import place_body, regressed_start
 from workbench.fitting.pose_regressor import shipped_regressor
-from workbench.fitting.setup import Measure, Setup, View, names
+from workbench.fitting.setup import Measure, Setup, View, distances, largest_beta, names
 from workbench.geometry.camera import Camera, triangulate
 from workbench.problem import Problem
 from workbench.residuals import Residual, keypoints
@@ -63,8 +62,7 @@ def as_marked(names: Sequence[str]) -> Array:
     keypoint that nobody marked for COCO, such as one of a finger, has 1.
     """
     ends = [next((s for end, s in MARKED.items() if name.endswith(end)), TYPICAL) for name in names]
-    found: Array = np.sqrt((np.array(ends) ** 2 + TYPICAL**2) / (2 * TYPICAL**2))
-    return found
+    return np.asarray(np.sqrt((np.array(ends) ** 2 + TYPICAL**2) / (2 * TYPICAL**2)))
 
 
 PLAIN, WITH_HANDS = "coco", "coco_with_hands"  # sets of landmarks
@@ -361,8 +359,7 @@ def unused(observations: Observations, body: Body) -> tuple[str, ...]:
     """A sentence on the observed keypoints that have no landmark on the body, if there are any."""
     observed = observations.observed()
     kind = landmark_set(body, observed)
-    landmarks = body.landmark_names(kind)
-    others = [name for name in observed if name not in landmarks]
+    others = [name for name in observed if name not in body.landmark_names(kind)]
     if not others:
         return ()
     return (
@@ -372,53 +369,42 @@ def unused(observations: Observations, body: Body) -> tuple[str, ...]:
     )
 
 
+def triangulated(views: Sequence[View], values: Values) -> Array:
+    """The keypoints (M, 3) m that two views or more see; NaN for others."""
+    confidences = [
+        np.where(view.confidence > LEAST_CONFIDENCE, view.confidence, 0.0) for view in views
+    ]
+    observed = [view.observed for view in views]
+    return triangulate([view.camera for view in views], values, observed, confidences)
+
+
 def measures(
     body: Body, views: Sequence[View], values: Values, reference: Array | None
 ) -> tuple[Measure, ...]:
     """The mean reprojection error of every view, by `reprojection_errors`, and the mean distances
     of COCO's 17 keypoints to their triangulated and published positions.
     """
-    arguments = [values[block.name] for block in body.blocks()]
     kind = views[0].landmarks
-    found = body.landmark(kind, *arguments)  # (M, 3) m
+    places = body.landmark(kind, *(values[block.name] for block in body.blocks()))  # (M, 3) m
     coco = np.isin(body.landmark_names(kind), COCO)
-    result = []
-    fitted: list[float] = []
-    for view in views:
-        error = reprojection_errors(
-            view.observed, view.camera.pixels(found, values), view.confidence
-        )
-        if not view.held_out:
-            fitted += error.tolist()
-        what = f"reprojection, {view.name}{' (held out)' if view.held_out else ''}"
-        result.append(_mean(what, error, "px", COUNTED))
-    result.insert(0, _mean("reprojection, mean of the fitted", fitted, "px", COUNTED))
-    fitting = [view for view in views if not view.held_out]
-    if len(fitting) > 1:
-        places = triangulate(
-            [view.camera for view in fitting],
-            values,
-            [view.observed for view in fitting],
-            [
-                np.where(view.confidence > LEAST_CONFIDENCE, view.confidence, 0.0)
-                for view in fitting
-            ],
-        )
-        off = np.linalg.norm(found - places, axis=1)[coco]
-        result.append(
-            _mean(
-                "distance to triangulated keypoints",
-                1e3 * off,
-                "mm",
-                f"COCO {COUNTED} in 2 views",
-            )
-        )
+    fitted = [view for view in views if not view.held_out]
+    errors = [
+        reprojection_errors(view.observed, view.camera.pixels(places, values), view.confidence)
+        for view in views
+    ]
+    own = [error for view, error in zip(views, errors, strict=True) if not view.held_out]
+    shown = [_mean("reprojection, mean of the fitted", np.concatenate(own), "px", COUNTED)]
+    for view, error in zip(views, errors, strict=True):
+        name = f"reprojection, {view.name}{' (held out)' if view.held_out else ''}"
+        shown.append(_mean(name, error, "px", COUNTED))
+    if len(fitted) > 1:
+        off = distances(places, triangulated(fitted, values))[coco]
+        of = f"COCO {COUNTED} in 2 views"
+        shown.append(_mean("distance to triangulated keypoints", off, "mm", of))
     if reference is not None:
-        off = np.linalg.norm(found - reference, axis=1)[coco]
-        result.append(_mean("distance to published keypoints", 1e3 * off, "mm", "COCO keypoints"))
-    betas = values[body.blocks()[1].name]
-    result.append(Measure("largest |beta|", float(np.max(np.abs(betas), initial=0.0)), "sd"))
-    return tuple(result)
+        off = distances(places, reference)[coco]
+        shown.append(_mean("distance to published keypoints", off, "mm", "COCO keypoints"))
+    return (*shown, largest_beta(values[body.blocks()[1].name]))
 
 
 def reprojection_errors(observed: Array, projected: Array, confidence: Array) -> Array:
@@ -431,9 +417,8 @@ def reprojection_errors(observed: Array, projected: Array, confidence: Array) ->
     return np.asarray(np.linalg.norm((projected - observed)[well], axis=1))
 
 
-def _mean(name: str, numbers: ArrayLike, unit: str, what: str) -> Measure:
+def _mean(name: str, numbers: Array, unit: str, what: str) -> Measure:
     """The mean of the finite numbers; `what` says what they are."""
-    known = np.asarray(numbers, dtype=float)
-    known = known[np.isfinite(known)]
+    known = numbers[np.isfinite(numbers)]
     value = float(np.mean(known)) if known.size else np.nan
     return Measure(name, value, unit, f"{known.size} {what}")

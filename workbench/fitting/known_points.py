@@ -13,10 +13,9 @@ from workbench.bodies.forward.posing import local_rotations, world_rotations
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadFile
 from workbench.fitting.body_priors import pose_prior, shape_prior
-from workbench.fitting.compared_solvers import LARGE
 from workbench.fitting.doubts import of_vertices
 from workbench.fitting.placing import placed
-from workbench.fitting.setup import Measure, Setup, distances, rms
+from workbench.fitting.setup import LARGE, Measure, Setup, distances, rms
 from workbench.geometry.meshes import read_registered, same_faces
 from workbench.geometry.rigid import procrustes
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix

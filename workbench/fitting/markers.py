@@ -27,7 +27,7 @@ from workbench.fitting.doubts import of_markers
 from workbench.fitting.marker_sets import MARKERS, MarkerSet
 from workbench.fitting.observations import BadObservation
 from workbench.fitting.placing import moved
-from workbench.fitting.setup import Measure, Setup
+from workbench.fitting.setup import Measure, Setup, largest_beta
 from workbench.fitting.tracking import Tracker
 from workbench.geometry.rigid import procrustes
 from workbench.geometry.solids import vertex_normals
@@ -279,6 +279,4 @@ def marker_measures(body: SkinnedBody, observed: Array, values: Values) -> tuple
         found.append(
             Measure(f"distance to marker {name}, rms", float(each[m]), "mm", f"{counts[m]} frames")
         )
-    betas = values[body.blocks()[1].name]
-    found.append(Measure("largest |beta|", float(np.max(np.abs(betas), initial=0.0)), "sd"))
-    return tuple(found)
+    return (*found, largest_beta(values[body.blocks()[1].name]))

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -49,20 +50,61 @@ class Photograph:
     t: Array | None = None
     distortion: Array | None = None
 
+    @property
+    def calibration(self) -> tuple[Array | None, ...]:
+        """K, R, t and distortion."""
+        return self.K, self.R, self.t, self.distortion
+
+    def ordered(self, index: Sequence[int]) -> Self:
+        """The keypoints of these numbers; those of number -1 have confidence 0."""
+        there = (np.array(index) >= 0) & (self.confidence[..., index] > 0)
+        pixels = np.where(there[..., None], self.pixels[..., index, :], 0.0)
+        return replace(
+            self, pixels=pixels, confidence=np.where(there, self.confidence[..., index], 0.0)
+        )
+
     def __post_init__(self) -> None:
-        bad = ~np.isfinite(self.pixels).all(axis=1) & (self.confidence > 0)
+        bad = ~np.isfinite(self.pixels).all(axis=-1) & (self.confidence > 0)
         bad |= ~(np.isfinite(self.confidence) & (self.confidence >= 0))
         if bad.any():
-            row = int(np.argmax(bad))
+            *frame, row = at = tuple(int(i) for i in np.argwhere(bad)[0])
             raise BadObservation(
-                f"{self.name}: keypoint {row} is {self.pixels[row].tolist()} with confidence "
-                f"{self.confidence[row]}; give finite numbers, or confidence 0 if it was not seen"
+                f"{self.name}{''.join(f', frame {t}' for t in frame)}: keypoint {row} is "
+                f"{self.pixels[at].tolist()} with confidence {self.confidence[at]}; give finite "
+                "numbers, or confidence 0 if it was not seen"
             )
         object.__setattr__(self, "confidence", np.minimum(self.confidence, 1.0))
         if not (self.confidence > 0).any():
             raise BadObservation(
                 f"{self.name}: no keypoint has a confidence above 0; leave out this camera"
             )
+
+
+@dataclass(frozen=True, eq=False)
+class Film(Photograph):
+    """The keypoints that one camera observed in T frames, and its calibration.
+
+    It is a photograph with `pixels` (T, M, 2) and `confidence` (T, M). Raises BadObservation for
+    other shapes, and as a photograph does.
+    """
+
+    def __post_init__(self) -> None:
+        if self.pixels.shape != (*self.confidence.shape, 2) or self.confidence.ndim != 2:
+            raise BadObservation(
+                f"{self.name}: the keypoints of a film are (T, M, 2) with confidences (T, M), not "
+                f"{self.pixels.shape} and {self.confidence.shape}"
+            )
+        super().__post_init__()
+
+    def photograph(self, frame: int) -> Photograph:
+        """One frame. Raises BadObservation if nothing was observed in it."""
+        return Photograph(
+            f"{self.name}, frame {frame}",
+            self.size,
+            self.pixels[frame],
+            self.confidence[frame],
+            *self.calibration,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,20 +132,15 @@ class Observations:
         Raises BadObservation if none of them was observed.
         """
         where = {name: i for i, name in enumerate(self.names)}
-        index = np.array([where.get(name, -1) for name in names], dtype=int)
-        if (index < 0).all():
+        index = [where.get(name, -1) for name in names]
+        if max(index, default=-1) < 0:
             raise BadObservation(
                 f"none of the observed keypoints ({', '.join(self.names)}) is one of the body's "
                 f"({', '.join(names)})"
             )
-
-        def pick(photograph: Photograph) -> Photograph:
-            there = (index >= 0) & (photograph.confidence[index] > 0)
-            pixels = np.where(there[:, None], photograph.pixels[index], 0.0)
-            confidence = np.where(there, photograph.confidence[index], 0.0)
-            return replace(photograph, pixels=pixels, confidence=confidence)
-
-        return Observations(tuple(names), tuple(pick(p) for p in self.photographs), self.notes)
+        return Observations(
+            tuple(names), tuple(p.ordered(index) for p in self.photographs), self.notes
+        )
 
 
 def photograph(
@@ -130,58 +167,6 @@ def photograph(
 def pinhole(focal: float, width: int, height: int) -> Array:
     """The matrix K (3, 3) px of a camera with square pixels, centred on the image."""
     return np.array([[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1]], dtype=float)
-
-
-@dataclass(frozen=True, eq=False)
-class Film:
-    """The keypoints that one camera observed in T frames, and its calibration.
-
-    Raises BadObservation for shapes that do not go together, for a keypoint with a confidence above
-    0 that has no finite position, and if nothing was observed in any frame.
-
-    Attributes:
-        name: the camera's name.
-        size: width and height of the images in px.
-        pixels: (T, M, 2) the keypoints in px.
-        confidence: (T, M) how far each is trusted, from 0 (not observed) to 1.
-        K: (3, 3) the matrix of the pinhole in px; None if the focal length is unknown.
-        R: (3, 3) the rotation from the world to the camera; None if the camera is the world.
-        t: (3,) the translation from the world to the camera in m.
-        distortion: up to five coefficients k1, k2, p1, p2, k3.
-    """
-
-    name: str
-    size: tuple[int, int]
-    pixels: Array
-    confidence: Array
-    K: Array | None = None
-    R: Array | None = None
-    t: Array | None = None
-    distortion: Array | None = None
-
-    def __post_init__(self) -> None:
-        if self.pixels.shape != (*self.confidence.shape, 2) or self.confidence.ndim != 2:
-            raise BadObservation(
-                f"{self.name}: the keypoints of a film are (T, M, 2) with confidences (T, M), not "
-                f"{self.pixels.shape} and {self.confidence.shape}"
-            )
-        if not (self.confidence > 0).any():
-            raise BadObservation(f"{self.name}: no frame shows a keypoint; leave out this camera")
-        for t in np.flatnonzero((self.confidence > 0).any(axis=1)):
-            self.photograph(int(t))  # which refuses numbers that are not finite
-
-    def photograph(self, frame: int) -> Photograph:
-        """One frame. Raises BadObservation if nothing was observed in it."""
-        return Photograph(
-            f"{self.name}, frame {frame}",
-            self.size,
-            self.pixels[frame],
-            self.confidence[frame],
-            self.K,
-            self.R,
-            self.t,
-            self.distortion,
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,6 +233,5 @@ def clip_of(frames: Sequence[Observations | None], fps: float, notes: tuple[str,
             if one is not None:
                 pixels[t] = one.photographs[i].pixels
                 confidence[t] = one.photographs[i].confidence
-        calibration = photo.K, photo.R, photo.t, photo.distortion
-        films.append(Film(photo.name, photo.size, pixels, confidence, *calibration))
+        films.append(Film(photo.name, photo.size, pixels, confidence, *photo.calibration))
     return Clip(first.names, tuple(films), fps, notes)

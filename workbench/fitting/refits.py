@@ -105,19 +105,21 @@ class Profile:
         """The interval in a sentence, beside Laplace's."""
         low, high = self.interval
         unit = "" if self.unit == "1" else f" {self.unit}"
-        told = f"{self.entry} is between {_said(low)} and {_said(high)}{unit} ({self.level:.0%})"
+        told = f"{self.entry} is between {low:.4g} and {high:.4g}{unit} ({self.level:.0%})"
         if low == -inf and high == inf:
-            told = f"nothing bounds {self.entry} between {_ends(self.at, unit)}"
+            told = (
+                f"nothing bounds {self.entry} between {self.at[0]:.4g} and {self.at[-1]:.4g}{unit}"
+            )
         elif low == -inf or high == inf:
             side, end = ("below", high) if low == -inf else ("above", low)
             followed = self.at[0] if low == -inf else self.at[-1]
             told = (
-                f"{self.entry} is {side} {_said(end)}{unit} ({self.level:.0%}); on the other side "
+                f"{self.entry} is {side} {end:.4g}{unit} ({self.level:.0%}); on the other side "
                 f"nothing bounds it up to {followed:.4g}{unit}"
             )
         if np.isfinite(self.sd):
             a, b = self.laplace
-            told += f"; Laplace says {_said(a)} to {_said(b)}"
+            told += f"; Laplace says {a:.4g} to {b:.4g}"
         if self.lower is not None:
             told += "; on the way there is a lower minimum, so that the fit was not at the best one"
         return told
@@ -160,91 +162,77 @@ def profile_likelihood(
         raise BadArgument(
             f"{entry} is all that is free, so that there is nothing to fit; look at the cost itself"
         )
-    found = diagnose_whole(problem, values)
-    sd = float(found.identifiability.sigma[labels[entry]])
-    yardstick = float(found.point.scales.sizes[labels[entry]])
-    walk = _Walk(
-        problem,
-        problem.freeing(*(name for name in labels if name != entry)),
-        labels[entry],
-        solver,
-        _rise(level),
-        FIRST * min(sd, yardstick),
-        LONGEST * min(sd, yardstick),
-        progress,
-    )
+    k = labels[entry]
+    whole = diagnose_whole(problem, values)
+    sd = float(whole.identifiability.sigma[k])
+    size = min(sd, float(whole.point.scales.sizes[k]))
+    others = problem.freeing(*(name for name in labels if name != entry))
+    count = 0
+
+    def fit(values: Values, at: float) -> _Fit:
+        nonlocal count
+        x, fixed = problem.split(values)
+        x[k] = at
+        there = problem.values(x, fixed)
+        there = {**there, **solver.solve(others, there).values}
+        count += 1
+        if progress is not None:
+            progress(count)
+        return at, problem.linearize(there).cost, there
+
     start = problem.read(values)
-    best = float(problem.split(start)[0][labels[entry]])
-    middle = (best, found.here.cost, start)
-    below, above = (walk.refined(middle, walk.followed(middle, sign)) for sign in (-1, 1))
+    best = float(problem.split(start)[0][k])
+    middle = (best, whole.here.cost, start)
+    below, above = (
+        _refined(fit, middle, _followed(fit, middle, sign * size, _rise(level)), _rise(level))
+        for sign in (-1, 1)
+    )
     at, costs, fits = zip(*below[::-1], middle, *above, strict=True)
-    k = int(np.argmin(costs))
-    lower = fits[k] if costs[k] < found.here.cost * (1 - BETTER) else None
-    unit = problem.free.unit(labels[entry])
+    least = int(np.argmin(costs))
+    lower = fits[least] if costs[least] < whole.here.cost * (1 - BETTER) else None
+    unit = problem.free.unit(k)
     return Profile(entry, unit, best, sd, level, np.array(at), np.array(costs), tuple(fits), lower)
 
 
 _Fit = tuple[float, float, Values]  # the entry's value, the cost, all values
 
 
-@dataclass
-class _Walk:
-    """Fits on one side after the other, each from the one before."""
+def _followed(
+    fit: Callable[[Values, float], _Fit], middle: _Fit, size: float, rise: float
+) -> list[_Fit]:
+    """Fits on one side, each from the one before; steps are FIRST to LONGEST signed sizes."""
+    side: list[_Fit] = []
+    (at, before, values), step = middle, FIRST
+    least = before
+    for _ in range(MOST):
+        at, cost, values = fit(values, at + step * size)
+        side.append((at, cost, values))
+        least = min(least, cost)
+        if cost - least > PAST * rise:
+            break
+        if cost - before < 0.3 * rise:
+            step = min(GROWTH * step, LONGEST)
+        before = cost
+    return side
 
-    problem: Problem
-    others: Problem
-    place: int
-    solver: Solver
-    rise: float
-    first: float
-    longest: float
-    progress: Callable[[int], object] | None
-    done: int = 0
 
-    def followed(self, middle: _Fit, sign: int) -> list[_Fit]:
-        found: list[_Fit] = []
-        (at, before, values), step = middle, self.first
-        least = before
-        for _ in range(MOST):
-            at, cost, values = self._fit(values, at + sign * step)
-            found.append((at, cost, values))
-            least = min(least, cost)
-            if cost - least > PAST * self.rise:
-                break
-            if cost - before < 0.3 * self.rise:
-                step = min(GROWTH * step, self.longest)
-            before = cost
-        return found
-
-    def refined(self, middle: _Fit, side: list[_Fit]) -> list[_Fit]:
-        """A side with fits near the end of the interval, where it crosses it."""
-        end = sqrt(self.rise)
-        for _ in range(REFINED):
-            there = [middle, *side]
-            least = min(cost for _, cost, _ in there)
-            roots = np.sqrt([max(cost - least, 0.0) for _, cost, _ in there])
-            past = np.flatnonzero(roots >= end)
-            if not len(past) or past[0] == 0 or np.abs(roots - end).min() < CLOSE * end:
-                break
-            k = int(past[0])
-            at = np.array([one[0] for one in there])
-            share = (end - roots[k - 1]) / (roots[k] - roots[k - 1])
-            between = at[k - 1] + min(max(share, 0.2), 0.8) * (at[k] - at[k - 1])
-            side.insert(k - 1, self._fit(there[k - 1][2], float(between)))
-        return side
-
-    def _fit(self, values: Values, at: float) -> _Fit:
-        found = self._fitted(values, at)
-        self.done += 1
-        if self.progress is not None:
-            self.progress(self.done)
-        return at, self.problem.linearize(found).cost, found
-
-    def _fitted(self, values: Values, at: float) -> Values:
-        x, fixed = self.problem.split(values)
-        x[self.place] = at
-        there = self.problem.values(x, fixed)
-        return {**there, **self.solver.solve(self.others, there).values}
+def _refined(
+    fit: Callable[[Values, float], _Fit], middle: _Fit, side: list[_Fit], rise: float
+) -> list[_Fit]:
+    """A side with fits near the end of the interval, where it crosses it."""
+    end = sqrt(rise)
+    for _ in range(REFINED):
+        there = [middle, *side]
+        costs = np.array([cost for _, cost, _ in there])
+        roots = np.sqrt(costs - costs.min())
+        past = np.flatnonzero(roots >= end)
+        if not len(past) or past[0] == 0 or np.abs(roots - end).min() < CLOSE * end:
+            break
+        k = int(past[0])
+        share = min(max((end - roots[k - 1]) / (roots[k] - roots[k - 1]), 0.2), 0.8)
+        between = there[k - 1][0] + share * (there[k][0] - there[k - 1][0])
+        side.insert(k - 1, fit(there[k - 1][2], float(between)))
+    return side
 
 
 def _rise(level: float) -> float:
@@ -262,20 +250,12 @@ def _crossing(at: Array, roots: Array, end: float, nowhere: float) -> float:
     return float(at[k - 1] + share * (at[k] - at[k - 1]))
 
 
-def _said(number: float) -> str:
-    return f"{number:.4g}"
-
-
-def _ends(at: Array, unit: str) -> str:
-    return f"{at[0]:.4g} and {at[-1]:.4g}{unit}"
-
-
 REACH, FARTHEST = (
     3.0,
     1.5,
-)  # of a start: standard deviations along its direction; yardsticks at most
+)  # of a start: standard deviations along its direction; characteristic scales at most
 SHARES = (1.0, 0.5)  # of this: how far the starts are on each side
-SAME = 0.01  # yardsticks of each entry: nearer ends are one
+SAME = 0.01  # characteristic scales of each entry: nearer ends are one
 LEVEL = 1e-6  # of 1 + cost: ends of the same cost that are apart are in one valley
 
 
@@ -286,7 +266,8 @@ class OtherMinimum:
     Attributes:
         values: all unknowns there.
         excess: its cost minus that of the first.
-        apart: the largest difference of an entry from the first minimum, in yardsticks.
+        apart: the largest difference of an entry from the first minimum, in
+            characteristic scales.
         entry: the entry of this difference.
         starts: how many starts led to it.
     """
@@ -331,14 +312,14 @@ class OtherMinima:
             far = max(self.valley, key=lambda one: one.apart)
             told.append(
                 f"{sum(one.starts for one in self.valley)} ended elsewhere at the same cost, up to "
-                f"{far.apart:.2g} yardsticks away in {far.entry}: this is a valley, and where a "
-                "fit ends in it is arbitrary."
+                f"{far.apart:.2g} characteristic scales away in {far.entry}: this is a valley, and "
+                "where a fit ends in it is arbitrary."
             )
         for one in self.minima:
             side = f"{one.excess:.3g} above" if one.excess > 0 else f"{-one.excess:.3g} below"
             told.append(
                 f"{one.starts} ended in another minimum, at a cost {side}, which differs most in "
-                f"{one.entry}, by {one.apart:.2g} yardsticks."
+                f"{one.entry}, by {one.apart:.2g} characteristic scales."
             )
         if self.better:
             told.append("The fit was not at the best minimum.")
@@ -358,8 +339,8 @@ def other_minima(
     """Fit from four starts along each of the weakest directions at the minimum `values`.
 
     On each side of the minimum there are two starts: at three standard deviations along the
-    direction, but at most 1.5 yardsticks, and at half this distance. `progress` is told how many
-    fits are done, and of how many. Minima that lie in no such direction are not found. Raises
+    direction, but at most 1.5 characteristic scales, and at half this distance. `progress` is told
+    how many fits are done, and of how many. Minima that lie in no such direction are not found. Raises
     BadArgument for no directions.
 
     >>> import casadi, workbench as wb
@@ -376,7 +357,10 @@ def other_minima(
         raise BadArgument(f"one direction or more is looked along, not {directions}")
     here = diagnose_whole(problem, values)
     sizes = here.point.scales.sizes
-    s, basis = _weakest(here.here.dense * sizes, directions)
+    J = here.here.dense * sizes
+    few = (0, min(directions, J.shape[1]) - 1)
+    squares, vectors = scipy.linalg.eigh(J.T @ J, subset_by_index=few)
+    s, basis = np.sqrt(np.maximum(squares, 0)), vectors.T
     x, fixed = problem.split(values)
     starts = [
         np.clip(x + sign * share * length * sizes * d, problem.lower, problem.upper)
@@ -391,10 +375,13 @@ def other_minima(
     for done, start in enumerate(starts, start=1):
         solution = solver.solve(problem, problem.values(start, fixed))
         end = problem.split({**values, **solution.values})[0]
-        if np.abs((end - x) / sizes).max() < SAME:
+        near = (i for i, (there, *_) in enumerate(ends) if _apart(end, there, sizes) < SAME)
+        if _apart(end, x, sizes) < SAME:
             back += 1
+        elif (same := next(near, None)) is not None:
+            ends[same] = (*ends[same][:2], ends[same][2] + 1)
         else:
-            _add(ends, end, solution.cost, sizes)
+            ends.append((end, solution.cost, 1))
         if progress is not None:
             progress(done, len(starts))
     found = []
@@ -413,20 +400,9 @@ def other_minima(
     )
 
 
-def _weakest(J: Array, count: int) -> tuple[Array, Array]:
-    """The smallest singular values of J (m, n), zeros included, and their directions (count, n)."""
-    n = J.shape[1]
-    values, vectors = scipy.linalg.eigh(J.T @ J, subset_by_index=(0, min(count, n) - 1))
-    return np.sqrt(np.maximum(values, 0)), vectors.T
-
-
-def _add(ends: list[tuple[Array, float, int]], end: Array, cost: float, sizes: Array) -> None:
-    """Count an end among those that are near it."""
-    for i, (there, least, count) in enumerate(ends):
-        if np.abs((end - there) / sizes).max() < SAME:
-            ends[i] = (there, least, count + 1)
-            return
-    ends.append((end, cost, 1))
+def _apart(one: Array, other: Array, sizes: Array) -> float:
+    """The largest difference of an entry, in characteristic scales."""
+    return float(np.abs((one - other) / sizes).max())
 
 
 @dataclass(frozen=True, eq=False)
@@ -499,10 +475,11 @@ def repeated_fits(
     x, fixed = problem.split(values)
     exact = problem.residual(x, fixed)
     noise = Block("noise", (problem.size,), "1")
-    noisy = [
-        _noisy(one, noise, problem.rows[one.name], exact[problem.rows[one.name]])
-        for one in problem.residuals
-    ]
+    noisy = []
+    for one in problem.residuals:  # zero at the point but for the noise
+        rows = problem.rows[one.name]
+        whitened = one.whitened - exact[rows] - noise.symbol[rows]
+        noisy.append(Residual(one.name, whitened, 1.0, points=one.points, blocks=one.blocks))
     blocks = (*problem.known.values(), noise)
     made = Problem(
         noisy, problem.free.spelled(), problem.bounds, blocks, constraints=problem.constraints
@@ -545,10 +522,3 @@ def checked_by_fits(
         sd = fits.spread(criterion, values)
         parts.append(f"{when}: predicted {score.sd:.3g}{unit}, simulated {sd:.3g}{unit}")
     return f"Checked by {count} simulated fits each; {'; '.join(parts)}."
-
-
-def _noisy(residual: Residual, noise: Block, rows: slice, exact: Array) -> Residual:
-    """The whitened residual, zero at the point where it was `exact` but for the noise."""
-    whitened = residual.whitened - exact - noise.symbol[rows]
-    points = residual.points
-    return Residual(residual.name, whitened, 1.0, points=points, blocks=residual.blocks)

@@ -110,6 +110,14 @@ def digits(found: Mapping[str, ArrayLike], certified: Mapping[str, ArrayLike]) -
     return max(0.0, float(fewest))
 
 
+SECOND_ORDER = ("trust-region", "gauss-newton", "levenberg-marquardt", "ipopt")
+LARGE = (*SECOND_ORDER, "nlopt-lbfgs")  # also of problems whose exact Hessian takes long
+GRADED = (*SECOND_ORDER, "ipopt-exact", "nlopt-lbfgs")
+MANY = (*GRADED, "nlopt-tnewton", "nlopt-slsqp")
+BOUNDED = ("ipopt", "ipopt-exact", "nlopt-lbfgs", "nlopt-slsqp")
+"""Which solvers a setup may compare, by their names in `SOLVERS`."""
+
+
 def names(given: str | Residual | Iterable[str | Residual]) -> tuple[str, ...]:
     """The given names as a tuple, also if a single one is given; a residual stands for its name."""
     several = (given,) if isinstance(given, str | Residual) else tuple(given)
@@ -141,6 +149,11 @@ def distances(found: Array, reference: Array) -> Array:
 def rms(name: str, differences: Array, unit: str = "mm") -> Measure:
     """The root mean square of differences that are given in `unit`, as a measure."""
     return Measure(f"{name}, rms", float(np.sqrt(np.mean(differences**2))), unit)
+
+
+def largest_beta(betas: Array) -> Measure:
+    """The coefficient of the shape that is farthest from the mean person's, as a measure."""
+    return Measure("largest |beta|", float(np.max(np.abs(betas), initial=0.0)), "sd")
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,13 +255,21 @@ class Setup:
     gauges: tuple[Gauge, ...] = ()
 
     def __post_init__(self) -> None:
-        expect("problem", self.problem, Problem, "a Problem")
-        expect("start", self.start, Mapping, "a dict of arrays by the names of blocks")
-        kinds = SkinnedBody, TriangleBody, NoneType
-        expect("body", self.body, kinds, "a SkinnedBody, a TriangleBody or None")
-        expect("question", self.question, str, "a text")
-        expect("known", self.known, (KnownAnswer, NoneType), "a KnownAnswer or None")
-        expect("views", self.views, (tuple, list), "several Views")
+        bodies = SkinnedBody, TriangleBody, NoneType
+        for name, kind, wanted in (
+            ("problem", Problem, "a Problem"),
+            ("start", Mapping, "a dict of arrays by the names of blocks"),
+            ("body", bodies, "a SkinnedBody, a TriangleBody or None"),
+            ("question", str, "a text"),
+            ("known", (KnownAnswer, NoneType), "a KnownAnswer or None"),
+            ("views", (tuple, list), "several Views"),
+            ("compared", (Iterable, Residual), "names of solvers"),
+            ("priors", (Iterable, Residual), "names of residuals"),
+            ("synthetic", str, "a text"),
+            ("candidates", Mapping, "a dict of residuals by name"),
+            ("made_of", (Mapping, NoneType), "a dict of arrays by block, or None"),
+        ):
+            expect(name, getattr(self, name), kind, wanted)
         for view in self.views:
             expect("views", view, View, "several Views")
         shape = None if self.body is None else self.body.template.shape
@@ -257,17 +278,11 @@ class Setup:
                 f"`truth` of a setup must have the shape {shape} of the body's vertices, not "
                 f"{np.shape(self.truth)}"
             )
-        for name, known, kind in (
-            ("compared", SOLVERS, "solver"),
-            ("priors", self.problem.rows, "residual"),
-        ):
-            expect(name, getattr(self, name), (Iterable, Residual), f"names of {kind}s")
-            several = names(getattr(self, name))
-            object.__setattr__(self, name, several)  # a single text is one name
-            for one in several:
-                check_known(kind, one, known)
-        object.__setattr__(self, "notes", names(self.notes))
-        expect("synthetic", self.synthetic, str, "a text")
+        for name in ("compared", "priors", "notes"):  # a single text is one name
+            object.__setattr__(self, name, names(getattr(self, name)))
+        for solver in self.compared:
+            check_known("solver", solver, SOLVERS)
+        self.problem.rows_named(self.priors)
         if not (self.strategy is None or callable(self.strategy)):
             raise BadSetup(
                 "`strategy` of a setup must be a function that makes a solver out of a solver or "
@@ -276,10 +291,8 @@ class Setup:
         self.problem.split(self.start)
         if self.known is not None:
             self.known.check(self.problem)
-        found = (self.gauges,) if isinstance(self.gauges, Gauge) else self.gauges
-        object.__setattr__(self, "gauges", checks.several("`gauges`", found, Gauge, BadSetup))
-        expect("candidates", self.candidates, Mapping, "a dict of residuals by name")
-        expect("made_of", self.made_of, (Mapping, NoneType), "a dict of arrays by block, or None")
+        gauges = (self.gauges,) if isinstance(self.gauges, Gauge) else self.gauges
+        object.__setattr__(self, "gauges", checks.several("`gauges`", gauges, Gauge, BadSetup))
         if self.made_of is not None:
             self.problem.free.pack(dict(self.start) | dict(self.made_of))
 

@@ -39,7 +39,7 @@ from workbench.fitting.keypoints import (
 )
 from workbench.fitting.observations import PLACING, BadObservation, Clip, Film
 from workbench.fitting.placing import place_body
-from workbench.fitting.setup import Measure, Moving, Setup, View
+from workbench.fitting.setup import Measure, Moving, Setup, View, largest_beta
 from workbench.fitting.tracking import Tracker
 from workbench.geometry.camera import Camera
 from workbench.problem import Problem, sequence
@@ -179,7 +179,8 @@ def video_fit(
     pose, betas, trans = body.blocks()
     points = body.landmark_points(kind, pose.symbol, betas.symbol, trans.symbol)
     evidence = Block(EVIDENCE, (1,))
-    films = _ordered(clip, landmarks)
+    order = [clip.names.index(name) if name in clip.names else -1 for name in landmarks]
+    films = [film.ordered(order) for film in clip.films]
     heights = heights_of(films, body, kind)
     common: Values = {EVIDENCE: np.ones(1)}
     data, observed, cameras, own_priors, free = [], [], [], [], [pose.name, betas.name, trans.name]
@@ -366,20 +367,7 @@ def video_measures(moving: Moving, problem: Problem, values: Values) -> tuple[Me
     if len(places) > 1:
         worth = worth_of(problem, values, moving.data)
         found.append(Measure("independent frames", worth, "1", f"{len(places)} frames"))
-    found.append(Measure("largest |beta|", float(np.max(np.abs(betas), initial=0.0)), "sd"))
-    return tuple(found)
-
-
-def _ordered(clip: Clip, landmarks: tuple[str, ...]) -> list[Film]:
-    """The films with a column for each landmark, of confidence 0 where there is no keypoint."""
-    films = []
-    for film in clip.films:
-        order = [clip.names.index(name) if name in clip.names else -1 for name in landmarks]
-        there = np.array(order) >= 0
-        sure = np.where(there, film.confidence[:, order], 0.0)
-        pixels = np.where((sure > 0)[..., None], film.pixels[:, order], 0.0)
-        films.append(replace(film, pixels=pixels, confidence=sure))
-    return films
+    return (*found, largest_beta(betas))
 
 
 def _between(smoothness: Smoothness, body: Body, evidence: Block, clip: Clip) -> list[Between]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import cycle
 from typing import TypedDict
 
-from workbench.fitting.compared_solvers import MANY
+from workbench.fitting.setup import MANY
 from workbench.solvers import SOLVERS
 
 INK = "#222222"

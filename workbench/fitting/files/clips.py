@@ -1,6 +1,7 @@
 """A clip in files: a keypoint file for each frame or one for all, of one camera or several."""
 
-from collections import Counter
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import gcd
 from pathlib import Path
@@ -170,12 +171,7 @@ def _followed(
         one = found[-1]
         if one is not None and (one.points[:, 2] > 0).sum() >= PLACING:
             last = one.points  # fewer keypoints do not say how large a person is
-    told = Counter(
-        note.removeprefix(files[number].path.name)
-        for number, one in zip(frames, found, strict=True)
-        for note in (() if one is None else one.notes)
-    )
-    notes = [f"{folder}, in {count} of {len(found)} frames{note}" for note, count in told.items()]
+    notes = _of_all_frames([note for one in found if one is not None for note in one.notes])
     missing = [str(n) for n in frames if n not in files]
     if missing:
         what = "there are no files of" if first.part is None else "nothing is said of"
@@ -188,6 +184,17 @@ def _followed(
     if lost:
         notes.append(f"{folder}: in {lost} frames nobody is near to where the person was: gaps")
     return found, notes
+
+
+def _of_all_frames(notes: Sequence[str]) -> list[str]:
+    """The notes on frames: of those that say the same, whatever the numbers, the first one."""
+    alike: dict[str, list[str]] = {}
+    for note in notes:
+        alike.setdefault(re.sub(r"\d+", "", note), []).append(note)
+    return [
+        some[0] if len(some) == 1 else f"{some[0]} (and so in {len(some)} frames)"
+        for some in alike.values()
+    ]
 
 
 def _people(frame: _Frame, size: tuple[int, int] | None) -> dict[int, DetectedPerson]:
