@@ -74,11 +74,8 @@ def test_coco_annotations_bring_the_size_of_their_image(tmp_path: Path) -> None:
     assert names == COCO
     assert size == (640, 480)
     assert set(points[:, 2]) == {1.0}  # visibility 2 is no confidence of 2
-
-
-def test_coco_results_are_a_plain_list(tmp_path: Path) -> None:
-    data = [{"image_id": 1, "keypoints": person(17), "score": 0.5}]
-    assert read_keypoints(written(tmp_path / "a.json", data))[1].shape == (17, 3)
+    results = [{"image_id": 1, "keypoints": person(17), "score": 0.5}]  # a plain list
+    assert read_keypoints(written(tmp_path / "a.json", results))[1].shape == (17, 3)
 
 
 def test_damaged_keypoint_files_are_refused(tmp_path: Path) -> None:
@@ -150,8 +147,7 @@ def test_keypoints_are_ordered_as_the_body() -> None:
         seen.ordered(("tail",))
 
 
-def read_back(names: tuple[str, ...]) -> Any:
-
+def read_back(names: tuple[str, ...]) -> Observations:
     points = np.column_stack([np.arange(2), 10 + np.arange(2), np.ones(2)])
     return Observations(names, (photograph("front", (640, 480), points),))
 
@@ -398,9 +394,8 @@ def test_layouts_have_the_published_order() -> None:
 
 
 def test_layouts_have_as_many_names_as_points() -> None:
-    for layout in [COCO_FILES, OPENPOSE]:
-        assert layout in (COCO_FILES, OPENPOSE)
-        for count, names in layout.bodies.items():  # type: ignore[attr-defined]
+    for layout in (COCO_FILES, OPENPOSE):
+        for count, names in layout.bodies.items():
             assert len(names) == len({*names}) == count
 
 

@@ -4,18 +4,24 @@ import numpy as np
 import pytest
 import trimesh
 
+from workbench import SkinnedBody, load_body
 from workbench.arrays import Array
 from workbench.errors import BadArgument
 from workbench.fitting import Scan, loose_points
 from workbench.fitting.scans.surface import (
+    NEIGHBOURS,
     areas_of_faces,
     areas_of_neighbours,
     boundary,
     filled,
+    least_spread,
+    neighbourhoods,
     normals_of_faces,
     normals_of_neighbours,
     towards,
 )
+from workbench.registration import arms_lowered
+from workbench.synthetic import Clothing, Scanner, SimulatedScan, clothed, scan, scanners
 
 
 def on_a_sphere(n: int, seed: int = 0) -> Array:
@@ -38,9 +44,9 @@ def test_normals_of_a_sphere_are_its_points() -> None:
     np.testing.assert_allclose(areas @ vertices[:, 2] ** 2, 4 * np.pi / 3, rtol=5e-3)
 
 
-@pytest.mark.parametrize("n", [8000])
-def test_weighted_sums_are_integrals_at_any_density(n: int) -> None:
+def test_weighted_sums_are_integrals_at_any_density() -> None:
     """Of z + 1 and of z^2 over the unit sphere, sampled three times as densely at the top."""
+    n = 8000
     points = on_a_sphere(3 * n, seed=1)
     keep = np.random.default_rng(2).random(len(points)) < (2 + points[:, 2]) / 3
     points = points[keep]
@@ -121,3 +127,52 @@ def test_loose_points_ignore_unit_and_order() -> None:
     np.testing.assert_array_equal(
         loose_points(Scan(0.001 * points[order])), loose_points(Scan(points))[order]
     )
+
+
+STEP = 2.85e-3  # 1/m, of a Kinect: depths z are multiples of about this times z^2
+
+
+def from_behind(body: SkinnedBody, clothing: float = 0.0, seed: int = 0) -> SimulatedScan:
+    """A person who stands, one foot ahead, with the back to a depth camera 2.3 m away."""
+    pose = arms_lowered(body, 1.2)
+    pose[0] = [0.0, np.pi, 0.0]
+    for joint, turn in {"left_hip": -0.35, "right_hip": 0.25, "right_knee": 0.3}.items():
+        pose[body.joint_names.index(joint)] += [turn, 0.0, 0.0]
+    vertices = body.vertices(pose)
+    vertices[:, 1] -= vertices[:, 1].min()
+    return scan(
+        vertices,
+        body.faces,
+        scanners(1, distance=2.3, height=0.3, target=(0.0, 1.0, 0.0), focal=525.0, size=(480, 640)),
+        seed=seed,
+        clothing=Clothing(clothing, where=clothed(body)),
+    )
+
+
+def rounded(points: Array, camera: Scanner) -> Array:
+    """The points (N, 3) m, their depths moved to the nearest terrace of the camera."""
+    depth = camera.seen(points)[:, 2]
+    terrace = 1 / (STEP * np.round(1 / (STEP * depth)))
+    return np.asarray(camera.place + (points - camera.place) * (terrace / depth)[:, None])
+
+
+@pytest.mark.thorough
+def test_normals_ignore_terraces_of_depth_cameras() -> None:
+    body = load_body("small")
+    simulated = from_behind(body, 0.02)
+    (camera,) = simulated.scanners
+    points = rounded(simulated.scan.points, camera)
+    a, b, c = simulated.surface[simulated.faces[simulated.face]].transpose(1, 0, 2)
+    normals = np.cross(b - a, c - a)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+
+    narrow = np.concatenate([least_spread(near) for _, near in neighbourhoods(points, NEIGHBOURS)])
+    off = {
+        name: np.degrees(
+            np.arccos((towards(found, points, camera.place) * normals).sum(axis=1).clip(-1, 1))
+        )
+        for name, found in {"narrow": narrow, "wide": normals_of_neighbours(points)}.items()
+    }
+    assert np.mean(off["wide"]) < 0.5 * np.mean(off["narrow"])
+    assert np.mean(off["wide"] > 45) < 0.2 * np.mean(off["narrow"] > 45)
+    assert np.mean(off["wide"] > 60) < 0.5 * np.mean(off["narrow"] > 60)

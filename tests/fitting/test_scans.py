@@ -14,7 +14,7 @@ from workbench.errors import BadArgument, BadFile, UnknownName, WorkbenchError
 from workbench.fitting import BadScan, Scan
 from workbench.fitting.scans.cleaning import FEWEST
 from workbench.fitting.scans.files import ReadScan, read_scan
-from workbench.fitting.scans.surface import normals_of_faces
+from workbench.fitting.scans.surface import means_of_cells, normals_of_faces, outline
 from workbench.geometry.guesses import UP_TO_Y
 from workbench.geometry.meshes import write_mesh
 
@@ -252,15 +252,10 @@ def test_faces_follow_points_that_stay(tmp_path: Path) -> None:
     assert said(read, "2 points are in no face")
 
 
-@pytest.mark.parametrize("suffix", [".ply"])
-def test_thinned_files_keep_their_area(tmp_path: Path, suffix: str) -> None:
+def test_thinned_files_keep_their_area(tmp_path: Path) -> None:
     mesh = trimesh.Trimesh(STANDING, FACES, process=False).subdivide_loop(2)
-    points, path = np.asarray(mesh.vertices), tmp_path / f"scan{suffix}"
-    assert len(points) > 5000
-    if suffix == ".npy":
-        np.save(path, points)
-    else:
-        write_mesh(path, points, mesh.faces)
+    path = tmp_path / "scan.ply"
+    write_mesh(path, np.asarray(mesh.vertices), mesh.faces)
     read = read_scan(path, most=3000)
     assert read.scan.n_points == 3000
     assert read.scan.faces is None
@@ -284,8 +279,7 @@ BAD: dict[str, tuple[Callable[[], Array], str]] = {
 
 
 def test_damaged_scans_are_refused(tmp_path: Path) -> None:
-    for name in BAD:
-        make, sentence = BAD[name]
+    for make, sentence in BAD.values():
         path = saved(tmp_path / "scan.npy", make())
         with pytest.raises(WorkbenchError, match=sentence) as raised:
             read_scan(path)
@@ -363,3 +357,38 @@ def test_thinned_scan_keeps_its_area() -> None:
     assert len(set(numbers)) == 50
     ratio = few.weights / areas[numbers]
     np.testing.assert_allclose(ratio, ratio[0])
+
+
+def crowded(times: int = 5) -> Array:
+    points = np.repeat(BODY.vertices(), times, axis=0)
+    return points + np.random.default_rng(0).normal(scale=0.005, size=points.shape)
+
+
+@pytest.mark.parametrize("far", [9e8, 1e300])
+def test_scan_size_ignores_points_far_away(tmp_path: Path, far: float) -> None:
+    points = crowded()
+    others = np.delete(points, 3, axis=0)
+    points[3] = far
+    np.save(tmp_path / "scan.npy", points)
+    scan = read_scan(tmp_path / "scan.npy", unit="m", up="y").scan
+    np.testing.assert_allclose(np.sort(scan.points, axis=0), np.sort(others, axis=0), atol=1e-12)
+
+
+def test_cells_leave_out_points_that_no_index_could_hold() -> None:
+    points = crowded()
+    points[3] = 1e300
+    means, cell, counts = means_of_cells(points, 50)
+    assert len(cell) == len(points) - 1
+    assert counts.sum() == len(points) - 1
+    assert np.abs(means).max() < 2
+    one_place = np.zeros((200, 3))
+    assert len(outline(one_place)) == 200
+
+
+def test_scan_that_is_mostly_one_place_is_refused(tmp_path: Path) -> None:
+    points = crowded(1)
+    rng = np.random.default_rng(1)
+    points[:150] = 600 * rng.normal(size=(150, 3))
+    np.save(tmp_path / "scan.npy", points)
+    with pytest.raises(BadScan, match="remove what is far away"):
+        read_scan(tmp_path / "scan.npy")

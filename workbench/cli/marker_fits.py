@@ -1,12 +1,13 @@
 """`workbench fit MARKERS.npz`: MoSh on a recording of markers, with its results as arrays."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from rich.console import Console
 from rich.markup import escape
 
+from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.bodies.skinned_only import not_skinned
@@ -22,10 +23,9 @@ from workbench.fitting.marker_sets import (
     matched,
     read_marker_set,
 )
-from workbench.fitting.markers import SIGMA, marker_fit, marker_solver, rms_of_markers
-from workbench.fitting.mosh import frames_that_place, pose_every_frame
+from workbench.fitting.markers import SIGMA, marker_solver, rms_of_markers
+from workbench.fitting.mosh import mosh
 from workbench.fitting.setup import Setup
-from workbench.fitting.tracking import FRAMES, spread_frames
 from workbench.geometry.guesses import sizes_of
 from workbench.solvers import Solver
 from workbench.writing import write_arrays
@@ -85,38 +85,42 @@ def fit_markers(
     worn, places, notes = matched(recording.labels, markers_worn.on(body))
     say_notes(console, (*recording.notes, *notes))
     markers, precision = recording.markers[:, list(places)], SIGMA if sigma is None else sigma
-    usable = frames_that_place(markers, worn)
-    chosen = usable[spread_frames(markers[usable], FRAMES)]
-    question = (
-        f"Which shape of the body, and which places of {len(worn.names)} markers on it, explain "
-        f"{len(chosen)} of the {len(markers)} frames of {file.name}?"
-    )
+    folders: list[Path] = []
 
-    def build() -> Setup:
-        return marker_fit(
-            markers[chosen], body, worn, question, sigma=precision, across=markers_worn.across
+    def solve(setup: Setup) -> Values:
+        question = (
+            f"Which shape of the body, and which places of {len(worn.names)} markers on it, "
+            f"explain {len(setup.start['observed'])} of the {len(markers)} frames of {file.name}?"
         )
+        experiment = Experiment(
+            file.stem,
+            lambda: replace(setup, question=question),
+            "a user's own file",
+            source=str(file.resolve()),
+        )
+        values, folder = carry_out(console, experiment, marker_solver(solver), False, out)
+        folders.append(folder)
+        return values
 
-    experiment = Experiment(file.stem, build, "a user's own file", source=str(file.resolve()))
-    values, folder = carry_out(console, experiment, marker_solver(solver), False, out)
-    given = {name: values[name] for name in (body.blocks()[1].name, "offsets")}
-    poses, trans, errors = pose_every_frame(
+    found = mosh(
         markers,
         body,
         worn,
-        given,
         sigma=precision,
+        across=markers_worn.across,
+        solve=solve,
         progress=lambda text: console.print(f"[dim]{text}[/]", highlight=False),
     )
-    arrays = {"poses": poses, "trans": trans, "errors": errors, "frames": chosen}
-    betas, offsets = given.values()
-    arrays |= {"betas": betas, "offsets": offsets, "labels": np.array(worn.names)}
+    (folder,) = folders
+    arrays = {"poses": found.pose, "trans": found.trans, "errors": found.errors}
+    arrays |= {"frames": found.frames, "betas": found.betas, "offsets": found.offsets}
+    arrays |= {"labels": np.array(worn.names)}
     arrays |= {"joint_names": np.array(body.joint_names), "up_axis": np.array("y")}
     rate = recording.fps if fps is None else fps
     if rate is not None:
         arrays["fps"] = np.array(rate)
     write_arrays(folder / "motion.npz", arrays)
-    console.print(_worst(worn, errors, recording), highlight=False, soft_wrap=True)
+    console.print(_worst(worn, found.errors, recording), highlight=False, soft_wrap=True)
     console.print(f"motion: {folder / 'motion.npz'}", highlight=False, soft_wrap=True)
 
 

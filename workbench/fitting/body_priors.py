@@ -24,6 +24,8 @@ TO_THE_WRISTS = 21  # of them, without the root; what is left are fingers as a w
 OTHERS = 0.5  # rad: joints of which nothing is known
 BESIDE = 0.05  # rad, beside what a pose space says: nobody's poses are exactly in it
 BESIDE_ON_A_BODY = 0.1  # rad, the same for the hands of a whole body
+SHORTEST, TALLEST = 0.4, 2.8  # m
+MEASURED = 0.01  # m, the usual standard deviation of a stature that was measured
 
 
 def pose_prior(body: Body, pose: cs.MX | None = None) -> Residual:
@@ -93,10 +95,6 @@ def usual_priors(body: Body, pose: cs.MX | None = None) -> tuple[Residual, ...]:
     """
     limited = (hand_limits().residual(body, pose),) if hands_of(body) else ()
     return pose_prior(body, pose), shape_prior(body), *limited
-
-
-SHORTEST, TALLEST = 0.4, 2.8  # m
-MEASURED = 0.01  # m, the usual standard deviation of a stature that was measured
 
 
 def stature(body: SkinnedBody, betas: ArrayLike) -> Array:

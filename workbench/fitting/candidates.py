@@ -31,6 +31,10 @@ from workbench.geometry.solids import ray_crossings
 from workbench.residuals import Residual, keypoints, landmarks
 
 THICK = 0.15  # m of the body in front of a landmark: a joint is hardly ever as deep under the skin
+AROUND = tuple(range(0, 360, 30))  # degrees
+UP = (0, 30, 60)  # degrees
+PREFIX = "candidate/"  # of the blocks of a camera that could be put up
+OWN = "own"
 
 
 def hidden_landmarks(body: SkinnedBody, name: str, values: Values, eye: Array) -> Mask:
@@ -44,11 +48,6 @@ def hidden_landmarks(body: SkinnedBody, name: str, values: Values, eye: Array) -
     points, skin = body.landmark(name, *at), body.vertices(*at)
     exits, inside = ray_crossings(eye, points, skin, body.faces)
     return np.asarray((exits > 0) | (inside > THICK))
-
-
-AROUND = tuple(range(0, 360, 30))  # degrees
-UP = (0, 30, 60)  # degrees
-PREFIX = "candidate/"  # of the blocks of a camera that could be put up
 
 
 def looking_at(centre: ArrayLike, around: float, up: float, distance: float) -> tuple[Array, Array]:
@@ -209,7 +208,7 @@ def _keypoints(body: Body, camera: Camera, confidence: cs.MX | Array, sigma: flo
     return keypoints(points, camera, origin, confidence, sigma=sigma, name="keypoints")
 
 
-OWN = "own"
+Candidates = Callable[[Setup, Values], Given]
 
 
 def own_candidates(setup: Setup, values: Values) -> Given:
@@ -222,13 +221,14 @@ def own_candidates(setup: Setup, values: Values) -> Given:
     return setup.candidates
 
 
-def cameras_around(setup: Setup, values: Values) -> Given:
+def cameras_around(setup: Setup, values: Values) -> dict[str, Candidate]:
     """36 cameras 4 m from the body's root."""
     body = _body(setup)
-    return cameras_on_a_sphere(body, _joints(body, values)[0])
+    root = body.joints(*(values[block.name] for block in body.blocks()))[0]
+    return cameras_on_a_sphere(body, root)
 
 
-def held_out_views(setup: Setup, values: Values) -> Given:
+def held_out_views(setup: Setup, values: Values) -> dict[str, Candidate]:
     """The real cameras of the setup that were held out."""
     views = [view for view in setup.views if view.held_out]
     if not views:
@@ -236,20 +236,9 @@ def held_out_views(setup: Setup, values: Values) -> Given:
     return cameras_of(_body(setup), [_photograph(view, values) for view in views])
 
 
-def cameras_around_occluded(setup: Setup, values: Values) -> Given:
-    """The same 36 cameras, none of which sees what the body hides from it."""
-    body = _skinned(setup)
-    around = cameras_on_a_sphere(body, _joints(body, values)[0])
-    return without_hidden(body, around, values)
-
-
-def held_out_views_occluded(setup: Setup, values: Values) -> Given:
-    """The real cameras that were held out, none of which sees what the body hides from it."""
-    views = [_photograph(view, values) for view in setup.views if view.held_out]
-    if not views:
-        return held_out_views(setup, values)  # which says so
-    body = _skinned(setup)
-    return without_hidden(body, cameras_of(body, views), values)
+def occluded(cameras: Callable[[Setup, Values], dict[str, Candidate]]) -> Candidates:
+    """The same cameras, none of which sees what the body hides from it."""
+    return lambda setup, values: without_hidden(_skinned(setup), cameras(setup, values), values)
 
 
 def markers_worn(setup: Setup, values: Values) -> Given:
@@ -260,16 +249,15 @@ def markers_worn(setup: Setup, values: Values) -> Given:
 
 def keypoints_seen(setup: Setup, values: Values) -> Given:
     """Each keypoint, seen once more by the first camera."""
-    view = _view(setup)
-    return keypoint_candidates(_body(setup), view.camera, values)
+    return keypoint_candidates(_body(setup), _view(setup).camera, values)
 
 
-CANDIDATES: Mapping[str, Callable[[Setup, Values], Given]] = {
+CANDIDATES: Mapping[str, Candidates] = {
     OWN: own_candidates,
     "cameras": cameras_around,
     "views": held_out_views,
-    "cameras-occluded": cameras_around_occluded,
-    "views-occluded": held_out_views_occluded,
+    "cameras-occluded": occluded(cameras_around),
+    "views-occluded": occluded(held_out_views),
     "markers": markers_worn,
     "keypoints": keypoints_seen,
 }
@@ -308,10 +296,6 @@ def _view(setup: Setup) -> View:
         if not view.held_out:
             return view
     raise BadArgument("no camera sees the body of this problem")
-
-
-def _joints(body: Body, values: Values) -> Array:
-    return np.asarray(body.joints(*(values[block.name] for block in body.blocks())))
 
 
 def _photograph(view: View, values: Values) -> Photograph:

@@ -37,6 +37,11 @@ ORDERS = {  # of 17 keypoints
         *("left_ankle", "right_eye", "left_eye", "right_ear", "left_ear"),
     ),
 }
+AGREE = 0.02  # of the size of the person in an image: rays that miss each other by more contradict
+MOST_ORDERS = 5  # cameras of which all orders are tried; of more, every exchange of two
+OPENGL = np.diag([1.0, -1.0, -1.0])  # x right, y up, z backwards
+PERSON = 0.5, 2.6  # m, between the keypoints of a person that are farthest apart
+UNITS = {"mm": 1e-3, "cm": 1e-2, "in": 0.0254}
 
 
 def opposite(name: str) -> str:
@@ -149,11 +154,6 @@ def _cost(setup: Setup, views: Sequence[View], changed: Sequence[View]) -> float
     return cost if np.isfinite(cost) else np.inf
 
 
-AGREE = 0.02  # of the size of the person in an image: rays that miss each other by more contradict
-MOST_ORDERS = 5  # cameras of which all orders are tried; of more, every exchange of two
-OPENGL = np.diag([1.0, -1.0, -1.0])  # x right, y up, z backwards
-PERSON = 0.5, 2.6  # m, between the keypoints of a person that are farthest apart
-UNITS = {"mm": 1e-3, "cm": 1e-2, "in": 0.0254}
 Extrinsics = list[tuple[Array, Array]]  # R (3, 3) and t (3,) of each camera
 
 

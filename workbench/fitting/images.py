@@ -70,6 +70,23 @@ SMPLIFY_SIGMA = LAMBDA_POSE[-1] / float(np.sqrt(2))  # px
 Recipe = Callable[["Appearance"], "ImageRecipe"]
 ROUGHLY = LevenbergMarquardt(gradient_tolerance=0.01)  # of a stage that is only a start
 NEARLY = LevenbergMarquardt(gradient_tolerance=1e-3)  # beyond, keypoints tell nothing more
+SUSPECT = 1 / 7  # of a person's height in the image
+STEP = 1.25  # heights in an image are rounded to powers of it, so that images share problems
+OFFSET = 0.015  # m, in each direction: how far a detector's landmarks are from the body's
+Z90 = 1.6448536269514722  # 90 % of a normal distribution are within so many standard deviations
+INTERVAL_NOTE = (
+    "The 90 % interval of the distance allows for landmarks of the detector that lie "
+    f"{100 * OFFSET:g} cm (standard deviation in each direction) beside those of the body. It was "
+    "tested on 100 images of one real person, whose distance was known from four calibrated "
+    "cameras: it contained this distance in 100 % of the images, and in 93 % if the stature was "
+    "given. Intervals 0.79 and 0.89 times as wide would have contained it in 90 %"
+)
+DIFFERENCE = 1e-5  # of an unknown, for a central difference
+# frames 0, 8, ..., 96 of `balance`, each camera alone; the truth is the fit to all four cameras
+SPREAD = (
+    "too small: on 52 images of one real person, landmarks were 1.6 times as far from the truth "
+    "(root mean square; 1.0 to 2.0 times, by landmark)"
+)
 
 
 def image_priors(body: SkinnedBody | TriangleBody) -> tuple[Residual, ...]:
@@ -226,10 +243,6 @@ class ByHeight:
         return ImageRecipe(sigma, outlier, self.priors, stages, self.solver, self.relative)
 
 
-SUSPECT = 1 / 7  # of a person's height in the image
-STEP = 1.25  # heights in an image are rounded to powers of it, so that images share problems
-
-
 @dataclass(frozen=True, eq=False)
 class ImageFits:
     """Fits of a body to single images by a recipe; what images have in common is made once.
@@ -335,16 +348,6 @@ def appearance(body: Body, view: View, values: Values) -> Appearance:
     return Appearance(height, bool(suspect.any()))
 
 
-OFFSET = 0.015  # m, in each direction: how far a detector's landmarks are from the body's
-Z90 = 1.6448536269514722  # 90 % of a normal distribution are within so many standard deviations
-INTERVAL_NOTE = (
-    "The 90 % interval of the distance allows for landmarks of the detector that lie "
-    f"{100 * OFFSET:g} cm (standard deviation in each direction) beside those of the body. It was "
-    "tested on 100 images of one real person, whose distance was known from four calibrated "
-    "cameras: it contained this distance in 100 % of the images, and in 93 % if the stature was "
-    "given. Intervals 0.79 and 0.89 times as wide would have contained it in 90 %"
-)
-DIFFERENCE = 1e-5  # of an unknown, for a central difference
 Quantities = Callable[[Array, Array, Array], Array]  # (N, k) of N poses, betas and trans
 
 
@@ -441,13 +444,6 @@ def residual_of(setup: Setup, view: View) -> Residual | None:
     """The residual of the keypoints of a view, or None if the problem has none of its name."""
     name = f"keypoints({view.camera.prefix.rstrip('/')})"
     return next((one for one in setup.problem.residuals if one.name == name), None)
-
-
-# frames 0, 8, ..., 96 of `balance`, each camera alone; the truth is the fit to all four cameras
-SPREAD = (
-    "too small: on 52 images of one real person, landmarks were 1.6 times as far from the truth "
-    "(root mean square; 1.0 to 2.0 times, by landmark)"
-)
 
 
 @dataclass(frozen=True, eq=False)

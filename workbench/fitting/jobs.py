@@ -28,6 +28,7 @@ from workbench.solvers import Status
 
 LOG = logging.getLogger(__name__)
 LONGEST = 500  # letters of the reason of a failure
+AT_ONCE = 25  # images of a job: what is derived for a problem is derived once for all of them
 
 
 @dataclass(frozen=True)
@@ -75,9 +76,6 @@ def reason_of(error: Exception, path: Path, work: str) -> str:
         raise KeyboardInterrupt from error
     LOG.warning("could not %s %s", work, path, exc_info=error)
     return cut(f"an unforeseen error, {type(error).__name__}: {error}", LONGEST)
-
-
-AT_ONCE = 25  # images of a job: what is derived for a problem is derived once for all of them
 
 
 @dataclass(frozen=True)

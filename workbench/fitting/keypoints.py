@@ -46,6 +46,12 @@ MARKED = {
     "heel": 0.080,
 }
 TYPICAL = 0.080  # the median of COCO's 17 keypoints and 6 of the feet, both sides counted
+PLAIN, WITH_HANDS = "coco", "coco_with_hands"  # sets of landmarks
+SIGMA = 0.004  # of a person's height in an image: 3 px in the recording on which it was chosen
+OUTLIER = 0.08  # of that height, from which on a coordinate counts as an outlier
+FOCAL_SIGMA = 0.3  # of log f, for a camera of unknown focal length
+LEAST_CONFIDENCE = 0.2  # above which a keypoint counts in a mean
+COUNTED = f"keypoints with a confidence above {LEAST_CONFIDENCE}"
 
 
 def alike(names: Sequence[str]) -> Array:
@@ -65,10 +71,6 @@ def as_marked(names: Sequence[str]) -> Array:
     return np.asarray(np.sqrt((np.array(ends) ** 2 + TYPICAL**2) / (2 * TYPICAL**2)))
 
 
-PLAIN, WITH_HANDS = "coco", "coco_with_hands"  # sets of landmarks
-SIGMA = 0.004  # of a person's height in an image: 3 px in the recording on which it was chosen
-OUTLIER = 0.08  # of that height, from which on a coordinate counts as an outlier
-FOCAL_SIGMA = 0.3  # of log f, for a camera of unknown focal length
 Kind = tuple[tuple[str, tuple[int, int] | None, bool], ...]  # of the photographs of one person
 Relative = Callable[[Sequence[str]], Array]  # sigmas (M,) of keypoints compared with a typical one
 Terms = Callable[[SkinnedBody | TriangleBody], Sequence[Residual]]
@@ -212,10 +214,6 @@ def focal_prior(camera: Camera, guess: float) -> Residual:
         (cs.log(f[0]) - float(np.log(guess))) / FOCAL_SIGMA, (cs.log(f[1]) - cs.log(f[0])) / 0.01
     )
     return Residual(f"focal prior({camera.prefix.rstrip('/')})", logs, 1.0)
-
-
-LEAST_CONFIDENCE = 0.2  # above which a keypoint counts in a mean
-COUNTED = f"keypoints with a confidence above {LEAST_CONFIDENCE}"
 
 
 def keypoint_fit(

@@ -28,11 +28,6 @@ Start = Callable[[Body, Array], Values]  # from a body and a mesh (N, 3) m of it
 RIGID = 0.03  # m: how far off a body is whose parts are placed as if each were rigid
 
 
-def zero(body: Body, observed: Array) -> Values:
-    """Bind pose, mean shape and no translation: the template where it is."""
-    return body.start()
-
-
 def from_correspondences(body: Body, observed: Array) -> Values:
     """Pose, betas and trans of a body near a mesh (N, 3) m, however far it is bent.
 
@@ -78,7 +73,7 @@ def _shape_of(body: Body, pose: Array, mesh: Array) -> tuple[Array, Array]:
 
 
 STARTS: Mapping[str, Start] = {
-    "zero": zero,
+    "zero": lambda body, observed: body.start(),  # the template where it is
     "placed": placed,
     "procrustes": from_correspondences,
 }
@@ -112,8 +107,11 @@ def mesh_fit(
     points = body.points(pose, betas, trans)
     data = vertices(points, target.symbol, sigma=sigma, kernel=kernel)
 
+    def places(values: Values) -> Array:
+        return body.vertices(*(values[block.name] for block in body.blocks()))
+
     def measures(values: Values) -> tuple[Measure, ...]:
-        found = body.vertices(*(values[block.name] for block in body.blocks()))
+        found = places(values)
         references = {"vertex to observation": observed}
         if truth is not None:
             references[f"vertex to {'synthetic ' if synthetic else ''}truth"] = truth
@@ -124,17 +122,15 @@ def mesh_fit(
         return tuple(shown)
 
     return Setup(
-        problem=Problem((data, *priors), ("pose", "betas", "trans"), bounds, (target,)),
+        problem=Problem(
+            (data, *priors), [block.name for block in body.blocks()], bounds, (target,)
+        ),
         start=body.start() | (start or {}) | {target.name: observed},
         question=question,
         body=body,
         truth=truth,
         measures=measures,
-        doubts=lambda values: of_vertices(
-            np.linalg.norm(
-                body.vertices(*(values[block.name] for block in body.blocks())) - observed, axis=1
-            )
-        ),
+        doubts=lambda values: of_vertices(np.linalg.norm(places(values) - observed, axis=1)),
         priors=tuple(prior.name for prior in priors),
         compared=compared,
         synthetic=synthetic,
@@ -212,7 +208,7 @@ def joint_fit(
         )
 
     return Setup(
-        problem=Problem((data, *priors), ("pose", "betas", "trans"), blocks=(target,)),
+        problem=Problem((data, *priors), [block.name for block in body.blocks()], blocks=(target,)),
         start=body.start() | (start or {}) | {target.name: observed},
         question=question,
         body=body,

@@ -22,6 +22,35 @@ OUT = 0.0095  # m from the surface to the centre of a marker, as in MoSh
 MARKERS = "markers"  # the name of the landmark set
 FAR = 0.1  # how much a metre along a ray is worth beside a metre off it: the outermost surface
 FACING = 0.3  # the least cosine between a ray and the normal, which keeps to the outer surface
+# A marker's place: from a point between two joints (the share of the second one) in a direction of
+# the rest pose, x to the body's left, y up, z to the front. Those on the left have a mirror image.
+MIDDLE = {
+    "C7": ("neck", "neck", 0.0, (0.0, 0.0, -1.0)),
+    "T10": ("spine2", "spine3", 0.3, (0.0, 0.0, -1.0)),
+    "CLAV": ("spine3", "neck", 0.7, (0.0, 0.0, 1.0)),
+    "STRN": ("spine2", "spine3", 0.6, (0.0, 0.0, 1.0)),
+    "RBAC": ("spine3", "right_shoulder", 0.6, (0.0, -0.5, -1.0)),
+}
+SIDES = {
+    "FHD": ("neck", "head", 1.8, (0.6, 0.2, 1.0)),
+    "BHD": ("neck", "head", 1.8, (0.6, 0.2, -1.0)),
+    "SHO": ("left_collar", "left_shoulder", 0.9, (0.0, 1.0, 0.0)),
+    "UPA": ("left_shoulder", "left_elbow", 0.5, (0.0, 0.6, -1.0)),
+    "ELB": ("left_elbow", "left_elbow", 0.0, (0.0, -0.3, -1.0)),
+    "FRM": ("left_elbow", "left_wrist", 0.5, (0.0, 1.0, 0.5)),
+    "WRA": ("left_wrist", "left_wrist", 0.0, (0.0, 0.0, 1.0)),
+    "WRB": ("left_wrist", "left_wrist", 0.0, (0.0, 0.0, -1.0)),
+    "FIN": ("left_wrist", "left_hand", 0.9, (0.0, 1.0, 0.0)),
+    "FWT": ("pelvis", "left_hip", 0.9, (0.3, 0.6, 1.0)),
+    "BWT": ("pelvis", "left_hip", 0.5, (0.0, 0.6, -1.0)),
+    "THI": ("left_hip", "left_knee", 0.55, (1.0, 0.0, 0.4)),
+    "KNE": ("left_knee", "left_knee", 0.0, (1.0, 0.0, 0.0)),
+    "SHN": ("left_knee", "left_ankle", 0.4, (0.3, 0.0, 1.0)),
+    "ANK": ("left_ankle", "left_ankle", 0.0, (1.0, 0.0, 0.0)),
+    "HEE": ("left_ankle", "left_ankle", 0.0, (0.0, -0.5, -1.0)),
+    "TOE": ("left_ankle", "left_foot", 1.1, (-0.1, 1.0, 0.3)),
+    "MT5": ("left_ankle", "left_foot", 0.9, (1.0, 0.0, 0.0)),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,37 +128,6 @@ def read_marker_set(path: Path, body: SkinnedBody) -> MarkerSet:
         raise BadFile(
             f'{path} is no marker set, {{"name": number of a vertex, ...}}: {error}'
         ) from error
-
-
-# A marker's place: from a point between two joints (the share of the second one) in a direction of
-# the rest pose, x to the body's left, y up, z to the front. Those on the left have a mirror image.
-MIDDLE = {
-    "C7": ("neck", "neck", 0.0, (0.0, 0.0, -1.0)),
-    "T10": ("spine2", "spine3", 0.3, (0.0, 0.0, -1.0)),
-    "CLAV": ("spine3", "neck", 0.7, (0.0, 0.0, 1.0)),
-    "STRN": ("spine2", "spine3", 0.6, (0.0, 0.0, 1.0)),
-    "RBAC": ("spine3", "right_shoulder", 0.6, (0.0, -0.5, -1.0)),
-}
-SIDES = {
-    "FHD": ("neck", "head", 1.8, (0.6, 0.2, 1.0)),
-    "BHD": ("neck", "head", 1.8, (0.6, 0.2, -1.0)),
-    "SHO": ("left_collar", "left_shoulder", 0.9, (0.0, 1.0, 0.0)),
-    "UPA": ("left_shoulder", "left_elbow", 0.5, (0.0, 0.6, -1.0)),
-    "ELB": ("left_elbow", "left_elbow", 0.0, (0.0, -0.3, -1.0)),
-    "FRM": ("left_elbow", "left_wrist", 0.5, (0.0, 1.0, 0.5)),
-    "WRA": ("left_wrist", "left_wrist", 0.0, (0.0, 0.0, 1.0)),
-    "WRB": ("left_wrist", "left_wrist", 0.0, (0.0, 0.0, -1.0)),
-    "FIN": ("left_wrist", "left_hand", 0.9, (0.0, 1.0, 0.0)),
-    "FWT": ("pelvis", "left_hip", 0.9, (0.3, 0.6, 1.0)),
-    "BWT": ("pelvis", "left_hip", 0.5, (0.0, 0.6, -1.0)),
-    "THI": ("left_hip", "left_knee", 0.55, (1.0, 0.0, 0.4)),
-    "KNE": ("left_knee", "left_knee", 0.0, (1.0, 0.0, 0.0)),
-    "SHN": ("left_knee", "left_ankle", 0.4, (0.3, 0.0, 1.0)),
-    "ANK": ("left_ankle", "left_ankle", 0.0, (1.0, 0.0, 0.0)),
-    "HEE": ("left_ankle", "left_ankle", 0.0, (0.0, -0.5, -1.0)),
-    "TOE": ("left_ankle", "left_foot", 1.1, (-0.1, 1.0, 0.3)),
-    "MT5": ("left_ankle", "left_foot", 0.9, (1.0, 0.0, 0.0)),
-}
 
 
 def default_markers(body: SkinnedBody) -> MarkerSet:

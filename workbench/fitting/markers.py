@@ -39,6 +39,14 @@ from workbench.solvers.solution import Solver
 
 NAME = "offset prior"
 WAYS = "along 1", "along 2", "across"  # the surface: the rows of a marker
+SIGMA = 0.002  # m, of a marker's place beside that of the body: noise, and skin that slides
+OFFSET_SIGMA = 0.0095 / np.sqrt(3)  # m along each axis: MoSh's 9.5 mm from the nominal place
+POSE_WORTH = 0.5  # of a frame, for the pose prior: poses of one person in one clip are alike
+LEAST = 4  # markers that place a body
+WIDE = (0.1, 0.02)  # m, sigmas of markers in turn while poses are looked for: no arm is twisted
+ITERATIONS = 100  # of a frame by itself
+STAGES = (("trans", "pose", "betas"),)  # before all that is free
+TRUNK = ("pelvis", "spine1", "spine2", "spine3", "neck", "left_collar", "right_collar")
 
 
 def offset_prior(
@@ -84,16 +92,6 @@ def surface_frames(body: SkinnedBody, marker_set: MarkerSet) -> Array:
         )
     rows = np.linalg.svd(normals[:, None, :])[2]  # +-n first, and what is perpendicular to it
     return np.concatenate([rows[:, 1:], normals[:, None, :]], axis=1)
-
-
-SIGMA = 0.002  # m, of a marker's place beside that of the body: noise, and skin that slides
-OFFSET_SIGMA = 0.0095 / np.sqrt(3)  # m along each axis: MoSh's 9.5 mm from the nominal place
-POSE_WORTH = 0.5  # of a frame, for the pose prior: poses of one person in one clip are alike
-LEAST = 4  # markers that place a body
-WIDE = (0.1, 0.02)  # m, sigmas of markers in turn while poses are looked for: no arm is twisted
-ITERATIONS = 100  # of a frame by itself
-STAGES = (("trans", "pose", "betas"),)  # before all that is free
-TRUNK = ("pelvis", "spine1", "spine2", "spine3", "neck", "left_collar", "right_collar")
 
 
 def marker_fit(

@@ -34,11 +34,10 @@ from workbench.fitting.tracking import FRAMES, spread_frames
 from workbench.motions import Motion
 from workbench.motions.motion import without_gaps
 from workbench.residuals.kernels import Kernel, quadratic
-from workbench.solvers.solution import Solution, Solver
+from workbench.solvers.solution import Solver
 
 EVERY = 10  # frames between two that are fitted by themselves as well
 Choice = Callable[[Array, int], Index]  # from markers (T, M, 3) m and how many frames to these
-Said = Callable[[str], object]
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +52,6 @@ class MarkerFit:
         frames: the frames from which shape and offsets were found.
         errors: (T, M) m from each observed marker to that of the body; NaN where it was not seen.
         shape_setup: the problem of shape and offsets.
-        shape_solution: its solution.
     """
 
     pose: Array
@@ -63,7 +61,6 @@ class MarkerFit:
     frames: Index
     errors: Array
     shape_setup: Setup
-    shape_solution: Solution
 
     def motion(self, body: SkinnedBody, fps: float) -> Motion:
         """The motion of the body, frames that were not found being filled from their neighbours.
@@ -88,19 +85,25 @@ def mosh(
     across: float | None = None,
     kernel: Kernel = quadratic,
     solver: Solver | None = None,
-    progress: Said = lambda text: None,
+    solve: Callable[[Setup], Values] | None = None,
+    progress: Callable[[str], object] = lambda text: None,
 ) -> MarkerFit:
     """Find shape and offsets from some frames, and then the pose in every frame, these being held.
 
     `markers` are (T, M, 3) m, NaN where one was not seen; the other arguments are those of
-    `marker_fit`. `choose` picks the `frames` of the first step. In the second step frames are
-    fitted one by one, so that a recording may be long. Raises BadObservation if no frame shows
-    four markers, and BadArgument for markers of another shape and as `offset_prior` does.
+    `marker_fit`. `choose` picks the `frames` of the first step, whose problem `solver` solves in
+    the stages of `marker_solver`, or else `solve`, a function from its setup to the values found.
+    In the second step frames are fitted one by one, so that a recording may be long. Raises
+    BadObservation if no frame shows four markers, and BadArgument for markers of another shape and
+    as `offset_prior` does.
     """
-    usable = frames_that_place(markers, marker_set)
-    observed = np.asarray(markers, dtype=float)[usable]
+    whole = checked_markers(markers, marker_set)
+    usable = np.flatnonzero(np.isfinite(whole).all(axis=2).sum(axis=1) >= LEAST)
+    if not len(usable):
+        raise BadObservation(f"no frame shows {LEAST} markers, by which a body is placed")
+    observed = whole[usable]
     chosen = choose(observed, frames)
-    progress(f"shape and offsets from {len(chosen)} of {len(np.asarray(markers))} frames")
+    progress(f"shape and offsets from {len(chosen)} of {len(whole)} frames")
     setup = marker_fit(
         observed[chosen],
         body,
@@ -110,58 +113,24 @@ def mosh(
         across=across,
         kernel=kernel,
     )
-    solution = marker_solver(solver).solve(setup.problem, setup.start)
-    given = {name: solution.values[name] for name in (body.blocks()[1].name, "offsets")}
-    poses, places, errors = pose_every_frame(
-        markers, body, marker_set, given, sigma=sigma, kernel=kernel, progress=progress
-    )
-    betas, offsets = given.values()
-    return MarkerFit(poses, places, betas, offsets, usable[chosen], errors, setup, solution)
-
-
-def frames_that_place(markers: ArrayLike, marker_set: MarkerSet) -> Index:
-    """The frames that show four markers or more, of markers (T, M, 3) m.
-
-    Raises BadObservation if there is none, BadArgument for another shape, and NotNumbers.
-    """
-    given = checked_markers(markers, marker_set)
-    found = np.flatnonzero(np.isfinite(given).all(axis=2).sum(axis=1) >= LEAST)
-    if not len(found):
-        raise BadObservation(f"no frame shows {LEAST} markers, by which a body is placed")
-    return found
-
-
-def pose_every_frame(
-    markers: ArrayLike,
-    body: SkinnedBody,
-    marker_set: MarkerSet,
-    given: Values,
-    *,
-    sigma: float = SIGMA,
-    kernel: Kernel = quadratic,
-    progress: Said = lambda text: None,
-) -> tuple[Array, Array, Array]:
-    """The poses (T, K, 3) rad, trans (T, 3) m and errors (T, M) m of all frames.
-
-    The person's betas and the offsets of the markers are `given` and held. Frames that show less
-    than four markers are NaN. Raises as `frames_that_place` does.
-    """
-    usable = frames_that_place(markers, marker_set)
-    whole = np.asarray(markers, dtype=float)
+    if solve is None:
+        values = marker_solver(solver).solve(setup.problem, setup.start).values
+    else:
+        values = solve(setup)
     dressed = marker_set.on(body)
-    pose, _, trans = (block.name for block in dressed.blocks())
-    known = dressed.start() | dict(given)
+    pose, betas, trans = (block.name for block in dressed.blocks())
+    known = dressed.start() | {name: values[name] for name in (betas, "offsets")}
     frame, _ = marker_frame(dressed, marker_set, sigma, OFFSET_SIGMA, kernel, (trans, pose))
     shares = (*(sigma / wide for wide in WIDE), 1.0)
     every = max(1, len(usable) // 10)
 
-    def said(done: int, all_of: int) -> None:
+    def told(done: int, all_of: int) -> None:
         if done % every == 0 or done == all_of:
             progress(f"poses: frame {done} of {all_of}")
 
-    moved = frame_by_frame(frame, dressed, whole[usable], known, shares, EVERY, said)
+    moved = frame_by_frame(frame, dressed, observed, known, shares, EVERY, told)
     poses = np.full((len(whole), dressed.n_joints, 3), np.nan)
     places, errors = np.full((len(whole), 3), np.nan), np.full(whole.shape[:2], np.nan)
     poses[usable], places[usable] = moved[pose], moved[trans]
-    errors[usable] = marker_errors(dressed, whole[usable], known | moved)
-    return poses, places, errors
+    errors[usable] = marker_errors(dressed, observed, known | moved)
+    return MarkerFit(poses, places, known[betas], known["offsets"], usable[chosen], errors, setup)

@@ -1,7 +1,6 @@
 """Where a body is put before a fit: moved rigidly to points or meshes, by rays, by a regressor."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,6 +16,13 @@ from workbench.geometry.rigid import procrustes
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 
 TORSO = ("left_shoulder", "right_shoulder", "left_hip", "right_hip")
+FAR = 0.25  # m, at the depth of the body: how far a regressed body may be from a keypoint
+SUBSETS, LEFT_OUT = 64, 0.35  # how many subsets of keypoints, and the share that is left out
+ROUNDS = 2  # of regressing without the keypoints that disagree
+REWEIGHTED = 6  # times, when a body is placed
+NEAREST = 0.1  # m, the depth of a body in front of the camera
+MOST = 8  # directions in which a body may face
+TURNS = (0, 4, 2, 6, 1, 3, 5, 7)  # eighths of a turn: the other way, and then far from both first
 
 
 def place_body(body: Body, views: Sequence[View], values: Values) -> Values:
@@ -129,30 +135,6 @@ def moved(
     return {names[0]: turned, names[2]: R @ root + t - root}
 
 
-FAR = 0.25  # m, at the depth of the body: how far a regressed body may be from a keypoint
-SUBSETS, LEFT_OUT = 64, 0.35  # how many subsets of keypoints, and the share that is left out
-ROUNDS = 2  # of regressing without the keypoints that disagree
-REWEIGHTED = 6  # times, when a body is placed
-NEAREST = 0.1  # m, the depth of a body in front of the camera
-
-
-@dataclass(frozen=True, eq=False)
-class Regressed:
-    """Bodies that were regressed from subsets of the keypoints of one view.
-
-    Attributes:
-        facing: (N, 3, 3) the root's rotations in the camera's frame.
-        pose: (N, K, 3) rad; the root's rows are zero.
-        root: (N, 3) m, where the root joint is in the camera's frame.
-        distances: (N, M) m, from each keypoint of the regressor, at the depth of the body.
-    """
-
-    facing: Array
-    pose: Array
-    root: Array
-    distances: Array
-
-
 def regressed_start(regressor: PoseRegressor, body: Body, view: View, values: Values) -> Values:
     """Pose, betas (zero) and trans of a body that one camera observed.
 
@@ -161,36 +143,41 @@ def regressed_start(regressor: PoseRegressor, body: Body, view: View, values: Va
     coincide, and BadArgument for a body that lacks one of them or has other joints.
     """
     rays, confidence, rows = seen_by(regressor, body, view, values)
+
+    def regressed(confidence: Array) -> tuple[Array, Array, Array, Array]:
+        """Bodies from keypoints trusted in several ways (N, M): the root's rotations (N, 3, 3) in
+        the camera's frame, poses (N, K, 3) rad without it, where the root is (N, 3) m, and the
+        distances (N, M) m of keypoints at the depth of the body.
+        """
+        several = np.broadcast_to(rays, (*confidence.shape, 2))
+        facing, pose = regressor.regress(several, confidence)
+        places = body.landmark(view.landmarks, pose)[:, rows] - body.joints(pose)[:, :1]
+        points = np.einsum("nij,nmj->nmi", facing, places)
+        return facing, pose, *placed_by_rays(points, rays, confidence)
+
     known = confidence > 0
-    found = regressed(regressor, body, view.landmarks, rows, rays, confidence[None])
-    close = found.distances[0] < FAR
+    best = regressed(confidence[None])
+    close = best[3][0] < FAR
     if not close[known].all():
-        kept = _subsets(known)
-        several = regressed(regressor, body, view.landmarks, rows, rays, confidence * kept)
-        cost = (np.minimum(several.distances / FAR, 1.0) ** 2 @ known).argmin()
-        close = several.distances[cost] < FAR
+        distances = regressed(confidence * _subsets(known))[3]
+        close = distances[(np.minimum(distances / FAR, 1.0) ** 2 @ known).argmin()] < FAR
         for _ in range(ROUNDS):
             agreed = confidence * close
             if (agreed > 0).sum() < FEWEST:
                 break
-            found = regressed(regressor, body, view.landmarks, rows, rays, agreed[None])
-            close = found.distances[0] < FAR
-    return start_of(body, view, values, found, 0)
-
-
-def regressed(
-    regressor: PoseRegressor,
-    body: Body,
-    kind: str,
-    rows: list[int],
-    rays: Array,
-    confidence: Array,
-) -> Regressed:
-    """Bodies from the same keypoints (M, 2), trusted in several ways: confidence (N, M)."""
-    facing, pose = regressor.regress(np.broadcast_to(rays, (*confidence.shape, 2)), confidence)
-    places = body.landmark(kind, pose)[:, rows] - body.joints(pose)[:, :1]
-    points = np.einsum("nij,nmj->nmi", facing, places)
-    return Regressed(facing, pose, *placed_by_rays(points, rays, confidence))
+            best = regressed(agreed[None])
+            close = best[3][0] < FAR
+    facing, pose, root, _ = (one[0] for one in best)
+    if not root[2] > NEAREST:
+        raise BadObservation(
+            f"{view.name}: the keypoints place the body behind the camera; check that they are "
+            "px, and that the camera's focal length is right"
+        )
+    R = matrix_from_vector(values[view.camera.rotation.name])  # world -> camera
+    turned = np.concatenate([vector_from_matrix(R.T @ facing)[None], pose[1:]])
+    place = R.T @ (root - values[view.camera.translation.name]) - body.joints()[0]
+    at = turned, np.zeros(body.n_betas), place
+    return {block.name: value for block, value in zip(body.blocks(), at, strict=True)}
 
 
 def placed_by_rays(points: Array, rays: Array, confidence: Array) -> tuple[Array, Array]:
@@ -245,21 +232,6 @@ def seen_by(
     return rays, confidence, rows
 
 
-def start_of(body: Body, view: View, values: Values, found: Regressed, n: int) -> Values:
-    """Pose, betas and trans in the world of the n-th regressed body."""
-    if not found.root[n, 2] > NEAREST:
-        raise BadObservation(
-            f"{view.name}: the keypoints place the body behind the camera; check that they are "
-            "px, and that the camera's focal length is right"
-        )
-    pose, betas, trans = (block.name for block in body.blocks())
-    R = matrix_from_vector(values[view.camera.rotation.name])  # world -> camera
-    turned = found.pose[n].copy()
-    turned[0] = vector_from_matrix(R.T @ found.facing[n])
-    root = R.T @ (found.root[n] - values[view.camera.translation.name])
-    return {pose: turned, betas: np.zeros(body.n_betas), trans: root - body.joints()[0]}
-
-
 def _subsets(known: Mask) -> Mask:
     """Which keypoints are kept, (SUBSETS, M), each time without a share of those known."""
     rng = np.random.default_rng(len(known))
@@ -267,9 +239,6 @@ def _subsets(known: Mask) -> Mask:
     count = int(known.sum())
     kept = max(FEWEST, count - round(LEFT_OUT * count))
     return np.asarray((order < kept) & known)
-
-
-MOST = 8  # directions in which a body may face
 
 
 def image_starts(body: Body, view: View, placed: Values, count: int) -> list[Values]:
@@ -305,7 +274,7 @@ def turned_about(body: Body, values: Values, count: int) -> list[Values]:
     joints = body.joints(values[pose.name], values[betas.name], values[trans.name])
     middle: Array = joints.mean(axis=0)
     found = [{name: values[name] for name in (pose.name, betas.name, trans.name)}]
-    for k in _order(MOST)[1:count]:
+    for k in TURNS[1:count]:
         turn = root @ matrix_from_vector([0.0, 2 * np.pi * k / MOST, 0.0]) @ root.T
         whole = moved(body, turn @ root, np.zeros(3))
         start = found[0] | {pose.name: values[pose.name].copy()}
@@ -313,9 +282,3 @@ def turned_about(body: Body, values: Values, count: int) -> list[Values]:
         there = body.joints(start[pose.name], start[betas.name], np.zeros(3)).mean(axis=0)
         found.append(start | {trans.name: middle - there})
     return found
-
-
-def _order(n: int) -> list[int]:
-    """0, n / 2, and then the others, those far from both first."""
-    rest = sorted(set(range(n)) - {0, n // 2}, key=lambda k: abs(k % (n // 2) - n / 4))
-    return [0, n // 2, *rest]

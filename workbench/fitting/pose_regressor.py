@@ -22,6 +22,10 @@ from workbench.writing import write_arrays
 
 FEWEST = 3  # keypoints, below which nothing says how a body is turned
 COLUMNS = np.outer(REFLECTION, REFLECTION)[:, :2]  # what becomes of them under S R S
+FOLDER = files("workbench") / "data" / "poses"
+REGRESSOR_FILE = "regressor.npz"
+MOST_LAYERS = 9
+LARGEST = 2**15 - 1  # of the whole numbers in which weights are stored
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,12 +155,6 @@ def looking_at(place: Array) -> Array:
 def _median(points: Array, known: Mask) -> Array:
     """The median (N, D) of the known points (N, M, D) of each image."""
     return np.asarray(np.nanmedian(np.where(known[..., None], points, np.nan), axis=1))
-
-
-FOLDER = files("workbench") / "data" / "poses"
-REGRESSOR_FILE = "regressor.npz"
-MOST_LAYERS = 9
-LARGEST = 2**15 - 1  # of the whole numbers in which weights are stored
 
 
 def save_regressor(regressor: PoseRegressor, path: str | Path) -> None:

@@ -48,6 +48,13 @@ MOST = 25  # fits on each side
 PAST = 1.3  # of the rise at which the interval ends: where a side is followed to
 CLOSE, REFINED = 0.02, 6  # of the root of the rise: how near a fit is to each end; fits for that
 BETTER = 1e-6  # of the cost, by which another minimum has to be lower
+REACH, FARTHEST = (
+    3.0,
+    1.5,
+)  # of a start: standard deviations along its direction; characteristic scales at most
+SHARES = (1.0, 0.5)  # of this: how far the starts are on each side
+SAME = 0.01  # characteristic scales of each entry: nearer ends are one
+LEVEL = 1e-6  # of 1 + cost: ends of the same cost that are apart are in one valley
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,15 +257,6 @@ def _crossing(at: Array, roots: Array, end: float, nowhere: float) -> float:
     return float(at[k - 1] + share * (at[k] - at[k - 1]))
 
 
-REACH, FARTHEST = (
-    3.0,
-    1.5,
-)  # of a start: standard deviations along its direction; characteristic scales at most
-SHARES = (1.0, 0.5)  # of this: how far the starts are on each side
-SAME = 0.01  # characteristic scales of each entry: nearer ends are one
-LEVEL = 1e-6  # of 1 + cost: ends of the same cost that are apart are in one valley
-
-
 @dataclass(frozen=True, eq=False)
 class OtherMinimum:
     """An end that is not the first one.
@@ -340,7 +338,7 @@ def other_minima(
 
     On each side of the minimum there are two starts: at three standard deviations along the
     direction, but at most 1.5 characteristic scales, and at half this distance. `progress` is told
-    how many fits are done, and of how many. Minima that lie in no such direction are not found. Raises
+    how many fits are done, and of how many. Minima in no such direction are not found. Raises
     BadArgument for no directions.
 
     >>> import casadi, workbench as wb

@@ -32,6 +32,12 @@ LIMBS = tuple(
     )
 )
 
+HIDDEN = (256, 256)
+PEOPLE, PASSES = 20_000, 60
+RATE = 2e-3  # of Adam's method (Kingma and Ba 2015)
+AVERAGED = 0.3  # of the passes, the last ones, whose weights are averaged
+LEAST_SCALE = 0.03  # m per rad: joints that move no landmark are learned a little as well
+
 
 @dataclass(frozen=True, eq=False)
 class People:
@@ -44,13 +50,6 @@ class People:
 
     poses: Array
     landmarks: Array
-
-
-def draw_people(
-    body: Body, prior: PoseGaussian | PoseMixture, n: int, rng: np.random.Generator
-) -> People:
-    """People in poses of a prior with betas of the standard normal distribution."""
-    return people_in(body, draw_poses(prior, n, rng), rng)
 
 
 def people_in(body: Body, poses: Array, rng: np.random.Generator) -> People:
@@ -103,13 +102,6 @@ def draw_views(
     return rays, (~missing).astype(float)
 
 
-HIDDEN = (256, 256)
-PEOPLE, PASSES = 20_000, 60
-RATE = 2e-3  # of Adam's method (Kingma and Ba 2015)
-AVERAGED = 0.3  # of the passes, the last ones, whose weights are averaged
-LEAST_SCALE = 0.03  # m per rad: joints that move no landmark are learned a little as well
-
-
 def train_pose_regressor(
     body: Body,
     prior: PoseGaussian | PoseMixture,
@@ -139,7 +131,9 @@ def train_pose_regressor(
             "regressor is trained with a body of SMPL's 24 joints, such as `default`"
         )
     rng = np.random.default_rng(seed)
-    return trained(body, draw_people(body, prior, n, rng), passes, hidden, rng, progress)
+    return trained(
+        body, people_in(body, draw_poses(prior, n, rng), rng), passes, hidden, rng, progress
+    )
 
 
 def trained(

@@ -21,6 +21,12 @@ from workbench.residuals import Residual
 from workbench.solvers import SOLVERS, Solver
 
 CERTIFIED_DIGITS = 11  # of NIST's parameters: more cannot agree
+# which solvers a setup compares, by their names in SOLVERS
+SECOND_ORDER = ("trust-region", "gauss-newton", "levenberg-marquardt", "ipopt")
+LARGE = (*SECOND_ORDER, "nlopt-lbfgs")  # also of problems whose exact Hessian takes long
+GRADED = (*SECOND_ORDER, "ipopt-exact", "nlopt-lbfgs")
+MANY = (*GRADED, "nlopt-tnewton", "nlopt-slsqp")
+BOUNDED = ("ipopt", "ipopt-exact", "nlopt-lbfgs", "nlopt-slsqp")
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,14 +114,6 @@ def digits(found: Mapping[str, ArrayLike], certified: Mapping[str, ArrayLike]) -
         worst = float(np.max(np.where(np.isfinite(error), error, np.inf), initial=0.0))
         fewest = min(fewest, -np.log10(worst) if worst > 0 else np.inf)
     return max(0.0, float(fewest))
-
-
-SECOND_ORDER = ("trust-region", "gauss-newton", "levenberg-marquardt", "ipopt")
-LARGE = (*SECOND_ORDER, "nlopt-lbfgs")  # also of problems whose exact Hessian takes long
-GRADED = (*SECOND_ORDER, "ipopt-exact", "nlopt-lbfgs")
-MANY = (*GRADED, "nlopt-tnewton", "nlopt-slsqp")
-BOUNDED = ("ipopt", "ipopt-exact", "nlopt-lbfgs", "nlopt-slsqp")
-"""Which solvers a setup may compare, by their names in `SOLVERS`."""
 
 
 def names(given: str | Residual | Iterable[str | Residual]) -> tuple[str, ...]:

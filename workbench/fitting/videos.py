@@ -49,6 +49,16 @@ from workbench.residuals.sequences import Between, Frames
 from workbench.sampling.posterior_mean import posterior_mean
 from workbench.solvers import SolveStage, TrustRegion
 
+COARSE = (0.345, 0.048)  # of a person's height in an image: the sigmas of the stages before
+EVERY = 10  # frames between two that are fitted from scratch
+QUICK = TrustRegion(max_iterations=30, gradient_tolerance=1e-3)
+ROUGHLY = TrustRegion(max_iterations=30, gradient_tolerance=1e-2)  # all frames are fitted again
+FAR = 0.12  # of a person's height: 100 px at 830, where outliers begin (Bogo et al., SMPLify)
+LOOKED_AT = 9  # frames, for the height of the person
+POSE_SIGMA, PLACE_SIGMA = 36.0, 11.0  # rad/s^2 and m/s^2, of all joints and axes together
+EVIDENCE = "evidence"  # the fixed block that says how often each frame counts
+APART, BLUR = 1 / 12, 0.1  # s: between frames that are drawn; sd of the Gaussian that smooths
+
 
 def effective_frames(errors: ArrayLike, known: ArrayLike | None = None) -> float:
     """The number of independent frames whose mean error is as uncertain as that of these T frames.
@@ -107,16 +117,6 @@ def autocorrelation(errors: Array, known: Array) -> Array:
         if pairs >= max(1, x.shape[1] // 2):
             found[k] = np.sum(x[k:] * x[: len(x) - k]) / pairs
     return found / found[0] if found[0] > 0 else found
-
-
-COARSE = (0.345, 0.048)  # of a person's height in an image: the sigmas of the stages before
-EVERY = 10  # frames between two that are fitted from scratch
-QUICK = TrustRegion(max_iterations=30, gradient_tolerance=1e-3)
-ROUGHLY = TrustRegion(max_iterations=30, gradient_tolerance=1e-2)  # all frames are fitted again
-FAR = 0.12  # of a person's height: 100 px at 830, where outliers begin (Bogo et al., SMPLify)
-LOOKED_AT = 9  # frames, for the height of the person
-POSE_SIGMA, PLACE_SIGMA = 36.0, 11.0  # rad/s^2 and m/s^2, of all joints and axes together
-EVIDENCE = "evidence"  # the fixed block that says how often each frame counts
 
 
 @dataclass(frozen=True)
@@ -391,9 +391,6 @@ def _between(smoothness: Smoothness, body: Body, evidence: Block, clip: Clip) ->
         return between
 
     return [weighted(link) for link in made]
-
-
-APART, BLUR = 1 / 12, 0.1  # s: between frames that are drawn; sd of the Gaussian that smooths
 
 
 def video_mean(

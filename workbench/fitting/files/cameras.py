@@ -12,6 +12,11 @@ from workbench.geometry.rotation import matrix_from_vector
 from workbench.reading.facts import json_in, toml_in
 
 LARGEST = 1e6  # px: no image is wider or higher
+READ = ("K", "R", "t", "distortion", "size", "fisheye", "name")
+MOST_CAMERAS = 1000
+LONGEST_ROTATION = 2.01 * np.pi  # rad: a rotation vector that is longer is in degrees
+LONGEST_NAME = 200  # characters, of a camera's name
+TOML = {"matrix": "K", "rotation": "R", "translation": "t", "distortions": "distortion"}
 
 
 def numbers_in(path: str | Path, what: str, given: Any) -> Array:
@@ -36,12 +41,6 @@ def size_in(path: str | Path, where: str, given: Any) -> tuple[int, int]:
 
 
 Calibration = dict[str, dict[str, Any]]  # K, R, t, distortion, size, `unread`, `degrees` of each
-
-READ = ("K", "R", "t", "distortion", "size", "fisheye", "name")
-MOST_CAMERAS = 1000
-LONGEST_ROTATION = 2.01 * np.pi  # rad: a rotation vector that is longer is in degrees
-LONGEST_NAME = 200  # characters, of a camera's name
-TOML = {"matrix": "K", "rotation": "R", "translation": "t", "distortions": "distortion"}
 
 
 def read_calibration(path: str | Path) -> Calibration:

@@ -22,7 +22,7 @@ from workbench.fitting.files.layouts import (
     COCO_FILES,
     OPENPOSE,
     DetectedPerson,
-    Layout,
+    KeypointLayout,
     no_such_person,
 )
 from workbench.fitting.files.mediapipe import is_mediapipe, mediapipe_people, mediapipe_person
@@ -30,6 +30,9 @@ from workbench.fitting.observations import Observations, Photograph, pinhole
 from workbench.reading.facts import json_in
 
 PEOPLE = ("people", "bodies")  # what an entry of an image holds, as OpenPose and AlphaPose call it
+MOST_PEOPLE = 300_000  # of one file; the largest of COCO holds 262,465
+UNSEEN = np.zeros((0, 3))
+FARTHEST = 1e7  # px: no detector reports a keypoint farther out
 
 
 def number_in(name: Any) -> int | None:
@@ -101,10 +104,7 @@ def _of_people(entry: Any) -> bool:
     return isinstance(entry, dict) and any(key in entry for key in PEOPLE)
 
 
-MOST_PEOPLE = 300_000  # of one file; the largest of COCO holds 262,465
 NOBODY: list[float] = []  # the keypoints of an entry without a person; files may hold many
-UNSEEN = np.zeros((0, 3))
-FARTHEST = 1e7  # px: no detector reports a keypoint farther out
 
 
 def read_keypoints(
@@ -206,7 +206,9 @@ def people_of(path: str | Path, data: Any) -> list[int]:
     return [i for i, (_, one) in enumerate(entries) if one.get(kind.main)]
 
 
-def _entries(path: str | Path, data: Any) -> tuple[Layout, list[tuple[str, dict[str, Any]]]]:
+def _entries(
+    path: str | Path, data: Any
+) -> tuple[KeypointLayout, list[tuple[str, dict[str, Any]]]]:
     """The layout of a file, and its people, each with its place in the file."""
     for key, kind in (("people", OPENPOSE), ("bodies", BODIES_FILES)):
         if isinstance(data, dict) and key in data:
@@ -224,7 +226,7 @@ def _with_parts(
     path: str | Path,
     where: str,
     given: dict[str, Any],
-    kind: Layout,
+    kind: KeypointLayout,
     main: tuple[tuple[str, ...], Array],
 ) -> tuple[tuple[str, ...], Array, list[str]]:
     """Names and points of body, feet, hands and face, and a note on the points not read."""

@@ -22,6 +22,7 @@ _ARMS, _LEGS = (
 _EYES_AND_EARS = tuple(f"{side}_{part}" for part in HEAD for side in ("right", "left"))
 OPENPOSE_25 = ("nose", "neck", *_ARMS, "mid_hip", *_LEGS, *_EYES_AND_EARS, *FEET)
 OPENPOSE_18 = tuple(name for name in OPENPOSE_25[:19] if name != "mid_hip")
+_SIDES = ("left", "right")
 
 
 def hand(side: str) -> Names:
@@ -47,7 +48,6 @@ OPENPOSE_135 = (  # whose hands have no root, which is the wrist
     *(*COCO, "neck", "head_top", *FEET),
     *(*HANDS[0][1:], *HANDS[1][1:], *face(70)),
 )
-_SIDES = ("left", "right")
 MEDIAPIPE_33 = (  # BlazePose (Bazarevsky et al. 2020); its points of a hand are knuckles
     "nose",
     *(f"{side}_eye{place}" for side in _SIDES for place in ("_inner", "", "_outer")),
@@ -60,7 +60,7 @@ MEDIAPIPE_33 = (  # BlazePose (Bazarevsky et al. 2020); its points of a hand are
 
 
 @dataclass(frozen=True)
-class Layout:
+class KeypointLayout:
     """Where a file format stores the keypoints of a person.
 
     Attributes:
@@ -76,7 +76,7 @@ class Layout:
     parts: Mapping[str, Mapping[int, Names]]
 
 
-OPENPOSE = Layout(
+OPENPOSE = KeypointLayout(
     "openpose",
     "pose_keypoints_2d",
     {25: OPENPOSE_25, 18: OPENPOSE_18, 135: OPENPOSE_135},
@@ -86,8 +86,10 @@ OPENPOSE = Layout(
         "face_keypoints_2d": {70: face(70)},
     },
 )
-BODIES_FILES = Layout("alphapose", "joints", {17: COCO, 18: OPENPOSE_18}, {})  # its format cmu
-COCO_FILES = Layout(
+BODIES_FILES = KeypointLayout(
+    "alphapose", "joints", {17: COCO, 18: OPENPOSE_18}, {}
+)  # its format cmu
+COCO_FILES = KeypointLayout(
     "coco",
     "keypoints",
     {

@@ -61,7 +61,8 @@ def mediapipe_person(
     if person is not None and not 0 <= person < max(len(bodies), 1):
         raise no_such_person(path, person, max(len(bodies), 1))
     notes = _notes(path, said, bodies, person)
-    known = dict.fromkeys([*HANDS[0], *HANDS[1]], UNSEEN) if _has_hands(said) else {}
+    looked_for = any("hand_landmarks" in key or "handed" in key for key in said)
+    known = dict.fromkeys([*HANDS[0], *HANDS[1]], UNSEEN) if looked_for else {}
     if bodies:
         best = max(range(len(bodies)), key=lambda i: float(bodies[i][:, 2].sum()))
         points = bodies[best if person is None else person]
@@ -86,11 +87,6 @@ def mediapipe_people(path: str | Path, data: dict[str, Any]) -> int:
     """The number of people in a result of MediaPipe; hands without a body are one person."""
     said = {_snake(key): value for key, value in data.items()}
     return len(_bodies(path, said)) or int(bool(_hands(path, said)))
-
-
-def _has_hands(said: dict[str, Any]) -> bool:
-    """Whether the program looked for hands, and wrote what it found, if only that it found none."""
-    return any(key in HANDS_KEYS or "hand_landmarks" in key or "handed" in key for key in said)
 
 
 def _snake(key: Any) -> str:
@@ -188,7 +184,11 @@ def _points(path: str | Path, where: str, given: Any, count: int) -> Array:
 def _notes(
     path: str | Path, said: dict[str, Any], bodies: list[Array], person: int | None
 ) -> list[str]:
-    unread = sorted(key for key, value in said.items() if key not in KNOWN and _is_of_points(value))
+    unread = sorted(
+        key
+        for key, value in said.items()
+        if key not in KNOWN and value and isinstance(value, list | dict)
+    )
     notes = [f"{Path(path).name}: not read are {some(unread)}"] if unread else []
     if len(bodies) > 1 and person is None:
         notes.append(
@@ -198,7 +198,3 @@ def _notes(
     if len(bodies) > 1 and any("hand" in key for key in said):
         notes.append(f"{Path(path).name} does not say whose the hands are; they go with that body")
     return notes
-
-
-def _is_of_points(value: Any) -> bool:
-    return isinstance(value, list | dict) and bool(value)

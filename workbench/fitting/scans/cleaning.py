@@ -1,8 +1,10 @@
 """What is left out of a scan before it is used, each time with a sentence that says so."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from workbench.arrays import Array, Index, Mask
@@ -11,7 +13,7 @@ from workbench.fitting.scans.scan import BadScan, Contents, drawn
 LARGEST = 1e9  # in the file's unit: farther out is no coordinate but damage
 FEWEST = 100  # points
 FAR = 20.0  # times the size of the scan from its middle: what cannot belong to it
-ISOLATED = 10.0  # times the usual distance from the nearest neighbour
+BESIDE = 10.0  # times the usual distance from the nearest neighbour
 
 
 def cleaned(contents: Contents, most: int) -> Contents:
@@ -23,9 +25,15 @@ def cleaned(contents: Contents, most: int) -> Contents:
     """
     if not len(contents.points):
         raise BadScan("it holds no points")
-    if contents.faces is not None:
-        contents = _with_faces_checked(contents)
-    points = contents.points
+    points, faces = contents.points, contents.faces
+    if faces is not None:
+        wrong = ((faces < 0) | (faces >= len(points))).any(axis=1)
+        if wrong.any():
+            face = int(np.argmax(wrong))
+            raise BadScan(
+                f"face {face} is {faces[face].tolist()}, but there are {len(points)} points from 0"
+            )
+        contents = replace(contents, faces=faces if len(faces) else None)
     with np.errstate(invalid="ignore"):
         there = np.asarray((np.abs(points) < LARGEST).all(axis=1))  # nor NaN
     contents = _kept(contents, there, "NaN, infinite or beyond 1e9, and left out")
@@ -33,7 +41,10 @@ def cleaned(contents: Contents, most: int) -> Contents:
         nothing = np.asarray(~contents.points.any(axis=1))
         if nothing.sum() > 1:
             contents = _kept(contents, ~nothing, "0 0 0, as missing ones are, and left out")
-        contents = _sampled(contents, most)
+        if most < len(contents.points):
+            chosen = drawn(len(contents.points), most)
+            why = f"left out, drawn at random, for {most:,} are enough"
+            contents = _kept(contents, chosen, why)
     else:
         used = np.zeros(len(contents.points), dtype=bool)
         used[contents.faces] = True
@@ -53,29 +64,15 @@ def cleaned(contents: Contents, most: int) -> Contents:
     return contents
 
 
-def isolated(points: Array) -> Mask:
+def far_points(points: Array) -> Mask:
     """Which points (M, 3) have no other within ten times the usual distance: (M,)."""
     distances = np.asarray(cKDTree(points).query(points, k=2)[0])[:, 1]
-    return np.asarray(distances > ISOLATED * np.median(distances), dtype=np.bool_)
+    return np.asarray(distances > BESIDE * np.median(distances), dtype=np.bool_)
 
 
 def points_are(count: int) -> str:
     """The beginning of a sentence on so many points."""
     return "1 point is" if count == 1 else f"{count:,} points are"
-
-
-def _with_faces_checked(contents: Contents) -> Contents:
-    assert contents.faces is not None
-    if not len(contents.faces):
-        return replace(contents, faces=None)
-    N = len(contents.points)
-    wrong = ((contents.faces < 0) | (contents.faces >= N)).any(axis=1)
-    if wrong.any():
-        face = int(np.argmax(wrong))
-        raise BadScan(
-            f"face {face} is {contents.faces[face].tolist()}, but there are {N} points from 0"
-        )
-    return contents
 
 
 def _kept(contents: Contents, mask: Mask, why: str) -> Contents:
@@ -96,53 +93,38 @@ def _kept(contents: Contents, mask: Mask, why: str) -> Contents:
     )
 
 
-def _sampled(contents: Contents, most: int) -> Contents:
-    """At most `most` points of a cloud, drawn at random with a fixed seed."""
-    N = len(contents.points)
-    if most >= N:
-        return contents
-    chosen = drawn(N, most)
-    return _kept(contents, chosen, f"left out, drawn at random, for {most:,} are enough")
-
-
 def _merged(contents: Contents) -> Contents:
     """Every place once, with the normal of the first point there; no face is a line or twice."""
-    points = contents.points + 0.0  # no -0
-    order = np.lexsort(points.T)
-    fresh = np.ones(len(points), dtype=bool)
-    fresh[1:] = (np.diff(points[order], axis=0) != 0).any(axis=1)
-    if fresh.all():
-        return _without_flat_faces(contents)
-    place = np.empty(len(points), dtype=np.int64)
-    place[order] = np.cumsum(fresh) - 1
-    firsts = np.full(int(fresh.sum()), len(points))
-    np.minimum.at(firsts, place, np.arange(len(points)))
-    back = np.argsort(firsts)  # places in the order in which the file has them
-    number = np.empty_like(back)
-    number[back] = np.arange(len(back))
-    first = firsts[back]
-    count = len(points) - len(first)
-    return _without_flat_faces(
-        replace(
+    first, place = _unique(contents.points + 0.0)  # so that there is no -0
+    count = len(contents.points) - len(first)
+    if count:
+        order = np.argsort(first)  # places in the order in which the file has them
+        number = np.argsort(order)
+        contents = replace(
             contents,
-            points=points[first],
-            normals=None if contents.normals is None else contents.normals[first],
+            points=contents.points[first[order]] + 0.0,
+            normals=None if contents.normals is None else contents.normals[first[order]],
             faces=None if contents.faces is None else number[place[contents.faces]],
             notes=(
                 *contents.notes,
                 f"{points_are(count)} in the place of another, and merged with it",
             ),
         )
-    )
-
-
-def _without_flat_faces(contents: Contents) -> Contents:
     if contents.faces is None:
         return contents
     corners = np.sort(contents.faces, axis=1)
+    first = _unique(corners)[0]
+    corners = corners[first]
     proper = (corners[:, 0] < corners[:, 1]) & (corners[:, 1] < corners[:, 2])
-    order = np.lexsort(corners.T)
-    again = np.zeros(len(corners), dtype=bool)
-    again[order[1:]] = (np.diff(corners[order], axis=0) == 0).all(axis=1)
-    faces: Index = contents.faces[proper & ~again]
+    faces: Index = contents.faces[np.sort(first[proper])]
     return replace(contents, faces=faces if len(faces) else None)
+
+
+def _unique(rows: NDArray[Any]) -> tuple[Index, Index]:
+    """Where rows (n, 3) that differ are first, and which each is; faster than `np.unique`."""
+    order = np.lexsort(rows.T)
+    fresh = np.ones(len(rows), dtype=bool)
+    fresh[1:] = (np.diff(rows[order], axis=0) != 0).any(axis=1)
+    place = np.empty(len(rows), dtype=np.int64)
+    place[order] = np.cumsum(fresh) - 1
+    return order[fresh], place

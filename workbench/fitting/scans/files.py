@@ -1,16 +1,16 @@
 """Scans in users' files: formats, guesses with a sentence each, normals that point outwards."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from workbench.arrays import Array, Index
 from workbench.errors import BadArgument, BadFile, cut, listed, some
-from workbench.fitting.scans.cleaning import cleaned, isolated, points_are
+from workbench.fitting.scans.cleaning import cleaned, far_points, points_are
 from workbench.fitting.scans.scan import BadScan, Contents, Scan
 from workbench.fitting.scans.surface import (
     areas_of_faces,
@@ -36,32 +36,33 @@ POINTS = ("points", "vertices", "xyz", "positions", "scan")
 NORMALS, FACES = ("normals", "vertex_normals"), ("faces", "triangles")
 CAMERA = ("camera_position", "camera_center")
 OTHERS = ("colors", "colours", "rgb", "directions")  # of the form of points, and none
+MOST_BYTES = 2**31  # of a file that is read as a whole
+UNIT = 0.05  # how far the length of a normal may be from one, for columns that nothing names
+ARRAYS = (".npz", ".npy")  # which are checked before anything is read
+FEWEST, MOST = 1_000, 500_000  # points of a cloud; a fit uses a tenth of them
+FEWEST_PLACES = 10  # cells that an outline fills; that of a person fills thousands
+DECLARED = {".glb": ("m", "y")}  # by glTF 2.0, section 3.4
 
 
-class ChosenArrays(NamedTuple):
-    """The arrays of one scan, as `Contents` holds them."""
-
-    points: Array
-    normals: Array | None
-    faces: Index | None
-    camera_position: Array | None
-    notes: tuple[str, ...]
-
-
-def chosen_arrays(archive: Archive, name: str | None) -> ChosenArrays:
+def chosen_arrays(archive: Archive, name: str | None) -> Contents:
     """The points that are called `name`, or the only ones, with what belongs to them.
 
     Raises BadFile with the reason alone, which lists the names if there are several.
     """
     headers = archive.headers
-    name = _points(headers_of_points(archive), archive, name)
-    N = headers[name].shape[0]
-    normals = _first(archive, (f"{name}_normals", *NORMALS), _is_of_points, N)
-    faces = _first(archive, (f"{name}_faces", *FACES), _is_of_faces, None)
-    camera = _first(archive, CAMERA, _is_of_camera, None)
-    read = {name, normals, faces, camera}
-    unread = sorted(headers.keys() - read) + list(archive.others)
-    return ChosenArrays(
+    name = _points(headers, name)
+
+    def of(names: tuple[str, ...], fits: Callable[[Header], bool]) -> str | None:
+        return next((one for one in names if one in headers and fits(headers[one])), None)
+
+    normals = of(
+        (f"{name}_normals", *NORMALS),
+        lambda one: _is_of_points(one) and one.shape[0] == headers[name].shape[0],
+    )
+    faces = of((f"{name}_faces", *FACES), lambda one: _is_of_points(one) and one.dtype.kind != "f")
+    camera = of(CAMERA, lambda one: one.dtype.kind in "iuf" and one.shape in ((3,), (1, 3), (3, 1)))
+    unread = sorted(headers.keys() - {name, normals, faces, camera}) + list(archive.others)
+    return Contents(
         widened(archive.array(name)),
         None if normals is None else widened(archive.array(normals)),
         None if faces is None else archive.array(faces).astype("i8"),
@@ -70,57 +71,31 @@ def chosen_arrays(archive: Archive, name: str | None) -> ChosenArrays:
     )
 
 
-def headers_of_points(archive: Archive) -> tuple[str, ...]:
-    """The names of all arrays that have the form of points and no name that speaks against it."""
+def _points(headers: Mapping[str, Header], name: str | None) -> str:
+    """The name of the points, which have their form and no name that speaks against it."""
     taken = {*NORMALS, *FACES, *OTHERS}
-    return tuple(
-        name
-        for name, header in archive.headers.items()
-        if _is_of_points(header, None) and name not in taken and not name.endswith("_normals")
-    )
-
-
-def _points(candidates: tuple[str, ...], archive: Archive, name: str | None) -> str:
+    candidates = [
+        one
+        for one, header in headers.items()
+        if _is_of_points(header) and one not in taken and not one.endswith("_normals")
+    ]
     if name is not None:
-        if name not in archive.headers:
+        if name not in headers:
             raise BadFile(f"it has no array {name!r}; arrays of points are {some(candidates)}")
-        if not _is_of_points(archive.headers[name], None):
-            header = archive.headers[name]
+        if not _is_of_points(headers[name]):
+            header = headers[name]
             raise BadFile(f"{name} is {header.dtype} of shape {header.shape}, not points (N, 3)")
         return name
     known = [one for one in POINTS if one in candidates]
     if len(known) == 1 or len(candidates) == 1:
-        return (known or list(candidates))[0]
+        return (known or candidates)[0]
     if not candidates:
-        raise BadFile(f"no array has the shape (N, 3) of points; it holds {some(archive.headers)}")
+        raise BadFile(f"no array has the shape (N, 3) of points; it holds {some(headers)}")
     raise BadFile(f"several of its arrays may be the points; name one of {some(candidates)}")
 
 
-def _first(
-    archive: Archive,
-    names: tuple[str, ...],
-    fits: Callable[[Header, int | None], bool],
-    length: int | None,
-) -> str | None:
-    headers = archive.headers
-    return next((one for one in names if one in headers and fits(headers[one], length)), None)
-
-
-def _is_of_points(header: Header, length: int | None) -> bool:
-    rows = header.shape[0] if len(header.shape) == 2 and header.shape[1] == 3 else None
-    return header.dtype.kind in "iuf" and rows is not None and length in (None, rows)
-
-
-def _is_of_faces(header: Header, length: int | None) -> bool:
-    return header.dtype.kind in "iu" and len(header.shape) == 2 and header.shape[1] == 3
-
-
-def _is_of_camera(header: Header, length: int | None) -> bool:
-    return header.dtype.kind in "iuf" and header.shape in ((3,), (1, 3), (3, 1))
-
-
-MOST_BYTES = 2**31  # of a file that is read as a whole
-UNIT = 0.05  # how far the length of a normal may be from one, for columns that nothing names
+def _is_of_points(header: Header) -> bool:
+    return header.dtype.kind in "iuf" and len(header.shape) == 2 and header.shape[1] == 3
 
 
 def contents_of(path: Path, name: str | None = None) -> Contents:
@@ -150,9 +125,12 @@ def _parser(parse: Callable[[bytes], Contents]) -> "Reader":
     return lambda path, name: parsed_mesh(path, parse)
 
 
-def _mesh(content: bytes, parse: Callable[[bytes], tuple[Array, Index]]) -> Contents:
-    points, faces = parse(content)
-    return Contents(points, faces=faces)
+def _mesh(parse: Callable[[bytes], tuple[Array, Index]]) -> "Reader":
+    def read(content: bytes) -> Contents:
+        points, faces = parse(content)
+        return Contents(points, faces=faces)
+
+    return _parser(read)
 
 
 def _ply(content: bytes) -> Contents:
@@ -171,10 +149,6 @@ def _pcd(content: bytes) -> Contents:
             "the points were seen from there, give the camera's position 0 0 0",
         )
     return Contents(found.points, found.normals, None, found.viewpoint, notes)
-
-
-def _text(content: bytes) -> Contents:
-    return _of_columns(*parse_xyz(content))
 
 
 def _of_columns(numbers: NDArray[Any], columns: int) -> Contents:
@@ -208,23 +182,20 @@ def _npy(path: Path, name: str | None) -> Contents:
 def _npz(path: Path, name: str | None) -> Contents:
     do = "give an .npz file with an array (N, 3) called points, as numpy.savez writes it"
     with opened(path, "scan", do) as archive:
-        return Contents(*chosen_arrays(archive, name))
+        return chosen_arrays(archive, name)
 
 
 Reader = Callable[[Path, str | None], Contents]
-ARRAYS = (".npz", ".npy")  # which are checked before anything is read
 READERS: dict[str, Reader] = {
     ".ply": _parser(_ply),
-    ".obj": _parser(lambda content: _mesh(content, MESHES[".obj"])),
-    ".off": _parser(lambda content: _mesh(content, MESHES[".off"])),
+    ".obj": _mesh(MESHES[".obj"]),
+    ".off": _mesh(MESHES[".off"]),
     ".pcd": _parser(_pcd),
-    ".stl": _parser(lambda content: _mesh(content, MESHES[".stl"])),
-    ".glb": _parser(lambda content: _mesh(content, parse_glb)),
+    ".stl": _mesh(MESHES[".stl"]),
+    ".glb": _mesh(parse_glb),
     ".npz": _npz,
     ".npy": _npy,
-    ".xyz": _parser(_text),
-    ".txt": _parser(_text),
-    ".csv": _parser(_text),
+    **dict.fromkeys((".xyz", ".txt", ".csv"), _parser(lambda text: _of_columns(*parse_xyz(text)))),
 }
 
 
@@ -242,10 +213,8 @@ def with_normals(contents: Contents, camera: Array | None) -> Contents:
     if normals is not None and normals.any():
         source = "normals are those of the file"
     elif faces is not None:
-        normals, source = (
-            filled(points, normals_of_faces(points, faces)),
-            "normals are of the faces",
-        )
+        normals = filled(points, normals_of_faces(points, faces))
+        source = "normals are of the faces"
     elif camera is not None:
         normals, source = normals_of_neighbours(points), "normals are estimated from neighbours"
     else:
@@ -279,11 +248,6 @@ def _with_faces_outwards(contents: Contents, faces: Index, camera: Array | None)
     turned = np.ascontiguousarray(faces[:, ::-1])
     note = f"the faces {why}, and are turned round"
     return replace(contents, faces=turned, notes=(*contents.notes, note))
-
-
-FEWEST, MOST = 1_000, 500_000  # points of a cloud; a fit uses a tenth of them
-FEWEST_PLACES = 10  # cells that an outline fills; that of a person fills thousands
-DECLARED = {".glb": ("m", "y")}  # by glTF 2.0, section 3.4
 
 
 @dataclass(frozen=True, eq=False)
@@ -392,7 +356,7 @@ def _weighted(contents: Contents, most: int) -> tuple[Scan, tuple[str, ...]]:
     """The scan with the area of each point, as a cloud if it has too many points; and notes."""
     points, normals, faces = contents.points, contents.normals, contents.faces
     if faces is None:
-        alone = int(isolated(points).sum())
+        alone = int(far_points(points).sum())
         note = f"{points_are(alone)} far from all neighbours, and may not belong to the scan"
         return Scan(points, normals, None, areas_of_neighbours(points)), (note,) if alone else ()
     weights = areas_of_faces(points, faces)

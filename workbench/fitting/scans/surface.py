@@ -22,6 +22,18 @@ OUTLINE_CELLS = 50  # cells along the longest side of the scan
 SHARE = 0.1  # of the points of a usual cell: one with fewer is clutter
 INNER = (1.0, 99.0)  # percentiles between which the scan's own size is looked for
 SEED = 0
+NEIGHBOURS = 16
+CELLS = 100  # along the longest side of a cloud, whose means make normals: 2 cm of a person
+FEW = 6  # neighbours, from which on circles around a point are looked at for its area
+AT_ONCE = 20_000  # points
+SPARSE = 2.0  # times as far from its neighbours as these from theirs: a point beside the surface
+AROUND = 48  # neighbours: with 24, two to five times as many points of Kinect clouds are marked
+GAP = 2 * np.pi / 3  # rad
+ASKED = 8  # nearest points that are asked
+SPACING = 4  # the number of the neighbour whose distance, in the median, says how dense a scan is
+APART = 2.0  # times that distance: neighbours that are nearer hang together
+ALIKE = 0.5  # cosine of the largest angle between the normals of points that hang together
+LEAST = 3  # such neighbours of a point that is not loose
 
 
 def outline(points: Array) -> Array:
@@ -63,13 +75,6 @@ def means_of_cells(points: Array, along: int) -> tuple[Array, Index, Index]:
 def principal_axes(cells: Array) -> Array:
     """Rows (3, 3): the direction along which an outline spreads most comes first."""
     return np.asarray(np.linalg.eigh(np.cov(cells.T))[1].T[::-1])
-
-
-NEIGHBOURS = 16
-CELLS = 100  # along the longest side of a cloud, whose means make normals: 2 cm of a person
-FEW = 6  # neighbours, from which on circles around a point are looked at for its area
-AT_ONCE = 20_000  # points
-SPARSE = 2.0  # times as far from its neighbours as these from theirs: a point beside the surface
 
 
 def normals_of_faces(points: Array, faces: Index) -> Array:
@@ -164,10 +169,6 @@ def units(vectors: Array) -> Array:
     return np.asarray(found)
 
 
-AROUND = 48  # neighbours: with 24, two to five times as many points of Kinect clouds are marked
-GAP = 2 * np.pi / 3  # rad
-
-
 def boundary(scan: Scan, *, width: float = 0.0) -> Mask:
     """Mark the points (M,) at the boundary of a scan, and those within `width` m of them.
 
@@ -222,13 +223,6 @@ def boundary_of_cloud(points: Array) -> Mask:
         gaps = np.diff(angles, axis=1, append=angles[:, :1] + 2 * np.pi)
         found[rows] = gaps.max(axis=1) > GAP
     return found
-
-
-ASKED = 8  # nearest points that are asked
-SPACING = 4  # the number of the neighbour whose distance, in the median, says how dense a scan is
-APART = 2.0  # times that distance: neighbours that are nearer hang together
-ALIKE = 0.5  # cosine of the largest angle between the normals of points that hang together
-LEAST = 3  # such neighbours of a point that is not loose
 
 
 def loose_points(scan: Scan) -> Mask:
