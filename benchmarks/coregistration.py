@@ -211,9 +211,9 @@ VARIANTS = {
     "coregistration": BASE,
     "two-sided": replace(BASE, terms=(*BASE.terms, Backwards())),
     "plane": replace(BASE, terms=(replace(CLOSE, form=plane),)),
-    "bends 2 mm": replace(BASE, bends=0.002),
-    "bends 0.5 mm": replace(BASE, bends=0.0005),
-    "bends 2 mm, edges 30 mm": replace(BASE, bends=0.002, edges=0.03),
+    "bends 2 mm": replace(BASE, curvature=0.002),
+    "bends 0.5 mm": replace(BASE, curvature=0.0005),
+    "bends 2 mm, edges 30 mm": replace(BASE, curvature=0.002, edges=0.03),
     "facing 0.8": replace(BASE, terms=(replace(CLOSE, facing=0.8),)),
     **{
         f"sigma_C {MM * s:g} mm": replace(BASE, sigmas=replace(BASE.sigmas, data=s))

@@ -1,5 +1,6 @@
-"""A motion: what it accepts, its frames at other times, and how it moves bodies."""
+"""Motions: frames, names, bones, and what is refused."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -10,6 +11,7 @@ from scipy.spatial.transform import Rotation
 import workbench as wb
 from tests.motions.made_files import random_motion
 from tests.tiers import few
+from workbench import load_body
 from workbench.arrays import Array
 from workbench.bodies.files.joint_names import BODY, HANDS
 from workbench.errors import BadArgument, BadFile
@@ -198,9 +200,6 @@ def test_axis_up_is_where_the_root_points(axis: str) -> None:
     assert clear > 0.9
 
 
-SMALL = wb.load_body("small")
-
-
 def recording(path: Path, **changed: Any) -> Path:
     poses = np.random.default_rng(0).normal(0, 0.02, (12, 72))
     entries = {
@@ -270,3 +269,28 @@ def test_plot_of_a_motion_is_a_strip() -> None:
     assert heights.max() == pytest.approx(places[0, :, 1].max())
     assert ax.texts[-1].get_text() == "1.90 s"
     assert caption_motion(20, 10.0) == "8 of 20 frames at 10 frames a second, seen from the front."
+
+
+BODY_JOINTS = load_body("small").joint_names
+
+
+def motion(names: tuple[str, ...]) -> Motion:
+    rng = np.random.default_rng(0)
+    pose = 0.1 * rng.normal(size=(3, len(names), 3))
+    return Motion(pose, np.zeros((3, 3)), 30.0, names, np.zeros(10))
+
+
+def test_motion_with_few_known_joints_is_refused() -> None:
+    names = tuple(name if k < 2 else f"bone{k}" for k, name in enumerate(BODY_JOINTS))
+    with pytest.raises(BadArgument, match=r"2 have a partner.*rename the joints"):
+        motion(names).named(load_body("small"))
+
+
+def test_motion_of_a_part_is_played_and_the_rest_is_noted() -> None:
+    part = BODY_JOINTS[:14]
+    played = motion(part).named(load_body("small"))
+    assert played.joint_names == BODY_JOINTS
+    np.testing.assert_array_equal(played.pose[:, :14], motion(part).pose)
+    assert any("stay at rest" in note for note in played.notes)
+    again = replace(played).named(load_body("small"))
+    np.testing.assert_array_equal(again.pose, played.pose)

@@ -130,7 +130,7 @@ class Registration:
         others: further ends of the fit, the lowest cost first.
         doubts: what speaks against the registration, in sentences; none if nothing does.
         size: of the fitted body at rest: the height of a person, the length of a hand.
-        bind: (3,) rad, the rotation of the root in the body's bind pose.
+        facing: rad, the angle about the vertical by which the body is turned from +z.
         reach: in m, the reach of the fit's last stage: where bad points begin.
         surfaces: (N, 3) m each, by name and in order: the surface at the start that led to the
             result, and at the end of each stage.
@@ -149,7 +149,7 @@ class Registration:
     others: tuple[OtherEnd, ...]
     doubts: tuple[str, ...]
     size: BodySize
-    bind: Array
+    facing: float
     reach: float
     surfaces: Mapping[str, Array] = field(default_factory=dict)
 
@@ -157,12 +157,6 @@ class Registration:
     def touching(self) -> Mask:
         """Which points (M,) are in contact: within `reach` of surface that faces their way."""
         return np.asarray(np.abs(self.distances) < self.reach)
-
-    @property
-    def facing(self) -> float:
-        """The angle in rad about the vertical by which the body is turned from +z."""
-        x, _, z = facing(next(iter(self.values.values()))[0], self.bind)
-        return float(np.arctan2(x, z))
 
     @property
     def median(self) -> float:
@@ -239,6 +233,7 @@ def register(
         interrupts.check()
     names = [block.name for block in body.blocks()]
     kept = {name: np.asarray(values[name]) for name in names}
+    x, _, z = facing(kept[names[0]][0], body.bind_pose[0])
     return Registration(
         used,
         left_out,
@@ -259,7 +254,7 @@ def register(
         ),
         doubted,
         body_size(body, kept[names[1]]),
-        np.asarray(body.bind_pose[0]),
+        float(np.arctan2(x, z)),
         fit.reach,
         surfaces,
     )

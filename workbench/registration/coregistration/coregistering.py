@@ -164,6 +164,8 @@ class CoregistrationPlan:
         sigmas: of the terms; `data` is sigma_C, the coupling of registrations and model, in m.
         edges: sigma in m of the edges of a template, beyond what betas explain (E_T); None holds
             every vertex of a template for itself, by `sigmas.subjects`.
+        curvature: sigma in m by which the displacement of a template's vertex differs from the mean
+            of its neighbours'; infinite for none.
         blocks: those of training that make up the step of the model; none holds it.
         observe: how scans are seen by the model's blocks, `soft` or `hard`.
         terms: how a scan pulls, together E_S.
@@ -173,7 +175,7 @@ class CoregistrationPlan:
     rounds: int = 4
     sigmas: Sigmas = SETTINGS
     edges: float | None = EDGES
-    bends: float = inf
+    curvature: float = inf
     blocks: tuple[str, ...] = ("people", "surfaces", "regressor")
     observe: Observe = soft
     terms: tuple[ScanPull, ...] = (CLOSE,)
@@ -186,7 +188,7 @@ class CoregistrationPlan:
     def written(self) -> str:
         """The plan in letters, the same in every process, by which checkpoints are known."""
         pulls = tuple((type(term).__qualname__, sorted(vars(term).items())) for term in self.terms)
-        rest = (self.rounds, self.sigmas, self.edges, self.bends, self.blocks, self.options)
+        rest = (self.rounds, self.sigmas, self.edges, self.curvature, self.blocks, self.options)
         return repr((*rest, _named(self.observe), _named(pulls)))
 
 
@@ -258,7 +260,7 @@ class Coregistration:
         body, plan = self.body, self.plan
         freedom = None
         if plan.edges is not None:
-            freedom = smooth_prior(body.faces, body.shapedirs, plan.edges, plan.bends)
+            freedom = smooth_prior(body.faces, body.shapedirs, plan.edges, plan.curvature)
         return Objective(
             registrations,
             body.J_regressor,

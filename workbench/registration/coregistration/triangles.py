@@ -19,7 +19,7 @@ against everything else. `TrianglePlan.symmetric` chooses; at lambda_C = 1 both 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from math import sqrt
 
@@ -51,9 +51,15 @@ from workbench.registration.coregistration.triangle_steps import (
     Unknown,
     differing,
 )
-from workbench.registration.free_vertices import CLOSE, TOGETHER, VERTICES, ScanTerm, Settled
+from workbench.registration.free_vertices import (
+    CLOSE,
+    SETTLED,
+    TOGETHER,
+    VERTICES,
+    ScanTerm,
+    Settled,
+)
 from workbench.residuals import stitching
-from workbench.solvers import Solver
 from workbench.training.execution import SERIAL, Execution, LogEntry
 
 
@@ -72,8 +78,6 @@ class TrianglePlan:
         symmetric: whether lambda_C multiplies the priors of poses, D and Q as it does E_C.
         blocks: which parts of the model are found, of persons and bends; none holds it.
         term: how a scan pulls, E_S.
-        solver: what finds vertices and pose.
-        settled: a scan is done after a step that lowers its cost by less than this share of it.
     """
 
     rounds: int = 4
@@ -84,8 +88,6 @@ class TrianglePlan:
     symmetric: bool = True
     blocks: tuple[str, ...] = ("persons", "bends")
     term: ScanTerm = CLOSE
-    solver: Solver = field(default=TOGETHER)
-    settled: float = 1e-3
 
     def __post_init__(self) -> None:
         if self.rounds < 1:
@@ -305,7 +307,6 @@ def _register(
         problem = Problem((scan, coupling, prior), ("pose", VERTICES), blocks=described)
         one = np.eye(body.n_betas)[scans.subject[row]]
         values: Values = {"pose": theta, "betas": one, VERTICES: V}
-        ends = Settled(plan.settled) if plan.settled > 0 else None
-        values = values | plan.solver.solve(problem, values, callback=ends).values
+        values = values | TOGETHER.solve(problem, values, callback=Settled(SETTLED)).values
         found.append((values["pose"], values[VERTICES], cost_of_scan(scan, values)))
     return found
