@@ -12,7 +12,7 @@ regressing, does not work: capsules of similar people end in different basins.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -49,23 +49,21 @@ def fit_capsules(body: SkinnedBody, people: int = 60, seed: int = 0) -> Capsules
     fitted: dict[str, Array] = {}
     for name, mask in parts_of_capsules(body).items():
         if opposite(name) in fitted and body.mirror is not None:
-            fitted[name] = _reflected(fitted[opposite(name)])
+            fitted[name] = SIDES[:, None] * fitted[opposite(name)]
         elif mask.any():
             fitted[name] = _fit(body, name, mask, betas)
     return _without_overlaps(_capsules(body, fitted), betas)
 
 
-@dataclass(frozen=True, eq=False)
-class _Form:
-    """Which ends and radius (7,) a capsule may have: matrix (7, p), from p numbers."""
-
-    matrix: Array
-
-
-FREE = _Form(np.eye(7))
-UPRIGHT = _Form(np.delete(np.eye(7), (0, 3), axis=1))  # both ends on the midline
-ACROSS = _Form(  # one end the mirror image of the other
-    np.vstack([np.eye(3, 4), np.diag(REFLECTION) @ np.eye(3, 4), [[0.0, 0.0, 0.0, 1.0]]])
+# Which ends and radius (7,) a capsule may have: a matrix (7, p) from p numbers, and the direction
+# of its first axis, if that is not the longest one of its vertices.
+Form = tuple[Array, Array | None]
+SIDES = np.concatenate([REFLECTION, REFLECTION, [1.0]])  # of a capsule and its mirror image
+FREE: Form = (np.eye(7), None)
+UPRIGHT: Form = (np.delete(np.eye(7), (0, 3), axis=1), np.eye(3)[1])  # both ends on the midline
+ACROSS: Form = (  # one end the mirror image of the other
+    np.vstack([np.eye(3, 4), np.diag(REFLECTION) @ np.eye(3, 4), np.eye(4)[3:]]),
+    np.eye(3)[0],
 )
 
 
@@ -73,16 +71,12 @@ def _fit(body: SkinnedBody, name: str, part: Mask, betas: Array) -> Array:
     """Ends and radius (7, 1 + B) of one capsule; of several forms the one of the least cost."""
     people = body.template + np.einsum("ncb,mb->mnc", body.shapedirs, betas)
     forms = [FREE] if body.mirror is None or opposite(name) != name else [UPRIGHT, ACROSS]
+    outside = next((w for leg, w in LEGS.items() if part_of(name).endswith(leg)), OUTSIDE)
     fits = [
-        _gauss_newton(body.template[part], people, body.faces, part, betas, form, _outside(name))
+        _gauss_newton(body.template[part], people, body.faces, part, betas, form, outside)
         for form in forms
     ]
     return min(fits, key=lambda fit: fit[1])[0]
-
-
-def _outside(capsule: str) -> float:
-    """How much more a vertex outside of this capsule counts than one inside."""
-    return next((w for leg, w in LEGS.items() if part_of(capsule).endswith(leg)), OUTSIDE)
 
 
 def _gauss_newton(
@@ -91,13 +85,13 @@ def _gauss_newton(
     faces: Index,
     part: Mask,
     betas: Array,
-    form: _Form,
+    form: Form,
     outside: float,
 ) -> tuple[Array, float]:
-    M = form.matrix
+    M, axis = form
     powers = np.hstack([np.ones((len(betas), 1)), betas])  # (m, 1 + B)
     q = np.zeros((M.shape[1], powers.shape[1]))
-    q[:, 0] = np.linalg.lstsq(M, _first(rest, form), rcond=None)[0]
+    q[:, 0] = np.linalg.lstsq(M, _first(rest, axis), rcond=None)[0]
     trees = [cKDTree(person) for person in people]
     outward = [
         sums_over_faces(face_vectors(person, faces), faces, len(person)) for person in people
@@ -179,23 +173,17 @@ def _surface(a: Array, b: Array, r: float) -> tuple[Array, Array, Array]:
     return a + t[:, None] * u + r * n, t, n
 
 
-def _first(rest: Array, form: _Form) -> Array:
-    """Ends and radius (7,) from the principal axes of the vertices, as the form allows them."""
+def _first(rest: Array, axis: Array | None) -> Array:
+    """Ends and radius (7,) of vertices (n, 3) m along an axis, or along their longest one."""
     middle = rest.mean(axis=0)
-    directions = np.linalg.svd(rest - middle, full_matrices=False)[2]
-    axis = {id(UPRIGHT): np.array([0.0, 1.0, 0.0]), id(ACROSS): np.array([1.0, 0.0, 0.0])}.get(
-        id(form), directions[0]
-    )
+    if axis is None:
+        axis = np.linalg.svd(rest - middle, full_matrices=False)[2][0]
     along = (rest - middle) @ axis
     r = float(np.median(np.linalg.norm(rest - middle - along[:, None] * axis, axis=1)))
     low, high = (float(x) for x in np.quantile(along, (0.02, 0.98)))
     half = max((high - low) / 2 - r, 0.01)
     centre = middle + (low + high) / 2 * axis
     return np.concatenate([centre - half * axis, centre + half * axis, [r]])
-
-
-def _reflected(fit: Array) -> Array:
-    return np.concatenate([REFLECTION, REFLECTION, [1.0]])[:, None] * fit
 
 
 def _capsules(body: SkinnedBody, fitted: dict[str, Array]) -> Capsules:

@@ -121,7 +121,11 @@ def hand_motions(body: Body, side: str = "") -> tuple[HandMotion, ...]:
             if finger == "thumb" and i > 1:
                 towards = at["pinky1"] - at["thumb2"]
             bends = _unit(np.cross(bone, towards))
-            bent = float(np.arcsin(bone @ palmar)) if before is None else _bend(before, bone, bends)
+            bent = float(
+                np.arcsin(bone @ palmar)
+                if before is None
+                else np.arctan2(bends @ np.cross(before, bone), before @ bone)
+            )
             aside = np.cross(bends, bone)
             if aside @ np.cross(bone, thumbward) < 0:
                 aside = -aside
@@ -154,11 +158,6 @@ def _palm(at: dict[str, Array]) -> tuple[Array, Array]:
     thumbward = _unit(across - along * (along @ across))
     normal = np.cross(along, thumbward)
     return np.asarray(normal * np.sign(normal @ (at["thumb3"] - at["wrist"]))), thumbward
-
-
-def _bend(before: Array, bone: Array, axis: Array) -> float:
-    """The angle in rad about an axis from one bone to the next."""
-    return float(np.arctan2(axis @ np.cross(before, bone), before @ bone))
 
 
 def _unit(vector: Array) -> Array:
