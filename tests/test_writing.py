@@ -15,6 +15,7 @@ from workbench.writing import leftovers, replacing, temporary_prefix
 KILLED = """
 import os, signal, sys
 from pathlib import Path
+from workbench.writing import replacing
 with replacing(Path(sys.argv[1])) as temporary:
     temporary.write_text("half")
     os.kill(os.getpid(), signal.SIGKILL)

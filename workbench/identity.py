@@ -17,7 +17,7 @@ import workbench
 
 DEEP = 8  # levels that are looked into
 NOT_COUNTED = (  # what no stored result depends on: packages, and modules of `comparison`
-    *("cli", "course", "lectures", "plots", "replay", "reports", "scaffolds", "site"),
+    *("cli", "course", "lectures", "plots", "reports"),
     *(f"comparison/{name}.py" for name in ("advice", "comparison", "statistics", "store")),
     *("comparison/tables.py", "comparison/targets.py"),
 )

@@ -254,7 +254,7 @@ def _sound_store(found: list[Any]) -> None:
     assert isinstance(record.message, str)
     assert record.observed.trace.shape[1] == ROW
     finite((record.end, record.observed.trace, float(record.observed.seconds)))
-    finite((record.observed.evaluations, description.start, judgement.points))
+    finite((record.observed.evaluations, description.start_cost, judgement.points))
     assert isinstance(description.question, str)
     assert len(judgement.costs) == len(judgement.points)
 

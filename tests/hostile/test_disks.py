@@ -136,7 +136,7 @@ def test_reports_and_exercises_are_written_whole_or_not_at_all(tmp_path: Path) -
 
 
 LINE = """
-from workbench import Residual
+from workbench import Block, Problem, Residual
 x = Block("x")
 problem, start = Problem((Residual("r", x.symbol - 2.0, 1.0),), "x"), {"x": 0.0}
 """

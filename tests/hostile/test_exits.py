@@ -116,6 +116,7 @@ def app():
     Leaving()
     time.sleep(60)
 module.app = app
+from workbench.cli import main
 main()
 """,
     "swallowed by somebody's `except:`": """
@@ -124,6 +125,7 @@ def app():
     try: send()
     except BaseException as error: raise SystemError("of C code") from None
 module.app = app
+from workbench.cli import main
 main()
 """,
     "while threads are waited for": """
@@ -132,6 +134,7 @@ def late():
     threading.main_thread().join()  # it waits, too
     send()
 module.app = lambda: threading.Thread(target=late).start()
+from workbench.cli import main
 main()
 """,
 }
@@ -182,6 +185,7 @@ def gone(processes: list[int], seconds: float = 10.0) -> bool:
 
 CREW = """
 import os, sys, time
+from workbench.training.execution import Processes
 def work(task):
     print(os.getpid(), flush=True)
     time.sleep(300)
@@ -203,6 +207,7 @@ class Solver:
 solver = Solver()
 """
 LINE = """
+from workbench import Block, Problem, Residual
 from workbench.experiments import Setup
 x = Block("x")
 problem, start = Problem((Residual("r", x.symbol - 2.0, 1.0),), "x"), {"x": 0.0}

@@ -227,7 +227,7 @@ def test_recordings_are_cut_at_bad_frames(tmp_path: Path) -> None:
         np.testing.assert_array_equal(found[1].pose.reshape(2, 72), arrays["poses"][5:7])
     assert found[0].fps == 10
     for wrong in ({"fps": np.array(0.0)}, {"poses": np.zeros((12, 71))}):
-        with pytest.raises(BadFile, match="is no recording of motions"):
+        with pytest.raises(BadFile, match="is no recording in the layout described"):
             recorded_motions(recording(tmp_path / "mocap.npz", **wrong))
 
 

@@ -185,6 +185,10 @@ def test_checkpoints_of_other_trainings_are_refused(tmp_path: Path) -> None:
 RUN = """
 import sys
 from pathlib import Path
+from tests.training.test_training import DATA, START, short_plan
+from workbench.training.shape_training import learn_shapes
+from workbench.training.training import train
+from workbench.bodies.files.saving import save_body
 class Say:
     def block(self, p):
         print(p.number, p.entry.block, flush=True)

@@ -2,8 +2,10 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from rich.console import Console
 from rich.markup import escape
 
@@ -111,14 +113,17 @@ def fit_markers(
         progress=lambda text: console.print(f"[dim]{text}[/]", highlight=False),
     )
     (folder,) = folders
-    arrays: dict[str, np.ndarray] = {
+    arrays: dict[str, NDArray[Any]] = {
         "poses": found.pose,
         "trans": found.trans,
         "errors": found.errors,
+        "frames": found.frames,
+        "betas": found.betas,
+        "offsets": found.offsets,
+        "labels": np.array(worn.names),
+        "joint_names": np.array(body.joint_names),
+        "up_axis": np.array("y"),
     }
-    arrays |= {"frames": found.frames, "betas": found.betas, "offsets": found.offsets}
-    arrays |= {"labels": np.array(worn.names)}
-    arrays |= {"joint_names": np.array(body.joint_names), "up_axis": np.array("y")}
     rate = recording.fps if fps is None else fps
     if rate is not None:
         arrays["fps"] = np.array(rate)
