@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from workbench.experiments import Experiment
     from workbench.fitting import KnownAnswer, Measure, Setup, View
     from workbench.geometry.camera import Camera
+    from workbench.geometry.surface_tree import closest
     from workbench.motions import Motion, read_motion, save_motion
     from workbench.problem import Constraint, Linearization, Problem, sequence
     from workbench.reports.replays import show
@@ -146,6 +147,7 @@ __all__ = [
     "View",
     "WorkbenchError",
     "a_optimal",
+    "closest",
     "compare",
     "d_optimal",
     "design",

@@ -96,7 +96,7 @@ def test_code_that_no_result_depends_on_is_there() -> None:
     """An edit of it makes no stored run count as new; under another name it would."""
     root = Path(wb.__file__).parent
     assert [name for name in NOT_COUNTED if not (root / name).exists()] == []
-    assert {"replay", "comparison/advice.py"} <= set(NOT_COUNTED)
+    assert {"reports", "comparison/advice.py"} <= set(NOT_COUNTED)
 
 
 def test_keys_change_with_what_a_run_depends_on(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
+import workbench as wb
 from tests.tiers import few
 from workbench.arrays import Array, Index
 from workbench.errors import BadArgument, BadMesh
@@ -45,6 +46,15 @@ def soup(rng: np.random.Generator) -> tuple[Array, Index]:
     points = np.stack([first, first + 70, first], axis=1)
     again, over = faces[:15, [1, 2, 0]], faces[15:30, ::-1]
     return vertices, np.concatenate([again, lines, faces, points, over, lines[:, [2, 0, 1]]])
+
+
+def test_closest_places_of_a_trimesh() -> None:
+    points = np.random.default_rng(0).uniform(-2, 2, (40, 3))
+    points = points[np.abs(points).max(axis=1) > 0.5]  # outside
+    found = wb.closest(points, CUBE)
+    np.testing.assert_allclose(found.points, points.clip(-0.5, 0.5), atol=1e-12)
+    near = wb.closest(points, CUBE, within=0.3).faces >= 0
+    np.testing.assert_array_equal(near, found.distances <= 0.3)
 
 
 def blob() -> tuple[Array, Index]:

@@ -294,6 +294,16 @@ def nearest(vertices: Array, points: Array) -> tuple[Array, Index]:
     return np.asarray(distances, np.float64), np.asarray(numbers, np.int64)
 
 
+def closest(
+    points: Array, mesh: Mesh | trimesh.Trimesh, within: float = inf, normals: Array | None = None
+) -> Closest:
+    """The place on a mesh closest to each of points (M, 3) m; see `SurfaceTree.closest`.
+
+    A mesh that is asked more than once is better made a `SurfaceTree` first.
+    """
+    return SurfaceTree(mesh).closest(points, within, normals)
+
+
 def barycentric_weights(vertices: Array, faces: Index, points: Array) -> csr_array:
     """Each point (M, 3) m as the mean of the corners of the closest triangle: (M, N).
 

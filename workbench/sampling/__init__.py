@@ -14,7 +14,6 @@ draws with their verdict (`posterior`); then `laplace` and `importance`, `hamilt
 from workbench.sampling.conditioning import (
     Conditioning,
     contraction,
-    contraction_bar,
     prior_deviations,
 )
 from workbench.sampling.ensembles import MOVES, BiasedMove, Progress
@@ -54,7 +53,6 @@ __all__ = [
     "Usability",
     "compared_with_laplace",
     "contraction",
-    "contraction_bar",
     "directions",
     "fixed",
     "integrated",

@@ -24,7 +24,6 @@ from workbench.sampling.subspace import Subspace
 
 RATIO = 1.2  # of the standard deviations: above it, intervals are of another question
 UNNAMED = 6  # blocks in a sentence
-WIDTH = 10  # characters of a bar
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,11 +245,3 @@ def contraction(sd: Array, before: Array) -> Array:
     """
     known = np.isfinite(before) & (before > 0)
     return np.where(known, 1 - sd / np.where(known, before, 1.0), np.nan)
-
-
-def contraction_bar(value: float, full: str = "#", empty: str = ".") -> str:
-    """A contraction as a bar with its number, such as `0.72 #######...`; else `no prior known`."""
-    if not np.isfinite(value):
-        return "no prior known"
-    filled = int(np.clip(round(WIDTH * value), 0, WIDTH))
-    return f"{value:5.2f} {full * filled}{empty * (WIDTH - filled)}"

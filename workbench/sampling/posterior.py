@@ -20,7 +20,6 @@ from workbench.residuals import quadratic
 from workbench.sampling.conditioning import (
     Conditioning,
     contraction,
-    contraction_bar,
     prior_deviations,
 )
 from workbench.sampling.importance import Importance
@@ -412,5 +411,5 @@ class Posterior:
             if truth is not None:
                 line += f" {truth[i]:>10.4g}"
             if known:
-                line += f"  {contraction_bar(float(bars[i]))}"
+                line += f"  {bars[i]:5.2f}" if np.isfinite(bars[i]) else "  no prior known"
             yield line.rstrip()
