@@ -1,14 +1,21 @@
 """Comparisons made by hand: runs whose costs and counts are written down here."""
 
-from collections.abc import Mapping, Sequence
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from tests.comparison.problems import slide
-from workbench.comparison import Budget, Comparison, Record, RunEnding
+from workbench.comparison import Budget, Comparison, Record, RunEnding, worker
 from workbench.comparison.design import Design, Instance, NamedSolver
 from workbench.comparison.ends import EndAnalysis
-from workbench.comparison.record import KINDS, ROW, Description, ObservedRun
+from workbench.comparison.record import KINDS, ROW, Description, ObservedRun, Stored
+from workbench.comparison.workers import Job, JobFailed, Solve
+from workbench.errors import UnknownName, WorkbenchError
 from workbench.experiments import Experiment
 from workbench.solvers import LevenbergMarquardt
 
@@ -105,3 +112,22 @@ def _instance(name: str) -> Instance:
     if not number:
         return Instance(problem, made, "", 0, 0)
     return Instance(problem, made, "start", int(number), int(number))
+
+
+@contextmanager
+def in_this_process() -> Iterator[None]:
+    """Comparisons in this context start no worker processes, which take seconds to import."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys.modules["workbench.comparison.compare"], "answered", answered_here)
+        yield
+
+
+def answered_here(job: Job, comparison: str) -> Stored | JobFailed:
+    """What a worker process would answer."""
+    with tempfile.TemporaryDirectory() as folder:
+        if isinstance(job, Solve):
+            job = replace(job, log=f"{folder}/log")
+        try:
+            return worker._answered(job, job.open_experiment().setup(), lambda *_: None)
+        except WorkbenchError as error:
+            return JobFailed(str(error), isinstance(error, UnknownName))

@@ -1,11 +1,9 @@
 """Whole comparisons, in worker processes: good solvers, bad ones, stored and repeated ones."""
 
 import csv
-import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
-from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -13,13 +11,12 @@ import pytest
 
 import workbench as wb
 from tests.comparison import problems
+from tests.comparison.made_up import in_this_process
 from tests.comparison.problems import ANGLE, LINE, NOWHERE, SLIDE
-from workbench.comparison import Budget, Comparison, TargetOutcome, compare, worker
+from workbench.comparison import Budget, Comparison, TargetOutcome, compare
 from workbench.comparison.advice import advice
 from workbench.comparison.comparison import by_effort
-from workbench.comparison.record import Stored
 from workbench.comparison.tables import deterministic, rows, write_csv
-from workbench.comparison.workers import Job, Solve
 from workbench.errors import BadArgument, BadFile, UnknownName, WorkbenchError
 
 SHORT = Budget(max_seconds=2.0, max_evaluations=300, grace=0.5)
@@ -64,13 +61,16 @@ def test_bad_solvers_have_their_outcomes(bad: Comparison) -> None:
         assert said in bad.records[name, solver].message
 
 
-def test_reported_cost_is_ignored(bad: Comparison) -> None:
-    record = bad.records[bad.instances[0].name, "liar"]
+def test_reported_cost_is_ignored() -> None:
+    with in_this_process():
+        bad = compare(SLIDE, BAD["liar"], budget=SHORT)
+    record = bad.records["slide, start 0", "Liar"]
     assert record.claimed_cost == 0
     assert record.cost == pytest.approx(0.5 * (900 + 0.09 + 0.0004))  # of its start (3, 2)
-    assert bad.success("liar", 1e-1).value == 0
+    assert bad.outcomes["slide, start 0", "Liar"] is not TargetOutcome.REACHED
 
 
+@pytest.mark.thorough
 def test_lost_run_keeps_what_was_seen(bad: Comparison) -> None:
     for solver in ("forever", "in C", "raiser"):
         record = bad.records[bad.instances[0].name, solver]
@@ -78,13 +78,22 @@ def test_lost_run_keeps_what_was_seen(bad: Comparison) -> None:
         assert len(record.observed.trace) == 1
 
 
+WANTED = (SLIDE, ANGLE, LINE)
+
+
 @pytest.fixture(scope="module")
-def twice(tmp_path_factory: pytest.TempPathFactory) -> tuple[Comparison, Comparison, Path]:
-    """The same comparison with one worker and, stored, with two."""
+def alone() -> Comparison:
+    with in_this_process():
+        return compare(WANTED, GOOD, seeds=3, budget=SHORT)
+
+
+@pytest.fixture(scope="module")
+def twice(
+    alone: Comparison, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Comparison, Comparison, Path]:
+    """The same comparison here and, stored, by two worker processes."""
     folder = tmp_path_factory.mktemp("comparison") / "two"
-    wanted = (SLIDE, ANGLE, LINE)
-    alone = compare(wanted, GOOD, seeds=3, budget=SHORT)
-    return alone, compare(wanted, GOOD, seeds=3, budget=SHORT, workers=2, folder=folder), folder
+    return alone, compare(WANTED, GOOD, seeds=3, budget=SHORT, workers=2, folder=folder), folder
 
 
 def fixed(comparison: Comparison) -> list[dict[str, object]]:
@@ -92,34 +101,29 @@ def fixed(comparison: Comparison) -> list[dict[str, object]]:
     return [{k: row.get(k) for k in names} for row in rows(comparison)]
 
 
+@pytest.mark.thorough
 def test_workers_change_nothing(twice: tuple[Comparison, Comparison, Path]) -> None:
     alone, two, _ = twice
     assert fixed(alone) == fixed(two)
     assert len(fixed(two)) == 2 * len(two.instances)
 
 
-def test_solvers_start_from_the_same_points(
-    twice: tuple[Comparison, Comparison, Path],
-) -> None:
-    found = twice[0]
+def test_solvers_start_from_the_same_points(alone: Comparison) -> None:
+    found = alone
     for instance in found.instances:
         first = {found.records[instance.name, s].observed.trace[0, -1] for s in found.solvers}
         assert first == {found.described[instance.name].start_cost}
 
 
-def test_starts_share_reference_costs_and_seeds_do_not(
-    twice: tuple[Comparison, Comparison, Path],
-) -> None:
-    found = twice[0]
+def test_starts_share_reference_costs_and_seeds_do_not(alone: Comparison) -> None:
+    found = alone
     sizes = {group[0].partition(",")[0]: len(group) for group in found.groups}
     assert sizes == {"slide": 3, "angle": 2, "line": 1}
     assert len({found.references[i.name].best for i in found.instances_of("line")}) == 3
 
 
-def test_lost_start_of_the_slide_is_explained(
-    twice: tuple[Comparison, Comparison, Path],
-) -> None:
-    found = twice[0]
+def test_lost_start_of_the_slide_is_explained(alone: Comparison) -> None:
+    found = alone
     for solver in GOOD:
         outcomes = [found.outcomes[i.name, solver] for i in found.instances_of("slide")]
         assert outcomes == [TargetOutcome.REACHED, TargetOutcome.OTHER_BASIN, TargetOutcome.REACHED]
@@ -128,10 +132,8 @@ def test_lost_start_of_the_slide_is_explained(
     assert "x[b]" in str(told[1])
 
 
-def test_effort_is_the_price_of_evaluations(
-    twice: tuple[Comparison, Comparison, Path],
-) -> None:
-    found = twice[0]
+def test_effort_is_the_price_of_evaluations(alone: Comparison) -> None:
+    found = alone
     row = found.reached_at("line, seed 0", "gauss-newton", 1e-5)
     assert row is not None
     # a linear problem: one Jacobian, and a look at the radius and at the whole step
@@ -144,6 +146,7 @@ def test_effort_is_the_price_of_evaluations(
     assert found.needed(1e-5)[at, 1] == pytest.approx(expected)
 
 
+@pytest.mark.thorough
 def test_stored_runs_are_not_repeated(twice: tuple[Comparison, Comparison, Path]) -> None:
     _, two, folder = twice
     seen: list[tuple[str, int, int]] = []
@@ -165,8 +168,8 @@ def test_stored_runs_are_not_repeated(twice: tuple[Comparison, Comparison, Path]
     ]
 
 
-def test_a_table_is_tidy(twice: tuple[Comparison, Comparison, Path], tmp_path: Path) -> None:
-    write_csv(twice[1], tmp_path / "results.csv")
+def test_a_table_is_tidy(alone: Comparison, tmp_path: Path) -> None:
+    write_csv(alone, tmp_path / "results.csv")
     with (tmp_path / "results.csv").open(encoding="utf-8", newline="") as file:
         found = list(csv.DictReader(file))
     assert len(found) == 16
@@ -220,13 +223,9 @@ def test_mistakes_are_refused_before_solving(tmp_path: Path) -> None:
 
 
 def test_solvers_that_draw_are_reproducible() -> None:
-    ends = [
-        [
-            r.end.tolist()
-            for r in compare(LINE, problems.Drawer(), seeds=2, budget=SHORT).records.values()
-        ]
-        for _ in range(2)
-    ]
+    with in_this_process():
+        twice = [compare(LINE, problems.Drawer(), seeds=2, budget=SHORT) for _ in range(2)]
+    ends = [[record.end.tolist() for record in found.records.values()] for found in twice]
     assert ends[0] == ends[1]
     assert ends[0][0] != ends[0][1]
 
@@ -264,31 +263,6 @@ def alike(found: list[Comparison]) -> None:
         assert table(other) == table(first)
 
 
-def test_repeated_comparisons_give_the_same_advice() -> None:
-    found = [compare((LINE, SLIDE), THREE, seeds=2, budget=BUDGET) for _ in range(2)]
-    alike(found)
-
-
-@pytest.fixture
-def here(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[[int], Comparison]:
-    """A comparison in this process, by a clock that goes on by random amounts."""
-    numbers = count()
-
-    def answered(job: Job, comparison: str) -> Stored:
-        if isinstance(job, Solve):
-            job = replace(job, log=str(tmp_path / f"log-{next(numbers)}"))
-        return worker._answered(job, job.open_experiment().setup(), lambda *_: None)
-
-    def compared(seed: int) -> Comparison:
-        clock = lying(seed)
-        with monkeypatch.context() as patched:
-            patched.setattr(sys.modules["workbench.comparison.compare"], "answered", answered)
-            patched.setattr(time, "perf_counter", lambda: next(clock))
-            return compare((LINE, SLIDE), THREE, seeds=2, budget=BUDGET)
-
-    return compared
-
-
 def lying(seed: int) -> Iterator[float]:
     rng, now = np.random.default_rng(seed), 0.0
     while True:
@@ -297,10 +271,13 @@ def lying(seed: int) -> Iterator[float]:
 
 
 @pytest.mark.thorough
-def test_advice_does_not_depend_on_the_clock(
-    here: Callable[[int], Comparison],
-) -> None:
-    found = [here(seed) for seed in range(3)]
+def test_advice_does_not_depend_on_the_clock(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = []
+    for seed in range(3):
+        clock = lying(seed)
+        with in_this_process(), monkeypatch.context() as patched:
+            patched.setattr(time, "perf_counter", lambda clock=clock: next(clock))
+            found.append(compare((LINE, SLIDE), THREE, seeds=2, budget=BUDGET))
     alike(found)
     runs = [f.records["line, seed 0", "gauss-newton"].observed.seconds for f in found]
     assert len(set(runs)) == 3  # it did lie

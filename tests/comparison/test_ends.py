@@ -4,6 +4,7 @@ import casadi as cs
 import numpy as np
 import pytest
 
+from tests.comparison.made_up import in_this_process
 from tests.comparison.problems import SLIDE, STARTS, Liar, angle, lost_well, slide
 from workbench import Block, LevenbergMarquardt, Problem, Residual, compare
 from workbench.comparison import Budget, TargetOutcome
@@ -173,11 +174,12 @@ def test_saddles_are_told_from_other_wells() -> None:
 
 def test_ends_of_a_comparison_have_outcomes() -> None:
     solvers = {"levenberg-marquardt": LevenbergMarquardt(), "stays": Liar()}
-    found = compare([SLIDE], solvers, seeds=3)
+    with in_this_process():
+        found = compare([SLIDE], solvers, seeds=3)
+        short = compare([SLIDE], solvers, budget=Budget(max_evaluations=3))
     outcomes = [found.outcomes[f"slide, start {k}", "levenberg-marquardt"] for k in (0, 1)]
     assert outcomes == [TargetOutcome.REACHED, TargetOutcome.OTHER_BASIN]
     assert found.outcome_counts("stays") == {TargetOutcome.FALSE_CLAIM: 3}
-    short = compare([SLIDE], solvers, budget=Budget(max_evaluations=3))
     ended = short.outcomes["slide, start 0", "levenberg-marquardt"]
     assert ended is TargetOutcome.OUT_OF_BUDGET
 
@@ -185,7 +187,8 @@ def test_ends_of_a_comparison_have_outcomes() -> None:
 def test_stops_at_saddles_are_counted() -> None:
     """Both wells of the slide are known from other starts; the top between them is a saddle."""
     ridge = Experiment("ridge", _ridge, "", {})
-    found = compare([ridge], {"lm": LevenbergMarquardt(), "stays": Liar()}, seeds=2)
+    with in_this_process():
+        found = compare([ridge], {"lm": LevenbergMarquardt(), "stays": Liar()}, seeds=2)
     assert {run: record.claim for run, record in found.records.items() if run[1] == "lm"} == {
         ("ridge, start 0", "lm"): "SADDLE",
         ("ridge, start 1", "lm"): "CONVERGED",

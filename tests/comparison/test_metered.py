@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tests.comparison import askers
+from tests.comparison.made_up import in_this_process
 from tests.comparison.problems import LINE, line, slide
 from tests.solvers.problems import body_fit, decay
 from tests.tiers import few
@@ -163,7 +164,8 @@ def found() -> Comparison:
         "own graph": askers.OwnGraph(),
         "house": GaussNewton(),
     }
-    return compare(LINE, solvers, budget=Budget(max_seconds=20.0))
+    with in_this_process():
+        return compare(LINE, solvers, budget=Budget(max_seconds=20.0))
 
 
 @pytest.mark.parametrize(
@@ -220,7 +222,8 @@ class Twin:
 
 
 def test_twins_of_a_problem_are_noticed() -> None:
-    found = compare(LINE, {"twin": Twin(), "gauss-newton": GaussNewton()})
+    with in_this_process():
+        found = compare(LINE, {"twin": Twin(), "gauss-newton": GaussNewton()})
     instance = found.instances[0].name
     assert found.solved(instance, "twin", 1e-5)
     assert found.uncounted(instance, "twin")

@@ -89,15 +89,6 @@ def test_worker_that_dies_before_it_begins_is_replaced(
         compare(SLIDE, GOOD, budget=SHORT)
 
 
-def test_solver_that_dies_ends_its_run_alone() -> None:
-    found = compare(
-        replace(SLIDE, arguments={"start": 0}), {"dies": problems.Dies()} | GOOD, budget=SHORT
-    )
-    said = [v for (_, solver), v in found.outcomes.items()]
-    assert said == [TargetOutcome.CRASHED, TargetOutcome.REACHED, TargetOutcome.REACHED]
-    assert "SIGABRT" in found.records["slide", "dies"].message
-
-
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="asks Linux for children")
 def test_killed_comparison_leaves_no_process() -> None:
     """A solver that never stops, and whoever waits for it is killed."""

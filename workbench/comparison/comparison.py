@@ -131,18 +131,13 @@ class Comparison:
         return tuple(dict.fromkeys(i.problem for i in self.comparable))
 
     @cached_property
-    def ends(self) -> dict[tuple[str, str], tuple[EndAnalysis, int]]:
-        """Each end that was analysed: the analysis and its number there, by instance and solver."""
-        found: dict[tuple[str, str], tuple[EndAnalysis, int]] = {}
+    def basins(self) -> dict[tuple[str, str], int]:
+        """The basin of each end that was analysed, by instance and solver; 0 is the lowest."""
+        basins: dict[tuple[str, str], int] = {}
         for group, analysis in zip(self.groups, self.end_analyses, strict=True):
             keys = ended(group, self.solvers, self.records)
-            found |= {key: (analysis, k) for k, key in enumerate(keys[: len(analysis.where)])}
-        return found
-
-    @cached_property
-    def basins(self) -> dict[tuple[str, str], int]:
-        """The basin of each end that has one, by instance and solver; 0 is the lowest."""
-        return {key: analysis.where[k] for key, (analysis, k) in self.ends.items()}
+            basins |= zip(keys, analysis.where, strict=False)  # and of a point that none returned
+        return basins
 
     def end_analysis(self, instance: str) -> EndAnalysis:
         """The analysis of the ends on the problem of an instance."""

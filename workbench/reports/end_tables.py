@@ -27,7 +27,7 @@ def _ends(comparison: Comparison, solver: str, problem: str) -> str:
         outcome = comparison.outcomes[key]
         if outcome in GOOD:
             there += 1
-        elif key in comparison.ends:
+        elif key in comparison.basins:
             ratio = f"{number(record.cost / best, 3)} f*" if best > 0 else number(record.cost, 3)
             others.append(f"{ratio} {words_of(outcome)}")
         else:
