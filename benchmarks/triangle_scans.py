@@ -19,10 +19,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks.coregistration import PAGE, PEOPLE, REPORTED, SETS
-from benchmarks.images.one_camera import errors
 from benchmarks.keeping import keep, write_between
 from benchmarks.machine import description
-from examples.studies.simulated_scans import START, Apart, ScannedSet, scanned_set
+from examples.studies.simulated_scans import START, Apart, ScannedSet, errors, scanned_set
 from workbench import load_body
 from workbench.bodies.triangles import TriangleBody, blend_scape
 from workbench.priors.poses import draw_poses, shipped_gaussian

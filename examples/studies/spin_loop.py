@@ -22,8 +22,7 @@ from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.catalogue import load_skinned
 from workbench.errors import BadArgument, BadFile
-from workbench.fitting.doubts import NEARLY
-from workbench.fitting.images import image_priors
+from workbench.fitting.images import NEARLY, image_priors
 from workbench.fitting.keypoints import KeypointProblem, keypoint_setup
 from workbench.fitting.observations import LIMBS, SIDES, BadObservation
 from workbench.fitting.placing import regressed_start
