@@ -35,7 +35,7 @@ DOCUMENTS = (
     "howto/scan.md",
     "howto/train.md",
     "examples/README.md",
-    "workbench/studies/README.md",
+    "examples/studies/README.md",
     "ARCHITECTURE.md",
     "CHANGELOG.md",
     "CONTRIBUTING.md",

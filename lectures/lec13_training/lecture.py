@@ -513,14 +513,15 @@ for direction in whole.null_directions:
     print("  " + direction.name)
 
 # %% [markdown]
-# Registrations alone leave 19 directions open, and each has a name:
+# Registrations alone leave 19 directions open:
 #
 # - 6 **translations**, three for each person: template and joints move, and all places move back;
 # - 6 moves of a **root joint**: wherever the root's centre of rotation is, the place of each registration
 #   makes up for it;
 # - 3 **rotations** of everything at rest, blend shapes included, which every root turns back;
-# - 4 kinds of **blend shapes** that push the whole surface along the joint's axis, which the joint's rotation
-#   leaves as it is, and which the places undo.
+# - 4 in which **blend shapes** push the whole surface along the joint's axis, which the joint's rotation
+#   leaves as it is, and which the places undo. The diagnosis has no name for 3 of them: each is a mixture of hundreds
+#   of numbers.
 #
 # $E_P$ closes the last two kinds, since both change blend shapes, and leaves 12. $E_J$ ties the roots to the
 # surface, and $E_Y$ forbids shifts along $x$, off the plane of the mirror. No term says where along $y$ and

@@ -752,8 +752,8 @@ Picture(
 # %% [markdown]
 # With the model held, the vertices cannot leave a place that is centimetres off: the coupling keeps the edges
 # of a body in the wrong pose, and points beyond 5 cm have no contact. With the model free, or without the
-# strong stage alone, less is lost, but with all stages vertices end nearest to the truth. (One person
-# is no statistics. Change `SEED`, run the lecture again, and see which of these differences stay.)
+# strong stage alone, hardly anything is lost. (One person is no statistics. Change `SEED`, run the lecture again,
+# and see which of these differences stay.)
 #
 # ## The wrong judge
 #

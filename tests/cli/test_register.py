@@ -22,6 +22,7 @@ QUICK = (FitStage(200, 0.05, 0.1, 4, 8),)
 PAUSE = 0.1  # s
 SHORTER = """
 import workbench.cli.register as command
+from tests.cli.test_register import quickly
 from workbench.cli import main
 command.usual_recipe = quickly
 main()

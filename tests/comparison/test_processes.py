@@ -30,6 +30,8 @@ GOOD = {"levenberg-marquardt": wb.LevenbergMarquardt(), "gauss-newton": wb.Gauss
 RESUMED = """
 import sys
 from pathlib import Path
+from tests.comparison.test_processes import many
+from workbench.comparison.tables import deterministic, write_csv
 found = many(Path(sys.argv[1]))
 write_csv(found, Path(sys.argv[2]), deterministic(found))
 """

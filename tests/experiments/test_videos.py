@@ -70,7 +70,7 @@ def test_page_of_a_video_shows_its_frames(tmp_path: Path) -> None:
     outcome = run(find("balance-video", {"last": 50}), compare=False)
     assert outcome.solution.converged
     text = write_report(outcome, tmp_path / "page").read_text()
-    assert "cam01: 3 of 3 frames at 12 frames per second" in text
+    assert "cam01: 3 of 3 frames at 12 a second" in text
     assert "frames are worth" in text
     assert outcome.values["pose"].shape == (3, 24, 3)
 

@@ -13,7 +13,7 @@ from workbench.comparison.compare import compare
 from workbench.comparison.comparison import Comparison
 from workbench.comparison.design import Budget, Instance, NamedSolver
 from workbench.comparison.ends import EndAnalysis
-from workbench.comparison.record import Record, RunEnding
+from workbench.comparison.record import ObservedRun, Record, RunEnding
 from workbench.comparison.targets import TAUS, ReferenceCosts, TargetOutcome
 
 __all__ = [
@@ -23,6 +23,7 @@ __all__ = [
     "EndAnalysis",
     "Instance",
     "NamedSolver",
+    "ObservedRun",
     "Record",
     "ReferenceCosts",
     "RunEnding",

@@ -69,8 +69,8 @@ class Budget:
         }
         options: Any = solver
         known = {f.name for f in fields(options) if f.init} if is_dataclass(options) else set()
-        limited: Solver = replace(options, **{k: v for k, v in wanted.items() if k in known})
-        return limited if known & wanted.keys() else solver
+        limits = {name: limit for name, limit in wanted.items() if name in known}
+        return replace(options, **limits) if limits else solver
 
 
 @dataclass(frozen=True)

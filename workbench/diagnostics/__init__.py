@@ -13,6 +13,7 @@ said in units. Whether a direction is weak is measured in characteristic `scales
 change no judgement and no name. Every remedy is tried before it is suggested.
 """
 
+from workbench.diagnostics.active_set import ActiveSet, ConstrainedJacobian
 from workbench.diagnostics.derivatives import DerivativeCheck, Suspect
 from workbench.diagnostics.design import (
     Candidate,
@@ -47,12 +48,15 @@ from workbench.diagnostics.over_points import PointsDiagnosis, Recurring, diagno
 from workbench.diagnostics.rank_law import JointTurn
 from workbench.diagnostics.remedies import RankAndCondition, Suggestion
 from workbench.diagnostics.report import Finding
+from workbench.diagnostics.scales import Scales
 from workbench.diagnostics.sequence_names import NullDirections
 from workbench.diagnostics.sequences import SequenceDiagnosis, SharedUnknowns
 from workbench.diagnostics.structure import Structure, Submatrix, TermBlock
 
 __all__ = [
+    "ActiveSet",
     "Candidate",
+    "ConstrainedJacobian",
     "Contribution",
     "Criterion",
     "DerivativeCheck",
@@ -72,6 +76,7 @@ __all__ = [
     "RankAndCondition",
     "Ranked",
     "Recurring",
+    "Scales",
     "Score",
     "SequenceDiagnosis",
     "SharedUnknowns",

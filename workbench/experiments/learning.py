@@ -23,10 +23,10 @@ from workbench.synthetic.made_up import (
     limb,
     random_smpl,
 )
-from workbench.training.estimate import TERMS, Estimate, Sigmas
+from workbench.training.estimate import Estimate, Sigmas
 from workbench.training.first_guess import Start, first_estimate
 from workbench.training.objective import Objective
-from workbench.training.symbolic import SymbolicTraining
+from workbench.training.symbolic import TERMS, SymbolicTraining
 from workbench.training.triangles.learning import PosedMeshes, learn_gradient_shapes
 from workbench.training.triangles.symbolic import SymbolicTriangles, shape_term
 

@@ -179,7 +179,7 @@ SAYS = {
         len(still_open(run, "data_alone")),
         run["data_alone"].shape[1] - run["data_alone"].rank == 19,
         all(
-            one.kind in ("translation", "rotation", "gauge")
+            one.kind in ("translation", "rotation", "mixed")
             for one in run["data_alone"].null_directions
         ),
     ),
@@ -190,7 +190,12 @@ SAYS = {
     "- 3 **rotations** of everything at rest": lambda run: counted(
         run, "data_alone", "a rotation about"
     ),
-    "- 4 kinds of **blend shapes** that push": lambda run: counted(run, "data_alone", "a push of"),
+    "- 4 in which **blend shapes** push the whole surface": lambda run: (
+        len(still_open(run, "data_alone")) - 15
+    ),
+    "The diagnosis has no name for 3 of them": lambda run: sum(
+        one.kind == "mixed" for one in run["data_alone"].null_directions
+    ),
     "closes the last two kinds, since both change blend shapes, and leaves 12.": lambda run: (
         len(still_open(run, "small_shapes")),
         counted(run, "small_shapes", "template and") == 6,
