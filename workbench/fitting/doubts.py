@@ -176,7 +176,14 @@ def _often(moments: Sequence[Said]) -> list[str]:
 def _of_moment(moment: Moment) -> tuple[Said, Said]:
     """What is wrong with the views themselves, and what speaks against the fit to them."""
     views = moment.views
-    wrong = dict(_units(views))
+    wrong: Said = {}
+    for view in views:
+        farthest = np.abs(view.observed[view.confidence > 0]).max(initial=0.0)
+        if farthest <= FRACTIONS:
+            wrong[f"unit of {view.name}"] = (
+                f"all keypoints of {view.name} lie within {farthest:.2g} px: "
+                "they are fractions of the image; multiply them by its width and height in px"
+            )
     if len(views) > 1:
         wrong |= _views(moment)
     if wrong:
@@ -187,30 +194,17 @@ def _of_moment(moment: Moment) -> tuple[Said, Said]:
     return {}, found
 
 
-def _units(views: Sequence[View]) -> Iterator[tuple[str, str]]:
-    for view in views:
-        seen = view.observed[view.confidence > 0]
-        if np.abs(seen).max(initial=0.0) <= FRACTIONS:
-            yield (
-                f"unit of {view.name}",
-                f"all keypoints of {view.name} lie within {np.abs(seen).max(initial=0.0):.2g} px: "
-                "they are fractions of the image; multiply them by its width and height in px",
-            )
-
-
 def _views(moment: Moment) -> Said:
     views, values = moment.views, moment.values
     off = disagreement(views, values)
     unit = unit_of_translations(views, values)
+    if off <= AGREE and not unit:
+        return {}
     if off <= AGREE:
-        return (
-            {}
-            if not unit
-            else {
-                "unit": "the views agree, but on a person of another size: the translations of the "
-                f"cameras seem to be in {unit}; give them in m"
-            }
-        )
+        return {
+            "unit": "the views agree, but on a person of another size: the translations of the "
+            f"cameras seem to be in {unit}; give them in m"
+        }
     size = f"{100 * off:.1f} % of the person's size" if np.isfinite(off) else "no common point"
     names = moment.body.landmark_names(views[0].landmarks)
     convention = agreeing_convention(views, values, names)

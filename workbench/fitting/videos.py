@@ -397,7 +397,6 @@ def video_mean(
     setup: Setup,
     values: Values,
     *,
-    seed: int = 0,
     told: Callable[[int, int], object] = lambda done, all_: None,
 ) -> Values:
     """The expected pose and trans in every frame, given the shape; other blocks as they are.
@@ -421,7 +420,7 @@ def video_mean(
     T = len(values[trans])
     for done, t in enumerate(drawn):
         here = {n: values[n][t] if n in framed else values[n] for n in own.known}
-        mean = posterior_mean(own, here | {EVIDENCE: np.ones(1)}, seed=seed * T + int(t)).values
+        mean = posterior_mean(own, here | {EVIDENCE: np.ones(1)}, seed=int(t)).values
         for name, differences in moved.items():
             differences.append(mean[name] - here[name])
         told(done + 1, len(drawn))

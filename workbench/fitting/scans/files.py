@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from workbench.arrays import Array, Index
+from workbench.blocks.checks import reals
 from workbench.errors import BadArgument, BadFile, cut, listed, some
 from workbench.fitting.scans.cleaning import cleaned, far_points, points_are
 from workbench.fitting.scans.scan import BadScan, Contents, Scan
@@ -309,7 +310,10 @@ def read_scan(
         raise BadArgument(f"`most` must be at least 1,000 points, not {most}")
     contents = contents_of(path, name)
     if camera_position is not None:
-        contents = replace(contents, camera_position=_place(camera_position))
+        place = reals("a camera's position", camera_position)
+        if place.shape != (3,) or not np.isfinite(place).all():
+            raise BadArgument(f"a camera's position is three finite numbers, not {cut(str(place))}")
+        contents = replace(contents, camera_position=place)
     try:
         return _read(contents, path.suffix.lower(), unit, up, most, sizes)
     except (BadScan, BadFile) as error:
@@ -367,18 +371,6 @@ def _weighted(contents: Contents, most: int) -> tuple[Scan, tuple[str, ...]]:
         return scan, ()
     note = f"{scan.n_points:,} of {len(points):,} points are drawn at random, without the faces"
     return scan, (f"{note} between them",)
-
-
-def _place(given: ArrayLike) -> Array:
-    try:
-        place = np.asarray(given, dtype=np.float64)
-    except (ValueError, TypeError) as error:
-        raise BadArgument(
-            f"a camera's position is three numbers, not this: {cut(error)}"
-        ) from error
-    if place.shape != (3,) or not np.isfinite(place).all():
-        raise BadArgument(f"a camera's position is three finite numbers, not {cut(str(place))}")
-    return place
 
 
 def _noted(contents: Contents, *notes: str) -> Contents:
