@@ -170,14 +170,8 @@ def trained(
         progress(k + 1, float(network.loss_))
     averages = [one / (passes - first) for one in sums]
     layers = len(averages) // 2
-    return PoseRegressor(
-        COCO,
-        body.joint_names,
-        tuple(averages[:layers]),
-        tuple(averages[layers:]),
-        mean,
-        scales,
-    )
+    weights, biases = tuple(averages[:layers]), tuple(averages[layers:])
+    return PoseRegressor(COCO, body.joint_names, weights, biases, mean, scales)
 
 
 def radian_lengths(body: Body) -> Array:

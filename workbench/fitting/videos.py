@@ -14,6 +14,7 @@ difference from the likeliest pose and place, which changes slowly, is interpola
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -94,11 +95,7 @@ def effective_frames(errors: ArrayLike, known: ArrayLike | None = None) -> float
     used = count > 1
     if not used.any():
         raise BadObservation("no landmark was observed in two frames, so nothing can be compared")
-    return worth_of_errors(x[:, used], count[used])
-
-
-def worth_of_errors(x: Array, count: Array) -> float:
-    """n of errors (T, M), zero where not known; `count` (M,) says how often each is known."""
+    x, count = x[:, used], count[used]
     squares, sums = np.sum(x**2), np.sum(x.sum(axis=0) ** 2 / count)
     return float(np.clip(squares / sums if sums > 0 else np.inf, 1, len(x)))
 
@@ -124,15 +121,12 @@ class Smoothness:
     """What is expected of a motion, in seconds, whatever the number of frames; None for nothing.
 
     Attributes:
-        pose: the standard deviation of joints' speed in rad/s (`order` 1) or acceleration in
-            rad/s^2 (`order` 2).
-        place: that of trans, in m/s or m/s^2.
-        order: 1 for a body at rest, 2 for one of constant speed.
+        pose: the standard deviation of joints' acceleration in rad/s^2.
+        place: that of trans, in m/s^2.
     """
 
     pose: float | None = POSE_SIGMA
     place: float | None = PLACE_SIGMA
-    order: int = 2
 
 
 SMOOTH = Smoothness()
@@ -372,25 +366,21 @@ def video_measures(moving: Moving, problem: Problem, values: Values) -> tuple[Me
 
 def _between(smoothness: Smoothness, body: Body, evidence: Block, clip: Clip) -> list[Between]:
     """The residuals between frames, with the weight of the frames."""
-    order = min(smoothness.order, clip.count - 1)
+    order = min(2, clip.count - 1)  # of two frames, the speed
     if order < 1:
         return []
     pose, _, trans = (block.name for block in body.blocks())
     given = (pose, smoothness.pose, "smooth pose"), (trans, smoothness.place, "smooth place")
-    made = [
-        smooth(what, sigma=sigma / clip.fps**order, order=order, name=name)
+
+    def weighted(link: Between, frames: Frames) -> Residual:
+        one = link(frames)
+        return replace(one, weights=evidence.symbol, blocks=(*one.blocks, evidence))
+
+    return [
+        partial(weighted, smooth(what, sigma=sigma / clip.fps**order, order=order, name=name))
         for what, sigma, name in given
         if sigma is not None
     ]
-
-    def weighted(link: Between) -> Between:
-        def between(frames: Frames) -> Residual:
-            one = link(frames)
-            return replace(one, weights=evidence.symbol, blocks=(*one.blocks, evidence))
-
-        return between
-
-    return [weighted(link) for link in made]
 
 
 def video_mean(
