@@ -248,19 +248,15 @@ def occluded(cameras: Callable[[Setup, Values], dict[str, Candidate]]) -> Candid
     return lambda setup, values: without_hidden(_skinned(setup), cameras(setup, values), values)
 
 
-def markers_worn(setup: Setup, values: Values) -> Given:
-    """Each of the 41 default markers."""
-    body = _skinned(setup)
-    return marker_candidates(body, default_markers(body))
-
-
 CANDIDATES: Mapping[str, Candidates] = {
     OWN: own_candidates,
     "cameras": cameras_around,
     "views": held_out_views,
     "cameras-occluded": occluded(cameras_around),
     "views-occluded": occluded(held_out_views),
-    "markers": markers_worn,
+    "markers": lambda setup, values: marker_candidates(
+        _skinned(setup), default_markers(_skinned(setup))
+    ),
     # each keypoint, seen once more by the first camera
     "keypoints": lambda setup, values: keypoint_candidates(
         _body(setup), _view(setup).camera, values

@@ -49,7 +49,6 @@ class MarkerFit:
         offsets: (M, 3) m, of the markers at rest.
         frames: the frames from which shape and offsets were found.
         errors: (T, M) m from each observed marker to that of the body; NaN where it was not seen.
-        shape_setup: the problem of shape and offsets.
     """
 
     pose: Array
@@ -58,7 +57,6 @@ class MarkerFit:
     offsets: Array
     frames: Index
     errors: Array
-    shape_setup: Setup
 
     def motion(self, body: SkinnedBody, fps: float) -> Motion:
         """The motion of the body, frames that were not found being filled from their neighbours.
@@ -119,4 +117,4 @@ def mosh(
     places, errors = np.full((len(whole), 3), np.nan), np.full(whole.shape[:2], np.nan)
     poses[usable], places[usable] = moved[pose], moved[trans]
     errors[usable] = marker_errors(dressed, observed, known | moved)
-    return MarkerFit(poses, places, known[betas], known["offsets"], usable[chosen], errors, setup)
+    return MarkerFit(poses, places, known[betas], known["offsets"], usable[chosen], errors)

@@ -1,7 +1,6 @@
 """A clip in files: a keypoint file for each frame or one for all, of one camera or several."""
 
 import re
-from collections.abc import Sequence
 from math import gcd
 from pathlib import Path
 from typing import Any
@@ -159,7 +158,14 @@ def _followed(
         one = found[-1]
         if one is not None and (one.points[:, 2] > 0).sum() >= PLACING:
             last = one.points  # fewer keypoints do not say how large a person is
-    notes = _of_all_frames([note for one in found if one is not None for note in one.notes])
+    alike: dict[str, list[str]] = {}  # notes on frames that say the same, whatever the numbers
+    for one in found:
+        for note in () if one is None else one.notes:
+            alike.setdefault(re.sub(r"\d+", "", note), []).append(note)
+    notes = [
+        same[0] if len(same) == 1 else f"{same[0]} (and so in {len(same)} frames)"
+        for same in alike.values()
+    ]
     missing = [str(n) for n in frames if n not in files]
     if missing:
         what = "there are no files of" if part is None else "nothing is said of"
@@ -172,17 +178,6 @@ def _followed(
     if lost:
         notes.append(f"{folder}: in {lost} frames nobody is near to where the person was: gaps")
     return found, notes
-
-
-def _of_all_frames(notes: Sequence[str]) -> list[str]:
-    """The notes on frames: of those that say the same, whatever the numbers, the first one."""
-    alike: dict[str, list[str]] = {}
-    for note in notes:
-        alike.setdefault(re.sub(r"\d+", "", note), []).append(note)
-    return [
-        some[0] if len(some) == 1 else f"{some[0]} (and so in {len(some)} frames)"
-        for some in alike.values()
-    ]
 
 
 def _people(frame: Frame, size: tuple[int, int] | None) -> dict[int, DetectedPerson]:
