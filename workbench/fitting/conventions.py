@@ -208,8 +208,7 @@ def agreeing_convention(views: Sequence[View], values: Values, names: Sequence[s
             changed[view.camera.rotation.name] = vector_from_matrix(R)
             changed[view.camera.translation.name] = t
         tried.append((what, views, changed))
-    for what, seen in _other_views(views, names):
-        tried.append((what, seen, values))
+    tried += [(what, seen, values) for what, seen in _other_views(views, names)]
     with np.errstate(all="ignore"):
         here, best, said = disagreement(views, values), AGREE / 0.8, ""
         for what, seen, changed in tried:

@@ -113,10 +113,10 @@ def hand_fit(
     known = start[SEEN] > 0
 
     def measures(values: Values) -> tuple[Measure, ...]:
-        at = [values[block.name] for block in body.blocks()]
         off = distances(points_of(body, values), start[OBSERVED])[known]
         shown = [rms(f"distance of {known.sum()} points", off)]
         if truth is not None:
+            at = (values[block.name] for block in body.blocks())
             away = distances(body.vertices(*at), truth)
             shown.append(Measure("vertex to truth, median", float(np.median(away)), "mm"))
             shown.append(Measure("vertex to truth, largest", float(away.max()), "mm"))
@@ -175,8 +175,7 @@ def _seen(body: SkinnedBody, observed: ArrayLike) -> tuple[Array, Array]:
     if given.shape == places.shape:
         places = given
     elif given.shape == (body.n_joints, 3):
-        for name, place in zip(body.joint_names, given, strict=True):
-            places[HAND_POINTS.index(name)] = place
+        places[[HAND_POINTS.index(name) for name in body.joint_names]] = given
     else:
         raise BadObservation(
             f"points of a hand have the shape (21, 3) in the order of HAND_POINTS, or "

@@ -161,8 +161,8 @@ def marker_frame(
     such as how the feet are held, is the same in all frames and no independent evidence in each.
     Its fixed blocks are `observed` (M, 3) m and `seen` (M,), the weight of each marker.
     """
-    names, blocks, offsets = marker_set.names, body.blocks(), body.offsets(MARKERS)
-    pose, betas, trans = (block.symbol for block in blocks)
+    names, offsets = marker_set.names, body.offsets(MARKERS)
+    pose, betas, trans = (block.symbol for block in body.blocks())
     points = body.landmark_points(MARKERS, pose, betas, trans, offsets.symbol)
     place, seen = Block("observed", (len(names), 3), "m", names), Block("seen", (len(names),))
     data = landmarks(points, place.symbol, sigma=sigma, kernel=kernel, name=MARKERS)

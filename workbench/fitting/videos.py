@@ -95,7 +95,11 @@ def effective_frames(errors: ArrayLike, known: ArrayLike | None = None) -> float
     used = count > 1
     if not used.any():
         raise BadObservation("no landmark was observed in two frames, so nothing can be compared")
-    x, count = x[:, used], count[used]
+    return worth_of_errors(x[:, used], count[used])
+
+
+def worth_of_errors(x: Array, count: Array) -> float:
+    """n of errors (T, M), zero where not known; `count` (M,) says how often each is known."""
     squares, sums = np.sum(x**2), np.sum(x.sum(axis=0) ** 2 / count)
     return float(np.clip(squares / sums if sums > 0 else np.inf, 1, len(x)))
 
@@ -206,9 +210,7 @@ def video_fit(
         views.append([])
         for film, camera, (seen, sure) in zip(films, cameras, observed, strict=True):
             values |= {seen: film.pixels[t], sure: film.confidence[t]}
-            views[t].append(
-                View(film.name, camera, film.size, kind, film.pixels[t], film.confidence[t])
-            )
+            views[t].append(_view(film, camera, kind, t))
         each.append(values)
     own = frame.freeing(pose.name, betas.name, trans.name)  # focal lengths wait for all frames
     data_names = tuple(shares)
@@ -226,10 +228,7 @@ def video_fit(
     if worth is None:
         worth = worth_of(problem, start, data_names) if T > 1 else 1.0
     start[EVIDENCE] = np.array([worth / T])
-    whole = tuple(
-        View(film.name, camera, film.size, kind, film.pixels, film.confidence)
-        for film, camera in zip(films, cameras, strict=True)
-    )
+    whole = tuple(_view(*one, kind) for one in zip(films, cameras, strict=True))
     moving = Moving(body, whole, clip.fps, data_names, frame)
     gaps = clip.gaps
     missing = f"In {len(gaps)} of {T} frames no keypoint was observed; smoothness alone fills them"
@@ -246,6 +245,12 @@ def video_fit(
         ),
         moving=moving,
     )
+
+
+def _view(film: Film, camera: Camera, kind: str, frame: int | slice = slice(None)) -> View:
+    """What a camera observed in one frame, or in all of them."""
+    pixels, confidence = film.pixels[frame], film.confidence[frame]
+    return View(film.name, camera, film.size, kind, pixels, confidence)
 
 
 def frame_by_frame(
@@ -301,8 +306,7 @@ def heights_of(films: Sequence[Film], body: Body, kind: str) -> list[float]:
                 continue
             camera = Camera(film.name + "/")
             values |= camera_values(camera, film.photograph(t))
-            seen = film.pixels[t], film.confidence[t]
-            views.append((i, View(film.name, camera, film.size, kind, *seen)))
+            views.append((i, _view(film, camera, kind, t)))
         with suppress(BadObservation, np.linalg.LinAlgError):
             values |= place_body(body, [view for _, view in views], values)
             for i, view in views:
