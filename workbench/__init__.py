@@ -40,7 +40,8 @@ if TYPE_CHECKING:
     from workbench.experiments import Experiment
     from workbench.fitting import KnownAnswer, Measure, Setup, View
     from workbench.geometry.camera import Camera
-    from workbench.geometry.surface_tree import closest
+    from workbench.geometry.meshes import Mesh
+    from workbench.geometry.surface_tree import ClosestPoints, closest
     from workbench.motions import Motion, read_motion, save_motion
     from workbench.problem import Constraint, Linearization, Problem, sequence
     from workbench.reports.replays import show
@@ -88,6 +89,7 @@ __all__ = [
     "Budget",
     "Camera",
     "Candidate",
+    "ClosestPoints",
     "Comparison",
     "Constraint",
     "Criterion",
@@ -110,6 +112,7 @@ __all__ = [
     "Linearization",
     "Measure",
     "MeasurementDesign",
+    "Mesh",
     "Motion",
     "Newton",
     "Nlopt",

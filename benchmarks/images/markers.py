@@ -12,6 +12,7 @@ kept: settings were chosen there.
 import argparse
 import json
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ import numpy as np
 from benchmarks import machine
 from benchmarks.keeping import keep
 from workbench import load_body
-from workbench.arrays import Array
+from workbench.arrays import Array, Index
 from workbench.bodies import SkinnedBody
 from workbench.experiments.moving_people import (
     Placed,
@@ -35,7 +36,6 @@ from workbench.fitting import (
 )
 from workbench.fitting.marker_sets import MarkerSet
 from workbench.fitting.markers import surface_frames
-from workbench.fitting.mosh import Choice
 from workbench.geometry.surface_tree import SurfaceTree
 from workbench.priors.recordings import read_recording
 
@@ -71,7 +71,7 @@ def fitted(
     worn: MarkerSet,
     poses: Array,
     seed: int,
-    choose: Choice,
+    choose: Callable[[Array, int], Index],
     placed: Placed | None,
     across: float | None,
 ) -> dict[str, float]:

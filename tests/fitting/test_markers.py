@@ -236,7 +236,7 @@ def test_damaged_marker_files_are_refused(tmp_path: Path) -> None:
         ({"markers": np.zeros((2, 2)), "labels": ["a", "b"]}, "markers has shape"),
         ({"markers": np.zeros((2, 2, 3)), "labels": ["a", "b"]}, "no marker was seen"),
         ({"markers": np.ones((2, 2, 3)), "labels": ["a", "a"]}, "more than once"),
-        ({"markers": np.full((2, 2, 3), np.inf), "labels": ["a", "b"]}, "infinite"),
+        ({"markers": np.full((2, 2, 3), np.inf), "labels": ["a", "b"]}, "which is no place"),
         ({"markers": 1e9 * np.eye(3)[None], "labels": ["a", "b", "c"]}, "size of a body"),
         ({"markers": np.ones((2, 2, 3)), "labels": ["a", "b"], "fps": 0.0}, "fps is 0"),
         ({"markers": np.array([["a"]]), "labels": ["a"]}, "markers"),

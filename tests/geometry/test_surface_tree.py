@@ -1,4 +1,4 @@
-"""Closest places on a surface: as an exhaustive search finds them, in both ways to compute them."""
+"""ClosestPoints places on a surface: as an exhaustive search finds them, in both ways to compute them."""
 
 import pickle
 from collections.abc import Callable
@@ -14,7 +14,7 @@ from tests.tiers import few
 from workbench.arrays import Array, Index
 from workbench.errors import BadArgument, BadMesh
 from workbench.geometry.surface_search import IN_NUMPY, SearchBackend
-from workbench.geometry.surface_tree import Closest, SurfaceTree, compiled
+from workbench.geometry.surface_tree import ClosestPoints, SurfaceTree, compiled
 
 CUBE = trimesh.creation.box()  # of side 1, around the origin
 
@@ -101,7 +101,7 @@ def normals_of(vertices: Array, faces: Index) -> Array:
     return unit(np.cross(b - a, c - a))
 
 
-def assert_consistent(found: Closest, vertices: Array, faces: Index, points: Array) -> None:
+def assert_consistent(found: ClosestPoints, vertices: Array, faces: Index, points: Array) -> None:
     there = found.faces >= 0
     assert (found.shares >= 0).all()
     np.testing.assert_allclose(found.shares.sum(axis=1), there, atol=1e-15)

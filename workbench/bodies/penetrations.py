@@ -18,7 +18,7 @@ from workbench.arrays import Array, Index, Mask
 from workbench.bodies.parts import BONES, owners, part_joints, solid_of
 from workbench.bodies.skinned import SkinnedBody
 from workbench.errors import BadBody
-from workbench.geometry.surface_tree import Closest, SurfaceTree
+from workbench.geometry.surface_tree import ClosestPoints, SurfaceTree
 
 PAIRS = 1_000_000  # of a point and a triangle at once
 TOGETHER = 2_000  # triangles that are looked at in one round
@@ -114,7 +114,7 @@ class Solid:
         found[found] = winding_numbers(points[found], self.vertices, self.faces) > INSIDE
         return found
 
-    def from_skin(self, points: Array) -> Closest:
+    def from_skin(self, points: Array) -> ClosestPoints:
         """The places of the skin that are closest to points (M, 3) m."""
         return self._skin.closest(points)
 

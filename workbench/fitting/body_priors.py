@@ -87,13 +87,10 @@ def shape_prior(body: Body) -> Residual:
     return gaussian(body.blocks()[1].symbol, name="shape prior")
 
 
-def usual_priors(body: Body, pose: cs.MX | None = None) -> tuple[Residual, ...]:
-    """The priors of a body's fits: on pose and shape, and the limits of the joints of its hands.
-
-    `pose` is as for `pose_prior`.
-    """
-    limited = (hand_limits().residual(body, pose),) if hands_of(body) else ()
-    return pose_prior(body, pose), shape_prior(body), *limited
+def usual_priors(body: Body) -> tuple[Residual, ...]:
+    """The priors of a body's fits: on pose and shape, and the limits of the joints of its hands."""
+    limited = (hand_limits().residual(body),) if hands_of(body) else ()
+    return pose_prior(body), shape_prior(body), *limited
 
 
 def stature(body: SkinnedBody, betas: ArrayLike) -> Array:
@@ -112,9 +109,7 @@ def stature_expression(body: SkinnedBody, betas: cs.MX) -> cs.MX:
     return mean + cs.dot(cs.DM(slopes), betas)
 
 
-def stature_prior(
-    body: SkinnedBody, height: float, *, sigma: float = MEASURED, name: str = "stature"
-) -> Residual:
+def stature_prior(body: SkinnedBody, height: float, *, sigma: float = MEASURED) -> Residual:
     """The residual of a measured height in metres, `sigma` its standard deviation.
 
     One image shows how large a person appears, and not how large or how far away; with a known
@@ -123,7 +118,7 @@ def stature_prior(
     checked_height(height)
     betas: Block = body.blocks()[1]
     off = stature_expression(body, betas.symbol) - height
-    return Residual(name, off, sigma, "m", blocks=(betas,))
+    return Residual("stature", off, sigma, "m", blocks=(betas,))
 
 
 def checked_height(height: float) -> None:

@@ -230,26 +230,22 @@ def cameras_around(setup: Setup, values: Values) -> dict[str, Candidate]:
 
 def held_out_views(setup: Setup, values: Values) -> dict[str, Candidate]:
     """The real cameras of the setup that were held out."""
-    views = [view for view in setup.views if view.held_out]
-    if not views:
+    numbers = {
+        view.name: {
+            block.name: values[own.name]
+            for block, own in zip(Camera(PREFIX).blocks, view.camera.blocks, strict=True)
+        }
+        for view in setup.views
+        if view.held_out
+    }
+    if not numbers:
         raise BadArgument("no camera of this problem is held out; hold one out, or take cameras")
-    return cameras_of(_body(setup), [_photograph(view, values) for view in views])
+    return _cameras(_body(setup), numbers, 4.0)
 
 
 def occluded(cameras: Callable[[Setup, Values], dict[str, Candidate]]) -> Candidates:
     """The same cameras, none of which sees what the body hides from it."""
     return lambda setup, values: without_hidden(_skinned(setup), cameras(setup, values), values)
-
-
-def markers_worn(setup: Setup, values: Values) -> Given:
-    """Each of the 41 default markers."""
-    body = _skinned(setup)
-    return marker_candidates(body, default_markers(body))
-
-
-def keypoints_seen(setup: Setup, values: Values) -> Given:
-    """Each keypoint, seen once more by the first camera."""
-    return keypoint_candidates(_body(setup), _view(setup).camera, values)
 
 
 CANDIDATES: Mapping[str, Candidates] = {
@@ -258,8 +254,13 @@ CANDIDATES: Mapping[str, Candidates] = {
     "views": held_out_views,
     "cameras-occluded": occluded(cameras_around),
     "views-occluded": occluded(held_out_views),
-    "markers": markers_worn,
-    "keypoints": keypoints_seen,
+    "markers": lambda setup, values: marker_candidates(
+        _skinned(setup), default_markers(_skinned(setup))
+    ),
+    # each keypoint, seen once more by the first camera
+    "keypoints": lambda setup, values: keypoint_candidates(
+        _body(setup), _view(setup).camera, values
+    ),
 }
 QUANTITIES: Mapping[str, Callable[[Setup, Values], Quantity]] = {
     "stature": lambda setup, values: stature_of(_skinned(setup)),
@@ -296,10 +297,3 @@ def _view(setup: Setup) -> View:
         if not view.held_out:
             return view
     raise BadArgument("no camera sees the body of this problem")
-
-
-def _photograph(view: View, values: Values) -> Photograph:
-    focal, centre, distortion, rotation, t = (values[block.name] for block in view.camera.blocks)
-    K = np.array([[focal[0], 0, centre[0]], [0, focal[1], centre[1]], [0, 0, 1]])
-    R = matrix_from_vector(rotation)
-    return Photograph(view.name, view.size, view.observed, view.confidence, K, R, t, distortion)

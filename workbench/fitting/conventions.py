@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import permutations
+from itertools import combinations, permutations
 
 import numpy as np
 
@@ -208,8 +208,7 @@ def agreeing_convention(views: Sequence[View], values: Values, names: Sequence[s
             changed[view.camera.rotation.name] = vector_from_matrix(R)
             changed[view.camera.translation.name] = t
         tried.append((what, views, changed))
-    for what, seen in _other_views(views, names):
-        tried.append((what, seen, values))
+    tried += [(what, seen, values) for what, seen in _other_views(views, names)]
     with np.errstate(all="ignore"):
         here, best, said = disagreement(views, values), AGREE / 0.8, ""
         for what, seen, changed in tried:
@@ -261,16 +260,11 @@ def _conventions(given: Extrinsics) -> Iterator[tuple[str, Extrinsics]]:
         [(OPENGL @ R.T, -OPENGL @ R.T @ t) for R, t in given],
     )
     count = len(given)
-    orders = permutations(range(count)) if count <= MOST_ORDERS else _exchanges(count)
+    if count <= MOST_ORDERS:
+        orders = [*permutations(range(count))][1:]
+    else:
+        pairs = combinations(range(count), 2)
+        orders = [tuple({i: j, j: i}.get(k, k) for k in range(count)) for i, j in pairs]
     for order in orders:
-        if list(order) != list(range(count)):
-            said = ", ".join(str(k + 1) for k in order)
-            yield f"the cameras belong to the files in the order {said}", [given[k] for k in order]
-
-
-def _exchanges(count: int) -> Iterator[tuple[int, ...]]:
-    for i in range(count):
-        for j in range(i + 1, count):
-            order = list(range(count))
-            order[i], order[j] = j, i
-            yield tuple(order)
+        said = ", ".join(str(k + 1) for k in order)
+        yield f"the cameras belong to the files in the order {said}", [given[k] for k in order]

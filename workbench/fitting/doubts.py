@@ -12,7 +12,7 @@ half of the single images of which left and right were exchanged or that were mi
 import warnings
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -91,13 +91,14 @@ def doubts(
             f"the solver did not converge ({solution.status.name.lower().replace('_', ' ')}); the "
             "numbers are those of the best point that it found"
         )
-    moments = _moments(setup, values)
-    seen = [_of_moment(moment) for moment in moments]
+    body = setup.body if setup.moving is None else setup.moving.body
+    moments = [] if body is None else _moments(setup, values)
+    seen = [] if body is None else [_of_moment(body, *moment) for moment in moments]
     wrong = _often([one for one, _ in seen])
     if wrong:  # all else follows from it
         return (*found, *wrong)
     found += _often([other for _, other in seen])
-    if setup.moving is None and setup.body is not None and moments:
+    if setup.moving is None and moments:
         depth = depth_interval(setup, values)
         if depth is not None and depth.low <= 0:
             found.append(
@@ -105,7 +106,6 @@ def doubts(
                 "reaches behind the camera: the keypoints hardly tell how far away the person is; "
                 "give --height or --focal"
             )
-    body = setup.body if setup.moving is None else setup.moving.body
     free, odd = setup.problem.free.names, list[str]()
     if body is not None:
         pose, betas, _ = (block.name for block in body.blocks())
@@ -118,29 +118,17 @@ def doubts(
         if better:
             return (better, *found, *odd)
     # several views show a pose, however rare it is
-    return tuple(found) if any(len(moment.views) > 1 for moment in moments) else (*found, *odd)
+    return tuple(found) if any(len(views) > 1 for views, _ in moments) else (*found, *odd)
 
 
-@dataclass(frozen=True, eq=False)
-class Moment:
-    """What cameras observed of a body at one moment, and where it was put.
-
-    Attributes:
-        body: the body.
-        views: those that were fitted.
-        values: pose (K, 3) rad, betas, trans and the numbers of the cameras.
-    """
-
-    body: Body
-    views: tuple[View, ...]
-    values: Values
+Views = tuple[View, ...]
 
 
-def _moments(setup: Setup, values: Values) -> list[Moment]:
-    """The moment of a photograph, or some frames of a clip."""
+def _moments(setup: Setup, values: Values) -> list[tuple[Views, Values]]:
+    """The fitted views of a photograph or of some frames of a clip, and the values of each."""
     if setup.moving is None:
         views = tuple(view for view in setup.views if not view.held_out)
-        return [] if setup.body is None or not views else [Moment(setup.body, views, values)]
+        return [(views, values)] if views else []
     body, views = setup.moving.body, setup.moving.views
     pose, betas, trans = (block.name for block in body.blocks())
     sure = [(view.confidence > LEAST_CONFIDENCE).any(axis=1) for view in views]
@@ -149,8 +137,7 @@ def _moments(setup: Setup, values: Values) -> list[Moment]:
     some = seen[at] if len(seen) else []
     shapes = np.broadcast_to(values[betas], (len(values[pose]), values[betas].shape[-1]))
     return [
-        Moment(
-            body,
+        (
             tuple(replace(v, observed=v.observed[t], confidence=v.confidence[t]) for v in views),
             {**values, pose: values[pose][t], trans: values[trans][t], betas: shapes[t]},
         )
@@ -173,46 +160,38 @@ def _often(moments: Sequence[Said]) -> list[str]:
     return found
 
 
-def _of_moment(moment: Moment) -> tuple[Said, Said]:
+def _of_moment(body: Body, views: Views, values: Values) -> tuple[Said, Said]:
     """What is wrong with the views themselves, and what speaks against the fit to them."""
-    views = moment.views
-    wrong = dict(_units(views))
+    wrong: Said = {}
+    for view in views:
+        farthest = np.abs(view.observed[view.confidence > 0]).max(initial=0.0)
+        if farthest <= FRACTIONS:
+            wrong[f"unit of {view.name}"] = (
+                f"all keypoints of {view.name} lie within {farthest:.2g} px: "
+                "they are fractions of the image; multiply them by its width and height in px"
+            )
     if len(views) > 1:
-        wrong |= _views(moment)
+        wrong |= _views(body, views, values)
     if wrong:
         return wrong, {}
     found: Said = {}
     for view in views:
-        found |= _view(moment, view)
+        found |= _view(body, view, values, "" if len(views) == 1 else f" of {view.name}")
     return {}, found
 
 
-def _units(views: Sequence[View]) -> Iterator[tuple[str, str]]:
-    for view in views:
-        seen = view.observed[view.confidence > 0]
-        if np.abs(seen).max(initial=0.0) <= FRACTIONS:
-            yield (
-                f"unit of {view.name}",
-                f"all keypoints of {view.name} lie within {np.abs(seen).max(initial=0.0):.2g} px: "
-                "they are fractions of the image; multiply them by its width and height in px",
-            )
-
-
-def _views(moment: Moment) -> Said:
-    views, values = moment.views, moment.values
+def _views(body: Body, views: Views, values: Values) -> Said:
     off = disagreement(views, values)
     unit = unit_of_translations(views, values)
+    if off <= AGREE and not unit:
+        return {}
     if off <= AGREE:
-        return (
-            {}
-            if not unit
-            else {
-                "unit": "the views agree, but on a person of another size: the translations of the "
-                f"cameras seem to be in {unit}; give them in m"
-            }
-        )
+        return {
+            "unit": "the views agree, but on a person of another size: the translations of the "
+            f"cameras seem to be in {unit}; give them in m"
+        }
     size = f"{100 * off:.1f} % of the person's size" if np.isfinite(off) else "no common point"
-    names = moment.body.landmark_names(views[0].landmarks)
+    names = body.landmark_names(views[0].landmarks)
     convention = agreeing_convention(views, values, names)
     do = (
         f"they would agree if {convention}"
@@ -223,8 +202,7 @@ def _views(moment: Moment) -> Said:
     return {"views": text}
 
 
-def _view(moment: Moment, view: View) -> Said:
-    body, values = moment.body, moment.values
+def _view(body: Body, view: View, values: Values, of: str) -> Said:
     landmarks = body.landmark(view.landmarks, *(values[block.name] for block in body.blocks()))
     depth = float(np.median(view.camera.depths(landmarks, values)))
     found: Said = {}
@@ -240,7 +218,6 @@ def _view(moment: Moment, view: View) -> Said:
     seen, off = view.confidence > LEAST_CONFIDENCE, px * depth / focal  # m
     if not seen.any():
         return found
-    of = "" if len(moment.views) == 1 else f" of {view.name}"
     far, share = off > OUTLIER, float(np.mean(off[seen] > MISFIT))
     if share > MOST_MISSED:
         return found | {

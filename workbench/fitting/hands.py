@@ -103,26 +103,23 @@ def hand_fit(
     sigma: float = SIGMA,
     kernel: Kernel = quadratic,
     truth: Array | None = None,
-    synthetic: str = "",
 ) -> Setup:
     """Fit a hand to a skeleton of 16 or 21 points in m; see `hand_problem` and `hand_start`.
 
-    `truth` (N, 3) m is the true surface, where it is known, and `synthetic` says in a sentence what
-    was made up. Raises BadBody and BadObservation.
+    `truth` (N, 3) m is the true surface, where it is known. Raises BadBody and BadObservation.
     """
     problem = hand_problem(body, sigma=sigma, kernel=kernel)
     start = hand_start(body, observed)
     known = start[SEEN] > 0
 
     def measures(values: Values) -> tuple[Measure, ...]:
-        at = [values[block.name] for block in body.blocks()]
         off = distances(points_of(body, values), start[OBSERVED])[known]
         shown = [rms(f"distance of {known.sum()} points", off)]
         if truth is not None:
+            at = (values[block.name] for block in body.blocks())
             away = distances(body.vertices(*at), truth)
-            name = f"vertex to {'synthetic ' if synthetic else ''}truth"
-            shown.append(Measure(f"{name}, median", float(np.median(away)), "mm"))
-            shown.append(Measure(f"{name}, largest", float(away.max()), "mm"))
+            shown.append(Measure("vertex to truth, median", float(np.median(away)), "mm"))
+            shown.append(Measure("vertex to truth, largest", float(away.max()), "mm"))
         return tuple(shown)
 
     return Setup(
@@ -133,7 +130,6 @@ def hand_fit(
         truth=truth,
         measures=measures,
         priors=tuple(residual.name for residual in problem.residuals[1:]),
-        synthetic=synthetic,
     )
 
 
@@ -179,8 +175,7 @@ def _seen(body: SkinnedBody, observed: ArrayLike) -> tuple[Array, Array]:
     if given.shape == places.shape:
         places = given
     elif given.shape == (body.n_joints, 3):
-        for name, place in zip(body.joint_names, given, strict=True):
-            places[HAND_POINTS.index(name)] = place
+        places[[HAND_POINTS.index(name) for name in body.joint_names]] = given
     else:
         raise BadObservation(
             f"points of a hand have the shape (21, 3) in the order of HAND_POINTS, or "

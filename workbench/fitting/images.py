@@ -286,13 +286,13 @@ class ImageFits:
             staged = Staged(recipe.stages_of(cameras, solver), solver or recipe.solver)
             return staged if len(starts) == 1 else Starts(starts, staged)
 
-        plain = replace(setup, strategy=strategy)
-        if sum(not view.held_out for view in plain.views) != 1:
-            return plain
+        if sum(not view.held_out for view in setup.views) != 1:
+            return replace(setup, strategy=strategy)
         return replace(
-            plain,
-            measures=lambda values: (*plain.measures(values), *depth_measures(plain, values)),
-            notes=(*plain.notes, INTERVAL_NOTE),
+            setup,
+            strategy=strategy,
+            measures=lambda values: (*setup.measures(values), *depth_measures(setup, values)),
+            notes=(*setup.notes, INTERVAL_NOTE),
         )
 
     def _for(self, person: Appearance) -> tuple[ImageRecipe, KeypointProblem]:
@@ -481,7 +481,7 @@ def image_mean(setup: Setup, values: Values) -> ImageMean:
     body = setup.body
     assert body is not None  # which every fit to images has
     found = posterior_mean(setup.problem, values)
-    kind = next(view.landmarks for view in setup.views)
+    kind = setup.views[0].landmarks
     blocks = [block.name for block in body.blocks()]
     given = setup.problem.split(values)[1]
     drawn = [setup.problem.values(x, given) for x in found.draws]

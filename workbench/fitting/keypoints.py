@@ -111,7 +111,7 @@ class KeypointProblem:
         `landmarks` is the set of landmarks that are fitted; without it, it is `landmark_set`'s.
         Cameras of photographs that are held out are not among the problem's.
         """
-        landmarks = landmark_set(self.body) if landmarks is None else landmarks
+        landmarks = landmarks or landmark_set(self.body)
         kind = tuple(
             (p.name, p.size if p.K is None else None, p.name in held_out) for p in photographs
         )

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from workbench.arrays import Array, Mask
 from workbench.errors import BadFile, listed, some
@@ -104,12 +103,12 @@ def read_marker_arrays(path: str | Path) -> Trajectories:
     with opened(path, "recording of markers", "give an .npz with markers and labels") as archive:
         arrays = read_expected(archive, RECORDED)
         given, labels = arrays["markers"], tuple(map(str, arrays["labels"]))
-        fps = _frames_a_second(arrays.get("fps"))
+        fps = float(arrays["fps"]) if "fps" in arrays else None
+        if fps is not None and not 0 < fps < FASTEST:
+            raise BadFile(f"fps is {fps:g}, but must be above zero and below {FASTEST:g}")
         if len({*labels}) < len(labels):
             twice = [label for label in dict.fromkeys(labels) if labels.count(label) > 1]
             raise BadFile(f"labels has {listed(twice)} more than once; each marker needs its name")
-        if np.isinf(given).any():
-            raise BadFile("markers holds infinite numbers; a marker that was not seen is NaN")
         try:
             checked_places(given)
         except ValueError as error:
@@ -117,14 +116,6 @@ def read_marker_arrays(path: str | Path) -> Trajectories:
         others = [*sorted({*archive.headers} - {*RECORDED}), *archive.others]
     notes = (f"not read are {some(others)}",) if others else ()
     return Trajectories(given, labels, fps, None, notes)
-
-
-def _frames_a_second(given: NDArray[np.float64] | None) -> float | None:
-    if given is None:
-        return None
-    if not 0 < float(given) < FASTEST:
-        raise BadFile(f"fps is {float(given):g}, but must be above zero and below {FASTEST:g}")
-    return float(given)
 
 
 def holds_markers(path: str | Path) -> bool:

@@ -142,11 +142,8 @@ def default_markers(body: SkinnedBody) -> MarkerSet:
         rays["L" + name] = a, b, share, towards
         c, d = (joint.replace("left", "right") for joint in (a, b))
         rays["R" + name] = c, d, share, (-towards[0], *towards[1:])
-    joints, normals, found = (
-        body.joints(),
-        vertex_normals(body.template, body.faces),
-        dict[str, int](),
-    )
+    joints, normals = body.joints(), vertex_normals(body.template, body.faces)
+    found: dict[str, int] = {}
     for name, (a, b, share, towards) in rays.items():
         for joint in (a, b):
             check_known("joint", joint, body.joint_names)

@@ -121,7 +121,14 @@ def marker_fit(
     Raises BadObservation for frames that show less than four markers, or a marker in no frame, and
     BadArgument as `offset_prior` does.
     """
-    observed = seen_places(markers, marker_set)
+    observed = checked_markers(markers, marker_set)
+    known = np.isfinite(observed).all(axis=2).sum(axis=1)
+    if (few := known < LEAST).any():
+        t = int(np.argmax(few))
+        raise BadObservation(
+            f"frame {t} shows {known[t]} of {observed.shape[1]} markers, and a body is placed by "
+            f"{LEAST} or more; leave such frames out"
+        )
     dressed = marker_set.on(body)
     _, betas, trans = (block.name for block in dressed.blocks())
     frame, priors = marker_frame(dressed, marker_set, sigma, offset_sigma, kernel, free, across)
@@ -154,8 +161,8 @@ def marker_frame(
     such as how the feet are held, is the same in all frames and no independent evidence in each.
     Its fixed blocks are `observed` (M, 3) m and `seen` (M,), the weight of each marker.
     """
-    names, blocks, offsets = marker_set.names, body.blocks(), body.offsets(MARKERS)
-    pose, betas, trans = (block.symbol for block in blocks)
+    names, offsets = marker_set.names, body.offsets(MARKERS)
+    pose, betas, trans = (block.symbol for block in body.blocks())
     points = body.landmark_points(MARKERS, pose, betas, trans, offsets.symbol)
     place, seen = Block("observed", (len(names), 3), "m", names), Block("seen", (len(names),))
     data = landmarks(points, place.symbol, sigma=sigma, kernel=kernel, name=MARKERS)
@@ -221,19 +228,6 @@ def checked_markers(markers: ArrayLike, marker_set: MarkerSet) -> Array:
             f"not {given.shape}"
         )
     return given
-
-
-def seen_places(markers: ArrayLike, marker_set: MarkerSet) -> Array:
-    """The same for markers of which each frame shows enough. Raises BadObservation as well."""
-    observed, M = checked_markers(markers, marker_set), len(marker_set.names)
-    known: Mask = np.asarray(np.isfinite(observed).all(axis=2))
-    if (few := known.sum(axis=1) < LEAST).any():
-        t = int(np.argmax(few))
-        raise BadObservation(
-            f"frame {t} shows {known[t].sum()} of {M} markers, and a body is placed by {LEAST} or "
-            "more; leave such frames out"
-        )
-    return observed
 
 
 def placed_rigidly(body: SkinnedBody, observed: Array, first: Values) -> Values:

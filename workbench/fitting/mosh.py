@@ -33,11 +33,9 @@ from workbench.fitting.setup import Setup
 from workbench.fitting.tracking import FRAMES, spread_frames
 from workbench.motions import Motion
 from workbench.motions.motion import without_gaps
-from workbench.residuals.kernels import Kernel, quadratic
-from workbench.solvers.solution import Solver
+from workbench.residuals.kernels import quadratic
 
 EVERY = 10  # frames between two that are fitted by themselves as well
-Choice = Callable[[Array, int], Index]  # from markers (T, M, 3) m and how many frames to these
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +49,6 @@ class MarkerFit:
         offsets: (M, 3) m, of the markers at rest.
         frames: the frames from which shape and offsets were found.
         errors: (T, M) m from each observed marker to that of the body; NaN where it was not seen.
-        shape_setup: the problem of shape and offsets.
     """
 
     pose: Array
@@ -60,7 +57,6 @@ class MarkerFit:
     offsets: Array
     frames: Index
     errors: Array
-    shape_setup: Setup
 
     def motion(self, body: SkinnedBody, fps: float) -> Motion:
         """The motion of the body, frames that were not found being filled from their neighbours.
@@ -79,21 +75,17 @@ def mosh(
     marker_set: MarkerSet,
     *,
     frames: int = FRAMES,
-    choose: Choice = spread_frames,
     sigma: float = SIGMA,
-    offset_sigma: float = OFFSET_SIGMA,
     across: float | None = None,
-    kernel: Kernel = quadratic,
-    solver: Solver | None = None,
     solve: Callable[[Setup], Values] | None = None,
     progress: Callable[[str], object] = lambda text: None,
 ) -> MarkerFit:
     """Find shape and offsets from some frames, and then the pose in every frame, these being held.
 
-    `markers` are (T, M, 3) m, NaN where one was not seen; the other arguments are those of
-    `marker_fit`. `choose` picks the `frames` of the first step, whose problem `solver` solves in
-    the stages of `marker_solver`, or else `solve`, a function from its setup to the values found.
-    In the second step frames are fitted one by one, so that a recording may be long. Raises
+    `markers` are (T, M, 3) m, NaN where one was not seen; `sigma` and `across` are those of
+    `marker_fit`. The `frames` of the first step are `spread_frames`; its problem is solved in the
+    stages of `marker_solver`, or else by `solve`, a function from its setup to the values found. In
+    the second step frames are fitted one by one, so that a recording may be long. Raises
     BadObservation if no frame shows four markers, and BadArgument for markers of another shape and
     as `offset_prior` does.
     """
@@ -102,25 +94,17 @@ def mosh(
     if not len(usable):
         raise BadObservation(f"no frame shows {LEAST} markers, by which a body is placed")
     observed = whole[usable]
-    chosen = choose(observed, frames)
+    chosen = spread_frames(observed, frames)
     progress(f"shape and offsets from {len(chosen)} of {len(whole)} frames")
-    setup = marker_fit(
-        observed[chosen],
-        body,
-        marker_set,
-        sigma=sigma,
-        offset_sigma=offset_sigma,
-        across=across,
-        kernel=kernel,
-    )
+    setup = marker_fit(observed[chosen], body, marker_set, sigma=sigma, across=across)
     if solve is None:
-        values = marker_solver(solver).solve(setup.problem, setup.start).values
+        values = marker_solver().solve(setup.problem, setup.start).values
     else:
         values = solve(setup)
     dressed = marker_set.on(body)
     pose, betas, trans = (block.name for block in dressed.blocks())
     known = dressed.start() | {name: values[name] for name in (betas, "offsets")}
-    frame, _ = marker_frame(dressed, marker_set, sigma, OFFSET_SIGMA, kernel, (trans, pose))
+    frame, _ = marker_frame(dressed, marker_set, sigma, OFFSET_SIGMA, quadratic, (trans, pose))
     shares = (*(sigma / wide for wide in WIDE), 1.0)
     every = max(1, len(usable) // 10)
 
@@ -133,4 +117,4 @@ def mosh(
     places, errors = np.full((len(whole), 3), np.nan), np.full(whole.shape[:2], np.nan)
     poses[usable], places[usable] = moved[pose], moved[trans]
     errors[usable] = marker_errors(dressed, observed, known | moved)
-    return MarkerFit(poses, places, known[betas], known["offsets"], usable[chosen], errors, setup)
+    return MarkerFit(poses, places, known[betas], known["offsets"], usable[chosen], errors)

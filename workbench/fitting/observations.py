@@ -210,7 +210,7 @@ class Clip:
         return tuple(int(t) for t in np.flatnonzero(~seen))
 
 
-def clip_of(frames: Sequence[Observations | None], fps: float, notes: tuple[str, ...] = ()) -> Clip:
+def clip_of(frames: Sequence[Observations | None], fps: float) -> Clip:
     """A clip from what the same cameras observed in each frame; None is a gap.
 
     Raises BadObservation if there is no frame, or if frames differ in cameras, sizes or keypoints.
@@ -234,4 +234,4 @@ def clip_of(frames: Sequence[Observations | None], fps: float, notes: tuple[str,
                 pixels[t] = one.photographs[i].pixels
                 confidence[t] = one.photographs[i].confidence
         films.append(Film(photo.name, photo.size, pixels, confidence, *photo.calibration))
-    return Clip(first.names, tuple(films), fps, notes)
+    return Clip(first.names, tuple(films), fps)

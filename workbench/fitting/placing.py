@@ -37,28 +37,29 @@ def place_body(body: Body, views: Sequence[View], values: Values) -> Values:
     return _from_one(body, views[0], values)
 
 
-def _rest(body: Body, views: Sequence[View]) -> tuple[Array, Mask]:
-    """The landmarks (M, 3) m of the body at rest, and which of them are on the torso (M,)."""
-    names = body.landmark_names(views[0].landmarks)
-    return body.landmark(views[0].landmarks), np.isin(names, TORSO)
+def _rest(body: Body, view: View, known: Mask, seen: str) -> tuple[Array, Mask]:
+    """The landmarks (M, 3) m of the body at rest, and by which of those known (M,) it is placed:
+    by those of the torso if they suffice. `seen` begins the error's sentence: `camera 1 shows`.
+    """
+    torso = known & np.isin(body.landmark_names(view.landmarks), TORSO)
+    chosen = torso if torso.sum() >= 3 else known
+    if chosen.sum() < 3:
+        raise BadObservation(
+            f"{seen} only {int(chosen.sum())} keypoints; 3 are needed to place the body"
+        )
+    return body.landmark(view.landmarks), chosen
 
 
 def _from_several(body: Body, views: Sequence[View], values: Values) -> Values:
     """The rest body moved rigidly onto triangulated keypoints, of the torso if these suffice."""
-    rest, torso = _rest(body, views)
     places = triangulate(
         [v.camera for v in views],
         values,
         [v.observed for v in views],
         [v.confidence for v in views],
     )
-    known = np.isfinite(places).all(axis=1)
-    chosen = known & torso if (known & torso).sum() >= 3 else known
-    if chosen.sum() < 3:
-        raise BadObservation(
-            f"only {int(chosen.sum())} keypoints are seen by two cameras or more; 3 are needed to "
-            "place the body"
-        )
+    known: Mask = np.asarray(np.isfinite(places).all(axis=1))
+    rest, chosen = _rest(body, views[0], known, "two cameras or more show")
     motion = procrustes(rest[chosen], places[chosen])
     return moved(body, motion.R, motion.t)
 
@@ -70,13 +71,7 @@ def _from_one(body: Body, view: View, values: Values) -> Values:
     scale is the focal length over the depth. Of eight directions in which it may face, the one
     that fits best is taken.
     """
-    rest, torso = _rest(body, [view])
-    known = view.confidence > 0
-    chosen = known & torso if (known & torso).sum() >= 3 else known
-    if chosen.sum() < 3:
-        raise BadObservation(
-            f"{view.name} shows only {int(chosen.sum())} keypoints; 3 are needed to place the body"
-        )
+    rest, chosen = _rest(body, view, view.confidence > 0, f"{view.name} shows")
     f, c = values[view.camera.focal.name], values[view.camera.centre.name]
     x = (view.observed - c) / f  # (M, 2), where the rays meet the plane at depth 1
     w = view.confidence * chosen
@@ -249,8 +244,7 @@ def image_starts(body: Body, view: View, placed: Values, count: int) -> list[Val
     own axis. A body that the regressor does not know begins at rest. Raises BadArgument for fewer
     than 1 or more than 8 starts.
     """
-    if not 1 <= count <= MOST:
-        raise BadArgument(f"a fit begins at 1 to {MOST} starts, not at {count}")
+    _check_count(count)
     at_rest = {block.name: placed[block.name] for block in body.blocks()}
     try:
         first = regressed_start(shipped_regressor(), body, view, placed)
@@ -260,6 +254,11 @@ def image_starts(body: Body, view: View, placed: Values, count: int) -> list[Val
     return [turned[0], at_rest, *turned[1:]][:count]
 
 
+def _check_count(count: int) -> None:
+    if not 1 <= count <= MOST:
+        raise BadArgument(f"a fit begins at 1 to {MOST} starts, not at {count}")
+
+
 def turned_about(body: Body, values: Values, count: int) -> list[Values]:
     """`count` starts: the given one first, then the same body turned about its own axis.
 
@@ -267,8 +266,7 @@ def turned_about(body: Body, values: Values, count: int) -> list[Values]:
     seen from the back differ least, and the others face between. The middle of the body's joints
     stays where it is. Raises BadArgument for fewer than 1 or more than 8 starts.
     """
-    if not 1 <= count <= MOST:
-        raise BadArgument(f"a fit begins at 1 to {MOST} starts, not at {count}")
+    _check_count(count)
     pose, betas, trans = body.blocks()
     root = matrix_from_vector(values[pose.name][0])
     joints = body.joints(values[pose.name], values[betas.name], values[trans.name])

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -145,11 +144,18 @@ def trained(
     progress: Callable[[int, float], None],
 ) -> PoseRegressor:
     """Train a regressor on given people; see `train_pose_regressor`."""
+    try:
+        from sklearn import neural_network  # type: ignore[import-untyped]  # it has none
+    except ImportError as error:
+        raise NotSupported(
+            f"training a regressor needs scikit-learn, which is not installed: "
+            f"{pip_install('learn')}. The regressor that comes with the workbench needs nothing"
+        ) from error
     names = body.landmark_names("coco")
     rows = [names.index(name) for name in COCO]
     scales, mean = radian_lengths(body), people.poses.mean(axis=0)
     angles = ((people.poses - mean) * scales[:, None])[:, 1:].reshape(len(people.poses), -1)
-    network = neural_networks().MLPRegressor(
+    network = neural_network.MLPRegressor(
         hidden_layer_sizes=hidden,
         learning_rate_init=RATE,
         alpha=0.0,
@@ -170,14 +176,8 @@ def trained(
         progress(k + 1, float(network.loss_))
     averages = [one / (passes - first) for one in sums]
     layers = len(averages) // 2
-    return PoseRegressor(
-        COCO,
-        body.joint_names,
-        tuple(averages[:layers]),
-        tuple(averages[layers:]),
-        mean,
-        scales,
-    )
+    weights, biases = tuple(averages[:layers]), tuple(averages[layers:])
+    return PoseRegressor(COCO, body.joint_names, weights, biases, mean, scales)
 
 
 def radian_lengths(body: Body) -> Array:
@@ -191,15 +191,3 @@ def radian_lengths(body: Body) -> Array:
     away = body.landmark("coco")[:, None] - body.joints()
     moved: Array = np.sqrt(((follows * np.linalg.norm(away, axis=2)) ** 2).mean(axis=0))
     return np.maximum(moved, LEAST_SCALE)
-
-
-def neural_networks() -> Any:
-    """scikit-learn's module of neural networks. Raises NotSupported if it is not installed."""
-    try:
-        from sklearn import neural_network  # type: ignore[import-untyped]  # it has none
-    except ImportError as error:
-        raise NotSupported(
-            f"training a regressor needs scikit-learn, which is not installed: "
-            f"{pip_install('learn')}. The regressor that comes with the workbench needs nothing"
-        ) from error
-    return neural_network

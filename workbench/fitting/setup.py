@@ -56,13 +56,12 @@ class KnownAnswer:
             raise BadSetup(f"a known answer needs its source as a text, not {self.source!r:.80}")
         for name in ("cost", "residual_deviation"):
             number = getattr(self, name)
-            if number is None:
-                continue
-            # a bool is a number to Python, and nothing that was meant
-            real = isinstance(number, (int, float, np.number)) and not isinstance(number, bool)
-            if not real or not 0 <= number < np.inf:
-                raise BadSetup(f"the known {name} must be a number from 0 on, not {number!r:.80}")
-            object.__setattr__(self, name, float(number))
+            if number is not None:
+                if not isinstance(number, (int, float, np.number)) or not 0 <= number < np.inf:
+                    raise BadSetup(
+                        f"the known {name} must be a number from 0 on, not {number!r:.80}"
+                    )
+                object.__setattr__(self, name, float(number))
         for name in ("values", "deviations"):
             given = getattr(self, name)
             if given is not None and not isinstance(given, Mapping):

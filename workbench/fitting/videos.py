@@ -14,6 +14,7 @@ difference from the likeliest pose and place, which changes slowly, is interpola
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -124,15 +125,12 @@ class Smoothness:
     """What is expected of a motion, in seconds, whatever the number of frames; None for nothing.
 
     Attributes:
-        pose: the standard deviation of joints' speed in rad/s (`order` 1) or acceleration in
-            rad/s^2 (`order` 2).
-        place: that of trans, in m/s or m/s^2.
-        order: 1 for a body at rest, 2 for one of constant speed.
+        pose: the standard deviation of joints' acceleration in rad/s^2.
+        place: that of trans, in m/s^2.
     """
 
     pose: float | None = POSE_SIGMA
     place: float | None = PLACE_SIGMA
-    order: int = 2
 
 
 SMOOTH = Smoothness()
@@ -212,9 +210,7 @@ def video_fit(
         views.append([])
         for film, camera, (seen, sure) in zip(films, cameras, observed, strict=True):
             values |= {seen: film.pixels[t], sure: film.confidence[t]}
-            views[t].append(
-                View(film.name, camera, film.size, kind, film.pixels[t], film.confidence[t])
-            )
+            views[t].append(_view(film, camera, kind, t))
         each.append(values)
     own = frame.freeing(pose.name, betas.name, trans.name)  # focal lengths wait for all frames
     data_names = tuple(shares)
@@ -232,10 +228,7 @@ def video_fit(
     if worth is None:
         worth = worth_of(problem, start, data_names) if T > 1 else 1.0
     start[EVIDENCE] = np.array([worth / T])
-    whole = tuple(
-        View(film.name, camera, film.size, kind, film.pixels, film.confidence)
-        for film, camera in zip(films, cameras, strict=True)
-    )
+    whole = tuple(_view(*one, kind) for one in zip(films, cameras, strict=True))
     moving = Moving(body, whole, clip.fps, data_names, frame)
     gaps = clip.gaps
     missing = f"In {len(gaps)} of {T} frames no keypoint was observed; smoothness alone fills them"
@@ -252,6 +245,12 @@ def video_fit(
         ),
         moving=moving,
     )
+
+
+def _view(film: Film, camera: Camera, kind: str, frame: int | slice = slice(None)) -> View:
+    """What a camera observed in one frame, or in all of them."""
+    pixels, confidence = film.pixels[frame], film.confidence[frame]
+    return View(film.name, camera, film.size, kind, pixels, confidence)
 
 
 def frame_by_frame(
@@ -307,8 +306,7 @@ def heights_of(films: Sequence[Film], body: Body, kind: str) -> list[float]:
                 continue
             camera = Camera(film.name + "/")
             values |= camera_values(camera, film.photograph(t))
-            seen = film.pixels[t], film.confidence[t]
-            views.append((i, View(film.name, camera, film.size, kind, *seen)))
+            views.append((i, _view(film, camera, kind, t)))
         with suppress(BadObservation, np.linalg.LinAlgError):
             values |= place_body(body, [view for _, view in views], values)
             for i, view in views:
@@ -372,32 +370,27 @@ def video_measures(moving: Moving, problem: Problem, values: Values) -> tuple[Me
 
 def _between(smoothness: Smoothness, body: Body, evidence: Block, clip: Clip) -> list[Between]:
     """The residuals between frames, with the weight of the frames."""
-    order = min(smoothness.order, clip.count - 1)
+    order = min(2, clip.count - 1)  # of two frames, the speed
     if order < 1:
         return []
     pose, _, trans = (block.name for block in body.blocks())
     given = (pose, smoothness.pose, "smooth pose"), (trans, smoothness.place, "smooth place")
-    made = [
-        smooth(what, sigma=sigma / clip.fps**order, order=order, name=name)
+
+    def weighted(link: Between, frames: Frames) -> Residual:
+        one = link(frames)
+        return replace(one, weights=evidence.symbol, blocks=(*one.blocks, evidence))
+
+    return [
+        partial(weighted, smooth(what, sigma=sigma / clip.fps**order, order=order, name=name))
         for what, sigma, name in given
         if sigma is not None
     ]
-
-    def weighted(link: Between) -> Between:
-        def between(frames: Frames) -> Residual:
-            one = link(frames)
-            return replace(one, weights=evidence.symbol, blocks=(*one.blocks, evidence))
-
-        return between
-
-    return [weighted(link) for link in made]
 
 
 def video_mean(
     setup: Setup,
     values: Values,
     *,
-    seed: int = 0,
     told: Callable[[int, int], object] = lambda done, all_: None,
 ) -> Values:
     """The expected pose and trans in every frame, given the shape; other blocks as they are.
@@ -421,7 +414,7 @@ def video_mean(
     T = len(values[trans])
     for done, t in enumerate(drawn):
         here = {n: values[n][t] if n in framed else values[n] for n in own.known}
-        mean = posterior_mean(own, here | {EVIDENCE: np.ones(1)}, seed=seed * T + int(t)).values
+        mean = posterior_mean(own, here | {EVIDENCE: np.ones(1)}, seed=int(t)).values
         for name, differences in moved.items():
             differences.append(mean[name] - here[name])
         told(done + 1, len(drawn))

@@ -1,4 +1,4 @@
-"""Closest places on a surface, found by a tree of boxes around its triangles."""
+"""ClosestPoints places on a surface, found by a tree of boxes around its triangles."""
 
 from __future__ import annotations
 
@@ -145,7 +145,7 @@ CANCELLED = 1e-9  # a sum of unit normals that is shorter says nothing
 
 
 @dataclass(frozen=True, eq=False)
-class Closest:
+class ClosestPoints:
     """The places on a surface that are closest to M points.
 
     Attributes:
@@ -217,7 +217,7 @@ class SurfaceTree:
         within: float = inf,
         normals: Array | None = None,
         facing: float = 0.5,
-    ) -> Closest:
+    ) -> ClosestPoints:
         """The place closest to each of points (M, 3) m that is not farther than `within` m.
 
         With normals (M, 3), unit vectors, only those triangles count whose normal has a cosine of
@@ -236,7 +236,7 @@ class SurfaceTree:
         found = self._way().search(self._boxes, Query(p, float(within), n, float(facing)))
         return self._closest(p, float(within), found)
 
-    def _closest(self, points: Array, within: float, found: SearchResult) -> Closest:
+    def _closest(self, points: Array, within: float, found: SearchResult) -> ClosestPoints:
         there = found.faces != NONE
         corners = self._boxes.vertices[self._boxes.order.faces[found.faces]]
         s = found.shares
@@ -251,7 +251,7 @@ class SurfaceTree:
         away = points - places
         side = away[:, 0] * normals[:, 0] + away[:, 1] * normals[:, 1] + away[:, 2] * normals[:, 2]
         distances = np.where(there, np.sqrt(found.squares) * np.where(side < 0, -1, 1), within)
-        return Closest(found.faces, found.shares, places, distances, normals)
+        return ClosestPoints(found.faces, found.shares, places, distances, normals)
 
 
 def _lengths(vectors: Array) -> Array:
@@ -296,7 +296,7 @@ def nearest(vertices: Array, points: Array) -> tuple[Array, Index]:
 
 def closest(
     points: Array, mesh: Mesh | trimesh.Trimesh, within: float = inf, normals: Array | None = None
-) -> Closest:
+) -> ClosestPoints:
     """The place on a mesh closest to each of points (M, 3) m; see `SurfaceTree.closest`.
 
     A mesh that is asked more than once is better made a `SurfaceTree` first.

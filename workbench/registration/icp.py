@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 from workbench.arrays import Array, Mask
 from workbench.errors import BadArgument
 from workbench.geometry.rigid import Similarity
-from workbench.geometry.surface_tree import Closest
+from workbench.geometry.surface_tree import ClosestPoints
 from workbench.registration.icp_steps import (
     Contacts,
     LeastSquares,
@@ -39,7 +39,7 @@ class Target(Protocol):
         within: float = np.inf,
         normals: Array | None = None,
         facing: float = 0.5,
-    ) -> Closest:
+    ) -> ClosestPoints:
         """The closest place within a distance whose normal agrees with that of the point."""
 
 
@@ -89,7 +89,7 @@ class PointCloud:
         within: float = np.inf,
         normals: Array | None = None,
         facing: float = 0.5,
-    ) -> Closest:
+    ) -> ClosestPoints:
         """The nearest point of the cloud to each of M points (M, 3) m.
 
         It is within `within` m, and if both sides have normals, theirs have a cosine of at least
@@ -108,7 +108,7 @@ class PointCloud:
         found, chosen = near[rows, first], numbers[rows, first]
         own = np.zeros_like(self.points) if self.normals is None else self.normals
         there = found[:, None]
-        return Closest(
+        return ClosestPoints(
             faces=np.where(found, chosen, -1),
             shares=there * np.array([1.0, 0.0, 0.0]),
             points=np.where(there, self.points[chosen], points),

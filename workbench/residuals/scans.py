@@ -15,7 +15,7 @@ from workbench.blocks import Block, Points, PointSource
 from workbench.blocks.checks import reals
 from workbench.blocks.points import ExpressedPoints
 from workbench.errors import BadResidual
-from workbench.geometry.surface_tree import Closest, SurfaceTree
+from workbench.geometry.surface_tree import ClosestPoints, SurfaceTree
 from workbench.residuals.arguments import expressed, named_after, numbered
 from workbench.residuals.contacts import ContactNumbers, Form, MovingContacts, Offsets, distance
 from workbench.residuals.kernels import Kernel, quadratic
@@ -121,7 +121,7 @@ class _OnModel:
         jacobian = partial(self._jacobian, at, directions, vertices.size)
         return ContactNumbers(numbers, at.faces >= 0, jacobian)
 
-    def _jacobian(self, at: Closest, directions: Array, size: int) -> csr_array:
+    def _jacobian(self, at: ClosestPoints, directions: Array, size: int) -> csr_array:
         """How the numbers change with the vertices, of which there are `size` coordinates."""
         touched = np.flatnonzero(at.faces >= 0)
         corners, shares = self.faces[at.faces[touched]], at.shares[touched]
@@ -153,7 +153,7 @@ def _of_vertices(faces: Index, directions: Array) -> csr_array:
     return _by_rows(pulls, columns, touched, len(faces), 3 * len(faces))
 
 
-def _compared(form: Form, points: Array, at: Closest, within: float) -> tuple[Array, Array]:
+def _compared(form: Form, points: Array, at: ClosestPoints, within: float) -> tuple[Array, Array]:
     """The form's numbers (M, d) and derivatives by offsets (M, d, 3); constant without contact."""
     numbers, directions = form.of(Offsets(points - at.points, at.normals, at.distances))
     missed = at.faces < 0

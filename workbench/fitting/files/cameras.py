@@ -58,7 +58,11 @@ def read_calibration(path: str | Path) -> Calibration:
     listed = list(found.items()) if isinstance(found, dict) else []
     if toml:
         for key, table in listed:
-            _refuse_without_matrix(path, key, table)
+            if isinstance(table, dict) and "matrix" not in table and set(TOML) & set(table):
+                raise BadFile(
+                    f"{path}: camera table [{cut(key, 60)}] has no matrix; add it, or remove the "
+                    "table"
+                )
         listed = [
             (_name(path, key, table), {TOML.get(k, k): value for k, value in table.items()})
             for key, table in listed
@@ -141,11 +145,3 @@ def _camera(path: Path, name: str, given: Any, degrees: bool) -> dict[str, Any]:
     unread = tuple(sorted(key for key in entries if key not in READ))
     camera["size"] = None if size is None else size_in(path, of, size)
     return camera | {"unread": unread, "degrees": degrees and R.size == 3}
-
-
-def _refuse_without_matrix(path: Path, key: str, table: Any) -> None:
-    """Raise BadFile for a table that has entries of a camera, but no matrix."""
-    if isinstance(table, dict) and "matrix" not in table and set(TOML) & set(table):
-        raise BadFile(
-            f"{path}: camera table [{cut(key, 60)}] has no matrix; add it, or remove the table"
-        )

@@ -1,8 +1,6 @@
 """A clip in files: a keypoint file for each frame or one for all, of one camera or several."""
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
 from math import gcd
 from pathlib import Path
 from typing import Any
@@ -27,16 +25,7 @@ MOST_FRAMES, MOST_PEOPLE = 100_000, 100  # of a clip, and of one of its frames
 FARTHEST_STEP = 1.0  # of a person between two frames, in diagonals of the person's box
 
 
-@dataclass(frozen=True)
-class _Frame:
-    """A file, and what it says of one frame: all of it, unless `part` holds that."""
-
-    path: Path
-    part: Any = None
-
-    def content(self) -> Any:
-        """What is said of this frame."""
-        return json_in(self.path) if self.part is None else self.part
+Frame = tuple[Path, Any]  # a file, and what it says of one frame; None for all of it
 
 
 def read_clip(
@@ -121,38 +110,36 @@ def read_clip(
     return Clip(first, tuple(films), fps, tuple(dict.fromkeys(notes)))
 
 
-def _numbered(folder: Path) -> dict[int, _Frame]:
+def _numbered(folder: Path) -> dict[int, Frame]:
     """The frames of a file or a folder by the last number in their names. Raises BadFile."""
     paths = sorted(folder.glob("*.json")) if folder.is_dir() else [folder]
     if len(paths) == 1 and (paths[0] == folder or number_in(paths[0].name) is None):
         parts = by_image(paths[0], json_in(paths[0]))
         if not parts:
             raise BadFile(f"{paths[0]} holds no frame with a person")
-        return {number: _Frame(paths[0], part) for number, part in parts.items()}
-    found: dict[int, _Frame] = {}
+        return {number: (paths[0], part) for number, part in parts.items()}
+    found: dict[int, Frame] = {}
     for path in paths:
         number = number_in(path.name)
         if number is None:
             raise BadFile(f"{path}: the name of a frame holds its number, such as frame_012.json")
         if number in found:
-            raise BadFile(
-                f"{found[number].path} and {path} have the same number, {number}; keep one"
-            )
-        found[number] = _Frame(path)
+            raise BadFile(f"{found[number][0]} and {path} have the same number, {number}; keep one")
+        found[number] = path, None
     if not found:
         raise BadFile(f"{folder} holds no JSON file; a clip has one for each frame")
     return found
 
 
 def _followed(
-    files: dict[int, _Frame], frames: range, size: tuple[int, int] | None, person: int | None
+    files: dict[int, Frame], frames: range, size: tuple[int, int] | None, person: int | None
 ) -> tuple[list[DetectedPerson | None], list[str]]:
     """One person in every frame, or None, and notes."""
     found: list[DetectedPerson | None] = []
     last: Array | None = None
     several = lost = 0
-    first = next(iter(files.values()))
-    folder = first.path.parent.name if first.part is None else first.path.name
+    path, part = next(iter(files.values()))
+    folder = path.parent.name if part is None else path.name
     for number in frames:
         people = _people(files[number], size) if number in files else {}
         several += len(people) > 1
@@ -171,10 +158,17 @@ def _followed(
         one = found[-1]
         if one is not None and (one.points[:, 2] > 0).sum() >= PLACING:
             last = one.points  # fewer keypoints do not say how large a person is
-    notes = _of_all_frames([note for one in found if one is not None for note in one.notes])
+    alike: dict[str, list[str]] = {}  # notes on frames that say the same, whatever the numbers
+    for one in found:
+        for note in () if one is None else one.notes:
+            alike.setdefault(re.sub(r"\d+", "", note), []).append(note)
+    notes = [
+        same[0] if len(same) == 1 else f"{same[0]} (and so in {len(same)} frames)"
+        for same in alike.values()
+    ]
     missing = [str(n) for n in frames if n not in files]
     if missing:
-        what = "there are no files of" if first.part is None else "nothing is said of"
+        what = "there are no files of" if part is None else "nothing is said of"
         notes.append(f"{folder}: {what} frames {some(missing)}, which are gaps")
     if several:
         notes.append(
@@ -186,20 +180,10 @@ def _followed(
     return found, notes
 
 
-def _of_all_frames(notes: Sequence[str]) -> list[str]:
-    """The notes on frames: of those that say the same, whatever the numbers, the first one."""
-    alike: dict[str, list[str]] = {}
-    for note in notes:
-        alike.setdefault(re.sub(r"\d+", "", note), []).append(note)
-    return [
-        some[0] if len(some) == 1 else f"{some[0]} (and so in {len(some)} frames)"
-        for some in alike.values()
-    ]
-
-
-def _people(frame: _Frame, size: tuple[int, int] | None) -> dict[int, DetectedPerson]:
+def _people(frame: Frame, size: tuple[int, int] | None) -> dict[int, DetectedPerson]:
     """The people of a frame who have a keypoint, by their number in it."""
-    path, content = frame.path, frame.content()
+    path, part = frame
+    content = json_in(path) if part is None else part
     there = people_of(path, content)
     if len(there) > MOST_PEOPLE:
         raise BadFile(

@@ -29,7 +29,7 @@ from workbench.fitting.files.mediapipe import is_mediapipe, mediapipe_people, me
 from workbench.fitting.observations import Observations, Photograph, pinhole
 from workbench.reading.facts import json_in
 
-PEOPLE = ("people", "bodies")  # what an entry of an image holds, as OpenPose and AlphaPose call it
+PEOPLE = {"people", "bodies"}  # what an entry of an image holds, as OpenPose and AlphaPose call it
 MOST_PEOPLE = 300_000  # of one file; the largest of COCO holds 262,465
 UNSEEN = np.zeros((0, 3))
 FARTHEST = 1e7  # px: no detector reports a keypoint farther out
@@ -56,7 +56,11 @@ def by_image(path: Path, data: Any) -> dict[int, Any]:
             found.setdefault(_number(path, f"[{i}]", name), []).append(one)
     elif isinstance(data, dict) and isinstance(data.get("annotations"), list):
         return _annotated(path, data)
-    elif isinstance(data, dict) and data and all(_of_people(one) for one in data.values()):
+    elif (
+        isinstance(data, dict)
+        and data
+        and all(isinstance(one, dict) and one.keys() & PEOPLE for one in data.values())
+    ):
         for name, one in data.items():
             number = _number(path, "an entry", name)
             if number in found:
@@ -98,10 +102,6 @@ def _number(path: Path, where: str, name: Any) -> int:
             "number, such as frame_012.jpg"
         )
     return number
-
-
-def _of_people(entry: Any) -> bool:
-    return isinstance(entry, dict) and any(key in entry for key in PEOPLE)
 
 
 NOBODY: list[float] = []  # the keypoints of an entry without a person; files may hold many
@@ -213,13 +213,10 @@ def _entries(
     for key, kind in (("people", OPENPOSE), ("bodies", BODIES_FILES)):
         if isinstance(data, dict) and key in data:
             return kind, _objects(path, key, data[key])
-    return COCO_FILES, _coco(path, data)
-
-
-def _coco(path: str | Path, data: Any) -> list[tuple[str, dict[str, Any]]]:
     if isinstance(data, dict):
         data = data.get("annotations", [data])
-    return [entry for entry in _objects(path, "annotations", data) if "keypoints" in entry[1]]
+    entries = _objects(path, "annotations", data)
+    return COCO_FILES, [entry for entry in entries if "keypoints" in entry[1]]
 
 
 def _with_parts(

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from workbench.arrays import Array, Index
+from workbench.blocks.checks import reals
 from workbench.errors import BadArgument, BadFile, cut, listed, some
 from workbench.fitting.scans.cleaning import cleaned, far_points, points_are
 from workbench.fitting.scans.scan import BadScan, Contents, Scan
@@ -30,7 +31,7 @@ from workbench.geometry.meshes import READERS as MESHES
 from workbench.geometry.meshes import parse_ply_and_normals, parsed_mesh
 from workbench.geometry.point_clouds import parse_pcd, parse_xyz
 from workbench.geometry.solids import face_vectors, volume
-from workbench.reading.arrays import Archive, Header, mapped_array, opened, taken_for, widened
+from workbench.reading.arrays import Header, mapped_array, opened, taken_for, widened
 
 POINTS = ("points", "vertices", "xyz", "positions", "scan")
 NORMALS, FACES = ("normals", "vertex_normals"), ("faces", "triangles")
@@ -42,33 +43,6 @@ ARRAYS = (".npz", ".npy")  # which are checked before anything is read
 FEWEST, MOST = 1_000, 500_000  # points of a cloud; a fit uses a tenth of them
 FEWEST_PLACES = 10  # cells that an outline fills; that of a person fills thousands
 DECLARED = {".glb": ("m", "y")}  # by glTF 2.0, section 3.4
-
-
-def chosen_arrays(archive: Archive, name: str | None) -> Contents:
-    """The points that are called `name`, or the only ones, with what belongs to them.
-
-    Raises BadFile with the reason alone, which lists the names if there are several.
-    """
-    headers = archive.headers
-    name = _points(headers, name)
-
-    def of(names: tuple[str, ...], fits: Callable[[Header], bool]) -> str | None:
-        return next((one for one in names if one in headers and fits(headers[one])), None)
-
-    normals = of(
-        (f"{name}_normals", *NORMALS),
-        lambda one: _is_of_points(one) and one.shape[0] == headers[name].shape[0],
-    )
-    faces = of((f"{name}_faces", *FACES), lambda one: _is_of_points(one) and one.dtype.kind != "f")
-    camera = of(CAMERA, lambda one: one.dtype.kind in "iuf" and one.shape in ((3,), (1, 3), (3, 1)))
-    unread = sorted(headers.keys() - {name, normals, faces, camera}) + list(archive.others)
-    return Contents(
-        widened(archive.array(name)),
-        None if normals is None else widened(archive.array(normals)),
-        None if faces is None else archive.array(faces).astype("i8"),
-        None if camera is None else widened(archive.array(camera)).reshape(3),
-        (f"not read are the arrays {some(unread)}",) if unread else (),
-    )
 
 
 def _points(headers: Mapping[str, Header], name: str | None) -> str:
@@ -180,9 +154,38 @@ def _npy(path: Path, name: str | None) -> Contents:
 
 
 def _npz(path: Path, name: str | None) -> Contents:
+    """The points that are called `name`, or the only ones, with what belongs to them."""
     do = "give an .npz file with an array (N, 3) called points, as numpy.savez writes it"
     with opened(path, "scan", do) as archive:
-        return chosen_arrays(archive, name)
+        headers = archive.headers
+        name = _points(headers, name)
+        count = headers[name].shape[0]
+
+        def of(names: tuple[str, ...], fits: Callable[[Header], bool]) -> Array | None:
+            known = next((one for one in names if one in headers and fits(headers[one])), None)
+            if known is None:
+                return None
+            read.add(known)
+            return archive.array(known)
+
+        read = {name}
+        normals = of(
+            (f"{name}_normals", *NORMALS), lambda one: _is_of_points(one) and one.shape[0] == count
+        )
+        faces = of(
+            (f"{name}_faces", *FACES), lambda one: _is_of_points(one) and one.dtype.kind != "f"
+        )
+        camera = of(
+            CAMERA, lambda one: one.dtype.kind in "iuf" and one.shape in ((3,), (1, 3), (3, 1))
+        )
+        unread = sorted(headers.keys() - read) + list(archive.others)
+        return Contents(
+            widened(archive.array(name)),
+            None if normals is None else widened(normals),
+            None if faces is None else faces.astype("i8"),
+            None if camera is None else widened(camera).reshape(3),
+            (f"not read are the arrays {some(unread)}",) if unread else (),
+        )
 
 
 Reader = Callable[[Path, str | None], Contents]
@@ -309,7 +312,10 @@ def read_scan(
         raise BadArgument(f"`most` must be at least 1,000 points, not {most}")
     contents = contents_of(path, name)
     if camera_position is not None:
-        contents = replace(contents, camera_position=_place(camera_position))
+        place = reals("a camera's position", camera_position)
+        if place.shape != (3,) or not np.isfinite(place).all():
+            raise BadArgument(f"a camera's position is three finite numbers, not {cut(str(place))}")
+        contents = replace(contents, camera_position=place)
     try:
         return _read(contents, path.suffix.lower(), unit, up, most, sizes)
     except (BadScan, BadFile) as error:
@@ -367,18 +373,6 @@ def _weighted(contents: Contents, most: int) -> tuple[Scan, tuple[str, ...]]:
         return scan, ()
     note = f"{scan.n_points:,} of {len(points):,} points are drawn at random, without the faces"
     return scan, (f"{note} between them",)
-
-
-def _place(given: ArrayLike) -> Array:
-    try:
-        place = np.asarray(given, dtype=np.float64)
-    except (ValueError, TypeError) as error:
-        raise BadArgument(
-            f"a camera's position is three numbers, not this: {cut(error)}"
-        ) from error
-    if place.shape != (3,) or not np.isfinite(place).all():
-        raise BadArgument(f"a camera's position is three finite numbers, not {cut(str(place))}")
-    return place
 
 
 def _noted(contents: Contents, *notes: str) -> Contents:

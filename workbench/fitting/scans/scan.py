@@ -120,7 +120,7 @@ class Scan:
             None if self.weights is None else self.weights[chosen],
         )
 
-    def thinned(self, most: int, seed: int = 0) -> "Scan":
+    def thinned(self, most: int) -> "Scan":
         """At most so many of the points that have an area, drawn at random, without faces.
 
         Their areas are scaled, so that together they stand for the same surface. A scan that is
@@ -130,7 +130,7 @@ class Scan:
             return self
         counts = np.flatnonzero(np.ones(self.n_points) if self.weights is None else self.weights)
         chosen = np.zeros(self.n_points, dtype=bool)
-        chosen[counts[drawn(len(counts), most, seed)]] = True
+        chosen[counts[drawn(len(counts), most)]] = True
         few = replace(self, faces=None).some(chosen)
         if self.weights is None or few.weights is None:
             return few
@@ -156,10 +156,10 @@ class Contents:
     notes: tuple[str, ...] = ()
 
 
-def drawn(n: int, most: int, seed: int = 0) -> Mask:
+def drawn(n: int, most: int) -> Mask:
     """Which of n points are among `most` that are drawn at random; always the same ones."""
     chosen = np.zeros(n, dtype=bool)
-    chosen[np.random.default_rng(seed).choice(n, min(most, n), replace=False)] = True
+    chosen[np.random.default_rng(0).choice(n, min(most, n), replace=False)] = True
     return chosen
 
 

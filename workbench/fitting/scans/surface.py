@@ -179,19 +179,12 @@ def boundary(scan: Scan, *, width: float = 0.0) -> Mask:
     if not 0 <= width < np.inf:
         raise BadArgument(f"a boundary has a width of 0 m or more, not {width:g}")
     if scan.faces is not None:
-        found = boundary_of_faces(scan.faces, scan.n_points)
+        found = np.zeros(scan.n_points, dtype=np.bool_)
+        found[edges_of_one_face(scan.faces)] = True
     else:
         found = boundary_of_cloud(scan.points)
     if width and found.any():
         found = np.asarray(cKDTree(scan.points[found]).query(scan.points)[0] <= width)
-    return found
-
-
-def boundary_of_faces(faces: Index, M: int) -> Mask:
-    """Which of M points are ends of edges with one face, (M,)."""
-    ends = edges_of_one_face(faces)
-    found = np.zeros(M, dtype=np.bool_)
-    found[ends] = True
     return found
 
 
