@@ -1,4 +1,4 @@
-"""ClosestPoints places on a surface: as an exhaustive search finds them, in both ways to compute them."""
+"""Closest places on a surface: as an exhaustive search finds them, in both ways to compute them."""
 
 import pickle
 from collections.abc import Callable
