@@ -18,9 +18,6 @@ SECTIONS: dict[str, tuple[str, Callable[[Any], str]]] = {
     "sequences": ("A video as one problem", table.sequences),
     "closest": ("Closest places on a surface", table.closest),
     "fingers": ("What fingers cost", table.fingers),
-    "floors": ("What limits compiled bodies", table.floors),
-    "floors-busy": ("The same with the other core busy", table.floors),
-    "fits-busy": ("Fits with the other core busy", table.fits),
 }
 
 

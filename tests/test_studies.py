@@ -12,7 +12,6 @@ import pytest
 from numpy.testing import assert_allclose
 
 import workbench as wb
-from benchmarks.floor_of_arithmetic import products
 from examples.studies import blend_shapes, coregistration, output, spin_loop, triangles
 from examples.studies.simulated_scans import errors, ratio, scanned_set
 from tests.bodies_made_up import random_body
@@ -30,7 +29,7 @@ from workbench.lectures.material.blend_shapes import (
     feature_matrix,
     with_blend_shapes,
 )
-from workbench.lectures.material.kernel_features import Examples, GaussianKernels
+from workbench.lectures.material.kernel_features import Examples, GaussianKernels, products
 from workbench.lectures.material.tubes import tube
 from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.synthetic.teacher import body_on_teachers_rig, teacher_of

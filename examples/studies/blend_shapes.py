@@ -20,7 +20,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from scipy.sparse import csr_array
 
-from benchmarks.floor_of_arithmetic import products
 from examples.studies.output import Drawing, Report, arguments, report, write_study
 from workbench.arrays import Array, Mask
 from workbench.bodies import SkinnedBody, dual_quaternion_blend
@@ -45,6 +44,7 @@ from workbench.lectures.material.blend_shapes import (
     rms_length,
     with_blend_shapes,
 )
+from workbench.lectures.material.kernel_features import products
 from workbench.plots.palette import BLUE, DASHES, FAINT, INK, LINES, VERMILLION
 from workbench.plots.style import plain
 from workbench.priors.poses import draw_poses, shipped_gaussian

@@ -22,7 +22,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from scipy.sparse import csr_array
 
-from benchmarks.images.draws import Fits
 from builder.base_mesh import FILES, read_topology
 from builder.population import JITTER, gather_sources
 from builder.wheel import Wheel
@@ -55,6 +54,7 @@ from workbench.training.execution import BlockLines
 from workbench.training.first_guess import Start
 from workbench.training.objective import Objective
 from workbench.training.pose_training import PoseModel, train_poses
+from workbench.training.poses import FittedMeshes
 from workbench.training.registrations import InMemory, training_and_held_out
 from workbench.training.training import train
 from workbench.training.triangles.alternation import QUICK as QUICK_BLOCKS
@@ -527,7 +527,9 @@ def measured(name: str, trained: TrainedModels, data: TriangleData, part: Index)
     )
 
 
-def held_out_fits(body: AnyBody, first: SkinnedBody, meshes: Array) -> tuple[Fits, VertexErrors]:
+def held_out_fits(
+    body: AnyBody, first: SkinnedBody, meshes: Array
+) -> tuple[FittedMeshes, VertexErrors]:
     """A body fitted to meshes (M, N, 3) m in unknown pose and shape, and its errors in m.
 
     It begins with the segments of the body `first`.
