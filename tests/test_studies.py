@@ -16,7 +16,7 @@ from examples.studies import blend_shapes, coregistration, output, spin_loop, tr
 from examples.studies.simulated_scans import errors, ratio, scanned_set
 from tests.bodies_made_up import random_body
 from tests.training.test_triangles import many_people
-from workbench.bodies.forward.features import Powers, count_features, rotation_vectors
+from workbench.bodies.forward.features import count_features, rotation_vectors
 from workbench.bodies.forward.skinning import unskinned
 from workbench.bodies.triangles import TriangleBody, blend_scape
 from workbench.errors import BadArgument, BadFile
@@ -29,7 +29,7 @@ from workbench.lectures.material.blend_shapes import (
     feature_matrix,
     with_blend_shapes,
 )
-from workbench.lectures.material.kernel_features import Examples, GaussianKernels, products
+from workbench.lectures.material.kernel_features import Examples, GaussianKernels, Powers, products
 from workbench.lectures.material.tubes import tube
 from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.synthetic.teacher import body_on_teachers_rig, teacher_of

@@ -28,7 +28,6 @@ from workbench.bodies.catalogue import load_skinned
 from workbench.bodies.forward import surface
 from workbench.bodies.forward.features import (
     Features,
-    Powers,
     quaternion_elements,
     rotation_elements,
     rotation_vectors,
@@ -44,7 +43,7 @@ from workbench.lectures.material.blend_shapes import (
     rms_length,
     with_blend_shapes,
 )
-from workbench.lectures.material.kernel_features import products
+from workbench.lectures.material.kernel_features import Powers, products
 from workbench.plots.palette import BLUE, DASHES, FAINT, INK, LINES, VERMILLION
 from workbench.plots.style import plain
 from workbench.priors.poses import draw_poses, shipped_gaussian
