@@ -24,9 +24,7 @@ from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
 from workbench.experiments.moving_people import (
     Placed,
-    anywhere,
     dressed_person,
-    on_the_surface,
     true_measures,
 )
 from workbench.fitting import (
@@ -36,7 +34,9 @@ from workbench.fitting import (
     spread_frames,
 )
 from workbench.fitting.marker_sets import MarkerSet
+from workbench.fitting.markers import surface_frames
 from workbench.fitting.mosh import Choice
+from workbench.geometry.surface_tree import SurfaceTree
 from workbench.priors.recordings import read_recording
 
 RESULTS = Path(__file__).parent.parent / "results" / "markers.json"
@@ -50,7 +50,7 @@ def fitted(
     poses: Array,
     seed: int,
     choose: Choice,
-    placed: Placed,
+    placed: Placed | None,
     across: float | None,
 ) -> dict[str, float]:
     """One fit to chosen frames: errors in mm at its start and at its end, and CPU seconds."""
@@ -75,6 +75,28 @@ def fitted(
     }
 
 
+def on_the_surface(
+    body: SkinnedBody, worn: MarkerSet, betas: Array, apart: float, rng: np.random.Generator
+) -> Array:
+    """Offsets (M, 3) m of markers somewhere on the person at rest, all of the nominal height.
+
+    The place is the vertex, displaced in two directions along the surface by normally distributed
+    lengths with a standard deviation of `apart` m each, and brought back to the surface. The centre
+    is straight above it, as far from the surface as the nominal one is from its vertex.
+    """
+    vertices = body.vertices(betas=betas)
+    feet = vertices[worn.vertices]
+    along = surface_frames(body, worn)[:, :2]
+    lengths = apart * rng.normal(size=(len(feet), 2))
+    towards = feet + worn.nominal + np.einsum("md,mdi->mi", lengths, along)
+    places = SurfaceTree(vertices, body.faces).closest(towards).points
+    up = towards - places
+    up *= np.linalg.norm(worn.nominal, axis=1, keepdims=True) / np.linalg.norm(
+        up, axis=1, keepdims=True
+    )
+    return np.asarray(places + up - feet)
+
+
 def main() -> None:
     """Fit every seed with every choice of frames, print a table, and keep the numbers."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -90,7 +112,7 @@ def main() -> None:
     rows: dict[str, list[dict[str, float]]] = {}
     for seed in range(given.seeds):
         for name, choose, placed, across in (
-            ("spread", spread_frames, anywhere, None),
+            ("spread", spread_frames, None, None),
             ("on the surface", spread_frames, on_the_surface, None),
             ("on the surface, heights known", spread_frames, on_the_surface, ACROSS),
         ):
