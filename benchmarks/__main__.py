@@ -4,17 +4,14 @@ import argparse
 import json
 import sys
 from collections.abc import Sequence
-from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
-from benchmarks.busy import busy_elsewhere
 from benchmarks.keeping import keep
 from benchmarks.timing import alone_on_one_core
 
 HERE = Path(__file__).parent
 DIGITS = 5  # of times in the files
-BUSY = "-busy"  # behind the name of a part that was measured so
 PARTS = (
     "derivatives",
     "fits",
@@ -24,7 +21,6 @@ PARTS = (
     "sequences",
     "closest",
     "fingers",
-    "floors",
 )
 
 
@@ -37,10 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--rounds", type=int, default=12)
     parser.add_argument("--out", type=Path, default=HERE, help="where results/ is written")
     parser.add_argument("--no-peers", action="store_true", help="the workbench and the floor only")
-    parser.add_argument("--busy", action="store_true", help="keep the other cores busy meanwhile")
-    parser.add_argument(
-        "--check", action="store_true", help="exit code 1 if a ratio is slower than it was"
-    )
+    parser.add_argument("--check", action="store_true", help="exit code 1 if a target is missed")
     asked = parser.parse_args(arguments)
     if asked.parts[:1] == ["memory"]:  # scaling asks this of processes of their own
         print(json.dumps(_memory(*asked.parts[1:3])))
@@ -49,12 +42,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if unknown:
         known = ", ".join(PARTS)
         parser.error(f"no part is called {', '.join(sorted(unknown))}; there are {known}")
-    with busy_elsewhere() if asked.busy else nullcontext():
-        for part in asked.parts or PARTS:
-            if part != "page":
-                _measure(part, asked)
-    slower = _write_page(asked.out)
-    if asked.check and slower:
+    for part in asked.parts or PARTS:
+        if part != "page":
+            _measure(part, asked)
+    missed = _write_page(asked.out)
+    if asked.check and missed:
         sys.exit(1)
 
 
@@ -77,8 +69,6 @@ def _measure(part: str, asked: argparse.Namespace) -> None:
         derivatives,
         fingers,
         fits,
-        floors,
-        history,
         machine,
         overhead,
         scaling,
@@ -113,9 +103,6 @@ def _measure(part: str, asked: argparse.Namespace) -> None:
     if part == "fingers":
         found = fingers.measure(rounds) if fingers.HANDS in names or not asked.bodies else {}
         print(table.fingers(found), flush=True)
-    if part == "floors":
-        found = floors.measure([n for n in floors.BODIES if n in names], rounds, peers)
-        print(table.floors(found), flush=True)
     for name in names if part in ("derivatives", "fits") else ():
         if part == "derivatives":
             found[name] = derivatives.measure(name, rounds, peers)
@@ -126,28 +113,22 @@ def _measure(part: str, asked: argparse.Namespace) -> None:
     options = {"bodies": names, "rounds": rounds, "peers": peers}
     facts["load after"] = machine.load()
     data = {"machine": facts, "options": options, "found": found}
-    name = f"{part}{BUSY if asked.busy else ''}"
-    keep(asked.out / "results" / f"{name}.json", data, DIGITS)
-    history.remember(asked.out / "results", name, data)
+    keep(asked.out / "results" / f"{part}.json", data, DIGITS)
 
 
 def _write_page(out: Path) -> bool:
-    """Promises, README, history and figures from the numbers there are; whether one is slower."""
-    from benchmarks import figure, history, history_page, page, table, targets
+    """Targets, README and figure from the numbers there are; whether a target is missed."""
+    from benchmarks import figure, page, table, targets
 
-    names = [*PARTS, *(part + BUSY for part in PARTS)]
-    files = {part: out / "results" / f"{part}.json" for part in names}
+    files = {part: out / "results" / f"{part}.json" for part in PARTS}
     results = {part: json.loads(f.read_text()) for part, f in files.items() if f.exists()}
     promised = targets.all_of(results)
-    courses = history.courses(history.read(out / "results"), promised)
     print(table.promises(promised))
-    print(history_page.told(courses))
     if set(PARTS) <= set(results) and figure.SIZE in results["derivatives"]["found"]:
         figure.draw(results, out / "results" / "performance.svg")
     if (out / "README.md").exists():
         page.rewrite(out / "README.md", results)
-    history_page.write(out, courses)
-    return any(one.slower for one in courses)
+    return not all(target.holds for target in promised)
 
 
 if __name__ == "__main__":

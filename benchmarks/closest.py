@@ -1,4 +1,4 @@
-"""ClosestPoints places on the surface of a body: compiled, in NumPy, and by libigl's AABB tree."""
+"""Closest places on the surface of a body: compiled, in NumPy, and by libigl's AABB tree."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass

@@ -16,11 +16,8 @@ SECTIONS: dict[str, tuple[str, Callable[[Any], str]]] = {
     "overhead": ("Overhead around NLopt and IPOPT", table.overhead),
     "vertices": ("A step of a registration with free vertices", table.vertices),
     "sequences": ("A video as one problem", table.sequences),
-    "closest": ("ClosestPoints places on a surface", table.closest),
+    "closest": ("Closest places on a surface", table.closest),
     "fingers": ("What fingers cost", table.fingers),
-    "floors": ("What limits compiled bodies", table.floors),
-    "floors-busy": ("The same with the other core busy", table.floors),
-    "fits-busy": ("Fits with the other core busy", table.fits),
 }
 
 

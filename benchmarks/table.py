@@ -164,28 +164,6 @@ def fingers(found: Mapping[str, Any]) -> str:
     return "\n".join([*lines, ""])
 
 
-def floors(found: Mapping[str, Any]) -> str:
-    """Per body and candidate: least / median milliseconds, and the compiled time over it."""
-    if not found:
-        return ""
-    lines = []
-    for name, one in found.items():
-        heads = [f"{head}, ms | compiled / it" for head in NAMES.values()]
-        size = f"{one['stored'] / 1e6:.3g} MB stored, {one['written'] / 1e6:.3g} MB of Jacobian"
-        lines += [f"| {_called(name, one)}: {size} | calls | {' | '.join(heads)} |"]
-        lines += ["| --- | --- |" + " --: |" * 6]
-        for candidate in one["seconds"]["forward"]:
-            cells, calls = [], []
-            for timings in one["seconds"].values():
-                taken = timings.get(candidate)
-                cells += [spent(taken) if taken else ""]
-                cells += [ratio(timings, ours.COMPILED, candidate) if taken else ""]
-                calls += [f"{len(taken)}"] if taken else []
-            lines.append(f"| {candidate} | {', '.join(calls)} | {' | '.join(cells)} |")
-        lines.append("")
-    return "\n".join(lines)
-
-
 def promises(judged: Iterable[Target]) -> str:
     """Promise, measurement, and whether it holds."""
     lines = ["| ratio of times | target | measured | |", "| --- | --: | --: | --- |"]

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from benchmarks import closest, fingers, fits, floor, ours, overhead, peers, sequences
+from benchmarks import closest, fingers, fits, ours, overhead, peers, sequences
 from benchmarks.derivatives import KINDS
 from benchmarks.timing import best
 
@@ -33,7 +33,6 @@ def all_of(results: Mapping[str, Any]) -> list[Target]:
     judges = (
         *(_of_derivatives, _of_fits, _of_scaling, _of_overhead, _of_sequences, _of_closest),
         _of_fingers,
-        _of_floors,
     )
     return [target for judge in judges for target in judge(results)]
 
@@ -141,26 +140,6 @@ def _of_fingers(results: Mapping[str, Any]) -> Iterator[Target]:
             yield Target(f"{kind}, 52 joints / 24", ratio, 2.2, True)
         if kind == fingers.FRAME:
             yield Target("fit of the same keypoints, 52 joints / 24", ratio, 2.5, True)
-
-
-def _of_floors(results: Mapping[str, Any]) -> Iterator[Target]:
-    for part, when in {"floors": "", "floors-busy": ", other core busy"}.items():
-        for name, one in _part(results, part).items():
-            times = {
-                kind: {who: best(taken) for who, taken in by_candidate.items()}
-                for kind, by_candidate in one["seconds"].items()
-            }
-            mine = {kind: by_candidate[ours.COMPILED] for kind, by_candidate in times.items()}
-            label = f"`{name}`, compiled{when}"
-            if peers.JAX in times["forward"]:
-                limit = 1.1 if name.isdigit() else 0.6
-                ratio = mine["forward"] / times["forward"][peers.JAX]
-                yield Target(f"{label}: forward / JAX", ratio, limit, True)
-            if not name.isdigit():
-                ratio = mine["jacobian"] / times["jacobian"][floor.OWN]
-                yield Target(f"{label}: Jacobian / its own bytes", ratio, 1.4, True)
-            ratio = mine["step"] / times["step"][floor.FLOOR]
-            yield Target(f"{label}: step / read, write and J'J", ratio, 1.3, True)
 
 
 def _part(results: Mapping[str, Any], name: str) -> Mapping[str, Any]:

@@ -1,4 +1,4 @@
-"""What each term of training does, as figures and numbers.
+"""What each term of training does, in numbers.
 
     python -m benchmarks.ablations FOLDER --out PLACE [--rounds 2]
 
@@ -8,15 +8,12 @@
 import argparse
 from collections.abc import Sequence
 from dataclasses import asdict
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.ablations import figures
 from benchmarks.ablations.study import Ablated, Sets, ablate, turn_errors
 from workbench.bodies.catalogue import load_skinned
-from workbench.plots.style import drawn, png
 from workbench.priors.poses import draw_poses, shipped_mixture
 from workbench.reports.page import as_json
 from workbench.training.estimate import Sigmas
@@ -38,24 +35,14 @@ def in_words(result: Ablated) -> str:
 
 
 def write_ablations(results: Sequence[Ablated], place: Path, body: str) -> None:
-    """Write `ablations.json` and two pictures, whose captions are in it."""
+    """Write `ablations.json`."""
     model = load_skinned(body)
     poses = draw_poses(shipped_mixture(), PEOPLE, np.random.default_rng(0))
     errors = turn_errors(model, poses, seed=1)
     place.mkdir(parents=True, exist_ok=True)
-    for name, plot in (
-        ("pose_in_shape", partial(figures.plot_pose_in_shape, results)),
-        ("edges_or_vertices", partial(figures.plot_turn_errors, errors)),
-    ):
-        with replacing(place / f"{name}.png") as temporary:
-            temporary.write_bytes(png(drawn(plot, 6.4, 3.6)))
     said = {
         "results": [asdict(result) for result in results],
         "mean_error_degrees": {n: float(np.degrees(e[:, 1:].mean())) for n, e in errors.items()},
-        "captions": {
-            "pose_in_shape": figures.caption_pose_in_shape(results),
-            "edges_or_vertices": figures.caption_turn_errors(errors),
-        },
     }
     with replacing(place / "ablations.json") as temporary:
         temporary.write_text(as_json(said), encoding="utf-8")

@@ -1,18 +1,16 @@
 """`python -m benchmarks.gym`: solvers on the gym's cases for tuning, with a table and a profile.
 
 With `--untouched PURPOSE` the untouched cases are run instead, after the look has been written down
-in `looks.md`. With `--ends` some 2,000 runs of the solvers of the workbench on the cases for tuning
-are drawn, and every end that is called converged is judged again in more digits. Finished runs are
-kept in a folder under the version of the code, so that an interrupted run continues where it
-stopped; `--again` forgets them. With `--solvers` only some are run, and the numbers of the others
-stay as they were.
+in `looks.md`. Finished runs are kept in a folder under the version of the code, so that an
+interrupted run continues where it stopped; `--again` forgets them. With `--solvers` only some are
+run, and the numbers of the others stay as they were.
 """
 
 import argparse
 from pathlib import Path
 
 from benchmarks import machine
-from benchmarks.gym import checked, figure, page
+from benchmarks.gym import figure, page
 from benchmarks.gym.case import Case
 from benchmarks.gym.looks import looked
 from benchmarks.gym.peers import ALL
@@ -20,21 +18,16 @@ from benchmarks.gym.runs import BUDGET, run
 from benchmarks.gym.split import tuning
 from benchmarks.keeping import keep
 from workbench.identity import code_version
-from workbench.solvers import SOLVERS
 
 HERE = Path(__file__).parent.parent
 HALVES = ("tuning", "untouched")
 DIGITS = 6
-ENDS = "gym-ends.csv"
 
 
 def main() -> None:
     """Run what is asked for, keep the numbers, and write the page."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.gym", description=__doc__)
     parser.add_argument("--untouched", metavar="PURPOSE", help="what the look is for")
-    parser.add_argument(
-        "--ends", metavar="N", type=int, nargs="?", const=checked.RUNS, help="judge N ends again"
-    )
     parser.add_argument("--solvers", nargs="*", choices=list(ALL), default=list(ALL))
     parser.add_argument("--families", nargs="*", help="only these, and nothing is kept of them")
     parser.add_argument("--workers", type=int, default=1, help="processes side by side")
@@ -42,16 +35,11 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=HERE, help="where results/ and GYM.md are")
     parser.add_argument("--runs", type=Path, default=Path("runs") / "gym")
     asked = parser.parse_args()
-    if asked.ends is not None and asked.untouched is not None:
-        parser.error("--ends is for the cases for tuning; leave out --untouched")
     half = HALVES[asked.untouched is not None]
     cases = tuning() if asked.untouched is None else looked(asked.untouched)
     if asked.families:
         cases = tuple(one for one in cases if one.family in asked.families)
-    if asked.ends is not None:
-        _check(asked, cases)
-    else:
-        _run(asked, half, cases)
+    _run(asked, half, cases)
 
 
 def _run(asked: argparse.Namespace, half: str, cases: tuple[Case, ...]) -> None:
@@ -74,26 +62,12 @@ def _run(asked: argparse.Namespace, half: str, cases: tuple[Case, ...]) -> None:
     _write_page(asked.out)
 
 
-def _check(asked: argparse.Namespace, cases: tuple[Case, ...]) -> None:
-    """Ends that are called converged, judged by differences."""
-    file = asked.runs / f"ends-{code_version()}-{checked.version()}.csv"
-    if asked.again:
-        file.unlink(missing_ok=True)
-    solvers = {name: one for name, one in SOLVERS.items() if name in asked.solvers}
-    ends = checked.check(cases, solvers, file, asked.ends, asked.workers, progress=print)
-    print("\n".join(checked.lines(ends)))
-    if not asked.families and len(solvers) == sum(name in ALL for name in SOLVERS):
-        checked.write(asked.out / "results" / ENDS, ends)
-        _write_page(asked.out)
-
-
 def _write_page(out: Path) -> None:
     """The page from all numbers that are kept."""
     results = out / "results"
     there = [one for one in HALVES if (results / f"gym-{one}.json").exists()]
     found = {one: page.read(results / f"gym-{one}.json") for one in there}
-    ends = list(checked.read(results / ENDS)) if (results / ENDS).exists() else []
-    page.write(out / "GYM.md", found, checked.lines(ends) if ends else ())
+    page.write(out / "GYM.md", found)
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
 import json
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -73,23 +73,6 @@ A performance profile (Dolan and Moré 2002) says for each factor which share of
 solves with at most this factor times the evaluations of the solver in the table that needs the
 fewest. A second table counts effort instead, which is evaluations of the residual at the prices of
 `workbench.comparison.targets`.
-"""
-
-ENDS = """## Ends that are called converged
-
-`python -m benchmarks.gym --ends` draws runs from all pairs of a case for tuning and a solver of the
-workbench that takes it, by the hash of their names, and runs each with at most 2,000 evaluations
-and 10 seconds. Ends that are called CONVERGED are judged again by differences of the residual in 50
-digits (`gym/arithmetic.py`), or of the double-precision residual for bodies. Three kinds of
-violations are counted (`gym/verdicts.py`). *lost*: the column of an unknown is zero to rounding at
-the end and was not at another iterate, the rows that it changed are not zero, and the cost does not
-rise to both sides of it. *gradient*: the cosine of `Problem.optimality`, less what rounding
-explains, is above the tolerance of 1e-6. *saddle*: in some direction the cost curves downwards and
-falls to both sides, by more than 1e-11 of it. A smaller fall is what the tolerance counts as none,
-and the text of CONVERGED says that it excludes none of these.
-
-All runs were made on the day of the last change of the default: those of trust-region, IPOPT and
-SQP after it, and the others an hour before.
 """
 
 
@@ -163,21 +146,17 @@ def lost(found: Mapping[str, Any]) -> list[tuple[str, str]]:
     ]
 
 
-def write(path: Path, parts: Mapping[str, Mapping[str, Any]], ends: Iterable[str] = ()) -> None:
-    """The whole page as Markdown; `parts` are by the name of the half, `ends` lines of a table."""
-    path.write_text("\n".join(lines(parts, ends)) + "\n", encoding="utf-8")
+def write(path: Path, parts: Mapping[str, Mapping[str, Any]]) -> None:
+    """The whole page as Markdown; `parts` are by the name of the half."""
+    path.write_text("\n".join(lines(parts)) + "\n", encoding="utf-8")
 
 
-def lines(parts: Mapping[str, Mapping[str, Any]], ends: Iterable[str] = ()) -> Iterator[str]:
+def lines(parts: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
     """Line by line."""
     yield INTRODUCTION
     for half, found in parts.items():
         yield f"## {HEADINGS[half]}\n"
         yield from _half(half, found)
-    for count, line in enumerate(ends):
-        if not count:
-            yield ENDS
-        yield line
 
 
 def _half(half: str, found: Mapping[str, Any]) -> Iterator[str]:

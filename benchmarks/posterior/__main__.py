@@ -1,12 +1,8 @@
 """The command `python -m benchmarks.posterior`: what is claimed of posteriors, measured.
 
     python -m benchmarks.posterior nuts          # ten minutes; needs nutpie
-    python -m benchmarks.posterior recorded      # twenty minutes; needs nutpie
-    python -m benchmarks.posterior widened       # ten minutes, after `recorded`
-    python -m benchmarks.posterior simulated     # twenty minutes; needs nutpie
-    python -m benchmarks.posterior one-person    # five minutes
     python -m benchmarks.posterior throughput    # two minutes
-    python -m benchmarks.posterior known         # forty minutes; needs nutpie
+    python -m benchmarks.posterior known         # forty minutes
     python -m benchmarks.posterior coverage      # five minutes
     python -m benchmarks.posterior page          # the page from the numbers that there are
 
@@ -38,32 +34,6 @@ def _nuts(asked: argparse.Namespace) -> dict[str, Any]:
     return nuts.compared(asked.blocks, nuts.NutsSettings(asked.draws), asked.steps)
 
 
-def _recorded(asked: argparse.Namespace) -> dict[str, Any]:
-    from benchmarks.posterior import held_out
-
-    return held_out.of_recorded(asked.frames, held_out.SIGMA, tuple(held_out.WAYS))
-
-
-def _widened(asked: argparse.Namespace) -> dict[str, Any]:
-    from benchmarks.posterior import held_out
-
-    kept = json.loads((asked.out / "results" / "posterior-recorded.json").read_text())
-    sigma = kept["found"]["sigma of the residuals"]
-    return held_out.of_recorded(asked.frames, sigma, ("emcee", "Laplace"))
-
-
-def _simulated(asked: argparse.Namespace) -> dict[str, Any]:
-    from benchmarks.posterior import held_out
-
-    return held_out.of_simulated(asked.frames, tuple(held_out.WAYS))
-
-
-def _one_person(asked: argparse.Namespace) -> dict[str, Any]:
-    from benchmarks.posterior import one_person
-
-    return one_person.of_people(asked.people, asked.frames)
-
-
 def _throughput(asked: argparse.Namespace) -> dict[str, Any]:
     from benchmarks.posterior import throughput
 
@@ -71,15 +41,12 @@ def _throughput(asked: argparse.Namespace) -> dict[str, Any]:
 
 
 def _known(asked: argparse.Namespace) -> dict[str, Any]:
-    from benchmarks.posterior import known, known_person
+    from benchmarks.posterior import known
     from benchmarks.posterior.pieces import Pieces
 
     names = [name for name in known.DENSITIES if name not in known.TUNING]
     pieces, seeds = Pieces(asked.pieces), range(200, 200 + asked.seeds)
-    return {
-        "densities": known.of_densities(names, seeds, pieces),
-        "person": known_person.of_a_person(seeds, pieces),
-    }
+    return {"densities": known.of_densities(names, seeds, pieces)}
 
 
 def _coverage(asked: argparse.Namespace) -> dict[str, Any]:
@@ -90,10 +57,6 @@ def _coverage(asked: argparse.Namespace) -> dict[str, Any]:
 
 PARTS: dict[str, Callable[[argparse.Namespace], dict[str, Any]]] = {
     "nuts": _nuts,
-    "recorded": _recorded,
-    "widened": _widened,
-    "simulated": _simulated,
-    "one-person": _one_person,
     "throughput": _throughput,
     "known": _known,
     "coverage": _coverage,
@@ -107,8 +70,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--blocks", nargs="+", default=list(BLOCKS), choices=list(BLOCKS))
     parser.add_argument("--draws", type=int, default=6000, help="of NUTS, for each of 4 chains")
     parser.add_argument("--steps", type=int, default=40_000, help="of emcee's walkers, at most")
-    parser.add_argument("--frames", type=int, default=40, help="of the recording")
-    parser.add_argument("--people", type=int, default=10, help="made up, for one-person")
     parser.add_argument("--seeds", type=int, default=20, help="of each density, for known")
     parser.add_argument("--fits", type=int, default=200, help="of each problem, for coverage")
     parser.add_argument("--pieces", type=Path, help="of known: where its runs are kept")

@@ -50,8 +50,6 @@ def known(found: Found, _: Mapping[str, Found]) -> str:
             f"settled within the {_steps(refused)} steps that they have here (the default is "
             "20,000).\n"
         )
-    if "person" in found:
-        lines.append(_person(found["person"]))
     return "\n".join(lines)
 
 
@@ -89,51 +87,8 @@ def coverage(found: Found, _: Mapping[str, Found]) -> str:
     return "\n".join(lines)
 
 
-def _person(one: Found) -> str:
-    runs = one["nuts"].get("runs", 1)
-    lines = [
-        "In `balance-monocular`, NUTS samples all 85 unknowns "
-        f"({_times(runs)}R-hat {one['nuts']['R-hat']:.3f}, {one['nuts']['effective']:,.0f} "
-        "effective draws of the entry with the fewest). For each block, widths of intervals are "
-        "divided by those of NUTS; `end` is the largest distance of an end from that of NUTS, "
-        "divided by the width.\n",
-        "| block | way | runs | usable | widths / NUTS's | end |",
-        "| --- | --- | --: | --: | --: | --: |",
-    ]
-    for block, ways in one["blocks"].items():
-        of_sample = [way for name, way in ways.items() if name.startswith("sample")]
-        rows = {"sample": of_sample} | {
-            name: [way] for name, way in ways.items() if not name.startswith("sample")
-        }
-        for name, several in rows.items():
-            ratios = [ratio for way in several for ratio in way["ratio"]]
-            end = max(max(way["end"]) for way in several)
-            usable = sum(way["usable"] for way in several)
-            refused = sorted({_verdict(way) for way in several if not way["usable"]})
-            said = f"{usable}" + (f" ({', '.join(refused)})" if refused else "")
-            lines.append(
-                f"| {block} | {name} | {len(several)} | {said} | {min(ratios):.2f} to "
-                f"{max(ratios):.2f} | {end:.2f} |"
-            )
-    lines.append(
-        "\n`sample` and `Laplace` give marginal intervals, `held fixed` conditional ones. The "
-        "verdict on Laplace's is that beside the draws of the first seed."
-        + (f" {one['note']}" if "note" in one else "")
-        + "\n"
-    )
-    return "\n".join(lines)
-
-
 def _steps(names: list[str]) -> str:
     return " or ".join(f"{steps:,}" for steps in sorted({DENSITIES[n]().steps for n in names}))
-
-
-def _times(runs: int) -> str:
-    return f"{runs} runs, " if runs > 1 else ""
-
-
-def _verdict(way: Found) -> str:
-    return str(way["verdict"]).lower().replace("_", " ")
 
 
 def interval(count: int, of: int) -> str:

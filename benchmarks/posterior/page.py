@@ -1,15 +1,15 @@
 """POSTERIOR.md: the tables, and what they say, written from the numbers that there are."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from benchmarks.page import machine
-from benchmarks.posterior import held_out_tables as tables
 from benchmarks.posterior import known_tables
-from benchmarks.posterior.counted import Found
 from benchmarks.posterior.nuts import ALLOWED_MEAN, ALLOWED_SD, TIMES, USUAL, NutsSettings
 
+Found = dict[str, Any]
 BUSY = 2.0  # processes for each core
 HEAD = """# Posteriors, measured
 
@@ -24,10 +24,6 @@ def text(results: Mapping[str, Found]) -> str:
     """The whole page."""
     writers = {
         "nuts": _nuts,
-        "recorded": tables.recorded,
-        "widened": tables.widened,
-        "simulated": tables.simulated,
-        "one-person": tables.one_person,
         "throughput": _throughput,
         "known": known_tables.known,
         "coverage": known_tables.coverage,

@@ -5,12 +5,6 @@ from math import nan
 import numpy as np
 import pytest
 
-from benchmarks.ablations.figures import (
-    caption_pose_in_shape,
-    caption_turn_errors,
-    plot_pose_in_shape,
-    plot_turn_errors,
-)
 from benchmarks.ablations.study import (
     Ablated,
     Sets,
@@ -82,28 +76,6 @@ def test_edges_tell_poses_better_than_vertices() -> None:
     poses[:, 1:] = 0.2 * np.random.default_rng(0).standard_normal((6, 23, 3))
     errors = turn_errors(body, poses, seed=1)
     assert errors["edges"][:, 1:].mean() < 0.7 * errors["vertices"][:, 1:].mean()
-
-
-RESULTS = (
-    Ablated("all terms", 1e-3, 2e-3, 1e-3, 1e-3, (0.01, 0.02, 0.0)),
-    Ablated("not pose-normalised", 1e-3, 2e-3, 1e-3, 1e-3, (0.9, 0.5, 0.3)),
-)
-ERRORS = {"edges": np.full((4, 3), 0.1), "vertices": np.full((4, 3), 0.2)}
-
-
-def test_shares_and_errors_are_drawn_in_their_units() -> None:
-    with house_style():
-        figure, axes = sheet(8, 4, 2)
-        plot_pose_in_shape(RESULTS, ax=axes[0])
-        plot_turn_errors(ERRORS, ax=axes[1])
-        assert png(figure).startswith(b"\x89PNG")
-    heights = [bar.get_height() for bar in axes[0].patches]
-    np.testing.assert_allclose(heights, [1, 2, 0, 90, 50, 30])
-    line = axes[1].get_lines()[0]
-    np.testing.assert_allclose(np.asarray(line.get_xdata()), np.degrees(0.1))
-    assert "4 made-up people" in caption_turn_errors(ERRORS)
-    assert "with not pose-normalised: 90%" in caption_pose_in_shape(RESULTS)
-    assert "with all terms: 2%" in caption_pose_in_shape(RESULTS[:1])
 
 
 ZERO = dict.fromkeys(("E_D", "E_Y", "E_J", "E_P", "E_W"), 0.0)

@@ -11,41 +11,27 @@ import pytest
 from benchmarks import (
     conversion,
     conversion_page,
-    coregistration,
     free_vertices,
-    history,
-    history_page,
     kinect,
     page,
     registration,
     rigid,
     soft_tissue,
-    targets,
-    triangle_scans,
-    triangles,
 )
-from benchmarks.__main__ import BUSY, PARTS
 from benchmarks.choosing import page as choosing
 from benchmarks.choosing.temperaments import TEMPERAMENTS
 from benchmarks.design import __main__ as design
-from benchmarks.gym import checked
 from benchmarks.gym import page as gym
 from benchmarks.hands import __main__ as hands
 from benchmarks.hands.tables import tables as tables_of_hands
+from benchmarks.images import markers as of_markers
 from benchmarks.images import (
-    choices,
-    contact,
-    draws_tables,
-    intervals,
     one_camera,
     video,
-    video_errors,
 )
-from benchmarks.images import markers as of_markers
 from benchmarks.posterior import __main__ as posterior
 from benchmarks.posterior import coverage, known
 from benchmarks.posterior import page as posterior_page
-from examples.studies.triangles import TrianglePlan
 from workbench.solvers import DEFAULT
 
 pytestmark = pytest.mark.thorough
@@ -70,20 +56,6 @@ def timed(parts: list[str]) -> dict[str, Any]:
 BETWEEN: dict[str, tuple[str, str, str, str, Callable[..., str]]] = {
     name: (file, begin, end, results, tables)
     for name, file, (begin, end), results, tables in (
-        (
-            "coregistration",
-            "COREGISTRATION.md",
-            (coregistration.BEGIN, coregistration.END),
-            "coregistration",
-            coregistration.page,
-        ),
-        (
-            "scans of triangle bodies",
-            "COREGISTRATION.md",
-            (triangle_scans.BEGIN, triangle_scans.END),
-            triangle_scans.RESULTS.stem,
-            triangle_scans.table,
-        ),
         ("design", "DESIGN.md", (design.BEGIN, design.END), design.RESULTS.stem, design.tables),
         ("hands", "HANDS.md", (hands.BEGIN, hands.END), hands.RESULTS.stem, tables_of_hands),
         (
@@ -92,29 +64,6 @@ BETWEEN: dict[str, tuple[str, str, str, str, Callable[..., str]]] = {
             (one_camera.BEGIN, one_camera.END),
             one_camera.RESULTS.stem,
             one_camera.tables,
-        ),
-        ("choices", "IMAGES.md", choices.MARKS, choices.RESULTS.stem, choices.table),
-        ("contact", "IMAGES.md", (contact.BEGIN, contact.END), "contact", contact.tables),
-        (
-            "draws",
-            "IMAGES.md",
-            (draws_tables.BEGIN, draws_tables.END),
-            draws_tables.RESULTS.stem,
-            draws_tables.tables,
-        ),
-        (
-            "intervals",
-            "IMAGES.md",
-            (intervals.BEGIN, intervals.END),
-            intervals.RESULTS.stem,
-            intervals.tables,
-        ),
-        (
-            "errors of videos",
-            "VIDEO.md",
-            video_errors.MARKS,
-            video_errors.RESULTS.stem,
-            video_errors.table,
         ),
         (
             "free vertices",
@@ -130,13 +79,6 @@ BETWEEN: dict[str, tuple[str, str, str, str, Callable[..., str]]] = {
             registration.RESULTS.stem,
             registration.page,
         ),
-        (
-            "triangles",
-            triangles.README.name,
-            (triangles.BEGIN, triangles.END),
-            triangles.KEPT.stem,
-            triangles.table,
-        ),
     )
 }
 
@@ -144,8 +86,7 @@ BETWEEN: dict[str, tuple[str, str, str, str, Callable[..., str]]] = {
 @pytest.mark.parametrize("name", BETWEEN)
 def test_tables_between_marks_are_the_results(name: str) -> None:
     file, begin, end, results, tables = BETWEEN[name]
-    folder = triangles.README.parent if name == "triangles" else PLACE
-    shown = (folder / file).read_text(encoding="utf-8").partition(begin)[2].partition(end)[0]
+    shown = (PLACE / file).read_text(encoding="utf-8").partition(begin)[2].partition(end)[0]
     assert shown.strip() == tables(read(results)).strip()
 
 
@@ -195,19 +136,7 @@ def test_tables_of_markers_and_rigging_are_the_results() -> None:
 
 def test_page_of_the_gym_is_the_results() -> None:
     kept = {half: gym.read(RESULTS / f"gym-{half}.json") for half in ("tuning", "untouched")}
-    ends = list(checked.read(RESULTS / "gym-ends.csv"))
-    assert text("GYM.md") == "\n".join(gym.lines(kept, checked.lines(ends))) + "\n"
-
-
-def test_page_of_history_is_the_results(tmp_path: Path) -> None:
-    results = timed([*PARTS, *(part + BUSY for part in PARTS)])
-    found = history.courses(history.read(RESULTS), targets.all_of(results))
-    assert len(found) == len(targets.all_of(results))  # every promise has been remembered
-    (tmp_path / "results").mkdir()
-    copy = tmp_path / history_page.PAGE
-    copy.write_text(text(history_page.PAGE), encoding="utf-8")
-    history_page.write(tmp_path, found)
-    assert copy.read_text(encoding="utf-8") == text(history_page.PAGE)
+    assert text("GYM.md") == "\n".join(gym.lines(kept)) + "\n"
 
 
 def test_stored_intervals_keep_their_promise() -> None:
@@ -244,16 +173,9 @@ def test_registrations_are_nearer_than_the_model_and_the_peer() -> None:
     ours = "edges, model follows"
     assert np.median([row[ours]["seen"] / row["model"]["seen"] for row in rows]) < 0.7
     assert np.mean([row[ours]["all"] < row[free_vertices.PEER]["all"] for row in rows]) >= 0.8
-    sets = read("coregistration")["sets"].values()
-    together = [np.mean(rows["coregistration"]["hidden"]) for rows in sets]
-    assert (together < np.array([np.mean(r[coregistration.CONTROL]["hidden"]) for r in sets])).all()
 
 
 def test_stored_runs_are_of_the_present_plans() -> None:
     assert set(read("choosing")["found"]) == set(TEMPERAMENTS) == set(choosing.ADVICE)
-    found = json.loads(triangles.KEPT.read_text())
-    assert TrianglePlan(**found["plan"]) == TrianglePlan()
-    assert found["recorded"]
-    assert list(read("contact")["fits"]) == list(contact.WAYS)
     for pair in read("conversion")["pairs"]:
         assert len(pair["mean"]) == len(conversion.SEEDS)

@@ -9,15 +9,8 @@ import numpy as np
 import pytest
 
 from benchmarks.design import simulated as designs
-from benchmarks.images import draws
-from benchmarks.images.intervals import places_of
-from benchmarks.images.one_posterior import compiled_places
 from benchmarks.posterior import coverage, known
-from benchmarks.posterior.held_out import by_laplace, frames, simulated
 from benchmarks.posterior.pieces import Pieces, runs_of
-from tests.compilers import NEEDS_A_COMPILER
-from workbench import load_body
-from workbench.bodies import SkinnedBody
 from workbench.errors import BadFile
 
 pytestmark = pytest.mark.thorough
@@ -50,33 +43,6 @@ def test_simulated_fits_are_covered() -> None:
         assert (found["usable"], found["failed"]) == (2, 0)
         assert len(found["covered"]) == len(found["labels"])
         assert max(found["covered"]) == 2
-
-
-def test_made_up_truths_are_the_models() -> None:
-    """At the truth, all that is whitened is standard normal: data and priors."""
-    squares: dict[str, float] = {}
-    count: dict[str, int] = {}
-    for case in simulated(frames(6)):
-        x, given = case.problem.split(case.truth)
-        here = case.problem.linearize_at(x, given)
-        some = abs(here.jacobian).any(axis=1)  # a keypoint of no confidence says nothing
-        for name, rows in case.problem.rows.items():
-            r = here.residual[rows][some[rows]]
-            squares[name] = squares.get(name, 0.0) + float(r @ r)
-            count[name] = count.get(name, 0) + r.size
-    assert len(count) == 5
-    for name, n in count.items():
-        assert abs(squares[name] - n) < 4 * np.sqrt(2 * n), name
-
-
-def test_laplaces_interval_is_about_the_answer() -> None:
-    case = next(simulated([40]))
-    found = by_laplace(case)
-    ends, sd = np.array(found["ends"]), np.array(found["sd"])
-    np.testing.assert_allclose(ends.mean(axis=0), found["mean"])
-    np.testing.assert_allclose(np.ptp(ends, axis=0), 2 * 1.6448536 * sd)
-    right = case.problem.free.pack(case.truth)[case.places]
-    assert abs((right - found["mean"]) / sd).max() < 5
 
 
 def test_simulated_designs_have_the_predicted_spread() -> None:
@@ -130,31 +96,3 @@ def test_interrupted_measurements_are_not_kept(tmp_path: Path) -> None:
     assert pieces.once("b", lambda: {"off": 3}) == {"off": 3}
     assert runs_of(file) == {"a": {"off": 1}, "b": {"off": 3}}
     assert Pieces(file).once("b", lambda: pytest.fail("measured twice")) == {"off": 3}
-
-
-def test_interrupted_draws_continue(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    seen: list[int] = []
-
-    def drawn(fits: object, kind: str, method: str, case: object, seed: int, saved: Path) -> object:
-        seen.append(seed)
-        if len(seen) == 2:
-            raise KeyboardInterrupt
-        return {"seconds": 1.0, "times": 50.0, "seed": seed}
-
-    monkeypatch.setattr(draws, "drawn", drawn)
-    monkeypatch.setattr(draws, "compiled_places", lambda body: None)
-    plan = (draws.Posteriors("people", "hamiltonian", (3, 4)),)
-    with pytest.raises(KeyboardInterrupt):
-        list(draws.draw(tmp_path, plan))
-    assert len(list(draws.draw(tmp_path, plan))) == 2
-    assert seen == [3, 4, 4]
-
-
-@NEEDS_A_COMPILER
-def test_compiled_places_are_those_of_the_body() -> None:
-    body = load_body("default")
-    assert isinstance(body, SkinnedBody)
-    rng = np.random.default_rng(0)
-    pose, betas, trans = (0.3 * rng.normal(size=(3, *block.shape)) for block in body.blocks())
-    right = places_of(body, pose, betas, trans)
-    np.testing.assert_allclose(compiled_places(body)(pose, betas, trans), right, atol=1e-12)

@@ -24,7 +24,7 @@ with the rows J_d of the keypoints, whitened (White, Maximum likelihood estimati
 models, 1982), both up to the curvature that the Gauss-Newton Hessian J'J leaves out. A keypoint
 that is known less well has a larger offset too: m_k is its standard deviation in sigmas, 1 for a
 typical keypoint of confidence 1 (`as_marked`). The estimate stays what it is: fits in which
-keypoints have this larger variance from the outset have larger errors (`benchmarks/IMAGES.md`).
+keypoints have this larger variance from the outset have larger errors (`benchmarks/DECISIONS.md`).
 """
 
 from collections.abc import Callable, Sequence

@@ -1,4 +1,4 @@
-"""ClosestPoints triangles of a mesh, found by a tree of boxes around them; here by NumPy.
+"""Closest triangles of a mesh, found by a tree of boxes around them; here by NumPy.
 
 The tree halves the triangles again and again, across the longest side of their centroids' box,
 until at most WIDE are left in each leaf; three halvings make one step, so that a node has WIDE

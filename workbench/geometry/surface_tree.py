@@ -1,4 +1,4 @@
-"""ClosestPoints places on a surface, found by a tree of boxes around its triangles."""
+"""Closest places on a surface, found by a tree of boxes around its triangles."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ def apart(
     Take `Dogleg` to minimise it. Where a pair is pushed hard, the cost can bend several times as
     much in some direction as Gauss and Newton's J'J says. The damping of `TrustRegion` and
     `LevenbergMarquardt` that such a direction asks for slows all others too, so that they can need
-    a thousand steps; a dogleg step is shortened as a whole (`benchmarks/IMAGES.md`).
+    a thousand steps; a dogleg step is shortened as a whole (`benchmarks/DECISIONS.md`).
     """
     depth = cs.fmax(0, -gaps(ends, radii, pairs))
     return Residual(name, depth, sigma, "m", points=expressed(ends)[1], labels=_labels(ends, pairs))
