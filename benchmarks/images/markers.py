@@ -97,28 +97,6 @@ def fitted(
     }
 
 
-def on_the_surface(
-    body: SkinnedBody, worn: MarkerSet, betas: Array, apart: float, rng: np.random.Generator
-) -> Array:
-    """Offsets (M, 3) m of markers somewhere on the person at rest, all of the nominal height.
-
-    The place is the vertex, displaced in two directions along the surface by normally distributed
-    lengths with a standard deviation of `apart` m each, and brought back to the surface. The centre
-    is straight above it, as far from the surface as the nominal one is from its vertex.
-    """
-    vertices = body.vertices(betas=betas)
-    feet = vertices[worn.vertices]
-    along = surface_frames(body, worn)[:, :2]
-    lengths = apart * rng.normal(size=(len(feet), 2))
-    towards = feet + worn.nominal + np.einsum("md,mdi->mi", lengths, along)
-    places = SurfaceTree(vertices, body.faces).closest(towards).points
-    up = towards - places
-    up *= np.linalg.norm(worn.nominal, axis=1, keepdims=True) / np.linalg.norm(
-        up, axis=1, keepdims=True
-    )
-    return np.asarray(places + up - feet)
-
-
 def main() -> None:
     """Fit every seed with every choice of frames, print a table, and keep the numbers."""
     parser = argparse.ArgumentParser(description=__doc__)

@@ -109,8 +109,6 @@ INNER = {  # classes in annotations of public ones that users have no reason to 
         "TriangleNumbers",
         "Stitching",
         "Rounding",
-        "Support",
-        "Point",
         "LinearizedConstraints",
         "SingleFrames",
         "FrameRows",
@@ -120,7 +118,6 @@ INNER = {  # classes in annotations of public ones that users have no reason to 
     "an intermediate result: `Comparison` has what is made of it": {
         "Design",
         "Description",
-        "Observed",
     },
     "given by a method of a public class: `Start.mirror`": {"Mirror"},
     "a part of `Trained`, read as its `poses`, `regressor` and `shapes`": {
