@@ -236,7 +236,7 @@ def test_marker_fits_become_motions(tmp_path: Path) -> None:
     pose, trans = motion.pose.copy(), motion.trans.copy()
     pose[3], trans[3] = np.nan, np.nan
     nothing = cast(Any, None)
-    found = MarkerFit(pose, trans, motion.betas, nothing, nothing, nothing, nothing)
+    found = MarkerFit(pose, trans, motion.betas, nothing, nothing, nothing)
     filled = found.motion(SMALL, 60.0)
     np.testing.assert_array_equal(filled.pose[4], motion.pose[4])
     assert filled.notes == ("1 of 6 frames were not found, and are interpolated",)
