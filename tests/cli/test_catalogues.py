@@ -13,13 +13,10 @@ import typer
 
 from tests.cli.conftest import Run
 from workbench import SOLVERS
-from workbench.cli import later
-from workbench.cli.app import NAMES, app
-from workbench.cli.later import Later, summary
+from workbench.cli.app import VERBS, Later, app
 from workbench.experiments.experiment import BESIDE, ENOUGH
 from workbench.solvers.nlopt import ALGORITHMS
 
-ROOM = Path(later.__file__).parent
 HELP = """
 import sys
 from workbench.cli import main
@@ -44,32 +41,23 @@ def typed(program: str, *arguments: str, **environment: str) -> str:
 
 def test_help_imports_no_numerical_library() -> None:
     told, modules = typed(HELP, "--help").rstrip().rsplit("\n", 1)
-    assert all(f" {name} " in told for name in NAMES)
+    assert all(f" {name} " in told for name in VERBS)
     assert not {"casadi", "numpy", "scipy", "matplotlib"} & set(ast.literal_eval(modules))
 
 
-def test_summaries_and_options_are_those_of_the_commands() -> None:
+def test_options_are_those_of_the_commands() -> None:
     group: Any = typer.main.get_command(app)
-    for name in NAMES:
+    for name, verb in VERBS.items():
         command = group.commands[name]
         assert isinstance(command, Later)
-        assert summary(name.replace("-", "_")) == command.whole.help
+        assert len(name) + len(verb.summary) < 72, name  # a line of the help
         context = command.make_context(name, [], resilient_parsing=True)
         if name != "lecture":
             own, word = typer.Typer(add_completion=False), name.replace("-", "_")
-            own.command()(getattr(import_module(f"workbench.cli.{word}"), word))
+            own.command()(getattr(import_module(f"workbench.cli.{verb.file}"), word))
             options = [option.opts for option in typer.main.get_command(own).params]
             found = [one.opts for one in command.get_params(context)]
             assert found[: len(options)] == options, name
-
-
-def test_every_file_with_a_command_is_named() -> None:
-    """A function with the name of its file is a command if it has arguments or options."""
-    words = {name.replace("-", "_") for name in NAMES}
-    for file in sorted(ROOM.glob("*.py")):
-        for node in ast.parse(file.read_text(encoding="utf-8")).body:
-            if isinstance(node, ast.FunctionDef) and node.name == file.stem:
-                assert ("typer." in ast.unparse(node.args)) <= (file.stem in words), file
 
 
 def test_unknown_command_has_neighbours(workbench: Run) -> None:

@@ -142,7 +142,7 @@ def test_interrupted_mean_leaves_the_report(
 KILLED = """
 import sys
 from functools import partial
-import workbench.cli.images as images
+import workbench.cli.fit as images
 from workbench.cli import main
 images.in_parts = partial(images.in_parts, count=1)
 sys.argv = ["workbench", "fit", *sys.argv[1:]]

@@ -10,7 +10,7 @@ import workbench as wb
 from tests.cli.conftest import Run
 from tests.cli.own_files import LINE, write_keypoints
 from workbench.blocks import Values
-from workbench.cli.marker_fits import Worn
+from workbench.cli.fit import Worn
 from workbench.errors import WorkbenchError
 from workbench.experiments import Experiment, Setup
 from workbench.fitting.setup import MANY
@@ -134,7 +134,7 @@ def test_compare_on_a_cluster_ignores_workers(
     def absent(address: str | None) -> None:
         raise WorkbenchError("no cluster in this test")
 
-    monkeypatch.setattr("workbench.cli.cluster.cluster", absent)
+    monkeypatch.setattr("workbench.cli.compare.cluster", absent)
     (tmp_path / "line.py").write_text(LINE)
     _, out, err = workbench("compare", "line.py", "--dask", "tcp://somewhere:1", "--workers", "2")
     assert "no cluster in this test" in err

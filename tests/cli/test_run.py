@@ -16,7 +16,7 @@ from rich.console import Console
 import workbench as wb
 from tests.cli.conftest import Run
 from tests.cli.own_files import LINE, PARABOLA
-from workbench.cli.output import rich_table
+from workbench.cli.console import rich_table
 from workbench.reports.page import Table
 from workbench.solvers import SOLVERS
 

@@ -13,7 +13,7 @@ from benchmarks.images.markers import on_the_surface
 from tests.tiers import few
 from workbench.arrays import Array
 from workbench.blocks import Values
-from workbench.cli.marker_fits import Worn, fit_markers
+from workbench.cli.fit import Worn, fit_markers
 from workbench.diagnostics import diagnose
 from workbench.errors import BadArgument, BadFile, UnknownName
 from workbench.experiments import find

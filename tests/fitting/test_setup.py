@@ -13,7 +13,7 @@ from tests.fitting.test_cameras import person, written
 from tests.fitting.test_detector_files import whole_body
 from workbench.blocks import Block
 from workbench.bodies.catalogue import load_body
-from workbench.cli.progress import print_outcome
+from workbench.cli.run import print_outcome
 from workbench.errors import BadArgument, BadSetup
 from workbench.experiments import (
     EXPERIMENTS,

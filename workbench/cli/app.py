@@ -1,40 +1,104 @@
-"""All commands by name. The file of each is imported when it is run: it takes a second or more."""
+"""All commands by name and group; the file of each is imported when it is run."""
 
-from typing import Annotated
+from collections.abc import Callable
+from functools import cached_property, wraps
+from importlib import import_module
+from typing import Annotated, Any, NamedTuple, ParamSpec
 
 import typer
+from typer.core import TyperCommand
 
-from workbench.cli.later import Commands, Later
+from workbench.cli.leaving import INTERRUPTED, Interrupted, Terminated, held
 from workbench.environment import DISTRIBUTION, VERSION
+from workbench.interrupts import caused_by
 
-NAMES = (
-    "run",
-    "fit",
-    "diagnose",
-    "design",
-    "sample",
-    "compare",
-    "train",
-    "rig",
-    "register",
-    "coregister",
-    "body",
-    "check-body",
-    "motion",
-    "export",
-    "basins",
-    "sliders",
-    "live",
-    "solvers",
-    "new",
-    "info",
-    "convert",
-    "lecture",
-)
+P = ParamSpec("P")
+FIT, UNDERSTAND, COMPARE = "Fit", "Understand a fit", "Compare solvers"
+MODELS, FILES, COURSE, ELSE = "Models", "Motions and files", "Course", "Others"
 
-app = typer.Typer(
-    cls=Commands, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False
-)
+
+class Verb(NamedTuple):
+    """A command: the file that has a function of its name, its group in the help, and its line."""
+
+    file: str
+    group: str
+    summary: str
+
+
+VERBS = {
+    "run": Verb("run", FIT, "Run an experiment and write its report to runs/NAME/."),
+    "fit": Verb("fit", FIT, "Fit a body to keypoints, images, a video, markers or a mesh."),
+    "register": Verb("register", FIT, "Register scans, each by itself."),
+    "coregister": Verb("register", FIT, "Register scans and learn their model together."),
+    "diagnose": Verb(
+        "diagnose", UNDERSTAND, "What a fit cannot determine, and what to do about it."
+    ),
+    "design": Verb("diagnose", UNDERSTAND, "What to measure next so that most is known."),
+    "sample": Verb("sample", UNDERSTAND, "Draw from the posterior of a fit, and judge the draws."),
+    "live": Verb("run", UNDERSTAND, "Move a body by hand in the browser, and watch solvers."),
+    "compare": Verb("compare", COMPARE, "Compare solvers on problems; it continues after a stop."),
+    "solvers": Verb("compare", COMPARE, "List the solvers, what they can do, and their sources."),
+    "basins": Verb("basins", COMPARE, "Map the starts from which rigid ICP finds its place."),
+    "body": Verb("body", MODELS, "Print a body's model card, and draw it."),
+    "check-body": Verb("body", MODELS, "What a model file is, and what is wrong with it."),
+    "sliders": Verb("body", MODELS, "Write a page with sliders for pose and shape."),
+    "train": Verb("train", MODELS, "Train a body from registrations; it continues after a stop."),
+    "rig": Verb("train", MODELS, "Find skeleton and skinning weights of meshes in motion."),
+    "motion": Verb("motion", FILES, "What a file of a motion or of markers holds; convert it."),
+    "convert": Verb("motion", FILES, "Turn the motion of one body into that of another."),
+    "export": Verb("motion", FILES, "Write a motion as glTF, BVH or .npz, or a body as C code."),
+    "lecture": Verb("lecture", COURSE, "Lectures that can be run, and exercises that are graded."),
+    "new": Verb("new", ELSE, "Write a commented file of your own that works as it is."),
+    "info": Verb("info", ELSE, "Print versions, threads, the compiler and the cache."),
+}
+
+
+class Later(TyperCommand):
+    """A command of which only the name is known until it is run, or asked for its options."""
+
+    @cached_property
+    def whole(self) -> Any:
+        """The command itself. Signals wait until its file has been imported."""
+        with held():
+            file = import_module(f"{__package__}.{VERBS[str(self.name)].file}")
+        several = getattr(file, "COMMANDS", None)
+        if several is None:
+            own = typer.Typer(add_completion=False)
+            function = getattr(file, str(self.name).replace("-", "_"))
+            own.command(self.name)(interruptible(function))
+        else:
+            own = typer.Typer(help=file.HELP, no_args_is_help=True, add_completion=False)
+            for name, command in several.items():
+                own.command(name)(interruptible(command))
+        return typer.main.get_command(own)
+
+    def make_context(self, *arguments: Any, **options: Any) -> Any:
+        """The context of the command itself."""
+        return self.whole.make_context(*arguments, **options)
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """The arguments and options of the command itself."""
+        return list(self.whole.get_params(ctx))
+
+
+def interruptible(command: Callable[P, None]) -> Callable[P, None]:
+    """A command that raises Interrupted for an interrupt from the keyboard, wherever it occurs."""
+
+    @wraps(command)
+    def run_it(*arguments: P.args, **options: P.kwargs) -> None:
+        try:
+            command(*arguments, **options)
+        except (KeyboardInterrupt, SystemError) as error:
+            if caused_by(error, KeyboardInterrupt):
+                raise Interrupted(INTERRUPTED) from error
+            if caused_by(error, Terminated):
+                raise Terminated from error
+            raise
+
+    return run_it
+
+
+app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
 
 
 def tell_version(wanted: bool) -> None:
@@ -63,5 +127,5 @@ def _later() -> None:
     """What Typer is given in place of a command: `Later` finds the command itself."""
 
 
-for name in NAMES:
-    app.command(name, cls=Later)(_later)
+for name, verb in VERBS.items():
+    app.command(name, cls=Later, help=verb.summary, rich_help_panel=verb.group)(_later)

@@ -12,7 +12,7 @@ from rich.markup import escape
 from rich.progress import Progress
 
 from workbench.bodies.catalogue import BODIES, load_body
-from workbench.cli.output import folder_to_write, print_page, rich_table, say
+from workbench.cli.console import folder_to_write, print_page, rich_table, say
 from workbench.cli.run import Out
 from workbench.environment import expanded
 from workbench.errors import BadArgument, check_known

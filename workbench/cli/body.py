@@ -1,4 +1,4 @@
-"""`workbench body`: what a body is made of, and how it looks."""
+"""`workbench body`, `check-body` and `sliders`: what a body is, whether a file is right."""
 
 from pathlib import Path
 from typing import Annotated
@@ -8,10 +8,14 @@ from rich.console import Console
 from rich.markup import escape
 
 from workbench.bodies.catalogue import BODIES, load_body
-from workbench.cli.output import folder_to_write, print_page, say
+from workbench.bodies.checking.check_file import FileCheck, check_body_file, check_contents
+from workbench.bodies.files.saving import arrays_of
+from workbench.cli.console import folder_to_write, make_folder, print_page, rich_table, say
 from workbench.cli.run import Out
 from workbench.environment import expanded
 from workbench.reports import card_text, write_card
+from workbench.reports.page import Table
+from workbench.reports.sliders import pose_and_betas, settings_of, write_sliders
 
 
 def body(
@@ -27,3 +31,75 @@ def body(
     source = "" if name in BODIES else str(expanded(name).resolve())
     folder = folder_to_write(out, f"body-{Path(name).stem}", source)
     print_page(console, "card", write_card(model, folder, source))
+
+
+WARNED = 1  # the exit code if there are warnings
+HEAD = ("key", "shape and type", "what becomes of it")
+
+
+def check_body(
+    file: Annotated[
+        str,
+        typer.Argument(
+            help="The file of a model (.npz or .pkl of SMPL, SMPL-H, SMPL-X, MANO, FLAME, STAR, or "
+            "one that the workbench wrote), or the name of an embedded body."
+        ),
+    ],
+) -> None:
+    """Say what a model file is, which of its keys are used and kept, and what is wrong with it.
+
+    Each warning says what to do. The exit code is 0 if there are none, 1 if there are, and 2 if the
+    file cannot be read.
+    """
+    console = Console()
+    if file in BODIES:
+        found = check_contents(dict(arrays_of(load_body(file))), file)
+    else:
+        found = check_body_file(file)
+    _print(console, found)
+    if found.warnings:
+        raise typer.Exit(WARNED)
+
+
+def _print(console: Console, found: FileCheck) -> None:
+    widest = max(map(len, found.facts))
+    say(console, f"[bold]{escape(found.path)}[/]")
+    for name, text in found.facts.items():
+        say(console, f"  {escape(f'{name:{widest}}')}  {escape(text)}")
+    console.print()
+    console.print(rich_table(Table(HEAD, found.keys, numbers=())))
+    console.print()
+    for finding, line in zip(found.findings or [None], found.lines(), strict=True):
+        warned = finding is not None and finding.warning
+        say(console, f"[bold yellow]{escape(line)}[/]" if warned else escape(line))
+
+
+def sliders(
+    name: Annotated[
+        str, typer.Argument(help=f"An embedded body ({', '.join(BODIES)}), or a file of your own.")
+    ] = "default",
+    place: Annotated[
+        Path | None,
+        typer.Option(
+            "--from",
+            help="Open with the pose and betas of a fit: the folder of a run, of a registration "
+            "or of a clip, or an .npz.",
+        ),
+    ] = None,
+    frame: Annotated[
+        int, typer.Option(help="Which frame of --from, where the fit has several.")
+    ] = 0,
+    out: Annotated[Path, typer.Option(help="Folder that the page is written to.")] = Path("runs"),
+) -> None:
+    """Write a page with sliders for pose and shape, and switches for the parts of its model."""
+    model = load_body(name)
+    path = out / f"sliders-{Path(name).stem}.html"
+    if place is None:
+        make_folder(out)
+        page = write_sliders(model, path)
+    else:
+        fit = expanded(place)
+        start = settings_of(*pose_and_betas(fit, model, frame), model)
+        make_folder(out)
+        page = write_sliders(model, path, start, str(place))
+    print_page(Console(), "page", page)

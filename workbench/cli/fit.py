@@ -1,39 +1,60 @@
-"""`workbench fit`: fits a body to keypoints, a video, markers or a mesh of the user."""
+"""`workbench fit`: keypoints, a folder of images, a video, markers, a mesh."""
 
 import math
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
+import numpy as np
 import typer
+from numpy.typing import NDArray
 from rich.console import Console
+from rich.markup import escape
 
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
+from workbench.bodies.body import Body, why_not_skinned
 from workbench.bodies.catalogue import load_body
 from workbench.bodies.triangles import TriangleBody
-from workbench.cli.cluster import Dask, Workers
-from workbench.cli.fit_options import recipe_of, size_of
-from workbench.cli.image_mean import FILE as MEAN
-from workbench.cli.image_mean import add_mean
-from workbench.cli.images import fit_folder
-from workbench.cli.marker_fits import Worn, fit_markers
-from workbench.cli.output import warn_without_effect
-from workbench.cli.run import Compare, Out, carry_out, solver_named
-from workbench.cli.video import fit_video
+from workbench.cli.console import (
+    folder_to_write,
+    print_page,
+    say,
+    say_notes,
+    warn_of,
+    warn_without_effect,
+)
+from workbench.cli.leaving import Interrupted, interrupts_say
+from workbench.cli.options import Dask, Workers, executing
+from workbench.cli.register import do_missing_jobs
+from workbench.cli.run import Compare, LiveTrace, Out, carry_out, solver_named
 from workbench.environment import expanded
-from workbench.errors import BadArgument, BadFile
+from workbench.errors import BadArgument, BadFile, NotSupported, some_of
 from workbench.experiments import Experiment
+from workbench.fitting.body_priors import checked_height
+from workbench.fitting.doubts import doubts
 from workbench.fitting.files.clips import read_clip
-from workbench.fitting.images import ByHeight, image_fit
-from workbench.fitting.jobs import ImageReading, ImageWork
+from workbench.fitting.images import SPREAD, ByHeight, WithStature, image_fit, image_mean
+from workbench.fitting.jobs import ImageReading, ImageWork, image_jobs, in_parts
 from workbench.fitting.keypoints import as_marked, keypoint_fit
 from workbench.fitting.known_points import own_mesh
 from workbench.fitting.marker_files import READERS as MARKERS
-from workbench.fitting.marker_sets import OUT
+from workbench.fitting.marker_files import MarkerRecording, read_markers
+from workbench.fitting.marker_sets import OUT, MarkerSet, default_markers, matched, read_marker_set
+from workbench.fitting.markers import SIGMA, marker_solver, rms_of_markers
+from workbench.fitting.mosh import mosh
+from workbench.fitting.observations import Clip
 from workbench.fitting.setup import MANY, Setup
+from workbench.fitting.videos import video_fit, video_mean
+from workbench.geometry.guesses import sizes_of
 from workbench.geometry.meshes import READERS, WITH_VERTEX_ORDER
-from workbench.solvers import DEFAULT, SOLVERS, LevenbergMarquardt, Solver
+from workbench.reports.many import ImageFolder
+from workbench.reports.run import motion_arrays, write_video
+from workbench.solvers import DEFAULT, SOLVERS, LevenbergMarquardt, Solver, Status
+from workbench.writing import write_arrays
 
 FPS = 30.0  # frames per second of a clip that does not say
 
@@ -264,7 +285,7 @@ def fit(
             given.mind(one_image, why)
         setup = of_keypoints(given, paths, hypotheses)
         values, folder = _carry_out(given, first, setup)
-        (folder / MEAN).unlink(missing_ok=True)  # of an earlier fit
+        (folder / MEAN_FILE).unlink(missing_ok=True)  # of an earlier fit
         if mean:
             add_mean(given.console, setup, values, folder)
 
@@ -307,3 +328,275 @@ def _carry_out(given: Given, file: Path, setup: Setup) -> tuple[Values, Path]:
     )
     named = None if given.solver is None and setup.strategy is not None else given.named
     return carry_out(given.console, experiment, named, given.compare, given.out)
+
+
+def recipe_of(height: float | None, sigma: float | None) -> ByHeight:
+    """How one image is fitted, with a known stature, and with another sigma of keypoints."""
+    recipe = ByHeight(sigma=sigma)
+    if height is None:
+        return recipe
+    checked_height(height)
+    return replace(recipe, priors=WithStature(height))
+
+
+def size_of(text: str | None) -> tuple[int, int] | None:
+    """Width and height in px of text such as 1920x1080. Raises BadArgument."""
+    if text is None:
+        return None
+    found = re.fullmatch("([1-9][0-9]{0,5})x([1-9][0-9]{0,5})", text.strip().lower())
+    if not found:
+        raise BadArgument(f"--size takes WIDTHxHEIGHT in px, such as 1920x1080; not {text!r}")
+    return int(found[1]), int(found[2])
+
+
+KEYPOINTS = ".json"
+
+
+def fit_folder(
+    console: Console,
+    given: Path,
+    work: ImageWork,
+    *,
+    body: str,
+    out: Path,
+    workers: int,
+    dask: str | None,
+) -> None:
+    """Fit a body to each file of keypoints in a folder; continues where it was interrupted.
+
+    Raises BadFile for a folder without such files, and Interrupted after Ctrl-C.
+    """
+    jobs = image_jobs(files_in(console, given))
+    source = given.resolve()
+    folder = ImageFolder(out / f"fit-{source.name}", work, body, str(source))
+    of_work = folder.key_of_work()
+    keys = {job: folder.key(job, of_work) for job in jobs}
+    with executing(console, workers, dask) as executor:
+        do_missing_jobs(
+            console,
+            folder,
+            keys,
+            lambda missing: executor(work, in_parts(missing)),
+            folder.finish,
+            "images",
+            "fitted",
+        )
+
+
+def files_in(console: Console, given: Path) -> list[Path]:
+    """The files of keypoints in a folder, in the order of their names."""
+    inside = sorted(file for file in given.iterdir() if file.is_file())
+    found = [f for f in inside if f.suffix.lower() == KEYPOINTS and not f.name.startswith(".")]
+    if not found:
+        raise BadFile(
+            f"the folder {given} holds no keypoints, which are {KEYPOINTS} files of COCO, "
+            "COCO-WholeBody or OpenPose"
+        )
+    if others := [file.name for file in inside if file not in found]:
+        say(console, f"note: not taken for keypoints: {escape(some_of(others))}")
+    return found
+
+
+MEAN_FILE = "mean.npz"
+
+
+@contextmanager
+def drawing(folder: Path) -> Iterator[Path]:
+    """The file for a mean beside a report that is written; an interrupt says that it is missing."""
+    with interrupts_say(lambda: f"interrupted; the report is written, but {MEAN_FILE} is not"):
+        yield folder / MEAN_FILE
+
+
+def add_mean(console: Console, setup: Setup, values: Values, folder: Path) -> None:
+    """Draw about the fit, and write the mean of the draws to `mean.npz` in the report's folder.
+
+    It holds all blocks of the body, with the mean of what is free, and other means of the problem,
+    such as an unknown focal length; and, of the body's landmarks by their `names` (M,), `landmarks`
+    (M, 3) m in that body and `sd` (M,) m, their standard deviations in space once the middle of all
+    landmarks of a draw is brought to that of the mean. `sd_is` says what these were compared with.
+    """
+    assert setup.body is not None  # which every fit to images has
+    console.print("[dim]drawing from the posterior[/]")
+    with drawing(folder) as file:
+        found = image_mean(setup, values)
+    blocks = [block.name for block in setup.body.blocks()]
+    arrays = {name: found.values[name] for name in (*blocks, *setup.problem.free.names)}
+    of_landmarks = {"landmarks": found.landmarks, "sd": found.sd, "names": np.array(found.names)}
+    of_landmarks["sd_is"] = np.array(SPREAD)
+    write_arrays(file, arrays | of_landmarks)
+    console.print(
+        f"the mean of the posterior puts the body {1e3 * found.moved:.0f} mm from its likeliest "
+        f"place (a standard error of {1e3 * found.error:.0f} mm, from {found.draws} draws); with "
+        f"their middles brought together, landmarks are {1e3 * found.apart.mean():.0f} mm apart on "
+        f"average, and have a standard deviation of {1e3 * np.sqrt(np.mean(found.sd**2)):.0f} mm, "
+        f"which is {SPREAD}",
+        highlight=False,
+        soft_wrap=True,
+    )
+    console.print(f"mean: {file}", highlight=False, soft_wrap=True)
+
+
+def fit_video(
+    console: Console,
+    source: Path,
+    clip: Clip,
+    body: SkinnedBody | TriangleBody,
+    sigma: float | None,
+    solver: Solver,
+    out: Path,
+    mean: bool,
+) -> None:
+    """Fit all frames of a clip together, and write the page.
+
+    With `mean`, the folder gets `mean.npz` as well, the mean of the posterior as a motion. After an
+    interrupt the page holds the motion that was found until then, and the exit code is 130.
+    """
+    folder = folder_to_write(out, source.resolve().name, str(source.resolve()))
+    question = f"Which shape and which motion explain the {clip.count} frames of {source}?"
+    with console.status("") as status:
+        setup = video_fit(
+            clip,
+            body,
+            question,
+            sigma=sigma,
+            told=lambda done, all_: status.update(f"frame {done} of {all_}"),
+        )
+    for note in setup.notes:
+        console.print(f"[dim]{escape(note)}.[/]", highlight=False)
+    console.print(f"[dim]fitting {clip.count} frames together[/]", highlight=False)
+    with LiveTrace(console) as trace:
+        solution = solver.solve(setup.problem, setup.start, callback=trace)
+    values = {**setup.start, **solution.values}
+    warn_of(console, doubts(setup, values, solution))
+    console.print(f"{solution.status.name}: {escape(solution.message)}", highlight=False)
+    for one in setup.measures(values):
+        console.print(f"{escape(one.name)}: {one.value:.4g} {one.unit}", highlight=False)
+    title = source.resolve().name
+    page = write_video(setup, solution, folder, title, str(source.resolve()))
+    (folder / MEAN_FILE).unlink(missing_ok=True)  # of an earlier fit
+    print_page(console, "report", page)
+    if solution.status is Status.STOPPED:
+        raise Interrupted("interrupted; the page holds the motion that was found until then")
+    if mean and setup.moving is not None:
+        with drawing(folder) as file, console.status("") as status:
+            expected = video_mean(
+                setup,
+                values,
+                told=lambda done, all_: status.update(f"drawing: frame {done} of {all_}"),
+            )
+        write_arrays(file, motion_arrays(setup.moving, expected))
+        console.print(f"mean: {file}", highlight=False, soft_wrap=True)
+
+
+WORST = 5  # markers that are named
+HIGHEST = 0.1  # m above the skin: what is given in mm by mistake is above it
+
+
+@dataclass(frozen=True)
+class Worn:
+    """What is known of the markers that a person wears. Raises BadArgument for lengths in mm.
+
+    Attributes:
+        file: the marker set, in JSON; None for the body's own 41 markers.
+        height: of their centres above the skin, in m.
+        across: its standard deviation in m, or None where places are uncertain in all directions.
+    """
+
+    file: Path | None = None
+    height: float = OUT
+    across: float | None = None
+
+    def __post_init__(self) -> None:
+        for option, length in (("--marker-height", self.height), ("--across", self.across)):
+            if length is not None and not 0 < length < HIGHEST:
+                raise BadArgument(
+                    f"{option} takes a length in m, above 0 and below {HIGHEST:g}, such as 0.001 "
+                    f"for 1 mm; not {length:g}"
+                )
+
+    def on(self, body: SkinnedBody) -> MarkerSet:
+        """The markers on a body. Raises BadFile as `read_marker_set` does."""
+        placed = default_markers(body) if self.file is None else read_marker_set(self.file, body)
+        vertices = dict(zip(placed.names, placed.vertices, strict=True))
+        return MarkerSet.of(body, vertices, self.height)
+
+
+def fit_markers(
+    console: Console,
+    file: Path,
+    body: Body,
+    markers_worn: Worn,
+    fps: float | None,
+    sigma: float | None,
+    solver: Solver,
+    out: Path,
+) -> None:
+    """Find shape and offsets from some frames, report on them, and find the pose of every frame.
+
+    The report's folder gets `motion.npz`: `poses` (T, K, 3) rad, `trans` (T, 3) m, `betas` (B,),
+    `offsets` (M, 3) m, `labels` (M,), `frames`, from which shape and offsets were found, `errors`
+    (T, M) m, `joint_names`, and `fps`, if it is known. `read_motion` reads it.
+    """
+    if not isinstance(body, SkinnedBody):
+        raise NotSupported(why_not_skinned(body, "a fit to markers", "take a SkinnedBody"))
+    recording = read_markers(file, sizes=sizes_of(body.joint_names))
+    worn, places, notes = matched(recording.labels, markers_worn.on(body))
+    say_notes(console, (*recording.notes, *notes))
+    markers, precision = recording.markers[:, list(places)], SIGMA if sigma is None else sigma
+    folders: list[Path] = []
+
+    def solve(setup: Setup) -> Values:
+        question = (
+            f"Which shape of the body, and which places of {len(worn.names)} markers on it, "
+            f"explain {len(setup.start['observed'])} of the {len(markers)} frames of {file.name}?"
+        )
+        experiment = Experiment(
+            file.stem,
+            lambda: replace(setup, question=question),
+            "a user's own file",
+            source=str(file.resolve()),
+        )
+        values, folder = carry_out(console, experiment, marker_solver(solver), False, out)
+        folders.append(folder)
+        return values
+
+    found = mosh(
+        markers,
+        body,
+        worn,
+        sigma=precision,
+        across=markers_worn.across,
+        solve=solve,
+        progress=lambda text: console.print(f"[dim]{text}[/]", highlight=False),
+    )
+    (folder,) = folders
+    arrays: dict[str, NDArray[Any]] = {
+        "poses": found.pose,
+        "trans": found.trans,
+        "errors": found.errors,
+        "frames": found.frames,
+        "betas": found.betas,
+        "offsets": found.offsets,
+        "labels": np.array(worn.names),
+        "joint_names": np.array(body.joint_names),
+        "up_axis": np.array("y"),
+    }
+    rate = recording.fps if fps is None else fps
+    if rate is not None:
+        arrays["fps"] = np.array(rate)
+    write_arrays(folder / "motion.npz", arrays)
+    console.print(_worst(worn, found.errors, recording), highlight=False, soft_wrap=True)
+    console.print(f"motion: {folder / 'motion.npz'}", highlight=False, soft_wrap=True)
+
+
+def _worst(worn: MarkerSet, errors: np.ndarray, recording: MarkerRecording) -> str:
+    """A sentence on the markers that fit worst over all frames."""
+    off = 1e3 * errors
+    each = rms_of_markers(off)
+    worst = np.argsort(-each, kind="stable")[:WORST]
+    named = ", ".join(f"{escape(worn.names[m])} {each[m]:.1f}" for m in worst)
+    whole = float(np.sqrt(np.nanmean(off**2)))
+    return (
+        f"markers are {whole:.1f} mm from those of the body (root mean square over "
+        f"{len(recording.markers)} frames); the worst are, in mm: {named}"
+    )

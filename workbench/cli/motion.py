@@ -1,4 +1,4 @@
-"""`workbench motion`: what a file of a motion or of markers holds; and another file of the same."""
+"""`workbench motion`, `export` and `convert`: motions read, written and moved to other bodies."""
 
 from pathlib import Path
 from typing import Annotated
@@ -7,22 +7,28 @@ import numpy as np
 import typer
 from rich.console import Console
 from rich.markup import escape
+from rich.table import Table
 
+from workbench import conversion
 from workbench.arrays import Array, Index, Mask
 from workbench.bodies import SkinnedBody
-from workbench.bodies.body import Body
+from workbench.bodies.body import Body, why_not_skinned
 from workbench.bodies.catalogue import BODIES, load_body
-from workbench.cli.motion_output import MOTIONS, refuse_suffix, write_motion
-from workbench.cli.output import (
+from workbench.bodies.files.c_code import JOINTS, write_c
+from workbench.cli.console import (
     Up,
     print_page,
     say,
     say_notes,
+    timed_lines,
     warn_of,
     warn_without_effect,
 )
+from workbench.conversion import conversion_errors, correspond, motion_from_points
+from workbench.conversion.converting import Converted, doubts_of, skeleton_errors
+from workbench.conversion.points_in_space import SIGMA
 from workbench.environment import expanded
-from workbench.errors import BadArgument, some_of
+from workbench.errors import BadArgument, BadBody, some_of
 from workbench.fitting.doubts import of_person
 from workbench.fitting.marker_files import (
     MarkerRecording,
@@ -30,8 +36,17 @@ from workbench.fitting.marker_files import (
     read_markers,
     write_markers,
 )
-from workbench.geometry.guesses import UNITS
-from workbench.motions import Motion, bones_of, load_tissue, read_motion
+from workbench.fitting.tracking import Progress
+from workbench.geometry.guesses import UNITS, sizes_of
+from workbench.motions import (
+    Motion,
+    bones_of,
+    load_tissue,
+    read_motion,
+    save_motion,
+    write_bvh,
+    write_glb,
+)
 from workbench.motions.soft_tissue import betas_with_tissue, displaced_by, with_tissue
 from workbench.plots import plot_motion
 from workbench.plots.style import drawn, png
@@ -231,3 +246,271 @@ def _markers(
 def _draw(path: Path, places: Array, pairs: Index, fps: float | None) -> None:
     figure = drawn(lambda ax: plot_motion(places, pairs, fps, ax=ax), 10, 3)
     write_file(path, png(figure))
+
+
+MOTIONS = (".bvh", ".npz", ".glb")  # what is written
+SHAPES = 10  # shape directions that become morph targets
+EXACT = "exact"
+
+
+def refuse_suffix(out: Path | None, suffixes: tuple[str, ...], what: str) -> None:
+    """Raise BadArgument for an output that ends in none of the suffixes."""
+    if out is not None and out.suffix.lower() not in suffixes:
+        raise BadArgument(f"{what} can be written as {' or '.join(suffixes)}, and not as {out}")
+
+
+def number_of_correctives(text: str) -> int | None:
+    """The number that `--correctives` gives; None for `exact`. Raises BadArgument."""
+    if text.strip().lower() == EXACT:
+        return None
+    if not text.strip().isdecimal() or len(text) > 9:
+        raise BadArgument(
+            f"--correctives takes {EXACT}, or a whole number from 0, not {text!r:.40}"
+        )
+    return int(text)
+
+
+def write_motion(
+    console: Console,
+    out: Path,
+    motion: Motion,
+    body: Body | None,
+    correctives: int | None = None,
+    shapes: int = 0,
+    betas: Array | None = None,
+) -> None:
+    """Write a motion as .bvh, .npz or .glb, and say where; a .glb needs a body.
+
+    `betas` (T, B) take the place of the motion's own in a .glb.
+    """
+    suffix = out.suffix.lower()
+    if suffix == ".bvh":
+        write_bvh(out, motion, body)
+    elif suffix == ".npz":
+        save_motion(out, motion)
+    else:
+        if not isinstance(body, SkinnedBody):
+            raise BadBody(
+                why_not_skinned(body, "a .glb", "write .npz or .bvh, or take another body")
+            )
+        if correctives is not None or shapes:
+            used = min(shapes, body.n_betas)
+            found = write_glb(out, motion, body, correctives=correctives, shapes=used)
+            say(console, f"{used} shape directions, {found}")
+            say(console, f"size: {out.stat().st_size / 1e6:.2f} MB")
+        else:
+            write_glb(out, motion, body, betas=betas)
+    say(console, f"motion: {escape(str(out))}")
+
+
+CODE = ".c"
+
+
+def export(
+    out: Annotated[
+        Path,
+        typer.Option(
+            help=".glb: an animated skinned surface; .bvh: the skeleton; .npz: AMASS's layout; "
+            ".c: C code of joints or landmarks, with a header."
+        ),
+    ],
+    motion: Annotated[
+        Path | None,
+        typer.Argument(help="A motion: .bvh, .glb, .gltf, or .npz as of AMASS; none for .c."),
+    ] = None,
+    body: Annotated[
+        str, typer.Option(help=f"The body ({', '.join(BODIES)}, or a file of your own).")
+    ] = "default",
+    correctives: Annotated[
+        str,
+        typer.Option(
+            help="Morph targets of a .glb for what pose adds to the surface: a number, 0, or "
+            f"{EXACT}. The error is printed, and kept in the file."
+        ),
+    ] = "32",
+    shapes: Annotated[
+        int, typer.Option(help="Shape directions that a .glb has as morph targets.", min=0)
+    ] = SHAPES,
+    fps: Annotated[
+        float | None, typer.Option(help="Frames a second to which the motion is resampled.")
+    ] = None,
+    points: Annotated[
+        str, typer.Option(help="What C code computes: joints, or a landmark set such as coco.")
+    ] = JOINTS,
+) -> None:
+    """Write a motion as glTF, BVH or AMASS's .npz, or a function of a body as C code."""
+    console = Console()
+    count = number_of_correctives(correctives)
+    refuse_suffix(out, (*MOTIONS, CODE), "a motion or C code")
+    model = load_body(body)
+    if out.suffix.lower() == CODE:
+        if motion is not None:
+            warn_without_effect(console, str(motion), "C code takes the pose as an argument")
+        write_c(out, model, points)
+        say(console, f"code: {escape(str(out))} and {escape(str(out.with_suffix('.h')))}")
+        return
+    if motion is None:
+        raise BadArgument(f"name the motion that becomes {out}, such as a .bvh or an .npz of AMASS")
+    if fps is not None and not 0 < fps < float("inf"):
+        raise BadArgument(f"--fps takes a number above 0, not {fps:g}")
+    found = read_motion(expanded(motion), body=model)
+    if fps is not None:
+        found = found.resampled(fps)
+    found = found.named(model)
+    say_notes(console, found.notes)
+    say(console, f"{len(found)} frames at {found.fps:g} frames a second on body {model.name}")
+    write_motion(console, out, found, model, count, shapes)
+
+
+TIMES = 10  # how often progress is told
+APART = 0.1  # m, of joints from those of a skeleton: proportions explain less
+SKELETON = (
+    "the joints are far from those of the skeleton in the file: its proportions, its rest pose or "
+    "the axes of its joints are others than those of --from; look at both with `workbench motion`"
+)
+KNOWN = f"{', '.join(BODIES)}, or a file of your own"
+
+
+def convert(
+    file: Annotated[
+        Path,
+        typer.Argument(
+            help="A motion: .bvh, .glb, .gltf, or .npz as of AMASS; or named points: .trc, .c3d, "
+            "or .npz."
+        ),
+    ],
+    out: Annotated[Path, typer.Option(help="The motion of the other body: .npz, .bvh or .glb.")],
+    to: Annotated[str, typer.Option(help=f"The body that it becomes a motion of ({KNOWN}).")],
+    source: Annotated[
+        str | None, typer.Option("--from", help=f"The body that the motion is one of ({KNOWN}).")
+    ] = None,
+    points: Annotated[
+        str | None,
+        typer.Option(
+            help="What the named points are: joints, a landmark set such as coco, or hand; "
+            "otherwise whichever has most of the names."
+        ),
+    ] = None,
+    sigma: Annotated[
+        float, typer.Option(help="Standard deviation of the named points in mm.")
+    ] = 1e3 * SIGMA,
+    rate: Annotated[
+        float | None,
+        typer.Option(help="Frames a second, where the file does not say it, or says wrong."),
+    ] = None,
+    unit: Annotated[
+        str | None, typer.Option(help=f"Unit of the points ({', '.join(UNITS)}).")
+    ] = None,
+    up: Up = None,
+) -> None:
+    """Turn the motion of one body, or points in space, into the motion of another body."""
+    console, path = Console(), expanded(file)
+    refuse_suffix(out, MOTIONS, "a motion")
+    if rate is not None and not 0 < rate < np.inf:
+        raise BadArgument(f"--rate takes a number above 0, not {rate:g}")
+    target = load_body(to)
+    if holds_markers(path):
+        if source is not None:
+            warn_without_effect(console, "--from", f"{path.name} holds points, and no motion")
+        found = _from_points(console, path, target, points, sigma, rate, unit, up)
+    else:
+        if points is not None:
+            warn_without_effect(console, "--points", f"{path.name} holds a motion")
+        if source is None:
+            raise BadArgument(f"say with --from which body {path.name} is a motion of: {KNOWN}")
+        model = load_body(source)
+        motion = read_motion(path, unit=unit, up=up, fps=rate, body=model)
+        found = _from_body(console, motion, model, target)
+    write_motion(console, out, found, target)
+
+
+def _from_body(console: Console, motion: Motion, source: Body, target: Body) -> Motion:
+    report = timed_lines(console)
+    correspondence = correspond(source, target, report)
+    say(console, escape(str(correspondence)))
+    found = conversion.convert(
+        motion, source, target, correspondence=correspondence, progress=_told(console)
+    )
+    say_notes(console, found.motion.notes)
+    warn_of(console, doubts_of(found.motion, target, found.errors, f"the surface of {source.name}"))
+    own = skeleton_errors(found.motion, target, motion)
+    if own is not None:
+        mean = 1e3 * float(own.mean())
+        if mean > 1e3 * APART:
+            warn_of(console, [SKELETON])
+        say(console, f"joints are {mean:.1f} mm from those of the file's skeleton on average")
+    _print_errors(console, found)
+    joints = {*source.joint_names} & {*target.joint_names}
+    copied = conversion_errors(
+        motion.named(source).named(target), target, motion, source, correspondence
+    )
+    say(
+        console,
+        f"vertices are {1e3 * found.mean():.2f} mm from the other surface on average, and would be "
+        f"{1e3 * float(np.nanmean(copied)):.2f} mm if the angles of {len(joints)} joints were "
+        "copied",
+    )
+    return found.motion
+
+
+def _print_errors(console: Console, found: Converted) -> None:
+    table = Table(box=None, header_style="bold")
+    for name, justify in (("part", "left"), ("mean mm", "right"), ("largest mm", "right")):
+        table.add_column(name, justify=justify)  # type: ignore[arg-type]
+    for part, (mean, largest) in found.by_part.items():
+        table.add_row(escape(part), f"{1e3 * mean:.1f}", f"{1e3 * largest:.1f}")
+    console.print(table)
+
+
+def _from_points(
+    console: Console,
+    path: Path,
+    target: Body,
+    kind: str | None,
+    sigma: float,
+    rate: float | None,
+    unit: str | None,
+    up: str | None,
+) -> Motion:
+    recording = read_markers(path, unit=unit, up=up, sizes=sizes_of(target.joint_names))
+    say_notes(console, recording.notes)
+    fps = recording.fps if rate is None else rate
+    if fps is None:
+        raise BadArgument(f"{path.name} does not say its rate; give it with --rate")
+    found = motion_from_points(
+        recording.markers,
+        recording.labels,
+        target,
+        fps,
+        kind=kind,
+        sigma=1e-3 * sigma,
+        progress=_told(console),
+    )
+    say_notes(console, found.motion.notes)
+    table = Table(box=None, header_style="bold")
+    table.add_column("point")
+    table.add_column("mean mm", justify="right")
+    for name, error in _worst(found.names, found.errors):
+        table.add_row(escape(name), f"{error:.1f}")
+    console.print(table)
+    warn_of(console, doubts_of(found.motion, target, found.errors, "the points"))
+    mean = 1e3 * float(np.nanmean(found.errors))
+    say(console, f"points are {mean:.2f} mm from those of the body on average")
+    return found.motion
+
+
+def _worst(names: tuple[str, ...], errors: Array) -> list[tuple[str, float]]:
+    each = 1e3 * np.nanmean(errors, axis=0)
+    return [(names[i], float(each[i])) for i in np.argsort(-each, kind="stable")[:8]]
+
+
+def _told(console: Console) -> Progress:
+    """Progress as a line for every tenth of the work, with the seconds since now before it."""
+    report = timed_lines(console)
+
+    def told(what: str, done: int, all_of: int) -> None:
+        every = max(1, all_of // TIMES)
+        if done % every == 0 or done == all_of:
+            report(f"{what}: {done} of {all_of}")
+
+    return told

@@ -14,7 +14,7 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
-from workbench.cli.output import print_page, say
+from workbench.cli.console import print_page, say
 from workbench.course.outline import course
 from workbench.errors import BadArgument, BadFile, check_known
 

@@ -1,11 +1,11 @@
-"""`workbench register`: scans that nobody labelled, each as the template's surface."""
+"""`workbench register` and `workbench coregister`: scans, one, many or together."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Protocol, TypeVar
 
 import typer
 from rich.console import Console
@@ -13,11 +13,10 @@ from rich.markup import escape
 
 from workbench.bodies.body import Body
 from workbench.bodies.catalogue import BODIES, load_body
-from workbench.cli.bars import Bars
-from workbench.cli.cluster import Dask, Workers, executing
-from workbench.cli.many import carry_out
-from workbench.cli.output import (
+from workbench.cli.console import (
+    Bars,
     Up,
+    at_least_one,
     folder_to_write,
     print_page,
     rich_table,
@@ -25,9 +24,13 @@ from workbench.cli.output import (
     warn_of,
     warn_without_effect,
 )
+from workbench.cli.leaving import interrupts_say
+from workbench.cli.options import Dask, Workers, executing
 from workbench.cli.run import Out
+from workbench.cli.train import Lines
 from workbench.environment import expanded
 from workbench.errors import BadArgument, BadFile, listed, some_of
+from workbench.fitting.jobs import FailedFile, FileJob
 from workbench.fitting.scans.files import READERS
 from workbench.geometry.guesses import UNITS
 from workbench.registration import (
@@ -41,10 +44,22 @@ from workbench.registration import (
     registered,
     usual_recipe,
 )
+from workbench.registration.coregistration import Coregistration, CoregistrationPlan
+from workbench.registration.coregistration.coregistering import EDGES, FILE
+from workbench.registration.coregistration.folder import open_registered
 from workbench.registration.scan_jobs import MOST
+from workbench.reports.folder import own_folder
 from workbench.reports.many import RegistrationFolder
 from workbench.reports.page import Entry
-from workbench.reports.registration import ARRAYS, stages_table, write_registration
+from workbench.reports.registration import (
+    ARRAYS,
+    Coregistered,
+    begin_folder,
+    stages_table,
+    write_coregistration,
+    write_registration,
+)
+from workbench.training.execution import Execution
 from workbench.training.folder import Row, read_table
 
 NO_SCANS = (".txt", ".csv")  # in a folder these are taken for notes and tables
@@ -131,7 +146,7 @@ def register(
         return folder.finish(entries, [rows[entry.name] for entry in entries], failed)
 
     with executing(console, workers, dask) as executor:
-        carry_out(
+        do_missing_jobs(
             console,
             folder,
             keys,
@@ -231,3 +246,150 @@ def _mind_unused(console: Console, subjects: Path | None, workers: int, dask: st
     ):
         if has:
             warn_without_effect(console, option, "it is for several scans, and there is one")
+
+
+class Found(Protocol):
+    """What was found of a file."""
+
+    @property
+    def job(self) -> FileJob:
+        """The file, and its name."""
+
+
+Done = TypeVar("Done", bound=Found, contravariant=True)
+
+
+class Folder(Protocol[Done]):
+    """A folder in which what was found is kept, under the name of each job."""
+
+    @property
+    def place(self) -> Path:
+        """The path of the folder, which must exist when the first entry is kept."""
+
+    def kept(self, job: FileJob, key: str) -> Entry | None:
+        """The entry of a job that is done already under this key; None if it is not."""
+
+    def keep(self, found: Done, key: str) -> Entry:
+        """Write what was found, and return its entry."""
+
+
+def do_missing_jobs(
+    console: Console,
+    folder: Folder[Done],
+    keys: Mapping[FileJob, str],
+    work: Callable[[Sequence[FileJob]], Iterable[Sequence[Done | FailedFile]]],
+    finish: Callable[[Sequence[Entry], Sequence[FailedFile]], Path],
+    files: str,
+    done: str,
+) -> None:
+    """Do the jobs that the folder does not hold under their keys, and finish it.
+
+    `work` yields what it found of some jobs at a time, and `finish` writes what is over all and
+    returns the page. In sentences, the `files` are `done`: scans are registered. Exits with 1 if
+    a file failed, and raises Interrupted after Ctrl-C.
+    """
+    kept = {job.name: folder.kept(job, key) for job, key in keys.items()}
+    entries = {name: entry for name, entry in kept.items() if entry is not None}
+    failed: list[FailedFile] = []
+    if entries:
+        say(console, f"{len(entries)} of {len(keys)} {files} are {done} already")
+
+    def told() -> str:
+        return (
+            f"interrupted; {len(entries)} of {len(keys)} {files} are {done} in {folder.place}, and "
+            "the same command continues with the others"
+        )
+
+    with interrupts_say(told):
+        with Bars(console) as bars:
+            bars(files, len(entries), len(keys))
+            for some in work([job for job in keys if job.name not in entries]):
+                for found in some:
+                    name = found.job.name
+                    if isinstance(found, FailedFile):
+                        failed.append(found)
+                        why = escape(found.reason)
+                        say(console, f"[bold yellow]not {done}:[/] {escape(name)}: {why}")
+                    else:
+                        entries[name] = folder.keep(found, keys[found.job])
+                bars(files, len(entries) + len(failed), len(keys))
+        page = finish([entries[job.name] for job in keys if job.name in entries], failed)
+    for name, entry in entries.items():
+        warn_of(console, entry.facts.get("warnings", ()), f"{name}: ")
+    print_page(console, "report", page)
+    if failed:
+        say(console, f"{len(failed)} of {len(keys)} {files} could not be {done}")
+        raise typer.Exit(1)
+
+
+def coregister(
+    folder: Annotated[
+        Path,
+        typer.Argument(help="Folder that `workbench register SCANS/ --subjects TABLE.csv` wrote."),
+    ],
+    rounds: Annotated[
+        int,
+        typer.Option(callback=at_least_one, help="Number of rounds of registrations and model."),
+    ] = CoregistrationPlan().rounds,
+    coupling: Annotated[
+        float,
+        typer.Option(help="Sigma of a registered vertex from the model's, per coordinate, in m."),
+    ] = CoregistrationPlan().sigmas.data,
+    edges: Annotated[
+        float,
+        typer.Option(
+            help="Sigma of the edges of a person's template beyond what betas explain, in m: a "
+            "larger one learns more detail and slides more."
+        ),
+    ] = EDGES,
+    betas: Annotated[
+        int,
+        typer.Option(
+            callback=at_least_one,
+            help="Number of shape directions; at most one fewer than people.",
+        ),
+    ] = 10,
+    workers: Workers = 1,
+    dask: Dask = None,
+    out: Out = Path("runs"),
+) -> None:
+    """Coregister scans: registrations, poses, a template for each person and the model, together.
+
+    Writes runs/coregister-NAME/ with a page, the body, and the registrations, which `workbench
+    train` takes as they are. If it is interrupted or killed, the same command continues after the
+    last block that ended.
+    """
+    console = Console()
+    for option, length in (("--coupling", coupling), ("--edges", edges)):
+        if not 0 < length < 1:
+            raise BadArgument(f"{option} takes a length in m above 0 and below 1, not {length:g}")
+    given = expanded(folder)
+    body, scans = open_registered(given)
+    plan = CoregistrationPlan()
+    plan = replace(plan, rounds=rounds, edges=edges, sigmas=replace(plan.sigmas, data=coupling))
+    problem = Coregistration(body, scans, plan)
+    name = given.resolve().name.removeprefix("register-")
+    place, source = out / f"coregister-{name}", str(given.resolve())
+    own_folder(place, source)
+    begin_folder(place, source)
+    if (place / FILE).exists():
+        say(console, "continuing after the last block that ended")
+    fits = [scans.fitted(j, body) for j in range(len(scans.rows))]
+
+    def told() -> str:
+        if not (place / FILE).exists():
+            return f"interrupted before the first block ended; there is nothing in {place} yet"
+        return (
+            f"interrupted; what was found until the last block is in {place}, and the same command "
+            "continues from there"
+        )
+
+    with interrupts_say(told):
+        with executing(console, workers, dask) as executor:
+            state = problem.run(fits, folder=place, execution=Execution(executor, Lines(console)))
+        learned = problem.learned(state, betas)
+        page = write_coregistration(Coregistered(problem, scans, state, learned), place, source)
+    for scan, told_before in scans.doubts().items():
+        warn_of(console, told_before, f"{scan}, by itself: ")
+    print_page(console, "body", place / "body.npz")
+    print_page(console, "report", page)

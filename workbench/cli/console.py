@@ -1,15 +1,18 @@
-"""The folder that a command writes, and what it prints about it, its progress and its options."""
+"""What a command prints: notes, tables, pages written, progress by parts, a waiting line."""
 
 import time
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
 from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table as RichTable
 
+from workbench.environment import in_browser
 from workbench.errors import BadArgument, WorkbenchError
 from workbench.geometry.guesses import UP_TO_Y
 from workbench.reports.folder import refuse_foreign
@@ -109,3 +112,55 @@ def warn_of(console: Console, doubts: Iterable[str], of: str = "") -> None:
     """Print what speaks against a fit, each doubt a line, after the name of what was fitted."""
     for doubt in doubts:
         say(console, f"[bold yellow]warning:[/] {escape(of)}{escape(doubt)}")
+
+
+class Bars:
+    """Progress: bars where somebody watches, a line for each tenth elsewhere.
+
+    Attributes:
+        last: what is going on, and how much of it is done, for a sentence.
+    """
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._bars = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeRemainingColumn(),
+            console=console,
+        )
+        self._tasks: dict[str, int] = {}
+        self._tenths: dict[str, int] = {}
+        self.last = "starting"
+
+    def __enter__(self) -> "Bars":
+        if self._console.is_terminal:
+            self._bars.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._console.is_terminal:
+            self._bars.stop()
+
+    def __call__(self, what: str, done: int, of: int) -> None:
+        """Show that `done` of `of` parts are finished."""
+        self.last = f"{what} ({done} of {of} done)"
+        if self._console.is_terminal:
+            if what not in self._tasks:
+                self._tasks[what] = self._bars.add_task(what, total=of)
+            self._bars.update(self._tasks[what], completed=done)  # type: ignore[arg-type]
+        elif self._tenths.get(what) != 10 * done // max(1, of):
+            self._tenths[what] = 10 * done // max(1, of)
+            self._console.print(f"{what}: {done} of {of}", highlight=False)
+
+
+def waiting(text: str) -> AbstractContextManager[object]:
+    """Show a line on stderr as long as the context lasts; in a browser, where no thread could move
+    it, it is printed.
+    """
+    console = Console(stderr=True)
+    if in_browser():
+        console.print(text, style="dim")
+        return nullcontext()
+    return console.status(text)

@@ -8,7 +8,7 @@ import typer
 from joblib import parallel_config
 from rich.console import Console
 
-from workbench.cli.output import at_least_one, warn_without_effect
+from workbench.cli.console import at_least_one, warn_without_effect
 from workbench.environment import pip_install
 from workbench.errors import WorkbenchError
 from workbench.training.execution import Executor, Processes, by_backend
