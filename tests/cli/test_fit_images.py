@@ -13,7 +13,6 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from workbench import Camera, LevenbergMarquardt, load_body
-from workbench.cli import image_mean
 from workbench.cli.app import app
 from workbench.cli.leaving import Interrupted
 from workbench.fitting.images import INTERVAL_NOTE, ByHeight, WithStature
@@ -132,7 +131,7 @@ def test_interrupted_mean_leaves_the_report(
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(image_mean, "image_mean", interrupted)
+    monkeypatch.setattr("workbench.cli.fit.image_mean", interrupted)
     (file,) = written(tmp_path, 1)
     with pytest.raises(Interrupted, match=r"report is written, but mean\.npz is not"):
         fit(str(file), *OPTIONS, "--mean", "--out", str(tmp_path / "runs"))

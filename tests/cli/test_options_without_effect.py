@@ -134,7 +134,7 @@ def test_compare_on_a_cluster_ignores_workers(
     def absent(address: str | None) -> None:
         raise WorkbenchError("no cluster in this test")
 
-    monkeypatch.setattr("workbench.cli.compare.cluster", absent)
+    monkeypatch.setattr("workbench.cli.options.cluster", absent)
     (tmp_path / "line.py").write_text(LINE)
     _, out, err = workbench("compare", "line.py", "--dask", "tcp://somewhere:1", "--workers", "2")
     assert "no cluster in this test" in err
