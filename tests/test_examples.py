@@ -130,7 +130,7 @@ def each_term_of_training_closes_directions(example: Any) -> None:
     assert example.data.shape == (4320, 2700)
     assert example.open_with == {"E_D": 31, "E_D + E_T": 16, "E_D + E_T + E_P": 12}
     kinds = {direction.kind for direction in example.data.null_directions}
-    assert kinds == {"translation", "rotation", "gauge"}  # every one of them has a name
+    assert kinds == {"translation", "rotation", "mixed"}  # pushes of the surface have no name
 
 
 @claims_of("06_outliers")

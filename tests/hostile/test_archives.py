@@ -55,7 +55,7 @@ ARRAYS: dict[str, tuple[str, str]] = {  # of files that say nothing but what the
     "mocap.npz": ("mocap.npz", "poses clip"),
     "training-start": ("start.npz", "template faces parents segmentation"),
     "training-folder": ("c.npz", "vertices"),
-    "comparison": ("comparison/runs/description.npz", "start_cost"),
+    "comparison": ("comparison/runs/record.npz", "end trace"),
     "soft-tissue": ("tissue.npz", "directions first second response part"),
     "embedded.npz": ("small.npz", "template shapedirs posedirs_step weight_shares coco_rows faces"),
 }
