@@ -176,22 +176,22 @@ __all__ = [
 
 
 @cache
-def _rooms() -> dict[str, str]:
-    """The room of each public name, by the imports above, which only type checkers carry out."""
+def _modules() -> dict[str, str]:
+    """The module of each public name, by the imports above, which only type checkers carry out."""
     module = ast.parse(Path(__file__).read_text(encoding="utf-8"))
     imports = next(node.body for node in module.body if isinstance(node, ast.If))
-    rooms = (node for node in imports if isinstance(node, ast.ImportFrom))
-    found = {name.name: str(room.module) for room in rooms for name in room.names}
-    return {name: room for name, room in found.items() if room != __name__}
+    statements = (node for node in imports if isinstance(node, ast.ImportFrom))
+    found = {name.name: str(of.module) for of in statements for name in of.names}
+    return {name: path for name, path in found.items() if path != __name__}
 
 
 def __getattr__(name: str) -> Any:
-    """Load a public name or a room when it is first used.
+    """Load a public name or a package when it is first used.
 
     To load all of them takes seconds, in which an interrupt would not be handled yet.
     """
-    if name in _rooms():
-        return getattr(import_module(_rooms()[name]), name)
+    if name in _modules():
+        return getattr(import_module(_modules()[name]), name)
     if find_spec(f"{__name__}.{name}") is None:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return import_module(f"{__name__}.{name}")

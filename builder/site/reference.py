@@ -1,4 +1,4 @@
-"""The pages of the API reference: a room's index, and a page for every public name."""
+"""The pages of the API reference: a package's index, and a page for every public name."""
 
 import ast
 import re
@@ -48,8 +48,8 @@ class PublicName:
     exported: str
 
     @property
-    def room(self) -> str:
-        """The room that it lives in: a folder or a module of the package."""
+    def package(self) -> str:
+        """The package or module of `workbench` that it lives in."""
         return self.module.split(".")[1]
 
     @property
@@ -74,7 +74,7 @@ class PublicName:
 
 
 def inventory() -> list[PublicName]:
-    """All public names, by room and name.
+    """All public names, by package and name.
 
     These are the names in the `__all__` of every package, all errors, and the types that the
     arguments and results of `workbench.__all__` are annotated with.
@@ -91,7 +91,7 @@ def inventory() -> list[PublicName]:
     for entry in [entry for entry in found.values() if entry.public]:
         for module, name, definition in annotated(entry):
             found.setdefault((module, name), PublicName(name, module, definition, False, module))
-    return sorted(found.values(), key=lambda e: (e.room, e.name.casefold(), e.name))
+    return sorted(found.values(), key=lambda e: (e.package, e.name.casefold(), e.name))
 
 
 def annotated(entry: PublicName) -> Iterator[tuple[str, str, Definition]]:
@@ -310,14 +310,14 @@ class Reference:
 
     def __init__(self, examples: list[ExampleRun]) -> None:
         self.entries = inventory()
-        self.rooms: dict[str, list[PublicName]] = defaultdict(list)
+        self.packages: dict[str, list[PublicName]] = defaultdict(list)
         for entry in self.entries:
-            self.rooms[entry.room].append(entry)
+            self.packages[entry.package].append(entry)
         self.examples = {name: example for example in examples for name in example.names}
         self.pages: dict[PublicName, str] = {}
         taken: set[str] = set()
         for entry in self.entries:
-            page = f"{entry.room}/{entry.name}"
+            page = f"{entry.package}/{entry.name}"
             while page.casefold() in taken or page.endswith("/index"):
                 page += "_"  # `Start` and `start` are one file on some machines
             taken.add(page.casefold())
@@ -326,16 +326,16 @@ class Reference:
     def write(self, folder: Path) -> None:
         """Write all pages into a folder of their own."""
         folder.mkdir(parents=True)
-        rooms = list(self.rooms)
-        (folder / "index.md").write_text(self._index(rooms), encoding="utf-8")
-        for room in rooms:
-            (folder / room).mkdir()
-            (folder / room / "index.md").write_text(self._room(room), encoding="utf-8")
+        packages = list(self.packages)
+        (folder / "index.md").write_text(self._index(packages), encoding="utf-8")
+        for package in packages:
+            (folder / package).mkdir()
+            (folder / package / "index.md").write_text(self._package(package), encoding="utf-8")
         for entry, page in self.pages.items():
             (folder / f"{page}.md").write_text(self._page(entry), encoding="utf-8")
 
     def link(self, entry: PublicName) -> Link:
-        """The links of an entry's page: names of its own room come first, then public ones."""
+        """The links of an entry's page: names of its own package come first, then public ones."""
 
         def to(name: str) -> str | None:
             head, _, member = name.removeprefix("workbench.").removeprefix("wb.").partition(".")
@@ -343,9 +343,9 @@ class Reference:
                 return f"#{name}"
             found = [one for one in self.entries if one.name == head]
             if head.islower() and not member:  # a word of the language, or an argument, more often
-                near = [one for one in found if one.public or one.room == entry.room]
+                near = [one for one in found if one.public or one.package == entry.package]
                 found = [] if head in _argument_names(entry) else near
-            found.sort(key=lambda one: (one.room != entry.room, not one.public))
+            found.sort(key=lambda one: (one.package != entry.package, not one.public))
             if not found:
                 return None
             other = found[0]
@@ -355,7 +355,7 @@ class Reference:
 
         return to
 
-    def _index(self, rooms: list[str]) -> str:
+    def _index(self, packages: list[str]) -> str:
         public = [entry for entry in self.entries if entry.public]
         table = "".join(
             f'<tr><td><a href="{self.pages[entry]}.html"><code>{entry.name}</code></a></td>'
@@ -363,28 +363,30 @@ class Reference:
             for entry in sorted(public, key=lambda one: one.name.casefold())
         )
         floors = "".join(
-            f'<tr><td><a href="{room}/index.html">{room}</a></td>'
-            f"<td>{inline(_about(room), _nowhere)}</td><td>{len(self.rooms[room])}</td></tr>"
-            for room in rooms
+            f'<tr><td><a href="{package}/index.html">{package}</a></td>'
+            f"<td>{inline(_about(package), _nowhere)}</td>"
+            f"<td>{len(self.packages[package])}</td></tr>"
+            for package in packages
         )
         return (
             f"# Reference\n\n{INTRODUCTION}\n\n"
             + raw(f'<table class="names">{table}</table>')
             + "\n\n"
             + raw(
-                '<h2>Rooms</h2><table class="names"><tr><th>room</th><th></th><th>names</th></tr>'
+                '<h2>Packages</h2><table class="names">'
+                "<tr><th>package</th><th></th><th>names</th></tr>"
                 f"{floors}</table>"
             )
             + "\n\n```{toctree}\n:hidden:\n\n"
-            + "\n".join(f"{room}/index" for room in rooms)
+            + "\n".join(f"{package}/index" for package in packages)
             + "\n```\n"
         )
 
-    def _room(self, room: str) -> str:
-        captions = {e.name: e for e in self.rooms[room] if e.name.startswith(CAPTION)}
-        drawn = {e.name.replace(PLOT, CAPTION, 1) for e in self.rooms[room]} & captions.keys()
+    def _package(self, package: str) -> str:
+        captions = {e.name: e for e in self.packages[package] if e.name.startswith(CAPTION)}
+        drawn = {e.name.replace(PLOT, CAPTION, 1) for e in self.packages[package]} & captions.keys()
         rows = ""
-        for entry in self.rooms[room]:
+        for entry in self.packages[package]:
             if entry.name in drawn:
                 continue  # it has no row of its own: it stands beside the figure
             about = inline(entry.summary, _nowhere)
@@ -396,9 +398,9 @@ class Reference:
                 f'<tr><td><a href="../{self.pages[entry]}.html"><code>{entry.name}</code></a></td>'
                 f"<td>{about}</td></tr>"
             )
-        names = "\n".join(Path(self.pages[entry]).name for entry in self.rooms[room])
-        table = f'<p>{inline(_about(room), _nowhere)}</p><table class="names">{rows}</table>'
-        return f"# {room}\n\n{raw(table)}\n\n```{{toctree}}\n:hidden:\n\n{names}\n```\n"
+        names = "\n".join(Path(self.pages[entry]).name for entry in self.packages[package])
+        table = f'<p>{inline(_about(package), _nowhere)}</p><table class="names">{rows}</table>'
+        return f"# {package}\n\n{raw(table)}\n\n```{{toctree}}\n:hidden:\n\n{names}\n```\n"
 
     def _page(self, entry: PublicName) -> str:
         link, node = self.link(entry), entry.definition
@@ -505,8 +507,8 @@ def _is_enumeration(node: ast.ClassDef) -> bool:
     return any("Enum" in ast.unparse(base) for base in node.bases)
 
 
-def _about(room: str) -> str:
-    return summary(ast.get_docstring(tree(f"workbench.{room}")) or "")
+def _about(package: str) -> str:
+    return summary(ast.get_docstring(tree(f"workbench.{package}")) or "")
 
 
 def _nowhere(name: str) -> str | None:

@@ -61,7 +61,7 @@ def every_public_name_has_a_page_with_an_example(site: Path) -> None:
     entries = {entry.name: entry for entry in inventory() if entry.public}
     assert entries.keys() == set(wb.__all__)
     for name, entry in entries.items():
-        page = site / "reference" / entry.room / f"{name}.html"
+        page = site / "reference" / entry.package / f"{name}.html"
         assert PRINTED in page.read_text(encoding="utf-8"), f"{name} has no example"
 
 
@@ -134,7 +134,7 @@ INNER = {  # classes in annotations of public ones that users have no reason to 
 
 @pytest.mark.thorough
 def test_classes_in_public_annotations_are_public() -> None:
-    """Every class in their annotations is `wb.Name`, or `wb.room.Name` by its room's `__all__`."""
+    """Classes in their annotations are `wb.Name`, or `wb.package.Name` of its `__all__`."""
     entries = inventory()
     hidden = {(e.module, e.name) for e in entries if e.exported == e.module and not e.public}
     found = {
@@ -147,7 +147,7 @@ def test_classes_in_public_annotations_are_public() -> None:
     excused = set().union(*INNER.values())
     missing = {name: used for name, used in found.items() if name not in excused}
     assert not missing, (
-        f"export these from `workbench` or their rooms, for who uses them: {missing}"
+        f"export these from `workbench` or their packages, for who uses them: {missing}"
     )
     assert excused <= found.keys(), f"no exceptions any more: {excused - found.keys()}"
 

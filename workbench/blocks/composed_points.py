@@ -437,14 +437,14 @@ class FramesAt(PointsAt):
         width = self.frames[0].points.size
         for i, (t, here) in enumerate(zip(self.of.some, self.frames, strict=True)):
             at = slice(i * width, (i + 1) * width)
-            rooms = {}
+            parts = {}
             for name, array in into.items():
                 if self.of.framed[name]:
                     array[:, at] = 0.0  # the other frames do not move these points
                     size = len(array) // self.of.blocks[name].shape[0]
                     array = array[t * size : (t + 1) * size]
-                rooms[name] = array[:, at]
-            here.write_jacobian(rooms, None if scale is None else scale[at])
+                parts[name] = array[:, at]
+            here.write_jacobian(parts, None if scale is None else scale[at])
 
     def vjp(self, cotangent: Array) -> dict[str, Array]:
         """The gradient by every block that is read, flat."""

@@ -391,7 +391,7 @@ class ExpressedPoints(NumericPoints):
             J = cs.jacobian(cs.vec(self.expression), cs.vec(symbol))
             starts, rows = J.sparsity().get_ccs()
             places = csc_array((np.ones(len(rows)), rows, starts), shape=J.shape)
-            found[name] = Buffered(cs.Function("slopes", self._symbols, [J])), places
+            found[name] = Buffered(cs.Function("jacobian", self._symbols, [J])), places
         return found
 
 
@@ -457,7 +457,7 @@ class LoopedPoints:
     def write_jacobians(self, some: slice, into: Mapping[str, Array]) -> None:
         """Write the derivatives at some of the values, (some, 3 N, size)."""
         for i, here in enumerate(self.places[some]):
-            here.write_jacobian({name: room[i].T for name, room in into.items()}, None)
+            here.write_jacobian({name: array[i].T for name, array in into.items()}, None)
 
     def vjps(self, cotangents: Array) -> dict[str, Array]:
         """The gradients (M, size) by each block that is read."""

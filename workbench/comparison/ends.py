@@ -75,8 +75,8 @@ def least_curvature(problem: Problem, x: Array, fixed: Array) -> float:
 
 
 def _inside(problem: Problem, x: Array) -> Mask:
-    room = ON_A_LIMIT * np.maximum(1, abs(x))
-    return np.asarray((x > problem.lower + room) & (x < problem.upper - room))
+    tolerance = ON_A_LIMIT * np.maximum(1, abs(x))
+    return np.asarray((x > problem.lower + tolerance) & (x < problem.upper - tolerance))
 
 
 def _least_by_largest(product: Callable[[Array], Array], n: int) -> float:

@@ -23,13 +23,13 @@ T = TypeVar("T")
 Point = tuple[Array, Array]  # free and fixed numbers
 Complete = Callable[[Array, Array], Point]
 CLOSING = 3  # evaluations after the last one that counts
-ROOM = 1e-9  # of a number: rounding on a bound
+ROUNDING = 1e-9  # of a number: rounding on a bound
 
 
 def feasible(problem: Problem, x: Array, fixed: Array) -> bool:
     """Inside the bounds, and no constraint missed by more than its tolerance."""
-    room = ROOM * np.maximum(1, abs(x))
-    if not ((problem.lower <= x + room) & (x - room <= problem.upper)).all():
+    tolerance = ROUNDING * np.maximum(1, abs(x))
+    if not ((problem.lower <= x + tolerance) & (x - tolerance <= problem.upper)).all():
         return False
     there = problem.stacked_constraints
     return there is None or there.violation(there.values(x, fixed)) <= 1

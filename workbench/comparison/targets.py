@@ -137,8 +137,8 @@ class ReferenceCosts:
         """
         if not (np.isfinite(self.start) and np.isfinite(self.best)):
             return np.nan
-        room = 1e-12 if self.start >= self.best else AS_GOOD
-        slack = max(room * abs(self.best), SMALLEST * abs(self.start))
+        rounding = 1e-12 if self.start >= self.best else AS_GOOD
+        slack = max(rounding * abs(self.best), SMALLEST * abs(self.start))
         return self.best + max(tau * (self.start - self.best), slack)
 
     def reached_at(self, record: Record, tau: float) -> Array | None:

@@ -227,8 +227,8 @@ def held(d: "Diagnosis") -> str:
 
 def _depth(d: "Diagnosis") -> Iterator[Finding]:
     """A body that lies flat across the view of one camera shows one turn of each bone only."""
-    felt = FELT * max((turn.best for turn in d.joint_turns), default=0.0)
-    seen = [turn for turn in d.joint_turns if turn.best > felt]
+    least = FELT * max((turn.best for turn in d.joint_turns), default=0.0)
+    seen = [turn for turn in d.joint_turns if turn.best > least]
     flat = [turn.joint for turn in seen if turn.second < FLAT * turn.best]
     if len(seen) < 3 or len(flat) < MOSTLY * len(seen):
         return

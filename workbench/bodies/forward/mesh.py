@@ -61,12 +61,12 @@ class VertexChunk:
 
     @property
     def shapedirs(self) -> Array:
-        """(B, 3 n)."""
+        """The shape directions of these n vertices, (B, 3 n), in metres."""
         return self.directions[1 : self.edge]
 
     @property
     def posedirs(self) -> Array:
-        """(9 U, 3 n)."""
+        """The pose directions of these n vertices by used features, (9 U, 3 n), in metres."""
         return self.directions[self.edge :]
 
     @property
