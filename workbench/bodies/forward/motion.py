@@ -250,14 +250,12 @@ class Kinematics:
         K, some = len(self.parents), betas.shape[:-1]
         R = matrix_from_vector(motion.pose)
         rest = (self._rest[0] + betas @ self._rest[1:]).reshape(*some, 2, K, 3)
-        world = np.empty((*some, K + 1, 3, 4))
-        world[..., :K, :, :3], world[..., :K, :, 3] = R, rest[..., 1, :, :]
-        world[..., K, :, :] = np.eye(3, 4)
+        world = np.zeros((*some, K + 1, 4, 4))
+        world[..., :K, :3, :3], world[..., :K, :3, 3] = R, rest[..., 1, :, :]
+        world[..., 3, 3], world[..., K, :3, :3] = 1, np.eye(3)
         for up in self._jumps:  # each motion is from 1, 2, 4 and so on generations above
-            above = world.take(up, axis=-3)
-            world = above[..., :3] @ world
-            world[..., 3] += above[..., 3]
-        world = world[..., :K, :, :]
+            world = world.take(up, axis=-3) @ world
+        world = world[..., :K, :3, :]
         motion.features[...] = (R - self.bind)[..., 1:, :, :].reshape(*some, 9 * (K - 1))
         motion.joints[...] = world[..., 3]
         turn = np.matmul(world[..., :3], self.bound.swapaxes(1, 2), out=motion.G[..., :3])
