@@ -363,9 +363,9 @@ for interval in (wilson, rate):
 #
 # `workbench compare` does all of this on suites, each run in a process of its own that can be stopped,
 # and writes it as a page. Its intervals are Clopper and Pearson's, its pairs are tested on problems and
-# not on starts, and its prices are printed: 4 for a gradient as here, 1 + 1.5 n for residual and
-# Jacobian together, which is the bound of Griewank and Walther (*Evaluating Derivatives*, 2008) for any
-# program. Times rank no solver: seconds stand beside the counts, with their spread.
+# not on starts, and its prices are printed: 4 for a gradient as here, which is the bound of Griewank and
+# Walther (*Evaluating Derivatives*, 2008) for any program, and n + 1 for residual and Jacobian together,
+# what differences would take. Times rank no solver: seconds stand beside the counts, with their spread.
 #
 # ## When not every point is allowed
 #

@@ -237,7 +237,8 @@ def prices_sentence() -> str:
     return (
         "Effort is the number of evaluations until the target is met, each kind times a fixed "
         f"price in units of one evaluation of the residual: {prices_in_words()} "
-        f"(upper bounds from {SOURCE}; constraints by convention). It does not depend on any clock."
+        f"(a gradient as {SOURCE}, bound it, a Jacobian as differences would give it, constraints "
+        "by convention). It does not depend on any clock."
     )
 
 

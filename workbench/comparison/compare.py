@@ -49,7 +49,7 @@ def compare(
     cluster.
 
     Effort is counted at the prices of `workbench.comparison.targets`, in evaluations of the
-    residual: gradient 4, Jacobian 1 + 1.5 n, Hessian 4 + 6 n, constraints 1. Times are stored,
+    residual: gradient 4, Jacobian n + 1, Hessian 4 (n + 1), constraints 1. Times are stored,
     but no solver is ranked by them.
 
     Raises UnknownName, BadFile or BadArgument before anything runs; WorkbenchError if no

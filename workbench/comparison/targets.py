@@ -6,15 +6,15 @@ one where that is lower (More and Wild, Benchmarking derivative-free optimizatio
 J. Optim. 20, 2009, section 2). No solver's own word counts.
 
 Effort is a sum of counts times prices, so the same runs have the same effort on every machine. A
-residual is the unit. The derivatives cost what Griewank and Walther (Evaluating Derivatives, second
-edition, SIAM 2008, chapters 3 and 4) show to be enough for any program by algorithmic
-differentiation, in their model of what operations and memory take, n being the number of free
-numbers: a gradient of the cost, one reverse sweep, 4; residual and Jacobian, n directions forwards,
-1 + 1.5 n; a Hessian of the cost, n second-order adjoints, 4 + 6 n. These are upper bounds of
-operations, not of seconds: a sparse Jacobian takes less than its price, and a gradient of a very
-quick residual may take many times its price on the clock. The page of a comparison therefore shows
-the measured ratios beside the prices. All constraints together are priced as one residual by
-convention, and their derivatives follow the same bounds.
+residual is the unit, and n the number of free numbers. A derivative costs no more than anybody can
+have it for: a gradient of the cost, one reverse sweep, 4 (Griewank and Walther, Evaluating
+Derivatives, second edition, SIAM 2008, chapter 4), or n + 1 by forward differences where that is
+less; residual and Jacobian n + 1, the price of forward differences, so that exact derivatives are
+never dearer than approximate ones; a Hessian of the cost, the same differences of gradients,
+4 (n + 1). These are operations, not seconds: a sparse Jacobian takes less than its price, and a
+gradient of a very quick residual may take many times its price on the clock. The page of a
+comparison therefore shows the measured ratios beside the prices. All constraints together are
+priced as one residual by convention, and their derivatives accordingly.
 """
 
 from collections.abc import Callable
@@ -48,12 +48,12 @@ class Price:
 
 PRICES = {
     "residual": Price("residual", "1", lambda n: 1.0),
-    "gradient": Price("gradient", "4", lambda n: 4.0),
-    "jacobian": Price("Jacobian", "1 + 1.5 n", lambda n: 1.0 + 1.5 * n),
-    "hessian": Price("Hessian", "4 + 6 n", lambda n: 4.0 + 6.0 * n),
+    "gradient": Price("gradient", "min(4, n + 1)", lambda n: min(4.0, n + 1.0)),
+    "jacobian": Price("Jacobian", "n + 1", lambda n: n + 1.0),
+    "hessian": Price("Hessian", "4 (n + 1)", lambda n: 4.0 * (n + 1.0)),
     "constraint": Price("constraints", "1", lambda n: 1.0),
-    "constraint_jacobian": Price("Jacobian of constraints", "1 + 1.5 n", lambda n: 1.0 + 1.5 * n),
-    "constraint_hessian": Price("Hessian of constraints", "4 + 6 n", lambda n: 4.0 + 6.0 * n),
+    "constraint_jacobian": Price("Jacobian of constraints", "n + 1", lambda n: n + 1.0),
+    "constraint_hessian": Price("Hessian of constraints", "4 (n + 1)", lambda n: 4.0 * (n + 1.0)),
 }
 SOURCE = "Griewank and Walther, Evaluating Derivatives (2008)"
 
