@@ -219,7 +219,7 @@ def _constrained(
             c = np.concatenate([there.values(_x(target, z), target.fixed)[moving], c])
         return np.concatenate([(c - low)[below], (high - c)[above]])
 
-    def slopes(u: Array) -> Array:
+    def margins_jacobian(u: Array) -> Array:
         A = G * scale
         if there is not None:
             seen = there.linearize(_x(target, start + scale * u), target.fixed)
@@ -242,7 +242,7 @@ def _constrained(
         method="SLSQP",
         jac=gradient,
         bounds=scipy.optimize.Bounds(least, most),
-        constraints=scipy.optimize.NonlinearConstraint(margins, 0.0, np.inf, jac=slopes),
+        constraints=scipy.optimize.NonlinearConstraint(margins, 0.0, np.inf, jac=margins_jacobian),
         options={"maxiter": 500, "ftol": 1e-10},
     )
     end = np.asarray(start + scale * ended.x)
