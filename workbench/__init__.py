@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from workbench.errors import WorkbenchError
     from workbench.experiments import Experiment
     from workbench.fitting import KnownAnswer, Measure, Setup, View
+    from workbench.fitting.measures import measured, measures
     from workbench.geometry.camera import Camera
     from workbench.geometry.meshes import Mesh
     from workbench.geometry.surface_tree import ClosestPoints, closest
@@ -161,6 +162,8 @@ __all__ = [
     "laplace",
     "linear_blend",
     "load_body",
+    "measured",
+    "measures",
     "read_motion",
     "residuals",
     "rig",

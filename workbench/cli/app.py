@@ -41,6 +41,7 @@ VERBS = {
     "basins": Verb("basins", COMPARE, "Map the starts from which rigid ICP finds its place."),
     "body": Verb("body", MODELS, "Print a body's model card, and draw it."),
     "check-body": Verb("body", MODELS, "What a model file is, and what is wrong with it."),
+    "measure": Verb("measure", MODELS, "Stature, lengths and girths of a body, in metres."),
     "sliders": Verb("body", MODELS, "Write a page with sliders for pose and shape."),
     "train": Verb("train", MODELS, "Train a body from registrations; it continues after a stop."),
     "rig": Verb("train", MODELS, "Find skeleton and skinning weights of meshes in motion."),

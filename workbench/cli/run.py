@@ -30,6 +30,7 @@ from workbench.reports.replays import live_server
 from workbench.reports.run import (
     better_said,
     interrupted_said,
+    measurements_table,
     priors_said,
     residuals_table,
     status_said,
@@ -236,6 +237,8 @@ def print_outcome(console: Console, outcome: Outcome) -> None:
         over = f"over {measure.over}" if measure.over else ""
         table.add_row(escape(measure.name), value, measure.unit, escape(over))
     console.print(table)
+    if outcome.measurements:
+        console.print(rich_table(measurements_table(outcome.measurements)))
     _print_residuals(console, outcome)
     console.print(escape(_seen("Jacobian", outcome.diagnosis)))
     if outcome.data_alone is not None:

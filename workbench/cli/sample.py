@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 from rich.console import Console
 from rich.markup import escape
@@ -12,10 +13,12 @@ from rich.progress import BarColumn, TaskID, TextColumn, TimeElapsedColumn, Time
 from rich.progress import Progress as Bar
 
 from workbench import sampling
+from workbench.blocks.layout import entries
 from workbench.cli.console import (
     folder_to_write,
     make_folder,
     print_page,
+    rich_table,
     say,
     warn_of,
     warn_without_effect,
@@ -24,8 +27,10 @@ from workbench.cli.leaving import Interrupted, interrupts_say
 from workbench.cli.run import Name, Out, Setting, SolverName, settings, solved, solver_named
 from workbench.errors import check_known
 from workbench.experiments import find
+from workbench.fitting.measures import measured_in, person_of
 from workbench.fitting.setup import Setup
 from workbench.reports import write_posterior
+from workbench.reports.page import Table
 from workbench.reports.posterior_summary import (
     BlockPosterior,
     blocks_table,
@@ -35,6 +40,7 @@ from workbench.reports.posterior_summary import (
 from workbench.sampling import MOVES
 from workbench.solvers import DEFAULT
 
+ENDS = (0.05, 0.95)  # of a central interval of 90 %
 NOT_CONVERGED = 1  # the exit code if a block is not usable
 
 
@@ -209,6 +215,27 @@ def print_posteriors(console: Console, parts: Sequence[BlockPosterior], setup: S
         posterior = part.posterior
         say(console, escape(posterior.summary(truth_of(posterior, setup), setup.priors)))
         _print_beside(console, posterior, part.approximation)
+    _print_measurements(console, [part.posterior for part in parts], setup)
+
+
+def _print_measurements(
+    console: Console, posteriors: Sequence[sampling.Posterior], setup: Setup
+) -> None:
+    """The measurements of the person, from the first usable draws that have all betas in them."""
+    body, free = person_of(setup), setup.problem.free
+    if body is None:
+        return
+    betas = free.labels_of(entries(free, body.blocks()[1].name))
+    for posterior in posteriors:
+        if posterior.usable and set(betas) <= set(posterior.labels):
+            found = measured_in(posterior, body)
+            rows = tuple(
+                (name, f"{np.median(m):.3f}", "{:.3f} to {:.3f}".format(*np.quantile(m, ENDS)))
+                for name, m in found.items()
+            )
+            console.print("\n[bold]measurements[/]")
+            console.print(rich_table(Table(("measurement", "median, m", "90 %, m"), rows)))
+            return
 
 
 def _print_beside(

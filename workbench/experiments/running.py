@@ -16,6 +16,7 @@ from workbench.diagnostics import Diagnosis, diagnose_whole
 from workbench.errors import WorkbenchError
 from workbench.experiments.experiment import Experiment, user_errors
 from workbench.fitting.doubts import doubts
+from workbench.fitting.measures import Measurement, measurements
 from workbench.fitting.setup import Measure, Setup, View, expect
 from workbench.interrupts import caused_by
 from workbench.problem import Problem
@@ -120,6 +121,7 @@ class Outcome:
         stages: the body at the end of each stage, in the first fitted view, if it was solved in
             stages.
         hypotheses: the body of each hypothesis there, if there was more than one start.
+        measurements: those of the person, if one is fitted.
     """
 
     name: str
@@ -139,6 +141,7 @@ class Outcome:
     doubts: tuple[str, ...] = ()
     stages: tuple[Overlay, ...] = ()
     hypotheses: tuple[Overlay, ...] = ()
+    measurements: tuple[Measurement, ...] = ()
 
     @property
     def best_cost(self) -> float:
@@ -226,6 +229,7 @@ def run(
         compared=compared,
         skipped=skipped,
         measures=_measured(experiment, setup, values),
+        measurements=measurements(setup, values),
         overlays=tuple(overlay(body, view, values, arguments) for view in setup.views)
         if body and arguments
         else (),

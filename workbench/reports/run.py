@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from workbench.errors import joined, some_of
 from workbench.experiments.running import Outcome, ending_in_words
 from workbench.fitting.doubts import doubts
 from workbench.fitting.keypoints import LEAST_CONFIDENCE
+from workbench.fitting.measures import Measurement
 from workbench.fitting.setup import Measure, Moving, Setup
 from workbench.fitting.videos import autocorrelation, errors_of, worth_of
 from workbench.geometry.meshes import write_mesh
@@ -105,6 +106,7 @@ def run_page(outcome: Outcome, files: dict[str, str]) -> str:
         diagnosis=diagnosis,
         truth=truth_called(outcome),
         measures=measures_table(outcome.measures),
+        measurements=measurements_table(outcome.measurements),
         status=solution.status.name.lower().replace("_", " "),
         better=better_said(outcome),
         interrupted=interrupted_said(outcome),
@@ -246,6 +248,9 @@ def run_summary(outcome: Outcome) -> dict[str, Any]:
         "costs": dict(outcome.costs),
         "priors": priors,
         "measures": [asdict(measure) for measure in outcome.measures],
+        "measurements": [
+            asdict(one) | {"contraction": one.contraction} for one in outcome.measurements
+        ],
         "compared": {
             name: _ending(solution) | {"excess": outcome.excess(name)}
             for name, solution in outcome.compared.items()
@@ -283,6 +288,22 @@ def measures_table(measures: tuple[Measure, ...]) -> Table:
     if any(m.over for m in measures):
         return Table(("measure", "value", "unit", "mean over"), rows)
     return Table(("measure", "value", "unit"), tuple(row[:3] for row in rows))
+
+
+def measurements_table(measurements: Sequence[Measurement]) -> Table:
+    """The measurements of a person, and what is known of each with and without the priors."""
+    columns: dict[str, Callable[[Measurement], str]] = {
+        "measurement": lambda m: m.name,
+        "m": lambda m: f"{m.value:.3f}",
+        "90 %, m": lambda m: _between(*m.interval),
+    }
+    if any(np.isfinite(m.prior_sd) for m in measurements):
+        columns["contraction"] = lambda m: f"{m.contraction:.2f}"
+    return Table.of(measurements, columns, (1, 2, 3))
+
+
+def _between(low: float, high: float) -> str:
+    return f"{low:.3f} to {high:.3f}" if np.isfinite(low) else "not determined"
 
 
 def residuals_table(outcome: Outcome) -> Table:
