@@ -33,4 +33,4 @@ error = np.linalg.norm(fitted - clean, axis=1)  # m, to the clean surface
 if __name__ == "__main__":
     for iterate in solution.trace:
         print(f"cost {iterate.cost:14.6g}   step {iterate.step_norm:.1e}")
-    print(f"{solution.status.name}; rms distance to the clean surface {1e3 * error.mean():.2f} mm")
+    print(f"{solution.status.name}; mean distance to the clean surface {1e3 * error.mean():.2f} mm")

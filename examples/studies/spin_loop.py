@@ -6,10 +6,10 @@ SPIN (Kolotouros et al., Learning to Reconstruct 3D Human Pose and Shape via Mod
 Loop, 2019) keeps, for every image, the best fit that it ever had, replaces it by one of lower
 cost, and teaches a regressor by the kept fits, which begins the next fits. Here the regressor sees
 keypoints instead of photographs, and is trained anew in each round. The loop never sees a truth.
-It needs scikit-learn and takes about a minute of one core.
+It needs scikit-learn and takes about a minute of one core. The last regressor is written as well.
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
 
@@ -26,8 +26,13 @@ from workbench.fitting.images import NEARLY, image_priors
 from workbench.fitting.keypoints import KeypointProblem, keypoint_setup
 from workbench.fitting.observations import LIMBS, SIDES, BadObservation
 from workbench.fitting.placing import regressed_start
-from workbench.fitting.pose_regressor import PoseRegressor, shipped_regressor
-from workbench.fitting.regressor_training import draw_facings, people_in, trained
+from workbench.fitting.pose_regressor import PoseRegressor, save_regressor, shipped_regressor
+from workbench.fitting.regressor_training import (
+    draw_facings,
+    neural_networks,
+    people_in,
+    trained,
+)
 from workbench.lectures.material.photographs import Shot, made_up_shots
 from workbench.plots.palette import FAINT, LINES, MARKERS
 from workbench.priors.poses import draw_poses, shipped_mixture
@@ -212,6 +217,7 @@ class LoopStudy:
         others: errors of fits to held-out images that begin otherwise, by name.
         shipped_alone: errors of the shipped regressor's own answers to held-out images.
         best: errors on the loop's images of fits that begin at the truth.
+        regressor: what the last round trained.
     """
 
     plan: LoopPlan
@@ -220,10 +226,12 @@ class LoopStudy:
     others: dict[str, Errors]
     shipped_alone: Errors
     best: Errors
+    regressor: PoseRegressor | None = None
 
 
 def loop_study(plan: LoopPlan, mocap: Path | None, report: Report) -> LoopStudy:
     """Make the images, go round the loop, and measure. Raises NotSupported without scikit-learn."""
+    neural_networks()  # before the first fits, which take most of the time
     rng = np.random.default_rng(plan.seed)
     fitting = Fitting(load_skinned(plan.body))
     counts = plan.images, plan.held_out
@@ -235,7 +243,7 @@ def loop_study(plan: LoopPlan, mocap: Path | None, report: Report) -> LoopStudy:
         errors = _errors(fitting, shots, [values for values, _ in kept])
         return Round(number, errors, float(np.mean([c for _, c in kept])), replaced, *of_held_out)
 
-    rounds = [measured(0, 0, None, None)]
+    rounds, regressor = [measured(0, 0, None, None)], None
     for number in range(1, plan.rounds + 1):
         report(f"round {number}: learning from the kept fits")
         regressor = _taught(plan, fitting.body, np.array([v["pose"] for v, _ in kept]), rng)
@@ -254,7 +262,7 @@ def loop_study(plan: LoopPlan, mocap: Path | None, report: Report) -> LoopStudy:
         TRUTH: _errors(fitting, others, [fitting.fit(s, s.truth)[0] for s in others]),
     }
     best = _errors(fitting, shots, [fitting.fit(s, s.truth)[0] for s in shots])
-    return LoopStudy(plan, mocap is not None, tuple(rounds), ways, alone, best)
+    return LoopStudy(plan, mocap is not None, tuple(rounds), ways, alone, best, regressor)
 
 
 def _taught(
@@ -325,8 +333,12 @@ def main() -> None:
     plan, chosen = arguments(LoopPlan, __doc__, "--mocap")
     s = loop_study(plan, chosen.mocap, report)
     figures = {"rounds": (6.4, 4.6, partial(plot_rounds, s))}
-    data = {"kind": "loop", "name": "loop", **asdict(s)}
-    write_study(chosen.out / "loop", tables(s), data, figures)
+    data = {"kind": "loop", "name": "loop", **asdict(replace(s, regressor=None))}
+    del data["regressor"]
+    files = {}
+    if s.regressor is not None:
+        files["regressor.npz"] = partial(save_regressor, s.regressor)
+    write_study(chosen.out / "loop", tables(s), data, figures, files)
 
 
 if __name__ == "__main__":

@@ -2,6 +2,8 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import import_module
+from types import ModuleType
 
 import numpy as np
 
@@ -135,6 +137,17 @@ def train_pose_regressor(
     )
 
 
+def neural_networks() -> ModuleType:
+    """The neural networks of scikit-learn. Raises NotSupported where that is not installed."""
+    try:
+        return import_module("sklearn.neural_network")
+    except ImportError as error:
+        raise NotSupported(
+            f"training a regressor needs scikit-learn, which is not installed: "
+            f"{pip_install('learn')}. The regressor that comes with the workbench needs nothing"
+        ) from error
+
+
 def trained(
     body: Body,
     people: People,
@@ -144,13 +157,7 @@ def trained(
     progress: Callable[[int, float], None],
 ) -> PoseRegressor:
     """Train a regressor on given people; see `train_pose_regressor`."""
-    try:
-        from sklearn import neural_network  # type: ignore[import-untyped]  # it has none
-    except ImportError as error:
-        raise NotSupported(
-            f"training a regressor needs scikit-learn, which is not installed: "
-            f"{pip_install('learn')}. The regressor that comes with the workbench needs nothing"
-        ) from error
+    neural_network = neural_networks()
     names = body.landmark_names("coco")
     rows = [names.index(name) for name in COCO]
     scales, mean = radian_lengths(body), people.poses.mean(axis=0)
