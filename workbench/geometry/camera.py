@@ -77,7 +77,8 @@ class Camera:
 
     def seen(self, points: cs.MX) -> cs.MX:
         """World points (3, N) m in the camera's frame, (3, N) m; the last row is their depth."""
-        return in_frame(points, self.rotation.symbol, self.translation.symbol)
+        t = cs.repmat(self.translation.symbol, 1, points.shape[1])
+        return rodrigues(self.rotation.symbol) @ points + t
 
     def image_of(self, seen: cs.MX) -> cs.MX:
         """The pixels (2, N) of points in the camera's frame (3, N) m.
@@ -153,11 +154,6 @@ class Camera:
     def _numbers(self, values: Mapping[str, ArrayLike]) -> list[Array]:
         layout = Layout(self.blocks)
         return list(layout.unpack(layout.pack(values)).values())
-
-
-def in_frame(points: cs.MX, rotation: cs.MX, t: cs.MX) -> cs.MX:
-    """World points (3, N) m in the frame of a camera, (3, N) m."""
-    return rodrigues(rotation) @ points + cs.repmat(t, 1, points.shape[1])
 
 
 def project(seen: cs.MX, focal: cs.MX, centre: cs.MX, distortion: cs.MX) -> cs.MX:

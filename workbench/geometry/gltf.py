@@ -24,7 +24,7 @@ from workbench.errors import shown
 from workbench.reading.facts import bounded, parsed
 
 COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-MOST_ZEROS = 25_000_000  # numbers of an accessor that has no bytes
+MOST_ZEROS = 5_000_000  # numbers of a sparse accessor that has no bytes
 
 
 @dataclass(frozen=True)
@@ -43,30 +43,22 @@ class GlbDocument:
         found: dict[str, Any] = several[index]
         return found
 
-    def numbers(self, index: Any, kind: str, columns: int) -> NDArray[Any]:
-        """The numbers (count, columns) of an accessor, as a view of the file's bytes."""
-        accessor, name = self.entry("accessors", index), f"accessors[{shown(index)}]"
-        if "sparse" in accessor or "bufferView" not in accessor:
-            raise ValueError(
-                f"{name} is sparse, or compressed by an extension such as Draco's, which is not "
-                "read; export the mesh without compression"
-            )
-        dtype = _dtype(accessor, kind, name)
-        return self._view(accessor, dtype, whole(accessor, "count"), columns, kind, name)
-
     def values(self, index: Any, kind: str, columns: int) -> Array:
         """The numbers (count, columns) of an accessor, sparse or not, normalized if it says so.
 
-        Raises ValueError for more numbers without bytes than a motion has.
+        Raises ValueError for numbers without bytes, as those that an extension compresses.
         """
         accessor, name = self.entry("accessors", index), f"accessors[{shown(index)}]"
         dtype, count = _dtype(accessor, kind, name), whole(accessor, "count")
         if "bufferView" in accessor:
             found = self._view(accessor, dtype, count, columns, kind, name)
-        elif count * columns <= MOST_ZEROS:
+        elif "sparse" in accessor and count * columns <= MOST_ZEROS:
             found = np.zeros((count, columns), dtype)
         else:
-            raise ValueError(f"{name} says it holds {count:,} {kind}, all of them zero")
+            raise ValueError(
+                f"{name} says it holds {count:,} {kind} and has no bytes for them; of a file that "
+                "is compressed, as by Draco, export one that is not"
+            )
         if "sparse" in accessor:
             found = self._replaced(accessor["sparse"], found.copy(), kind, name)
         with np.errstate(invalid="ignore"):
@@ -200,19 +192,12 @@ def document_of(content: bytes, folder: Path | None = None) -> GlbDocument:
     json = parsed(chunks.get(JSON, b"null").rstrip(b" \0"))
     if not isinstance(json, dict):
         raise ValueError("its JSON is no object")
-    if content[:4] != MAGIC:
-        _check_version(json)
+    version = json["asset"].get("version") if isinstance(json.get("asset"), dict) else None
+    if content[:4] != MAGIC and not (isinstance(version, str) and version.startswith("2.")):
+        raise ValueError(f"its asset says version {shown(version)}, and glTF 2.0 is read")
     beside = _Beside(folder)
     buffers = several(json, "buffers")
     return GlbDocument(json, [_bytes(b, k, chunks, beside) for k, b in enumerate(buffers)])
-
-
-def _check_version(json: dict[str, Any]) -> None:
-    """Raises ValueError for text of another version, whose lists are objects."""
-    asset = json.get("asset")
-    version = asset.get("version") if isinstance(asset, dict) else None
-    if not isinstance(version, str) or not version.startswith("2."):
-        raise ValueError(f"its asset says version {shown(version)}, and glTF 2.0 is read")
 
 
 def _chunks(content: bytes) -> dict[bytes, bytes]:
@@ -360,22 +345,14 @@ def _part(document: GlbDocument, primitive: dict[str, Any]) -> tuple[Array, Inde
     none = np.zeros((0, 3), dtype=np.int64)
     if mode not in (POINTS, TRIANGLES, STRIP, FAN) or not isinstance(attributes, dict):
         return np.zeros((0, 3)), none
-    stored = document.numbers(attributes.get("POSITION"), "VEC3", 3)
-    with np.errstate(invalid="ignore"):  # what is no number then is refused by the mesh
-        positions = stored.astype(np.float64)
-    if stored.dtype.kind in "iu" and _accessor_is_normalized(document, attributes):
-        positions = np.maximum(positions / np.iinfo(stored.dtype).max, -1)
+    positions = document.values(attributes.get("POSITION"), "VEC3", 3)
     if mode == POINTS:
         return positions, none
+    order = np.arange(len(positions))
     if "indices" in primitive:
-        order = document.numbers(primitive["indices"], "SCALAR", 1).astype(np.int64).ravel()
-    else:
-        order = np.arange(len(positions))
+        with np.errstate(invalid="ignore"):  # what is no number is no vertex of the mesh either
+            order = document.values(primitive["indices"], "SCALAR", 1).astype(np.int64).ravel()
     return positions, _triangles(order, mode)
-
-
-def _accessor_is_normalized(document: GlbDocument, attributes: dict[str, Any]) -> bool:
-    return document.entry("accessors", attributes["POSITION"]).get("normalized") is True
 
 
 def _triangles(order: Index, mode: int) -> Index:

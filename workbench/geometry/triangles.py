@@ -29,6 +29,7 @@ from scipy.sparse.linalg import SuperLU, splu
 from workbench.arrays import Array, Index
 from workbench.blocks.functions import sparse_constant
 from workbench.errors import BadMesh
+from workbench.geometry.meshes import Mesh
 
 FLAT = 1e-12  # of the longest edge squared: twice the area of a triangle that is a line
 
@@ -128,13 +129,9 @@ class Stitching:
     n_vertices: int
 
     def __post_init__(self) -> None:
-        f, N = self.faces, self.n_vertices
-        if f.ndim != 2 or f.shape[1] != 3 or not len(f):
-            raise BadMesh(f"faces have shape {f.shape}, but must be (F, 3), at least one")
-        wrong = ((f < 0) | (f >= N)).any(axis=1)
-        if wrong.any():
-            face = int(np.argmax(wrong))
-            raise BadMesh(f"face {face} is {f[face].tolist()}, but there are {N} vertices from 0")
+        Mesh(np.zeros((self.n_vertices, 3)), self.faces)  # raises where these do not fit together
+        if not len(self.faces):
+            raise BadMesh("a mesh without faces has nothing to stitch; give at least one")
 
     def __getstate__(self) -> dict[str, Any]:
         """Without what was computed: a factorisation does not pickle."""
