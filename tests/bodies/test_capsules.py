@@ -23,12 +23,11 @@ from workbench.bodies.capsules import (
     segment_distances,
 )
 from workbench.bodies.files.saving import save_body
-from workbench.bodies.parts import owners, part_of, parts_of_capsules
+from workbench.bodies.parts import part_of, parts_of_capsules
 from workbench.errors import BadBody
 from workbench.geometry.mirror import REFLECTION, opposite
 from workbench.residuals import landmarks
 
-STANDS_OUT = 0.045  # m beyond the box around the body
 LARGEST_RMS = {"small": 6.7e-3, "default": 7.4e-3, "default-male": 7.8e-3, "default-female": 7.3e-3}
 
 
@@ -88,26 +87,6 @@ def test_pairs_are_apart_at_rest_and_no_neighbours() -> None:
     assert "ribs and left_upper_arm_near" not in names
 
 
-@pytest.mark.thorough
-def test_jaw_and_pelvis_have_their_places() -> None:
-    body = load_body("default")
-    capsules, parts = body.capsules, parts_of_capsules(body)
-    jaw, left, right = (capsules.names.index(n) for n in ("jaw", "left_pelvis", "right_pelvis"))
-    chin = body.template[parts["jaw"] & (body.template[:, 2] > 0.1)]
-    chin = chin[chin[:, 1].argmin()]
-    away = capsule_distances(chin[None], capsules.ends[[jaw]], capsules.radii[[jaw]])
-    assert abs(away[0, 0]) < 0.01
-    assert (capsules.ends[left, :, 0] > 0).all()
-    assert (capsules.ends[right, :, 0] < 0).all()
-    # together they stand for the whole pelvis, with the midline twice
-    assert np.array_equal(parts["left_pelvis"] | parts["right_pelvis"], _owned(body, "pelvis"))
-    assert np.allclose(body.template[parts["left_pelvis"] & parts["right_pelvis"], 0], 0, atol=1e-6)
-
-
-def _owned(body: SkinnedBody, joint: str) -> np.ndarray:
-    return owners(body) == body.joint_names.index(joint)
-
-
 def test_ends_move_rigidly_with_their_joint() -> None:
     body, rng = load_body("small"), np.random.default_rng(2)
     pose, betas, trans = (0.4 * rng.standard_normal(s) for s in ((24, 3), 10, 3))
@@ -140,15 +119,6 @@ def test_graph_numbers_and_derivatives_agree() -> None:
     radii = cs.Function("r", [betas.symbol], [body.capsules.radii_in(betas.symbol)])
     expected = body.capsules.radii_of(values["betas"])
     assert np.allclose(np.asarray(radii(values["betas"])).ravel(), expected, atol=1e-15)
-
-
-@pytest.mark.thorough
-def test_gaps_of_a_batch_are_those_of_each() -> None:
-    body, rng = load_body("small"), np.random.default_rng(4)
-    poses, betas = 0.5 * rng.standard_normal((5, 24, 3)), rng.standard_normal((5, 10))
-    each = [capsule_gaps(body, p, b) for p, b in zip(poses, betas, strict=True)]
-    assert np.allclose(capsule_gaps(body, poses, betas), each)
-    assert np.allclose(capsule_gaps(body, poses), [capsule_gaps(body, p) for p in poses])
 
 
 @pytest.mark.parametrize("suffix", few([".npz", ".pkl"], 1))
@@ -222,14 +192,3 @@ def test_segment_distances_are_those_of_brute_force() -> None:
     assert np.allclose(np.linalg.norm(other - one, axis=1), found, atol=1e-15)
     to_one = capsule_distances(one[:1], np.stack([a, b], axis=1)[:1], np.zeros(1))
     assert to_one == pytest.approx(0, abs=1e-12)  # the place is on its segment
-
-
-@pytest.mark.parametrize("name", few(LARGEST_RMS, 1))
-def test_capsules_stay_near_the_box_of_the_body(name: str) -> None:
-    """Vertices may be near a capsule that goes on beyond them, as in a body of few vertices."""
-    body = load_body(name)
-    ends, radii = body.capsules.ends_of(np.zeros(10)), body.capsules.radii[:, None]
-    low, high = body.template.min(axis=0), body.template.max(axis=0)
-    for end in (0, 1):
-        assert (ends[:, end] - radii > low - STANDS_OUT).all()
-        assert (ends[:, end] + radii < high + STANDS_OUT).all()

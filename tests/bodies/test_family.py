@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from tests.bodies.model_files import flame, layout, mano, smplh, smplx, star, written
+from tests.bodies.model_files import flame, smplh, smplx, star, written
 from tests.bodies.random_bodies import Entries, entries
 from tests.tiers import few
 from workbench.bodies import mirrored, pose_space, shape_space
@@ -34,14 +34,6 @@ def test_trees_and_names_are_those_of_the_family() -> None:
                 assert names[tree[k]] == (f"{side}_wrist" if n_joints > 16 else "wrist")
     of_body = NAMES[55][1]
     assert [of_body[TREES["SMPL-X"][of_body.index(n)]] for n in FLAME[2:]] == ["head"] * 3
-
-
-def test_joints_of_flame_have_names(tmp_path: Path) -> None:
-    body = load_skinned(written(flame(), tmp_path / "generic_model.pkl"))
-    assert body.joint_names == ("root", "neck", "jaw", "left_eye", "right_eye")
-    other = layout("FLAME")
-    other["kintree_table"][0, 4] = 0
-    assert load_skinned(written(other, tmp_path / "other.npz")).joint_names[4] == "joint_4"
 
 
 # Shape and expression.
@@ -118,17 +110,6 @@ def test_each_hand_of_a_body_has_its_pose_space(tmp_path: Path, make: Any) -> No
         rest = cs.DM(np.zeros((3, body.n_joints - 15)))
         found = cs.evalf(space.pose(body, cs.MX(cs.DM(z)), cs.MX(rest)))
         np.testing.assert_allclose(np.asarray(found).T, pose, atol=1e-14)
-
-
-def test_mean_of_a_hand_is_in_the_pose_alone(tmp_path: Path) -> None:
-    """At pose zero a file of MANO is its template, whatever mean the file has."""
-    raw = mano()
-    body = load_skinned(written(raw, tmp_path / "MANO_RIGHT.pkl"))
-    np.testing.assert_allclose(body.vertices(), raw["v_template"], atol=1e-14)
-    without = replace(body, extras={})
-    posed = pose_space(body).poses(body, np.zeros(45))
-    np.testing.assert_array_equal(body.vertices(posed), without.vertices(posed))
-    np.testing.assert_array_equal(posed[1:].ravel(), raw["hands_mean"])
 
 
 def test_vertices_that_smplx_appends_are_named(tmp_path: Path) -> None:

@@ -17,7 +17,6 @@ from workbench.bodies.files.embedded import embedded, embedded_hand, sewing_of
 from workbench.bodies.files.saving import save_body
 from workbench.bodies.sewn_hands import border, sewn_mesh, with_hands
 from workbench.errors import BadBody, UnknownName
-from workbench.fitting.keypoints import landmark_set
 from workbench.geometry.mirror import AXIAL, REFLECTION, opposite
 
 pytestmark = pytest.mark.thorough
@@ -220,24 +219,6 @@ def test_coefficients_of_hands_have_derivatives() -> None:
     np.testing.assert_allclose(found, np.asarray(graph).ravel(), atol=1e-9)
     with pytest.raises(BadBody, match="side='left' or side='right'"):
         hand_points(BODY, *(block.symbol for block in BODY.blocks()))
-
-
-def test_landmarks_of_hands_are_near_joints() -> None:
-    names = BODY.landmark_names("coco_with_hands")
-    assert len(names) == 65
-    assert names[:23] == BODY.landmark_names("coco") == FULL.landmark_names("coco")
-    away = []
-    for seed in range(4):
-        pose, betas, trans = someone(seed)
-        found = dict(zip(names, BODY.landmark("coco_with_hands", pose, betas, trans), strict=True))
-        joints = dict(zip(BODY.joint_names, BODY.joints(pose, betas, trans), strict=True))
-        away += [np.linalg.norm(found[name] - joints[name]) for name in BODY.joint_names[22:]]
-    assert np.mean(away) < 0.002
-    assert np.max(away) < 0.010
-    assert landmark_set(BODY) == "coco"
-    assert landmark_set(BODY, FULL.landmark_names("coco")) == "coco"
-    assert landmark_set(BODY, ["nose", "left_index1"]) == "coco_with_hands"
-    assert landmark_set(FULL, ["nose", "left_index1"]) == "coco"
 
 
 def test_capsules_are_those_of_the_body() -> None:

@@ -124,17 +124,6 @@ def test_offsets_are_shared_in_sequences(
     np.testing.assert_allclose(other.step(0.1), step, atol=1e-9 * np.abs(step).max())
 
 
-def test_offsets_turn_with_the_parts_they_are_on() -> None:
-    """The derivative by an offset is a blend of rotations: one joint alone leaves its length."""
-    rigid = replace(MARKED, weights=np.eye(5)[RNG.integers(5, size=16)])
-    pose, offsets = RNG.normal(size=(5, 3)), RNG.normal(scale=0.01, size=(6, 3))
-    moved = rigid.landmark(SET, pose, offsets=offsets) - rigid.landmark(SET, pose)
-    lengths = np.linalg.norm(offsets[:4], axis=1)  # of the markers on one vertex
-    np.testing.assert_allclose(np.linalg.norm(moved[:4], axis=1), lengths, rtol=1e-12)
-    at_rest = rigid.landmark(SET, offsets=offsets) - rigid.landmark(SET)
-    np.testing.assert_allclose(at_rest, offsets, atol=1e-15)
-
-
 def test_blocks_of_offsets_have_names_and_a_unit() -> None:
     block = MARKED.offsets(SET)
     assert (block.name, block.shape, block.unit) == ("offsets", (6, 3), "m")

@@ -2,14 +2,12 @@
 
 import re
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import casadi as cs
 import numpy as np
 import pytest
 from scipy.sparse import csr_array
-from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 import workbench as wb
@@ -21,7 +19,6 @@ from tests.bodies.laws import (
     some_arguments,
 )
 from tests.bodies.paper import smpl
-from tests.bodies.random_bodies import entries
 from tests.bodies_made_up import random_body, smpl_like_body
 from tests.tiers import few
 from workbench import Landmarks, SkinnedBody
@@ -61,11 +58,6 @@ def test_vertices_and_joints_are_those_of_the_paper(body: SkinnedBody) -> None:
     assert_as_in_paper(body)
 
 
-def test_body_of_a_file_is_that_of_the_paper(tmp_path: Path) -> None:
-    np.savez(tmp_path / "somebody.npz", **entries(N=40, B=10))
-    assert_as_in_paper(wb.load_body(tmp_path / "somebody.npz"))
-
-
 def test_embedded_body_is_that_of_the_paper() -> None:
     assert_as_in_paper(wb.load_body("small"))
 
@@ -85,35 +77,6 @@ def test_bind_pose_leaves_the_shaped_template(body: SkinnedBody) -> None:
 @EACH_BODY
 def test_turning_the_root_turns_everything_about_the_pelvis(body: SkinnedBody) -> None:
     assert_root_turns_everything_about_pelvis(body)
-
-
-def test_one_hot_weights_keep_lengths_within_a_part() -> None:
-    body = random_body(7, n_vertices=40, n_joints=6)
-    part = np.arange(40) % 6
-    body = replace(body, weights=np.eye(6)[part], posedirs=0 * body.posedirs)
-    posed = body.vertices(some_arguments(body)[0])
-    for k in range(6):
-        before, after = body.template[part == k], posed[part == k]
-        lengths = [np.linalg.norm(v[:, None] - v, axis=-1) for v in (before, after)]
-        np.testing.assert_allclose(lengths[1], lengths[0], atol=1e-14)
-
-
-def test_joints_lie_in_the_convex_hull_of_vertices() -> None:
-    body = smpl_like_body()
-    betas = some_arguments(body)[1]
-    hull = ConvexHull(body.vertices(betas=betas))
-    outside = body.joints(betas=betas) @ hull.equations[:, :3].T + hull.equations[:, 3]
-    assert outside.max() <= 1e-14
-
-
-def test_joints_follow_a_moved_or_scaled_surface() -> None:
-    body = random_body(8)
-    pose, betas, _ = some_arguments(body)
-    before, shift = body.joints(pose, betas), np.array([1.0, 2.0, 3.0])
-    moved = replace(body, template=body.template + shift)
-    np.testing.assert_allclose(moved.joints(pose, betas), before + shift, atol=1e-13)
-    larger = replace(body, template=2 * body.template, shapedirs=2 * body.shapedirs)
-    np.testing.assert_allclose(larger.joints(pose, betas), 2 * before, atol=1e-13)
 
 
 def test_conjugated_rotations_turn_the_body_in_space() -> None:
@@ -141,21 +104,6 @@ JOINTS, POSE, BIND = np.random.default_rng(0).normal(size=(3, 6, 3))
 
 def rotations(vectors: np.ndarray) -> cs.DM:
     return cs.DM(np.hstack(list(matrix_from_vector(vectors))))
-
-
-def test_posed_joints_are_the_sum_over_the_path() -> None:
-    """J'_k = j_0 + sum over c on the path of R_parent(c) (j_c - j_parent(c))."""
-    _, posed = binding_motions(rotations(POSE), rotations(0 * POSE), cs.DM(JOINTS.T), PARENTS)
-    R = matrix_from_vector(POSE)
-    turned = [R[0]]
-    for k in range(1, len(PARENTS)):
-        turned.append(turned[PARENTS[k]] @ R[k])
-    for k in range(len(PARENTS)):
-        position, c = JOINTS[0].copy(), k
-        while c > 0:
-            position += turned[PARENTS[c]] @ (JOINTS[c] - JOINTS[PARENTS[c]])
-            c = PARENTS[c]
-        np.testing.assert_allclose(np.asarray(posed)[:, k], position, atol=1e-14)
 
 
 def test_parts_stay_together_at_their_joints() -> None:
@@ -334,14 +282,6 @@ def test_posed_surface_is_a_mesh_of_trimesh() -> None:
     np.testing.assert_array_equal(mesh.faces, body.faces)
     with pytest.raises(BadBody, match=r"in one pose, not in a batch \(2,\)"):
         body.trimesh(np.zeros((2, 24, 3)))
-
-
-def test_blocks_are_the_same_objects_each_time() -> None:
-    body = smpl_like_body()
-    assert body.blocks("scan 3/") is body.blocks("scan 3/")
-    names = [b.name for b in body.blocks("scan 3/")]
-    assert names == ["scan 3/pose", "scan 3/betas", "scan 3/trans"]
-    assert body.blocks()[0].entry(3 * 8 + 2) == "[right_ankle, z]"
 
 
 # Linearity: SMPL is linear in all but its pose, in each array alone.

@@ -14,7 +14,6 @@ from tests.bodies.laws import assert_chain_rule_is_graph
 from tests.bodies_made_up import random_body
 from workbench.bodies import skin, skin_vertices
 from workbench.bodies.files.saving import save_body
-from workbench.bodies.forward.posing import unpose
 from workbench.bodies.triangles.body import blend_scape
 from workbench.errors import BadArgument, BadBody, BadFile
 
@@ -46,12 +45,6 @@ def test_skinning_function_gives_the_vertices_of_a_body(kind: Any) -> None:
     np.testing.assert_allclose(np.asarray(W(*NUMBERS)).T, expected, atol=1e-12)
     found = skin_vertices(AT_REST, REGRESSED, BODY.weights, POSE, BODY.parents)
     np.testing.assert_allclose(found, expected, atol=1e-12)
-
-
-def test_skinning_function_is_linear_in_all_but_the_pose() -> None:
-    symbols = four(cs.MX)
-    posed = cs.vec(skin(*symbols, BODY.parents))
-    assert [cs.is_linear(posed, symbol) for symbol in symbols] == [True, True, True, False]
 
 
 def test_turning_the_root_by_hand_turns_about_it() -> None:
@@ -105,21 +98,6 @@ def test_free_joints_take_the_place_of_the_regressor() -> None:
     np.testing.assert_allclose(start, BODY.J_regressor @ BODY.template, atol=1e-15)
 
 
-def test_joints_are_trained_like_other_arrays() -> None:
-    teacher = replace(BODY, rest_joints=BODY.joints() + 0.02 * RNG.normal(size=(K, 3)))
-    poses = 0.6 * RNG.normal(size=(4, K, 3))
-    student = BODY.freed("joints")
-    terms = []
-    for i, pose in enumerate(poses):
-        points = student.points(cs.MX(cs.DM(pose.T)), *SYMBOLS[1:])
-        terms.append(wb.residuals.vertices(points, teacher.vertices(pose), sigma=1e-3, name=f"{i}"))
-    solution = wb.solve(wb.Problem(terms, "joints"), student.start())
-    trained = student.with_values(solution.values)
-    assert not trained.free
-    np.testing.assert_allclose(trained.rest_joints, teacher.rest_joints, atol=1e-8)
-    np.testing.assert_allclose(trained.vertices(poses), teacher.vertices(poses), atol=1e-8)
-
-
 def test_given_joints_do_not_follow_the_shape() -> None:
     np.testing.assert_array_equal(GIVEN.joints(betas=BETAS), GIVEN.joints())
     np.testing.assert_allclose(GIVEN.joints(), JOINTS, atol=1e-15)
@@ -129,11 +107,6 @@ def test_given_joints_do_not_follow_the_shape() -> None:
     assert_chain_rule_is_graph(problem, values)
     J = problem.linearize(values).jacobian
     assert not J[3 * N :, problem.free.slices["betas"]].any()
-
-
-def test_unposing_goes_about_given_joints() -> None:
-    found = unpose(GIVEN, POSE, GIVEN.vertices(POSE, BETAS))
-    np.testing.assert_allclose(found, GIVEN.template + GIVEN.shapedirs @ BETAS, atol=1e-9)
 
 
 def test_joints_and_their_regressor_are_not_free_together() -> None:

@@ -20,7 +20,6 @@ from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.errors import BadArgument, BadBody, BadFile
 from workbench.experiments import find, run
 from workbench.priors.poses import draw_poses, shipped_gaussian
-from workbench.reports import card_text
 
 EXTRAS = {"joint_limits": np.arange(6.0).reshape(3, 2), "gender": np.array("neutral")}
 CARD = {"source": "made up", "numbers": [1, 0.1, None], "nested": {"é": "ü"}}
@@ -128,21 +127,6 @@ def test_extras_cannot_replace_the_body_s_arrays() -> None:
             replace(made("SCAPE"), extras={key: np.zeros(3)})
 
 
-def test_card_tells_faces_of_each_joint_and_what_it_is_made_of(tmp_path: Path) -> None:
-    body = whole(made("small SCAPE"))
-    text = card_text(body)
-    for said in ("each triangle with one part", "734", "faces moved", "carried along", "made up"):
-        assert said in text
-    # each face moves with one joint, so the table's column adds up to them
-    rows = [line.split() for line in text.splitlines() if line.strip()[:1].isdigit()]
-    assert sum(int(row[-2]) for row in rows) == body.n_faces
-    skinned = wb.load_body("small")
-    wb.save_body(blend_scape(skinned), tmp_path / "body.npz")
-    card = wb.load_body(tmp_path / "body.npz").card
-    assert card["made_of"].startswith("body 'small'")
-    assert {key: card[key] for key in skinned.card} == dict(skinned.card)
-
-
 # Those that are shipped.
 
 FOLDER = Path(str(files("workbench"))) / "data" / "bodies"
@@ -179,20 +163,6 @@ def test_posedirs_help_on_people_not_learned_from(name: str) -> None:
 
 def centred(surfaces: np.ndarray) -> np.ndarray:
     return surfaces - surfaces.mean(axis=1, keepdims=True)
-
-
-def test_cards_and_provenance_of_shipped_bodies_agree() -> None:
-    said = (FOLDER / "PROVENANCE.md").read_text(encoding="utf-8")
-    for name in get_args(EmbeddedTriangles):
-        card, (mesh, _) = load_body(name).card, UNTRAINED[name]
-        assert "no scan was seen" in card["learned"]
-        assert f"body {mesh!r}" in card["learned"]
-        assert card["synthetic"]
-        assert "Apache-2.0" in card["licence"]
-        held_out = card["held_out"]
-        row = f"| `{name}` | {held_out['rms_mm']:.1f} | {held_out['rms_without_posedirs_mm']:.1f} |"
-        assert said.count(row) == 1
-        assert f"    {card['builder']['command']}\n" in said
 
 
 def test_damaged_shipped_file_is_refused(tmp_path: Path) -> None:
