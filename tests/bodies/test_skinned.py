@@ -1,7 +1,9 @@
 """A skinned body against the paper's equations, the laws that it keeps, and what it refuses."""
 
+import pickle
 import re
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import casadi as cs
@@ -13,6 +15,7 @@ from scipy.spatial.transform import Rotation
 import workbench as wb
 from tests.bodies.laws import (
     assert_bind_pose_leaves_template,
+    assert_chain_rule_is_graph,
     assert_root_turns_everything_about_pelvis,
     in_symbols,
     said,
@@ -22,11 +25,14 @@ from tests.bodies.paper import smpl
 from tests.bodies_made_up import random_body, smpl_like_body
 from tests.tiers import few
 from workbench import Landmarks, SkinnedBody
+from workbench.bodies import skin, skin_vertices
+from workbench.bodies.files.saving import save_body
 from workbench.bodies.forward.few_points import JointPoints
 from workbench.bodies.forward.kinematics import Skeleton, binding_motions, pose_features
 from workbench.bodies.forward.motion import Kinematics
 from workbench.bodies.forward.skinning import linear_blend
-from workbench.errors import BadBody, UnknownName, WorkbenchError
+from workbench.bodies.triangles.body import blend_scape
+from workbench.errors import BadArgument, BadBody, BadFile, UnknownName, WorkbenchError
 from workbench.geometry.rotation import matrix_from_vector, rodrigues
 
 BODIES = {
@@ -43,8 +49,8 @@ EACH_BODY = pytest.mark.parametrize(
 )
 
 
-def assert_as_in_paper(body: SkinnedBody, seed: int = 0) -> None:
-    arguments = some_arguments(body, seed)
+def assert_as_in_paper(body: SkinnedBody) -> None:
+    arguments = some_arguments(body)
     vertices, joints = smpl(body, *arguments)
     np.testing.assert_allclose(body.vertices(*arguments), vertices, rtol=0, atol=1e-12)
     np.testing.assert_allclose(body.joints(*arguments), joints, rtol=0, atol=1e-12)
@@ -56,27 +62,16 @@ def assert_as_in_paper(body: SkinnedBody, seed: int = 0) -> None:
 @EACH_BODY
 def test_vertices_and_joints_are_those_of_the_paper(body: SkinnedBody) -> None:
     assert_as_in_paper(body)
-
-
-def test_embedded_body_is_that_of_the_paper() -> None:
-    assert_as_in_paper(wb.load_body("small"))
-
-
-@EACH_BODY
-def test_bind_pose_leaves_the_shaped_template(body: SkinnedBody) -> None:
     assert_bind_pose_leaves_template(body)
+    assert_root_turns_everything_about_pelvis(body)
     betas = some_arguments(body)[1]
     shaped = body.template + body.shapedirs @ betas
     np.testing.assert_allclose(body.vertices(body.bind_pose, betas), shaped, atol=1e-13)
     np.testing.assert_allclose(body.joints(betas=betas), body.J_regressor @ shaped, atol=1e-13)
 
 
-# Laws.
-
-
-@EACH_BODY
-def test_turning_the_root_turns_everything_about_the_pelvis(body: SkinnedBody) -> None:
-    assert_root_turns_everything_about_pelvis(body)
+def test_embedded_body_is_that_of_the_paper() -> None:
+    assert_as_in_paper(wb.load_body("small"))
 
 
 def test_conjugated_rotations_turn_the_body_in_space() -> None:
@@ -391,3 +386,111 @@ def test_broken_arrays_are_named() -> None:
     for wrong, words in BROKEN:
         found = said(BadBody, replace, random_body(), **wrong)
         assert re.search(f"body 'made-up': .*{words}", found), found
+
+
+BODY = random_body(5, n_vertices=20, n_joints=4, n_betas=2)
+THETA, BETAS, PLACES = (np.random.default_rng(0).normal(size=s) for s in ((4, 3), 2, (4, 3)))
+AT_REST = (
+    BODY.template
+    + BODY.shapedirs @ BETAS
+    + BODY.posedirs @ BODY.kinematics.motion(THETA, BETAS).features
+)
+REGRESSED = BODY.J_regressor @ (BODY.template + BODY.shapedirs @ BETAS)
+NUMBERS = AT_REST.T, REGRESSED.T, BODY.weights, THETA.T
+GIVEN = replace(BODY, rest_joints=PLACES, name="given")
+SYMBOLS = [block.symbol for block in BODY.blocks()]
+
+
+def four(kind: Any) -> tuple[Any, ...]:
+    shapes = {"T": (3, 20), "J": (3, 4), "weights": (20, 4), "theta": (3, 4)}
+    return tuple(kind.sym(name, *shape) for name, shape in shapes.items())
+
+
+@pytest.mark.parametrize("kind", [cs.MX, cs.SX])
+def test_skinning_function_gives_the_vertices_of_a_body(kind: Any) -> None:
+    expected, symbols = BODY.vertices(THETA, BETAS), four(kind)
+    W = cs.Function("W", list(symbols), [skin(*symbols, BODY.parents)])
+    np.testing.assert_allclose(np.asarray(W(*NUMBERS)).T, expected, atol=1e-12)
+    found = skin_vertices(AT_REST, REGRESSED, BODY.weights, THETA, BODY.parents)
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
+def test_turning_the_root_by_hand_turns_about_it() -> None:
+    turn = np.zeros((4, 3))
+    turn[0] = 0.0, np.pi / 2, 0.0
+    found = skin_vertices(AT_REST, PLACES, BODY.weights, turn, BODY.parents)
+    away = AT_REST - PLACES[0]
+    expected = np.stack([away[:, 2], away[:, 1], -away[:, 0]], axis=1) + PLACES[0]
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
+def test_shapes_and_kinds_that_do_not_fit_are_refused() -> None:
+    wrong = [
+        (1, np.zeros((3, 5)), "J has shape"),
+        (2, np.zeros((4, 20)), "weights has shape"),
+        (3, cs.MX.sym("theta", 12), "theta has shape"),
+    ]
+    for which, value, words in wrong:
+        given = list(NUMBERS)
+        given[which] = value
+        with pytest.raises(BadArgument, match=words):
+            skin(*given, BODY.parents)
+    with pytest.raises(BadArgument, match="MX and SX"):
+        skin(*four(cs.MX)[:2], *four(cs.SX)[2:], BODY.parents)
+    with pytest.raises(BadArgument, match="three columns"):
+        skin_vertices(AT_REST.T, PLACES, BODY.weights, THETA, BODY.parents)
+
+
+# Joints that are free, or given.
+
+
+def problem_of(body: wb.SkinnedBody, *free: str) -> wb.Problem:
+    points, joints = body.points(*SYMBOLS), body.joint_points(*SYMBOLS)
+    terms = [
+        wb.residuals.vertices(points, np.zeros((20, 3)), sigma=1.0),
+        wb.residuals.landmarks(joints, np.zeros((4, 3)), sigma=1.0),
+    ]
+    return wb.Problem(terms, free)
+
+
+def test_free_joints_take_the_place_of_the_regressor() -> None:
+    problem = problem_of(BODY.freed("joints"), "joints", "pose")
+    values = {"pose": THETA, "betas": BETAS, "trans": np.zeros(3), "joints": PLACES}
+    assert problem.free.unit(0) == "m"
+    found = problem.linearize(values).residual.reshape(-1, 3)
+    posed = skin_vertices(AT_REST, PLACES, BODY.weights, THETA, BODY.parents)
+    np.testing.assert_allclose(found[:20], posed, atol=1e-12)
+    np.testing.assert_allclose(found[20:], GIVEN.joints(THETA), atol=1e-12)
+    np.testing.assert_allclose(posed, GIVEN.vertices(THETA, BETAS), atol=1e-12)
+    start = BODY.freed("joints").start()["joints"]
+    np.testing.assert_allclose(start, BODY.J_regressor @ BODY.template, atol=1e-15)
+
+
+def test_given_joints_do_not_follow_the_shape() -> None:
+    np.testing.assert_array_equal(GIVEN.joints(betas=BETAS), GIVEN.joints())
+    np.testing.assert_allclose(GIVEN.joints(), PLACES, atol=1e-15)
+    np.testing.assert_allclose(GIVEN.vertices(), GIVEN.template, atol=1e-14)
+    problem = problem_of(GIVEN, "pose", "betas", "trans")
+    values = {"pose": THETA, "betas": BETAS, "trans": PLACES[0]}
+    assert_chain_rule_is_graph(problem, values)
+    J = problem.linearize(values).jacobian
+    assert not J[3 * 20 :, problem.free.slices["betas"]].any()
+
+
+def test_joints_and_their_regressor_are_not_free_together() -> None:
+    for body, names in ((BODY, ["joints", "J_regressor"]), (GIVEN, ["J_regressor"])):
+        with pytest.raises(BadBody, match="nothing would read J_regressor"):
+            body.freed(*names)
+    with pytest.raises(BadBody, match="nothing would read J_regressor"):
+        BODY.freed("J_regressor").freed("joints")
+
+
+def test_given_joints_are_kept_where_they_can_be(tmp_path: Path) -> None:
+    save_body(GIVEN, tmp_path / "given.npz")
+    for back in (pickle.loads(pickle.dumps(GIVEN)), wb.load_body(tmp_path / "given.npz")):
+        np.testing.assert_array_equal(back.rest_joints, PLACES)
+        np.testing.assert_array_equal(back.vertices(THETA, BETAS), GIVEN.vertices(THETA, BETAS))
+    with pytest.raises(BadFile, match="joints at rest"):
+        save_body(GIVEN, tmp_path / "given.pkl")
+    with pytest.raises(BadBody, match="is given its joints"):
+        blend_scape(GIVEN)
