@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from tests.tiers import few
 from workbench.bodies.ablations import (
     ABLATIONS,
     without_blend_weights,
@@ -37,23 +36,6 @@ BENDS = np.radians([15, 45, 90, 135, 170])
 def area(around: int = 32, radius: float = 0.05) -> float:
     """Of a regular polygon."""
     return around / 2 * radius**2 * np.sin(2 * np.pi / around)
-
-
-def linear_stretch(height: np.ndarray, zone: float, angle: float) -> np.ndarray:
-    """The stretch of a fibre at the joint of a bent tube, `height` m towards the inside.
-
-    |c + dc/ds (s + i y)| at s = 0: |cos(a/2) - 2 y sin(a/2) / l|.
-    """
-    return np.abs(np.cos(angle / 2) - 2 * height * np.sin(angle / 2) / zone)
-
-
-def dual_quaternion_stretch(height: np.ndarray, zone: float, angle: float) -> np.ndarray:
-    """The stretch by dual quaternions, |1 - 4 y tan(a/4) / l|: the ring turns by 4 tan(a/4) / l.
-
-    Towards 180 degrees skin on the outside becomes longer than linear blending makes it: it
-    bulges.
-    """
-    return np.abs(1 - 4 * height * np.tan(angle / 4) / zone)
 
 
 # The candy wrapper.
@@ -90,27 +72,6 @@ def test_lost_volume_converges_to_the_integral(bent: bool) -> None:
         rates = np.log2(np.divide(found[:-1], found[1:]))
         assert (rates > order - 0.1).all()
         assert found[-1] < 0.03 * law(area(), 0.1, np.pi)
-
-
-@pytest.mark.parametrize("angle", few(BENDS, 2))
-def test_edges_at_the_joint_stretch_as_the_derivative(angle: float) -> None:
-    errors: dict[wb.bodies.Skinning, list[float]] = {}
-    for rings in (121, 241):
-        for skinning, law in (
-            (wb.linear_blend, linear_stretch),
-            (wb.dual_quaternion_blend, dual_quaternion_stretch),
-        ):
-            body = replace(tube(rings=rings), skinning=skinning)
-            middle = rings // 2 * 32 + np.arange(32)
-            pairs = np.column_stack([middle - 32, middle + 32])
-            (posed,) = Limb(body, "joint").posed(Z, [angle])
-            found = lengths(posed, pairs) / lengths(body.template, pairs)
-            expected = law(body.template[middle, 1], 0.1, angle)
-            errors.setdefault(skinning, []).append(np.abs(found - expected).max())
-    assert max(errors[wb.linear_blend]) < 1e-12  # its second derivative vanishes at the joint
-    coarse, fine = errors[wb.dual_quaternion_blend]
-    assert fine < 0.01
-    assert np.log2(coarse / fine) == pytest.approx(2, abs=0.1)
 
 
 # Dual quaternions.

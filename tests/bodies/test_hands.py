@@ -82,21 +82,6 @@ def test_pose_blend_shapes_are_local() -> None:
     assert HAND.card["pose_blend_shapes"]["share_beyond_4_cm"] <= 0.10
 
 
-@pytest.mark.thorough
-def test_card_says_that_no_hand_was_measured() -> None:
-    for body in (HAND, LEFT):
-        text = " ".join([body.card["synthetic"], *body.card["provenance"]])
-        assert "no hand was measured" in text
-        assert "poses are synthetic too" in text
-        assert "CC0" in body.card["licence"]
-        assert "Apache-2.0" in body.card["licence"]
-    assert "mirror" in LEFT.card["mirrored"]
-    met = HAND.card["held_out"]
-    assert met["mean_mm"] < 0.05
-    assert met["mean_mm"] < 0.4 * met["mean_without_posedirs_mm"]
-    assert met["their_shape_variance_explained"] > 0.97
-
-
 # The left hand.
 
 
@@ -122,20 +107,6 @@ def test_mirroring_twice_gives_the_body() -> None:
 
 
 # The pose space.
-
-
-def test_coefficients_and_poses_are_inverses() -> None:
-    rng = np.random.default_rng(1)
-    z = rng.standard_normal((3, 45))
-    poses = SPACE.poses(HAND, z)
-    assert poses.shape == (3, 16, 3)
-    assert not poses[:, 0].any()
-    np.testing.assert_allclose(SPACE.coefficients(HAND, poses), z, atol=1e-5)
-    few = SPACE.first(6)
-    np.testing.assert_allclose(
-        few.coefficients(HAND, few.poses(HAND, z[:, :6])), z[:, :6], atol=1e-5
-    )
-    np.testing.assert_allclose(few.poses(HAND, np.zeros(6))[1:], SPACE.mean)  # added once
 
 
 def test_hand_is_posed_by_coefficients() -> None:
