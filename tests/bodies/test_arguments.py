@@ -13,7 +13,6 @@ from scipy.sparse import csr_array
 import workbench as wb
 from tests.bodies.laws import assert_chain_rule_is_graph, in_symbols, some_arguments, some_values
 from tests.bodies_made_up import random_body, smpl_like_body, tube_body
-from tests.problem.sequences import in_blocks_of_frames
 from tests.tiers import few
 from workbench import Landmarks, residuals
 from workbench.blocks.affine import Affine
@@ -21,7 +20,6 @@ from workbench.bodies.forward import posed_points
 from workbench.bodies.forward.freed import BLOCKS, FreedSurface
 from workbench.bodies.triangles.body import blend_scape
 from workbench.errors import BadBody, NotSupported, UnknownName
-from workbench.problem.banded import BlockMatrix
 from workbench.solvers.judgement import rewrapped
 
 RNG = np.random.default_rng(0)
@@ -477,29 +475,6 @@ def test_offsets_may_be_affine_maps_of_blocks() -> None:
         residual = residuals.landmarks(points, np.ones((6, 3)), sigma=0.1)
         problem = wb.Problem([residual], free=("pose", "depth", "trans"))
         assert_chain_rule_is_graph(problem, some_values(problem))
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("shared", [("betas", "offsets"), ("betas",), ()], ids=str)
-def test_offsets_are_shared_in_sequences(
-    shared: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def build() -> wb.Problem:
-        free = ("trans", "pose", "betas", "offsets")
-        frames = [offsets_problem(MARKED, *free, frame=t) for t in range(4)]
-        return wb.sequence(frames, shared=shared)
-
-    video = build()
-    values = some_values(video)
-    assert_chain_rule_is_graph(video, values)
-    labels = [video.free.label(i) for i in range(video.free.size)]
-    assert ("offsets[marker 3, y]" in labels) == ("offsets" in shared)
-    in_blocks_of_frames(monkeypatch)
-    one, other = video.linearize(values), build().linearize(values)
-    assert isinstance(other.jacobian, BlockMatrix)
-    np.testing.assert_allclose(other.dense, one.dense, atol=1e-11 * np.abs(one.dense).max())
-    step = one.step(0.1)
-    np.testing.assert_allclose(other.step(0.1), step, atol=1e-9 * np.abs(step).max())
 
 
 def test_blocks_of_offsets_have_names_and_a_unit() -> None:

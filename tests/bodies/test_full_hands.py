@@ -10,6 +10,7 @@ import pytest
 import trimesh
 
 import workbench as wb
+from tests.bodies.paper import smpl
 from tests.differences import assert_jacobian
 from workbench.bodies import HAND_POINTS, capsule_ends, hand_points, pose_space
 from workbench.bodies.catalogue import load_skinned
@@ -130,30 +131,6 @@ def test_normals_agree_across_sewn_wrists() -> None:
         assert degrees(unmoved, normals(sewn, across)).max() < 2
 
 
-def skinned_by_formula(arrays: dict, pose: np.ndarray, betas: np.ndarray) -> np.ndarray:
-    """SMPL+H from the arrays of a file, as the papers write it; no code of ours but the rotations.
-
-    (R - I) of the joints but the root bend the rest surface; each joint turns what hangs from it.
-    """
-    x, y, z = np.moveaxis(pose, -1, 0)
-    o = np.zeros_like(x)
-    cross = np.stack([o, -z, y, z, o, -x, -y, x, o], axis=-1).reshape(-1, 3, 3)
-    t = np.linalg.norm(pose, axis=1)[:, None, None]
-    R = np.eye(3) + np.sin(t) / t * cross + (1 - np.cos(t)) / t**2 * cross @ cross
-    rest = arrays["v_template"] + arrays["shapedirs"] @ betas
-    joints = arrays["J_regressor"] @ rest
-    rest = rest + arrays["posedirs"] @ (R[1:] - np.eye(3)).ravel()
-    parents = arrays["kintree_table"][0].astype(int)
-    world = [np.vstack([np.c_[R[0], joints[0]], [0, 0, 0, 1]])]
-    for k in range(1, len(parents)):
-        local = np.vstack([np.c_[R[k], joints[k] - joints[parents[k]]], [0, 0, 0, 1]])
-        world.append(world[parents[k]] @ local)
-    back = np.tile(np.eye(4), (len(parents), 1, 1))
-    back[:, :3, 3] = -joints
-    blended = np.einsum("nk,kij->nij", arrays["weights"], np.array(world) @ back)
-    return np.einsum("nij,nj->ni", blended[:, :3], np.c_[rest, np.ones(len(rest))])
-
-
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("models") / "smplh"
@@ -168,11 +145,11 @@ def test_saved_file_is_smpl_h_and_comes_back(written: Path) -> None:
     for side in "lr":  # what the loader of SMPL-H asks for beside SMPL's keys
         assert arrays[f"hands_components{side}"].shape == (45, 45)
         assert arrays[f"hands_mean{side}"].shape == (45,)
-    pose, betas, _ = someone(1)
-    expected = skinned_by_formula(arrays, pose, betas)
+    pose, betas, trans = someone(1)
     assert len(arrays["card"].item()) < 9000  # letters; of 10,000 it could not be read back
-    np.testing.assert_allclose(BODY.vertices(pose, betas), expected, atol=1e-12)
     back = load_skinned(written)
+    expected, _ = smpl(back, pose, betas, trans)
+    np.testing.assert_allclose(BODY.vertices(pose, betas, trans), expected, atol=1e-12)
     assert (back.name, back.joint_names) == (BODY.name, BODY.joint_names)
     assert back.landmark_names("coco_with_hands") == BODY.landmark_names("coco_with_hands")
     np.testing.assert_array_equal(back.extras["hands_meanl"], BODY.extras["hands_meanl"])

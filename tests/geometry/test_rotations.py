@@ -130,16 +130,6 @@ def test_matrices_come_in_batches() -> None:
     assert matrix_from_vector(np.zeros((0, 3))).shape == (0, 3, 3)
 
 
-def test_rotations_are_orthogonal_and_keep_their_axis() -> None:
-    w = random_vectors()
-    R = matrix_from_vector(w)
-    unit = np.broadcast_to(np.eye(3), R.shape)
-    np.testing.assert_allclose(R.transpose(0, 2, 1) @ R, unit, atol=1e-14)
-    np.testing.assert_allclose(np.linalg.det(R), 1, atol=1e-14)
-    np.testing.assert_allclose(np.einsum("nij,nj->ni", R, w), w, atol=1e-14)
-    np.testing.assert_allclose(R, Rotation.from_rotvec(w).as_matrix(), atol=1e-14)
-
-
 @pytest.mark.parametrize(("angle", "singular_values"), [(0.0, (1, 1, 1)), (2 * np.pi, (1, 0, 0))])
 def test_jacobian_loses_two_directions_at_a_full_turn(
     angle: float, singular_values: tuple[int, ...]
