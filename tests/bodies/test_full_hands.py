@@ -9,15 +9,12 @@ import numpy as np
 import pytest
 import trimesh
 
-import workbench as wb
 from tests.bodies.paper import smpl
-from tests.differences import assert_jacobian
-from workbench.bodies import HAND_POINTS, capsule_ends, hand_points, pose_space
+from workbench.bodies import capsule_ends, pose_space
 from workbench.bodies.catalogue import load_skinned
 from workbench.bodies.files.embedded import embedded, embedded_hand, sewing_of
 from workbench.bodies.files.saving import save_body
 from workbench.bodies.sewn_hands import border, sewn_mesh, with_hands
-from workbench.errors import BadBody, UnknownName
 from workbench.geometry.mirror import AXIAL, REFLECTION, opposite
 
 pytestmark = pytest.mark.thorough
@@ -159,43 +156,6 @@ def test_saved_file_is_smpl_h_and_comes_back(written: Path) -> None:
     tips = dict(zip(BODY.landmark_names("tips"), rows.tolist(), strict=True))
     assert ids["lthumb"] == tips["left_thumb_tip"]
     assert ids["rpinky"] == tips["right_pinky_tip"]
-
-
-def test_pose_space_of_one_hand_or_both() -> None:
-    both, left, right = (pose_space(BODY, 6, side) for side in (None, "left", "right"))
-    assert both.joints == left.joints + right.joints == BODY.joint_names[22:]
-    own = pose_space(HAND, 6)
-    np.testing.assert_array_equal(right.components, own.components)
-    np.testing.assert_array_equal(left.mean, own.mean * AXIAL)
-    z = np.random.default_rng(0).standard_normal(12)
-    fingers = own.poses(HAND, z[6:])
-    np.testing.assert_allclose(both.poses(BODY, z)[RIGHT], fingers[1:], atol=1e-14)
-    np.testing.assert_allclose(both.coefficients(BODY, both.poses(BODY, z)), z, atol=1e-12)
-    with pytest.raises(UnknownName, match="upper"):
-        pose_space(BODY, 6, "upper")
-    with pytest.raises(BadBody, match="has one hand"):
-        pose_space(HAND, 6, "left")
-    with pytest.raises(BadBody, match="no pose space"):
-        pose_space(load_skinned("small"))
-
-
-def test_coefficients_of_hands_have_derivatives() -> None:
-    """Pose from 22 joints and 6 coefficients of each hand, with the derivatives of its graph."""
-    space, rest = pose_space(BODY, 6), wb.Block("rest", (22, 3), "rad")
-    z = space.block()
-    _, betas, trans = BODY.blocks()
-    pose = space.pose(BODY, z.symbol, rest.symbol)
-    points = hand_points(BODY, pose, betas.symbol, trans.symbol, "left")
-    assert points.labels == tuple(f"left_{name}" for name in HAND_POINTS)
-    seen = wb.residuals.landmarks(points, np.zeros((21, 3)), sigma=0.01)
-    problem = wb.Problem([seen], ["rest", "coefficients", "betas", "trans"], blocks=[rest, z])
-    x = np.random.default_rng(0).standard_normal(problem.free.size) * 0.3
-    assert_jacobian(problem, x, np.zeros(0), 1e-6)
-    graph = problem.function(x, np.zeros(0))
-    found = problem.residual(x, np.zeros(0))
-    np.testing.assert_allclose(found, np.asarray(graph).ravel(), atol=1e-9)
-    with pytest.raises(BadBody, match="side='left' or side='right'"):
-        hand_points(BODY, *(block.symbol for block in BODY.blocks()))
 
 
 def test_capsules_are_those_of_the_body() -> None:

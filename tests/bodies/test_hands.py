@@ -128,25 +128,14 @@ def test_hand_is_posed_by_coefficients() -> None:
     np.testing.assert_allclose(points.source.numeric.evaluate(values).points, expected, atol=1e-12)
 
 
-@pytest.mark.thorough
-def test_pose_space_is_read_from_mano_arrays() -> None:
-    rng = np.random.default_rng(3)
-    rows, coefficients = rng.standard_normal((45, 45)), rng.standard_normal((7, 45))
-    extras = {"hands_mean": np.zeros(45), "hands_components": rows}
-    bare = pose_space(replace(HAND, extras=extras), 6)
-    assert bare.n_components == 6
-    np.testing.assert_array_equal(bare.deviations, 1)
-    extras["hands_coeffs"] = coefficients
-    np.testing.assert_allclose(
-        pose_space(replace(HAND, extras=extras)).deviations, coefficients.std(axis=0)
-    )
+def test_coefficients_that_do_not_fit_are_refused() -> None:
     with pytest.raises(BadBody, match="no pose space"):
         pose_space(load_skinned("small"))
     with pytest.raises(BadBody, match="15 joints below its root"):
-        pose_space(replace(HAND, extras={"hands_mean": np.zeros(9), "hands_components": rows}))
-
-
-def test_coefficients_that_do_not_fit_are_refused() -> None:
+        pose_space(replace(HAND, extras={**HAND.extras, "hands_mean": np.zeros(9)}))
+    for side, error, words in (("upper", UnknownName, "upper"), ("left", BadBody, "has one hand")):
+        with pytest.raises(error, match=words):
+            pose_space(HAND, 6, side)
     with pytest.raises(BadArgument, match="0 to so many"):
         SPACE.first(46)
     with pytest.raises(BadArgument, match="have shape"):

@@ -30,7 +30,6 @@ from workbench.bodies.files.saving import save_body
 from workbench.bodies.forward.few_points import JointPoints
 from workbench.bodies.forward.kinematics import Skeleton, binding_motions, pose_features
 from workbench.bodies.forward.motion import Kinematics
-from workbench.bodies.forward.skinning import linear_blend
 from workbench.bodies.triangles.body import blend_scape
 from workbench.errors import BadArgument, BadBody, BadFile, UnknownName, WorkbenchError
 from workbench.geometry.rotation import matrix_from_vector, rodrigues
@@ -316,21 +315,6 @@ def test_surface_is_linear_in_each_array_but_pose() -> None:
         assert not is_linear(*product), product
 
 
-def test_training_pose_directions_is_one_linear_problem() -> None:
-    """Jointly linear in rest template, pose directions and joints, for fixed pose and weights."""
-    body = random_body(n_vertices=N, n_joints=K)
-    pose = cs.MX.sym("pose", 3, K)
-    rest, joints = cs.MX.sym("rest", 3, N), cs.MX.sym("joints", 3, K)
-    P, W = cs.MX.sym("P", 3 * N, 9 * (K - 1)), cs.MX.sym("W", N, K)
-    R, bind = rodrigues(pose), rodrigues(cs.DM(body.bind_pose.T))
-    G, _ = binding_motions(R, bind, joints, body.parents)
-    bent = rest + cs.reshape(P @ pose_features(R, bind), 3, N)
-    vertices = cs.vec(linear_blend(bent, G, W))
-    assert linear_in(vertices, [rest, P, joints])
-    assert not linear_in(vertices, [W, P])
-    assert not linear_in(vertices, [W, joints])
-
-
 # Arrays that do not fit together.
 
 
@@ -412,15 +396,6 @@ def test_skinning_function_gives_the_vertices_of_a_body(kind: Any) -> None:
     W = cs.Function("W", list(symbols), [skin(*symbols, BODY.parents)])
     np.testing.assert_allclose(np.asarray(W(*NUMBERS)).T, expected, atol=1e-12)
     found = skin_vertices(AT_REST, REGRESSED, BODY.weights, THETA, BODY.parents)
-    np.testing.assert_allclose(found, expected, atol=1e-12)
-
-
-def test_turning_the_root_by_hand_turns_about_it() -> None:
-    turn = np.zeros((4, 3))
-    turn[0] = 0.0, np.pi / 2, 0.0
-    found = skin_vertices(AT_REST, PLACES, BODY.weights, turn, BODY.parents)
-    away = AT_REST - PLACES[0]
-    expected = np.stack([away[:, 2], away[:, 1], -away[:, 0]], axis=1) + PLACES[0]
     np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
