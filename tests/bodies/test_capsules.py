@@ -14,7 +14,6 @@ from workbench import Problem, load_body
 from workbench.bodies import SkinnedBody, fit_capsules
 from workbench.bodies.capsules import (
     KEYS,
-    capsule_distances,
     capsule_ends,
     capsule_gaps,
     capsule_points,
@@ -29,6 +28,14 @@ from workbench.geometry.mirror import REFLECTION, opposite
 from workbench.residuals import landmarks
 
 LARGEST_RMS = {"small": 6.7e-3, "default": 7.4e-3, "default-male": 7.8e-3, "default-female": 7.3e-3}
+
+
+def capsule_distances(points: np.ndarray, ends: np.ndarray, radii: np.ndarray) -> np.ndarray:
+    """How far points (N, 3) m are from each of C capsules, (C, N) m; negative inside."""
+    a, u = ends[:, :1], ends[:, 1:] - ends[:, :1]  # (C, 1, 3)
+    length = np.maximum((u * u).sum(axis=-1), 1e-18)
+    along = np.clip(((points - a) * u).sum(axis=-1) / length, 0, 1)
+    return np.linalg.norm(points - a - along[..., None] * u, axis=-1) - radii[:, None]
 
 
 def errors(body: SkinnedBody, people: np.ndarray) -> np.ndarray:
