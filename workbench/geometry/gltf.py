@@ -195,9 +195,9 @@ def document_of(content: bytes, folder: Path | None = None) -> GlbDocument:
     version = json["asset"].get("version") if isinstance(json.get("asset"), dict) else None
     if content[:4] != MAGIC and not (isinstance(version, str) and version.startswith("2.")):
         raise ValueError(f"its asset says version {shown(version)}, and glTF 2.0 is read")
-    beside = _Beside(folder)
-    buffers = several(json, "buffers")
-    return GlbDocument(json, [_bytes(b, k, chunks, beside) for k, b in enumerate(buffers)])
+    buffers, known = several(json, "buffers"), dict[Path, bytes]()
+    held = [_bytes(b, k, chunks, folder, known) for k, b in enumerate(buffers)]
+    return GlbDocument(json, held)
 
 
 def _chunks(content: bytes) -> dict[bytes, bytes]:
@@ -215,69 +215,62 @@ def _chunks(content: bytes) -> dict[bytes, bytes]:
 
 
 def _bytes(
-    buffer: dict[str, Any], number: int, chunks: dict[bytes, bytes], beside: "_Beside"
+    buffer: dict[str, Any],
+    number: int,
+    chunks: dict[bytes, bytes],
+    folder: Path | None,
+    known: dict[Path, bytes],
 ) -> bytes:
-    """What a buffer holds."""
+    """What a buffer holds; `known` are the files beside this one that were read."""
     uri, name = buffer.get("uri"), f"buffers[{number}]"
     if uri is None:
         return chunks.get(BINARY, b"") if number == 0 else b""
     head, _, text = uri.partition("base64,") if isinstance(uri, str) else ("", "", "")
     if not head.startswith("data:"):
-        return beside.read(uri, name, whole(buffer, "byteLength", 0))
+        return _bytes_beside(folder, uri, name, whole(buffer, "byteLength", 0), known)
     try:
         return base64.b64decode(text)
     except binascii.Error as error:
         raise ValueError(f"{name} is no base64 ({error})") from error
 
 
-class _Beside:
-    """The files of a folder that buffers name: each is read once; all have one limit together."""
+def _bytes_beside(
+    folder: Path | None, uri: Any, name: str, length: int, known: dict[Path, bytes]
+) -> bytes:
+    """The bytes of the file that a URI names; each is read once, and all have one limit together.
 
-    def __init__(self, folder: Path | None) -> None:
-        self.folder, self.known, self.room = folder, dict[Path, bytes](), MOST_BYTES
-
-    def read(self, uri: Any, name: str, length: int) -> bytes:
-        """The bytes of the file that a URI names."""
-        if self.folder is None:
-            raise ValueError(
-                f"{name} is in another file, {shown(uri)}, which is not opened; export the "
-                "mesh as one .glb"
-            )
-        path = self._path(uri, name)
-        if path not in self.known:
-            try:
-                content = bounded(path, self.room)
-            except OSError as error:
-                raise ValueError(f"{name} is in {shown(uri)}, which cannot be read") from error
-            self.room -= len(content)
-            self.known[path] = content
-        if length > len(self.known[path]):
-            raise ValueError(
-                f"{name} has {length:,} bytes, and its file {shown(uri)} {len(self.known[path]):,}"
-            )
-        return self.known[path]
-
-    def _path(self, uri: Any, name: str) -> Path:
-        """The file in the folder or below it."""
-        assert self.folder is not None
-        inside = unquote(uri) if isinstance(uri, str) else ""
-        parts = PurePosixPath(inside).parts
-        strange = set(":\\\0") & set(inside)
-        if not parts or inside.startswith("/") or ".." in parts or strange or len(inside) > 1000:
-            raise ValueError(
-                f"{name} is said to be in {shown(uri)}, and only files in the folder of the .gltf, "
-                "or below it, are opened; put the file there"
-            )
-        home = self.folder.resolve()
-        path = home.joinpath(*parts).resolve()
-        if not path.is_relative_to(home):  # a link that leads elsewhere
-            raise ValueError(f"{name} is in {shown(uri)}, which leads out of the file's folder")
-        if not path.is_file():
-            raise ValueError(
-                f"{name} is in the file {shown(uri)}, which is not in the folder; keep both "
-                "together"
-            )
-        return path
+    The file is in the folder or below it.
+    """
+    if folder is None:
+        raise ValueError(
+            f"{name} is in another file, {shown(uri)}, which is not opened; export the mesh as one "
+            ".glb"
+        )
+    inside = unquote(uri) if isinstance(uri, str) else ""
+    parts, strange = PurePosixPath(inside).parts, set(":\\\0") & set(inside)
+    if not parts or inside.startswith("/") or ".." in parts or strange or len(inside) > 1000:
+        raise ValueError(
+            f"{name} is said to be in {shown(uri)}, and only files in the folder of the .gltf, or "
+            "below it, are opened; put the file there"
+        )
+    home = folder.resolve()
+    path = home.joinpath(*parts).resolve()
+    if not path.is_relative_to(home):  # a link that leads elsewhere
+        raise ValueError(f"{name} is in {shown(uri)}, which leads out of the file's folder")
+    if not path.is_file():
+        raise ValueError(
+            f"{name} is in the file {shown(uri)}, which is not in the folder; keep both together"
+        )
+    if path not in known:
+        try:
+            known[path] = bounded(path, MOST_BYTES - sum(map(len, known.values())))
+        except OSError as error:
+            raise ValueError(f"{name} is in {shown(uri)}, which cannot be read") from error
+    if length > len(known[path]):
+        raise ValueError(
+            f"{name} has {length:,} bytes, and its file {shown(uri)} {len(known[path]):,}"
+        )
+    return known[path]
 
 
 POINTS, TRIANGLES, STRIP, FAN = 0, 4, 5, 6  # modes of primitives; the others are lines

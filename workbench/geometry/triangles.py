@@ -21,9 +21,8 @@ from typing import Any
 import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import cholesky_banded
 from scipy.sparse import csc_array, csr_array
-from scipy.sparse.csgraph import connected_components, reverse_cuthill_mckee
+from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import SuperLU, splu
 
 from workbench.arrays import Array, Index
@@ -210,22 +209,3 @@ class Stitching:
             options={"SymmetricMode": True, "Equil": False},
         )
         return lu, kept
-
-
-def banded_factor(stitching: Stitching) -> tuple[Array, Index]:
-    """The Cholesky factor L of A'A for a program without sparse matrices, and its order.
-
-    The factor (width, n) has L[j + m, j] in row m and column j, as LAPACK stores it. Its rows are
-    the vertices `order` (n,), which Cuthill and McKee's algorithm keeps near their neighbours;
-    those that `solve` puts at 0 are left out.
-    """
-    kept = stitching.solved
-    normal = csr_array(stitching.A.T @ stitching.A)[kept][:, kept]
-    places = reverse_cuthill_mckee(csr_array(normal), symmetric_mode=True)
-    near = csr_array(normal[places][:, places])
-    rows, columns = near.nonzero()
-    width = 1 + int((rows - columns).max(initial=0))
-    banded = np.zeros((width, len(kept)))
-    below = rows >= columns
-    banded[(rows - columns)[below], columns[below]] = near.data[below]
-    return np.asarray(cholesky_banded(banded, lower=True)), kept[places]
