@@ -375,12 +375,13 @@ def test_file_that_is_too_large_is_not_opened(
 
 def test_indices_of_a_sparse_matrix_are_checked(tmp_path: Path) -> None:
     matrix = csc_matrix(entries()["J_regressor"])
-    far, pointer, real, huge = (matrix.copy() for _ in range(4))
+    far, pointer, beyond, real, huge = (matrix.copy() for _ in range(5))
     far.indices[0] = 10**6
     pointer.indptr[3] = 10**6
+    beyond.indptr[-1] += 1
     real.indices = real.indices.astype(float)
     huge._shape = (10**10, 10**10)
-    for wrong in (far, pointer, real, huge):
+    for wrong in (far, pointer, beyond, real, huge):
         path = dumped(entries() | {"J_regressor": wrong}, tmp_path / "model.pkl")
         with pytest.raises(BadFile, match=r"J_regressor is a scipy.*that cannot be read"):
             load_body(path)

@@ -16,16 +16,8 @@ import workbench as wb
 from tests.bodies_made_up import random_body
 from workbench.bodies.readonly import locked, readonly
 
-ARRAYS = (
-    "template",
-    "shapedirs",
-    "posedirs",
-    "weights",
-    "faces",
-    "mirror",
-    "bound_in",
-    "rest_joints",
-)
+ARRAYS = ("template", "shapedirs", "posedirs", "weights", "faces", "mirror")
+ARRAYS += ("bound_in", "rest_joints")
 PARTS = ("data", "indices", "indptr")
 
 
