@@ -15,6 +15,7 @@ from scipy.sparse import csc_matrix, csr_matrix, issparse
 
 from tests.bodies.model_files import MODELS, written
 from tests.bodies.random_bodies import Entries, decorated, entries, equal_to, same
+from tests.bodies_made_up import random_body
 from tests.tiers import few
 from workbench.bodies.catalogue import load_body, load_skinned
 from workbench.bodies.files.layouts import body_from
@@ -56,7 +57,8 @@ def test_path_is_never_a_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 def test_bodies_survive_their_files(tmp_path: Path, suffix: str) -> None:
     """Also under the other kind's suffix: a file is read for what it is."""
     other = {".npz": ".pkl", ".pkl": ".npz"}[suffix]
-    for body in (load_body("small"), decorated(body_from(entries(K=3), "b", "b"))):
+    whole = decorated(body_from(entries(K=3), "b", "b"))
+    for body in (load_body("small"), random_body(n_betas=0), whole):
         save_body(body, tmp_path / f"body{suffix}")
         same(body, load_body(tmp_path / f"body{suffix}"))
         (tmp_path / f"body{suffix}").rename(tmp_path / f"renamed{other}")

@@ -253,7 +253,7 @@ def parse_xyz(content: bytes) -> tuple[Array, int]:
     if start is None:
         first = shown(head[0].strip()) if head else "nothing"
         raise ValueError(f"its first lines hold no x, y and z; the first is {first}")
-    columns, first = len(_leading_numbers(head[start])), _words(head[start])
+    columns, words = len(_leading_numbers(head[start])), _words(head[start])
     rows = (line for line in chain(head[start:], lines) if not line.lstrip().startswith(COMMENTS))
     read = range(min(columns, MOST_COLUMNS))
     try:
@@ -262,7 +262,7 @@ def parse_xyz(content: bytes) -> tuple[Array, int]:
         )
     except ValueError as error:
         raise ValueError(f"after line {start + 1}: {cut(error)}") from error
-    return np.asarray(numbers, dtype=np.float64), len(first)
+    return np.asarray(numbers, dtype=np.float64), len(words)
 
 
 def _separator(line: str) -> str | None:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import cache
 from math import inf
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -110,10 +110,11 @@ def _agrees(library: ctypes.CDLL) -> bool:
     points, normals = rng.standard_normal((2, TRIED, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     tried = (Query(points, 1.0, None, 0.0), Query(points, np.inf, normals, 0.5))
-    answers = [(way.search(boxes, asked), IN_NUMPY.search(expected, asked)) for asked in tried]
+    answers: list[tuple[Any, Any]] = [(boxes, expected)]
+    answers += [(way.search(boxes, asked), IN_NUMPY.search(expected, asked)) for asked in tried]
     return all(
         np.array_equal(getattr(got, field.name), getattr(right, field.name))
-        for got, right in ((boxes, expected), *answers)
+        for got, right in answers
         for field in fields(right)
         if field.name != "order"
     )
