@@ -376,10 +376,10 @@ def test_file_that_is_too_large_is_not_opened(
 def test_indices_of_a_sparse_matrix_are_checked(tmp_path: Path) -> None:
     matrix = csc_matrix(entries()["J_regressor"])
     far, pointer, real, huge = (matrix.copy() for _ in range(4))
-    beyond = csc_matrix(matrix.shape)  # without entries, so that SciPy looks at no pointer
+    beyond = csc_matrix(matrix.shape)  # without entries, so that SciPy asks for less
     far.indices[0] = 10**6
     pointer.indptr[3] = 10**6
-    beyond.indptr[-1] = 5
+    beyond.indptr[3] = 5
     real.indices = real.indices.astype(float)
     huge._shape = (10**10, 10**10)
     for wrong in (far, pointer, beyond, real, huge):
