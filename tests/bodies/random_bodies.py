@@ -46,7 +46,7 @@ def decorated(body: SkinnedBody) -> SkinnedBody:
         name: Landmarks(
             tuple(f"{name}_{i}" for i in range(M)), csr_array(_rows(rng, M, body.n_vertices))
         )
-        for name, M in (("coco", 5), ("one", 1))
+        for name, M in (("coco", 5), ("one", 1), ("a/b", 2), ("none", 0))
     }
     return replace(
         body,

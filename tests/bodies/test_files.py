@@ -330,6 +330,7 @@ def test_bodies_and_places_that_hold_no_file_are_refused(tmp_path: Path) -> None
         ({}, "body.json", r"\.npz or \.pkl"),
         ({}, "folder.npz", "cannot write"),
         ({"card": {"array": np.zeros(3)}}, "body.npz", "card .* must hold texts"),
+        ({"name": "b" * 201}, "body.npz", "name of 201 characters"),
         ({"skinning": rigid}, "body.npz", "not skinned by linear_blend"),
     ):
         with pytest.raises(BadFile, match=says):

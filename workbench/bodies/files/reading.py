@@ -240,7 +240,7 @@ REQUIRED = ("v_template", "shapedirs", "posedirs", "J_regressor", "weights", "ki
 OURS = ("bs_style", "name", "joint_names", "card", "bind_pose", "rest_joints")
 MIRROR = "vert_sym_idxs"
 SETS = "landmarks/"  # how the keys of landmarks begin
-LANDMARKS = re.compile(f"{SETS}([^/]+)/names")
+LANDMARKS = re.compile(f"{SETS}(.+)/names")
 REGRESSOR_PARTS = tuple(f"J_regressor/{part}" for part in SPARSE_PARTS)
 CAPSULES = tuple(f"capsules/{key}" for key in KEYS)
 # keys that a skinned body's file owns, and those that one of triangles must have
