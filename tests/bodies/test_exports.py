@@ -179,6 +179,8 @@ def test_gltf_refuses_what_it_cannot_show(tmp_path: Path) -> None:
     for body in (replace(SMALL, skinning=wb.dual_quaternion_blend), scape(tube_body())):
         with pytest.raises(BadBody, match=r"not skinned as a glTF is.*write_mesh"):
             write_gltf(tmp_path / "a.glb", body, poses)  # type: ignore[arg-type]
+    with pytest.raises(BadBody, match="has no faces"):
+        write_gltf(tmp_path / "a.glb", replace(SMALL, faces=SMALL.faces[:0]), poses)
     refused: dict[str, dict[str, Any]] = {
         "10 shape directions": {"shapes": 11},
         "correctives": {"correctives": -1},
