@@ -172,8 +172,8 @@ def write_gltf(
 
     Raises BadBody for what no skinned glTF can say: other skinnings than linear blending, bodies
     drawn in another pose than zero or without faces, and a TriangleBody; BadBody also for poses,
-    betas or trans of another shape; BadArgument for other numbers of morph targets, for no poses, for numbers that
-    are not finite, and for a time between keys that is not positive.
+    betas or trans of another shape; BadArgument for other numbers of morph targets, for no poses,
+    for numbers that are not finite, and for a time between keys that is not positive.
     """
     if not (isinstance(body, SkinnedBody) and body.is_smpl) or body.bind_pose.any():
         raise BadBody(
