@@ -70,6 +70,7 @@ def test_a_function_and_a_line_make_a_body(tmp_path: Path, monkeypatch: pytest.M
 FOLDER = Path(workbench.__file__).parent / "data" / "bodies"
 COUNTS = {"default": (1229, 2454), "small": (369, 734), "full": (12272, 24540)}
 MEGABYTES = {"default": 0.45, "small": 0.15, "full": 4.5}
+STATURE = {"neutral": (1.62, 1.74), "female": (1.58, 1.67), "male": (1.70, 1.80)}  # m
 FLIP = np.array([-1.0, 1.0, 1.0])
 
 
@@ -147,6 +148,28 @@ def test_template_stands_in_the_t_pose(body: SkinnedBody) -> None:
     hand = body.template[body.template[:, 0] > 0.68]
     thickness, breadth = np.ptp(hand[:, 1]), np.ptp(hand[:, 2])
     assert breadth > 1.5 * thickness  # flat, lying horizontally
+
+
+@pytest.mark.thorough
+def test_stature_and_proportions_are_those_of_people(body: SkinnedBody) -> None:
+    stature, span = np.ptp(body.template[:, 1]), np.ptp(body.template[:, 0])
+    lowest, highest = STATURE[body.card["trained_on"]["of"]]
+    assert lowest < stature < highest
+    assert 0.93 < span / stature < 1.06
+    facts = body.card["population"]
+    assert 1.58 < facts["female"]["stature_m_mean"] < 1.67
+    assert 1.70 < facts["male"]["stature_m_mean"] < 1.80
+    assert all(24 < facts[gender]["bmi_mean"] < 26.5 for gender in ("female", "male"))
+
+
+@pytest.mark.thorough
+def test_shape_directions_make_people_larger(body: SkinnedBody) -> None:
+    def person(k: int, beta: float) -> trimesh.Trimesh:
+        vertices = body.template + beta * body.shapedirs[:, :, k]
+        return trimesh.Trimesh(vertices, body.faces, process=False)
+
+    assert np.ptp(person(0, 1).vertices[:, 1]) > np.ptp(person(0, -1).vertices[:, 1]) + 0.1
+    assert all(person(k, 1).volume > person(k, -1).volume for k in range(1, 10))
 
 
 def test_mirror_maps_the_body_to_itself(body: SkinnedBody) -> None:

@@ -59,6 +59,20 @@ def test_mesh_of_the_hand_is_open_at_the_wrist() -> None:
     assert outwards[back].mean() > 0.3
 
 
+@pytest.mark.thorough
+def test_hand_lies_flat_palm_down() -> None:
+    at = dict(zip(HAND.joint_names, HAND.joints(), strict=True))
+    assert abs(at["wrist"]).max() < 1e-12
+    assert at["middle1"][0] < -0.08
+    assert at["index1"][2] > at["middle1"][2] > at["ring1"][2] > at["pinky1"][2]
+    tips = dict(zip(HAND.landmark_names("tips"), HAND.landmark("tips"), strict=True))
+    assert tips["thumb_tip"][1] < -0.03  # the thumb hangs below the palm
+    for finger in ("index", "middle", "ring", "pinky"):
+        chain = [at[f"{finger}{i}"] for i in (1, 2, 3)]
+        assert np.ptp([p[1] for p in chain]) < 0.008
+    assert HAND.template[:, 0].min() == tips["middle_tip"][0]
+
+
 def test_no_finger_moves_the_tip_of_another() -> None:
     assert (HAND.weights > 0).sum(axis=1).max() <= 4
     np.testing.assert_allclose(HAND.weights.sum(axis=1), 1, atol=1e-12)
