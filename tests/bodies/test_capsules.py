@@ -137,6 +137,14 @@ def test_graph_numbers_and_derivatives_agree() -> None:
     assert np.allclose(np.asarray(radii(values["betas"])).ravel(), expected, atol=1e-15)
 
 
+def test_gaps_of_a_batch_are_those_of_each() -> None:
+    body, rng = load_body("small"), np.random.default_rng(4)
+    poses, betas = 0.5 * rng.standard_normal((5, 24, 3)), rng.standard_normal((5, 10))
+    each = [capsule_gaps(body, p, b) for p, b in zip(poses, betas, strict=True)]
+    assert np.allclose(capsule_gaps(body, poses, betas), each)
+    assert np.allclose(capsule_gaps(body, poses), [capsule_gaps(body, p) for p in poses])
+
+
 @pytest.mark.parametrize("suffix", few([".npz", ".pkl"], 1))
 def test_files_keep_capsules(tmp_path: Path, suffix: str) -> None:
     body = load_body("small")

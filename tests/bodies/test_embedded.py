@@ -162,6 +162,16 @@ def test_stature_and_proportions_are_those_of_people(body: SkinnedBody) -> None:
     assert all(24 < facts[gender]["bmi_mean"] < 26.5 for gender in ("female", "male"))
 
 
+def test_shape_directions_are_orthogonal_and_in_order(body: SkinnedBody) -> None:
+    directions = body.shapedirs.reshape(-1, 10)
+    lengths = np.linalg.norm(directions, axis=0)
+    cosines = directions.T @ directions / np.outer(lengths, lengths)
+    assert abs(cosines - np.eye(10)).max() < 6e-4  # they are stored in steps of 5 micrometres
+    assert (np.diff(lengths) < 0).all()
+    explained = np.array(body.card["betas"]["explained_variance"])
+    assert lengths**2 / lengths[0] ** 2 == pytest.approx(explained / explained[0], abs=1.5e-5)
+
+
 @pytest.mark.thorough
 def test_shape_directions_make_people_larger(body: SkinnedBody) -> None:
     def person(k: int, beta: float) -> trimesh.Trimesh:
@@ -221,6 +231,10 @@ def test_pose_blend_shapes_are_local(body: SkinnedBody) -> None:
     moved = np.linalg.norm(posedirs[:, :, 9 * (knee - 1) : 9 * knee] @ bent, axis=1)
     assert moved.max() > 0.01
     assert moved[body.template[:, 0] < -0.05].max() < 0.003  # the other leg
+
+
+def test_all_bodies_together_are_small() -> None:
+    assert sum(path.stat().st_size for path in FOLDER.glob("*.npz")) < 15e6
 
 
 def test_files_without_a_body_are_refused(tmp_path: Path) -> None:
