@@ -1,54 +1,52 @@
-"""SMPL as its paper writes it: loops, 4 x 4 matrices, SciPy's rotations, no code of ours."""
+"""SMPL and STAR as their papers write them: 4 x 4 matrices, SciPy's rotations, no code of ours."""
+
+from collections.abc import Callable
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from workbench import SkinnedBody
 
+Array = np.ndarray
+
+
+def smpl_features(pose: Array, bind: Array, betas: Array) -> Array:
+    """The entries of R - R_0 of all joints but the root, row by row."""
+    R, R0 = (Rotation.from_rotvec(theta).as_matrix() for theta in (pose, bind))
+    return np.asarray((R - R0)[1:].ravel())
+
+
+def star_features(pose: Array, bind: Array, betas: Array) -> Array:
+    """Half angles of all joints but the root, and beta_2 (Osman et al., 2020)."""
+    angles = np.linalg.norm(pose[1:], axis=1, keepdims=True)
+    quaternions = np.hstack([np.sin(angles / 2) / angles * pose[1:], np.cos(angles / 2) - 1])
+    return np.append(quaternions, betas[1])
+
 
 def smpl(
-    body: SkinnedBody, pose: np.ndarray, betas: np.ndarray, trans: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+    body: SkinnedBody,
+    pose: Array,
+    betas: Array,
+    trans: Array,
+    features: Callable[[Array, Array, Array], Array] = smpl_features,
+) -> tuple[Array, Array]:
     """Vertices (N, 3) and posed joints (K, 3) for one pose (K, 3), betas (B,), trans (3,)."""
-    N, K, B = body.n_vertices, len(body.parents), body.shapedirs.shape[2]
-    regressor = body.J_regressor.toarray()
-    bind = body.bind_pose
-    R = [Rotation.from_rotvec(pose[k]).as_matrix() for k in range(K)]
-    R0 = [Rotation.from_rotvec(bind[k]).as_matrix() for k in range(K)]
-
-    shaped = body.template.copy()
-    for b in range(B):
-        shaped = shaped + betas[b] * body.shapedirs[:, :, b]
-    joints = np.array([sum(regressor[k, i] * shaped[i] for i in range(N)) for k in range(K)])
-
-    rest = shaped.copy()
-    for k in range(1, K):
-        for r in range(3):
-            for c in range(3):
-                n = 9 * (k - 1) + 3 * r + c
-                rest = rest + (R[k][r, c] - R0[k][r, c]) * body.posedirs[:, :, n]
-
+    shaped, bind = body.template + body.shapedirs @ betas, body.bind_pose
+    joints = body.J_regressor.toarray() @ shaped
+    rest = shaped + body.posedirs @ features(pose, bind, betas)
+    R, R0 = (Rotation.from_rotvec(theta).as_matrix() for theta in (pose, bind))
     # where each joint's frame is in the bind pose, and from there in its parent's frame
-    bound = [_motion(np.eye(3), joints[0]) @ _motion(R0[0], np.zeros(3))]
-    local_offset = [joints[0]]
-    for k in range(1, K):
-        up = bound[body.parents[k]]
-        local_offset.append((np.linalg.inv(up) @ (*joints[k], 1))[:3])
-        bound.append(up @ _motion(R0[k], local_offset[k]))
-
-    world = []
-    for k in range(K):
-        local = _motion(R[k], local_offset[k])
-        world.append(local if k == 0 else world[body.parents[k]] @ local)
-
-    vertices = np.zeros((N, 3))
-    for i in range(N):
-        blended = np.zeros((4, 4))
-        for k in range(K):
-            blended = blended + body.weights[i, k] * world[k] @ np.linalg.inv(bound[k])
-        vertices[i] = (blended @ (*rest[i], 1))[:3] + trans
-    return vertices, np.array([G[:3, 3] for G in world]) + trans
+    bound, world = [_motion(R0[0], joints[0])], [_motion(R[0], joints[0])]
+    for k in range(1, len(body.parents)):
+        up = body.parents[k]
+        offset = (np.linalg.inv(bound[up]) @ (*joints[k], 1))[:3]
+        bound.append(bound[up] @ _motion(R0[k], offset))
+        world.append(world[up] @ _motion(R[k], offset))
+    motions = np.array([G @ np.linalg.inv(B) for G, B in zip(world, bound, strict=True)])
+    blended = np.einsum("nk,kij->nij", body.weights, motions)
+    vertices = np.einsum("nij,nj->ni", blended, np.c_[rest, np.ones(len(rest))])[:, :3]
+    return vertices + trans, np.array([G[:3, 3] for G in world]) + trans
 
 
-def _motion(R: np.ndarray, t: np.ndarray) -> np.ndarray:
+def _motion(R: Array, t: Array) -> Array:
     return np.block([[R, t[:, None]], [np.zeros((1, 3)), np.ones((1, 1))]])

@@ -1,7 +1,6 @@
-"""Pose, betas, trans and arrays of a body may be blocks or affine maps of blocks.
+"""Pose, betas, trans, offsets and arrays of a body may be blocks or affine maps of blocks.
 
-Whatever they are, the chain rule gives what the graph gives.
-"""
+Whatever they are, the chain rule gives what the graph gives."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,11 +14,12 @@ import workbench as wb
 from tests.bodies.laws import assert_chain_rule_is_graph, in_symbols, some_arguments, some_values
 from tests.bodies_made_up import random_body, smpl_like_body, tube_body
 from tests.tiers import few
-from workbench import residuals
+from workbench import Landmarks, residuals
 from workbench.blocks.affine import Affine
 from workbench.bodies.forward import posed_points
 from workbench.bodies.forward.freed import BLOCKS, FreedSurface
 from workbench.bodies.triangles.body import blend_scape
+from workbench.errors import BadBody, NotSupported, UnknownName
 from workbench.solvers.judgement import rewrapped
 
 RNG = np.random.default_rng(0)
@@ -326,13 +326,6 @@ CASES = {
 EACH_CASE = pytest.mark.parametrize("case", few(CASES, 6))
 
 
-def values_at(body: wb.SkinnedBody, free: tuple[str, ...]) -> wb.Values:
-    rng = np.random.default_rng(0)
-    values = dict(zip(BLOCKS, some_arguments(body, scale=0.8), strict=True))
-    arrays = {name: np.asarray(body.array(name)) for name in free}
-    return values | {n: a + 0.1 * rng.normal(size=a.shape) for n, a in arrays.items()}
-
-
 def freed_problem(body: wb.SkinnedBody, free: tuple[str, ...]) -> wb.Problem:
     """Two people of one body, each in a pose, and ridges on what is free."""
     student, rng, stacked = body.freed(*free), np.random.default_rng(5), []
@@ -365,29 +358,126 @@ def test_patterns_are_where_derivatives_are_not_zero(case: str) -> None:
     blocks = [*student.blocks(), *student.free.values()]
     source = student.points(*(b.symbol for b in blocks[:3])).source.numeric
     assert isinstance(source, FreedSurface)
-    values = values_at(body, free)
-    full = {name: v if name in BLOCKS else rng.normal(size=v.shape) for name, v in values.items()}
+    values = dict(zip(BLOCKS, some_arguments(body, scale=0.8), strict=True))
+    full = values | {name: rng.normal(size=body.array(name).shape) for name in free}
     patterns = {b.name: p for b in blocks if (p := source.pattern(b.name)) is not None}
     for name, pattern in patterns.items():
         there = pattern.toarray() != 0
         np.testing.assert_array_equal(source.evaluate(full).jacobian(name).toarray() != 0, there)
-        for at in (values, body.start() | {name: body.array(name) for name in free}):
-            assert there[source.evaluate(at).jacobian(name).toarray() != 0].all()
+        for at in (values, body.start()):
+            arrays = {name: body.array(name) for name in free}
+            assert there[source.evaluate(at | arrays).jacobian(name).toarray() != 0].all()
     through_regressor = {"template", "shapedirs"} if "J_regressor" in free else set()
     through_weights = {"J_regressor", "joints"} if "weights" in free else set()
     assert set(patterns) == set(free) - through_weights - through_regressor
 
 
-def test_many_free_vertices_have_a_sparse_derivative() -> None:
-    body = random_body(8, n_vertices=700, n_joints=2, n_betas=1)
-    student = body.freed("template")
-    points = student.points(*(b.symbol for b in student.blocks()))
-    term = residuals.vertices(points, body.template + 0.1, sigma=0.1)
-    problem = wb.Problem([term], ("template", "pose"))
-    values = student.start() | {"pose": np.random.default_rng(0).normal(size=(2, 3))}
-    here = problem.linearize(values)
-    assert problem.sparse
-    assert here.jacobian.nnz < 0.02 * here.jacobian.shape[0] * here.jacobian.shape[1]
-    x, fixed = problem.split(values)
-    J = problem.derivative(x, fixed)[1].sparse()
-    assert abs(here.jacobian - J).max() < 1e-11 * abs(J).max()
+# Landmarks that offsets displace at rest.
+
+
+def with_markers(body: wb.SkinnedBody, M: int = 6) -> wb.SkinnedBody:
+    """The body with single vertices and means of vertices as landmarks, the last two in common."""
+    rows, rng = np.zeros((M, body.n_vertices)), np.random.default_rng(5)
+    rows[np.arange(M - 2), rng.permutation(body.n_vertices)[: M - 2]] = 1.0
+    rows[M - 2 :, [3, 8, 11]] = [[0.2, 0.3, 0.5], [0.6, 0.3, 0.1]]
+    names = tuple(f"marker {i}" for i in range(M))
+    return replace(body, landmarks={"markers": Landmarks(names, csr_array(rows))})
+
+
+MARKED = with_markers(random_body(2, n_vertices=16, n_joints=5, n_betas=3))
+MARKED_BODIES = {
+    "bound": with_markers(random_body(3, n_vertices=16, n_joints=5, n_betas=3, bound=True)),
+    "dual quaternions": replace(MARKED, skinning=wb.dual_quaternion_blend),
+    "freed": MARKED.freed("template", "weights"),
+    "joints given": replace(MARKED, rest_joints=RNG.normal(size=(5, 3))),
+    "unbent": replace(MARKED, posedirs=np.zeros_like(MARKED.posedirs)),
+}
+EACH_MARKED = pytest.mark.parametrize("name", few(MARKED_BODIES, 3))
+SET = "markers"
+
+
+@EACH_MARKED
+def test_offsets_displace_vertices_in_the_template(name: str) -> None:
+    """A landmark is the mean of its vertices, each displaced in the template by its offset."""
+    body = MARKED_BODIES[name]
+    body = body.with_values({block.name: body.array(n) for n, block in body.free.items()})
+    pose, betas, trans = some_arguments(body, scale=0.4)
+    offsets = 0.4 * RNG.normal(size=(6, 3))
+    still = body
+    if body.rest_joints is None:  # joints do not follow a displaced vertex
+        still = replace(body, rest_joints=body.joints(betas=betas))
+    expected = [
+        row @ replace(still, template=body.template + own).vertices(pose, betas, trans)
+        for row, own in zip(body.landmarks[SET].regressor.toarray(), offsets, strict=True)
+    ]
+    found = body.landmark(SET, pose, betas, trans, offsets)
+    np.testing.assert_allclose(found, expected, atol=1e-13)
+    many = body.landmark(SET, pose, betas, trans, np.stack([0 * offsets, offsets]))
+    np.testing.assert_allclose(many[1], expected, atol=1e-13)
+    np.testing.assert_allclose(many[0], body.landmark(SET, pose, betas, trans), atol=1e-14)
+
+
+@EACH_MARKED
+def test_offsets_keep_the_chain_rule(name: str) -> None:
+    body = MARKED_BODIES[name]
+    offsets = body.offsets(SET).symbol
+    points = body.landmark_points(SET, *(block.symbol for block in body.blocks()), offsets)
+    seen = residuals.landmarks(points, np.ones((6, 3)), sigma=0.1)
+    prior = residuals.gaussian(offsets, mean=0.0, covariance=0.0095**2, unit="m")
+    for free in (
+        ("offsets",),
+        ("trans", "pose", "betas", "offsets"),
+        (f"pose[{body.joint_names[1]}]", "offsets[marker 3]", "offsets[marker 5, y]"),
+    ):
+        problem = wb.Problem([seen, prior], free=free)
+        assert_chain_rule_is_graph(problem, some_values(problem))
+
+
+def test_offsets_may_be_affine_maps_of_blocks() -> None:
+    """Such as a depth of each marker along a normal, and a block that has two roles."""
+    pose, betas, trans = (block.symbol for block in MARKED.blocks())
+    depth, normals = wb.Block("depth", (6,), "m"), RNG.normal(size=(3, 6))
+    along = cs.DM(normals) * cs.repmat(depth.symbol.T, 3, 1)
+    for given, numeric in (
+        (along + 0.01, True),
+        (cs.repmat(trans, 1, 6) + along, True),
+        (along**2, False),  # the graph remains
+    ):
+        points = MARKED.landmark_points(SET, pose, betas, trans, given)
+        assert (points.source.numeric is not None) == numeric
+        residual = residuals.landmarks(points, np.ones((6, 3)), sigma=0.1)
+        problem = wb.Problem([residual], free=("pose", "depth", "trans"))
+        assert_chain_rule_is_graph(problem, some_values(problem))
+
+
+def test_blocks_of_offsets_have_names_and_a_unit() -> None:
+    block = MARKED.offsets(SET)
+    assert (block.name, block.shape, block.unit) == ("offsets", (6, 3), "m")
+    assert block.labels == MARKED.landmark_names(SET)
+    assert MARKED.offsets(SET, "left_").name == "left_offsets"
+    assert MARKED.freed("template").offsets(SET) is block
+    given = (*(b.symbol for b in MARKED.blocks()), cs.MX.sym("worn", 3, 6))
+    points = MARKED.landmark_points(SET, *given)
+    problem = wb.Problem([residuals.landmarks(points, np.ones((6, 3)), sigma=0.1)], free=("worn",))
+    assert problem.free["worn"].unit == "m"
+    assert problem.free.label(5) == "worn[marker 1, z]"
+
+
+def test_offsets_that_make_no_sense_are_refused() -> None:
+    given, offsets = [b.symbol for b in MARKED.blocks()], MARKED.offsets(SET).symbol
+    with pytest.raises(UnknownName, match="'shoes'"):
+        MARKED.offsets("shoes")
+    with pytest.raises(BadBody, match="for offsets"):
+        MARKED.landmark_points(SET, *given, offsets.T)
+    with pytest.raises(BadBody, match="for 6 landmarks"):
+        MARKED.landmark(SET, offsets=np.zeros((5, 3)))
+    with pytest.raises(BadBody, match="do not fit each other"):
+        MARKED.landmark(SET, np.zeros((2, 5, 3)), offsets=np.zeros((3, 6, 3)))
+    for body, name in (
+        (MARKED, "no offsets of joints"),
+        (blend_scape(tube_body()), "TriangleBody"),
+    ):
+        with pytest.raises(NotSupported, match=name):
+            body.landmark_points("joints", *(b.symbol for b in body.blocks()), offsets)
+        with pytest.raises(NotSupported, match=name):
+            body.landmark("joints", offsets=np.zeros((5, 3)))

@@ -1,8 +1,6 @@
 """Arithmetic of surfaces and joints, in C and in NumPy: the numbers of the whole graph."""
 
 import shutil
-import subprocess
-import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
@@ -391,18 +389,6 @@ def test_damaged_library_is_made_anew(
 
 @NEEDS_COMPILER
 @pytest.mark.thorough
-def test_cache_that_cannot_be_written_is_no_obstacle(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, tmp_path: Path
-) -> None:
-    (tmp_path / "file").write_text("not a folder")
-    monkeypatch.setenv("WORKBENCH_CACHE", str(tmp_path / "file" / "cache"))
-    monkeypatch.setenv("CC", f"env {COMPILER}")  # a compiler of several words
-    assert_right(body_of("small", 9))
-    assert "compiled for this process only" in caplog.text
-
-
-@NEEDS_COMPILER
-@pytest.mark.thorough
 def test_bodies_of_a_kind_are_compiled_once(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, tmp_path: Path
 ) -> None:
@@ -414,25 +400,3 @@ def test_bodies_of_a_kind_are_compiled_once(
     for name in ("mesh", "joints"):
         assert caplog.text.count(f"compiling the {name}") == 1
     assert len(list(tmp_path.iterdir())) == 2
-
-
-@NEEDS_COMPILER
-@pytest.mark.thorough
-def test_two_processes_compile_at_once(tmp_path: Path) -> None:
-    code = (
-        "from workbench.bodies.forward.compiled import mesh_library\n"
-        "library, why = mesh_library((-1, 0, 0, 1), 3)\n"
-        "assert library is not None, why"
-    )
-    folder = str(Path(shutil.which(str(COMPILER)) or "").parent)
-    environment = {"WORKBENCH_CACHE": str(tmp_path), "PATH": folder}
-    runs = [
-        subprocess.Popen([sys.executable, "-c", code], env=environment, stderr=subprocess.PIPE)
-        for _ in range(2)
-    ]
-    for run in runs:
-        _, error = run.communicate(timeout=600)
-        assert run.returncode == 0, error
-    left = [path.name for path in tmp_path.iterdir()]
-    assert len(left) in (1, 2)
-    assert all(name.startswith(MESH) for name in left)

@@ -7,15 +7,13 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from tests.tiers import few
 from workbench.bodies.ablations import (
     ABLATIONS,
     without_blend_weights,
     without_pose_blend_shapes,
-    without_shape_blend_shapes,
 )
 from workbench.bodies.forward.skinning import blended
-from workbench.errors import BadArgument, BadBody, UnknownName
+from workbench.errors import BadBody
 from workbench.geometry.dual_quaternions import dual_quaternions
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.geometry.solids import lengths, mesh_edges, volume
@@ -38,23 +36,6 @@ BENDS = np.radians([15, 45, 90, 135, 170])
 def area(around: int = 32, radius: float = 0.05) -> float:
     """Of a regular polygon."""
     return around / 2 * radius**2 * np.sin(2 * np.pi / around)
-
-
-def linear_stretch(height: np.ndarray, zone: float, angle: float) -> np.ndarray:
-    """The stretch of a fibre at the joint of a bent tube, `height` m towards the inside.
-
-    |c + dc/ds (s + i y)| at s = 0: |cos(a/2) - 2 y sin(a/2) / l|.
-    """
-    return np.abs(np.cos(angle / 2) - 2 * height * np.sin(angle / 2) / zone)
-
-
-def dual_quaternion_stretch(height: np.ndarray, zone: float, angle: float) -> np.ndarray:
-    """The stretch by dual quaternions, |1 - 4 y tan(a/4) / l|: the ring turns by 4 tan(a/4) / l.
-
-    Towards 180 degrees skin on the outside becomes longer than linear blending makes it: it
-    bulges.
-    """
-    return np.abs(1 - 4 * height * np.tan(angle / 4) / zone)
 
 
 # The candy wrapper.
@@ -91,27 +72,6 @@ def test_lost_volume_converges_to_the_integral(bent: bool) -> None:
         rates = np.log2(np.divide(found[:-1], found[1:]))
         assert (rates > order - 0.1).all()
         assert found[-1] < 0.03 * law(area(), 0.1, np.pi)
-
-
-@pytest.mark.parametrize("angle", few(BENDS, 2))
-def test_edges_at_the_joint_stretch_as_the_derivative(angle: float) -> None:
-    errors: dict[wb.bodies.Skinning, list[float]] = {}
-    for rings in (121, 241):
-        for skinning, law in (
-            (wb.linear_blend, linear_stretch),
-            (wb.dual_quaternion_blend, dual_quaternion_stretch),
-        ):
-            body = replace(tube(rings=rings), skinning=skinning)
-            middle = rings // 2 * 32 + np.arange(32)
-            pairs = np.column_stack([middle - 32, middle + 32])
-            (posed,) = Limb(body, "joint").posed(Z, [angle])
-            found = lengths(posed, pairs) / lengths(body.template, pairs)
-            expected = law(body.template[middle, 1], 0.1, angle)
-            errors.setdefault(skinning, []).append(np.abs(found - expected).max())
-    assert max(errors[wb.linear_blend]) < 1e-12  # its second derivative vanishes at the joint
-    coarse, fine = errors[wb.dual_quaternion_blend]
-    assert fine < 0.01
-    assert np.log2(coarse / fine) == pytest.approx(2, abs=0.1)
 
 
 # Dual quaternions.
@@ -162,19 +122,6 @@ def test_dual_quaternions_move_every_vertex_rigidly() -> None:
 # Limbs of a real body.
 
 
-def test_wrists_are_as_thin_as_their_weights_say() -> None:
-    body = without_pose_blend_shapes(wb.load_body("default"))
-    limb, angles = Limb(body, "left_wrist"), np.radians([0, 60, 120, 180])
-    joint, bone = body.joints()[limb.index], limb.bone
-    away = body.template[limb.waist] - joint
-    reach = np.linalg.norm(away - (away @ bone)[:, None] * bone, axis=1)
-    w = limb.turning[limb.waist]
-    expected = [(reach * linear_radius(w, a)).mean() / reach.mean() for a in angles]
-    np.testing.assert_allclose(limb.radii(angles), expected, atol=1e-12)
-    dual = Limb(replace(body, skinning=wb.dual_quaternion_blend), "left_wrist")
-    np.testing.assert_allclose(dual.radii(angles), 1, atol=1e-12)
-
-
 def test_both_repairs_give_elbows_volume_back() -> None:
     whole = wb.load_body("default")
     linear = without_pose_blend_shapes(whole)
@@ -198,18 +145,6 @@ def test_lids_close_a_piece_of_a_tube() -> None:
     assert piece_volume(TUBE.template, straight) == pytest.approx(area() * 0.6, rel=1e-12)
     moved = TUBE.template @ matrix_from_vector([1.0, 2.0, 3.0]).T + 5.0
     assert piece_volume(moved, straight) == pytest.approx(area() * 0.6, rel=1e-10)
-
-
-def test_limbs_and_tubes_that_cannot_be_are_refused() -> None:
-    with pytest.raises(UnknownName, match="'knee'"):
-        Limb(TUBE, "knee")
-    with pytest.raises(BadArgument, match="root"):
-        Limb(TUBE, "root")
-    with pytest.raises(BadArgument, match="no vertex between joint and root"):
-        _ = Limb(without_blend_weights(TUBE), "joint").waist
-    for sizes in ({"rings": 4}, {"rings": 1}, {"around": 2}, {"zone": 0.7}):
-        with pytest.raises(BadBody, match=r"a tube needs|does not fit"):
-            tube(**sizes)  # type: ignore[arg-type]
 
 
 # Ablations.
@@ -237,22 +172,6 @@ def test_each_ablation_takes_one_thing_away() -> None:
             ablation(freed)
 
 
-@pytest.mark.thorough
-def test_ablated_bodies_are_fitted_and_fit_worse() -> None:
-    body, rng = wb.load_body("small"), np.random.default_rng(1)
-    truth = body.vertices(0.3 * rng.normal(size=(24, 3)), rng.normal(size=10))
-    costs = {}
-    for name, student in {"nothing": body, **{n: a(body) for n, a in ABLATIONS.items()}}.items():
-        symbols = [block.symbol for block in student.blocks()]
-        residual = wb.residuals.vertices(student.points(*symbols), truth, sigma=0.01)
-        prior = wb.residuals.gaussian(symbols[1], covariance=1e4)
-        problem = wb.Problem([residual, prior], free=["pose", "betas", "trans"])
-        costs[name] = wb.solve(problem, student.start()).cost
-    assert costs["nothing"] < 0.01
-    assert min(costs[name] for name in ABLATIONS) > 10
-    assert without_shape_blend_shapes(body).n_betas == 10
-
-
 # Separate parts.
 
 
@@ -266,21 +185,3 @@ def test_separate_parts_do_what_the_tree_does() -> None:
     expected = rigid.vertices(pose, trans=trans)
     np.testing.assert_allclose(parts.vertices(**values), expected, atol=1e-13)
     assert sum(block.size for block in parts.blocks) == 144
-
-
-@pytest.mark.thorough
-def test_separate_parts_fall_apart_on_noisy_data() -> None:
-    body = wb.load_body("small")
-    parts, rng = SeparateParts(body), np.random.default_rng(2)
-    pose = 0.3 * rng.normal(size=(24, 3))
-    seen = body.vertices(pose) + rng.normal(scale=0.005, size=(369, 3))
-    differences = (parts.points() - seen.T).reshape((-1, 1))
-    residual = wb.Residual("seen", differences, sigma=0.005, unit="m")
-    problem = wb.Problem([residual], free=["turns", "places"], blocks=parts.blocks)
-    start = parts.articulated(0.9 * pose)
-    solution = wb.solve(problem, start)
-    assert solution.converged
-    assert parts.gaps(**solution.values).max() > 0.003
-    x, fixed = problem.split(start)
-    found = problem.residual(x, fixed).reshape(-1, 3) * 0.005 + seen
-    np.testing.assert_allclose(found, parts.vertices(**start), atol=1e-13)

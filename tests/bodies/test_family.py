@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from tests.bodies.model_files import flame, layout, mano, smplh, smplx, star, written
-from tests.bodies.random_bodies import Entries, entries
+from tests.bodies.laws import some_arguments
+from tests.bodies.model_files import flame, layout, smplh, smplx, star, written
+from tests.bodies.paper import smpl, star_features
+from tests.bodies.random_bodies import entries
 from tests.tiers import few
 from workbench.bodies import mirrored, pose_space, shape_space
 from workbench.bodies.catalogue import load_body, load_skinned
@@ -34,14 +36,10 @@ def test_trees_and_names_are_those_of_the_family() -> None:
                 assert names[tree[k]] == (f"{side}_wrist" if n_joints > 16 else "wrist")
     of_body = NAMES[55][1]
     assert [of_body[TREES["SMPL-X"][of_body.index(n)]] for n in FLAME[2:]] == ["head"] * 3
-
-
-def test_joints_of_flame_have_names(tmp_path: Path) -> None:
-    body = load_skinned(written(flame(), tmp_path / "generic_model.pkl"))
-    assert body.joint_names == ("root", "neck", "jaw", "left_eye", "right_eye")
     other = layout("FLAME")
+    assert body_from(other, "b", "b").joint_names == FLAME
     other["kintree_table"][0, 4] = 0
-    assert load_skinned(written(other, tmp_path / "other.npz")).joint_names[4] == "joint_4"
+    assert body_from(other, "b", "b").joint_names[4] == "joint_4"
 
 
 # Shape and expression.
@@ -120,17 +118,6 @@ def test_each_hand_of_a_body_has_its_pose_space(tmp_path: Path, make: Any) -> No
         np.testing.assert_allclose(np.asarray(found).T, pose, atol=1e-14)
 
 
-def test_mean_of_a_hand_is_in_the_pose_alone(tmp_path: Path) -> None:
-    """At pose zero a file of MANO is its template, whatever mean the file has."""
-    raw = mano()
-    body = load_skinned(written(raw, tmp_path / "MANO_RIGHT.pkl"))
-    np.testing.assert_allclose(body.vertices(), raw["v_template"], atol=1e-14)
-    without = replace(body, extras={})
-    posed = pose_space(body).poses(body, np.zeros(45))
-    np.testing.assert_array_equal(body.vertices(posed), without.vertices(posed))
-    np.testing.assert_array_equal(posed[1:].ravel(), raw["hands_mean"])
-
-
 def test_vertices_that_smplx_appends_are_named(tmp_path: Path) -> None:
     body = load_body("default")
     save_body(body, tmp_path / "SMPL_NEUTRAL.pkl")
@@ -166,43 +153,15 @@ def test_finger_tips_for_smplx_are_on_the_fingers(tmp_path: Path) -> None:
 # STAR, by formulas that share no code with the package.
 
 
-def star_in_numpy(raw: Entries, pose: np.ndarray, betas: np.ndarray) -> tuple[Any, Any]:
-    """Vertices and joints of STAR (Osman et al., 2020) by 4 x 4 matrices and half angles."""
-    parents = np.array(raw["kintree_table"][0], dtype=np.int64)
-    shaped = raw["v_template"] + raw["shapedirs"][:, :, : len(betas)] @ betas
-    joints = raw["J_regressor"] @ shaped
-    features = []
-    for theta in pose[1:]:
-        angle = np.sqrt((theta**2).sum())
-        features += [*(np.sin(angle / 2) / angle * theta), np.cos(angle / 2) - 1]
-    posed = shaped + raw["posedirs"] @ np.array([*features, betas[1]])
-    world: list[np.ndarray] = []
-    for k, theta in enumerate(pose):
-        x, y, z = theta
-        skew = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-        angle, local = np.sqrt((theta**2).sum()), np.eye(4)
-        turn = np.sin(angle) / angle * skew
-        local[:3, :3] += turn + (1 - np.cos(angle)) / angle**2 * skew @ skew
-        local[:3, 3] = joints[k] - (joints[parents[k]] if k else 0)
-        world.append(world[parents[k]] @ local if k else local)
-    found = np.zeros_like(posed)
-    for k, transform in enumerate(world):
-        there = (posed - joints[k]) @ transform[:3, :3].T + transform[:3, 3]
-        found += raw["weights"][:, [k]] * there
-    return found, np.array([transform[:3, 3] for transform in world])
-
-
 @pytest.mark.parametrize("n_betas", few([10, 300], 1))
 def test_star_agrees_with_an_independent_formula(tmp_path: Path, n_betas: int) -> None:
-    raw = star(N=60, B=n_betas)
-    body = load_skinned(written(raw, tmp_path / "STAR_NEUTRAL.npz"))
+    body = load_skinned(written(star(N=60, B=n_betas), tmp_path / "STAR_NEUTRAL.npz"))
     assert body.joint_names[23] == "right_hand"
-    rng = np.random.default_rng(8)
-    for _ in range(5):
-        pose, betas = rng.normal(size=(24, 3)), rng.normal(size=n_betas)
-        vertices, joints = star_in_numpy(raw, pose, betas)
-        assert abs(body.vertices(pose, betas) - vertices).max() < 1e-10
-        assert abs(body.joints(pose, betas) - joints).max() < 1e-10
+    for seed in range(5):
+        arguments = some_arguments(body, seed, scale=1.0)
+        vertices, joints = smpl(body, *arguments, star_features)
+        np.testing.assert_allclose(body.vertices(*arguments), vertices, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(body.joints(*arguments), joints, rtol=0, atol=1e-12)
 
 
 def test_mirrored_body_exchanges_hands_and_landmarks(tmp_path: Path) -> None:

@@ -9,15 +9,12 @@ import numpy as np
 import pytest
 import trimesh
 
-import workbench as wb
-from tests.differences import assert_jacobian
-from workbench.bodies import HAND_POINTS, capsule_ends, hand_points, pose_space
+from tests.bodies.paper import smpl
+from workbench.bodies import capsule_ends, pose_space
 from workbench.bodies.catalogue import load_skinned
 from workbench.bodies.files.embedded import embedded, embedded_hand, sewing_of
 from workbench.bodies.files.saving import save_body
 from workbench.bodies.sewn_hands import border, sewn_mesh, with_hands
-from workbench.errors import BadBody, UnknownName
-from workbench.fitting.keypoints import landmark_set
 from workbench.geometry.mirror import AXIAL, REFLECTION, opposite
 
 pytestmark = pytest.mark.thorough
@@ -131,30 +128,6 @@ def test_normals_agree_across_sewn_wrists() -> None:
         assert degrees(unmoved, normals(sewn, across)).max() < 2
 
 
-def skinned_by_formula(arrays: dict, pose: np.ndarray, betas: np.ndarray) -> np.ndarray:
-    """SMPL+H from the arrays of a file, as the papers write it; no code of ours but the rotations.
-
-    (R - I) of the joints but the root bend the rest surface; each joint turns what hangs from it.
-    """
-    x, y, z = np.moveaxis(pose, -1, 0)
-    o = np.zeros_like(x)
-    cross = np.stack([o, -z, y, z, o, -x, -y, x, o], axis=-1).reshape(-1, 3, 3)
-    t = np.linalg.norm(pose, axis=1)[:, None, None]
-    R = np.eye(3) + np.sin(t) / t * cross + (1 - np.cos(t)) / t**2 * cross @ cross
-    rest = arrays["v_template"] + arrays["shapedirs"] @ betas
-    joints = arrays["J_regressor"] @ rest
-    rest = rest + arrays["posedirs"] @ (R[1:] - np.eye(3)).ravel()
-    parents = arrays["kintree_table"][0].astype(int)
-    world = [np.vstack([np.c_[R[0], joints[0]], [0, 0, 0, 1]])]
-    for k in range(1, len(parents)):
-        local = np.vstack([np.c_[R[k], joints[k] - joints[parents[k]]], [0, 0, 0, 1]])
-        world.append(world[parents[k]] @ local)
-    back = np.tile(np.eye(4), (len(parents), 1, 1))
-    back[:, :3, 3] = -joints
-    blended = np.einsum("nk,kij->nij", arrays["weights"], np.array(world) @ back)
-    return np.einsum("nij,nj->ni", blended[:, :3], np.c_[rest, np.ones(len(rest))])
-
-
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("models") / "smplh"
@@ -169,11 +142,11 @@ def test_saved_file_is_smpl_h_and_comes_back(written: Path) -> None:
     for side in "lr":  # what the loader of SMPL-H asks for beside SMPL's keys
         assert arrays[f"hands_components{side}"].shape == (45, 45)
         assert arrays[f"hands_mean{side}"].shape == (45,)
-    pose, betas, _ = someone(1)
-    expected = skinned_by_formula(arrays, pose, betas)
+    pose, betas, trans = someone(1)
     assert len(arrays["card"].item()) < 9000  # letters; of 10,000 it could not be read back
-    np.testing.assert_allclose(BODY.vertices(pose, betas), expected, atol=1e-12)
     back = load_skinned(written)
+    expected, _ = smpl(back, pose, betas, trans)
+    np.testing.assert_allclose(BODY.vertices(pose, betas, trans), expected, atol=1e-12)
     assert (back.name, back.joint_names) == (BODY.name, BODY.joint_names)
     assert back.landmark_names("coco_with_hands") == BODY.landmark_names("coco_with_hands")
     np.testing.assert_array_equal(back.extras["hands_meanl"], BODY.extras["hands_meanl"])
@@ -183,61 +156,6 @@ def test_saved_file_is_smpl_h_and_comes_back(written: Path) -> None:
     tips = dict(zip(BODY.landmark_names("tips"), rows.tolist(), strict=True))
     assert ids["lthumb"] == tips["left_thumb_tip"]
     assert ids["rpinky"] == tips["right_pinky_tip"]
-
-
-def test_pose_space_of_one_hand_or_both() -> None:
-    both, left, right = (pose_space(BODY, 6, side) for side in (None, "left", "right"))
-    assert both.joints == left.joints + right.joints == BODY.joint_names[22:]
-    own = pose_space(HAND, 6)
-    np.testing.assert_array_equal(right.components, own.components)
-    np.testing.assert_array_equal(left.mean, own.mean * AXIAL)
-    z = np.random.default_rng(0).standard_normal(12)
-    fingers = own.poses(HAND, z[6:])
-    np.testing.assert_allclose(both.poses(BODY, z)[RIGHT], fingers[1:], atol=1e-14)
-    np.testing.assert_allclose(both.coefficients(BODY, both.poses(BODY, z)), z, atol=1e-12)
-    with pytest.raises(UnknownName, match="upper"):
-        pose_space(BODY, 6, "upper")
-    with pytest.raises(BadBody, match="has one hand"):
-        pose_space(HAND, 6, "left")
-    with pytest.raises(BadBody, match="no pose space"):
-        pose_space(load_skinned("small"))
-
-
-def test_coefficients_of_hands_have_derivatives() -> None:
-    """Pose from 22 joints and 6 coefficients of each hand, with the derivatives of its graph."""
-    space, rest = pose_space(BODY, 6), wb.Block("rest", (22, 3), "rad")
-    z = space.block()
-    _, betas, trans = BODY.blocks()
-    pose = space.pose(BODY, z.symbol, rest.symbol)
-    points = hand_points(BODY, pose, betas.symbol, trans.symbol, "left")
-    assert points.labels == tuple(f"left_{name}" for name in HAND_POINTS)
-    seen = wb.residuals.landmarks(points, np.zeros((21, 3)), sigma=0.01)
-    problem = wb.Problem([seen], ["rest", "coefficients", "betas", "trans"], blocks=[rest, z])
-    x = np.random.default_rng(0).standard_normal(problem.free.size) * 0.3
-    assert_jacobian(problem, x, np.zeros(0), 1e-6)
-    graph = problem.function(x, np.zeros(0))
-    found = problem.residual(x, np.zeros(0))
-    np.testing.assert_allclose(found, np.asarray(graph).ravel(), atol=1e-9)
-    with pytest.raises(BadBody, match="side='left' or side='right'"):
-        hand_points(BODY, *(block.symbol for block in BODY.blocks()))
-
-
-def test_landmarks_of_hands_are_near_joints() -> None:
-    names = BODY.landmark_names("coco_with_hands")
-    assert len(names) == 65
-    assert names[:23] == BODY.landmark_names("coco") == FULL.landmark_names("coco")
-    away = []
-    for seed in range(4):
-        pose, betas, trans = someone(seed)
-        found = dict(zip(names, BODY.landmark("coco_with_hands", pose, betas, trans), strict=True))
-        joints = dict(zip(BODY.joint_names, BODY.joints(pose, betas, trans), strict=True))
-        away += [np.linalg.norm(found[name] - joints[name]) for name in BODY.joint_names[22:]]
-    assert np.mean(away) < 0.002
-    assert np.max(away) < 0.010
-    assert landmark_set(BODY) == "coco"
-    assert landmark_set(BODY, FULL.landmark_names("coco")) == "coco"
-    assert landmark_set(BODY, ["nose", "left_index1"]) == "coco_with_hands"
-    assert landmark_set(FULL, ["nose", "left_index1"]) == "coco"
 
 
 def test_capsules_are_those_of_the_body() -> None:

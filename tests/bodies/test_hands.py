@@ -10,7 +10,6 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 import workbench as wb
-from tests.differences import assert_jacobian
 from workbench.blocks import Block
 from workbench.bodies import HAND_POINTS, PoseSpace, hand_points, mirrored, pose_space
 from workbench.bodies.catalogue import load_skinned
@@ -97,21 +96,6 @@ def test_pose_blend_shapes_are_local() -> None:
     assert HAND.card["pose_blend_shapes"]["share_beyond_4_cm"] <= 0.10
 
 
-@pytest.mark.thorough
-def test_card_says_that_no_hand_was_measured() -> None:
-    for body in (HAND, LEFT):
-        text = " ".join([body.card["synthetic"], *body.card["provenance"]])
-        assert "no hand was measured" in text
-        assert "poses are synthetic too" in text
-        assert "CC0" in body.card["licence"]
-        assert "Apache-2.0" in body.card["licence"]
-    assert "mirror" in LEFT.card["mirrored"]
-    met = HAND.card["held_out"]
-    assert met["mean_mm"] < 0.05
-    assert met["mean_mm"] < 0.4 * met["mean_without_posedirs_mm"]
-    assert met["their_shape_variance_explained"] > 0.97
-
-
 # The left hand.
 
 
@@ -139,20 +123,6 @@ def test_mirroring_twice_gives_the_body() -> None:
 # The pose space.
 
 
-def test_coefficients_and_poses_are_inverses() -> None:
-    rng = np.random.default_rng(1)
-    z = rng.standard_normal((3, 45))
-    poses = SPACE.poses(HAND, z)
-    assert poses.shape == (3, 16, 3)
-    assert not poses[:, 0].any()
-    np.testing.assert_allclose(SPACE.coefficients(HAND, poses), z, atol=1e-5)
-    few = SPACE.first(6)
-    np.testing.assert_allclose(
-        few.coefficients(HAND, few.poses(HAND, z[:, :6])), z[:, :6], atol=1e-5
-    )
-    np.testing.assert_allclose(few.poses(HAND, np.zeros(6))[1:], SPACE.mean)  # added once
-
-
 def test_hand_is_posed_by_coefficients() -> None:
     few = SPACE.first(5)
     z, wrist, (_, betas, trans) = few.block(), Block("wrist", (1, 3), "rad"), HAND.blocks()
@@ -172,35 +142,14 @@ def test_hand_is_posed_by_coefficients() -> None:
     np.testing.assert_allclose(points.source.numeric.evaluate(values).points, expected, atol=1e-12)
 
 
-@pytest.mark.thorough
-def test_first_two_components_are_synergies() -> None:
-    shares = np.cumsum(SPACE.deviations**2) / np.sum(SPACE.deviations**2)
-    assert 0.78 < shares[1] < 0.92
-    assert (np.diff(SPACE.deviations) <= 0).all()
-    closing = SPACE.components[0]
-    bent = [closing[SPACE.joints.index(f"{f}{i}"), 2] for f in ("index", "ring") for i in (1, 2)]
-    assert (np.sign(bent) == np.sign(bent[0])).all()  # all fingers bend together
-
-
-@pytest.mark.thorough
-def test_pose_space_is_read_from_mano_arrays() -> None:
-    rng = np.random.default_rng(3)
-    rows, coefficients = rng.standard_normal((45, 45)), rng.standard_normal((7, 45))
-    extras = {"hands_mean": np.zeros(45), "hands_components": rows}
-    bare = pose_space(replace(HAND, extras=extras), 6)
-    assert bare.n_components == 6
-    np.testing.assert_array_equal(bare.deviations, 1)
-    extras["hands_coeffs"] = coefficients
-    np.testing.assert_allclose(
-        pose_space(replace(HAND, extras=extras)).deviations, coefficients.std(axis=0)
-    )
+def test_coefficients_that_do_not_fit_are_refused() -> None:
     with pytest.raises(BadBody, match="no pose space"):
         pose_space(load_skinned("small"))
     with pytest.raises(BadBody, match="15 joints below its root"):
-        pose_space(replace(HAND, extras={"hands_mean": np.zeros(9), "hands_components": rows}))
-
-
-def test_coefficients_that_do_not_fit_are_refused() -> None:
+        pose_space(replace(HAND, extras={**HAND.extras, "hands_mean": np.zeros(9)}))
+    for side, error, words in (("upper", UnknownName, "upper"), ("left", BadBody, "has one hand")):
+        with pytest.raises(error, match=words):
+            pose_space(HAND, 6, side)
     with pytest.raises(BadArgument, match="0 to so many"):
         SPACE.first(46)
     with pytest.raises(BadArgument, match="have shape"):
@@ -234,16 +183,6 @@ def test_21_points_are_joints_and_tips() -> None:
     np.testing.assert_allclose(np.asarray(graph(pose.T, betas, trans)).T, expected, atol=1e-12)
     batch = {name: np.stack([value, value]) for name, value in values.items()}
     np.testing.assert_allclose(numeric.evaluate_batch(batch)[1], expected, atol=1e-12)
-
-
-def test_jacobian_of_hand_points_is_that_of_differences() -> None:
-    pose, betas, trans = someone(5)
-    values = {"pose": pose, "betas": betas, "trans": trans}
-    points = hand_points(HAND, *(block.symbol for block in HAND.blocks()))
-    problem = wb.Problem(
-        [landmarks(points, np.zeros((21, 3)), sigma=0.01)], free=["pose", "betas", "trans"]
-    )
-    assert_jacobian(problem, problem.free.pack(values), np.zeros(0), 1e-6)
 
 
 def test_joints_alone_leave_rank_23_of_48() -> None:

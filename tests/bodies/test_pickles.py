@@ -5,7 +5,6 @@ import pickle
 import struct
 import sys
 from collections.abc import Iterator
-from contextlib import suppress
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -377,24 +376,13 @@ def test_file_that_is_too_large_is_not_opened(
 def test_indices_of_a_sparse_matrix_are_checked(tmp_path: Path) -> None:
     matrix = csc_matrix(entries()["J_regressor"])
     far, pointer, real, huge = (matrix.copy() for _ in range(4))
+    beyond = csc_matrix(matrix.shape)  # without entries, so that SciPy asks for less
     far.indices[0] = 10**6
     pointer.indptr[3] = 10**6
+    beyond.indptr[3] = 5
     real.indices = real.indices.astype(float)
     huge._shape = (10**10, 10**10)
-    for wrong in (far, pointer, real, huge):
+    for wrong in (far, pointer, beyond, real, huge):
         path = dumped(entries() | {"J_regressor": wrong}, tmp_path / "model.pkl")
         with pytest.raises(BadFile, match=r"J_regressor is a scipy.*that cannot be read"):
             load_body(path)
-
-
-@pytest.mark.parametrize("count", few([100, 1500], 1))
-def test_flipped_bytes_are_read_or_refused(tmp_path: Path, count: int) -> None:
-    rng = np.random.default_rng(0)
-    good = pickle.dumps({"J_regressor": csc_matrix(np.eye(3)), "v_template": np.eye(3)}, protocol=2)
-    for _ in range(count):
-        bad = bytearray(good)
-        for position in rng.integers(2, len(good), size=rng.integers(1, 4)):
-            bad[position] = rng.integers(256)
-        (tmp_path / "model.pkl").write_bytes(bad)
-        with suppress(BadFile):
-            read_pickled_arrays(tmp_path / "model.pkl")

@@ -3,7 +3,6 @@
 import re
 from dataclasses import replace
 from functools import partial
-from importlib import import_module
 from typing import Any
 
 import casadi as cs
@@ -16,7 +15,7 @@ from tests.bodies.laws import said
 from tests.bodies_made_up import random_body, smpl_like_body
 from workbench.bodies.forward import posed_points, surface
 from workbench.errors import BadBody, UnknownName
-from workbench.lectures.material.shape_directions import along, joint_moves, with_joints_of_the_mean
+from workbench.lectures.material.shape_directions import joint_moves, with_joints_of_the_mean
 
 BODY = replace(
     random_body(),
@@ -213,18 +212,6 @@ def test_values_that_make_no_body_are_refused() -> None:
 # Shape directions, and joints that go with them.
 
 
-def test_shape_directions_are_orthogonal_and_longest_first() -> None:
-    """Principal components; the body's own, to the rounding of its file."""
-    variances = import_module("examples.24_shape_directions").variances
-    body = wb.load_body("small")
-    S = body.shapedirs.reshape(-1, 10)
-    unit = S / np.linalg.norm(S, axis=0)
-    assert np.abs(unit.T @ unit - np.eye(10)).max() < 0.03
-    assert (np.diff(variances(body)) < 0).all()
-    wider = replace(body, shapedirs=2 * body.shapedirs)
-    np.testing.assert_allclose(variances(wider), 4 * variances(body))
-
-
 def test_joints_go_with_the_shape_and_can_be_held() -> None:
     body, betas = smpl_like_body(), [1.0, -1.0, 0.5, 2.0]
     moved = np.linalg.norm(body.joints(betas=betas) - body.joints(), axis=1)
@@ -236,13 +223,3 @@ def test_joints_go_with_the_shape_and_can_be_held() -> None:
     assert np.abs(held.vertices(pose) - body.vertices(pose, betas)).max() > 1e-3
     same = with_joints_of_the_mean(body, np.zeros(4))
     np.testing.assert_allclose(same.vertices(pose), body.vertices(pose), atol=1e-12)
-
-
-def test_tall_people_on_mean_joints_bend_in_wrong_places() -> None:
-    body, pose = wb.load_body("small"), np.zeros((24, 3))
-    tall = along(body, 0, 3.0)
-    assert 0.05 < joint_moves(body, tall).max() < 0.4  # m
-    pose[4, 0] = np.pi / 2
-    wrong = with_joints_of_the_mean(body, tall).vertices(pose) - body.vertices(pose, tall)
-    assert np.linalg.norm(wrong, axis=1).max() > 0.02
-    assert np.linalg.norm(wrong[body.template[:, 1] > 0.2], axis=1).max() < 1e-12

@@ -1,5 +1,6 @@
 """A skinned body against the paper's equations, the laws that it keeps, and what it refuses."""
 
+import pickle
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -9,30 +10,31 @@ import casadi as cs
 import numpy as np
 import pytest
 from scipy.sparse import csr_array
-from scipy.spatial import ConvexHull
-from scipy.spatial.transform import Rotation
 
 import workbench as wb
 from tests.bodies.laws import (
     assert_bind_pose_leaves_template,
+    assert_chain_rule_is_graph,
     assert_root_turns_everything_about_pelvis,
     in_symbols,
     said,
     some_arguments,
 )
 from tests.bodies.paper import smpl
-from tests.bodies.random_bodies import entries
 from tests.bodies_made_up import random_body, smpl_like_body
 from tests.tiers import few
 from workbench import Landmarks, SkinnedBody
+from workbench.bodies import skin, skin_vertices
+from workbench.bodies.files.saving import save_body
 from workbench.bodies.forward.few_points import JointPoints
 from workbench.bodies.forward.kinematics import Skeleton, binding_motions, pose_features
 from workbench.bodies.forward.motion import Kinematics
-from workbench.bodies.forward.skinning import linear_blend
-from workbench.errors import BadBody, UnknownName, WorkbenchError
-from workbench.geometry.rotation import matrix_from_vector, rodrigues
+from workbench.bodies.triangles.body import blend_scape
+from workbench.errors import BadArgument, BadBody, BadFile, UnknownName, WorkbenchError
+from workbench.geometry.rotation import rodrigues
 
 BODIES = {
+    "small": wb.load_body("small"),
     "a few joints": random_body(0),
     "bound in another pose": random_body(1, n_joints=6, bound=True),
     "one joint": random_body(3, n_joints=1),
@@ -42,141 +44,24 @@ BODIES = {
     "52 joints": random_body(5, n_joints=52, n_betas=16, n_vertices=40),
 }
 EACH_BODY = pytest.mark.parametrize(
-    "body", few([pytest.param(body, id=name) for name, body in BODIES.items()], 5)
+    "body", few([pytest.param(body, id=name) for name, body in BODIES.items()], 6)
 )
 
 
-def assert_as_in_paper(body: SkinnedBody, seed: int = 0) -> None:
-    arguments = some_arguments(body, seed)
-    vertices, joints = smpl(body, *arguments)
-    np.testing.assert_allclose(body.vertices(*arguments), vertices, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(body.joints(*arguments), joints, rtol=0, atol=1e-12)
-
-
-# Against the paper.
+# Against the paper, and the graph.
 
 
 @EACH_BODY
 def test_vertices_and_joints_are_those_of_the_paper(body: SkinnedBody) -> None:
-    assert_as_in_paper(body)
-
-
-def test_body_of_a_file_is_that_of_the_paper(tmp_path: Path) -> None:
-    np.savez(tmp_path / "somebody.npz", **entries(N=40, B=10))
-    assert_as_in_paper(wb.load_body(tmp_path / "somebody.npz"))
-
-
-def test_embedded_body_is_that_of_the_paper() -> None:
-    assert_as_in_paper(wb.load_body("small"))
-
-
-@EACH_BODY
-def test_bind_pose_leaves_the_shaped_template(body: SkinnedBody) -> None:
+    pose, betas, trans = some_arguments(body)
+    vertices, joints = smpl(body, pose, betas, trans)
+    np.testing.assert_allclose(body.vertices(pose, betas, trans), vertices, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(body.joints(pose, betas, trans), joints, rtol=0, atol=1e-12)
     assert_bind_pose_leaves_template(body)
-    betas = some_arguments(body)[1]
+    assert_root_turns_everything_about_pelvis(body)
     shaped = body.template + body.shapedirs @ betas
     np.testing.assert_allclose(body.vertices(body.bind_pose, betas), shaped, atol=1e-13)
     np.testing.assert_allclose(body.joints(betas=betas), body.J_regressor @ shaped, atol=1e-13)
-
-
-# Laws.
-
-
-@EACH_BODY
-def test_turning_the_root_turns_everything_about_the_pelvis(body: SkinnedBody) -> None:
-    assert_root_turns_everything_about_pelvis(body)
-
-
-def test_one_hot_weights_keep_lengths_within_a_part() -> None:
-    body = random_body(7, n_vertices=40, n_joints=6)
-    part = np.arange(40) % 6
-    body = replace(body, weights=np.eye(6)[part], posedirs=0 * body.posedirs)
-    posed = body.vertices(some_arguments(body)[0])
-    for k in range(6):
-        before, after = body.template[part == k], posed[part == k]
-        lengths = [np.linalg.norm(v[:, None] - v, axis=-1) for v in (before, after)]
-        np.testing.assert_allclose(lengths[1], lengths[0], atol=1e-14)
-
-
-def test_joints_lie_in_the_convex_hull_of_vertices() -> None:
-    body = smpl_like_body()
-    betas = some_arguments(body)[1]
-    hull = ConvexHull(body.vertices(betas=betas))
-    outside = body.joints(betas=betas) @ hull.equations[:, :3].T + hull.equations[:, 3]
-    assert outside.max() <= 1e-14
-
-
-def test_joints_follow_a_moved_or_scaled_surface() -> None:
-    body = random_body(8)
-    pose, betas, _ = some_arguments(body)
-    before, shift = body.joints(pose, betas), np.array([1.0, 2.0, 3.0])
-    moved = replace(body, template=body.template + shift)
-    np.testing.assert_allclose(moved.joints(pose, betas), before + shift, atol=1e-13)
-    larger = replace(body, template=2 * body.template, shapedirs=2 * body.shapedirs)
-    np.testing.assert_allclose(larger.joints(pose, betas), 2 * before, atol=1e-13)
-
-
-def test_conjugated_rotations_turn_the_body_in_space() -> None:
-    """Turning the template and its directions turns what comes out, all rotations conjugated."""
-    body, turn = random_body(9), Rotation.from_rotvec([0.3, 1.0, -0.5])
-    pose, betas, trans = some_arguments(body)
-    Q = turn.as_matrix()
-    pieces = body.posedirs.reshape(30, 3, -1, 3, 3)
-    turned = replace(
-        body,
-        template=body.template @ Q.T,
-        shapedirs=np.einsum("ij,njb->nib", Q, body.shapedirs),
-        # features become Q (R - I) Q', and the directions must read them so
-        posedirs=np.einsum("ij,njkrc,ar,bc->nikab", Q, pieces, Q, Q).reshape(30, 3, -1),
-    )
-    found = turned.vertices(turn.apply(pose), betas, turn.apply(trans))
-    np.testing.assert_allclose(found, turn.apply(body.vertices(pose, betas, trans)), atol=1e-13)
-
-
-# The chain of joints.
-
-PARENTS = (-1, 0, 0, 1, 3, 2)
-JOINTS, POSE, BIND = np.random.default_rng(0).normal(size=(3, 6, 3))
-
-
-def rotations(vectors: np.ndarray) -> cs.DM:
-    return cs.DM(np.hstack(list(matrix_from_vector(vectors))))
-
-
-def test_posed_joints_are_the_sum_over_the_path() -> None:
-    """J'_k = j_0 + sum over c on the path of R_parent(c) (j_c - j_parent(c))."""
-    _, posed = binding_motions(rotations(POSE), rotations(0 * POSE), cs.DM(JOINTS.T), PARENTS)
-    R = matrix_from_vector(POSE)
-    turned = [R[0]]
-    for k in range(1, len(PARENTS)):
-        turned.append(turned[PARENTS[k]] @ R[k])
-    for k in range(len(PARENTS)):
-        position, c = JOINTS[0].copy(), k
-        while c > 0:
-            position += turned[PARENTS[c]] @ (JOINTS[c] - JOINTS[PARENTS[c]])
-            c = PARENTS[c]
-        np.testing.assert_allclose(np.asarray(posed)[:, k], position, atol=1e-14)
-
-
-def test_parts_stay_together_at_their_joints() -> None:
-    G, posed = binding_motions(rotations(POSE), rotations(BIND), cs.DM(JOINTS.T), PARENTS)
-    for k in range(len(PARENTS)):
-        for part in (k, max(PARENTS[k], 0)):  # a joint belongs to its parent's part as well
-            moved = np.asarray(G[part]) @ (*JOINTS[k], 1)
-            np.testing.assert_allclose(moved, np.asarray(posed)[:, k], atol=1e-14)
-
-
-def test_a_joint_changes_its_own_nine_features() -> None:
-    body = random_body(n_joints=6, bound=True)
-    R0 = matrix_from_vector(body.bind_pose)
-    for k in range(6):
-        pose = body.bind_pose.copy()
-        pose[k] = [0.3, -0.5, 0.7]
-        f = np.asarray(pose_features(rodrigues(cs.DM(pose.T)), rodrigues(cs.DM(body.bind_pose.T))))
-        expected = np.zeros((5, 9))  # the root has none
-        if k:
-            expected[k - 1] = (matrix_from_vector(pose[k]) - R0[k]).ravel()
-        np.testing.assert_allclose(f.ravel(), expected.ravel(), atol=1e-15)
 
 
 @pytest.mark.parametrize("bound", [False, True])
@@ -336,38 +221,19 @@ def test_posed_surface_is_a_mesh_of_trimesh() -> None:
         body.trimesh(np.zeros((2, 24, 3)))
 
 
-def test_blocks_are_the_same_objects_each_time() -> None:
-    body = smpl_like_body()
-    assert body.blocks("scan 3/") is body.blocks("scan 3/")
-    names = [b.name for b in body.blocks("scan 3/")]
-    assert names == ["scan 3/pose", "scan 3/betas", "scan 3/trans"]
-    assert body.blocks()[0].entry(3 * 8 + 2) == "[right_ankle, z]"
-
-
 # Linearity: SMPL is linear in all but its pose, in each array alone.
-
-N, K, B = 6, 3, 2
 
 
 def is_linear(*names: str) -> bool:
     """In these symbols together, by the expanded graph: its structure is exact by entries."""
     arrays = [name for name in names if name not in ("pose", "betas", "trans")]
-    body = random_body(n_vertices=N, n_joints=K, n_betas=B).freed(*arrays)
-    symbols = {b.name: b.symbol for b in (*body.blocks(), *body.free.values())}
+    body = random_body(n_vertices=6, n_joints=3, n_betas=2).freed(*arrays)
+    blocks = [*body.blocks(), *body.free.values()]
     surface = cs.vec(body.points(*(b.symbol for b in body.blocks())).source.expression)
-    return linear_in(surface, [symbols[name] for name in names])
-
-
-def linear_in(expression: cs.MX, symbols: list[cs.MX]) -> bool:
-    others = [s for s in cs.symvar(expression) if not any(cs.is_equal(s, t) for t in symbols)]
-    f = cs.Function("f", [*symbols, *others], [expression]).expand()
-    x = cs.SX.sym("x", sum(s.numel() for s in symbols))
-    edges = np.cumsum([0, *(s.numel() for s in symbols)]).tolist()
-    pieces = [
-        cs.reshape(part, s.shape) for part, s in zip(cs.vertsplit(x, edges), symbols, strict=True)
-    ]
-    rest = [cs.SX.sym("other", *s.shape) for s in others]
-    return bool(cs.is_linear(f(*pieces, *rest), x))
+    inputs = [cs.SX.sym(b.name, *b.symbol.shape) for b in blocks]
+    expanded = cs.Function("f", [b.symbol for b in blocks], [surface]).expand()(*inputs)
+    chosen = [cs.vec(x) for b, x in zip(blocks, inputs, strict=True) if b.name in names]
+    return bool(cs.is_linear(expanded, cs.vertcat(*chosen)))
 
 
 def test_surface_is_linear_in_each_array_but_pose() -> None:
@@ -379,21 +245,6 @@ def test_surface_is_linear_in_each_array_but_pose() -> None:
         assert not is_linear(*product), product
     for product in (("J_regressor", "template"), ("weights", "J_regressor")):
         assert not is_linear(*product), product
-
-
-def test_training_pose_directions_is_one_linear_problem() -> None:
-    """Jointly linear in rest template, pose directions and joints, for fixed pose and weights."""
-    body = random_body(n_vertices=N, n_joints=K)
-    pose = cs.MX.sym("pose", 3, K)
-    rest, joints = cs.MX.sym("rest", 3, N), cs.MX.sym("joints", 3, K)
-    P, W = cs.MX.sym("P", 3 * N, 9 * (K - 1)), cs.MX.sym("W", N, K)
-    R, bind = rodrigues(pose), rodrigues(cs.DM(body.bind_pose.T))
-    G, _ = binding_motions(R, bind, joints, body.parents)
-    bent = rest + cs.reshape(P @ pose_features(R, bind), 3, N)
-    vertices = cs.vec(linear_blend(bent, G, W))
-    assert linear_in(vertices, [rest, P, joints])
-    assert not linear_in(vertices, [W, P])
-    assert not linear_in(vertices, [W, joints])
 
 
 # Arrays that do not fit together.
@@ -451,3 +302,102 @@ def test_broken_arrays_are_named() -> None:
     for wrong, words in BROKEN:
         found = said(BadBody, replace, random_body(), **wrong)
         assert re.search(f"body 'made-up': .*{words}", found), found
+
+
+BODY = random_body(5, n_vertices=20, n_joints=4, n_betas=2)
+THETA, BETAS, PLACES = (np.random.default_rng(0).normal(size=s) for s in ((4, 3), 2, (4, 3)))
+AT_REST = (
+    BODY.template
+    + BODY.shapedirs @ BETAS
+    + BODY.posedirs @ BODY.kinematics.motion(THETA, BETAS).features
+)
+REGRESSED = BODY.J_regressor @ (BODY.template + BODY.shapedirs @ BETAS)
+NUMBERS = AT_REST.T, REGRESSED.T, BODY.weights, THETA.T
+GIVEN = replace(BODY, rest_joints=PLACES, name="given")
+SYMBOLS = [block.symbol for block in BODY.blocks()]
+
+
+def four(kind: Any) -> tuple[Any, ...]:
+    shapes = {"T": (3, 20), "J": (3, 4), "weights": (20, 4), "theta": (3, 4)}
+    return tuple(kind.sym(name, *shape) for name, shape in shapes.items())
+
+
+@pytest.mark.parametrize("kind", [cs.MX, cs.SX])
+def test_skinning_function_gives_the_vertices_of_a_body(kind: Any) -> None:
+    expected, symbols = BODY.vertices(THETA, BETAS), four(kind)
+    W = cs.Function("W", list(symbols), [skin(*symbols, BODY.parents)])
+    np.testing.assert_allclose(np.asarray(W(*NUMBERS)).T, expected, atol=1e-12)
+    found = skin_vertices(AT_REST, REGRESSED, BODY.weights, THETA, BODY.parents)
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
+def test_shapes_and_kinds_that_do_not_fit_are_refused() -> None:
+    wrong = [
+        (1, np.zeros((3, 5)), "J has shape"),
+        (2, np.zeros((4, 20)), "weights has shape"),
+        (3, cs.MX.sym("theta", 12), "theta has shape"),
+    ]
+    for which, value, words in wrong:
+        given = list(NUMBERS)
+        given[which] = value
+        with pytest.raises(BadArgument, match=words):
+            skin(*given, BODY.parents)
+    with pytest.raises(BadArgument, match="MX and SX"):
+        skin(*four(cs.MX)[:2], *four(cs.SX)[2:], BODY.parents)
+    with pytest.raises(BadArgument, match="three columns"):
+        skin_vertices(AT_REST.T, PLACES, BODY.weights, THETA, BODY.parents)
+
+
+# Joints that are free, or given.
+
+
+def problem_of(body: wb.SkinnedBody, *free: str) -> wb.Problem:
+    points, joints = body.points(*SYMBOLS), body.joint_points(*SYMBOLS)
+    terms = [
+        wb.residuals.vertices(points, np.zeros((20, 3)), sigma=1.0),
+        wb.residuals.landmarks(joints, np.zeros((4, 3)), sigma=1.0),
+    ]
+    return wb.Problem(terms, free)
+
+
+def test_free_joints_take_the_place_of_the_regressor() -> None:
+    problem = problem_of(BODY.freed("joints"), "joints", "pose")
+    values = {"pose": THETA, "betas": BETAS, "trans": np.zeros(3), "joints": PLACES}
+    assert problem.free.unit(0) == "m"
+    found = problem.linearize(values).residual.reshape(-1, 3)
+    posed = skin_vertices(AT_REST, PLACES, BODY.weights, THETA, BODY.parents)
+    np.testing.assert_allclose(found[:20], posed, atol=1e-12)
+    np.testing.assert_allclose(found[20:], GIVEN.joints(THETA), atol=1e-12)
+    np.testing.assert_allclose(posed, GIVEN.vertices(THETA, BETAS), atol=1e-12)
+    start = BODY.freed("joints").start()["joints"]
+    np.testing.assert_allclose(start, BODY.J_regressor @ BODY.template, atol=1e-15)
+
+
+def test_given_joints_do_not_follow_the_shape() -> None:
+    np.testing.assert_array_equal(GIVEN.joints(betas=BETAS), GIVEN.joints())
+    np.testing.assert_allclose(GIVEN.joints(), PLACES, atol=1e-15)
+    np.testing.assert_allclose(GIVEN.vertices(), GIVEN.template, atol=1e-14)
+    problem = problem_of(GIVEN, "pose", "betas", "trans")
+    values = {"pose": THETA, "betas": BETAS, "trans": PLACES[0]}
+    assert_chain_rule_is_graph(problem, values)
+    J = problem.linearize(values).jacobian
+    assert not J[3 * 20 :, problem.free.slices["betas"]].any()
+
+
+def test_joints_and_their_regressor_are_not_free_together() -> None:
+    for body, names in ((BODY, ["joints", "J_regressor"]), (GIVEN, ["J_regressor"])):
+        with pytest.raises(BadBody, match="nothing would read J_regressor"):
+            body.freed(*names)
+    with pytest.raises(BadBody, match="nothing would read J_regressor"):
+        BODY.freed("J_regressor").freed("joints")
+
+
+def test_given_joints_are_kept_where_they_can_be(tmp_path: Path) -> None:
+    save_body(GIVEN, tmp_path / "given.npz")
+    for back in (pickle.loads(pickle.dumps(GIVEN)), wb.load_body(tmp_path / "given.npz")):
+        np.testing.assert_array_equal(back.rest_joints, PLACES)
+        np.testing.assert_array_equal(back.vertices(THETA, BETAS), GIVEN.vertices(THETA, BETAS))
+    with pytest.raises(BadFile, match="joints at rest"):
+        save_body(GIVEN, tmp_path / "given.pkl")
+    with pytest.raises(BadBody, match="is given its joints"):
+        blend_scape(GIVEN)

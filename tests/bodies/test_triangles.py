@@ -1,9 +1,11 @@
 """SCAPE and BlendSCAPE: against their formula face by face, and the laws of every body."""
 
-import copy
-import pickle
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, get_args
 
 import casadi as cs
 import numpy as np
@@ -13,18 +15,24 @@ from scipy.sparse import csr_array
 import workbench as wb
 from tests.bodies.laws import (
     assert_bind_pose_leaves_template,
+    assert_chain_rule_is_graph,
     assert_root_turns_everything_about_pelvis,
     some_arguments,
 )
+from tests.bodies.random_bodies import same
 from tests.bodies_made_up import random_body, tube_body
 from tests.differences import assert_hessian, assert_jacobian
 from tests.tiers import few
 from workbench.bodies.body import Body
+from workbench.bodies.catalogue import EmbeddedTriangles, load_body, load_skinned
+from workbench.bodies.files.embedded import UNTRAINED, read_embedded_triangles
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.bodies.triangles.body import one_part
-from workbench.errors import BadBody, UnknownName
+from workbench.errors import BadBody, BadFile, UnknownName
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.geometry.triangles import edges
+from workbench.priors.poses import draw_poses, shipped_gaussian
+from workbench.reports import card_text
 
 
 def bent(body: TriangleBody, seed: int = 0) -> TriangleBody:
@@ -133,39 +141,6 @@ def test_one_hot_weights_make_blend_scape_scape(name: str) -> None:
 # What the two differ in.
 
 
-def test_blended_rotations_shrink_and_crease_less() -> None:
-    small, bend = skinned("small"), np.zeros((24, 3))
-    bend[small.joint_names.index("left_knee")] = [2.0, 0, 0]
-    rigid, soft = scape(small), blend_scape(small)
-    np.testing.assert_allclose(np.linalg.det(rigid.deformations(bend, [])), 1, atol=1e-12)
-    shrunk = np.linalg.det(soft.deformations(bend, []))
-    assert shrunk.max() <= 1 + 1e-12
-    assert shrunk.min() < 0.6
-    crease = [_largest_jump(body, bend) for body in (rigid, soft)]
-    assert crease[1] < 0.8 * crease[0]
-
-
-def _largest_jump(body: TriangleBody, pose: np.ndarray) -> float:
-    """Between the deformations of two faces that share an edge."""
-    X = body.deformations(pose, [])
-    edge_faces: dict[frozenset[int], list[int]] = {}
-    for f, corners in enumerate(body.faces.tolist()):
-        for a, b in ((0, 1), (1, 2), (2, 0)):
-            edge_faces.setdefault(frozenset((corners[a], corners[b])), []).append(f)
-    return max(float(np.linalg.norm(X[f] - X[g])) for f, g in edge_faces.values())
-
-
-def test_twists_do_not_come_back_at_2_pi() -> None:
-    body = made("SCAPE")
-    pose = np.zeros((3, 3))
-    pose[1] = [0.5, 0, 0]
-    around = pose.copy()
-    around[1] = [0.5 - 2 * np.pi, 0, 0]  # the same rotation
-    plain = replace(body, posedirs=0 * body.posedirs)
-    np.testing.assert_allclose(plain.vertices(pose), plain.vertices(around), atol=1e-13)
-    assert abs(body.vertices(pose) - body.vertices(around)).max() > 0.01
-
-
 # Derivatives, and the two ways to the same numbers.
 
 
@@ -216,19 +191,12 @@ def test_derivatives_are_those_of_differences(name: str, where: str) -> None:
 
 
 @pytest.mark.parametrize("name", few(["BlendSCAPE", *MADE], 1))
-@pytest.mark.parametrize("where", few(PLACES, ("near zero", "somewhere")))
-def test_arithmetic_and_graph_agree(name: str, where: str) -> None:
-    body, none = made(name), np.zeros(0)
-    problem, x = whole_problem(name), place(body, PLACES[where])
-    sources = [p.source for residual in problem.residuals for p in residual.points]
-    assert all(source.numeric is not None for source in sources)
-    r, J = (np.asarray(part) for part in problem.derivative(x, none))
-    here = problem.linearize_at(x, none)
-    np.testing.assert_allclose(here.residual, r.ravel(), atol=1e-11)
-    np.testing.assert_allclose(here.jacobian, J, atol=1e-11)
-    cost, gradient = problem.cost_and_gradient(x, none)
-    np.testing.assert_allclose(gradient, here.gradient, atol=1e-10)
-    np.testing.assert_allclose(cost, here.cost)
+def test_arithmetic_and_graph_agree(name: str) -> None:
+    problem = whole_problem(name)
+    assert all(p.source.numeric is not None for r in problem.residuals for p in r.points)
+    for size in PLACES.values():
+        values = problem.free.unpack(place(made(name), size))
+        assert_chain_rule_is_graph(problem, values)
 
 
 # Points.
@@ -265,15 +233,6 @@ def test_batches_are_the_poses_one_by_one(name: str, count: int) -> None:
         alone = body.vertices(pose[i], betas[i], trans[i])
         # sums of the same hundreds of products in another order, through a mesh's stiffness
         np.testing.assert_allclose(found[i], alone, rtol=0, atol=1e-11 * (1 + abs(alone).max()))
-
-
-def test_body_copies_and_pickles() -> None:
-    body = made("SCAPE")
-    arguments = some_arguments(body)
-    for copied in (copy.copy(body), copy.deepcopy(body), pickle.loads(pickle.dumps(body))):
-        np.testing.assert_array_equal(copied.vertices(*arguments), body.vertices(*arguments))
-        with pytest.raises(ValueError, match="read-only"):
-            copied.posedirs[0] = 1
 
 
 def test_unknown_names_and_vertices_are_refused() -> None:
@@ -335,16 +294,6 @@ def test_posed_and_shaped_person_is_found_from_zero(seed: int) -> None:
         np.testing.assert_allclose(solution.values[name], value, atol=1e-6)
 
 
-@pytest.mark.parametrize("solver", few(["ipopt-exact", "gauss-newton", "ipopt", "nlopt-lbfgs"], 1))
-def test_solvers_take_a_triangle_body(solver: str) -> None:
-    body = made("BlendSCAPE")
-    problem, known = fit_problem(body, 0, 0.2)
-    start = {n: v + 0.01 * np.sign(v) for n, v in known.items()}
-    before = problem.linearize(start).cost
-    solution = wb.solve(problem, start, wb.SOLVERS[solver])
-    assert solution.cost < 1e-3 * before
-
-
 def test_jacobian_is_dense_and_sees_every_direction() -> None:
     seen = []
     for body in (made("small SCAPE"), skinned("small")):
@@ -358,3 +307,145 @@ def test_jacobian_is_dense_and_sees_every_direction() -> None:
     assert sparse.density < 0.6 < 0.95 < dense.density
     assert dense.rank == 85
     assert dense.null_directions == ()
+
+
+EXTRAS = {"joint_limits": np.arange(6.0).reshape(3, 2), "gender": np.array("neutral")}
+CARD = {"source": "made up", "numbers": [1, 0.1, None], "nested": {"é": "ü"}}
+
+
+def whole(body: TriangleBody) -> TriangleBody:
+    """The body with everything that its file can hold."""
+    return replace(body, name="somebody", card=CARD, extras=EXTRAS)
+
+
+@pytest.mark.parametrize("name", few(MADE, ("SCAPE", "BlendSCAPE", "no betas", "no twists")))
+def test_saved_body_comes_back(name: str, tmp_path: Path) -> None:
+    given = whole(made(name))
+    wb.save_body(given, tmp_path / "body.npz")
+    found = wb.load_body(tmp_path / "body.npz")
+    same(given, found)
+    arguments = some_arguments(given)
+    np.testing.assert_array_equal(found.vertices(*arguments), given.vertices(*arguments))
+
+
+def test_file_says_which_kind_it_holds(tmp_path: Path) -> None:
+    skinned = tube_body()
+    wb.save_body(skinned, tmp_path / "skinned.npz")
+    wb.save_body(blend_scape(skinned), tmp_path / "triangles.npz")
+    assert isinstance(load_skinned(tmp_path / "skinned.npz"), wb.SkinnedBody)
+    with pytest.raises(BadBody, match="a SkinnedBody is needed here"):
+        load_skinned(tmp_path / "triangles.npz")
+    with pytest.raises(BadFile, match="which the package smplx does not know"):
+        wb.save_body(blend_scape(skinned), tmp_path / "body.pkl")
+    assert not (tmp_path / "body.pkl").exists()
+
+
+def without(*keys: str) -> Callable[[dict[str, Any]], dict[str, Any]]:
+    return lambda arrays: {k: v for k, v in arrays.items() if k not in keys}
+
+
+def put(**changed: Any) -> Callable[[dict[str, Any]], dict[str, Any]]:
+    return lambda arrays: arrays | {k.replace("__", "/"): v for k, v in changed.items()}
+
+
+DAMAGES = [
+    (without("card", "f"), BadFile, "has no f, card"),
+    (put(bs_style=np.array("chain")), BadFile, "bs_style 'chain'"),
+    (put(near=np.zeros((40, 3), int)), BadFile, "posedirs has shape"),
+    (put(near=np.full((40, 2), 0.5)), BadFile, "near must hold whole numbers"),
+    (put(f=np.zeros((40, 4), int)), BadFile, "f has shape"),
+    (put(f=np.full((40, 3), 99)), BadBody, "there are 22"),
+    (put(shapedirs=np.full((40, 3, 3, 2), np.inf)), BadBody, "not finite"),
+    (put(v_template=np.array("tall")), BadFile, "must hold numbers"),
+    (put(v_template=1e200 * np.eye(22, 3)), BadBody, "beyond 1,000 m"),
+    (put(v_template=np.zeros((22, 3))), BadBody, "no area"),
+    (put(weights__indices=np.full(40, 99)), BadFile, "weights is no sparse matrix"),
+    (put(weights__data=np.full(40, 2.0)), BadBody, "sum to 2"),
+    (put(weights__shape=np.array([2**40, 3])), BadFile, "weights is no sparse matrix"),
+    (put(J_regressor__shape=np.array([3, 2**40])), BadBody, "J_regressor has shape"),
+    (put(kintree_table=np.array([[9, 2, 1], [0, 1, 2]])), BadBody, "joint 1 has parent 2"),
+    (put(card=np.array("{")), BadFile, "its card is no JSON"),
+]
+
+
+def test_damaged_files_are_refused(tmp_path: Path) -> None:
+    wb.save_body(made("SCAPE"), tmp_path / "body.npz")
+    with np.load(tmp_path / "body.npz") as archive:
+        arrays = dict(archive)
+    for damage, error, text in DAMAGES:
+        np.savez(tmp_path / "damaged.npz", **damage(arrays))
+        with pytest.raises(error, match=text):
+            wb.load_body(tmp_path / "damaged.npz")
+    np.savez(tmp_path / "more.npz", **arrays, thing=np.array([{}], dtype=object))
+    (said,) = wb.load_body(tmp_path / "more.npz").card["left_out"]
+    assert said.startswith("thing, which is an array of Python objects")
+
+
+def test_extras_cannot_replace_the_body_s_arrays() -> None:
+    for key in ("near", "weights/data", "bs_style", "landmarks/x/names"):
+        with pytest.raises(BadBody, match=f"extras must not be called .*: {key}"):
+            replace(made("SCAPE"), extras={key: np.zeros(3)})
+
+
+def test_card_tells_faces_of_each_joint_and_what_it_is_made_of(tmp_path: Path) -> None:
+    body = whole(made("small SCAPE"))
+    text = card_text(body)
+    for said in ("each triangle with one part", "734", "faces moved", "carried along", "made up"):
+        assert said in text
+    # each face moves with one joint, so the table's column adds up to them
+    rows = [line.split() for line in text.splitlines() if line.strip()[:1].isdigit()]
+    assert sum(int(row[-2]) for row in rows) == body.n_faces
+    skinned = wb.load_body("small")
+    wb.save_body(blend_scape(skinned), tmp_path / "body.npz")
+    card = wb.load_body(tmp_path / "body.npz").card
+    assert card["made_of"].startswith("body 'small'")
+    assert {key: card[key] for key in skinned.card} == dict(skinned.card)
+
+
+# Those that are shipped.
+
+FOLDER = Path(str(files("workbench"))) / "data" / "bodies"
+SHIPPED = pytest.mark.parametrize("name", few(get_args(EmbeddedTriangles), ("small-scape",)))
+
+
+@SHIPPED
+def test_shipped_bodies_have_only_posedirs_of_their_own(name: str) -> None:
+    body, (mesh, model) = load_body(name), UNTRAINED[name]
+    untrained = model(wb.load_body(mesh))
+    for part in ("template", "faces", "shapedirs", "near"):
+        np.testing.assert_array_equal(getattr(body, part), getattr(untrained, part))
+    for part in ("weights", "J_regressor"):
+        assert (getattr(body, part) != getattr(untrained, part)).nnz == 0
+    assert body.posedirs.any()
+    assert (FOLDER / f"{name}.npz").stat().st_size < 0.3e6
+
+
+@SHIPPED
+def test_posedirs_help_on_people_not_learned_from(name: str) -> None:
+    body, (mesh, model) = load_body(name), UNTRAINED[name]
+    skinned, rng = wb.load_body(mesh), np.random.default_rng(99)
+    poses = draw_poses(shipped_gaussian(), 20, rng)
+    betas = rng.standard_normal((20, body.n_betas))
+    wanted = skinned.vertices(poses, betas)
+    off, before = (
+        np.sqrt(((centred(one.vertices(poses, betas)) - centred(wanted)) ** 2).sum(axis=2).mean())
+        for one in (body, model(skinned))
+    )
+    assert off < 0.4 * before
+    held_out = body.card["held_out"]
+    assert held_out["rms_mm"] < 0.35 * held_out["rms_without_posedirs_mm"]
+
+
+def centred(surfaces: np.ndarray) -> np.ndarray:
+    return surfaces - surfaces.mean(axis=1, keepdims=True)
+
+
+def test_damaged_shipped_file_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(BadFile, match=r"there is no file .*nothing\.npz"):
+        read_embedded_triangles(tmp_path / "nothing.npz", "small", scape)
+    np.savez(tmp_path / "other.npz", near=np.zeros((734, 2), dtype=np.uint8))
+    with pytest.raises(BadFile, match="card, posedirs, posedirs_step missing"):
+        read_embedded_triangles(tmp_path / "other.npz", "small", scape)
+
+
+# In the place of SMPL.

@@ -4,7 +4,6 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-import casadi as cs
 import numpy as np
 import pytest
 
@@ -23,7 +22,6 @@ from workbench.bodies.ablations import without_shape_blend_shapes
 from workbench.bodies.files.gltf import write_gltf
 from workbench.bodies.forward.features import (
     Features,
-    Posture,
     count_features,
     quaternion_elements,
     rotation_elements,
@@ -44,7 +42,6 @@ WHERE = [
     ("near zero", "pi", "anywhere"),
     ("zero", "all but pi between two joints", "a full turn"),
 ]
-QUATERNIONS_OF_STAR = "dual_quaternion_blend of star_features"
 
 
 def varied(body: SkinnedBody, features: Features, seed: int = 0) -> SkinnedBody:
@@ -140,25 +137,6 @@ def test_derivatives_are_those_of_differences(
         assert_hessian(problem, x, fixed, 1e-6)
 
 
-@pytest.mark.parametrize(
-    "name", ["dual_quaternion_blend of rotation_elements", QUATERNIONS_OF_STAR]
-)
-def test_variants_are_fitted_like_smpl(name: str) -> None:
-    body = variants()[name]
-    truth = dict(zip(("pose", "betas", "trans"), some_arguments(body, 3, scale=0.35), strict=True))
-    symbols = [block.symbol for block in body.blocks()]
-    seen = body.vertices(**truth)
-    problem = wb.Problem(
-        [wb.residuals.vertices(body.points(*symbols), seen, sigma=0.001)],
-        free=["pose", "betas", "trans"],
-    )
-    solution = wb.solve(problem, body.start())
-    assert solution.converged
-    for block, value in truth.items():
-        np.testing.assert_allclose(solution.values[block], value, atol=1e-7)
-    assert wb.diagnose(problem, body.start() | solution.values).rank == problem.free.size
-
-
 # How features differ.
 
 
@@ -178,20 +156,6 @@ def test_only_rotation_elements_repeat_after_a_full_turn() -> None:
         assert repeats[quaternion_elements] < 1e-12  # after two turns
 
 
-def test_only_rotation_vectors_grow_without_bounds() -> None:
-    pose, moved = np.zeros((5, 3)), {}
-    pose[2, 0] = 1.0
-    for features in FEATURES[:3]:
-        body = varied(random_body(3), features)
-        body = replace(body, weights=np.eye(5)[np.zeros(30, dtype=int)])
-        far = [body.vertices(turns * 2 * np.pi * pose + pose) for turns in (0, 1, 100)]
-        moved[features] = [np.abs(v - body.template).max() for v in far]
-    grown = moved[rotation_vectors]
-    assert grown[-1] == pytest.approx(grown[0] * (1 + 200 * np.pi), rel=1e-9)
-    assert max(moved[rotation_elements]) < 0.2
-    assert max(moved[quaternion_elements]) < 0.2
-
-
 def test_posedirs_must_fit_the_features(tmp_path: Path) -> None:
     body = smpl_like_body()
     with pytest.raises(BadBody, match=r"posedirs has shape .* \(60, 3, 69\)"):
@@ -207,16 +171,6 @@ def test_posedirs_must_fit_the_features(tmp_path: Path) -> None:
 STAR = varied(random_body(3), star_features, seed=1)
 POSE = 0.7 * np.random.default_rng(0).standard_normal((5, 3))
 BETAS = np.array([0.4, -1.3, 0.8])
-
-
-def test_star_features_are_half_angles_and_beta_2() -> None:
-    assert count_features(star_features, 24, 10) == 93
-    found = star_features(Posture.of(cs.MX(POSE.T), cs.MX(3, 5), cs.MX(BETAS)))
-    expected = []
-    for theta in POSE[1:]:
-        angle = np.linalg.norm(theta)
-        expected += [*(np.sin(angle / 2) * theta / angle), np.cos(angle / 2) - 1]
-    np.testing.assert_allclose(np.asarray(cs.evalf(found)).ravel(), [*expected, -1.3], atol=1e-14)
 
 
 def test_beta_2_of_star_adds_a_shape_and_moves_no_joint() -> None:

@@ -72,9 +72,9 @@ def test_bad_camera_numbers_are_refused(tmp_path: Path) -> None:
         ({"t": None}, "lacks t"),
         ({"size": 3}, "size must be numbers, not 3"),
         ({"size": [0, 5]}, r"the size \[0, 5\]"),
-        ({"K": [[0, 0, 1], [0, 1, 1], [0, 0, 1]]}, "focal lengths are above zero"),
-        ({"K": [[-5, 0, 1], [0, 1, 1], [0, 0, 1]]}, "focal lengths are above zero"),
-        ({"K": [[5, 0, 1], [0, 1, 1], [0, 0, 2]]}, "lower rows of K"),
+        ({"K": [[0, 0, 1], [0, 1, 1], [0, 0, 1]]}, "focal lengths above zero"),
+        ({"K": [[-5, 0, 1], [0, 1, 1], [0, 0, 1]]}, "focal lengths above zero"),
+        ({"K": [[5, 0, 1], [0, 1, 1], [0, 0, 2]]}, "rows of K"),
         ({"distortion": [float("nan")]}, "finite"),
         ({"distortion": [1] * 8}, "up to five distortion coefficients"),
     ]:

@@ -105,6 +105,17 @@ def test_names_tell_the_axis_when_some_points_are_missing() -> None:
     assert up_of(seen @ UP_TO_Y["z"], names=names)[0] == "z"
 
 
+def test_bending_person_has_y_up() -> None:
+    """Where joints without names spread a little farther along z than along y."""
+    pose = np.zeros((24, 3))
+    for side, turn in (("left", -1.3), ("right", 1.3)):  # arms down
+        pose[BODY.joint_names.index(f"{side}_shoulder"), 2] = turn
+    pose[0, 0] = np.radians(50)
+    joints = np.tile(BODY.joints(pose), (2, 1, 1))
+    assert joints[0].std(axis=0).argmax() == 2
+    assert up_of(joints)[0] == "y"
+
+
 def test_lying_person_leaves_y_up() -> None:
     points, names = t_pose("joints")
     assert up_of(points @ UP_TO_Y["x"], names=names)[0] == "y"

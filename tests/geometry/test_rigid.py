@@ -26,14 +26,6 @@ def angle(R: Array) -> float:
     return float(np.linalg.norm(Rotation.from_matrix(R).as_rotvec()))
 
 
-@pytest.mark.parametrize("count", few([20, 3], 1))
-def test_motion_is_found_again(count: int) -> None:
-    found = procrustes(POINTS[:count], MOTION(POINTS[:count]))
-    np.testing.assert_allclose(found.R, MOTION.R, atol=1e-13)
-    np.testing.assert_allclose(found.t, MOTION.t, atol=1e-13)
-    assert found.scale == 1.0
-
-
 @pytest.mark.parametrize("scale", few([1.7, 1e-3], 1))
 def test_motion_with_a_scale_is_found_again(scale: float) -> None:
     found = umeyama(POINTS, Similarity(MOTION.R, MOTION.t, scale)(POINTS), WEIGHTS)
@@ -69,33 +61,14 @@ def test_mirrored_points_give_the_best_rotation() -> None:
             assert np.sum((scale * centred - q) ** 2) >= least
 
 
-def test_weight_zero_leaves_an_outlier_out() -> None:
-    target = MOTION(POINTS)
-    target[0] += 5.0  # an outlier
-    weights = np.ones(len(POINTS))
-    weights[0] = 0.0
-    np.testing.assert_allclose(procrustes(POINTS, target, weights).R, MOTION.R, atol=1e-13)
-    assert np.abs(procrustes(POINTS, target).R - MOTION.R).max() > 1e-2
-
-
 @BOTH
 def test_whole_weight_is_a_repeated_point(solve) -> None:  # type: ignore[no-untyped-def]
-    times = RNG.integers(1, 4, len(POINTS))
+    times = RNG.integers(0, 4, len(POINTS))  # and without weight it is none
     weighted = solve(POINTS, NOISY, times)
     repeated = solve(np.repeat(POINTS, times, axis=0), np.repeat(NOISY, times, axis=0))
     np.testing.assert_allclose(weighted.R, repeated.R, atol=1e-13)
     np.testing.assert_allclose(weighted.t, repeated.t, atol=1e-13)
     np.testing.assert_allclose(weighted.scale, repeated.scale, atol=1e-13)
-
-
-@BOTH
-def test_no_nearby_motion_has_less_error(solve) -> None:  # type: ignore[no-untyped-def]
-    best = solve(POINTS, NOISY, WEIGHTS)
-    least = squared_error(best, NOISY, WEIGHTS)
-    for turn, shift in 0.02 * RNG.normal(size=(200, 2, 3)):
-        scale = best.scale * (1 + 0.02 * RNG.normal() if solve is umeyama else 1)
-        other = Similarity(best.R @ matrix_from_vector(turn), best.t + shift, scale)
-        assert squared_error(other, NOISY, WEIGHTS) > least
 
 
 def test_rotation_is_that_of_scipy() -> None:

@@ -112,34 +112,27 @@ def assert_consistent(found: ClosestPoints, vertices: Array, faces: Index, point
 
 
 @BOTH
-def test_distances_are_those_of_an_exhaustive_search(way: Ways) -> None:
-    rng = np.random.default_rng(0)
-    vertices, faces = soup(rng)
-    points = everywhere(rng, vertices, faces, 2000)
-    found = SurfaceTree(vertices, faces, way).closest(points)
-    expected = oracle(vertices, faces, points)
-    np.testing.assert_allclose(np.abs(found.distances), expected, rtol=0, atol=1e-12)
-    assert_consistent(found, vertices, faces, points)
-
-
-@BOTH
-@pytest.mark.parametrize("facing", few([0.5, 0.0, -0.3], 1))
-def test_gated_distances_are_those_of_an_exhaustive_search(way: Ways, facing: float) -> None:
+@pytest.mark.parametrize("facing", few([None, 0.5, 0.0, -0.3], 2))
+def test_distances_are_those_of_an_exhaustive_search(way: Ways, facing: float | None) -> None:
+    """All of them; or those within 0.2 m of triangles that face the point's normal."""
     rng, within = np.random.default_rng(1), 0.2
     vertices, faces = soup(rng)
-    points = everywhere(rng, vertices, faces, 2000)
-    normals = unit(rng.normal(size=points.shape))
-    found = SurfaceTree(vertices, faces, way).closest(points, within, normals, facing)
-    counts = normals @ normals_of(vertices, faces).T >= facing
-    expected = np.minimum(oracle(vertices, faces, points, counts), within)
+    points, tree = everywhere(rng, vertices, faces, 2000), SurfaceTree(vertices, faces, way)
+    if facing is None:
+        found, expected = tree.closest(points), oracle(vertices, faces, points)
+    else:
+        normals = unit(rng.normal(size=points.shape))
+        found = tree.closest(points, within, normals, facing)
+        counts = normals @ normals_of(vertices, faces).T >= facing
+        expected = np.minimum(oracle(vertices, faces, points, counts), within)
+        there = found.faces >= 0
+        assert 200 < there.sum() < 1980
+        assert counts[there, found.faces[there]].all()
+        np.testing.assert_array_equal(found.points[~there], points[~there])
+        np.testing.assert_array_equal(found.distances[~there], within)
+        assert not found.normals[~there].any()
     np.testing.assert_allclose(np.abs(found.distances), expected, rtol=0, atol=1e-12)
     assert_consistent(found, vertices, faces, points)
-    there = found.faces >= 0
-    assert 200 < there.sum() < 1980
-    assert counts[there, found.faces[there]].all()
-    np.testing.assert_array_equal(found.points[~there], points[~there])
-    np.testing.assert_array_equal(found.distances[~there], within)
-    assert not found.normals[~there].any()
 
 
 @pytest.mark.parametrize("faces_count", few([9, 129, 1, 2, 7, 8, 16, 17, 64, 65, 600], 2))

@@ -95,15 +95,6 @@ def test_gradients_reconstruct_a_posed_mesh() -> None:
     np.testing.assert_allclose(found, posed - posed.mean(axis=0), atol=1e-10)
 
 
-def test_rotation_of_all_triangles_rotates_the_mesh() -> None:
-    turned = edges(TEMPLATE, FACES) @ TURN.T
-    centroid = np.array([[1.0, 2.0, 3.0]])
-    found = STITCHING.vertices(turned, centroid)
-    np.testing.assert_allclose(edges(found, FACES), turned, atol=1e-12)
-    expected = (TEMPLATE - TEMPLATE.mean(axis=0)) @ TURN.T + centroid
-    np.testing.assert_allclose(found, expected, atol=1e-12)
-
-
 def test_stitching_is_the_least_squares_solution() -> None:
     wanted = np.random.default_rng(1).normal(size=(8, 2, 3))
     stitching = Stitching(PAIR, 8)

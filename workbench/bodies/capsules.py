@@ -120,18 +120,6 @@ class Capsules:
         return Capsules(names, *(arrays[key] for key in KEYS[1:]))
 
 
-def capsule_distances(points: Array, ends: Array, radii: Array) -> Array:
-    """How far points (N, 3) m are from each of C capsules, (C, N) m; negative inside.
-
-    `ends` (C, 2, 3) m and `radii` (C,) m.
-    """
-    a, u = ends[:, :1], ends[:, 1:] - ends[:, :1]  # (C, 1, 3)
-    off = points - a
-    length = np.maximum((u * u).sum(axis=-1), 1e-18)
-    along = np.clip((off * u).sum(axis=-1) / length, 0, 1)
-    return np.asarray(np.linalg.norm(off - along[..., None] * u, axis=-1) - radii[:, None])
-
-
 def segment_distances(starts: Array, ends: Array, pairs: Index) -> Array:
     """The distances (..., P) m of segments (..., C, 3) to (..., C, 3), pair by pair."""
     places = closest_places(starts, ends, pairs)

@@ -18,7 +18,7 @@ from workbench.arrays import Array, Index, Mask
 from workbench.bodies.parts import BONES, owners, part_joints, solid_of
 from workbench.bodies.skinned import SkinnedBody
 from workbench.errors import BadBody
-from workbench.geometry.surface_tree import ClosestPoints, SurfaceTree
+from workbench.geometry.surface_tree import SurfaceTree
 
 PAIRS = 1_000_000  # of a point and a triangle at once
 TOGETHER = 2_000  # triangles that are looked at in one round
@@ -114,20 +114,14 @@ class Solid:
         found[found] = winding_numbers(points[found], self.vertices, self.faces) > INSIDE
         return found
 
-    def from_skin(self, points: Array) -> ClosestPoints:
-        """The places of the skin that are closest to points (M, 3) m."""
-        return self._skin.closest(points)
-
-    def near_border(self, points: Array, reach: Array) -> Mask:
-        """Which points are no farther than `reach` (M,) m from the border, openings included."""
-        return np.asarray(abs(self._border.closest(points).distances) <= reach)
-
     @cached_property
-    def _skin(self) -> SurfaceTree:
+    def surface(self) -> SurfaceTree:
+        """The skin, to be asked for its closest places."""
         return SurfaceTree(self.vertices, self.skin)
 
     @cached_property
-    def _border(self) -> SurfaceTree:
+    def border(self) -> SurfaceTree:
+        """The same of all that closes the solid."""
         return SurfaceTree(self.vertices, self.faces)
 
 
@@ -166,7 +160,7 @@ def deepest(triangles: Array, within: Solid, tolerance: float = 5e-4) -> Deepest
         looked, waiting = triangles[now], (triangles[later], limits[later])
         middles = looked.mean(axis=1)
         reach = np.linalg.norm(looked - middles[:, None], axis=2).max(axis=1)
-        skin = within.from_skin(middles)
+        skin = within.surface.closest(middles)
         distances = abs(skin.distances)
         farthest = np.linalg.norm(looked - skin.points[:, None], axis=2).max(axis=1)
         inside = within.holds(middles)
@@ -175,7 +169,8 @@ def deepest(triangles: Array, within: Solid, tolerance: float = 5e-4) -> Deepest
             best = Deepest(float(distances[k]), middles[k], int(skin.faces[k]))
         own = np.minimum(np.minimum(distances + reach, farthest), limits[now])
         open_ = (own > best.depth + tolerance) & (reach > tolerance / 2)
-        open_[open_] = inside[open_] | within.near_border(middles[open_], reach[open_])
+        off = abs(within.border.closest(middles[open_]).distances)
+        open_[open_] = inside[open_] | (off <= reach[open_])
         triangles = np.concatenate([_quartered(looked[open_]), waiting[0]])
         limits = np.concatenate([np.tile(own[open_], 4), waiting[1]])
         promising = limits > best.depth + tolerance

@@ -77,7 +77,8 @@ class Camera:
 
     def seen(self, points: cs.MX) -> cs.MX:
         """World points (3, N) m in the camera's frame, (3, N) m; the last row is their depth."""
-        return in_frame(points, self.rotation.symbol, self.translation.symbol)
+        t = cs.repmat(self.translation.symbol, 1, points.shape[1])
+        return rodrigues(self.rotation.symbol) @ points + t
 
     def image_of(self, seen: cs.MX) -> cs.MX:
         """The pixels (2, N) of points in the camera's frame (3, N) m.
@@ -115,17 +116,11 @@ class Camera:
                 f"a camera takes up to five distortion coefficients (k1 k2 p1 p2 k3), not "
                 f"{given.size}; the rational and thin-prism models are not supported"
             )
-        if abs(K[0, 1]) > 1e-6 * abs(K[0, 0]):
-            raise BadCamera(f"a camera has square or oblong pixels, but K[0, 1] is {K[0, 1]:g}")
-        if not (K[0, 0] > 0 and K[1, 1] > 0):
+        skew = max(abs(K[0, 1]), abs(K[1, 0])) > 1e-6 * K[0, 0]
+        if skew or K[:2, :2].diagonal().min() <= 0 or not np.allclose(K[2], (0, 0, 1), atol=1e-6):
             raise BadCamera(
-                f"a camera's focal lengths are above zero, but K[0, 0] is {K[0, 0]:g} and "
-                f"K[1, 1] is {K[1, 1]:g} px"
-            )
-        if abs(K[1, 0]) > 1e-6 * K[1, 1] or not np.allclose(K[2], (0, 0, 1), atol=1e-6):
-            raise BadCamera(
-                f"the lower rows of K are 0, fy, cy and 0, 0, 1, not {K[1].tolist()} and "
-                f"{K[2].tolist()}; transpose K, or divide it by K[2, 2]"
+                "the rows of K are fx, 0, cx and 0, fy, cy and 0, 0, 1, with focal lengths above "
+                f"zero, not {K.tolist()}; leave skew out, transpose K, or divide it by K[2, 2]"
             )
         _check_rotation(R)
         k = np.zeros(5)
@@ -153,11 +148,6 @@ class Camera:
     def _numbers(self, values: Mapping[str, ArrayLike]) -> list[Array]:
         layout = Layout(self.blocks)
         return list(layout.unpack(layout.pack(values)).values())
-
-
-def in_frame(points: cs.MX, rotation: cs.MX, t: cs.MX) -> cs.MX:
-    """World points (3, N) m in the frame of a camera, (3, N) m."""
-    return rodrigues(rotation) @ points + cs.repmat(t, 1, points.shape[1])
 
 
 def project(seen: cs.MX, focal: cs.MX, centre: cs.MX, distortion: cs.MX) -> cs.MX:

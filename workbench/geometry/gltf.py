@@ -24,7 +24,7 @@ from workbench.errors import shown
 from workbench.reading.facts import bounded, parsed
 
 COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-MOST_ZEROS = 25_000_000  # numbers of an accessor that has no bytes
+MOST_ZEROS = 5_000_000  # numbers of a sparse accessor that has no bytes
 
 
 @dataclass(frozen=True)
@@ -43,30 +43,22 @@ class GlbDocument:
         found: dict[str, Any] = several[index]
         return found
 
-    def numbers(self, index: Any, kind: str, columns: int) -> NDArray[Any]:
-        """The numbers (count, columns) of an accessor, as a view of the file's bytes."""
-        accessor, name = self.entry("accessors", index), f"accessors[{shown(index)}]"
-        if "sparse" in accessor or "bufferView" not in accessor:
-            raise ValueError(
-                f"{name} is sparse, or compressed by an extension such as Draco's, which is not "
-                "read; export the mesh without compression"
-            )
-        dtype = _dtype(accessor, kind, name)
-        return self._view(accessor, dtype, whole(accessor, "count"), columns, kind, name)
-
     def values(self, index: Any, kind: str, columns: int) -> Array:
         """The numbers (count, columns) of an accessor, sparse or not, normalized if it says so.
 
-        Raises ValueError for more numbers without bytes than a motion has.
+        Raises ValueError for numbers without bytes, as those that an extension compresses.
         """
         accessor, name = self.entry("accessors", index), f"accessors[{shown(index)}]"
         dtype, count = _dtype(accessor, kind, name), whole(accessor, "count")
         if "bufferView" in accessor:
             found = self._view(accessor, dtype, count, columns, kind, name)
-        elif count * columns <= MOST_ZEROS:
+        elif "sparse" in accessor and count * columns <= MOST_ZEROS:
             found = np.zeros((count, columns), dtype)
         else:
-            raise ValueError(f"{name} says it holds {count:,} {kind}, all of them zero")
+            raise ValueError(
+                f"{name} says it holds {count:,} {kind} and has no bytes for them; of a file that "
+                "is compressed, as by Draco, export one that is not"
+            )
         if "sparse" in accessor:
             found = self._replaced(accessor["sparse"], found.copy(), kind, name)
         with np.errstate(invalid="ignore"):
@@ -200,19 +192,12 @@ def document_of(content: bytes, folder: Path | None = None) -> GlbDocument:
     json = parsed(chunks.get(JSON, b"null").rstrip(b" \0"))
     if not isinstance(json, dict):
         raise ValueError("its JSON is no object")
-    if content[:4] != MAGIC:
-        _check_version(json)
-    beside = _Beside(folder)
-    buffers = several(json, "buffers")
-    return GlbDocument(json, [_bytes(b, k, chunks, beside) for k, b in enumerate(buffers)])
-
-
-def _check_version(json: dict[str, Any]) -> None:
-    """Raises ValueError for text of another version, whose lists are objects."""
-    asset = json.get("asset")
-    version = asset.get("version") if isinstance(asset, dict) else None
-    if not isinstance(version, str) or not version.startswith("2."):
+    version = json["asset"].get("version") if isinstance(json.get("asset"), dict) else None
+    if content[:4] != MAGIC and not (isinstance(version, str) and version.startswith("2.")):
         raise ValueError(f"its asset says version {shown(version)}, and glTF 2.0 is read")
+    buffers, known = several(json, "buffers"), dict[Path, bytes]()
+    held = [_bytes(b, k, chunks, folder, known) for k, b in enumerate(buffers)]
+    return GlbDocument(json, held)
 
 
 def _chunks(content: bytes) -> dict[bytes, bytes]:
@@ -230,69 +215,62 @@ def _chunks(content: bytes) -> dict[bytes, bytes]:
 
 
 def _bytes(
-    buffer: dict[str, Any], number: int, chunks: dict[bytes, bytes], beside: "_Beside"
+    buffer: dict[str, Any],
+    number: int,
+    chunks: dict[bytes, bytes],
+    folder: Path | None,
+    known: dict[Path, bytes],
 ) -> bytes:
-    """What a buffer holds."""
+    """What a buffer holds; `known` are the files beside this one that were read."""
     uri, name = buffer.get("uri"), f"buffers[{number}]"
     if uri is None:
         return chunks.get(BINARY, b"") if number == 0 else b""
     head, _, text = uri.partition("base64,") if isinstance(uri, str) else ("", "", "")
     if not head.startswith("data:"):
-        return beside.read(uri, name, whole(buffer, "byteLength", 0))
+        return _bytes_beside(folder, uri, name, whole(buffer, "byteLength", 0), known)
     try:
         return base64.b64decode(text)
     except binascii.Error as error:
         raise ValueError(f"{name} is no base64 ({error})") from error
 
 
-class _Beside:
-    """The files of a folder that buffers name: each is read once; all have one limit together."""
+def _bytes_beside(
+    folder: Path | None, uri: Any, name: str, length: int, known: dict[Path, bytes]
+) -> bytes:
+    """The bytes of the file that a URI names; each is read once, and all have one limit together.
 
-    def __init__(self, folder: Path | None) -> None:
-        self.folder, self.known, self.room = folder, dict[Path, bytes](), MOST_BYTES
-
-    def read(self, uri: Any, name: str, length: int) -> bytes:
-        """The bytes of the file that a URI names."""
-        if self.folder is None:
-            raise ValueError(
-                f"{name} is in another file, {shown(uri)}, which is not opened; export the "
-                "mesh as one .glb"
-            )
-        path = self._path(uri, name)
-        if path not in self.known:
-            try:
-                content = bounded(path, self.room)
-            except OSError as error:
-                raise ValueError(f"{name} is in {shown(uri)}, which cannot be read") from error
-            self.room -= len(content)
-            self.known[path] = content
-        if length > len(self.known[path]):
-            raise ValueError(
-                f"{name} has {length:,} bytes, and its file {shown(uri)} {len(self.known[path]):,}"
-            )
-        return self.known[path]
-
-    def _path(self, uri: Any, name: str) -> Path:
-        """The file in the folder or below it."""
-        assert self.folder is not None
-        inside = unquote(uri) if isinstance(uri, str) else ""
-        parts = PurePosixPath(inside).parts
-        strange = set(":\\\0") & set(inside)
-        if not parts or inside.startswith("/") or ".." in parts or strange or len(inside) > 1000:
-            raise ValueError(
-                f"{name} is said to be in {shown(uri)}, and only files in the folder of the .gltf, "
-                "or below it, are opened; put the file there"
-            )
-        home = self.folder.resolve()
-        path = home.joinpath(*parts).resolve()
-        if not path.is_relative_to(home):  # a link that leads elsewhere
-            raise ValueError(f"{name} is in {shown(uri)}, which leads out of the file's folder")
-        if not path.is_file():
-            raise ValueError(
-                f"{name} is in the file {shown(uri)}, which is not in the folder; keep both "
-                "together"
-            )
-        return path
+    The file is in the folder or below it.
+    """
+    if folder is None:
+        raise ValueError(
+            f"{name} is in another file, {shown(uri)}, which is not opened; export the mesh as one "
+            ".glb"
+        )
+    inside = unquote(uri) if isinstance(uri, str) else ""
+    parts, strange = PurePosixPath(inside).parts, set(":\\\0") & set(inside)
+    if not parts or inside.startswith("/") or ".." in parts or strange or len(inside) > 1000:
+        raise ValueError(
+            f"{name} is said to be in {shown(uri)}, and only files in the folder of the .gltf, or "
+            "below it, are opened; put the file there"
+        )
+    home = folder.resolve()
+    path = home.joinpath(*parts).resolve()
+    if not path.is_relative_to(home):  # a link that leads elsewhere
+        raise ValueError(f"{name} is in {shown(uri)}, which leads out of the file's folder")
+    if not path.is_file():
+        raise ValueError(
+            f"{name} is in the file {shown(uri)}, which is not in the folder; keep both together"
+        )
+    if path not in known:
+        try:
+            known[path] = bounded(path, MOST_BYTES - sum(map(len, known.values())))
+        except OSError as error:
+            raise ValueError(f"{name} is in {shown(uri)}, which cannot be read") from error
+    if length > len(known[path]):
+        raise ValueError(
+            f"{name} has {length:,} bytes, and its file {shown(uri)} {len(known[path]):,}"
+        )
+    return known[path]
 
 
 POINTS, TRIANGLES, STRIP, FAN = 0, 4, 5, 6  # modes of primitives; the others are lines
@@ -360,22 +338,14 @@ def _part(document: GlbDocument, primitive: dict[str, Any]) -> tuple[Array, Inde
     none = np.zeros((0, 3), dtype=np.int64)
     if mode not in (POINTS, TRIANGLES, STRIP, FAN) or not isinstance(attributes, dict):
         return np.zeros((0, 3)), none
-    stored = document.numbers(attributes.get("POSITION"), "VEC3", 3)
-    with np.errstate(invalid="ignore"):  # what is no number then is refused by the mesh
-        positions = stored.astype(np.float64)
-    if stored.dtype.kind in "iu" and _accessor_is_normalized(document, attributes):
-        positions = np.maximum(positions / np.iinfo(stored.dtype).max, -1)
+    positions = document.values(attributes.get("POSITION"), "VEC3", 3)
     if mode == POINTS:
         return positions, none
+    order = np.arange(len(positions))
     if "indices" in primitive:
-        order = document.numbers(primitive["indices"], "SCALAR", 1).astype(np.int64).ravel()
-    else:
-        order = np.arange(len(positions))
+        with np.errstate(invalid="ignore"):  # what is no number is no vertex of the mesh either
+            order = document.values(primitive["indices"], "SCALAR", 1).astype(np.int64).ravel()
     return positions, _triangles(order, mode)
-
-
-def _accessor_is_normalized(document: GlbDocument, attributes: dict[str, Any]) -> bool:
-    return document.entry("accessors", attributes["POSITION"]).get("normalized") is True
 
 
 def _triangles(order: Index, mode: int) -> Index:

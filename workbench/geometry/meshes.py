@@ -29,17 +29,11 @@ LONGEST_LINE = 10**6  # characters; a line is split into its words before these 
 LONGEST_HEADER = 2**16  # bytes
 COMMENTS = ("comment", "obj_info")  # in the header of a .ply
 PLY_TYPES = {
-    name: np.dtype(kind)
-    for kind, names in {
-        "i1": "char int8",
-        "u1": "uchar uint8",
-        "i2": "short int16",
-        "u2": "ushort uint16",
-        "i4": "int int32",
-        "u4": "uint uint32",
-        "f4": "float float32",
-        "f8": "double float64",
-    }.items()
+    name: np.dtype(names.split()[1])
+    for names in (
+        *("char int8", "uchar uint8", "short int16", "ushort uint16"),
+        *("int int32", "uint uint32", "float float32", "double float64"),
+    )
     for name in names.split()
 }
 MOST_SOLIDS = 10_000  # in an .stl of text
@@ -97,7 +91,7 @@ class Mesh:
                 )
             places, faces = places.vertices, places.faces
         try:
-            vertices, triangles = np.array(places, dtype=np.float64), np.asarray(faces)
+            vertices, triangles = np.array(places, np.float64, order="C"), np.asarray(faces)
         except (TypeError, ValueError) as error:
             raise BadMesh(f"vertices and faces must be arrays of numbers: {error}") from error
         if not triangles.size:
@@ -253,10 +247,14 @@ def parse_obj(lines: Iterable[str]) -> tuple[Array, Index]:
             case ["f", *corners]:
                 if len(corners) < 3:
                     raise ValueError(f"line {number}: a face has at least 3 corners")
-                first, *others = (_corner(c, so_far, number) for c in corners)
-                for second, third in pairwise(others):
-                    faces.extend((first, second, third))
+                faces.extend(_fan([_corner(c, so_far, number) for c in corners]))
     return np.array(vertices).reshape(-1, 3), np.array(faces, dtype=np.int64).reshape(-1, 3)
+
+
+def _fan(polygon: list[int]) -> Iterator[int]:
+    """The corners of a polygon's triangles around its first corner."""
+    for pair in pairwise(polygon[1:]):
+        yield from (polygon[0], *pair)
 
 
 def _position(words: list[str], where: str) -> list[float]:
@@ -367,8 +365,7 @@ def _triangulated(content: bytes) -> tuple[bytes, Index]:
         start += counts.itemsize + k * corners.itemsize + rest
         if k < 3:
             raise ValueError("a face has at least 3 corners")
-        for second, third in pairwise(polygon[1:]):
-            triangles.extend((polygon[0], second, third))
+        triangles.extend(_fan(polygon))
     without = head[: head.rindex(b"element face")] + b"end_header\n" + body[:at]
     return without, np.array(triangles, dtype=np.int64).reshape(-1, 3)
 
@@ -434,8 +431,7 @@ def parse_off(content: bytes) -> tuple[Array, Index]:
             size, corners = -1, []
         if size != len(corners) or size < 3 or max(map(abs, corners)) >= 2**53:
             raise ValueError(f"face {read - 1} is {shown(words[:4])}")
-        for second, third in pairwise(corners[1:]):
-            faces.extend((corners[0], second, third))
+        faces.extend(_fan(corners))
     places = np.array(vertices).reshape(-1, 3)
     _check_counts(places, read, n_vertices, n_faces)
     return places, np.array(faces, dtype=np.int64).reshape(-1, 3)

@@ -5,7 +5,6 @@ as the file has bytes for it. (Point Cloud Library, The PCD file format, version
 compression is LZF, by Marc Lehmann.)
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import chain, islice
 from typing import Any
@@ -49,114 +48,88 @@ class PointCloudFile:
 
 
 @dataclass(frozen=True)
-class _Field:
-    name: str
-    dtype: str
-    count: int  # numbers in a point
-
-    @property
-    def bytes(self) -> int:
-        return np.dtype(self.dtype).itemsize * self.count
-
-
-@dataclass(frozen=True)
 class _Header:
-    fields: tuple[_Field, ...]
+    fields: tuple[tuple[str, str, int], ...]  # name, type, and numbers in a point
     n_points: int
     viewpoint: Array | None
     kind: str
     start: int  # of the data
 
     @property
-    def bytes(self) -> int:
-        """Of all points in binary."""
-        return self.n_points * sum(field.bytes for field in self.fields)
+    def sizes(self) -> list[int]:
+        """The bytes of each field in a point."""
+        return [np.dtype(kind).itemsize * count for _, kind, count in self.fields]
 
-    def has(self, names: tuple[str, ...]) -> bool:
-        return all([f.count for f in self.fields if f.name == name] == [1] for name in names)
+    def places(self, names: tuple[str, ...]) -> list[int]:
+        """Which fields have these names, if each is there once and one number; otherwise none."""
+        named = [field[0] for field in self.fields]
+        found = [named.index(name) for name in names if named.count(name) == 1]
+        single = len(found) == len(names) and all(self.fields[k][2] == 1 for k in found)
+        return found if single else []
+
+    def checked_bytes(self, there: int, most: float = np.inf) -> int:
+        """Of all points in binary. Raises ValueError where fewer are there."""
+        claimed = self.n_points * sum(self.sizes)
+        if claimed > min(there, most):
+            raise ValueError(
+                f"its header claims {shown(self.n_points)} points, and there are {there:,} bytes "
+                "for them"
+            )
+        return claimed
 
 
 def parse_pcd(content: bytes) -> PointCloudFile:
     """Points, and normals and viewpoint if the file has them. Raises ValueError with the reason."""
     header = _header(content)
-    if not header.has(POSITION):
-        found = ", ".join(shown(field.name) for field in header.fields[:10])
+    position, normal = header.places(POSITION), header.places(NORMAL)
+    if not position:
+        found = ", ".join(shown(name) for name, *_ in header.fields[:10])
         raise ValueError(
             f"its points have no x, y and z, one number each, but {found or 'nothing'}"
         )
-    names = POSITION + (NORMAL if header.has(NORMAL) else ())
     read = {"ascii": _in_text, "binary": _in_rows, "binary_compressed": _in_columns}[header.kind]
-    numbers = read(content, header, names)
-    unread = (f.name for f in header.fields if f.name not in (*names, PADDING))
-    normals = numbers[:, 3:] if len(names) > len(POSITION) else None
-    return PointCloudFile(
-        np.ascontiguousarray(numbers[:, :3]),
-        normals,
-        header.viewpoint,
-        tuple(dict.fromkeys(unread)),
-    )
+    with np.errstate(invalid="ignore"):  # NaN that signals is refused later, as other NaN
+        columns = read(content, header, position + normal)
+        numbers = np.column_stack(columns).astype(np.float64)
+    known = (*POSITION, *(NORMAL if normal else ()), PADDING)
+    unread = tuple(dict.fromkeys(name for name, *_ in header.fields if name not in known))
+    points = np.ascontiguousarray(numbers[:, :3])
+    return PointCloudFile(points, numbers[:, 3:] if normal else None, header.viewpoint, unread)
 
 
-def _in_text(content: bytes, header: _Header, names: tuple[str, ...]) -> Array:
+def _in_text(content: bytes, header: _Header, places: list[int]) -> list[NDArray[Any]]:
     """A point in each line."""
-    if header.n_points > len(content):
-        raise ValueError(_short(header, len(content)))
-    firsts = np.cumsum([0, *(field.count for field in header.fields)])
-    columns = [int(firsts[_at(header, name)]) for name in names]
+    firsts = np.cumsum([0, *(count for *_, count in header.fields)])
     lines = (line for line in text_lines(content[header.start :]) if line.strip())
-    first = list(islice(lines, 1))
-    numbers = np.zeros((0, len(names)))
-    if first:
-        rows = islice(chain(first, lines), header.n_points + 1)
-        numbers = np.loadtxt(rows, usecols=columns, ndmin=2, comments=None)
+    rows, numbers = list(islice(lines, 1)), np.zeros((0, len(places)))
+    if rows:
+        some = islice(chain(rows, lines), min(header.n_points, len(content)) + 1)
+        numbers = np.loadtxt(some, usecols=firsts[places].tolist(), ndmin=2, comments=None)
     if len(numbers) != header.n_points:
         follow = "more" if len(numbers) > header.n_points else f"{len(numbers):,}"
         raise ValueError(f"its header says {header.n_points:,} POINTS, but {follow} follow")
-    return np.asarray(numbers, dtype=np.float64)
+    return [*numbers.T]
 
 
-def _in_rows(content: bytes, header: _Header, names: tuple[str, ...]) -> Array:
+def _in_rows(content: bytes, header: _Header, places: list[int]) -> list[NDArray[Any]]:
     """Point after point."""
-    there = len(content) - header.start
-    if header.bytes > there:
-        raise ValueError(_short(header, there))
-    fields = [(str(k), f.dtype, (f.count,)) for k, f in enumerate(header.fields)]
+    header.checked_bytes(len(content) - header.start)
+    fields = [(str(k), kind, (count,)) for k, (_, kind, count) in enumerate(header.fields)]
     rows = np.frombuffer(content, fields, header.n_points, header.start)
-    return _columns([rows[str(_at(header, name))][:, 0] for name in names])
+    return [rows[str(k)][:, 0] for k in places]
 
 
-def _in_columns(content: bytes, header: _Header, names: tuple[str, ...]) -> Array:
+def _in_columns(content: bytes, header: _Header, places: list[int]) -> list[NDArray[Any]]:
     """Compressed, field after field."""
-    sizes = np.frombuffer(content[header.start : header.start + 8], "<u4")
+    sizes = np.frombuffer(content[header.start : header.start + 8], "<u4").tolist()
     packed = content[header.start + 8 :]
     if len(sizes) < 2 or sizes[0] > len(packed):
         raise ValueError("its compressed points are cut off")
-    if header.bytes != sizes[1] or header.bytes > min(LARGEST_RATIO * sizes[0], MOST_BYTES):
-        raise ValueError(_short(header, int(sizes[1])))
-    unpacked = unpacked_lzf(packed[: int(sizes[0])], header.bytes)
-    starts = np.cumsum([0, *(header.n_points * field.bytes for field in header.fields)])
-    places = [_at(header, name) for name in names]
-    return _columns(
-        [
-            np.frombuffer(unpacked, header.fields[k].dtype, header.n_points, int(starts[k]))
-            for k in places
-        ]
-    )
-
-
-def _columns(numbers: list[NDArray[Any]]) -> Array:
-    with np.errstate(invalid="ignore"):  # NaN that signals is refused later, as other NaN
-        return np.column_stack(numbers).astype(np.float64)
-
-
-def _at(header: _Header, name: str) -> int:
-    return next(k for k, field in enumerate(header.fields) if field.name == name)
-
-
-def _short(header: _Header, there: int) -> str:
-    return (
-        f"its header claims {shown(header.n_points)} points, and there are {there:,} bytes for them"
-    )
+    claimed = header.checked_bytes(sizes[1], min(LARGEST_RATIO * sizes[0], MOST_BYTES))
+    unpacked = unpacked_lzf(packed[: sizes[0]], claimed)
+    starts = np.cumsum([0, *(header.n_points * size for size in header.sizes)]).tolist()
+    kinds = [kind for _, kind, _ in header.fields]
+    return [np.frombuffer(unpacked, kinds[k], header.n_points, starts[k]) for k in places]
 
 
 def unpacked_lzf(packed: bytes, size: int) -> bytes:
@@ -202,7 +175,7 @@ def _header(content: bytes) -> _Header:
             raise ValueError("it has no header that ends in a line with DATA")
         line, at = content[at:end].decode("latin1"), end + 1
         match line.split():
-            case [] | ["#", *_]:
+            case []:
                 pass
             case [word, *_] if word.startswith("#"):
                 pass
@@ -216,7 +189,7 @@ def _header(content: bytes) -> _Header:
     return _Header(_fields(said), _count(said), _viewpoint(said.get("VIEWPOINT", [])), kind, at)
 
 
-def _fields(said: dict[str, list[str]]) -> tuple[_Field, ...]:
+def _fields(said: dict[str, list[str]]) -> tuple[tuple[str, str, int], ...]:
     names = said.get("FIELDS", [])
     sizes, types = said.get("SIZE", []), said.get("TYPE", [])
     counts = said.get("COUNT", ["1"] * len(names))
@@ -229,7 +202,7 @@ def _fields(said: dict[str, list[str]]) -> tuple[_Field, ...]:
     for name, size, kind, count in zip(names, sizes, types, counts, strict=True):
         if kind + size not in TYPES:
             raise ValueError(f"field {shown(name)} is of type {shown(kind)} and size {shown(size)}")
-        found.append(_Field(name, TYPES[kind + size], _whole(count, "COUNT")))
+        found.append((name, TYPES[kind + size], _whole(count, "COUNT")))
     return tuple(found)
 
 
@@ -280,24 +253,16 @@ def parse_xyz(content: bytes) -> tuple[Array, int]:
     if start is None:
         first = shown(head[0].strip()) if head else "nothing"
         raise ValueError(f"its first lines hold no x, y and z; the first is {first}")
-    columns = len(_leading_numbers(head[start]))
-    separator = _separator(head[start])
-    total = len(_words(head[start]))
+    columns, words = len(_leading_numbers(head[start])), _words(head[start])
+    rows = (line for line in chain(head[start:], lines) if not line.lstrip().startswith(COMMENTS))
+    read = range(min(columns, MOST_COLUMNS))
     try:
         numbers = np.loadtxt(
-            _rows(chain(head[start:], lines)),
-            delimiter=separator,
-            usecols=range(min(columns, MOST_COLUMNS)),
-            ndmin=2,
-            comments=None,
+            rows, delimiter=_separator(head[start]), usecols=read, ndmin=2, comments=None
         )
     except ValueError as error:
         raise ValueError(f"after line {start + 1}: {cut(error)}") from error
-    return np.asarray(numbers, dtype=np.float64), total
-
-
-def _rows(lines: Iterator[str]) -> Iterator[str]:
-    return (line for line in lines if not line.lstrip().startswith(COMMENTS))
+    return np.asarray(numbers, dtype=np.float64), len(words)
 
 
 def _separator(line: str) -> str | None:

@@ -32,8 +32,7 @@ def rodrigues(w: Matrix) -> Matrix:
     x, y, z = w[0, :], w[1, :], w[2, :]
     t2 = x**2 + y**2 + z**2  # (1, K) rad^2
     a, b = sine_and_cosine_ratios(t2)
-    near = t2 < SERIES_BELOW
-    c = cs.if_else(near, _series(t2, 0), cs.cos(cs.sqrt(cs.if_else(near, 1.0, t2))))
+    c = _cosine(t2)
     columns_of_each = cs.vertcat(
         c + b * x * x,
         b * x * y + a * z,
@@ -62,10 +61,14 @@ def quaternions_of_vectors(w: Matrix) -> Matrix:
     Smooth everywhere; a full turn further is the opposite quaternion, of the same rotation.
     """
     h2 = cs.sum1(w**2) / 4  # (1, K), the squared half angle
-    near = h2 < SERIES_BELOW
-    h = cs.sqrt(cs.if_else(near, 1.0, h2))
-    a = cs.if_else(near, _series(h2, 1), cs.sin(h) / h)
-    return cs.vertcat(cs.if_else(near, _series(h2, 0), cs.cos(h)), cs.repmat(a / 2, 3, 1) * w)
+    a, _ = sine_and_cosine_ratios(h2)
+    return cs.vertcat(_cosine(h2), cs.repmat(a / 2, 3, 1) * w)
+
+
+def _cosine(t2: Matrix) -> Matrix:
+    """cos(t) of squared angles t^2 in rad^2."""
+    near = t2 < SERIES_BELOW
+    return cs.if_else(near, _series(t2, 0), cs.cos(cs.sqrt(cs.if_else(near, 1.0, t2))))
 
 
 def _series(t2: Matrix, first: int) -> Matrix:
@@ -133,18 +136,14 @@ def inverse_left_jacobian(w: ArrayLike) -> Array:
 
     log(exp(u) exp(w)) = w + S u + ..., where S is the inverse of the left Jacobian of SO(3),
 
-        S = I - [w]x / 2 + (1 / t^2 - cot(t / 2) / (2 t)) [w]x^2,   t = |w|
+        S = c I - t / 2 [n]x + (1 - c) n n',   c = t / 2 cot(t / 2),   w = t n
 
     (Sola, Deray and Atchuthan, A micro Lie theory for state estimation in robotics, 2018, eq. 146).
     Near a full turn it grows without bound: there log is not unique.
     """
-    w = np.asarray(w, dtype=float)
-    t = np.linalg.norm(w, axis=-1)[..., None, None]
-    x = np.cross(w[..., None, :], np.eye(3)).swapaxes(-1, -2)  # [w]x
-    far = np.maximum(t, 1e-2)
-    closed = (1 - far / (2 * np.tan(far / 2))) / far**2
-    share = np.where(t > 1e-2, closed, 1 / 12 + t**2 / 720)  # below, the next term is under 1e-12
-    return np.asarray(np.eye(3) - x / 2 + share * (x @ x))
+    t, n, _, _ = _angles(np.asarray(w, dtype=float))
+    unit = t / 2 / np.tan(t / 2)
+    return _about(n, unit, -t / 2, 1 - unit)
 
 
 def nearest_rotation(M: ArrayLike) -> Array:

@@ -177,10 +177,7 @@ class TreeBoxes:
         nodes = _nodes(order.levels, low - wide, high + wide)
         even = (order.rising[:, 1] - order.rising[:, 0]) % 3 == 1
         normals = _by_face(order, n) * np.where(even, 1.0, -1.0)[:, None]
-        turns, rising = (
-            np.empty((len(order.faces), 3)),
-            np.stack([dot(u, v), -dot(u, w), dot(v, w)]),
-        )
+        turns, rising = np.empty_like(normals), np.stack([dot(u, v), -dot(u, w), dot(v, w)])
         np.put_along_axis(turns, order.rising, _by_face(order, rising), axis=1)
         areas = _by_face(order, area[None])[:, 0]
         return TreeBoxes(order, vertices, triangles, nodes, normals, areas, turns)
@@ -213,10 +210,9 @@ def _nodes(levels: tuple[int, ...], low: Array, high: Array) -> Array:
     return np.ascontiguousarray(np.concatenate(found))
 
 
-def dot(x: Array, y: Array) -> Array:
+def dot(x: Array | list[Array], y: Array | list[Array]) -> Array:
     """The products of vectors whose three coordinates come first."""
-    found: Array = x[0] * y[0] + x[1] * y[1] + x[2] * y[2]
-    return found
+    return np.asarray(x[0] * y[0] + x[1] * y[1] + x[2] * y[2])
 
 
 def _cross(x: Array, y: Array) -> Array:
@@ -286,12 +282,10 @@ def by_numpy(boxes: TreeBoxes, asked: Query) -> SearchResult:
     for first in range(0, M, TOGETHER):
         search.run(np.arange(first, min(first + TOGETHER, M)))
     faces = np.where(search.faces < len(boxes.order.faces), search.faces, NONE)
-    shares, squares = np.zeros((M, 3)), search.squares
-    some = np.flatnonzero(faces != NONE)
+    shares, normals, some = np.zeros((M, 3)), np.zeros((M, 3)), np.flatnonzero(faces != NONE)
     shares[some] = _shares(boxes, faces[some], asked.points[some])
-    normals = np.zeros((M, 3))
     normals[some] = _normals(boxes, faces[some], shares[some])
-    return SearchResult(faces, shares, squares, normals)
+    return SearchResult(faces, shares, search.squares, normals)
 
 
 @dataclass(frozen=True, eq=False)
@@ -343,8 +337,7 @@ class _Search:
             np.maximum(np.maximum(sides[:, k] - p[:, k, None], p[:, k, None] - sides[:, k + 3]), 0)
             for k in range(3)
         ]
-        found: Array = (out[0] * out[0] + out[1] * out[1] + out[2] * out[2]) * SHRINK
-        return found
+        return np.asarray(dot(out, out) * SHRINK)
 
     def _visit(self, points: Index, leaves: Index) -> None:
         """Compare the triangles of leaves with the best so far."""
@@ -355,8 +348,7 @@ class _Search:
         counts: Mask = numbers != NONE
         if self.asked.normals is not None:
             n, q = self.boxes.normals[numbers], self.asked.normals[points][:, None]
-            cosines = n[..., 0] * q[..., 0] + n[..., 1] * q[..., 1] + n[..., 2] * q[..., 2]
-            counts &= cosines >= self.asked.facing
+            counts &= dot(np.moveaxis(n, -1, 0), np.moveaxis(q, -1, 0)) >= self.asked.facing
         row, lane = np.nonzero(counts & (squares <= self.squares[points][:, None]))
         squares, numbers, points = squares[row, lane], numbers[row, lane], points[row]
         order = np.lexsort((numbers, squares, points))

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cache
 from math import inf
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 from workbench.arrays import Array, Index
+from workbench.blocks.checks import reals
 from workbench.compiling import library_or_none, source_beside
 from workbench.errors import BadArgument, BadMesh
 from workbench.geometry.meshes import Mesh
@@ -28,6 +29,7 @@ from workbench.geometry.surface_search import (
     SearchResult,
     TreeBoxes,
     TriangleTree,
+    dot,
     widening,
 )
 from workbench.geometry.triangles import FLAT
@@ -52,40 +54,31 @@ def compiled() -> SearchBackend | None:
     """The search by compiled code, loaded once per process; None where there is no compiler."""
     source = source_beside(__package__, "surface_tree.c")
     found = library_or_none(NAME, source, _agrees, "closest points are found by NumPy", EXACT)
-    if found is None:
-        return None
-    loaded = Loaded(found)
-    return SearchBackend(loaded.boxes, loaded.search)
+    return None if found is None else _backend(found)
 
 
-@dataclass(frozen=True, eq=False)
-class Loaded:
-    """TreeBoxes and searches of a loaded library.
+def _backend(library: ctypes.CDLL) -> SearchBackend:
+    """Boxes and searches by a loaded library, with the same numbers as those by NumPy."""
 
-    Attributes:
-        library: the compiled functions.
-    """
+    def run(name: str, *words: Word) -> None:  # arrays, which must be in one piece, by address
+        getattr(library, name)(*map(_word, words))
 
-    library: ctypes.CDLL
-
-    def boxes(self, order: TriangleTree, vertices: Array) -> TreeBoxes:
-        """The boxes around vertices (N, 3) m, with the same numbers as `TreeBoxes.of`."""
+    def boxes(order: TriangleTree, vertices: Array) -> TreeBoxes:
         F, levels = len(order.faces), order.levels
         triangles = np.empty((len(order.leaves), ROWS, WIDE))
         nodes = np.empty((sum(levels[:-1]), 6, WIDE))
         normals, areas, turns = np.empty((F, 3)), np.empty(F), np.empty((F, 3))
         where = (len(order.leaves), order.leaves, order.faces, order.rising, vertices)
-        self._run("fit", *where, FLAT, triangles, normals, areas, turns)
+        run("fit", *where, FLAT, triangles, normals, areas, turns)
         counts = np.array(levels, np.intp)
-        self._run("enclose", len(levels), counts, triangles, widening(vertices), nodes)
+        run("enclose", len(levels), counts, triangles, widening(vertices), nodes)
         return TreeBoxes(order, vertices, triangles, nodes, normals, areas, turns)
 
-    def search(self, boxes: TreeBoxes, asked: Query) -> SearchResult:
-        """The closest triangle of each point, with the same numbers as `by_numpy`."""
+    def search(boxes: TreeBoxes, asked: Query) -> SearchResult:
         order, M = boxes.order, len(asked.points)
         found = SearchResult(np.empty(M, np.int64), np.empty((M, 3)), np.empty(M), np.empty((M, 3)))
         offsets, features = np.cumsum((0, *order.levels), dtype=np.intp), order.features
-        self._run(
+        run(
             "closest",
             *(M, asked.points, asked.normals, float(asked.within) ** 2, float(asked.facing)),
             *(len(order.levels), offsets, order.leaves, boxes.triangles, boxes.nodes),
@@ -95,9 +88,7 @@ class Loaded:
         )
         return found
 
-    def _run(self, name: str, *words: Word) -> None:
-        """A function of the library; arrays, which must be in one piece, by their addresses."""
-        getattr(self.library, name)(*map(_word, words))
+    return SearchBackend(boxes, search)
 
 
 def _word(given: Word) -> ctypes.c_double | ctypes.c_ssize_t:
@@ -109,34 +100,23 @@ def _word(given: Word) -> ctypes.c_double | ctypes.c_ssize_t:
     return ctypes.c_ssize_t(given or 0)
 
 
-def _agrees(loaded: ctypes.CDLL) -> bool:
+def _agrees(library: ctypes.CDLL) -> bool:
     """Whether the library says what NumPy says, about a few random triangles, some of them flat."""
-    rng, way = np.random.default_rng(0), Loaded(loaded)
-    vertices, faces = (
-        rng.standard_normal((TRIED // 2, 3)),
-        rng.integers(TRIED // 2, size=(TRIED, 3)),
-    )
-    faces = np.concatenate([faces, faces[::7, [1, 2, 0]]])
-    order = TriangleTree.of(vertices, faces)
+    rng, way = np.random.default_rng(0), _backend(library)
+    vertices = rng.standard_normal((TRIED // 2, 3))
+    faces = rng.integers(TRIED // 2, size=(TRIED, 3))
+    order = TriangleTree.of(vertices, np.concatenate([faces, faces[::7, [1, 2, 0]]]))
     boxes, expected = way.boxes(order, vertices), IN_NUMPY.boxes(order, vertices)
     points, normals = rng.standard_normal((2, TRIED, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     tried = (Query(points, 1.0, None, 0.0), Query(points, np.inf, normals, 0.5))
-    answers = [(way.search(boxes, asked), IN_NUMPY.search(expected, asked)) for asked in tried]
+    answers: list[tuple[Any, Any]] = [(boxes, expected)]
+    answers += [(way.search(boxes, asked), IN_NUMPY.search(expected, asked)) for asked in tried]
     return all(
-        np.array_equal(getattr(got, name), getattr(right, name))
-        for got, right in ((boxes, expected), *answers)
-        for name in (
-            "triangles",
-            "nodes",
-            "normals",
-            "areas",
-            "turns",
-            "faces",
-            "shares",
-            "squares",
-        )
-        if hasattr(got, name)
+        np.array_equal(getattr(got, field.name), getattr(right, field.name))
+        for got, right in answers
+        for field in fields(right)
+        if field.name != "order"
     )
 
 
@@ -190,11 +170,11 @@ class SurfaceTree:
         way: Callable[[], SearchBackend] = quickest,
     ) -> None:
         mesh = Mesh.of(mesh, faces)
-        mesh = Mesh(_places(mesh.vertices), mesh.faces)
         if not len(mesh.faces):
             raise BadMesh("a surface without faces has no closest places; give at least one")
+        vertices = _copied(mesh.vertices)
         self._way = way  # a function, as a loaded library cannot be pickled
-        self._boxes = way().boxes(TriangleTree.of(mesh.vertices, mesh.faces), mesh.vertices)
+        self._boxes = way().boxes(TriangleTree.of(vertices, mesh.faces), vertices)
 
     def moved(self, vertices: Array) -> SurfaceTree:
         """The same triangles with vertices (N, 3) m elsewhere: boxes refitted, no new tree.
@@ -204,7 +184,7 @@ class SurfaceTree:
         are not finite.
         """
         order = self._boxes.order
-        new = Mesh(_places(vertices), order.faces[:0]).vertices
+        new = _copied(Mesh.of(vertices, order.faces[:0]).vertices)
         if len(new) != order.n_vertices:
             raise BadMesh(f"{len(new)} vertices cannot take the place of {order.n_vertices}")
         tree = object.__new__(SurfaceTree)
@@ -223,7 +203,7 @@ class SurfaceTree:
         With normals (M, 3), unit vectors, only those triangles count whose normal has a cosine of
         at least `facing` with the point's; for a triangle without area it is 0. Of several
         triangles that are equally close, the one with the lowest number is taken. Raises
-        BadArgument for numbers that are not finite or of another shape.
+        BadArgument for numbers that are not finite or of another shape, and NotNumbers.
         """
         p = _rows(points, "points")
         n = None if normals is None else _rows(normals, "normals")
@@ -233,49 +213,33 @@ class SurfaceTree:
             raise BadArgument(f"within is {within}, but must be a distance in m, not negative")
         if np.isnan(facing):
             raise BadArgument(f"facing is {facing}, but must be a cosine, from -1 to 1")
-        found = self._way().search(self._boxes, Query(p, float(within), n, float(facing)))
-        return self._closest(p, float(within), found)
-
-    def _closest(self, points: Array, within: float, found: SearchResult) -> ClosestPoints:
-        there = found.faces != NONE
-        corners = self._boxes.vertices[self._boxes.order.faces[found.faces]]
-        s = found.shares
+        boxes, gate = self._boxes, float(within)
+        found = self._way().search(boxes, Query(p, gate, n, float(facing)))
+        there, s = found.faces != NONE, found.shares
+        corners = boxes.vertices[boxes.order.faces[found.faces]]
         places = s[:, :1] * corners[:, 0] + s[:, 1:2] * corners[:, 1] + s[:, 2:] * corners[:, 2]
-        places = np.where(there[:, None], places, points)
-        length = _lengths(found.normals)
-        cancelled = length <= CANCELLED
-        own = np.where(there[:, None], self._boxes.normals[found.faces], 0)
-        normals = np.where(
-            cancelled[:, None], own, found.normals / np.where(cancelled, 1, length)[:, None]
+        places = np.where(there[:, None], places, p)
+        length = np.sqrt(dot(found.normals.T, found.normals.T))[:, None]
+        cancelled, own = (
+            length <= CANCELLED,
+            np.where(there[:, None], boxes.normals[found.faces], 0),
         )
-        away = points - places
-        side = away[:, 0] * normals[:, 0] + away[:, 1] * normals[:, 1] + away[:, 2] * normals[:, 2]
-        distances = np.where(there, np.sqrt(found.squares) * np.where(side < 0, -1, 1), within)
-        return ClosestPoints(found.faces, found.shares, places, distances, normals)
+        surface = np.where(cancelled, own, found.normals / np.where(cancelled, 1, length))
+        side = np.where(dot((p - places).T, surface.T) < 0, -1, 1)
+        distances = np.where(there, np.sqrt(found.squares) * side, gate)
+        return ClosestPoints(found.faces, s, places, distances, surface)
 
 
-def _lengths(vectors: Array) -> Array:
-    x, y, z = vectors.T
-    return np.asarray(np.sqrt(x * x + y * y + z * z))
-
-
-def _places(vertices: Array) -> Array:
-    try:
-        given = np.array(vertices, dtype=np.float64, order="C")
-    except (TypeError, ValueError) as error:
-        raise BadMesh(f"vertices must be an array of real numbers: {error}") from error
-    if (np.abs(given[np.isfinite(given)]) > FARTHEST).any():
+def _copied(vertices: Array) -> Array:
+    if (np.abs(vertices) > FARTHEST).any():
         raise BadMesh(
             f"a vertex is farther than {FARTHEST:g} m from the origin; remove or repair it"
         )
-    return given
+    return np.array(vertices, dtype=np.float64, order="C")
 
 
 def _rows(given: Array, what: str) -> Array:
-    try:
-        array = np.ascontiguousarray(given, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise BadArgument(f"{what} must be an array of real numbers: {error}") from error
+    array = np.ascontiguousarray(reals(what, given))
     if array.ndim != 2 or array.shape[1] != 3:
         raise BadArgument(f"{what} have shape {array.shape}, but must be (M, 3)")
     right = (np.abs(array) <= FARTHEST).all(axis=1)

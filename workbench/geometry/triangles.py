@@ -21,14 +21,14 @@ from typing import Any
 import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import cholesky_banded
 from scipy.sparse import csc_array, csr_array
-from scipy.sparse.csgraph import connected_components, reverse_cuthill_mckee
+from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import SuperLU, splu
 
 from workbench.arrays import Array, Index
 from workbench.blocks.functions import sparse_constant
 from workbench.errors import BadMesh
+from workbench.geometry.meshes import Mesh
 
 FLAT = 1e-12  # of the longest edge squared: twice the area of a triangle that is a line
 
@@ -128,13 +128,9 @@ class Stitching:
     n_vertices: int
 
     def __post_init__(self) -> None:
-        f, N = self.faces, self.n_vertices
-        if f.ndim != 2 or f.shape[1] != 3 or not len(f):
-            raise BadMesh(f"faces have shape {f.shape}, but must be (F, 3), at least one")
-        wrong = ((f < 0) | (f >= N)).any(axis=1)
-        if wrong.any():
-            face = int(np.argmax(wrong))
-            raise BadMesh(f"face {face} is {f[face].tolist()}, but there are {N} vertices from 0")
+        Mesh(np.zeros((self.n_vertices, 3)), self.faces)  # raises where these do not fit together
+        if not len(self.faces):
+            raise BadMesh("a mesh without faces has nothing to stitch; give at least one")
 
     def __getstate__(self) -> dict[str, Any]:
         """Without what was computed: a factorisation does not pickle."""
@@ -213,22 +209,3 @@ class Stitching:
             options={"SymmetricMode": True, "Equil": False},
         )
         return lu, kept
-
-
-def banded_factor(stitching: Stitching) -> tuple[Array, Index]:
-    """The Cholesky factor L of A'A for a program without sparse matrices, and its order.
-
-    The factor (width, n) has L[j + m, j] in row m and column j, as LAPACK stores it. Its rows are
-    the vertices `order` (n,), which Cuthill and McKee's algorithm keeps near their neighbours;
-    those that `solve` puts at 0 are left out.
-    """
-    kept = stitching.solved
-    normal = csr_array(stitching.A.T @ stitching.A)[kept][:, kept]
-    places = reverse_cuthill_mckee(csr_array(normal), symmetric_mode=True)
-    near = csr_array(normal[places][:, places])
-    rows, columns = near.nonzero()
-    width = 1 + int((rows - columns).max(initial=0))
-    banded = np.zeros((width, len(kept)))
-    below = rows >= columns
-    banded[(rows - columns)[below], columns[below]] = near.data[below]
-    return np.asarray(cholesky_banded(banded, lower=True)), kept[places]

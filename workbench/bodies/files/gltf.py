@@ -171,15 +171,17 @@ def write_gltf(
     off; the file's `extras` say it too, and the betas. Whole or not at all.
 
     Raises BadBody for what no skinned glTF can say: other skinnings than linear blending, bodies
-    drawn in another pose than zero, and a TriangleBody; BadBody also for poses, betas or trans of
-    another shape; BadArgument for other numbers of morph targets, for no poses, for numbers that
-    are not finite, and for a time between keys that is not positive.
+    drawn in another pose than zero or without faces, and a TriangleBody; BadBody also for poses,
+    betas or trans of another shape; BadArgument for other numbers of morph targets, for no poses,
+    for numbers that are not finite, and for a time between keys that is not positive.
     """
     if not (isinstance(body, SkinnedBody) and body.is_smpl) or body.bind_pose.any():
         raise BadBody(
             f"body {body.name!r} is not skinned as a glTF is, linearly from a zero pose; write a "
             "mesh of every pose, with write_mesh"
         )
+    if not len(body.faces):
+        raise BadBody(f"body {body.name!r} has no faces, and a glTF shows triangles")
     if type(shapes) is not int or not 0 <= shapes <= body.n_betas:
         raise BadArgument(
             f"body {body.name!r} has {body.n_betas} shape directions; as morph targets, give 0 to "

@@ -44,7 +44,7 @@ KNOWN = SPARSE | {
     *((f"{numpy}.numeric", "_frombuffer") for numpy in NUMPY),
     *(("numpy", name) for name in ("ndarray", "dtype")),
     ("_codecs", "encode"),
-    *((m, name) for m in ("builtins", "__builtin__") for name in ("set", "object", "bytearray")),
+    *((m, n) for m in ("builtins", "__builtin__") for n in ("set", "object", "bytearray", "bytes")),
     *((module, "_reconstructor") for module in ("copyreg", "copy_reg")),
 }
 MOST_BYTES = 2 * 2**30  # of one file, unpacked; licensed models reach a quarter of a GB
@@ -490,6 +490,8 @@ def _dtype(made: Any) -> np.dtype[Any]:
 
 def _held(content: Any) -> bytes | bytearray | str:
     """The bytes of an array, or a text with one byte per character, as Python 2 wrote them."""
+    if isinstance(content, PickledCall) and content.name.name == "bytes" and not content.arguments:
+        return b""  # of an array without numbers
     if isinstance(content, PickledCall) and content.name.name in ("encode", "bytearray"):
         if content.arguments[1:] not in ((), ("latin1",), ("latin-1",)):
             raise ValueError("its bytes are encoded in another way than latin-1")

@@ -236,34 +236,16 @@ class Entries:
 
 
 REQUIRED = ("v_template", "shapedirs", "posedirs", "J_regressor", "weights", "kintree_table", "f")
-OURS = (
-    "bs_style",
-    "name",
-    "joint_names",
-    "card",
-    "bind_pose",
-    "rest_joints",
-)  # beside landmarks and the mirror
+# beside landmarks and the mirror
+OURS = ("bs_style", "name", "joint_names", "card", "bind_pose", "rest_joints")
 MIRROR = "vert_sym_idxs"
 SETS = "landmarks/"  # how the keys of landmarks begin
-LANDMARKS = re.compile(f"{SETS}([^/]+)/names")
+LANDMARKS = re.compile(f"{SETS}(.+)/names")
 REGRESSOR_PARTS = tuple(f"J_regressor/{part}" for part in SPARSE_PARTS)
 CAPSULES = tuple(f"capsules/{key}" for key in KEYS)
-SKINNED = frozenset(
-    (*REQUIRED, *OURS, *REGRESSOR_PARTS, *CAPSULES)
-)  # keys that a skinned body's file owns
-OF_TRIANGLES = (
-    "v_template",
-    "f",
-    "shapedirs",
-    "posedirs",
-    "near",
-    "weights",
-    "J_regressor",
-    "kintree_table",
-    "joint_names",
-    "card",
-)
+# keys that a skinned body's file owns, and those that one of triangles must have
+SKINNED = frozenset((*REQUIRED, *OURS, *REGRESSOR_PARTS, *CAPSULES))
+OF_TRIANGLES = (*REQUIRED, "near", "joint_names", "card")
 TRIANGLES = frozenset(
     (*OF_TRIANGLES, *OURS, *REGRESSOR_PARTS, *(f"weights/{part}" for part in SPARSE_PARTS))
 )

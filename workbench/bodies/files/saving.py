@@ -14,7 +14,7 @@ from scipy.sparse import csr_array
 from workbench.bodies.body import why_not_skinned
 from workbench.bodies.files.joint_names import family
 from workbench.bodies.files.layouts import STYLE
-from workbench.bodies.files.reading import SPARSE_PARTS
+from workbench.bodies.files.reading import LONGEST_NAME, SPARSE_PARTS
 from workbench.bodies.forward.features import rotation_elements, star_features
 from workbench.bodies.forward.skinning import linear_blend
 from workbench.bodies.skinned import SkinnedBody
@@ -157,6 +157,13 @@ def _skinned(body: SkinnedBody) -> dict[str, NDArray[Any]]:
 
 
 def _of_every_kind(body: SkinnedBody | TriangleBody, style: str) -> dict[str, NDArray[Any]]:
+    names = [body.name, *body.joint_names]
+    names += [name for landmarks in body.landmarks.values() for name in landmarks.names]
+    if len(longest := max(names, key=len)) > LONGEST_NAME:
+        raise BadFile(
+            f"body {body.name!r:.60} has a name of {len(longest):,} characters, {longest!r:.60}; "
+            f"in files names have at most {LONGEST_NAME}"
+        )
     arrays: dict[str, NDArray[Any]] = {
         "v_template": body.template,
         "kintree_table": np.array(
@@ -169,7 +176,7 @@ def _of_every_kind(body: SkinnedBody | TriangleBody, style: str) -> dict[str, ND
         "card": np.array(_card(body)),
     }
     for name, landmarks in body.landmarks.items():
-        arrays[f"landmarks/{name}/names"] = np.array(landmarks.names)
+        arrays[f"landmarks/{name}/names"] = np.array(landmarks.names, dtype=np.str_)
         arrays |= _sparse(f"landmarks/{name}", landmarks.regressor)
     return arrays
 

@@ -28,9 +28,9 @@ from workbench.bodies.forward.motion import (
     MotionDerivatives,
     PointsAtMotion,
 )
+from workbench.bodies.forward.named_points import Rows, RowTarget
 from workbench.bodies.forward.packing import PackedVertices, Packing
 from workbench.bodies.forward.posing import world_rotations
-from workbench.bodies.forward.rows import Rows, RowTarget
 from workbench.compiling import (
     NoLibrary,
     address,

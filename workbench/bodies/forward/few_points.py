@@ -31,7 +31,7 @@ from workbench.arrays import Array, Index
 from workbench.blocks.functions import sparse_constant
 from workbench.bodies.forward.kinematics import Skeleton
 from workbench.bodies.forward.motion import JointMotion, MotionDerivatives, PointsAtMotion
-from workbench.bodies.forward.rows import RowTarget, write
+from workbench.bodies.forward.named_points import RowTarget, write
 from workbench.bodies.forward.skinning import blend_points
 
 if TYPE_CHECKING:

@@ -27,7 +27,7 @@ import numpy as np
 
 from workbench.arrays import Array, Index
 from workbench.bodies.forward.motion import JointMotion, MotionDerivatives, PointsAtMotion
-from workbench.bodies.forward.rows import Rows, RowTarget
+from workbench.bodies.forward.named_points import Rows, RowTarget
 
 if TYPE_CHECKING:
     from workbench.bodies.forward.compiled import TrialArrays

@@ -34,7 +34,7 @@ from workbench.geometry.rotation import crossed, left_jacobian, matrix_from_vect
 
 if TYPE_CHECKING:
     from workbench.bodies.forward.compiled import CompiledJoints
-    from workbench.bodies.forward.rows import RowTarget
+    from workbench.bodies.forward.named_points import RowTarget
 
 
 @dataclass(frozen=True, eq=False)

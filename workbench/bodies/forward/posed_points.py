@@ -28,9 +28,8 @@ from workbench.bodies.forward.freed import BLOCKS, FreedSurface
 from workbench.bodies.forward.kinematics import Skeleton
 from workbench.bodies.forward.mesh import NumpyMesh, VertexChunk, batch_points, chunks_of
 from workbench.bodies.forward.motion import JointMotion, Kinematics, PointsAtMotion
-from workbench.bodies.forward.named_points import BodyPoints, BodyPointsAt
+from workbench.bodies.forward.named_points import BodyPoints, BodyPointsAt, RowTarget
 from workbench.bodies.forward.packing import Packing
-from workbench.bodies.forward.rows import RowTarget
 from workbench.bodies.forward.surface import ALL, Vertices
 
 if TYPE_CHECKING:

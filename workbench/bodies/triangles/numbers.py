@@ -19,9 +19,8 @@ from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
 from workbench.bodies.forward.kinematics import ancestors
-from workbench.bodies.forward.named_points import BodyPoints, BodyPointsAt
+from workbench.bodies.forward.named_points import BodyPoints, BodyPointsAt, RowTarget, write
 from workbench.bodies.forward.posing import axial, world_rotations
-from workbench.bodies.forward.rows import RowTarget, write
 from workbench.geometry.rotation import crossed, left_jacobian, matrix_from_vector
 from workbench.geometry.triangles import edges
 

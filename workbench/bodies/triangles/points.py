@@ -16,8 +16,13 @@ from workbench.blocks import Block
 from workbench.blocks.functions import sparse_constant
 from workbench.bodies.body import regressed
 from workbench.bodies.forward.kinematics import world_rotations
-from workbench.bodies.forward.named_points import BlockPoints, BodyPoints, BodyPointsAt
-from workbench.bodies.forward.rows import RowTarget, write
+from workbench.bodies.forward.named_points import (
+    BlockPoints,
+    BodyPoints,
+    BodyPointsAt,
+    RowTarget,
+    write,
+)
 from workbench.bodies.forward.sources import Arguments, BodySource
 from workbench.bodies.triangles.numbers import PackedTriangles, TriangleNumbers, TriangleSurface
 

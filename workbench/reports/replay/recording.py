@@ -11,8 +11,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg import cholesky_banded
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import reverse_cuthill_mckee
 
-from workbench.arrays import Array
+from workbench.arrays import Array, Index
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body, why_not_skinned
@@ -20,7 +23,7 @@ from workbench.bodies.forward.sources import arguments_from_values
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadArgument
 from workbench.fitting.keypoints import LEAST_CONFIDENCE
-from workbench.geometry.triangles import banded_factor
+from workbench.geometry.triangles import Stitching
 from workbench.problem import Problem
 
 Row = Callable[[Values], Array]  # values of blocks -> 3 K + B + 3 numbers of a body
@@ -283,7 +286,7 @@ def triangle_data(body: TriangleBody) -> dict[str, Any]:
     ):
         if wrong:
             raise BadArgument(f"body {body.name!r} {why}; the page cannot show it")
-    factor, order = banded_factor(body.stitching)
+    factor, order = _banded_factor(body.stitching)
     return {
         "model": "SCAPE" if body.one_part_per_face else "BlendSCAPE",
         **_common(body, "f8"),
@@ -336,3 +339,22 @@ def row_of_body(body: Body, problem: Problem, known: Values) -> Row | None:
     if found is None or tuple(np.shape(one) for one in found) != shapes:
         return None  # among them several frames
     return row
+
+
+def _banded_factor(stitching: Stitching) -> tuple[Array, Index]:
+    """The Cholesky factor L of A'A for a program without sparse matrices, and its order.
+
+    The factor (width, n) has L[j + m, j] in row m and column j, as LAPACK stores it. Its rows are
+    the vertices `order` (n,), which Cuthill and McKee's algorithm keeps near their neighbours;
+    those that `solve` puts at 0 are left out.
+    """
+    kept = stitching.solved
+    normal = csr_array(stitching.A.T @ stitching.A)[kept][:, kept]
+    places = reverse_cuthill_mckee(csr_array(normal), symmetric_mode=True)
+    near = csr_array(normal[places][:, places])
+    rows, columns = near.nonzero()
+    width = 1 + int((rows - columns).max(initial=0))
+    banded = np.zeros((width, len(kept)))
+    below = rows >= columns
+    banded[(rows - columns)[below], columns[below]] = near.data[below]
+    return np.asarray(cholesky_banded(banded, lower=True)), kept[places]
