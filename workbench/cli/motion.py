@@ -54,6 +54,10 @@ from workbench.reports.replays import motion_page
 from workbench.writing import write_file
 
 MARKERS = (".npz", ".trc")  # what is written of markers
+Person = Annotated[
+    str | None,
+    typer.Option(help="Which of several people in a file; else who is in most frames."),
+]
 NO_PAIRS = np.zeros((0, 2), dtype=np.int64)
 
 
@@ -61,7 +65,8 @@ def motion(
     file: Annotated[
         Path,
         typer.Argument(
-            help="A motion: .bvh, .glb, .gltf, or .npz as of AMASS; or markers: .c3d, .trc, .npz."
+            help="A motion: .bvh, .glb, .gltf; .npz, .npy, .pkl, .pt, .json or .smpl of AMASS or "
+            "of an estimator, or a folder of these; or markers: .c3d, .trc, .npz."
         ),
     ],
     out: Annotated[
@@ -103,11 +108,12 @@ def motion(
     unit: Annotated[
         str | None,
         typer.Option(
-            help=f"Unit of a .bvh or of markers ({', '.join(UNITS)}; cmu is that of BVH "
-            "conversions of CMU's recordings, 0.0564 m)."
+            help=f"Unit of a .bvh, of markers or of a translation ({', '.join(UNITS)}; cmu is that "
+            "of BVH conversions of CMU's recordings, 0.0564 m)."
         ),
     ] = None,
     up: Up = None,
+    person: Person = None,
 ) -> None:
     """Say what a file of a motion or of markers holds, draw it, and convert it."""
     console, path = Console(), expanded(file)
@@ -128,9 +134,7 @@ def motion(
         return
     refuse_suffix(out, MOTIONS, "a motion")
     model = None if body is None else load_body(body)
-    found = read_motion(path, unit=unit, up=up, fps=rate, body=model)
-    if unit is not None and path.suffix.lower() == ".npz":
-        warn_without_effect(console, "--unit", "a motion in an .npz is in metres")
+    found = read_motion(path, unit=unit, up=up, fps=rate, body=model, person=person)
     _say_motion(console, found, path)
     if fps is not None:
         found = found.resampled(fps)
@@ -204,6 +208,8 @@ def _say_motion(console: Console, found: Motion, path: Path) -> None:
         lines.append(f"it has bones of its own, {tall:.2f} m tall in the first frame")
     if len(found.betas):
         lines.append(f"{len(found.betas)} betas, the largest {np.abs(found.betas).max():.2f}")
+    if found.dmpls is not None:
+        lines.append(f"{found.dmpls.shape[1]} coefficients of dynamic blend shapes (dmpls)")
     if found.expression is not None:
         lines.append(f"{found.expression.shape[1]} coefficients of expression")
     for line in lines:
@@ -337,6 +343,7 @@ def export(
     points: Annotated[
         str, typer.Option(help="What C code computes: joints, or a landmark set such as coco.")
     ] = JOINTS,
+    person: Person = None,
 ) -> None:
     """Write a motion as glTF, BVH or AMASS's .npz, or a function of a body as C code."""
     console = Console()
@@ -353,7 +360,7 @@ def export(
         raise BadArgument(f"name the motion that becomes {out}, such as a .bvh or an .npz of AMASS")
     if fps is not None and not 0 < fps < float("inf"):
         raise BadArgument(f"--fps takes a number above 0, not {fps:g}")
-    found = read_motion(expanded(motion), body=model)
+    found = read_motion(expanded(motion), body=model, person=person)
     if fps is not None:
         found = found.resampled(fps)
     found = found.named(model)
@@ -402,6 +409,7 @@ def convert(
         str | None, typer.Option(help=f"Unit of the points ({', '.join(UNITS)}).")
     ] = None,
     up: Up = None,
+    person: Person = None,
 ) -> None:
     """Turn the motion of one body, or points in space, into the motion of another body."""
     console, path = Console(), expanded(file)
@@ -419,7 +427,7 @@ def convert(
         if source is None:
             raise BadArgument(f"say with --from which body {path.name} is a motion of: {KNOWN}")
         model = load_body(source)
-        motion = read_motion(path, unit=unit, up=up, fps=rate, body=model)
+        motion = read_motion(path, unit=unit, up=up, fps=rate, body=model, person=person)
         found = _from_body(console, motion, model, target)
     write_motion(console, out, found, target)
 
