@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 import workbench as wb
+from tests.bodies.model_files import MODELS, written
 from tests.motions import made_results
 from tests.motions.made_files import amass_entries, newer_entries, random_motion
 from workbench.arrays import Array
-from workbench.bodies.files.joint_names import BODY, HANDS
+from workbench.bodies.files.joint_names import BODY, HANDS, joint_names
 from workbench.errors import BadFile
 from workbench.motions import Bones, Motion, read_motion, save_motion
 
@@ -119,6 +120,61 @@ def test_motion_survives_its_file(tmp_path: Path) -> None:
         assert str(arrays["gender"]) == "neutral"
     with pytest.raises(BadFile, match=r"a motion is saved as \.npz"):
         save_motion(tmp_path / "walk.txt", motion)
+
+
+@pytest.mark.parametrize("to", ["amass.npz", "smplx.npz", "amass.smpl"])
+@pytest.mark.parametrize("K", [24, 52, 55])
+def test_layouts_are_read_back(K: int, to: str, tmp_path: Path) -> None:
+    motion, name = in_layout(K), tmp_path / to
+    save_motion(name, motion, name.stem)
+    again = read_motion(name, up="y")
+    assert (again.joint_names, again.gender, again.fps) == (motion.joint_names, "female", 30.0)
+    np.testing.assert_allclose(again.pose, motion.pose, atol=1e-6)
+    np.testing.assert_allclose(again.trans, motion.trans, atol=1e-6)
+    np.testing.assert_allclose(again.betas, motion.betas, atol=1e-6)
+    with pytest.raises(BadFile, match="has places for the joints of SMPL and its relatives"):
+        save_motion(tmp_path / "b.smpl", Motion(motion.pose[:, :1], motion.trans, 30.0, ("tail",)))
+
+
+def in_layout(K: int) -> Motion:
+    """A motion of SMPL, SMPL-H or SMPL-X."""
+    motion = random_motion(K, joint_names(K))
+    face = np.ones((len(motion), 10)) if K == 55 else None
+    return replace(motion, fps=30.0, gender="female", expression=face)
+
+
+@pytest.mark.parametrize("K", [24, 52, 55])
+def test_saved_motions_open_in_smplcodec(K: int, tmp_path: Path) -> None:
+    codec = pytest.importorskip("smplcodec").SMPLCodec
+    motion = in_layout(K)
+    for read, name in ((codec.from_file, "a.smpl"), (codec.from_amass_npz, "a.npz")):
+        save_motion(tmp_path / name, motion)
+        found = read(tmp_path / name)
+        assert (found.smpl_version, found.gender) == ({24: 0, 52: 1, 55: 2}[K], 2)
+        np.testing.assert_allclose(found.full_pose, motion.pose, atol=1e-6)
+        np.testing.assert_allclose(found.body_translation, motion.trans, atol=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["SMPL", "SMPL-H", "SMPL-X"])
+def test_saved_motions_move_models_of_smplx(
+    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    smplx, torch = pytest.importorskip("smplx"), pytest.importorskip("torch")
+    make, suffix = MODELS[kind]
+    body = wb.load_body(written(make(40), tmp_path / f"model{suffix}"))
+    known = smplx.body_models.VERTEX_IDS  # of whole models, of which this one has 40 vertices
+    few = {kind: dict.fromkeys(ids, 0) for kind, ids in known.items()}
+    monkeypatch.setattr(smplx.body_models, "VERTEX_IDS", few)
+    more = {} if kind == "SMPL" else {"use_pca": False, "flat_hand_mean": True}
+    model = getattr(smplx, kind.replace("-", ""))(
+        str(tmp_path / f"model{suffix}"), ext=suffix[1:], num_betas=10, **more
+    )
+    motion = in_layout(body.n_joints)
+    save_motion(tmp_path / "a.npz", motion, "smplx")
+    with np.load(tmp_path / "a.npz") as arrays:
+        tensors = {k: torch.from_numpy(arrays[k]) for k in arrays if arrays[k].dtype == np.float32}
+    moved = model(**tensors).vertices.detach().numpy()
+    np.testing.assert_allclose(moved, motion.vertices(body), atol=1e-5)
 
 
 def test_facts_survive_saving(tmp_path: Path) -> None:

@@ -47,7 +47,13 @@ from workbench.motions import (
     write_bvh,
     write_glb,
 )
-from workbench.motions.soft_tissue import betas_with_tissue, displaced_by, with_tissue
+from workbench.motions.smpl_files import LAYOUTS
+from workbench.motions.soft_tissue import (
+    betas_with_tissue,
+    displaced_by,
+    with_dmpls,
+    with_tissue,
+)
 from workbench.plots import plot_motion
 from workbench.plots.style import drawn, png
 from workbench.reports.replays import motion_page
@@ -72,7 +78,8 @@ def motion(
     out: Annotated[
         Path | None,
         typer.Option(
-            help="Write it to this file: a motion as .bvh, .npz or .glb, markers as .trc or .npz."
+            help="Write it to this file: a motion as .bvh, .npz, .smpl or .glb, markers as .trc or "
+            ".npz."
         ),
     ] = None,
     fps: Annotated[
@@ -82,6 +89,10 @@ def motion(
         float | None,
         typer.Option(help="Frames a second of a motion whose file does not say it, or says wrong."),
     ] = None,
+    layout: Annotated[
+        str,
+        typer.Option(help="Of an .npz: amass, or smplx, whose arrays are the arguments of smplx."),
+    ] = LAYOUTS[0],
     strip: Annotated[
         Path | None, typer.Option(help="Draw some frames side by side into this .png.")
     ] = None,
@@ -102,6 +113,13 @@ def motion(
             "--tissue", help="Let soft tissue follow on --page or in a .glb; it is simulated."
         ),
     ] = False,
+    dmpls: Annotated[
+        Path | None,
+        typer.Option(
+            help="DMPL's directions (dmpls/GENDER/model.npz), by which a motion of AMASS moves the "
+            "soft tissue of --body."
+        ),
+    ] = None,
     exaggeration: Annotated[
         float, typer.Option(help="Multiply the displacements of the tissue by this.", min=0)
     ] = 1.0,
@@ -160,6 +178,14 @@ def motion(
         _draw(strip, places, pairs, found.fps)
         say(console, f"strip: {escape(str(strip))}")
     betas, told = None, ""
+    if dmpls is not None:
+        if not isinstance(model, SkinnedBody) or found.dmpls is None or not shown or tissue:
+            raise BadArgument(
+                "--dmpls moves the --body of an SMPL file by the dmpls of a motion of AMASS, on "
+                "--page or in a .glb, and not together with --tissue"
+            )
+        model = with_dmpls(model, expanded(dmpls))
+        betas = found.betas_on(model)
     if tissue:
         assert model is not None
         found, model, betas, told = _with_tissue(console, found, model, exaggeration)
@@ -168,7 +194,7 @@ def motion(
         made = motion_page(found, model, path.name, betas, [f"{told}."] if told else ())
         print_page(console, "page", made.save(page))
     if out is not None:
-        write_motion(console, out, found, model, betas=betas)
+        write_motion(console, out, found, model, betas=betas, layout=layout)
 
 
 def _with_tissue(
@@ -254,7 +280,7 @@ def _draw(path: Path, places: Array, pairs: Index, fps: float | None) -> None:
     write_file(path, png(figure))
 
 
-MOTIONS = (".bvh", ".npz", ".glb")  # what is written
+MOTIONS = (".bvh", ".npz", ".glb", ".smpl")  # what is written
 SHAPES = 10  # shape directions that become morph targets
 EXACT = "exact"
 
@@ -284,16 +310,17 @@ def write_motion(
     correctives: int | None = None,
     shapes: int = 0,
     betas: Array | None = None,
+    layout: str = LAYOUTS[0],
 ) -> None:
-    """Write a motion as .bvh, .npz or .glb, and say where; a .glb needs a body.
+    """Write a motion as .bvh, .npz, .smpl or .glb, and say where; a .glb needs a body.
 
     `betas` (T, B) take the place of the motion's own in a .glb.
     """
     suffix = out.suffix.lower()
     if suffix == ".bvh":
         write_bvh(out, motion, body)
-    elif suffix == ".npz":
-        save_motion(out, motion)
+    elif suffix in (".npz", ".smpl"):
+        save_motion(out, motion, layout)
     else:
         if not isinstance(body, SkinnedBody):
             raise BadBody(

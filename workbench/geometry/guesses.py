@@ -136,11 +136,11 @@ def up_of(
     """Which axis of points in m points up, and a sentence on why; `given` wins.
 
     `declared` is the axis that the file's format prescribes. Of points with `names` it is the one
-    of `axes` along which the head is above the feet. The points of a standing person spread most
-    along the height, with arms stretched to the sides as well: their standard deviations along
-    `axes` are compared. The axis is positive, as most are, unless the form of a surface clearly
-    says that the head is at its other end. For what is no standing person y is taken. Raises
-    UnknownName.
+    of `axes`, or -y as in cameras, along which the head is above the feet. The points of a standing
+    person spread most along the height, with arms stretched to the sides as well: their standard
+    deviations along `axes` are compared. The axis is positive, as most are, unless the form of a
+    surface clearly says that the head is at its other end. For what is no standing person y is
+    taken. Raises UnknownName.
     """
     check_given(None, given)
     if given is not None:
@@ -150,8 +150,9 @@ def up_of(
         return declared, f"{declared} is up, as the format prescribes"
     frames, sides = _looked_at(points), extents(points)
     if (way := _to_head(frames, names)) is not None:
-        axis = "xyz"[int(np.argmax(way))]
-        if axis in axes and way.max() > LONGER * np.sort(np.abs(way))[1]:
+        k = int(np.argmax(np.abs(way)))
+        axis = ("-" if way[k] < 0 else "") + "xyz"[k]
+        if axis in (*axes, "-y") and abs(way[k]) > LONGER * np.sort(np.abs(way))[1]:
             return axis, f"{axis} is taken to be up, along which the head is above the feet"
     spread = np.median(np.nanstd(frames, axis=1), axis=0)
     if points.ndim == 3:

@@ -214,7 +214,7 @@ class Motion:
         there = [k for k, name in enumerate(body.joint_names) if name in ours]
         pose[:, there] = self.pose[:, [ours[body.joint_names[k]] for k in there]]
         space, betas, face = shape_space(body), self.betas, self.expression
-        most = body.n_betas if face is None else len(space.shape)
+        most = body.n_betas - _soft(body) if face is None else len(space.shape)
         if len(betas) > most:
             what = "betas" if face is None else "betas of shape"
             notes.append(f"of {len(betas)} betas, the body has the first {most} as {what}")
@@ -243,10 +243,17 @@ class Motion:
         )
 
     def betas_on(self, body: Body) -> Array:
-        """The betas of a body in all frames, (B,), or (T, B) if an expression moves its face."""
-        here, space = self.named(body), shape_space(body)
+        """The betas of a body in all frames, (B,), or (T, B) if its face or its tissue moves.
+
+        An expression moves the face of a body that has one, and dmpls the tissue of `with_dmpls`.
+        """
+        here, space, soft = self.named(body), shape_space(body), _soft(body)
         betas = np.zeros(body.n_betas)
         betas[: len(here.betas)] = here.betas
+        if soft and here.dmpls is not None:
+            rows, own = np.tile(betas, (len(self), 1)), here.dmpls[:, :soft]
+            rows[:, body.n_betas - soft : body.n_betas - soft + own.shape[1]] = own
+            return rows
         if here.expression is None or not space.expression:
             return betas
         return space.numbers(betas[: len(space.shape)], here.expression)
@@ -280,6 +287,11 @@ class Motion:
         axis = int(np.argmax(abs(pointing)))
         sign = "-" if pointing[axis] < 0 else ""
         return sign + "xyz"[axis], float(abs(pointing[axis]))
+
+
+def _soft(body: Body) -> int:
+    """How many of the last betas of a body are coefficients of `with_dmpls`."""
+    return int(body.extras.get("dmpls", 0))
 
 
 def _above_zero(number: object) -> bool:
