@@ -73,7 +73,7 @@ def test_motion_takes_one_person_and_writes_layouts(tmp_path: Path, workbench: R
     make(tmp_path / "two.pkl", truth())
     code, out, _ = workbench("motion", "two.pkl", "--person", "person2", "--out", "a.smpl")
     assert code == 0
-    assert "of 2 people (person1, person2) person2 is read, as was asked" in out
+    assert "of 2 people (person1, person2) person2 is read, 12 frames, as was asked" in out
     assert wb.read_motion(tmp_path / "a.smpl").gender == "female"
     arguments = ("--layout", "smplx", "--out", "b.npz")
     assert workbench("motion", "two.pkl", "--person", "person1", *arguments)[0] == 0

@@ -514,9 +514,13 @@ RESULT_FILES = {  # of estimators, one for each way to write them
 }
 
 
-def _results(folder: Path) -> None:
-    for name, layout in RESULT_FILES.items():
-        RESULTS[layout][1](folder / name, truth())
+def _result(name: str) -> Format:
+    make = RESULTS[RESULT_FILES[name]][1]
+    return Format(
+        lambda folder: make(folder / name, truth()),
+        lambda folder: [read_motion(folder / name)],
+        _sound_motions,
+    )
 
 
 def _sound_motions(found: list[Any]) -> None:
@@ -620,11 +624,7 @@ FORMATS: dict[str, Format] = {
         lambda folder: [read_motion(folder / name) for name in MOTION_FILES],
         _sound_motions,
     ),
-    "motion-results": Format(
-        _results,
-        lambda folder: [read_motion(folder / name) for name in RESULT_FILES],
-        _sound_motions,
-    ),
+    **{name: _result(name) for name in RESULT_FILES},
     "marker-files": Format(
         _markers,
         lambda folder: [read_markers(folder / name) for name in MARKER_FILES],

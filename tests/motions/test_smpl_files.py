@@ -1,5 +1,6 @@
 """Files of AMASS and of estimators, the workbench's own, and what is refused."""
 
+import pickle
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -209,7 +210,7 @@ OLD = amass_entries(walk())
 
 def test_damaged_motions_are_refused(tmp_path: Path) -> None:
     for entries, said in [
-        (without("poses"), "it has no pose: none of .*; it holds betas, dmpls, gender"),
+        (without("poses"), "it has no pose: no pose_world, .*; it holds betas, dmpls, gender"),
         (OLD | {"mocap_framerate": np.array(0.0)}, "rate is not one number of frames"),
         (OLD | {"fps": np.array(30.0)}, "rate is not one number of frames"),
         (OLD | {"trans": np.zeros((7, 3))}, "trans|poses"),
@@ -230,6 +231,36 @@ def test_damaged_motions_are_refused(tmp_path: Path) -> None:
         with pytest.raises(BadFile, match=said) as refused:
             read_motion(saved(tmp_path, entries))
         assert "walk.npz is no motion (" in str(refused.value)
+
+
+@pytest.mark.thorough
+def test_pickles_that_say_the_same_again_and_again_are_refused(tmp_path: Path) -> None:
+    many: list[Any] = [0.5] * 1000
+    for _ in range(8):
+        many = [many] * 100
+    endless: list[Any] = []
+    endless.append(endless)
+    person = {"poses": np.zeros((2000, 72))}
+    for value, said in [
+        ({"poses": many}, "would take more than 8 times"),
+        ({"poses": endless}, "lists nested more than 12 deep"),
+        ({str(i): person for i in range(20_000)}, "would take more than 8 times"),
+        ({"a": {"b": [{}] * 200_000}}, "it holds more than 2,000,000 values"),
+    ]:
+        (tmp_path / "walk.pkl").write_bytes(pickle.dumps(value))
+        with pytest.raises(BadFile, match=said):
+            read_motion(tmp_path / "walk.pkl")
+
+
+def test_arrays_of_places_are_no_motions(tmp_path: Path) -> None:
+    places = walk().joints(SMALL)[:, :22]
+    for array, said in [
+        (places, "its numbers are places of joints of HumanML3D"),
+        (np.zeros((9, 263)), "its numbers are 263 features of HumanML3D"),
+    ]:
+        np.save(tmp_path / "000001.npy", array)
+        with pytest.raises(BadFile, match=said):
+            read_motion(tmp_path / "000001.npy")
 
 
 def test_rate_and_axis_can_be_given(tmp_path: Path) -> None:

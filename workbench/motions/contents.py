@@ -7,8 +7,9 @@ import io
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -82,8 +83,8 @@ class Contents:
         self.nodes -= 1
         if self.nodes < 0:
             raise BadFile(f"it holds more than {MOST_NODES:,} values, as no motion does")
-        if isinstance(node, _Member):
-            node = node.value()
+        if callable(node):  # an array in an archive
+            node = node()
         if not isinstance(node, PickledCall):
             return node
         try:
@@ -94,8 +95,6 @@ class Contents:
                 # an array of objects: what it holds, one after the other
                 items = content[-1]
                 return self.plain(items[0]) if content[-4] == () else items
-            if node.name.name in ("dict", "list") and not node.arguments:
-                return {} if node.name.name == "dict" else []
             if where == ("torch._utils", "_rebuild_tensor_v2"):
                 return self._tensor(*node.arguments[:4])
             return self.records.meaning(node)
@@ -106,99 +105,63 @@ class Contents:
 
     def numbers(self, node: Tree) -> Array | None:
         """A value as an array of real numbers, or None if it is none; lists may be nested."""
-        value = self.plain(node)
-        if isinstance(value, list):
-            if self._leaves(value, {}, 0) > MOST_NODES:
-                raise BadFile(f"it has a list of more than {MOST_NODES:,} numbers")
-            value = self._stacked(value)
         try:
-            array = np.asarray(value)
+            array = np.asarray(self._stacked(self.plain(node), 0))
         except (ValueError, TypeError, OverflowError):
             return None
-        if array.dtype.kind not in NUMBERS or isinstance(value, bool):
+        if array.dtype.kind not in NUMBERS or array.dtype == bool:
             return None
         with np.errstate(over="ignore", invalid="ignore"):
             return array.astype(np.float64)
 
-    def text(self, node: Tree) -> str:
-        """A value as a text; empty if it is none."""
+    def texts(self, node: Tree) -> tuple[str, ...]:
+        """The texts in a list or an array, or a single one."""
         value = self.plain(node)
-        if isinstance(value, np.ndarray) and value.size == 1 and value.dtype.kind in "US":
-            value = value.reshape(-1)[0]
-        if isinstance(value, list) and len(value) == 1:
-            return self.text(value[0])
-        if isinstance(value, bytes):
-            return value.decode("ascii", "replace")
-        return str(value) if isinstance(value, str) else ""
+        if isinstance(value, np.ndarray):
+            value = value.reshape(-1).tolist() if value.dtype.kind in "US" else None
+        return tuple(
+            one.decode("ascii", "replace") if isinstance(one, bytes) else one
+            for one in (value if isinstance(value, list) else [value])
+            if isinstance(one, (str, bytes))
+        )
 
-    def _leaves(self, node: Tree, known: dict[int, int], depth: int) -> int:
-        """How many entries a list has with those of its lists, each of which is looked at once."""
-        if not isinstance(node, list):
-            return 1
+    def _stacked(self, value: Tree, depth: int) -> Tree:
+        """Lists with arrays in place of what stands for them."""
         if depth > DEEPEST:
             raise BadFile(f"it has lists nested more than {DEEPEST} deep")
-        if id(node) not in known:
-            known[id(node)] = 1 + sum(self._leaves(one, known, depth + 1) for one in node)
-        return known[id(node)]
-
-    def _stacked(self, value: Tree) -> Tree:
-        """Lists with arrays in place of what stands for them."""
+        if isinstance(value, (list, np.ndarray)):
+            self.records.allowance.pay((len(value) if isinstance(value, list) else value.size,))
         if isinstance(value, list) and not all(type(one) in (int, float) for one in value):
-            return [self._stacked(self.plain(one)) for one in value]
-        if isinstance(value, np.ndarray):
-            self.records.allowance.pay((value.size,))
+            return [self._stacked(self.plain(one), depth + 1) for one in value]
         return value
 
     def _tensor(self, storage: Tree, offset: int, size: Tree, stride: Tree) -> NDArray[Any]:
         """A tensor of PyTorch: entry i of its storage at offset + sum_d i_d stride_d."""
         if storage.name == PickledName("torch.storage", "_load_from_bytes"):
-            kind, content = _loaded(storage.arguments[0])
+            # a mark, the version, facts, the storage, its key, how many numbers, and the numbers
+            stream = io.BytesIO(storage.arguments[0].removeprefix(TORCH))
+            storage = [run(stream, MORE - {JOBLIB}) for _ in range(4)][2]
+            content = stream.read()[8:]
         else:
-            kind, key = _storage(storage)
-            content = self.storages[key]
+            content = self.storages[str(storage.arguments[2])]
+        if storage.name != STORAGE:
+            raise ValueError("its tensor has no storage")
+        numbers = np.frombuffer(content, "<" + STORAGES[storage.arguments[1].name])
         sizes, steps = sizes_in(size, "size"), sizes_in(stride, "stride")
-        numbers = np.frombuffer(content, kind)
         last = offset + sum((n - 1) * s for n, s in zip(sizes, steps, strict=True))
-        if min((*sizes, *steps, offset), default=0) < 0 or (
-            0 not in sizes and last >= len(numbers)
-        ):
+        if min(*sizes, *steps, offset, 0) < 0 or (0 not in sizes and last >= len(numbers)):
             raise ValueError("its tensor reaches beyond its storage")
         self.records.allowance.pay(sizes)
-        each = [np.arange(n) * s for n, s in zip(sizes, steps, strict=True)]
-        at = offset + sum(np.ix_(*each), np.zeros(sizes, dtype=np.int64))
-        return np.asarray(numbers[at])
+        strides = [s * numbers.itemsize for s in steps]
+        return np.lib.stride_tricks.as_strided(numbers[offset:], sizes, strides).copy()
 
 
-def _storage(made: Any) -> tuple[str, str]:
-    """The type of the numbers of a storage, and its key."""
-    if not isinstance(made, PickledCall) or made.name != STORAGE:
-        raise ValueError("its tensor has no storage")
-    _, kind, key = made.arguments[:3]
-    return "<" + STORAGES[kind.name], str(key)
-
-
-def _loaded(content: bytes) -> tuple[str, bytes]:
-    """A storage in a pickled tensor: a mark, four pickles, how many numbers, and the numbers."""
-    stream = io.BytesIO(content.removeprefix(TORCH))
-    _, _, made, _ = (run(stream, MORE - {JOBLIB}) for _ in range(4))
-    kind, _ = _storage(made)
-    stream.read(8)
-    return kind, stream.read()
-
-
-@dataclass(frozen=True)
-class _Member:
-    """An array of an .npz, which is read when it is asked for."""
-
-    archive: Archive
-    name: str
-
-    def value(self) -> Tree:
-        """Its numbers; of an array of objects what its pickle says."""
-        if not self.archive.headers[self.name].dtype.hasobject:
-            return self.archive.array(self.name)
-        with damage(self.name):
-            return _pickled(self.archive.pickled(self.name))
+def _member(archive: Archive, name: str) -> Tree:
+    """An array in an .npz; of one of objects what its pickle says."""
+    if not archive.headers[name].dtype.hasobject:
+        return archive.array(name)
+    with damage(name):
+        return _pickled(archive.pickled(name))
 
 
 def _pickled(content: bytes) -> Tree:
@@ -212,59 +175,57 @@ def contents_of(path: Path) -> Iterator[Contents]:
         files = sorted(one for one in path.iterdir() if one.suffix.lower() in FRAME_FILES)
         if not 0 < len(files) <= MOST_FILES:
             raise BadFile(f"it is a folder of {len(files):,} files that could be frames")
-        with ExitStack() as opened:
-            each = {one.name: opened.enter_context(contents_of(one)).root for one in files}
-            yield _contents(each, sum(one.stat().st_size for one in files))
+        each = {}
+        for one in files:
+            with contents_of(one) as contents:
+                root = contents.plain(contents.root)
+                whole = isinstance(root, dict)
+                each[one.name] = {k: contents.plain(v) for k, v in root.items()} if whole else root
+        yield _contents(each, sum(one.stat().st_size for one in files))
         return
     with damage():
         zipped = path.is_file() and zipfile.is_zipfile(path)
     if not zipped:
         with damage():
-            root = _root(path)
-        yield _contents(root, path.stat().st_size)
+            contents = _contents(*_root(path))
+        yield contents
         return
-    with open_zip(path) as archive:
-        pickle = next((name for name in archive.namelist() if name.endswith("/data.pkl")), "")
-        if pickle:  # as torch.save writes it: a folder with a pickle, and a file for each storage
+    with open_zip(path) as archive:  # of torch.save: a pickle, and a file for each storage
+        sizes = {m.filename: (m.file_size, m.compress_type) for m in archive.infolist()}
+        pickle = next((name for name in sizes if name.endswith("/data.pkl")), None)
+        if pickle is not None:
+            total = sum(size for size, _ in sizes.values())
+            if total > path.stat().st_size or any(packed for _, packed in sizes.values()):
+                raise BadFile("it is packed, as torch.save packs nothing")
             with damage():
-                root, stored = _torch(archive, pickle.removesuffix("data.pkl"))
+                root = _pickled(archive.read(pickle))
+                stored = {name.rpartition("/")[2]: archive.read(name) for name in sizes}
             yield replace(_contents(root, path.stat().st_size), storages=stored)
             return
     with open_arrays(path) as arrays:
-        members = {name: _Member(arrays, name) for name in arrays.headers}
-        yield _contents({**members, **dict.fromkeys(arrays.others)}, arrays.size)
+        members = {name: partial(_member, arrays, name) for name in arrays.headers}
+        size = sum(header.widened for header in arrays.headers.values())
+        yield _contents({**members, **dict.fromkeys(arrays.others)}, size)
 
 
 def _contents(root: Tree, size: int) -> Contents:
     return Contents(root, Records(Allowance(size, MOST_RECORDS)))
 
 
-def _torch(archive: zipfile.ZipFile, folder: str) -> tuple[Tree, dict[str, bytes]]:
-    """The pickle in a file of PyTorch's, and the numbers of its storages by their keys."""
-    members = [m for m in archive.infolist() if m.filename.startswith(folder)]
-    if any(m.compress_type != zipfile.ZIP_STORED for m in members):
-        raise BadFile("it is packed, as torch.save packs nothing")
-    if sum(m.file_size for m in members) > MOST_BYTES:
-        raise BadFile("it unpacks to more than 2 GB")
-    data = folder + "data/"
-    keys = [m.filename for m in members if m.filename.startswith(data)]
-    return _pickled(archive.read(folder + "data.pkl")), {
-        key.removeprefix(data): archive.read(key) for key in keys
-    }
-
-
-def _root(path: Path) -> Tree:
-    """The value at the beginning of a file that is no archive."""
-    if path.suffix.lower() == ".json":
-        return parsed(bounded(path))
+def _root(path: Path) -> tuple[Tree, int]:
+    """The value at the beginning of a file that is no archive, and the bytes that it is made of."""
     content = bounded(path, MOST_BYTES)
+    if path.suffix.lower() == ".json":
+        return parsed(content), len(content)
     if content.startswith(b"\x93NUMPY"):
         header = header_of(content[:LONGEST_HEADER])
         header.check(len(content))
-        return _pickled(content[header.start :]) if header.dtype.hasobject else mapped_array(path)
+        held = header.dtype.hasobject
+        root = _pickled(content[header.start :]) if held else mapped_array(path)
+        return root, max(len(content), header.widened)
     if packer := next((name for head, name in PACKERS.items() if content.startswith(head)), None):
         raise BadFile(f"it is packed by {packer}; save it again by joblib.dump(..., compress=0)")
     if content[:1] == b"x" or content[:2] == b"\x1f\x8b":  # zlib or gzip, as joblib packs
         most = FREE_BYTES + MOST_PER_BYTE * len(content)
         content = zlib.decompressobj(wbits=47).decompress(content, most)
-    return _pickled(content)
+    return _pickled(content), len(content)

@@ -22,6 +22,7 @@ from workbench.errors import BadFile
 from workbench.geometry.rotation import vector_from_matrix
 from workbench.motions.contents import Contents, Tree
 
+FACTS = ("gender", "rate", "ids")  # parts that are said of all that a dictionary holds
 MAIN = ("pose", "body")  # without one of which there is no pose
 JOINTS: dict[str, tuple[int, ...]] = {  # how many joints an array of a part may hold
     **{"pose": (24, 22, 52, 55, 23, 21), "root": (1,), "body": (21, 23), "head": (3,)},
@@ -253,21 +254,31 @@ class People:
 
 def _facts(value: Mapping[str, Tree]) -> dict[str, Tree]:
     """What a dictionary says of all that it holds."""
-    keys = (line.key for part in ("gender", "rate", "ids") for line in lines_of(part))
+    keys = (line.key for part in FACTS for line in lines_of(part))
     return {key: value[key] for key in keys if key in value}
 
 
 def _named(array: NDArray[Any]) -> Tree:
-    """The parts of an array that stands in a file without a name."""
-    if array.ndim != 2 or array.shape[1] != sum(MOTION_X.values()):
-        if array.ndim == 2 and array.shape[1] in FEATURES:
-            raise BadFile(
-                f"its {array.shape[1]} columns are features of HumanML3D, which are no pose; take "
-                "the places of joints in new_joints, or recover them with recover_from_ric"
-            )
-        return {"poses": array}
-    ends = np.cumsum([*MOTION_X.values()])[:-1]
-    return dict(zip(MOTION_X, np.split(array, ends, axis=1), strict=True))
+    """The parts of an array that stands in a file without a name. Raises BadFile for no pose."""
+    columns = array.shape[1] if array.ndim == 2 else 0
+    if columns == sum(MOTION_X.values()):
+        ends = np.cumsum([*MOTION_X.values()])[:-1]
+        return dict(zip(MOTION_X, np.split(array, ends, axis=1), strict=True))
+    features = columns in FEATURES
+    if features or (array.shape[1:] in ((22, 3), (24, 3)) and _are_places(np.asarray(array))):
+        what = f"{columns} features" if features else "places of joints"
+        raise BadFile(
+            f"its numbers are {what} of HumanML3D, and no rotations; write the places of joints as "
+            "markers (T, M, 3) with labels into an .npz, for `workbench convert`"
+        )
+    return {"poses": array}
+
+
+def _are_places(array: NDArray[Any]) -> bool:
+    """Whether an array (T, K, 3) has places of SMPL's joints: left legs are as long as right."""
+    legs = np.linalg.norm(array[:, [1, 4, 7, 2, 5, 8]] - array[:, [0, 1, 4, 0, 2, 5]], axis=2)
+    left, right = legs[:, :3], legs[:, 3:]
+    return bool((legs > 0.03).all() and (np.abs(left - right) < 0.2 * left).all())
 
 
 def _each(line: Line) -> tuple[int, ...]:
@@ -299,15 +310,17 @@ def _vectors(line: Line, rows: Array, each: int) -> Array:
         return rows.reshape(N, J, 3)
     whole = np.isfinite(rows).all(axis=1)
     R = rows[whole].reshape(-1, 3, each // 3)
-    if each == 6:  # two columns of a matrix, or by the form two rows: Zhou et al., 2019
-        pair = R if "columns" in line.form else R.reshape(-1, 2, 3).swapaxes(1, 2)
-        first = pair[..., 0] / np.linalg.norm(pair[..., 0], axis=1, keepdims=True)
-        second = pair[..., 1] - (first * pair[..., 1]).sum(axis=1, keepdims=True) * first
-        second /= np.linalg.norm(second, axis=1, keepdims=True)
-        R = np.stack([first, second, np.cross(first, second)], axis=2)
-        R = R if "columns" in line.form else R.swapaxes(1, 2)
-    off = np.abs(R @ R.swapaxes(1, 2) - np.eye(3)).max(initial=0.0)
-    if not off < LOOSE or not (np.linalg.det(R) > 0).all():
+    with np.errstate(all="ignore"):
+        if each == 6:  # two columns of a matrix, or by the form two rows: Zhou et al., 2019
+            pair = R if "columns" in line.form else R.reshape(-1, 2, 3).swapaxes(1, 2)
+            first = pair[..., 0] / np.linalg.norm(pair[..., 0], axis=1, keepdims=True)
+            second = pair[..., 1] - (first * pair[..., 1]).sum(axis=1, keepdims=True) * first
+            second /= np.linalg.norm(second, axis=1, keepdims=True)
+            R = np.stack([first, second, np.cross(first, second)], axis=2)
+            R = R if "columns" in line.form else R.swapaxes(1, 2)
+        off = np.abs(R @ R.swapaxes(1, 2) - np.eye(3)).max(initial=0.0)
+        proper = off < LOOSE and (np.linalg.det(R) > 0).all()
+    if not proper:
         raise BadFile(f"{line.key} holds matrices that are no rotations")
     turned = np.full((N, J, 3), np.nan)
     turned[whole] = vector_from_matrix(R).reshape(-1, J, 3)

@@ -21,7 +21,7 @@ from workbench.geometry.rotation import matrix_from_vector
 from workbench.motions.bones import Bones
 from workbench.motions.contents import Contents, contents_of
 from workbench.motions.motion import Motion, without_gaps
-from workbench.motions.people import MAIN, People, Track, lines_of
+from workbench.motions.people import FACTS, MAIN, People, Track, lines_of
 from workbench.reading.arrays import taken_for
 from workbench.writing import write_arrays
 
@@ -33,6 +33,8 @@ PARTS: dict[str, tuple[str, ...]] = {  # the joints of each part; a body may hav
 }
 ORDER = (*SMPL, *FACE, *HANDS)  # of the joints of a pose that is put together
 GENDERS = {"0": "neutral", "1": "male", "2": "female", "m": "male", "f": "female", "n": "neutral"}
+OWN = ("joint_names", "up_axis", "origin", "notes")  # that we add to AMASS's layout
+BONES = ("bone_parents", "bone_offsets", "end_parents", "end_offsets")
 AGREE = 1e-3  # rad, between a pose and a part of it that stands beside it
 SURE = 0.5  # of how clearly the root's own y must point along an axis to say that it is up
 LARGEST = 1e6  # rad or m
@@ -69,25 +71,27 @@ def read_amass(
     with taken_for(path, "motion", INSTEAD), contents_of(Path(path)) as contents:
         people = People(contents)
         track, notes = _chosen(people, person)
-        facts = _Facts(contents, track)
-        pose, names = _pose(track, facts.texts("joint_names"))
-        gender = facts.gender()
-        if not facts.texts("joint_names"):
+        own = {key: contents.texts(track.facts.get(key)) for key in OWN}
+        pose, names = _pose(track, own["joint_names"])
+        gender = _gender(contents, track)
+        if not own["joint_names"]:
             of = f" of the gender {some([gender])}" if gender else ""
             notes.append(f"made for {family(len(names))}{of}")
-        rate, said = rate_of(fps, facts.rates(), track.usual_rate)
+        met = {key for key, read in people.met.items() if not read}
+        if unread := met - {*OWN, *BONES, *(line.key for p in FACTS for line in lines_of(p))}:
+            notes.append(f"not read are {some(sorted(unread))}")
+        rates = [contents.numbers(track.facts.get(line.key)) for line in lines_of("rate")]
+        declared = [float(x) for one in rates if one is not None for x in one.flat[:2]]
+        rate, said = rate_of(fps, declared, track.usual_rate)
         notes += [*said, *track.notes]
-        pose, trans = _placed(track, pose, body, notes)
+        betas = _betas(track, notes)
+        pose, trans = _placed(track, pose, betas, body, notes)
         if unit is not None:
             trans = trans * UNITS[unit]
             notes.append(f"the unit {unit} of trans was given")
-        lines = {"trans": trans} | {
-            part: track.numbers[part] for part in ("expression", "dmpls") if part in track.numbers
-        }
-        pose, lines = _spread(track, pose, lines, notes)
+        pose, lines = _spread(track, pose, trans, notes)
         try:
             pose, lines, filled = without_gaps(pose, lines)
-            betas = _betas(track, notes)
             motion = Motion(
                 pose,
                 lines["trans"],
@@ -95,24 +99,22 @@ def read_amass(
                 names,
                 betas,
                 lines.get("expression"),
-                facts.bones(),
-                facts.text("origin") or Path(path).name,
-                (*facts.texts("notes"), *filled),
+                _bones(contents, track),
+                "".join(own["origin"][:1]) or Path(path).name,
+                (*own["notes"], *filled),
                 gender,
                 lines.get("dmpls"),
             )
         except BadArgument as error:
             raise BadFile(str(error)) from error
-        declared = facts.text("up_axis")
-        speed = np.linalg.norm(np.diff(motion.trans, axis=0), axis=1).sum() / len(motion)
-        if not declared and speed * rate > FASTEST:
-            notes.append(
-                f"the root moves at {speed * rate:.3g} m/s on average, as no person does; give the "
-                "unit of trans, or the rate"
-            )
-        if unread := [key for key, read in people.met.items() if not read | (key in facts.read)]:
-            notes.insert(1, f"not read are {some(sorted(unread))}")
-    return _upright(motion, up, declared, body, notes)
+    declared_up = "".join(own["up_axis"][:1])
+    way = np.linalg.norm(np.diff(motion.trans, axis=0), axis=1).sum()
+    if not declared_up and way > FASTEST * len(motion) / rate:
+        notes.append(
+            f"the root moves at {way * rate / len(motion):.3g} m/s on average, as no person does; "
+            "give the unit of trans, or the rate"
+        )
+    return _upright(motion, up, declared_up, body, notes)
 
 
 def _chosen(people: People, person: str | None) -> tuple[Track, list[str]]:
@@ -121,11 +123,9 @@ def _chosen(people: People, person: str | None) -> tuple[Track, list[str]]:
     if not tracks and people.misfits:
         raise BadFile(f"it has no pose: {some(people.misfits)} has that of no frame")
     if not tracks:
-        pose = [line.key for part in MAIN for line in lines_of(part)]
-        raise BadFile(
-            f"it has no pose: none of {', '.join(dict.fromkeys(pose[:6]))} and other names; it "
-            f"holds {listed(people.met) if people.met else 'nothing with a name'}"
-        )
+        keys = [line.key for part in MAIN for line in lines_of(part)[:15:5]]
+        holds = listed(people.met) if people.met else "nothing that has a name"
+        raise BadFile(f"it has no pose: no {', no '.join(keys)} nor the like; it holds {holds}")
     if person is not None and person not in tracks:
         raise BadFile(f"it holds no person {person!r:.40}; there are {listed(tracks)}")
     seen = {
@@ -135,71 +135,34 @@ def _chosen(people: People, person: str | None) -> tuple[Track, list[str]]:
     name = max(tracks, key=lambda one: seen[one]) if person is None else person
     if len(tracks) == 1:
         return tracks[name], []
-    which = "is read, as was asked" if person is not None else "is read, in most frames"
-    note = f"of {len(tracks)} people ({some(tracks)}) {name} {which}: {seen[name]} frames"
-    return tracks[name], [f"{note}; name another one (--person)" if person is None else note]
+    why = "in most frames; name another one (--person)" if person is None else "as was asked"
+    of = f"of {len(tracks)} people ({some(tracks)}) {name} is read, {seen[name]} frames"
+    return tracks[name], [f"{of}, {why}"]
 
 
-class _Facts:
-    """What stands in a file beside the arrays of a person."""
+def _gender(contents: Contents, track: Track) -> str:
+    """The gender as the file says it, spelled out."""
+    for line in lines_of("gender"):
+        node = track.facts.get(line.key)
+        several, number = contents.texts(node), contents.numbers(node)
+        if number is not None and number.size == 1:
+            several = (f"{number.flat[0]:g}",)
+        if several:
+            text = several[track.which if track.which < len(several) else 0]
+            return GENDERS.get(text.lower(), text)
+    return ""
 
-    def __init__(self, contents: Contents, track: Track) -> None:
-        self._contents, self._facts, self._which = contents, track.facts, track.which
-        self.read: set[str] = set()
 
-    def _values(self, part: str) -> list[tuple[str, object]]:
-        keys = [line.key for line in lines_of(part) if line.key in self._facts]
-        self.read |= {*keys}
-        return [(key, self._contents.plain(self._facts[key])) for key in keys]
-
-    def text(self, key: str) -> str:
-        """A text; empty if it is none."""
-        self.read.add(key)
-        return self._contents.text(self._facts.get(key))
-
-    def texts(self, key: str) -> tuple[str, ...]:
-        """An array or a list of texts; empty if it is none."""
-        self.read.add(key)
-        value = self._contents.plain(self._facts.get(key))
-        value = value.tolist() if isinstance(value, np.ndarray) else value
-        several = isinstance(value, list) and all(isinstance(one, str) for one in value)
-        return tuple(value) if several else ()
-
-    def gender(self) -> str:
-        """The gender as the file says it, spelled out."""
-        for key, value in self._values("gender"):
-            several = value if isinstance(value, list) else np.ravel(np.asarray(value)).tolist()
-            one = several[self._which if self._which < len(several) else 0] if several else None
-            text = str(one) if isinstance(one, int) else self._contents.text(one)
-            if text:
-                return GENDERS.get(text.lower(), text)
-            self.read.discard(key)
-        return ""
-
-    def rates(self) -> list[float]:
-        """The frames a second that it states. Raises BadFile if they are none."""
-        found = [self._contents.numbers(value) for _, value in self._values("rate")]
-        if any(one is None or one.size != 1 for one in found):
-            raise BadFile("its rate is not one number of frames a second")
-        return [float(one.reshape(-1)[0]) for one in found if one is not None]
-
-    def bones(self) -> Bones | None:
-        """The skeleton, in a file of our own."""
-        found = {}
-        for name in ("bone_parents", "bone_offsets", "end_parents", "end_offsets"):
-            self.read.add(name)
-            array = self._contents.numbers(self._facts.get(name))
-            if array is not None and np.isfinite(array).all():
-                found[name] = array
-        if "bone_parents" not in found or "bone_offsets" not in found:
-            return None
-        parents, ends = (
-            tuple(int(k) for k in found.get(name, np.zeros(0)).reshape(-1))
-            for name in ("bone_parents", "end_parents")
-        )
-        return Bones(
-            parents, found["bone_offsets"], ends, found.get("end_offsets", np.zeros((0, 3)))
-        )
+def _bones(contents: Contents, track: Track) -> Bones | None:
+    """The skeleton, in a file of our own."""
+    found = [contents.numbers(track.facts.get(key)) for key in BONES]
+    parents, offsets, ends, tips = (
+        np.zeros((0, 3)) if one is None or not np.isfinite(one).all() else one for one in found
+    )
+    if not parents.size or not offsets.size:
+        return None
+    tree, ended = (tuple(int(k) for k in one.reshape(-1)) for one in (parents, ends))
+    return Bones(tree, offsets, ended, tips)
 
 
 def _pose(track: Track, own: tuple[str, ...]) -> tuple[Array, tuple[str, ...]]:
@@ -229,7 +192,9 @@ def _pose(track: Track, own: tuple[str, ...]) -> tuple[Array, tuple[str, ...]]:
     return np.stack([*joints.values()], axis=1), tuple(joints)
 
 
-def _placed(track: Track, pose: Array, body: Body | None, notes: list[str]) -> tuple[Array, Array]:
+def _placed(
+    track: Track, pose: Array, betas: Array, body: Body | None, notes: list[str]
+) -> tuple[Array, Array]:
     """The pose and trans (T, 3) m of SMPL, which turns about its root joint."""
     T = len(pose)
     trans = track.numbers.get("trans", np.zeros((1, 3)))
@@ -258,31 +223,32 @@ def _placed(track: Track, pose: Array, body: Body | None, notes: list[str]) -> t
             "frame, up to half a metre; give the body to correct it"
         )
         return pose, trans
-    return pose, trans + _root(_betas(track, []), body) @ (R - np.eye(3)).swapaxes(1, 2)
+    return pose, trans + _root(betas, body) @ (R - np.eye(3)).swapaxes(1, 2)
 
 
 def _spread(
-    track: Track, pose: Array, lines: dict[str, Array], notes: list[str]
+    track: Track, pose: Array, trans: Array, notes: list[str]
 ) -> tuple[Array, dict[str, Array]]:
-    """Pose and lines with NaN in frames that the file leaves out, by their numbers."""
+    """Pose and lines by their names, with NaN in frames that the file leaves out by their numbers.
+
+    Raises BadFile for numbers that are no motion.
+    """
     T = len(pose)
-    lines = {part: np.broadcast_to(line, (T, line.shape[1])) for part, line in lines.items()}
-    for name, line in (("pose", pose), *lines.items()):
-        if np.abs(line[np.isfinite(line)]).max(initial=0) >= LARGEST or np.isinf(line).any():
-            name = track.used[name].key if name in track.used else name
-            raise BadFile(f"{name} holds numbers beyond {LARGEST:g}, which are no motion")
+    lines = {"pose": pose, "trans": trans}
+    for part in {"expression", "dmpls"} & {*track.numbers}:
+        lines[part] = np.broadcast_to(track.numbers[part], (T, track.numbers[part].shape[1]))
+    for name, line in lines.items():
+        if not (np.abs(line[~np.isnan(line)]) < LARGEST).all():
+            key = track.used[name].key if name in track.used else name
+            raise BadFile(f"{key} holds numbers beyond {LARGEST:g}, which are no motion")
     at = track.numbers.get("frames", np.zeros((0, 1)))[:, 0]
-    if len(at) != T or not (np.diff(at) >= 1).all() or at[-1] - at[0] > SPARSEST * T:
-        return pose, lines
-    place = (at - at[0]).astype(np.int64)
-    if place[-1] == T - 1:
-        return pose, lines
-    notes.append(f"{place[-1] + 1 - T} frames are not among its {track.used['frames'].key}")
-    apart = {}
-    for name, line in (("pose", pose), *lines.items()):
-        apart[name] = np.full((place[-1] + 1, *line.shape[1:]), np.nan)
-        apart[name][place] = line
-    return apart.pop("pose"), apart
+    if len(at) == T and (np.diff(at) >= 1).all() and T <= at[-1] - at[0] < SPARSEST * T:
+        place = (at - at[0]).astype(np.int64)
+        notes.append(f"{place[-1] + 1 - T} frames are not among its {track.used['frames'].key}")
+        for name, line in lines.items():
+            lines[name] = np.full((place[-1] + 1, *line.shape[1:]), np.nan)
+            lines[name][place] = line
+    return lines.pop("pose"), lines
 
 
 def _betas(track: Track, notes: list[str]) -> Array:
@@ -337,7 +303,23 @@ def _upright(
     return replace(found, notes=(*notes, *found.notes))
 
 
-LAYOUTS = ("amass", "smplx")
+MODELS = {"smpl": SMPL, "smplh": NAMES[52][1], "smplx": NAMES[55][1]}  # by their numbers' order
+ARRAYS: dict[str, dict[str, tuple[str, ...]]] = {  # of parts in each layout; `people` has sources
+    "amass": {
+        **{"root_orient": BODY[:1], "pose_body": BODY[1:], "pose_hand": HANDS},
+        **{"pose_jaw": FACE[:1], "pose_eye": FACE[1:]},
+    },
+    "smplx": {
+        **{"global_orient": BODY[:1], "body_pose": BODY[1:], "jaw_pose": FACE[:1]},
+        **{"leye_pose": FACE[1:2], "reye_pose": FACE[2:]},
+        **{"left_hand_pose": HANDS[:15], "right_hand_pose": HANDS[15:]},
+    },
+    "smpl": {
+        **{"bodyPose": BODY, "headPose": FACE},
+        **{"leftHandPose": HANDS[:15], "rightHandPose": HANDS[15:]},
+    },
+}
+LAYOUTS = ("amass", "smplx")  # of an .npz
 
 
 def save_motion(path: str | Path, motion: Motion, layout: str = "amass") -> None:
@@ -357,107 +339,71 @@ def save_motion(path: str | Path, motion: Motion, layout: str = "amass") -> None
         raise BadFile(f"a motion is saved as .npz or .smpl, and {path} ends otherwise")
     if layout not in LAYOUTS:
         raise BadFile(f"there is no layout {layout!r:.40}; there are {listed(LAYOUTS)}")
-    if suffix == ".smpl" or layout == "smplx":
-        write_arrays(path, (_codec if suffix == ".smpl" else _arguments)(motion))
-        return
-    K = len(motion.joint_names)
-    arrays: dict[str, NDArray[Any]] = {
-        "poses": motion.pose.reshape(-1, 3 * K),
-        "trans": motion.trans,
-        "betas": motion.betas,
-        "mocap_framerate": np.array(motion.fps),
-        "gender": np.array(motion.gender or "neutral"),
-        "joint_names": np.array(motion.joint_names),
-        "up_axis": np.array("y"),
-        "origin": np.array(motion.origin),
-        "notes": np.array(motion.notes, dtype=np.str_),
+    layout = "smpl" if suffix == ".smpl" else layout
+    joints = {*motion.joint_names}
+    model = next((model for model, names in MODELS.items() if joints <= {*names}), None)
+    if model is None and layout != "amass":
+        raise BadFile(
+            f"{path} has places for the joints of SMPL and its relatives, and the motion has "
+            f"{some(motion.joint_names)}; write .npz in the layout amass, or convert it"
+        )
+    parts = {
+        key: _turns(motion, (*names, *(SMPL[22:] if len(names) > 20 and model == "smpl" else ())))
+        for key, names in ARRAYS[layout].items()
+        if model is not None and {*names} <= {*MODELS[model]}
     }
-    kind = next((K for K, (_, names) in NAMES.items() if names == motion.joint_names), 0)
-    if kind in MODELS:
-        arrays["mocap_frame_rate"] = arrays["mocap_framerate"]
-        arrays["surface_model_type"] = np.array(MODELS[kind])
-        for key, names in NEWER.items():
-            if {*names} <= {*motion.joint_names}:
-                arrays[key] = _of(motion, names).reshape(len(motion), -1)
-    for name in ("expression", "dmpls"):
-        if getattr(motion, name) is not None:
-            arrays[name] = getattr(motion, name)
-    if motion.bones is not None:
-        arrays["bone_parents"] = np.array(motion.bones.parents, dtype=np.int64)
-        arrays["bone_offsets"] = motion.bones.offsets
-        arrays["end_parents"] = np.array(motion.bones.end_parents, dtype=np.int64)
-        arrays["end_offsets"] = motion.bones.end_offsets
+    T = len(motion)
+    face = np.zeros((T, 10)) if motion.expression is None else motion.expression
+    fps, gender = np.array(motion.fps), motion.gender or "neutral"
+    if layout == "smplx":
+        rows = {key: array.reshape(T, -1) for key, array in parts.items()}
+        betas = motion.betas if len(motion.betas) else np.zeros(10)
+        rows |= {"betas": np.tile(betas, (T, 1)), "transl": motion.trans}
+        rows |= {"expression": face} if model == "smplx" else {}
+        arrays: dict[str, NDArray[Any]] = {k: one.astype(np.float32) for k, one in rows.items()}
+        arrays |= {"gender": np.array(gender), "fps": fps}
+    elif layout == "smpl":
+        rows = {**parts, "shapeParameters": motion.betas, "bodyTranslation": motion.trans}
+        rows |= {"expressionParameters": face} if model == "smplx" else {}
+        numbers = {name: int(number) for number, name in GENDERS.items() if number.isdigit()}
+        arrays = {key: one.astype(np.float32) for key, one in rows.items()}
+        arrays |= {
+            "codecVersion": np.array(2),
+            "smplVersion": np.array([*MODELS].index(str(model))),
+        }
+        arrays |= {"gender": np.array(numbers.get(gender, 0)), "frameCount": np.array(T)}
+        arrays["frameRate"] = fps
+    else:
+        arrays = {
+            "poses": motion.pose.reshape(T, -1),
+            "trans": motion.trans,
+            "betas": motion.betas,
+            "mocap_framerate": fps,
+            "gender": np.array(gender),
+            "joint_names": np.array(motion.joint_names),
+            "up_axis": np.array("y"),
+            "origin": np.array(motion.origin),
+            "notes": np.array(motion.notes, dtype=np.str_),
+        }
+        if model is not None and motion.joint_names == MODELS[model]:
+            arrays |= {key: array.reshape(T, -1) for key, array in parts.items()}
+            arrays |= {"mocap_frame_rate": fps, "surface_model_type": np.array(model)}
+        arrays |= {
+            k: one for k in ("expression", "dmpls") if (one := getattr(motion, k)) is not None
+        }
+        if (bones := motion.bones) is not None:
+            own = (bones.parents, bones.offsets, bones.end_parents, bones.end_offsets)
+            kinds = (np.int64, np.float64) * 2
+            arrays |= {
+                k: np.array(one, kind) for k, one, kind in zip(BONES, own, kinds, strict=True)
+            }
     write_arrays(path, arrays)
 
 
-MODELS = {24: "smpl", 52: "smplh", 55: "smplx"}
-NEWER = {"root_orient": BODY[:1], "pose_body": BODY[1:], "pose_hand": HANDS}
-NEWER |= {"pose_jaw": FACE[:1], "pose_eye": FACE[1:]}
-
-
-def _of(motion: Motion, names: tuple[str, ...]) -> Array:
+def _turns(motion: Motion, names: tuple[str, ...]) -> Array:
     """The rotation vectors (T, J, 3) of some joints, zero for those that the motion lacks."""
     found = np.zeros((len(motion), len(names), 3))
     for j, name in enumerate(names):
         if name in motion.joint_names:
             found[:, j] = motion.pose[:, motion.joint_names.index(name)]
     return found
-
-
-def _has(motion: Motion, names: tuple[str, ...]) -> bool:
-    return any(name in motion.joint_names for name in names)
-
-
-def _check_layout(motion: Motion, what: str) -> None:
-    """Raise BadFile unless the motion is one of SMPL or a relative."""
-    if not {*BODY} <= {*motion.joint_names} <= {*ORDER}:
-        raise BadFile(
-            f"{what} has places for the joints of SMPL and its relatives, and the motion has "
-            f"{some(motion.joint_names)}; write .npz in the layout amass, or convert it"
-        )
-
-
-def _arguments(motion: Motion) -> dict[str, NDArray[Any]]:
-    """The arguments of smplx's models (github.com/vchoutas/smplx, smplx/body_models.py)."""
-    _check_layout(motion, "the layout smplx")
-    fingers = _has(motion, (*FACE, *HANDS))
-    parts = {"global_orient": BODY[:1], "body_pose": BODY[1:] if fingers else SMPL[1:]}
-    if fingers:
-        parts |= {"left_hand_pose": HANDS[:15], "right_hand_pose": HANDS[15:]}
-    face = len(motion.joint_names) == 55
-    if face:
-        parts |= {"jaw_pose": FACE[:1], "leye_pose": FACE[1:2], "reye_pose": FACE[2:]}
-    T = len(motion)
-    rows = {key: _of(motion, names).reshape(T, -1) for key, names in parts.items()}
-    rows |= {"betas": np.tile(motion.betas, (T, 1)), "transl": motion.trans}
-    if face:
-        rows["expression"] = np.zeros((T, 10)) if motion.expression is None else motion.expression
-    return {key: array.astype(np.float32) for key, array in rows.items()} | {
-        "gender": np.array(motion.gender or "neutral"),
-        "fps": np.array(motion.fps),
-    }
-
-
-def _codec(motion: Motion) -> dict[str, NDArray[Any]]:
-    """The entries of a .smpl file (github.com/Meshcapade/smplcodec, codec.py)."""
-    _check_layout(motion, "a .smpl")
-    fingers, face = _has(motion, HANDS), _has(motion, FACE)
-    genders = {name: number for number, name in GENDERS.items() if number.isdigit()}
-    arrays: dict[str, Any] = {
-        "codecVersion": 2,
-        "smplVersion": 2 if face else 1 if fingers else 0,
-        "gender": int(genders.get(motion.gender, 0)),
-        "shapeParameters": motion.betas.astype(np.float32),
-        "frameCount": len(motion),
-        "frameRate": motion.fps,
-        "bodyTranslation": motion.trans.astype(np.float32),
-        "bodyPose": _of(motion, BODY if face or fingers else SMPL).astype(np.float32),
-    }
-    if face:
-        arrays["headPose"] = _of(motion, FACE).astype(np.float32)
-    if face or fingers:
-        arrays["leftHandPose"] = _of(motion, HANDS[:15]).astype(np.float32)
-        arrays["rightHandPose"] = _of(motion, HANDS[15:]).astype(np.float32)
-    if motion.expression is not None:
-        arrays["expressionParameters"] = motion.expression.astype(np.float32)
-    return {key: np.asarray(value) for key, value in arrays.items()}

@@ -345,7 +345,7 @@ EFFECTS: dict[str, Callable[[_Machine, Any], None]] = {
     "STACK_GLOBAL": lambda m, a: m.name(*m.pops(2)),
     **dict.fromkeys(("REDUCE", "NEWOBJ"), lambda m, a: m.call(*m.pops(2))),
     "NEWOBJ_EX": lambda m, a: m.call(*m.pops(3)[:2]),
-    "INST": lambda m, a: m.call(permitted(*a.split(" ", 1), m.more), tuple(m.since_mark())),
+    "INST": lambda m, a: m.instance(*a.split(" ", 1)),
     "OBJ": lambda m, a: m.call((items := m.since_mark())[0], tuple(items[1:])),
     "BUILD": lambda m, a: m.build(),
 }
