@@ -422,6 +422,7 @@ def _six(path: Path, m: Motion) -> None:
 
 def _sloper4d(path: Path, m: Motion) -> None:
     inner = {"opt_pose": flat(m, 24), "opt_trans": m.trans, "beta": m.betas.tolist()}
+    inner |= {"pose": flat(another(m), 24), "mocap_trans": another(m).trans}
     found = {"framerate": 20, "second_person": {**inner, "gender": "male"}, "first_person": {}}
     path.write_bytes(pickle.dumps(found))
 
