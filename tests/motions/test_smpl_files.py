@@ -144,9 +144,12 @@ def in_layout(K: int) -> Motion:
     return replace(motion, fps=30.0, gender="female", expression=face)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("K", [24, 52, 55])
 def test_saved_motions_open_in_smplcodec(K: int, tmp_path: Path) -> None:
-    codec = pytest.importorskip("smplcodec").SMPLCodec
+    codec = pytest.importorskip(
+        "smplcodec", reason="another reader; pip install smplcodec"
+    ).SMPLCodec
     motion = in_layout(K)
     for read, name in ((codec.from_file, "a.smpl"), (codec.from_amass_npz, "a.npz")):
         save_motion(tmp_path / name, motion)
@@ -156,11 +159,13 @@ def test_saved_motions_open_in_smplcodec(K: int, tmp_path: Path) -> None:
         np.testing.assert_allclose(found.body_translation, motion.trans, atol=1e-6)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["SMPL", "SMPL-H", "SMPL-X"])
 def test_saved_motions_move_models_of_smplx(
     kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    smplx, torch = pytest.importorskip("smplx"), pytest.importorskip("torch")
+    smplx = pytest.importorskip("smplx", reason="models of smplx; pip install smplx torch")
+    torch = pytest.importorskip("torch", reason="models of smplx; pip install smplx torch")
     make, suffix = MODELS[kind]
     body = wb.load_body(written(make(40), tmp_path / f"model{suffix}"))
     known = smplx.body_models.VERTEX_IDS  # of whole models, of which this one has 40 vertices
