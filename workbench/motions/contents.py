@@ -112,7 +112,7 @@ class Contents:
         if array.dtype.kind not in NUMBERS or array.dtype == bool:
             return None
         with np.errstate(over="ignore", invalid="ignore"):
-            return array.astype(np.float64)
+            return array.astype(np.float64, copy=False)
 
     def texts(self, node: Tree) -> tuple[str, ...]:
         """The texts in a list or an array, or a single one."""

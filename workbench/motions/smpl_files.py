@@ -186,9 +186,10 @@ def _pose(track: Track, own: tuple[str, ...]) -> tuple[Array, tuple[str, ...]]:
                 raise BadFile(
                     f"{track.used['pose'].key} and {track.used[part].key} say different things"
                 )
-    if len(joints) > whole:
-        joints.setdefault("pelvis", np.zeros((len(track), 3)))
-        joints = {name: joints[name] for name in ORDER if name in joints}
+    if len(joints) == whole:
+        return track.turns["pose"], tuple(joints)
+    joints.setdefault("pelvis", np.zeros((len(track), 3)))
+    joints = {name: joints[name] for name in ORDER if name in joints}
     return np.stack([*joints.values()], axis=1), tuple(joints)
 
 
@@ -238,7 +239,7 @@ def _spread(
     for part in {"expression", "dmpls"} & {*track.numbers}:
         lines[part] = np.broadcast_to(track.numbers[part], (T, track.numbers[part].shape[1]))
     for name, line in lines.items():
-        if not (np.abs(line[~np.isnan(line)]) < LARGEST).all():
+        if max(np.nanmax(line, initial=0.0), -np.nanmin(line, initial=0.0)) >= LARGEST:
             key = track.used[name].key if name in track.used else name
             raise BadFile(f"{key} holds numbers beyond {LARGEST:g}, which are no motion")
     at = track.numbers.get("frames", np.zeros((0, 1)))[:, 0]
