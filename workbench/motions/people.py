@@ -180,9 +180,11 @@ class People:
         """The arrays that a part may be, frames first, in the order of the table."""
         for line in lines_of(part):
             array = self._contents.numbers(value[line.key]) if line.key in value else None
-            if array is None or not array.size:
-                if array is not None and part in MAIN:
-                    self.misfits.append(f"{line.key} of shape {array.shape}")
+            if array is None:
+                continue
+            if not array.size:
+                self.met[line.key] = True
+                self.misfits += [f"{line.key} of shape {array.shape}"] if part in MAIN else []
                 continue
             if array.size > MOST_NUMBERS:
                 raise BadFile(f"{line.key} has {array.size:,} numbers; split the motion")

@@ -35,6 +35,7 @@ ORDER = (*SMPL, *FACE, *HANDS)  # of the joints of a pose that is put together
 GENDERS = {"0": "neutral", "1": "male", "2": "female", "m": "male", "f": "female", "n": "neutral"}
 OWN = ("joint_names", "up_axis", "origin", "notes")  # that we add to AMASS's layout
 BONES = ("bone_parents", "bone_offsets", "end_parents", "end_offsets")
+IMPLIED = ("surface_model_type", "smplVersion", "codecVersion", "frameCount")  # by the arrays
 AGREE = 1e-3  # rad, between a pose and a part of it that stands beside it
 SURE = 0.5  # of how clearly the root's own y must point along an axis to say that it is up
 LARGEST = 1e6  # rad or m
@@ -78,7 +79,12 @@ def read_amass(
             of = f" of the gender {some([gender])}" if gender else ""
             notes.append(f"made for {family(len(names))}{of}")
         met = {key for key, read in people.met.items() if not read}
-        if unread := met - {*OWN, *BONES, *(line.key for p in FACTS for line in lines_of(p))}:
+        if unread := met - {
+            *OWN,
+            *BONES,
+            *IMPLIED,
+            *(line.key for p in FACTS for line in lines_of(p)),
+        }:
             notes.append(f"not read are {some(sorted(unread))}")
         rates = [contents.numbers(track.facts.get(line.key)) for line in lines_of("rate")]
         declared = [float(x) for one in rates if one is not None for x in one.flat[:2]]
