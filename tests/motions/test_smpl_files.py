@@ -116,6 +116,9 @@ def test_motion_survives_its_file(tmp_path: Path) -> None:
     assert found.bones is not None
     np.testing.assert_array_equal(found.joints(), motion.joints())
     np.testing.assert_array_equal(found.bones.end_offsets, bones.end_offsets)
+    many = random_motion(66, [f"joint{k}" for k in range(66)])  # 198 numbers, as of 22 matrices
+    save_motion(tmp_path / "many.npz", many)
+    np.testing.assert_array_equal(read_motion(tmp_path / "many.npz").pose, many.pose)
     with np.load(tmp_path / "walk.npz") as arrays:  # AMASS's names
         assert arrays["poses"].shape == (5, 6)
         assert {"trans", "betas", "mocap_framerate", "gender"} <= set(arrays)

@@ -240,12 +240,13 @@ class People:
         for line, array in self._arrays(value, part):
             if line.key == "poses" and "Rh" in value and array.shape[-1] in EASYMOCAP:
                 array = array[..., : EASYMOCAP[array.shape[-1]]]
-            counts = {n * J: n for n in _each(line) for J in JOINTS[part]}
+            own = "joint_names" in value  # vectors, of any number of joints
+            counts = {n * J: n for n in _each(line) for J in JOINTS[part] if not own}
             splits = (s for s in (1, 2, 0) if s <= array.ndim and prod(array.shape[s:]) in counts)
             if (split := next(splits, None)) is not None:
                 lead, width = array.shape[:split], prod(array.shape[split:])
                 yield line, lead, _vectors(line, array.reshape(-1, width), counts[width])
-            elif array.ndim in (2, 3) and ("joint_names" in value or line.key == "poses"):
+            elif array.ndim in (2, 3) and (own or line.key == "poses"):
                 if prod(array.shape[1:]) % 3:
                     columns = f"{line.key} has {prod(array.shape[1:])} columns"
                     raise BadFile(f"{columns}, and three belong to each joint")

@@ -374,12 +374,9 @@ def save_motion(path: str | Path, motion: Motion, layout: str = "amass") -> None
         rows |= {"expressionParameters": face} if model == "smplx" else {}
         numbers = {name: int(number) for number, name in GENDERS.items() if number.isdigit()}
         arrays = {key: one.astype(np.float32) for key, one in rows.items()}
-        arrays |= {
-            "codecVersion": np.array(2),
-            "smplVersion": np.array([*MODELS].index(str(model))),
-        }
-        arrays |= {"gender": np.array(numbers.get(gender, 0)), "frameCount": np.array(T)}
-        arrays["frameRate"] = fps
+        facts = {"codecVersion": 2, "smplVersion": [*MODELS].index(str(model)), "frameCount": T}
+        facts |= {"gender": numbers.get(gender, 0)}
+        arrays |= {"frameRate": fps} | {key: np.array(fact) for key, fact in facts.items()}
     else:
         arrays = {
             "poses": motion.pose.reshape(T, -1),
