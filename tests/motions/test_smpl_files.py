@@ -261,6 +261,13 @@ def test_pickles_that_say_the_same_again_and_again_are_refused(tmp_path: Path) -
             read_motion(tmp_path / "walk.pkl")
 
 
+def test_folders_of_motions_are_not_taken_for_frames(tmp_path: Path) -> None:
+    for name in ("a.npz", "b.npz"):
+        np.savez(tmp_path / name, **OLD)  # type: ignore[arg-type]
+    with pytest.raises(BadFile, match="it holds motions, one of 6 frames"):
+        read_motion(tmp_path)
+
+
 def test_arrays_of_places_are_no_motions(tmp_path: Path) -> None:
     places = walk().joints(SMALL)[:, :22]
     for array, said in [

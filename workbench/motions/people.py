@@ -39,6 +39,7 @@ FEATURES = (263, 251)  # columns of HumanML3D's and KIT-ML's features
 EASYMOCAP = {78: 66, 87: 66}  # columns of its poses, and how many are rotation vectors
 LOOSE = 0.05  # of R R' - I, in files that hold matrices in single or half precision
 MOST_NUMBERS = 30_000_000
+MOST_PEOPLE = 30  # in one frame
 DEEPEST = 6  # dictionaries in dictionaries
 
 
@@ -230,6 +231,8 @@ class People:
             seen = np.array(ids)
             return {name: track.rows(seen == name) for name in dict.fromkeys(ids)}
         if apart and N > 1:
+            if N > MOST_PEOPLE or any(rate.key in own for rate in lines_of("rate")):
+                raise BadFile(f"it holds motions, one of {N} frames, and no frames; name one file")
             return {str(n): track.rows(slice(n, n + 1), n) for n in range(N)}
         return {"": track}
 
