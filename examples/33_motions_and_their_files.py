@@ -2,13 +2,15 @@
 
 A person turns on the spot and waves, 20 frames a second. The motion is written as .npz in AMASS's
 layout and as BVH, with the bones of the body. Both are read again, and the joints are where they
-were.
+were; so it is with the names that smplx gives its arguments. One frame becomes a `trimesh.Trimesh`,
+which trimesh writes and reads.
 """
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+import trimesh
 
 import workbench as wb
 from workbench.motions import write_bvh
@@ -30,11 +32,18 @@ print("surface:", fast.vertices(body).shape, " first second:", len(fast[:60]), "
 
 with TemporaryDirectory() as folder:
     wb.save_motion(Path(folder) / "wave.npz", fast)
+    wb.save_motion(Path(folder) / "smplx.npz", fast, layout="smplx")
     write_bvh(Path(folder) / "wave.bvh", fast, body)
-    for name in ("wave.npz", "wave.bvh"):
+    for name in ("wave.npz", "smplx.npz", "wave.bvh"):
         found = wb.read_motion(Path(folder) / name)
         order = [found.joint_names.index(k) for k in body.joint_names]
         places = found.joints(None if found.bones else body)[:, order]
         off = np.abs(places - fast.joints(body)).max()
         print(f"{name}: {len(found)} frames; joints differ by {1e6 * off:.2f} micrometres at most")
         print(*found.notes, sep="\n")
+
+    mesh = body.trimesh(fast.pose[60], trans=fast.trans[60])  # in m
+    mesh.export(Path(folder) / "frame.ply")
+    again = trimesh.load(Path(folder) / "frame.ply")
+    off = np.abs(wb.closest(again.vertices, mesh).distances).max()
+    print(f"frame.ply: {len(again.vertices)} vertices, {1e6 * off:.2f} micrometres off at most")

@@ -32,6 +32,7 @@ DOCUMENTS = (
     "howto/experiment.md",
     "howto/diagnose.md",
     "howto/fit.md",
+    "howto/motions.md",
     "howto/scan.md",
     "howto/train.md",
     "examples/README.md",

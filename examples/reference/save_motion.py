@@ -1,4 +1,4 @@
-"""save_motion: a motion as .npz in AMASS's layout."""
+"""save_motion: a motion as .npz in AMASS's layout, or with the names of smplx's arguments."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -16,3 +16,6 @@ with TemporaryDirectory() as folder:
     with np.load(file) as arrays:
         print(sorted(arrays))
     print(np.abs(wb.read_motion(file).pose - pose).max())
+    wb.save_motion(file, motion, layout="smplx")
+    with np.load(file) as arrays:
+        print({key: arrays[key].shape for key in arrays})

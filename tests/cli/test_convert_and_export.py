@@ -93,7 +93,7 @@ def test_convert_and_export_refuse_what_they_cannot_do(tmp_path: Path, workbench
         ("convert points.trc --to small --out a.npz --points face", "there are coco, joints"),
         ("export --out a.glb", "name the motion that becomes a.glb"),
         ("export walk.npz --out a.glb --correctives many", "a whole number from 0, not 'many'"),
-        ("export walk.npz --out a.fbx", "can be written as .bvh or .npz or .glb or .c"),
+        ("export walk.npz --out a.fbx", "can be written as .bvh or .npz or .glb or .smpl or .c"),
         ("export --points face --out a.c", "no landmark set is called 'face'"),
     ):
         code, _, wrong = workbench(*arguments.split())

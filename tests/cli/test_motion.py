@@ -8,6 +8,7 @@ import pytest
 import workbench as wb
 from tests.cli.conftest import Run
 from tests.motions.made_files import MARKER_FILES, MOTION_FILES
+from tests.motions.made_results import RESULTS, truth
 from workbench.fitting import read_markers
 
 FILES = MOTION_FILES | MARKER_FILES
@@ -59,12 +60,33 @@ def test_motion_writes_glb(tmp_path: Path, workbench: Run) -> None:
 
 def test_motion_takes_the_rate_that_a_file_lacks(tmp_path: Path, workbench: Run) -> None:
     np.savez(tmp_path / "walk.npz", poses=np.zeros((5, 72)), trans=np.zeros((5, 3)))
-    code, _, wrong = workbench("motion", "walk.npz")
-    assert code == 2
-    assert "give its rate (--rate)" in " ".join(wrong.split())
+    code, out, _ = workbench("motion", "walk.npz")
+    assert code == 0
+    assert "30 frames a second are taken, as videos have" in out
     code, out, _ = workbench("motion", "walk.npz", "--rate", "25")
     assert code == 0
     assert "5 frames at 25 frames a second, 0.16 s" in out
+
+
+def test_motion_takes_one_person_and_writes_layouts(tmp_path: Path, workbench: Run) -> None:
+    make = RESULTS["InterGen"][1]
+    make(tmp_path / "two.pkl", truth())
+    code, out, _ = workbench("motion", "two.pkl", "--person", "person2", "--out", "a.smpl")
+    assert code == 0
+    assert "of 2 people (person1, person2) person2 is read, 12 frames, as was asked" in out
+    assert wb.read_motion(tmp_path / "a.smpl").gender == "female"
+    arguments = ("--layout", "smplx", "--out", "b.npz")
+    assert workbench("motion", "two.pkl", "--person", "person1", *arguments)[0] == 0
+    with np.load(tmp_path / "b.npz") as arrays:
+        assert arrays["global_orient"].shape == (12, 3)
+    for wrong, said in (
+        (("--person", "person3"), "it holds no person 'person3'; there are person1, person2"),
+        (("--layout", "mhr", "--out", "c.npz"), "there is no layout 'mhr'; there are amass, smplx"),
+        (("--dmpls", "model.npz"), "--dmpls moves the --body of an SMPL file"),
+    ):
+        code, _, told = workbench("motion", "two.pkl", *wrong)
+        assert code == 2
+        assert said in " ".join(told.split())
 
 
 def test_motion_writes_markers(tmp_path: Path, workbench: Run) -> None:
@@ -83,9 +105,9 @@ def test_motion_refuses_what_it_cannot_read_or_write(tmp_path: Path, workbench: 
     FILES["floats.c3d"](tmp_path / "walk.c3d")
     (tmp_path / "walk.npz").write_bytes(b"PK nothing")
     for arguments, said in (
-        ("walk.fbx", "a motion is a file that ends in .npz, .bvh, .glb"),
+        ("walk.fbx", "a motion is a file that ends in .bvh, .glb"),
         ("walk.bvh --fps 0", "--fps takes a number above 0, not 0"),
-        ("walk.bvh --out walk.c3d", "can be written as .bvh or .npz or .glb, and not as"),
+        ("walk.bvh --out walk.c3d", "can be written as .bvh or .npz or .glb or .smpl, and not as"),
         ("walk.c3d --out walk.bvh", "markers can be written as .npz or .trc, and not as"),
         ("walk.bvh --strip walk.jpg", "--strip takes a file that ends in .png"),
         ("walk.bvh --unit ell", "no unit is called 'ell'"),

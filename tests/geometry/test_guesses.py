@@ -10,7 +10,16 @@ from workbench.arrays import Array
 from workbench.errors import BadFile, UnknownName
 from workbench.fitting import read_scan
 from workbench.fitting.marker_files import read_markers
-from workbench.geometry.guesses import HAND, PERSON, UNITS, UP_TO_Y, sizes_of, unit_of, up_of
+from workbench.geometry.guesses import (
+    HAND,
+    PERSON,
+    UNITS,
+    UP_TO_Y,
+    rate_of,
+    sizes_of,
+    unit_of,
+    up_of,
+)
 from workbench.geometry.solids import random_surface_points
 
 BODY, SPREAD, ONE_HAND = load_body("default"), load_body("full-hands"), load_body("hand")
@@ -114,6 +123,30 @@ def test_bending_person_has_y_up() -> None:
     joints = np.tile(BODY.joints(pose), (2, 1, 1))
     assert joints[0].std(axis=0).argmax() == 2
     assert up_of(joints)[0] == "y"
+
+
+def test_names_tell_that_y_points_down_as_in_a_camera() -> None:
+    points, names = t_pose("joints")
+    assert up_of(points @ UP_TO_Y["-y"], names=names)[0] == "-y"
+
+
+@pytest.mark.parametrize(
+    ("given", "declared", "usual", "rate", "said"),
+    [
+        (25.0, [0.0, 3.0], None, 25.0, ""),
+        (None, [59.94, 59.94], None, 59.94, ""),
+        (None, [], None, 30.0, "30 frames a second are taken"),
+        (None, [], 60.0, 60.0, "60 frames a second as its kind has"),
+        (None, [1 / 30], None, 1 / 30, "0.0333333 frames a second are unusual"),
+    ],
+)
+def test_rate_is_given_declared_or_usual(
+    given: float | None, declared: list[float], usual: float | None, rate: float, said: str
+) -> None:
+    found, notes = rate_of(given, declared, usual)
+    assert found == rate
+    assert len(notes) == bool(said)
+    assert said in " ".join(notes)
 
 
 def test_lying_person_leaves_y_up() -> None:

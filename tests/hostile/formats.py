@@ -24,6 +24,7 @@ from tests.bodies.model_files import MODELS, written
 from tests.bodies.random_bodies import decorated, entries
 from tests.fitting.mediapipe_made import mediapipe_results
 from tests.motions.made_files import MARKER_FILES, MOTION_FILES
+from tests.motions.made_results import RESULTS, truth
 from workbench import Block, Problem, Residual, load_body, save_body, solve
 from workbench.bodies import check_body_file, pose_space, shape_space
 from workbench.bodies.catalogue import load_skinned
@@ -506,6 +507,22 @@ def _motions(folder: Path) -> None:
         make(folder / name)
 
 
+RESULT_FILES = {  # of estimators, one for each way to write them
+    **{"wham.joblib": "WHAM", "pare.joblib": "PARE", "tram.npy": "TRAM", "gvhmr.pt": "GVHMR"},
+    **{"romp.npz": "ROMP", "3dpw.pkl": "3DPW", "fit3d.json": "Fit3D", "a.smpl": "smplcodec"},
+    **{"motion-x.npy": "Motion-X", "named.npz": "smplx"},
+}
+
+
+def _result(name: str) -> Format:
+    make = RESULTS[RESULT_FILES[name]][1]
+    return Format(
+        lambda folder: make(folder / name, truth()),
+        lambda folder: [read_motion(folder / name)],
+        _sound_motions,
+    )
+
+
 def _sound_motions(found: list[Any]) -> None:
     for motion in found:
         assert len(motion) == len(motion.pose) == len(motion.trans) > 0
@@ -607,6 +624,7 @@ FORMATS: dict[str, Format] = {
         lambda folder: [read_motion(folder / name) for name in MOTION_FILES],
         _sound_motions,
     ),
+    **{name: _result(name) for name in RESULT_FILES},
     "marker-files": Format(
         _markers,
         lambda folder: [read_markers(folder / name) for name in MARKER_FILES],

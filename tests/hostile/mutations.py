@@ -302,13 +302,13 @@ class Trap:
 
 def trapped(name: str, content: bytes, marker: Path) -> bytes | None:
     """A file that makes a marker where a pickle in it is run; None if it can hold no pickle."""
-    if name.endswith(".pkl"):
+    if name.endswith((".pkl", ".joblib")):
         return b"\x80\x02" + pickle.dumps(Trap(marker), 2)[2:-1] + b"0" + content[2:]
     held = io.BytesIO()
     np.save(held, np.array([Trap(marker)] * 2, dtype=object), allow_pickle=True)
     if name.endswith(".npy"):
         return held.getvalue()
-    if name.endswith(".npz"):
+    if name.endswith((".npz", ".smpl")):
         return _packed(dict.fromkeys(members(content), held.getvalue()), np.random.default_rng(0))
     return None
 
@@ -318,7 +318,7 @@ def overstated(name: str, content: bytes) -> bytes:
     many = b"3000000000"
     if name.endswith(".npy"):
         return re.sub(rb"'shape': \([0-9]*,?", b"'shape': (" + many + b",", content, count=1)
-    if name.endswith(".npz"):
+    if name.endswith((".npz", ".smpl")):
         inside = members(content)
         array = max(inside, key=lambda one: len(inside[one]))
         claims = re.sub(rb"\([0-9]*,? *", b"(" + many + b",", inside[array][10:], count=1)
@@ -337,7 +337,7 @@ def overstated(name: str, content: bytes) -> bytes:
 
 TEXT: tuple[Mutation, ...] = (line_changed, word_changed)
 BY_SUFFIX: dict[str, tuple[Mutation, ...]] = {
-    ".npz": (array_changed,),
+    **dict.fromkeys((".npz", ".smpl"), (array_changed,)),
     ".npy": (npy_changed,),
     ".json": (json_changed, json_changed, *TEXT),
     ".pkl": (opcode_changed,),

@@ -23,8 +23,17 @@ from tests.hostile.mutations import overstated, trapped
 FEW = 10
 MANY = int(os.environ.get("WORKBENCH_FUZZ", "40"))
 SEED = int(os.environ.get("WORKBENCH_FUZZ_SEED", "1"))
-FRAGILE = (".npz", ".npy", ".pkl", ".glb", ".stl", ".json", ".pcd")  # half of one is none
-UNCOUNTED = (".xyz", ".csv", ".bin", ".trc")  # say nothing of how much they hold, or are counted
+FRAGILE = (  # half of one is none
+    *(".npz", ".npy", ".pkl", ".glb", ".stl", ".json", ".pcd", ".joblib", ".pt", ".smpl"),
+)
+UNCOUNTED = (
+    ".xyz",
+    ".csv",
+    ".bin",
+    ".trc",
+    ".joblib",
+    ".pt",
+)  # say nothing of how much they hold, or are counted
 
 
 @pytest.mark.parametrize("name", FORMATS)

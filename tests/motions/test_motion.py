@@ -180,16 +180,15 @@ def test_gaps_are_filled_between_frames() -> None:
     pose, trans = motion.pose.copy(), motion.trans.copy()
     pose[[0, 4, 5, 11]] = np.nan
     trans[6] = np.nan
-    found, places, expression, said = without_gaps(pose, trans)
-    assert expression is None
+    found, lines, said = without_gaps(pose, {"trans": trans})
     np.testing.assert_allclose(found, motion.pose[1:11], atol=1e-12)
-    np.testing.assert_allclose(places, motion.trans[1:11], atol=1e-12)
+    np.testing.assert_allclose(lines["trans"], motion.trans[1:11], atol=1e-12)
     assert said == (
         "3 of 12 frames were not found, and are interpolated",
         "2 of 12 frames at the ends were not found, and are left out",
     )
     with pytest.raises(BadArgument, match="no frame of the motion is whole"):
-        without_gaps(np.full((2, 1, 3), np.nan), np.zeros((2, 3)))
+        without_gaps(np.full((2, 1, 3), np.nan), {"trans": np.zeros((2, 3))})
 
 
 @pytest.mark.parametrize("axis", few(UP_TO_Y, 2))

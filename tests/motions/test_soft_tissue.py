@@ -18,6 +18,7 @@ from workbench.motions.soft_tissue import (
     companion,
     displaced_by,
     surface_as_landmarks,
+    with_dmpls,
     with_tissue,
 )
 from workbench.motions.tissue_inputs import GRAVITY, MovingFrames, input_names, tissue_inputs
@@ -171,3 +172,21 @@ def test_command_shows_tissue(tmp_path: Path) -> None:
     assert "Charts are shown" not in text
     assert len(text) > 1e5
     assert (tmp_path / "walk.glb").stat().st_size > 1e5
+
+
+def test_dmpls_move_the_surface_and_its_joints(tmp_path: Path) -> None:
+    """T = template + B_S(betas) + sum_c phi_c D_c, from which the joints follow, frame by frame."""
+    rng = np.random.default_rng(0)
+    directions = rng.normal(0, 0.01, (SMALL.n_vertices, 3, 12))
+    np.savez(tmp_path / "model.npz", eigvec=directions)
+    body, phi = with_dmpls(SMALL, tmp_path / "model.npz"), rng.normal(0, 1, (3, 8))
+    moving = replace(MOTION[:3], betas=rng.normal(0, 1, 2), dmpls=phi)
+    here = moving.named(SMALL)
+    for t, surface in enumerate(moving.vertices(body)):
+        thick = replace(SMALL, template=SMALL.template + directions[:, :, :8] @ phi[t])
+        alone = thick.vertices(here.pose[t], here.betas, here.trans[t])
+        np.testing.assert_allclose(surface, alone, atol=1e-12)
+    other = replace(SMALL, template=SMALL.template, name="again")
+    np.testing.assert_array_equal(moving.vertices(other), here.vertices(SMALL))
+    with pytest.raises(BadFile, match="vertices, and the body has"):
+        with_dmpls(BODY, tmp_path / "model.npz")

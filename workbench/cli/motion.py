@@ -47,13 +47,23 @@ from workbench.motions import (
     write_bvh,
     write_glb,
 )
-from workbench.motions.soft_tissue import betas_with_tissue, displaced_by, with_tissue
+from workbench.motions.smpl_files import LAYOUTS
+from workbench.motions.soft_tissue import (
+    betas_with_tissue,
+    displaced_by,
+    with_dmpls,
+    with_tissue,
+)
 from workbench.plots import plot_motion
 from workbench.plots.style import drawn, png
 from workbench.reports.replays import motion_page
 from workbench.writing import write_file
 
 MARKERS = (".npz", ".trc")  # what is written of markers
+Person = Annotated[
+    str | None,
+    typer.Option(help="Which of several people in a file; else who is in most frames."),
+]
 NO_PAIRS = np.zeros((0, 2), dtype=np.int64)
 
 
@@ -61,13 +71,15 @@ def motion(
     file: Annotated[
         Path,
         typer.Argument(
-            help="A motion: .bvh, .glb, .gltf, or .npz as of AMASS; or markers: .c3d, .trc, .npz."
+            help="A motion: .bvh, .glb, .gltf; .npz, .npy, .pkl, .pt, .json or .smpl of AMASS or "
+            "of an estimator, or a folder of these; or markers: .c3d, .trc, .npz."
         ),
     ],
     out: Annotated[
         Path | None,
         typer.Option(
-            help="Write it to this file: a motion as .bvh, .npz or .glb, markers as .trc or .npz."
+            help="Write it to this file: a motion as .bvh, .npz, .smpl or .glb, markers as .trc or "
+            ".npz."
         ),
     ] = None,
     fps: Annotated[
@@ -77,6 +89,10 @@ def motion(
         float | None,
         typer.Option(help="Frames a second of a motion whose file does not say it, or says wrong."),
     ] = None,
+    layout: Annotated[
+        str,
+        typer.Option(help="Of an .npz: amass, or smplx, whose arrays are the arguments of smplx."),
+    ] = LAYOUTS[0],
     strip: Annotated[
         Path | None, typer.Option(help="Draw some frames side by side into this .png.")
     ] = None,
@@ -97,17 +113,25 @@ def motion(
             "--tissue", help="Let soft tissue follow on --page or in a .glb; it is simulated."
         ),
     ] = False,
+    dmpls: Annotated[
+        Path | None,
+        typer.Option(
+            help="DMPL's directions (dmpls/GENDER/model.npz), by which a motion of AMASS moves the "
+            "soft tissue of --body."
+        ),
+    ] = None,
     exaggeration: Annotated[
         float, typer.Option(help="Multiply the displacements of the tissue by this.", min=0)
     ] = 1.0,
     unit: Annotated[
         str | None,
         typer.Option(
-            help=f"Unit of a .bvh or of markers ({', '.join(UNITS)}; cmu is that of BVH "
-            "conversions of CMU's recordings, 0.0564 m)."
+            help=f"Unit of a .bvh, of markers or of a translation ({', '.join(UNITS)}; cmu is that "
+            "of BVH conversions of CMU's recordings, 0.0564 m)."
         ),
     ] = None,
     up: Up = None,
+    person: Person = None,
 ) -> None:
     """Say what a file of a motion or of markers holds, draw it, and convert it."""
     console, path = Console(), expanded(file)
@@ -128,9 +152,7 @@ def motion(
         return
     refuse_suffix(out, MOTIONS, "a motion")
     model = None if body is None else load_body(body)
-    found = read_motion(path, unit=unit, up=up, fps=rate, body=model)
-    if unit is not None and path.suffix.lower() == ".npz":
-        warn_without_effect(console, "--unit", "a motion in an .npz is in metres")
+    found = read_motion(path, unit=unit, up=up, fps=rate, body=model, person=person)
     _say_motion(console, found, path)
     if fps is not None:
         found = found.resampled(fps)
@@ -156,6 +178,14 @@ def motion(
         _draw(strip, places, pairs, found.fps)
         say(console, f"strip: {escape(str(strip))}")
     betas, told = None, ""
+    if dmpls is not None:
+        if not isinstance(model, SkinnedBody) or found.dmpls is None or not shown or tissue:
+            raise BadArgument(
+                "--dmpls moves the --body of an SMPL file by the dmpls of a motion of AMASS, on "
+                "--page or in a .glb, and not together with --tissue"
+            )
+        model = with_dmpls(model, expanded(dmpls))
+        betas = found.betas_on(model)
     if tissue:
         assert model is not None
         found, model, betas, told = _with_tissue(console, found, model, exaggeration)
@@ -164,7 +194,7 @@ def motion(
         made = motion_page(found, model, path.name, betas, [f"{told}."] if told else ())
         print_page(console, "page", made.save(page))
     if out is not None:
-        write_motion(console, out, found, model, betas=betas)
+        write_motion(console, out, found, model, betas=betas, layout=layout)
 
 
 def _with_tissue(
@@ -204,6 +234,8 @@ def _say_motion(console: Console, found: Motion, path: Path) -> None:
         lines.append(f"it has bones of its own, {tall:.2f} m tall in the first frame")
     if len(found.betas):
         lines.append(f"{len(found.betas)} betas, the largest {np.abs(found.betas).max():.2f}")
+    if found.dmpls is not None:
+        lines.append(f"{found.dmpls.shape[1]} coefficients of dynamic blend shapes (dmpls)")
     if found.expression is not None:
         lines.append(f"{found.expression.shape[1]} coefficients of expression")
     for line in lines:
@@ -248,7 +280,7 @@ def _draw(path: Path, places: Array, pairs: Index, fps: float | None) -> None:
     write_file(path, png(figure))
 
 
-MOTIONS = (".bvh", ".npz", ".glb")  # what is written
+MOTIONS = (".bvh", ".npz", ".glb", ".smpl")  # what is written
 SHAPES = 10  # shape directions that become morph targets
 EXACT = "exact"
 
@@ -278,16 +310,17 @@ def write_motion(
     correctives: int | None = None,
     shapes: int = 0,
     betas: Array | None = None,
+    layout: str = LAYOUTS[0],
 ) -> None:
-    """Write a motion as .bvh, .npz or .glb, and say where; a .glb needs a body.
+    """Write a motion as .bvh, .npz, .smpl or .glb, and say where; a .glb needs a body.
 
     `betas` (T, B) take the place of the motion's own in a .glb.
     """
     suffix = out.suffix.lower()
     if suffix == ".bvh":
         write_bvh(out, motion, body)
-    elif suffix == ".npz":
-        save_motion(out, motion)
+    elif suffix in (".npz", ".smpl"):
+        save_motion(out, motion, layout)
     else:
         if not isinstance(body, SkinnedBody):
             raise BadBody(
@@ -337,6 +370,7 @@ def export(
     points: Annotated[
         str, typer.Option(help="What C code computes: joints, or a landmark set such as coco.")
     ] = JOINTS,
+    person: Person = None,
 ) -> None:
     """Write a motion as glTF, BVH or AMASS's .npz, or a function of a body as C code."""
     console = Console()
@@ -353,7 +387,7 @@ def export(
         raise BadArgument(f"name the motion that becomes {out}, such as a .bvh or an .npz of AMASS")
     if fps is not None and not 0 < fps < float("inf"):
         raise BadArgument(f"--fps takes a number above 0, not {fps:g}")
-    found = read_motion(expanded(motion), body=model)
+    found = read_motion(expanded(motion), body=model, person=person)
     if fps is not None:
         found = found.resampled(fps)
     found = found.named(model)
@@ -402,6 +436,7 @@ def convert(
         str | None, typer.Option(help=f"Unit of the points ({', '.join(UNITS)}).")
     ] = None,
     up: Up = None,
+    person: Person = None,
 ) -> None:
     """Turn the motion of one body, or points in space, into the motion of another body."""
     console, path = Console(), expanded(file)
@@ -419,7 +454,7 @@ def convert(
         if source is None:
             raise BadArgument(f"say with --from which body {path.name} is a motion of: {KNOWN}")
         model = load_body(source)
-        motion = read_motion(path, unit=unit, up=up, fps=rate, body=model)
+        motion = read_motion(path, unit=unit, up=up, fps=rate, body=model, person=person)
         found = _from_body(console, motion, model, target)
     write_motion(console, out, found, target)
 

@@ -124,10 +124,10 @@ def motion_from_points(
     shape = tracker.shape(np.zeros(body.n_betas), progress)
     found = tracker.poses(shape, progress)
     turned, where = _spread(found, usable, len(given), body)
-    turned, where, _, filled = without_gaps(turned, where)
+    turned, lines, filled = without_gaps(turned, {"trans": where})
     whole = slice(int(usable[0]), int(usable[-1]) + 1)
     turned, shape, where = _smoothed(
-        replace(tracker, observed=places[whole]), turned, shape, where, fps, progress
+        replace(tracker, observed=places[whole]), turned, shape, lines["trans"], fps, progress
     )
     motion = Motion(
         turned, where, fps, tuple(body.joint_names), shape, origin="points", notes=(*notes, *filled)

@@ -63,10 +63,9 @@ class MarkerFit:
 
         `fps` is that of the recording. Raises BadArgument for another body.
         """
-        pose, trans, _, filled = without_gaps(self.pose, self.trans)
-        return Motion(
-            pose, trans, fps, body.joint_names, self.betas, origin="markers", notes=filled
-        )
+        pose, lines, filled = without_gaps(self.pose, {"trans": self.trans})
+        names, betas = body.joint_names, self.betas
+        return Motion(pose, lines["trans"], fps, names, betas, origin="markers", notes=filled)
 
 
 def mosh(

@@ -27,6 +27,7 @@ USUAL = (*METRIC, "in")  # cmu is that of the BVH conversions of CMU's recording
 POSSIBLE = (0.005, 100.0)  # m, in a unit that was given
 UNSURE = ": no standing person, so that this is uncertain; give the unit if it is wrong"
 
+USUAL_RATE, RATES = 30.0, (4.0, 2000.0)  # frames a second
 FRAMES = 400  # that are looked at
 TRIM = (0.2, 99.8)  # percentiles of points, between which an extent is measured
 STANDING = (1.0, 2.3)  # m, from the floor to the head
@@ -135,11 +136,11 @@ def up_of(
     """Which axis of points in m points up, and a sentence on why; `given` wins.
 
     `declared` is the axis that the file's format prescribes. Of points with `names` it is the one
-    of `axes` along which the head is above the feet. The points of a standing person spread most
-    along the height, with arms stretched to the sides as well: their standard deviations along
-    `axes` are compared. The axis is positive, as most are, unless the form of a surface clearly
-    says that the head is at its other end. For what is no standing person y is taken. Raises
-    UnknownName.
+    of `axes`, or -y as in cameras, along which the head is above the feet. The points of a standing
+    person spread most along the height, with arms stretched to the sides as well: their standard
+    deviations along `axes` are compared. The axis is positive, as most are, unless the form of a
+    surface clearly says that the head is at its other end. For what is no standing person y is
+    taken. Raises UnknownName.
     """
     check_given(None, given)
     if given is not None:
@@ -149,8 +150,9 @@ def up_of(
         return declared, f"{declared} is up, as the format prescribes"
     frames, sides = _looked_at(points), extents(points)
     if (way := _to_head(frames, names)) is not None:
-        axis = "xyz"[int(np.argmax(way))]
-        if axis in axes and way.max() > LONGER * np.sort(np.abs(way))[1]:
+        k = int(np.argmax(np.abs(way)))
+        axis = ("-" if way[k] < 0 else "") + "xyz"[k]
+        if axis in (*axes, "-y") and abs(way[k]) > LONGER * np.sort(np.abs(way))[1]:
             return axis, f"{axis} is taken to be up, along which the head is above the feet"
     spread = np.median(np.nanstd(frames, axis=1), axis=0)
     if points.ndim == 3:
@@ -165,6 +167,35 @@ def up_of(
     name = f"-{'xyz'[height]}" if upright < -SURE else "xyz"[height]
     why = f"{name} is taken to be up: {what} is {sides[height]:.2f} m tall along it, as a person is"
     return name, why if abs(upright) > SURE else f"{why}, but which end is the head is not clear"
+
+
+def rate_of(
+    given: float | None, declared: Sequence[float], usual: float | None = None
+) -> tuple[float, list[str]]:
+    """Frames a second, and sentences on what is not sure; `given` wins over what a file declares.
+
+    `usual` is the rate of all files of a kind that declare none. Raises BadFile for a file that
+    declares several rates, or one that is none.
+    """
+    if given is not None:
+        return given, []
+    if any(not 1e-6 < rate < 1e6 or rate != declared[0] for rate in declared):
+        raise BadFile(
+            f"its rate is not one number of frames a second but {listed(map(str, declared))}"
+        )
+    if not declared and usual is not None:
+        return usual, [
+            f"it does not say its rate, and has {usual:g} frames a second as its kind has"
+        ]
+    if not declared:
+        return USUAL_RATE, [
+            f"it does not say its rate, and {USUAL_RATE:g} frames a second are taken, as videos "
+            "have; give it if it is another (--rate)"
+        ]
+    rate = declared[0]
+    if RATES[0] <= rate <= RATES[1]:
+        return rate, []
+    return rate, [f"{rate:g} frames a second are unusual; give the rate if it is another (--rate)"]
 
 
 def _looked_at(points: Array) -> Array:

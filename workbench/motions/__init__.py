@@ -24,7 +24,7 @@ from workbench.motions.gltf import read_glb, write_glb
 from workbench.motions.markers import Trajectories, read_c3d, read_trc, write_trc
 from workbench.motions.motion import Motion, splined
 from workbench.motions.smpl_files import read_amass, save_motion
-from workbench.motions.soft_tissue import SoftTissue, load_tissue, save_tissue
+from workbench.motions.soft_tissue import SoftTissue, load_tissue, save_tissue, with_dmpls
 
 __all__ = [
     "Bones",
@@ -42,6 +42,7 @@ __all__ = [
     "save_motion",
     "save_tissue",
     "splined",
+    "with_dmpls",
     "write_bvh",
     "write_glb",
     "write_trc",

@@ -9,7 +9,8 @@ from workbench.motions.gltf import read_glb
 from workbench.motions.motion import Motion
 from workbench.motions.smpl_files import read_amass
 
-SUFFIXES = (".npz", ".bvh", ".glb", ".gltf")
+ARRAYS = (".npz", ".npy", ".pkl", ".pickle", ".joblib", ".pt", ".pth", ".json", ".smpl")
+SUFFIXES = (".bvh", ".glb", ".gltf", *ARRAYS)
 
 
 def read_motion(
@@ -19,20 +20,23 @@ def read_motion(
     up: str | None = None,
     fps: float | None = None,
     body: Body | None = None,
+    person: str | None = None,
 ) -> Motion:
-    """Read a motion: .npz in AMASS's layouts or as `save_motion` writes it, .bvh, .glb, .gltf.
+    """Read a motion: of SMPL or a relative, as AMASS and estimators write it; .bvh, .glb, .gltf.
 
     `unit` (m, cm, mm, in, cmu) and `up`, an axis such as z, are guessed and said in the motion's
-    `notes` if they are not given; `fps` takes the place of the file's rate. `body` is the one for
-    which an .npz was made, see `read_amass`. Raises BadFile for what is no such file.
+    `notes` if they are not given; `fps` takes the place of the file's rate. For files of arrays
+    (.npz, .npy, .pkl, .pt, .json, .smpl, or a folder of them) `body` is the one for which a file
+    was made, and `person` one of several: see `read_amass`. Raises BadFile for what is no such
+    file.
     """
     suffix = Path(path).suffix.lower()
     if suffix == ".bvh":
         return read_bvh(path, unit=unit, up=up, fps=fps)
     if suffix in (".glb", ".gltf"):
         return read_glb(path, unit=unit, up=up, fps=fps)
-    if suffix == ".npz":
-        return read_amass(path, up=up, fps=fps, body=body)
+    if suffix in ARRAYS or Path(path).is_dir():
+        return read_amass(path, unit=unit, up=up, fps=fps, body=body, person=person)
     raise BadFile(
         f"the name of {path} does not say what it holds; a motion is a file that ends in "
         f"{', '.join(SUFFIXES)}"

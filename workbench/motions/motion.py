@@ -1,5 +1,6 @@
 """A motion: the poses of a skeleton's joints and the place of its root, frame by frame."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -69,6 +70,7 @@ class Motion:
         origin: where the motion comes from.
         notes: sentences on what was guessed, filled or left out.
         gender: of the person, as the file says it; empty if it is not known.
+        dmpls: (T, D) coefficients of dynamic blend shapes, as AMASS has them, if there are any.
     """
 
     pose: Array
@@ -81,16 +83,18 @@ class Motion:
     origin: str = ""
     notes: tuple[str, ...] = ()
     gender: str = ""
+    dmpls: Array | None = None
 
     def __post_init__(self) -> None:
         names = tuple(map(str, self.joint_names))
         kept: dict[str, Any] = {
             name: reals(name, getattr(self, name)).copy()
-            for name in ("pose", "trans", "betas", "expression")
+            for name in ("pose", "trans", "betas", "expression", "dmpls")
             if getattr(self, name) is not None
         }
         T, K = len(np.atleast_1d(kept["pose"])), len(names)
         wanted = {"pose": (T, K, 3), "trans": (T, 3), "betas": ("B",), "expression": (T, "E")}
+        wanted["dmpls"] = (T, "D")
         for name, array in kept.items():
             shape = tuple(wanted[name])
             right = array.ndim == len(shape) and all(
@@ -133,7 +137,8 @@ class Motion:
         first, end, step = frames.indices(len(self))
         if step < 1 or first >= end:
             raise BadArgument(f"{frames} takes no frame, or goes back, in {len(self)} frames")
-        return self._at(self.pose[frames], *(a[frames] for a in self._lines), fps=self.fps / step)
+        lines = {name: line[frames] for name, line in self._lines.items()}
+        return replace(self, pose=self.pose[frames], fps=self.fps / step, **lines)  # type: ignore[arg-type]
 
     @property
     def seconds(self) -> float:
@@ -141,14 +146,10 @@ class Motion:
         return (len(self) - 1) / self.fps
 
     @property
-    def _lines(self) -> tuple[Array, ...]:
+    def _lines(self) -> dict[str, Array]:
         """What is neither a rotation nor the same in all frames."""
-        return (self.trans,) if self.expression is None else (self.trans, self.expression)
-
-    def _at(
-        self, pose: Array, trans: Array, expression: Array | None = None, **others: Any
-    ) -> "Motion":
-        return replace(self, pose=pose, trans=trans, expression=expression, **others)
+        lines = {"trans": self.trans, "expression": self.expression, "dmpls": self.dmpls}
+        return {name: line for name, line in lines.items() if line is not None}
 
     def resampled(self, fps: float) -> "Motion":
         """The same motion at another rate, from the first frame to the last one or just before it.
@@ -165,7 +166,8 @@ class Motion:
         times = np.arange(int(count)) * (self.fps / fps)
         at: Array = np.where(abs(times - np.rint(times)) < ROUNDING, np.rint(times), times)
         pose = rotations_between(self.pose, at)
-        return self._at(pose, *(between(a, at) for a in self._lines), fps=float(fps))
+        lines = {name: between(line, at) for name, line in self._lines.items()}
+        return replace(self, pose=pose, fps=float(fps), **lines)  # type: ignore[arg-type]
 
     def turned(self, turn: ArrayLike, root: ArrayLike | None = None) -> "Motion":
         """The motion in a world that a rotation matrix (3, 3) has turned about its origin.
@@ -212,7 +214,7 @@ class Motion:
         there = [k for k, name in enumerate(body.joint_names) if name in ours]
         pose[:, there] = self.pose[:, [ours[body.joint_names[k]] for k in there]]
         space, betas, face = shape_space(body), self.betas, self.expression
-        most = body.n_betas if face is None else len(space.shape)
+        most = body.n_betas - _soft(body) if face is None else len(space.shape)
         if len(betas) > most:
             what = "betas" if face is None else "betas of shape"
             notes.append(f"of {len(betas)} betas, the body has the first {most} as {what}")
@@ -241,10 +243,17 @@ class Motion:
         )
 
     def betas_on(self, body: Body) -> Array:
-        """The betas of a body in all frames, (B,), or (T, B) if an expression moves its face."""
-        here, space = self.named(body), shape_space(body)
+        """The betas of a body in all frames, (B,), or (T, B) if its face or its tissue moves.
+
+        An expression moves the face of a body that has one, and dmpls the tissue of `with_dmpls`.
+        """
+        here, space, soft = self.named(body), shape_space(body), _soft(body)
         betas = np.zeros(body.n_betas)
         betas[: len(here.betas)] = here.betas
+        if soft and here.dmpls is not None:
+            rows, own = np.tile(betas, (len(self), 1)), here.dmpls[:, :soft]
+            rows[:, body.n_betas - soft : body.n_betas - soft + own.shape[1]] = own
+            return rows
         if here.expression is None or not space.expression:
             return betas
         return space.numbers(betas[: len(space.shape)], here.expression)
@@ -280,26 +289,30 @@ class Motion:
         return sign + "xyz"[axis], float(abs(pointing[axis]))
 
 
+def _soft(body: Body) -> int:
+    """How many of the last betas of a body are coefficients of `with_dmpls`."""
+    return int(body.extras.get("dmpls", 0))
+
+
 def _above_zero(number: object) -> bool:
     real = isinstance(number, (int, float, np.number, np.ndarray)) and not isinstance(number, bool)
     return real and np.ndim(number) == 0 and 0 < float(number) < np.inf  # type: ignore[arg-type]
 
 
 def without_gaps(
-    pose: Array, trans: Array, expression: Array | None = None
-) -> tuple[Array, Array, Array | None, tuple[str, ...]]:
-    """Pose (T, K, 3) rad, trans (T, 3) m and expression without NaN, and sentences on it.
+    pose: Array, lines: Mapping[str, Array]
+) -> tuple[Array, dict[str, Array], tuple[str, ...]]:
+    """Pose (T, K, 3) rad and lines (T, ...), such as trans, without NaN, and sentences on it.
 
     A frame that holds NaN is interpolated between the frames before and after it; at both ends
     such frames are left out. Raises BadArgument if no frame is whole.
     """
     T = len(pose)
-    lines = (trans,) if expression is None else (trans, expression)
     missing: Mask = np.asarray(np.isnan(pose).reshape(T, -1).any(axis=1))
-    for line in lines:
+    for line in lines.values():
         missing |= np.isnan(line).any(axis=1)
     if not missing.any():
-        return pose, trans, expression, ()
+        return pose, dict(lines), ()
     whole = np.flatnonzero(~missing)
     if not len(whole):
         raise BadArgument("no frame of the motion is whole: each one holds NaN")
@@ -311,13 +324,8 @@ def without_gaps(
         said.append(f"{filled} of {T} frames were not found, and are interpolated")
     if cut:
         said.append(f"{cut} of {T} frames at the ends were not found, and are left out")
-    moved = [between(line[whole], at) for line in lines]
-    return (
-        rotations_between(pose[whole], at),
-        moved[0],
-        moved[1] if expression is not None else None,
-        tuple(said),
-    )
+    moved = {name: between(line[whole], at) for name, line in lines.items()}
+    return rotations_between(pose[whole], at), moved, tuple(said)
 
 
 FEWEST = 4  # frames, of a cubic spline with free ends
@@ -349,13 +357,11 @@ def splined(motion: Motion, fps: float) -> Motion:
         ],
         axis=1,
     )
-    face = motion.expression
     note = f"resampled by splines from {motion.fps:g} to {times.fps:g} frames a second"
     return replace(
         motion,
         pose=pose,
-        trans=CubicSpline(known, motion.trans)(at),
-        expression=None if face is None else CubicSpline(known, face)(at),
         fps=times.fps,
         notes=(*motion.notes, note),
+        **{name: CubicSpline(known, line)(at) for name, line in motion._lines.items()},  # type: ignore[arg-type]
     )

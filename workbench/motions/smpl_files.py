@@ -1,220 +1,295 @@
-"""Motions in .npz files: AMASS in both of its layouts, and those that the workbench writes.
+"""Motions of SMPL and its relatives in files: AMASS's, those of estimators, and our own.
 
-Mahmood, Ghorbani, Troje, Pons-Moll and Black, AMASS: Archive of Motion Capture as Surface Shapes,
-2019. The older layout has `poses` (T, 3 K), `trans`, `betas` and `mocap_framerate`. The newer one
-has `mocap_frame_rate`, and the parts of a pose beside the whole.
+AMASS: Mahmood, Ghorbani, Troje, Pons-Moll and Black, Archive of Motion Capture as Surface Shapes,
+2019. What others call their arrays is the table of `people`.
 """
 
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from workbench.arrays import Array
 from workbench.bodies.body import Body
-from workbench.bodies.files.joint_names import BODY, HANDS, family, joint_names
-from workbench.errors import BadArgument, BadFile, some
-from workbench.geometry.guesses import UP_TO_Y, check_given
+from workbench.bodies.files.joint_names import BODY, HANDS, NAMES, family, joint_names
+from workbench.errors import BadArgument, BadFile, listed, some
+from workbench.geometry.guesses import UNITS, UP_TO_Y, check_given, rate_of
+from workbench.geometry.rotation import matrix_from_vector
 from workbench.motions.bones import Bones
+from workbench.motions.contents import Contents, contents_of
 from workbench.motions.motion import Motion, without_gaps
-from workbench.reading.arrays import (
-    Archive,
-    Expected,
-    Kind,
-    any_reals,
-    opened,
-    optional,
-    read_expected,
-    reals,
-    texts,
-    wholes,
-)
+from workbench.motions.people import FACTS, MAIN, People, Track, lines_of
+from workbench.reading.arrays import taken_for
 from workbench.writing import write_arrays
 
-number = Kind("a number", frozenset({"f4", "f8", "i", "u"}), reals.read)
-word = Kind("text", frozenset({"U", "S"}), lambda array: array.astype(np.str_))
-RATES = ("mocap_framerate", "mocap_frame_rate", "fps")
-PARTS: dict[str, tuple[str, ...]] = {  # in the order in which a whole pose has them
-    "root_orient": BODY[:1],
-    "pose_body": BODY[1:],
-    "pose_jaw": ("jaw",),
-    "pose_eye": ("left_eye", "right_eye"),
-    "pose_hand": HANDS,
+SMPL, FACE = NAMES[24][1], ("jaw", "left_eye", "right_eye")
+PARTS: dict[str, tuple[str, ...]] = {  # the joints of each part; a body may have SMPL's two hands
+    **{"root": BODY[:1], "body": (*BODY[1:], *SMPL[22:]), "head": FACE, "jaw": FACE[:1]},
+    **{"eyes": FACE[1:], "left_eye": FACE[1:2], "right_eye": FACE[2:]},
+    **{"left_hand": HANDS[:15], "right_hand": HANDS[15:], "hands": HANDS},
 }
-OWN = {  # that the workbench adds to the older layout
-    "joint_names": optional(texts("K")),
-    "expression": optional(any_reals("T", "E")),
-    "up_axis": optional(texts()),
-    "origin": optional(texts()),
-    "notes": optional(texts("notes")),
-    "bone_parents": optional(wholes("J")),
-    "bone_offsets": optional(reals("J", 3)),
-    "end_parents": optional(wholes("E ends")),
-    "end_offsets": optional(reals("E ends", 3)),
-}
+ORDER = (*SMPL, *FACE, *HANDS)  # of the joints of a pose that is put together
+GENDERS = {"0": "neutral", "1": "male", "2": "female", "m": "male", "f": "female", "n": "neutral"}
+OWN = ("joint_names", "up_axis", "origin", "notes")  # that we add to AMASS's layout
+BONES = ("bone_parents", "bone_offsets", "end_parents", "end_offsets")
+IMPLIED = ("surface_model_type", "smplVersion", "codecVersion", "frameCount")  # by the arrays
+AGREE = 1e-3  # rad, between a pose and a part of it that stands beside it
 SURE = 0.5  # of how clearly the root's own y must point along an axis to say that it is up
 LARGEST = 1e6  # rad or m
-MOST_NUMBERS = 30_000_000
-INSTEAD = "give an .npz in one of AMASS's layouts, with poses or pose_body, and trans"
+FASTEST = 15.0  # m/s, of a root on average
+SPARSEST = 10  # times as many frames as there are, with those between
+INSTEAD = "give a file with poses, or global_orient and body_pose, and a translation"
 
 
 def read_amass(
     path: str | Path,
     *,
+    unit: str | None = None,
     up: str | None = None,
     fps: float | None = None,
     body: Body | None = None,
+    person: str | None = None,
 ) -> Motion:
-    """Read a motion from an .npz in either of AMASS's layouts, or as `save_motion` writes it.
+    """Read a motion of SMPL or a relative: of AMASS, of an estimator, or as `save_motion` writes.
 
-    AMASS has z up. Here the motion is turned so that y is; which axis it was is guessed from where
-    the root's own y axis points, unless it is given. The body turns about its root joint, so that
-    turning the world moves trans by (R - I) J_0: give the `body` for which the motion was made, or
-    else the whole motion is displaced by this constant, which `notes` say. `fps` takes the place
-    of the file's rate. Frames that hold NaN are filled, and entries that are not read are named in
-    `notes`. Raises BadFile, and UnknownName for an axis.
+    A file is .npz, .npy, .pkl (of joblib too), .pt, .json or .smpl, or a folder with a file for
+    each frame; nothing in it is run. Its arrays may have any of the names in the table of `people`,
+    and hold vectors, matrices or six numbers for each rotation. Of several people the one in most
+    frames is read, or the `person` of that name. Betas of each frame become their median. Frames
+    that hold NaN, or are missing, are filled.
+
+    The motion is turned so that y is up; which axis it was is guessed from where the root's own y
+    axis points, unless it is given. The body turns about its root joint, so that turning the world
+    moves trans by (R - I) J_0: give the `body` for which the motion was made, or else the whole
+    motion is displaced by this constant. `fps` takes the place of the file's rate, and `unit` is
+    that of trans if it is not m. `notes` say what was taken, and what was not read. Raises BadFile,
+    and UnknownName for a unit or an axis.
     """
-    check_given(None, up)
-    with opened(path, "motion", INSTEAD) as archive:
-        arrays = read_expected(archive, _expected(archive))
-        for name in ("poses", "trans", "betas", "expression", *PARTS):
-            if name in arrays and np.nanmax(np.abs(arrays[name]), initial=0) >= LARGEST:
-                raise BadFile(f"{name} holds numbers beyond {LARGEST:g}, which are no motion")
-        pose, names = _pose(arrays)
-        gender, read = _gender(archive)
-        notes = []
-        if "joint_names" not in arrays:
+    check_given(unit, up)
+    with taken_for(path, "motion", INSTEAD), contents_of(Path(path)) as contents:
+        people = People(contents)
+        track, notes = _chosen(people, person)
+        own = {key: contents.texts(track.facts.get(key)) for key in OWN}
+        pose, names = _pose(track, own["joint_names"])
+        gender = _gender(contents, track)
+        if not own["joint_names"]:
             of = f" of the gender {some([gender])}" if gender else ""
             notes.append(f"made for {family(len(names))}{of}")
-        unread = {*archive.headers} - {*arrays, *read}
-        if others := [*sorted(unread), *archive.others]:
-            notes.append(f"not read are {some(others)}")
-        rate = _rate(arrays) if fps is None else fps
+        met = {key for key, read in people.met.items() if not read}
+        if unread := met - {
+            *OWN,
+            *BONES,
+            *IMPLIED,
+            *(line.key for p in FACTS for line in lines_of(p)),
+        }:
+            notes.append(f"not read are {some(sorted(unread))}")
+        rates = [contents.numbers(track.facts.get(line.key)) for line in lines_of("rate")]
+        declared = [float(x) for one in rates if one is not None for x in one.flat[:2]]
+        rate, said = rate_of(fps, declared, track.usual_rate)
+        notes += [*said, *track.notes]
+        betas = _betas(track, notes)
+        pose, trans = _placed(track, pose, betas, body, notes)
+        if unit is not None:
+            trans = trans * UNITS[unit]
+            notes.append(f"the unit {unit} of trans was given")
+        pose, lines = _spread(track, pose, trans, notes)
         try:
-            pose, trans, expression, filled = without_gaps(
-                pose, arrays["trans"], arrays.get("expression")
-            )
+            pose, lines, filled = without_gaps(pose, lines)
             motion = Motion(
                 pose,
-                trans,
+                lines["trans"],
                 rate,
                 names,
-                _one_person(arrays),
-                expression,
-                _bones(arrays),
-                str(arrays.get("origin", Path(path).name)) or Path(path).name,
-                (*map(str, arrays.get("notes", ())), *filled),
+                betas,
+                lines.get("expression"),
+                _bones(contents, track),
+                "".join(own["origin"][:1]) or Path(path).name,
+                (*own["notes"], *filled),
                 gender,
+                lines.get("dmpls"),
             )
         except BadArgument as error:
             raise BadFile(str(error)) from error
-    declared = str(arrays["up_axis"]) if "up_axis" in arrays else None
-    return _upright(motion, up, declared, body, notes)
-
-
-def _expected(archive: Archive) -> dict[str, Expected]:
-    headers = archive.headers
-    expected: dict[str, Expected] = {"trans": any_reals("T", 3), **OWN}
-    if "poses" in headers:
-        solid = len(headers["poses"].shape) == 3
-        expected["poses"] = any_reals("T", "K", 3) if solid else any_reals("T", "3 K")
-    if "pose_body" in headers or "poses" not in headers:
-        for name, joints in PARTS.items():
-            needed = any_reals("T", 3 * len(joints))
-            expected[name] = needed if name == "pose_body" else optional(needed)
-    if "betas" in headers:
-        one = len(headers["betas"].shape) == 1
-        expected["betas"] = reals("B") if one else reals("T or 1", "B")
-    for name in RATES:
-        if name in headers:
-            expected[name] = number(*headers[name].shape)
-    longest = max((headers[n].count for n in expected if n in headers), default=0)
-    if longest > MOST_NUMBERS:
-        raise BadFile(
-            f"it has an array of {longest:,} numbers, which is too long; split the motion"
+    declared_up = "".join(own["up_axis"][:1])
+    way = np.linalg.norm(np.diff(motion.trans, axis=0), axis=1).sum()
+    if not declared_up and way > FASTEST * len(motion) / rate:
+        notes.append(
+            f"the root moves at {way * rate / len(motion):.3g} m/s on average, as no person does; "
+            "give the unit of trans, or the rate"
         )
-    return expected
+    return _upright(motion, up, declared_up, body, notes)
 
 
-def _pose(arrays: Mapping[str, NDArray[Any]]) -> tuple[Array, tuple[str, ...]]:
-    """The pose (T, K, 3) and the names of joints; poses and their parts must say the same."""
-    parts = [name for name in PARTS if name in arrays]
-    assembled = [arrays[name].reshape(len(arrays[name]), -1, 3) for name in parts]
-    if "poses" not in arrays:
-        T = len(arrays["pose_body"])
-        root = [] if "root_orient" in arrays else [np.zeros((T, 1, 3))]
-        names = tuple(
-            n for name in PARTS if name in parts or name == "root_orient" for n in PARTS[name]
-        )
-        return np.concatenate([*root, *assembled], axis=1), names
-    poses = arrays["poses"]
-    if poses.ndim == 2 and poses.shape[1] % 3:
-        raise BadFile(f"poses has {poses.shape[1]} columns, and three belong to each joint")
-    if not len(poses) or not poses.size:
-        raise BadFile(f"poses has shape {poses.shape}, which is no frame")
-    pose = poses.reshape(len(poses), -1, 3)
-    K = pose.shape[1]
-    usual = BODY if len(BODY) == K else joint_names(K)
-    names = tuple(map(str, arrays.get("joint_names", usual)))
-    if len(names) != K:
-        raise BadFile(f"poses has {K} joints, and joint_names {len(names)}")
-    whole = np.concatenate(assembled, axis=1) if assembled else pose
-    if whole.shape == pose.shape and not np.allclose(whole, pose, atol=1e-5, equal_nan=True):
-        raise BadFile(f"poses and {some(parts)} say different things")
-    return pose, names
+def _chosen(people: People, person: str | None) -> tuple[Track, list[str]]:
+    """The track of a person, and a note if there are several."""
+    tracks = people.tracks
+    if not tracks and people.misfits:
+        raise BadFile(f"it has no pose: {some(people.misfits)} has that of no frame")
+    if not tracks:
+        keys = [line.key for part in MAIN for line in lines_of(part)[:15:5]]
+        holds = listed(people.met) if people.met else "nothing that has a name"
+        raise BadFile(f"it has no pose: no {', no '.join(keys)} nor the like; it holds {holds}")
+    if person is not None and person not in tracks:
+        raise BadFile(f"it holds no person {person!r:.40}; there are {listed(tracks)}")
+    seen = {
+        name: int(np.isfinite(next(iter(track.turns.values()))).all(axis=(1, 2)).sum())
+        for name, track in tracks.items()
+    }
+    name = max(tracks, key=lambda one: seen[one]) if person is None else person
+    if len(tracks) == 1:
+        return tracks[name], []
+    why = "in most frames; name another one (--person)" if person is None else "as was asked"
+    of = f"of {len(tracks)} people ({some(tracks)}) {name} is read, {seen[name]} frames"
+    return tracks[name], [f"{of}, {why}"]
 
 
-def _gender(archive: Archive) -> tuple[str, tuple[str, ...]]:
-    """The gender as the file says it, and the entries that were read for it."""
-    header = archive.headers.get("gender")
-    if header is None or header.dtype.kind not in "US" or header.count != 1:
-        return "", ()
-    raw = archive.array("gender").reshape(-1)[0]
-    return raw.decode("ascii", "replace") if isinstance(raw, bytes) else str(raw), ("gender",)
+def _gender(contents: Contents, track: Track) -> str:
+    """The gender as the file says it, spelled out."""
+    for line in lines_of("gender"):
+        node = track.facts.get(line.key)
+        several, number = contents.texts(node), contents.numbers(node)
+        if number is not None and number.size == 1:
+            several = (f"{number.flat[0]:g}",)
+        if several:
+            text = several[track.which if track.which < len(several) else 0]
+            return GENDERS.get(text.lower(), text)
+    return ""
 
 
-def _rate(arrays: Mapping[str, NDArray[Any]]) -> float:
-    found = [arrays[name].reshape(-1) for name in RATES if name in arrays]
-    if not found:
-        raise BadFile(f"it has no {', '.join(RATES[:-1])} or {RATES[-1]}; give its rate (--rate)")
-    if any(one.size != 1 or not 1e-6 < one[0] < 1e6 or one[0] != found[0][0] for one in found):
-        raise BadFile("its rate is not one number of frames a second")
-    return float(found[0][0])
-
-
-def _one_person(arrays: Mapping[str, NDArray[Any]]) -> Array:
-    betas = arrays.get("betas", np.zeros(0))
-    if betas.ndim == 2:
-        if not len(betas) or np.ptp(betas, axis=0).max(initial=0.0) > 0:
-            raise BadFile("betas change from frame to frame, and a motion is of one person")
-        return np.asarray(betas[0])
-    return np.asarray(betas)
-
-
-def _bones(arrays: Mapping[str, NDArray[Any]]) -> Bones | None:
-    if "bone_parents" not in arrays or "bone_offsets" not in arrays:
-        return None
-    ends = "end_parents" in arrays and "end_offsets" in arrays
-    return Bones(
-        tuple(arrays["bone_parents"].tolist()),
-        arrays["bone_offsets"],
-        tuple(arrays["end_parents"].tolist()) if ends else (),
-        arrays["end_offsets"] if ends else np.zeros((0, 3)),
+def _bones(contents: Contents, track: Track) -> Bones | None:
+    """The skeleton, in a file of our own."""
+    found = [contents.numbers(track.facts.get(key)) for key in BONES]
+    parents, offsets, ends, tips = (
+        np.zeros((0, 3)) if one is None or not np.isfinite(one).all() else one for one in found
     )
+    if not parents.size or not offsets.size:
+        return None
+    tree, ended = (tuple(int(k) for k in one.reshape(-1)) for one in (parents, ends))
+    return Bones(tree, offsets, ended, tips)
+
+
+def _pose(track: Track, own: tuple[str, ...]) -> tuple[Array, tuple[str, ...]]:
+    """The pose (T, K, 3) and the names of joints; poses and their parts must say the same."""
+    joints: dict[str, Array] = {}
+    if "pose" in track.turns:
+        pose = track.turns["pose"]
+        K = pose.shape[1]
+        usual = {22: BODY, 21: BODY[1:], 23: SMPL[1:]}.get(K) or joint_names(K)
+        if own and len(own) != K:
+            raise BadFile(f"poses has {K} joints, and joint_names {len(own)}")
+        joints = dict(zip(own or usual, pose.swapaxes(0, 1), strict=False))
+        if len(joints) < K:
+            raise BadFile("two of its joint_names are the same")
+    whole = len(joints)
+    for part, names in PARTS.items():
+        if part not in track.turns or track.used[part].form == "origin":
+            continue
+        for name, turns in zip(names, track.turns[part].swapaxes(0, 1), strict=False):
+            if not np.allclose(joints.setdefault(name, turns), turns, atol=AGREE, equal_nan=True):
+                raise BadFile(
+                    f"{track.used['pose'].key} and {track.used[part].key} say different things"
+                )
+    if len(joints) == whole:
+        return track.turns["pose"], tuple(joints)
+    joints.setdefault("pelvis", np.zeros((len(track), 3)))
+    joints = {name: joints[name] for name in ORDER if name in joints}
+    return np.stack([*joints.values()], axis=1), tuple(joints)
+
+
+def _placed(
+    track: Track, pose: Array, betas: Array, body: Body | None, notes: list[str]
+) -> tuple[Array, Array]:
+    """The pose and trans (T, 3) m of SMPL, which turns about its root joint."""
+    T = len(pose)
+    trans = track.numbers.get("trans", np.zeros((1, 3)))
+    if "trans" not in track.numbers:
+        notes.append("it holds no translation, so that the root stays in its place")
+    if trans.shape[1] != 3:
+        raise BadFile(f"{track.used['trans'].key} has {trans.shape[1]} columns, and needs 3")
+    if "scale" in track.numbers:
+        trans = trans / (scale := float(track.numbers["scale"].flat[0]))
+        notes.append(f"trans is divided by {track.used['scale'].key}, {scale:.4g}")
+    trans = np.broadcast_to(trans, (T, 3))
+    line = track.used.get("root")
+    if line is None or line.form != "origin":
+        return pose, trans
+    # it turns about the origin: R (V - J_0) + J_0 + t = R V + Th with t = Th + (R - I) J_0
+    R, pose = np.full((T, 3, 3), np.nan), pose.copy()
+    seen = np.isfinite(track.turns["root"][:, 0] + pose[:, 0]).all(axis=1)
+    R[seen] = matrix_from_vector(track.turns["root"][seen, 0])
+    pose[seen, 0] = (
+        Rotation.from_matrix(R[seen]) * Rotation.from_rotvec(pose[seen, 0])
+    ).as_rotvec()
+    pose[~seen] = np.nan
+    if body is None:
+        notes.append(
+            f"{line.key} turns the world about its origin, and trans lacks (R - I) J_0 in each "
+            "frame, up to half a metre; give the body to correct it"
+        )
+        return pose, trans
+    return pose, trans + _root(betas, body) @ (R - np.eye(3)).swapaxes(1, 2)
+
+
+def _spread(
+    track: Track, pose: Array, trans: Array, notes: list[str]
+) -> tuple[Array, dict[str, Array]]:
+    """Pose and lines by their names, with NaN in frames that the file leaves out by their numbers.
+
+    Raises BadFile for numbers that are no motion.
+    """
+    T = len(pose)
+    lines = {"pose": pose, "trans": trans}
+    for part in {"expression", "dmpls"} & {*track.numbers}:
+        lines[part] = np.broadcast_to(track.numbers[part], (T, track.numbers[part].shape[1]))
+    for name, line in lines.items():
+        if max(np.nanmax(line, initial=0.0), -np.nanmin(line, initial=0.0)) >= LARGEST:
+            key = track.used[name].key if name in track.used else name
+            raise BadFile(f"{key} holds numbers beyond {LARGEST:g}, which are no motion")
+    at = track.numbers.get("frames", np.zeros((0, 1)))[:, 0]
+    if len(at) == T and (np.diff(at) >= 1).all() and T <= at[-1] - at[0] < SPARSEST * T:
+        place = (at - at[0]).astype(np.int64)
+        notes.append(f"{place[-1] + 1 - T} frames are not among its {track.used['frames'].key}")
+        for name, line in lines.items():
+            lines[name] = np.full((place[-1] + 1, *line.shape[1:]), np.nan)
+            lines[name][place] = line
+    return lines.pop("pose"), lines
+
+
+def _betas(track: Track, notes: list[str]) -> Array:
+    """One shape, which is the median of those of the frames."""
+    every = track.numbers.get("betas", np.zeros((1, 0)))
+    every = every[np.isfinite(every).all(axis=1)]
+    if not len(every):
+        raise BadFile(f"{track.used['betas'].key} is nan in every frame")
+    if not np.ptp(every, axis=0).max(initial=0.0) > 0:
+        return np.asarray(every[0])
+    middle = np.median(every, axis=0)
+    away = np.abs(every - middle)
+    notes.append(
+        f"{track.used['betas'].key} change from frame to frame, and their medians are taken; they "
+        f"are {away.mean():.2g} from these on average, and {away.max():.2g} at most"
+    )
+    return np.asarray(middle)
+
+
+def _root(betas: Array, body: Body) -> Array:
+    """The root of the person at rest, (3,) m."""
+    few = betas[: body.n_betas]
+    return np.asarray(body.joints(np.zeros((body.n_joints, 3)), few)[0])
 
 
 def _upright(
-    motion: Motion, given: str | None, declared: str | None, body: Body | None, notes: list[str]
+    motion: Motion, given: str | None, declared: str, body: Body | None, notes: list[str]
 ) -> Motion:
     """The motion with y up, and the notes on it before its own."""
     if given is not None:
         axis = given.removeprefix("+")
         notes.append(f"the axis {axis} was given as up")
     elif declared in UP_TO_Y:
-        axis = str(declared)
+        axis = declared
     else:
         axis, clear = motion.up
         if clear < SURE:
@@ -230,37 +305,109 @@ def _upright(
                 "of the body at rest and R turns the world; give the body to correct it"
             )
         else:
-            few = motion.betas[: body.n_betas]
-            root = body.joints(np.zeros((body.n_joints, 3)), few)[0]
+            root = _root(motion.betas, body)
     found = motion if axis == "y" else motion.turned(UP_TO_Y[axis], root)
     return replace(found, notes=(*notes, *found.notes))
 
 
-def save_motion(path: str | Path, motion: Motion) -> None:
-    """Write a motion as .npz in AMASS's older layout, with y up; `read_amass` reads it whole.
+MODELS = {"smpl": SMPL, "smplh": NAMES[52][1], "smplx": NAMES[55][1]}  # by their numbers' order
+ARRAYS: dict[str, dict[str, tuple[str, ...]]] = {  # of parts in each layout; `people` has sources
+    "amass": {
+        **{"root_orient": BODY[:1], "pose_body": BODY[1:], "pose_hand": HANDS},
+        **{"pose_jaw": FACE[:1], "pose_eye": FACE[1:]},
+    },
+    "smplx": {
+        **{"global_orient": BODY[:1], "body_pose": BODY[1:], "jaw_pose": FACE[:1]},
+        **{"leye_pose": FACE[1:2], "reye_pose": FACE[2:]},
+        **{"left_hand_pose": HANDS[:15], "right_hand_pose": HANDS[15:]},
+    },
+    "smpl": {
+        **{"bodyPose": BODY, "headPose": FACE},
+        **{"leftHandPose": HANDS[:15], "rightHandPose": HANDS[15:]},
+    },
+}
+LAYOUTS = ("amass", "smplx")  # of an .npz
 
-    Programs that expect AMASS's z up find the axis in `up_axis`. Whole or not at all. Raises
-    BadFile, also for another suffix than .npz.
+
+def save_motion(path: str | Path, motion: Motion, layout: str = "amass") -> None:
+    """Write a motion with y up, as .npz or as Meshcapade's .smpl, whole or not at all.
+
+    `read_amass` reads all of them; only `amass`, the layout of an .npz, keeps everything. It has
+    the arrays of AMASS's older layout in float64, and those of the newer one for a motion of SMPL,
+    SMPL-H or SMPL-X: what tools for AMASS, smplcodec and Meshcapade's add-on for Blender (there as
+    "Blender (Z-up)") open. Programs that expect AMASS's z up find the axis in `up_axis`. The layout
+    `smplx` has float32 arrays with the names of smplx's arguments, all of T rows, for a model that
+    was made with use_pca=False and flat_hand_mean=True.
+
+    Raises BadFile for another suffix or layout, and for joints that a layout has no place for.
     """
-    if Path(path).suffix.lower() != ".npz":
-        raise BadFile(f"a motion is saved as .npz, and {path} ends otherwise")
-    K = len(motion.joint_names)
-    arrays: dict[str, NDArray[Any]] = {
-        "poses": motion.pose.reshape(-1, 3 * K),
-        "trans": motion.trans,
-        "betas": motion.betas,
-        "mocap_framerate": np.array(motion.fps),
-        "gender": np.array(motion.gender or "neutral"),
-        "joint_names": np.array(motion.joint_names),
-        "up_axis": np.array("y"),
-        "origin": np.array(motion.origin),
-        "notes": np.array(motion.notes, dtype=np.str_),
+    suffix = Path(path).suffix.lower()
+    if suffix not in (".npz", ".smpl"):
+        raise BadFile(f"a motion is saved as .npz or .smpl, and {path} ends otherwise")
+    if layout not in LAYOUTS:
+        raise BadFile(f"there is no layout {layout!r:.40}; there are {listed(LAYOUTS)}")
+    layout = "smpl" if suffix == ".smpl" else layout
+    joints = {*motion.joint_names}
+    model = next((model for model, names in MODELS.items() if joints <= {*names}), None)
+    if model is None and layout != "amass":
+        raise BadFile(
+            f"{path} has places for the joints of SMPL and its relatives, and the motion has "
+            f"{some(motion.joint_names)}; write .npz in the layout amass, or convert it"
+        )
+    parts = {
+        key: _turns(motion, (*names, *(SMPL[22:] if len(names) > 20 and model == "smpl" else ())))
+        for key, names in ARRAYS[layout].items()
+        if model is not None and {*names} <= {*MODELS[model]}
     }
-    if motion.expression is not None:
-        arrays["expression"] = motion.expression
-    if motion.bones is not None:
-        arrays["bone_parents"] = np.array(motion.bones.parents, dtype=np.int64)
-        arrays["bone_offsets"] = motion.bones.offsets
-        arrays["end_parents"] = np.array(motion.bones.end_parents, dtype=np.int64)
-        arrays["end_offsets"] = motion.bones.end_offsets
+    T = len(motion)
+    face = np.zeros((T, 10)) if motion.expression is None else motion.expression
+    fps, gender = np.array(motion.fps), motion.gender or "neutral"
+    if layout == "smplx":
+        rows = {key: array.reshape(T, -1) for key, array in parts.items()}
+        betas = motion.betas if len(motion.betas) else np.zeros(10)
+        rows |= {"betas": np.tile(betas, (T, 1)), "transl": motion.trans}
+        rows |= {"expression": face} if model == "smplx" else {}
+        arrays: dict[str, NDArray[Any]] = {k: one.astype(np.float32) for k, one in rows.items()}
+        arrays |= {"gender": np.array(gender), "fps": fps}
+    elif layout == "smpl":
+        rows = {**parts, "shapeParameters": motion.betas, "bodyTranslation": motion.trans}
+        rows |= {"expressionParameters": face} if model == "smplx" else {}
+        numbers = {name: int(number) for number, name in GENDERS.items() if number.isdigit()}
+        arrays = {key: one.astype(np.float32) for key, one in rows.items()}
+        facts = {"codecVersion": 2, "smplVersion": [*MODELS].index(str(model)), "frameCount": T}
+        facts |= {"gender": numbers.get(gender, 0)}
+        arrays |= {"frameRate": fps} | {key: np.array(fact) for key, fact in facts.items()}
+    else:
+        arrays = {
+            "poses": motion.pose.reshape(T, -1),
+            "trans": motion.trans,
+            "betas": motion.betas,
+            "mocap_framerate": fps,
+            "gender": np.array(gender),
+            "joint_names": np.array(motion.joint_names),
+            "up_axis": np.array("y"),
+            "origin": np.array(motion.origin),
+            "notes": np.array(motion.notes, dtype=np.str_),
+        }
+        if model is not None and motion.joint_names == MODELS[model]:
+            arrays |= {key: array.reshape(T, -1) for key, array in parts.items()}
+            arrays |= {"mocap_frame_rate": fps, "surface_model_type": np.array(model)}
+        arrays |= {
+            k: one for k in ("expression", "dmpls") if (one := getattr(motion, k)) is not None
+        }
+        if (bones := motion.bones) is not None:
+            own = (bones.parents, bones.offsets, bones.end_parents, bones.end_offsets)
+            kinds = (np.int64, np.float64) * 2
+            arrays |= {
+                k: np.array(one, kind) for k, one, kind in zip(BONES, own, kinds, strict=True)
+            }
     write_arrays(path, arrays)
+
+
+def _turns(motion: Motion, names: tuple[str, ...]) -> Array:
+    """The rotation vectors (T, J, 3) of some joints, zero for those that the motion lacks."""
+    found = np.zeros((len(motion), len(names), 3))
+    for j, name in enumerate(names):
+        if name in motion.joint_names:
+            found[:, j] = motion.pose[:, motion.joint_names.index(name)]
+    return found

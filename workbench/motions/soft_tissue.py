@@ -248,6 +248,27 @@ def with_tissue(body: SkinnedBody, tissue: SoftTissue) -> SkinnedBody:
     )
 
 
+def with_dmpls(body: SkinnedBody, path: str | Path, count: int = 8) -> SkinnedBody:
+    """The body with B + C betas, of which the last C are those of DMPL's dynamic blend shapes.
+
+    `path` is the file of DMPL for the body, dmpls/GENDER/model.npz with `eigvec` (N, 3, ...), of
+    which AMASS uses the first 8. The body then moves as human_body_prior's BodyModel does, in which
+    joints follow the displaced surface: a motion with `dmpls` plays them (`Motion.betas_on`).
+    Raises BadFile for another file, or one for another number of vertices.
+    """
+    with opened(path, "file of DMPL's directions", "give dmpls/GENDER/model.npz") as archive:
+        found = read_expected(archive, {"eigvec": reals("N", 3, "C")})["eigvec"][:, :, :count]
+        if len(found) != body.n_vertices:
+            raise BadFile(f"it is for {len(found)} vertices, and the body has {body.n_vertices}")
+    return replace(
+        body,
+        shapedirs=np.concatenate([body.shapedirs, found], axis=2),
+        capsules=None,
+        extras={**body.extras, "dmpls": np.array(found.shape[2])},
+        name=f"{body.name} with DMPL",
+    )
+
+
 def betas_with_tissue(
     body: SkinnedBody, tissue: SoftTissue, motion: Motion, exaggeration: float = 1.0
 ) -> Array:

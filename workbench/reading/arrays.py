@@ -120,8 +120,9 @@ class Header:
         # A type of no bytes, as <U0, would let any number of elements pass.
         if min(self.shape, default=1) < 0 or self.dtype.subdtype:
             raise BadFile(f"has the shape {self.shape} of {self.dtype}, which it cannot have")
-        needed = self.start + self.count * max(1, self.dtype.itemsize)
-        if needed > size and not self.dtype.hasobject:
+        each = 1 if self.dtype.hasobject else max(1, self.dtype.itemsize)  # of a pickle at least
+        needed = self.start + self.count * each
+        if needed > size:
             raise BadFile(f"claims {self.shape} numbers, but is shorter")
         if needed < size and not self.dtype.hasobject:
             raise BadFile(f"claims {self.shape} numbers, but is longer")
@@ -238,6 +239,15 @@ class Archive:
                 check_letters(array)
         return array
 
+    def pickled(self, name: str) -> bytes:
+        """The pickle that an array of Python objects is in a file; nothing of it is run."""
+        member = self._members[name]
+        with damage(name):
+            content = np.empty(member.file_size - self.headers[name].start, dtype=np.uint8)
+            self._fill(content, name)
+        self._short.pop(name, None)
+        return content.tobytes()
+
     def _check_memory(self, asked: int) -> None:
         if asked > FREE_BYTES + MOST_PER_BYTE * self.size:
             raise BadFile(
@@ -292,8 +302,8 @@ class _InPieces:
 
 
 @contextmanager
-def open_arrays(path: Path) -> Iterator[Archive]:
-    """Open the arrays in an .npz file. Raises BadFile as Archive does."""
+def open_zip(path: Path) -> Iterator[zipfile.ZipFile]:
+    """Open a zip archive, whose directory is read in pieces. Raises BadFile if it is damaged."""
     refuse_what_is_no_file(path)
     with damage():
         file = path.open("rb")
@@ -301,7 +311,14 @@ def open_arrays(path: Path) -> Iterator[Archive]:
         with damage():
             archive = zipfile.ZipFile(_InPieces(file))
         with archive:
-            yield Archive(archive, path.stat().st_size)
+            yield archive
+
+
+@contextmanager
+def open_arrays(path: Path) -> Iterator[Archive]:
+    """Open the arrays in an .npz file. Raises BadFile as Archive does."""
+    with open_zip(path) as archive:
+        yield Archive(archive, path.stat().st_size)
 
 
 @contextmanager

@@ -17,7 +17,7 @@ import io
 import pickletools
 import re
 import warnings
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Set
 from dataclasses import dataclass, field
 from math import prod
 from pathlib import Path
@@ -30,6 +30,18 @@ from scipy.sparse import coo_array, csc_array, csr_array
 from workbench.arrays import Index
 from workbench.errors import BadFile, UnsafePickle, cut, shown
 from workbench.reading.arrays import check_letters
+
+
+@dataclass(frozen=True)
+class PickledName:
+    """Something in a module, as the file names it; it was not looked up."""
+
+    module: str
+    name: str
+
+    def __str__(self) -> str:
+        return f"{self.module}.{self.name}"
+
 
 LONGEST_NAME = 200  # characters of a name; those that are known have less than 50
 NUMPY = ("numpy.core", "numpy._core")  # before NumPy 2, and since
@@ -47,6 +59,19 @@ KNOWN = SPARSE | {
     *((m, n) for m in ("builtins", "__builtin__") for n in ("set", "object", "bytearray", "bytes")),
     *((module, "_reconstructor") for module in ("copyreg", "copy_reg")),
 }
+DICTIONARIES = {("collections", "OrderedDict"), ("collections", "defaultdict")}
+JOBLIB = ("joblib.numpy_pickle", "NumpyArrayWrapper")  # an array whose bytes follow in the stream
+OBJECTS = ("O", "O8")  # the type of arrays of Python objects
+STORAGES = {  # what PyTorch keeps the numbers of tensors in
+    **{"FloatStorage": "f4", "DoubleStorage": "f8", "HalfStorage": "f2", "BoolStorage": "?"},
+    **{"LongStorage": "i8", "IntStorage": "i4", "ShortStorage": "i2", "ByteStorage": "u1"},
+}
+STORAGE = PickledName("torch", "a storage")  # of a tensor, which the file names by a number
+MORE = DICTIONARIES | {  # that recordings of motions hold beside arrays
+    *((m, name) for m in ("builtins", "__builtin__") for name in ("dict", "list", "int", "float")),
+    *(("torch", name) for name in STORAGES),
+    *(JOBLIB, ("torch._utils", "_rebuild_tensor_v2"), ("torch.storage", "_load_from_bytes")),
+}
 MOST_BYTES = 2 * 2**30  # of one file, unpacked; licensed models reach a quarter of a GB
 Contents = dict[str, Any]  # by key: arrays, csr_arrays, plain values, and what stayed unread
 COMPRESSED: dict[str, Callable[..., Any]] = {"csc": csc_array, "csr": csr_array}
@@ -63,17 +88,6 @@ class Unread:
     reason: str
 
 
-@dataclass(frozen=True)
-class PickledName:
-    """Something in a module, as the file names it; it was not looked up."""
-
-    module: str
-    name: str
-
-    def __str__(self) -> str:
-        return f"{self.module}.{self.name}"
-
-
 @dataclass(eq=False, repr=False, slots=True)
 class PickledCall:
     """A call that the file asks for, and the state it would give the outcome; nothing ran.
@@ -87,8 +101,8 @@ class PickledCall:
     state: Any = None
 
 
-def permitted(module: str, name: str) -> PickledName:
-    """The name, if a body model has a use for it. Raises UnsafePickle."""
+def permitted(module: str, name: str, more: Set[tuple[str, str]] = frozenset()) -> PickledName:
+    """The name, if it is among `more` or a body model has a use for it. Raises UnsafePickle."""
     if len(module) + len(name) > LONGEST_NAME:
         raise UnsafePickle(
             f"it asks for a name of {len(module) + len(name):,} characters, which is no part of a "
@@ -96,7 +110,7 @@ def permitted(module: str, name: str) -> PickledName:
         )
     words = (*module.split("."), name)
     chumpy = words[0] == "chumpy" and all(w.isidentifier() and w[0] != "_" for w in words)
-    if not chumpy and (module, name) not in KNOWN:
+    if not chumpy and (module, name) not in KNOWN and (module, name) not in more:
         raise UnsafePickle(
             f"it asks for {cut(f'{module}.{name}', 100)}, which is no part of a body model; it was "
             "not run. Only numpy arrays, scipy.sparse matrices and chumpy values are read"
@@ -144,14 +158,23 @@ def read_pickle(path: Path) -> Any:
         ) from error
 
 
-def run(pickled: bytes) -> Any:
-    """What the instructions leave on the stack. Raises one of DAMAGE, or UnsafePickle."""
-    machine = _Machine()
-    for count, (opcode, argument) in enumerate(_instructions(pickled)):
-        if count >= MOST_INSTRUCTIONS:
+def run(
+    pickled: bytes | io.BytesIO,
+    more: Set[tuple[str, str]] = frozenset(),
+    most: int = MOST_INSTRUCTIONS,
+) -> Any:
+    """What the instructions leave on the stack. Raises one of DAMAGE, or UnsafePickle.
+
+    `more` are names that may be used beside those of bodies; with any, dictionaries of the standard
+    library, joblib's arrays and PyTorch's storages are read. A stream is left after its STOP.
+    """
+    # a length that the file lies about reads no further than its end
+    stream = pickled if isinstance(pickled, io.BytesIO) else io.BytesIO(pickled)
+    machine = _Machine(stream, more)
+    for count, (opcode, argument) in enumerate(_instructions(stream)):
+        if count >= most:
             raise ValueError(
-                f"it has more than {MOST_INSTRUCTIONS:,} instructions, and a body's file has a few "
-                "thousand"
+                f"it has more than {most:,} instructions, and a body's file has a few thousand"
             )
         if opcode in LITERALS:
             if type(argument) is int and argument.bit_length() > MOST_BITS:
@@ -159,14 +182,15 @@ def run(pickled: bytes) -> Any:
             machine.push(argument)
         elif opcode in EFFECTS:
             EFFECTS[opcode](machine, argument)
+        elif opcode == "BINPERSID" and more:
+            machine.push(PickledCall(STORAGE, machine.pop()))
         elif opcode not in ("PROTO", "FRAME", "STOP"):
             raise UnsafePickle(f"it uses {opcode}, which a file of arrays has no use for")
     return machine.pop()
 
 
-def _instructions(pickled: bytes) -> Iterator[tuple[str, Any]]:
+def _instructions(stream: io.BytesIO) -> Iterator[tuple[str, Any]]:
     """The instructions of a pickle, each with its decoded argument, up to the final STOP."""
-    stream = io.BytesIO(pickled)  # a length that the file lies about reads no further than its end
     while True:
         code = stream.read(1)
         if code not in OPCODES:
@@ -184,7 +208,8 @@ def _instructions(pickled: bytes) -> Iterator[tuple[str, Any]]:
 class _Machine:
     """The stack and the memo of a pickle that is being read."""
 
-    def __init__(self) -> None:
+    def __init__(self, stream: io.BytesIO, more: Set[tuple[str, str]]) -> None:
+        self.stream, self.more = stream, more
         self.stack: list[Any] = []
         self.memo: dict[int, Any] = {}
 
@@ -234,10 +259,18 @@ class _Machine:
     def name(self, module: Any, name: Any) -> None:
         if not (isinstance(module, str) and isinstance(name, str)):
             raise ValueError("a name that is no text")
-        self.push(permitted(module, name))
+        self.push(permitted(module, name, self.more))
 
     def call(self, name: Any, arguments: Any) -> None:
-        self.push(called(name, arguments))
+        made = called(name, arguments)
+        if (made.name.module, made.name.name) in DICTIONARIES:
+            pairs = arguments[0] if arguments and isinstance(arguments[0], list) else []
+            self.make_dict([part for pair in pairs for part in pair[:2]])
+        else:
+            self.push(made)
+
+    def instance(self, module: str, name: str) -> None:
+        self.call(permitted(module, name, self.more), tuple(self.since_mark()))
 
     def build(self) -> None:
         state = self.pop()
@@ -245,6 +278,20 @@ class _Machine:
             what = type(self.top()).__name__
             raise UnsafePickle(f"it changes the inside of a {what}; nothing was run")
         self.top().state = state
+        if (self.top().name.module, self.top().name.name) == JOBLIB:
+            self.follow(state)
+
+    def follow(self, state: dict[str, Any]) -> None:
+        """Take the bytes of an array of joblib's from the stream, or the pickle of its objects."""
+        if state["dtype"].arguments[0] in OBJECTS:
+            state["content"] = run(self.stream, self.more - {JOBLIB})
+            return
+        kind, sizes = _dtype(state["dtype"]), sizes_in(state["shape"], "shape")
+        if min(sizes, default=0) < 0:
+            raise ValueError("its shape is no tuple of sizes")
+        if state.get("numpy_array_alignment_bytes") is not None:
+            self.stream.read(self.stream.read(1)[0])
+        state["content"] = self.stream.read(prod(sizes) * kind.itemsize)
 
     def remember(self, index: int) -> None:
         self.memo[index] = self.top()
@@ -298,7 +345,7 @@ EFFECTS: dict[str, Callable[[_Machine, Any], None]] = {
     "STACK_GLOBAL": lambda m, a: m.name(*m.pops(2)),
     **dict.fromkeys(("REDUCE", "NEWOBJ"), lambda m, a: m.call(*m.pops(2))),
     "NEWOBJ_EX": lambda m, a: m.call(*m.pops(3)[:2]),
-    "INST": lambda m, a: m.call(permitted(*a.split(" ", 1)), tuple(m.since_mark())),
+    "INST": lambda m, a: m.instance(*a.split(" ", 1)),
     "OBJ": lambda m, a: m.call((items := m.since_mark())[0], tuple(items[1:])),
     "BUILD": lambda m, a: m.build(),
 }
@@ -320,8 +367,8 @@ NUMBER = 8  # bytes of a float64, which all numbers of a body become
 class Allowance:
     """What may still be spent on a file of `size` bytes. Raises BadFile when it is spent."""
 
-    def __init__(self, size: int) -> None:
-        self.size, self.records = size, MOST_RECORDS
+    def __init__(self, size: int, records: int = MOST_RECORDS) -> None:
+        self.size, self.records, self.most = size, records, records
         self.bytes = SPARE_BYTES + PER_BYTE * size
 
     def pay_record(self) -> None:
@@ -329,7 +376,7 @@ class Allowance:
         self.records -= 1
         if self.records < 0:
             raise BadFile(
-                f"it is made of more than {MOST_RECORDS:,} arrays and chumpy values, and a body of "
+                f"it is made of more than {self.most:,} arrays and chumpy values, and a body of "
                 "a few dozen; export it again with nothing but the arrays of the body"
             )
 
@@ -358,16 +405,21 @@ def read_pickled_arrays(path: Path) -> Contents:
         raise BadFile(f"{path} holds no dictionary of arrays, but a {_kind(content)}")
     if len(content) > MOST_ENTRIES:
         raise BadFile(f"{path} holds {len(content):,} entries; a body has a few dozen")
-    reading = _Reading(Allowance(path.stat().st_size))
+    reading = Records(Allowance(path.stat().st_size))
     return {key: _read(path, reading, value) for key, value in content.items()}
 
 
 @dataclass
-class _Reading:
-    """One file: what may still be spent on it, and what its records were found to mean."""
+class Records:
+    """One file: what may still be spent on it, and what its records were found to mean.
+
+    Attributes:
+        allowance: what may still be spent.
+        found: what records were found to mean, by the identity of each.
+    """
 
     allowance: Allowance
-    found: dict[int, Any] = field(default_factory=dict)  # by the identity of a record
+    found: dict[int, Any] = field(default_factory=dict)
 
     def meaning(self, value: Any, depth: int = 0) -> Any:
         """The array that a record stands for; other values as they are.
@@ -392,7 +444,7 @@ class _Reading:
         return array
 
 
-def _read(path: Path, reading: _Reading, value: Any) -> Any:
+def _read(path: Path, reading: Records, value: Any) -> Any:
     try:
         if isinstance(value, str):
             reading.allowance.pay((len(value),))
@@ -406,7 +458,7 @@ def _read(path: Path, reading: _Reading, value: Any) -> Any:
         return Unread(f"a {_kind(value)} that cannot be read ({cut(error)})")
 
 
-def _meaning(reading: _Reading, made: PickledCall, depth: int) -> Any:
+def _meaning(reading: Records, made: PickledCall, depth: int) -> Any:
     if depth > DEEPEST:
         raise ValueError(f"it is nested more than {DEEPEST} deep")
     where = made.name.module, made.name.name
@@ -433,7 +485,7 @@ def _state(made: PickledCall) -> dict[str, Any]:
     return state
 
 
-def _array(reading: _Reading, made: PickledCall) -> NDArray[Any]:
+def _array(reading: Records, made: PickledCall) -> NDArray[Any]:
     """An ndarray from its type, shape and bytes; the file's shape allocates nothing."""
     if made.arguments[:1] != (PickledName("numpy", "ndarray"),):
         first = made.arguments[:1]
@@ -447,17 +499,23 @@ def _array(reading: _Reading, made: PickledCall) -> NDArray[Any]:
     return _shaped(reading, content, dtype, shape, "F" if fortran else "C")
 
 
-def _from_buffer(reading: _Reading, made: PickledCall) -> NDArray[Any]:
+def _from_buffer(reading: Records, made: PickledCall) -> NDArray[Any]:
     content, dtype, shape, order = made.arguments
     return _shaped(reading, content, dtype, shape, order)
 
 
-def _scalar(reading: _Reading, made: PickledCall) -> Any:
+def _scalar(reading: Records, made: PickledCall) -> Any:
     dtype, content = made.arguments
     return _shaped(reading, content, dtype, (), "C")[()]
 
 
-def _shaped(reading: _Reading, content: Any, dtype: Any, shape: Any, order: Any) -> NDArray[Any]:
+def _wrapped(reading: Records, made: PickledCall) -> NDArray[Any]:
+    """An array as joblib writes it, whose bytes `_Machine.follow` kept."""
+    state = made.state
+    return _shaped(reading, state["content"], state["dtype"], state["shape"], state.get("order"))
+
+
+def _shaped(reading: Records, content: Any, dtype: Any, shape: Any, order: Any) -> NDArray[Any]:
     kind, held = _dtype(dtype), _held(content)
     sizes = sizes_in(shape, "shape")
     if min(sizes, default=0) < 0:
@@ -501,7 +559,7 @@ def _held(content: Any) -> bytes | bytearray | str:
     return content
 
 
-def _sparse(reading: _Reading, kind: str, state: dict[str, Any], depth: int) -> csr_array:
+def _sparse(reading: Records, kind: str, state: dict[str, Any], depth: int) -> csr_array:
     """A csc, csr or coo matrix."""
     row, column = state.get("row"), state.get("col")
     if "coords" in state:  # what SciPy since 1.13 has for row and col
@@ -520,7 +578,7 @@ def _sparse(reading: _Reading, kind: str, state: dict[str, Any], depth: int) -> 
     return from_pointers(kind, data, indices[0], indices[1], (rows, columns))
 
 
-def _select(reading: _Reading, state: dict[str, Any], depth: int) -> NDArray[Any]:
+def _select(reading: Records, state: dict[str, Any], depth: int) -> NDArray[Any]:
     """chumpy's Select: some entries of `a`, counted row by row, in a shape of their own."""
     source = reading.numbers(state["a"], depth)
     which = reading.numbers(state["idxs"], depth)
@@ -534,22 +592,23 @@ def _select(reading: _Reading, state: dict[str, Any], depth: int) -> NDArray[Any
     return chosen.reshape(sizes)
 
 
-def _transpose(reading: _Reading, state: dict[str, Any], depth: int) -> NDArray[Any]:
+def _transpose(reading: Records, state: dict[str, Any], depth: int) -> NDArray[Any]:
     axes = reading.meaning(state.get("axes"), depth)
     return np.transpose(
         reading.numbers(state["a"], depth), None if axes is None else sizes_in(axes, "axes")
     )
 
 
-CHUMPY: dict[str, Callable[[_Reading, dict[str, Any], int], Any]] = {
+CHUMPY: dict[str, Callable[[Records, dict[str, Any], int], Any]] = {
     "Ch": lambda reading, state, depth: reading.meaning(state["x"], depth),
     "Select": _select,
     "transpose": _transpose,
 }
-MEANINGS: dict[tuple[str, str], Callable[[_Reading, PickledCall], Any]] = {
+MEANINGS: dict[tuple[str, str], Callable[[Records, PickledCall], Any]] = {
     **{(f"{numpy}.multiarray", "_reconstruct"): _array for numpy in NUMPY},
     **{(f"{numpy}.multiarray", "scalar"): _scalar for numpy in NUMPY},
     **{(f"{numpy}.numeric", "_frombuffer"): _from_buffer for numpy in NUMPY},
+    JOBLIB: _wrapped,
 }
 
 
