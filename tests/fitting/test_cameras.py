@@ -85,7 +85,7 @@ def test_bad_camera_numbers_are_refused(tmp_path: Path) -> None:
 
 def test_files_without_calibration_are_refused(tmp_path: Path) -> None:
     for data in [3, [1], {}, {"a": 3}, {"a": {"K": 1}}, None]:
-        with pytest.raises(BadFile, match=r"holds no cameras|lacks"):
+        with pytest.raises(BadFile, match=r"holds no cameras|must be numbers"):
             read_calibration(written(tmp_path / "c.json", data))
 
 
@@ -118,7 +118,7 @@ def test_several_files_need_as_many_cameras(tmp_path: Path) -> None:
 
 
 def test_one_file_refuses_two_cameras(tmp_path: Path) -> None:
-    file = written(tmp_path / "a.json", {"people": [{"pose_keypoints_2d": person(25)}]})
+    file = written(tmp_path / "k.json", {"people": [{"pose_keypoints_2d": person(25)}]})
     good = {"K": np.eye(3).tolist(), "R": np.eye(3).tolist(), "t": [0, 0, 1]}
     cameras = written(tmp_path / "c.json", {"a": good, "b": good})
     with pytest.raises(BadFile, match="one file needs as many calibrated cameras, but there are 2"):
@@ -143,10 +143,9 @@ def test_fisheye_cameras_are_refused(tmp_path: Path) -> None:
 
 def test_incomplete_cameras_are_refused(tmp_path: Path) -> None:
     (tmp_path / "c.toml").write_text(TOML.replace("matrix =", "matrices ="))
-    with pytest.raises(BadFile, match=r"table \[cam_a\] has no matrix"):
+    with pytest.raises(BadFile, match="camera 'left' lacks K.* and has name, .*, matrices"):
         read_calibration(tmp_path / "c.toml")
     (tmp_path / "d.toml").write_text(TOML.replace("fisheye = false", "skew = 3"))
-    assert read_calibration(tmp_path / "d.toml")["left"]["unread"] == ("skew",)
     keypoints = written(tmp_path / "a.json", openpose())
     (note,) = read_observations([keypoints], calibration=tmp_path / "d.toml").notes
     assert note == "d.toml: of camera 'left', not read are skew"

@@ -15,7 +15,8 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.errors import BadFile, shown, some
-from workbench.fitting.files.layouts import HANDS, MEDIAPIPE_33, DetectedPerson, no_such_person
+from workbench.fitting.files.layouts import HANDS, MEDIAPIPE_33
+from workbench.fitting.files.points import DetectedPerson, in_px, largest, points_in, trusted
 
 SIDES = ("left", "right")
 UNSEEN = np.zeros(3)
@@ -30,7 +31,6 @@ KNOWN = {
     *(f"{side}_hand_landmarks" for side in SIDES),
 }
 MOST = 1000  # hands or bodies of one image
-FARTHEST = 100.0  # sizes of the image: no point is farther out
 
 
 def is_mediapipe(data: Any) -> bool:
@@ -51,24 +51,21 @@ def mediapipe_person(
     said = {_snake(key): value for key, value in data.items()}
     hands = _hands(path, said)
     bodies = _bodies(path, said)
-    if size is None:
-        raise BadFile(
-            f"{path} holds fractions of an image, as MediaPipe gives them, and not how large the "
-            "image is; give --size WIDTHxHEIGHT in px"
-        )
     if not hands and not bodies:
         raise BadFile(f"{path} holds no person's keypoints: MediaPipe found no hand and no body")
-    if person is not None and not 0 <= person < max(len(bodies), 1):
-        raise no_such_person(path, person, max(len(bodies), 1))
-    notes = _notes(path, said, bodies, person)
+    in_image = [in_px(path, one, size, fractions=True)[0] for one in bodies or [hands[0][1]]]
+    number, others = largest(path, in_image, person)
+    notes = _notes(path, said) + others
     looked_for = any("hand_landmarks" in key or "handed" in key for key in said)
     known = dict.fromkeys([*HANDS[0], *HANDS[1]], UNSEEN) if looked_for else {}
     if bodies:
-        best = max(range(len(bodies)), key=lambda i: float(bodies[i][:, 2].sum()))
-        points = bodies[best if person is None else person]
-        known = dict(zip(MEDIAPIPE_33, points, strict=True)) | {
+        known = dict(zip(MEDIAPIPE_33, bodies[number], strict=True)) | {
             name: known[name] for name in known if name not in MEDIAPIPE_33
         }
+        if others and looked_for:
+            notes.append(
+                f"{Path(path).name} does not say whose the hands are; they go with that body"
+            )
     for side, own in zip(SIDES, HANDS, strict=True):
         seen = [points for where, points in hands if where == side]
         if len(seen) > 1:
@@ -77,10 +74,9 @@ def mediapipe_person(
                 "takes a hand for the other one in an image that is mirrored"
             )
         known |= dict(zip(own, seen[0], strict=True)) if seen else {}
-    names, points = tuple(known), np.array([*known.values()])
-    in_px = points * [size[0], size[1], 1.0]
+    points, _ = in_px(path, np.array([*known.values()]), size, fractions=True)
     body = MEDIAPIPE_33 if bodies else ()  # files of cameras must agree on these
-    return DetectedPerson(names, in_px, size, body, tuple(notes))
+    return DetectedPerson(tuple(known), points, size, body, tuple(notes))
 
 
 def mediapipe_people(path: str | Path, data: dict[str, Any]) -> int:
@@ -160,41 +156,18 @@ def _side(path: str | Path, where: str, label: Any) -> str:
 
 
 def _points(path: str | Path, where: str, given: Any, count: int) -> Array:
-    """Points (count, 3): u and v as fractions of the image, and a confidence."""
+    """Points (count, 3): u and v as fractions of the image, and a confidence, 1 for a hand."""
     if not isinstance(given, list) or len(given) != count:
         many = f"{len(given)} points" if isinstance(given, list) else shown(given)
         raise BadFile(f"{path}: {where} has {many}; MediaPipe's has {count}, each with x and y")
-    rows = []
-    for i, one in enumerate(given):
-        if not isinstance(one, dict) or not {"x", "y"} <= one.keys():
-            raise BadFile(f"{path}: {where}: point {i} must have x and y, but is {shown(one)}")
-        sure = one.get("visibility")
-        rows.append([one["x"], one["y"], 1.0 if sure is None or count == 21 else sure])
-    if not all(type(x) in (int, float) and abs(x) < FARTHEST for row in rows for x in row):
-        raise BadFile(
-            f"{path}: {where} must hold numbers: x and y as fractions of the image, and a "
-            "visibility from 0 to 1"
-        )
-    points = np.array(rows, dtype=np.float64)
-    if not ((points[:, 2] >= 0) & (points[:, 2] <= 1)).all():
-        raise BadFile(f"{path}: {where} has a visibility that is not from 0 to 1")
-    return points
+    points = points_in(path, where, given)[1]
+    return trusted(np.column_stack([points[:, :2], np.ones(count)]) if count == 21 else points)
 
 
-def _notes(
-    path: str | Path, said: dict[str, Any], bodies: list[Array], person: int | None
-) -> list[str]:
+def _notes(path: str | Path, said: dict[str, Any]) -> list[str]:
     unread = sorted(
         key
         for key, value in said.items()
         if key not in KNOWN and value and isinstance(value, list | dict)
     )
-    notes = [f"{Path(path).name}: not read are {some(unread)}"] if unread else []
-    if len(bodies) > 1 and person is None:
-        notes.append(
-            f"{Path(path).name} holds {len(bodies)} people; the one seen best is read, and "
-            "--person takes another"
-        )
-    if len(bodies) > 1 and any("hand" in key for key in said):
-        notes.append(f"{Path(path).name} does not say whose the hands are; they go with that body")
-    return notes
+    return [f"{Path(path).name}: not read are {some(unread)}"] if unread else []
