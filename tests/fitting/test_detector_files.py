@@ -11,6 +11,7 @@ from tests.bodies.random_bodies import entries
 from tests.fitting.mediapipe_made import dots, mediapipe_results
 from tests.fitting.test_cameras import openpose, person, written
 from workbench import load_body
+from workbench.arrays import Array
 from workbench.bodies import HAND_POINTS
 from workbench.bodies.files.joint_names import HANDS as HAND_JOINTS
 from workbench.bodies.files.layouts import body_from
@@ -26,6 +27,7 @@ from workbench.fitting.files.layouts import (
     OPENPOSE_18,
     OPENPOSE_25,
     OPENPOSE_135,
+    SAPIENS_308,
     WHOLE_BODY,
 )
 from workbench.fitting.keypoints import keypoint_fit, unused
@@ -389,6 +391,9 @@ KNOWN = (
     (OPENPOSE_135, {24: "right_heel", 25: "left_thumb1", 44: "left_pinky_tip", 65: "face_0"}),
     (MEDIAPIPE_33, {1: "left_eye_inner", 5: "right_eye", 7: "left_ear", 9: "left_mouth"}),
     (MEDIAPIPE_33, {11: "left_shoulder", 16: "right_wrist", 17: "left_pinky1", 22: "right_thumb2"}),
+    (SAPIENS_308, {5: "left_shoulder", 9: "left_hip", 15: "left_big_toe", 20: "right_heel"}),
+    (SAPIENS_308, {21: "right_thumb_tip", 24: "right_thumb1", 25: "right_index_tip"}),
+    (SAPIENS_308, {41: "right_wrist", 62: "left_wrist", 63: "left_olecranon", 69: "neck"}),
     (MEDIAPIPE_33, {24: "right_hip", 28: "right_ankle", 29: "left_heel", 32: "right_foot_index"}),
 )
 
@@ -429,3 +434,217 @@ def test_points_that_a_body_lacks_are_named(tmp_path: Path) -> None:
         (note,) = unused(read_observations([path], size=(400, 400)), load_body("small"))
         named = note.rpartition("do not include the others: ")[2]
         assert sorted(named.split(", ")) == sorted(said.split(", "))
+
+
+def seen_by(names: tuple[str, ...]) -> Array:
+    """Points (M, 3) of a person in an image of 640 x 480 px."""
+    rng = np.random.default_rng(len(names))
+    return np.column_stack([rng.uniform(50, 450, (len(names), 2)), rng.uniform(0.3, 1, len(names))])
+
+
+def by_person(names: tuple[str, ...], places: str = "keypoints", sure: str = "") -> dict[str, Any]:
+    """One person with columns u, v and a list of confidences beside them, or in them."""
+    points = seen_by(names)
+    if not sure:
+        return {places: points.tolist()}
+    return {places: points[:, :2].tolist(), sure: points[:, 2].tolist()}
+
+
+def columns(points: Array) -> dict[str, list[float]]:
+    return dict(zip(("x", "y", "visible"), points.T.tolist(), strict=True))
+
+
+def objects(names: tuple[str, ...], **keys: str) -> list[dict[str, Any]]:
+    """A list of objects; `keys` say what name and confidence are called."""
+    return [
+        {"x": u, "y": v, keys["sure"]: c, keys["name"]: name}
+        for name, (u, v, c) in zip(names, seen_by(names).tolist(), strict=True)
+    ]
+
+
+MMPOSE = {
+    "keypoints": seen_by(COCO)[:, :2].tolist(),
+    "keypoint_scores": seen_by(COCO)[:, 2].tolist(),
+}
+COCO_25 = (*COCO[:5], "neck", *COCO[5:11], "mid_hip", *COCO[11:], *FEET)  # of easy_ViTPose
+GOLIATH = {i: name for i, name in enumerate(SAPIENS_308)} | {21: "right_thumb4", 70: "glabella"}
+READ: dict[str, tuple[tuple[str, ...], Any]] = {  # the names of the points, and the file
+    "MMPose 1.3, an image": (COCO, {"meta_info": {}, "instance_info": [MMPOSE | {"bbox": [[1]]}]}),
+    "MMPose 1.3, a video": (COCO, {"instance_info": [{"frame_id": 1, "instances": [MMPOSE]}]}),
+    "MMPose 1.3, the inferencer": (COCO, [MMPOSE]),
+    "MMPose 0.29": (COCO, [by_person(COCO)]),
+    "MMPose with names": (
+        COCO[::-1],
+        {
+            "meta_info": {"keypoint_id2name": dict(enumerate(COCO[::-1]))},
+            "instance_info": [by_person(COCO[::-1], sure="keypoint_scores")],
+        },
+    ),
+    "Sapiens": (SAPIENS_308, {"instance_info": [by_person(SAPIENS_308, sure="keypoint_scores")]}),
+    "Sapiens with Goliath's names": (
+        SAPIENS_308,
+        {
+            "meta_info": {"keypoint_id2name": GOLIATH},
+            "instance_info": [by_person(SAPIENS_308, sure="keypoint_scores")],
+        },
+    ),
+    "Ultralytics 8.3": (
+        COCO,
+        [{"name": "person", "class": 0, "confidence": 0.9, "keypoints": columns(seen_by(COCO))}],
+    ),
+    "Ultralytics, normalized": (
+        COCO,
+        [{"name": "person", "keypoints": columns(seen_by(COCO) / [640, 480, 1])}],
+    ),
+    "EasyMocap": (
+        OPENPOSE_25,
+        {
+            "filename": "images/1/000000.jpg",
+            "height": 480,
+            "width": 640,
+            "annots": [{"bbox": [1, 2, 3, 4, 1], "personID": 0, **by_person(OPENPOSE_25)}],
+        },
+    ),
+    "OpenPose 1.0": (
+        OPENPOSE_18,
+        {"people": [{"pose_keypoints": seen_by(OPENPOSE_18).ravel().tolist()}]},
+    ),
+    "DWPose in ComfyUI": (
+        OPENPOSE_18,
+        [
+            {
+                "people": [{"pose_keypoints_2d": seen_by(OPENPOSE_18).ravel().tolist()}],
+                "canvas_width": 640,
+                "canvas_height": 480,
+            }
+        ],
+    ),
+    "easy_ViTPose": (
+        COCO_25,
+        {
+            "keypoints": [{"3": seen_by(COCO_25)[:, [1, 0, 2]].tolist()}],
+            "skeleton": {str(i): name for i, name in enumerate(COCO_25)},
+        },
+    ),
+    "ViTPose of transformers": (COCO, [[by_person(COCO, sure="scores") | {"labels": [0]}]]),
+    "MoveNet of TensorFlow.js": (
+        COCO,
+        [{"score": 0.8, "keypoints": objects(COCO, name="name", sure="score")}],
+    ),
+    "PoseNet": (
+        COCO,
+        [
+            {
+                "keypoints": [
+                    {"part": n.replace("_e", "E"), "position": {"x": u, "y": v}, "score": c}
+                    for n, (u, v, c) in zip(COCO, seen_by(COCO).tolist(), strict=True)
+                ]
+            }
+        ],
+    ),
+    "Roboflow": (
+        COCO,
+        {
+            "image": {"width": 640, "height": 480},
+            "predictions": [{"keypoints": objects(COCO, name="class", sure="confidence")}],
+        },
+    ),
+    "COCO with names of its own": (
+        COCO[::-1],
+        {
+            "categories": [{"keypoints": [*COCO[::-1]]}],
+            "annotations": [{"keypoints": seen_by(COCO).ravel().tolist()}],
+        },
+    ),
+    "points by name": (FEET, dict(zip(FEET, seen_by(FEET).tolist(), strict=True))),
+    "objects by name": (
+        FEET,
+        {
+            "".join(
+                word.title() for word in name.replace("left", "L").replace("right", "R").split("_")
+            ): {"x": u, "y": v, "confidence": c}
+            for name, (u, v, c) in zip(FEET, seen_by(FEET).tolist(), strict=True)
+        },
+    ),
+    "people in lists": (COCO, [seen_by(COCO).tolist()]),
+    "a list with depths": (MEDIAPIPE_33, np.insert(seen_by(MEDIAPIPE_33), 2, -0.1, 1).tolist()),
+    **{
+        f"a list of {len(names)}": (names, seen_by(names).tolist())
+        for names in (COCO, OPENPOSE_25, HALPE_26, MEDIAPIPE_33, WHOLE_BODY)
+    },
+    **{
+        f"numbers of {len(names)}": (names, seen_by(names).ravel().tolist())
+        for names in (COCO, OPENPOSE_25, HALPE_26, MEDIAPIPE_33, WHOLE_BODY)
+    },
+}
+
+
+@pytest.mark.parametrize("name", READ)
+def test_published_keypoints_are_read(tmp_path: Path, name: str) -> None:
+    names, data = READ[name]
+    found = read_person(written(tmp_path / "a.json", data), size=SIZE)
+    assert set(found.names) == {*names}
+    order = [found.names.index(one) for one in names]
+    np.testing.assert_allclose(found.points[order], seen_by(names), rtol=1e-12)
+    of_image = ("EasyMocap", "DWPose in ComfyUI", "Roboflow")
+    if name in of_image:
+        assert read_keypoints(tmp_path / "a.json")[2] == SIZE
+    said = ["fractions of the image"] if "normalized" in name else []
+    assert [word for note in found.notes for word in said if word in note] == said
+    assert len(found.notes) == len(said)
+
+
+def test_values_that_say_nothing_are_not_seen(tmp_path: Path) -> None:
+    points: list[list[float | None]] = seen_by(COCO).tolist()
+    points[:7] = [
+        *([None, 5.0, 0.9], [float("nan"), 5.0, 0.9], [-1.0, -1.0, 0.9], [0.0, 0.0, 0.9]),
+        *([200.0, 200.0, -0.02], [200.0, 200.0, None], [1e300, 200.0, 0.9]),
+    ]
+    entry = {
+        "keypoints": points,
+        "handl2d": "none",
+        "face2d": [[1]],
+        "handr2d": [[np.nan] * 3] * 21,
+    }
+    found = read_person(written(tmp_path / "a.json", {"annots": [entry]}), size=SIZE)
+    at = dict(zip(found.names, found.points, strict=True))
+    assert [name for name in COCO if at[name][2] == 0] == [*COCO[:7]]
+    np.testing.assert_array_equal(found.points[7:17], seen_by(COCO)[7:])
+    assert (found.points[17:] == 0).all()
+    assert found.notes == ("a.json: not read are handl2d, face2d",)
+
+
+def test_fractions_need_the_size_of_the_image(tmp_path: Path) -> None:
+    parts = (seen_by(OPENPOSE_25) / [640, 480, 1]).ravel().tolist()
+    file = written(tmp_path / "a.json", {"people": [{"pose_keypoints_2d": parts}]})
+    with pytest.raises(BadFile, match=r"fractions of an image, .* give --size WIDTHxHEIGHT"):
+        read_keypoints(file)
+    observed = read_observations([file], size=SIZE)
+    np.testing.assert_allclose(observed.photographs[0].pixels, seen_by(OPENPOSE_25)[:, :2])
+    assert "taken for fractions" in observed.notes[0]
+
+
+def test_largest_person_is_taken(tmp_path: Path) -> None:
+    near, far = seen_by(COCO), seen_by(COCO) * [0.5, 0.5, 1] + [300, 200, 0]
+    ghost = seen_by(COCO) * [1.4, 1.4, 0.1]  # of which the detector is not sure
+    people = [{"keypoints": one.tolist()} for one in (far, near * [1, 1, 0.8], ghost)]
+    file = written(tmp_path / "a.json", people)
+    found = read_person(file, size=SIZE)
+    np.testing.assert_allclose(found.points, near * [1, 1, 0.8])
+    assert found.notes == (
+        "a.json holds 3 people; the largest, number 1 counted from 0, is read, and --person takes "
+        "another",
+    )
+    np.testing.assert_allclose(read_keypoints(file, person=0)[1], far)
+    with pytest.raises(UnknownName, match=r"there are 0, 1, 2 .*holds 3 people"):
+        read_keypoints(file, person=3)
+
+
+def test_files_of_many_images_want_video(tmp_path: Path) -> None:
+    frames = [{"frame_id": i + 1, "instances": [MMPOSE]} for i in range(3)]
+    for data in ({"instance_info": frames}, frames, [[MMPOSE]] * 3):
+        file = written(tmp_path / "a.json", data)
+        with pytest.raises(BadFile, match="the people of 3 images; fit them with --video"):
+            read_keypoints(file)
+        clip = read_clip(file, fps=30, size=SIZE)
+        np.testing.assert_allclose(clip.films[0].pixels, [seen_by(COCO)[:, :2]] * 3)

@@ -122,7 +122,7 @@ def fit(
         bool,
         typer.Option(
             "--camera-to-world",
-            help="Extrinsics of --cameras are poses of the cameras, not the world's as they see it.",
+            help="The extrinsics of --cameras are poses of the cameras, camera to world.",
         ),
     ] = False,
     size: Annotated[str | None, typer.Option(help="The image's size, WIDTHxHEIGHT in px.")] = None,
@@ -132,9 +132,7 @@ def fit(
     ] = None,
     person: Annotated[
         int | None,
-        typer.Option(
-            help="Number of the person in the file, from 0; without it, the largest."
-        ),
+        typer.Option(help="Number of the person in the file, from 0; without it, the largest."),
     ] = None,
     height: Annotated[
         float | None,
