@@ -425,7 +425,11 @@ def test_refused_calibrations_name_what_they_hold(tmp_path: Path) -> None:
         ("a.json", {"people": []}, r"no cameras \(it has the keys people\)"),
         ("a.yml", "abc: 1\n", r"no cameras \(it has the keys abc\)"),
         ("intri.yml", easymocap("intri"), "camera 'c0' lacks R, t; .* and has K, distortion"),
-        ("a.yml", "camera_matrix:\n  rows: 3\n  data: [1, x]\n", "camera_matrix must be numbers"),
+        (
+            "a.yml",
+            "camera_matrix:\n  rows: 1\n  cols: 2\n  data: [1, x]\n",
+            "_matrix must be numbers",
+        ),
         ("a.xml", "<!DOCTYPE a><a/>", "declares entities"),
         ("a.xml", "<a>", "cannot be read as XML"),
         ("cameras.txt", "1 PINHOLE 9 9 1", "images.txt cannot be read"),

@@ -24,7 +24,14 @@ FEW = 10
 MANY = int(os.environ.get("WORKBENCH_FUZZ", "40"))
 SEED = int(os.environ.get("WORKBENCH_FUZZ_SEED", "1"))
 FRAGILE = (".npz", ".npy", ".pkl", ".glb", ".stl", ".json", ".pcd")  # half of one is none
-UNCOUNTED = (".xyz", ".csv", ".bin", ".trc")  # say nothing of how much they hold, or are counted
+UNCOUNTED = (
+    ".xyz",
+    ".csv",
+    ".bin",
+    ".trc",
+    ".xml",
+    ".txt",
+)  # say nothing of how much they hold, or are counted
 
 
 @pytest.mark.parametrize("name", FORMATS)

@@ -58,6 +58,7 @@ COLMAP = {  # its models: the numbers of the parameters fx, fy, cx, cy, k1, k2, 
     "RADIAL": (0, 0, 1, 2, 3, 4),
     "OPENCV": (0, 1, 2, 3, 4, 5, 6, 7),
 }
+MATRIX = re.compile(r"rows:\s*(\d{1,6})\s+cols:\s*(\d{1,6})\s[^\[]{0,40}?data:")
 PAIRS = {"intri": "extri", "extri": "intri"}  # EasyMocap's and OpenCV's files go together
 
 Calibration = dict[str, dict[str, Any]]  # K, R, t, distortion, size and `notes` of each
@@ -90,6 +91,8 @@ def read_calibration(path: str | Path, *, camera_to_world: bool = False) -> Cali
     """
     path = Path(path)
     tables, notes, unit = _tables(path)
+    if not tables:
+        raise BadFile(f"{path} holds no cameras")
     if len(tables) > MOST_CAMERAS:
         raise BadFile(
             f"{path} holds {len(tables):,} cameras, and at most {MOST_CAMERAS:,} are read; leave "
@@ -333,15 +336,17 @@ def _storage(path: Path) -> dict[str, Any]:
 def _value(path: Path, key: str, block: str) -> Any:
     """A matrix, a list, a number or a text of FileStorage."""
     try:
-        if "rows:" in block and (data := block.partition("data:")[2]):
-            words = re.split(r"[\s,\[\]]+", data.strip())
-            numbers = [float(word) for word in words if word]
-            return {"rows": 0, "cols": 0, "data": numbers}
+        if found := MATRIX.search(block):
+            rows, cols = int(found[1]), int(found[2])
+            numbers = [float(word) for word in re.findall(r"[^\s,\[\]]+", block[found.end() :])]
+            if len(numbers) != rows * cols:
+                raise BadFile(f"{path}: {key} holds {len(numbers)} numbers, not {rows} x {cols}")
+            return {"rows": rows, "cols": cols, "data": numbers}
         if block.startswith(("-", "[")) and not block[1:2].isdigit():
             return re.findall(r"[^\s\[\],\"'-][^\s\[\],\"']*", block)
         return float(block)
     except ValueError as error:
-        if "rows:" in block:
+        if MATRIX.search(block):
             raise BadFile(f"{path}: {key} must be numbers, not {shown(block)}") from error
         return block.strip("\"'")
 
