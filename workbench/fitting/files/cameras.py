@@ -20,6 +20,7 @@ LARGEST = 1e6  # px: no image is wider or higher
 MOST_CAMERAS = 1000
 MOST_BYTES = 2**26  # of a calibration that is text; COLMAP's has the points of its images
 LONGEST_ROTATION = 2.01 * np.pi  # rad: a rotation vector that is longer is in degrees
+CENTIMETRES = 20.0, 1000.0  # how far Panoptic's cameras are from the world's origin
 LONGEST_NAME = 200  # characters, of a camera's name
 # What tools call the numbers of a camera, without capitals and separators.
 ALIASES = {
@@ -39,7 +40,7 @@ ALIASES = {
     "fy": "fy fly",
     **{key: key for key in ("cx", "cy", "k1", "k2", "p1", "p2", "k3")},
     "name": "name cameraname camname filepath",
-    "fisheye": "fisheye",
+    "fisheye": "fisheye fisheyemodel",
 }
 CALLED = {alias: key for key, aliases in ALIASES.items() for alias in aliases.split()}
 IDLE = {"calibdatasource", "panel", "node", "type", "typeid"}  # say nothing on pixels
@@ -90,9 +91,7 @@ def read_calibration(path: str | Path, *, camera_to_world: bool = False) -> Cali
     Raises BadFile, for a fisheye camera too.
     """
     path = Path(path)
-    tables, notes, unit = _tables(path)
-    if not tables:
-        raise BadFile(f"{path} holds no cameras")
+    tables, panoptic = _tables(path)
     if len(tables) > MOST_CAMERAS:
         raise BadFile(
             f"{path} holds {len(tables):,} cameras, and at most {MOST_CAMERAS:,} are read; leave "
@@ -101,6 +100,7 @@ def read_calibration(path: str | Path, *, camera_to_world: bool = False) -> Cali
     plain = [(name, _plain(path, name, table)) for name, table in tables]
     vectors = [one["R"] for _, one in plain if "R" in one and one["R"].shape == (3,)]
     degrees = any(LONGEST_ROTATION < np.linalg.norm(vector) < np.inf for vector in vectors)
+    notes = []
     if degrees:
         notes.append(
             "rotation vectors are taken to be in degrees, as one of them is longer than a whole "
@@ -108,7 +108,7 @@ def read_calibration(path: str | Path, *, camera_to_world: bool = False) -> Cali
         )
     cameras: Calibration = {}
     for key, entries in plain:
-        name = str(entries.get("name", key))
+        name = Path(str(entries.get("name", key))).name or key
         if name in cameras:
             raise BadFile(f"{path} holds two cameras of one name; give each its own")
         if len(name) > LONGEST_NAME:
@@ -119,11 +119,14 @@ def read_calibration(path: str | Path, *, camera_to_world: bool = False) -> Cali
         if degrees and "R" in entries and entries["R"].shape == (3,):
             entries["R"] = np.radians(entries["R"])
         camera = _camera(path, f"camera {shown(name)}", entries, len(plain) == 1, camera_to_world)
-        if camera["t"] is not None:
-            camera["t"] = camera["t"] * unit
         unread = entries["unread"]
         of_it = [f"of camera {shown(name)}, not read are {some(sorted(unread))}"] if unread else []
         cameras[name] = camera | {"notes": (*notes, *of_it)}
+    far = [np.linalg.norm(one["t"]) for one in cameras.values() if one["t"] is not None]
+    if panoptic and far and CENTIMETRES[0] < np.median(far) < CENTIMETRES[1]:
+        note = "translations are taken to be in cm, as CMU Panoptic has them"
+        for camera in cameras.values():
+            camera |= {"t": 0.01 * camera["t"], "notes": (note, *camera["notes"])}
     return cameras
 
 
@@ -155,13 +158,13 @@ def _key(key: object) -> str:
     return CALLED.get(re.sub(r"[\W_]", "", str(key)[:60]).lower(), "")
 
 
-def _tables(path: Path) -> tuple[list[tuple[str, Table]], list[str], float]:
-    """The entries of each camera of a file as they are written, by name; notes; the unit in m."""
+def _tables(path: Path) -> tuple[list[tuple[str, Table]], bool]:
+    """The entries of each camera as a file has them, by name, and whether it is Panoptic's."""
     if path.is_dir():
         path /= "cameras.txt" if (path / "cameras.txt").exists() else "intri.yml"
-    suffix, notes, unit = path.suffix.lower(), [], 1.0
+    suffix, panoptic = path.suffix.lower(), False
     if suffix == ".txt":
-        return _colmap(path), [], 1.0
+        return _colmap(path), False
     if suffix in (".yml", ".yaml", ".xml"):
         data: Any = _storage(path)
         for own, other in PAIRS.items():
@@ -172,8 +175,7 @@ def _tables(path: Path) -> tuple[list[tuple[str, Table]], list[str], float]:
         data = toml_in(path) if suffix == ".toml" else json_in(path)
     shared: dict[str, Any] = {}
     if isinstance(data, dict):
-        if "calibDataSource" in data:
-            notes, unit = ["translations are taken to be in cm, as CMU Panoptic has them"], 0.01
+        panoptic = "calibDataSource" in data
         for key in ("cameras", "frames"):
             if isinstance(data.get(key), list | dict):
                 shared = {k: one for k, one in data.items() if _key(k) not in ("", "name")}
@@ -196,7 +198,7 @@ def _tables(path: Path) -> tuple[list[tuple[str, Table]], list[str], float]:
             f"{path} holds no cameras ({keys}); cameras are objects with K, R and t, by name or in "
             "a list, and howto/formats.md says what else is read"
         )
-    return found, notes, unit
+    return found, panoptic
 
 
 def _plain(path: Path, name: str, table: Table) -> dict[str, Any]:
@@ -401,4 +403,6 @@ def _colmap(path: Path) -> list[tuple[str, Table]]:
             found.append((Path(name).stem, {**lenses[camera], "R": R, "t": t}))
     except (ValueError, IndexError, KeyError) as error:
         raise BadFile(f"{path} cannot be read as COLMAP's text: {cut(error)}") from error
+    if not found:
+        raise BadFile(f"{path} holds no cameras: images.txt names no image")
     return found
