@@ -98,14 +98,15 @@ def read_calibration(path: str | Path, *, camera_to_world: bool = False) -> Cali
             "out those that saw nothing"
         )
     plain = [(name, _plain(path, name, table)) for name, table in tables]
-    vectors = [one["R"] for _, one in plain if "R" in one and one["R"].shape == (3,)]
-    degrees = any(LONGEST_ROTATION < np.linalg.norm(vector) < np.inf for vector in vectors)
-    notes = []
-    if degrees:
-        notes.append(
+    vectors = [one for _, one in plain if "R" in one and one["R"].shape == (3,)]
+    notes: tuple[str, ...] = ()
+    if any(LONGEST_ROTATION < np.linalg.norm(one["R"]) < np.inf for one in vectors):
+        notes = (
             "rotation vectors are taken to be in degrees, as one of them is longer than a whole "
-            "turn in radians"
+            "turn in radians",
         )
+        for one in vectors:
+            one["R"] = np.radians(one["R"])
     cameras: Calibration = {}
     for key, entries in plain:
         name = Path(str(entries.get("name", key))).name or key
@@ -116,12 +117,9 @@ def read_calibration(path: str | Path, *, camera_to_world: bool = False) -> Cali
                 f"{path}: camera {shown(name)} has a name of {len(name):,} characters; give it one "
                 f"of at most {LONGEST_NAME:,}"
             )
-        if degrees and "R" in entries and entries["R"].shape == (3,):
-            entries["R"] = np.radians(entries["R"])
         camera = _camera(path, f"camera {shown(name)}", entries, len(plain) == 1, camera_to_world)
-        unread = entries["unread"]
-        of_it = [f"of camera {shown(name)}, not read are {some(sorted(unread))}"] if unread else []
-        cameras[name] = camera | {"notes": (*notes, *of_it)}
+        of_it = f"of camera {shown(name)}, not read are {some(sorted(entries['unread']))}"
+        cameras[name] = camera | {"notes": (*notes, of_it) if entries["unread"] else notes}
     far = [np.linalg.norm(one["t"]) for one in cameras.values() if one["t"] is not None]
     if panoptic and far and CENTIMETRES[0] < np.median(far) < CENTIMETRES[1]:
         note = "translations are taken to be in cm, as CMU Panoptic has them"
@@ -277,8 +275,7 @@ def _lens(path: Path, of: str, entries: Table) -> tuple[Array | None, Array]:
     elif K is not None and K.shape in MATRICES:
         K = K[:3, :3]
     named = [entries.get(key, 0.0) for key in ("k1", "k2", "p1", "p2", "k3")]
-    k = numbers_in(path, f"distortion of {of}", named) if "distortion" not in entries else None
-    k = entries["distortion"].ravel() if k is None else k
+    k = entries.get("distortion", numbers_in(path, f"distortion of {of}", named)).ravel()
     return K, k if k[5:].any() else k[:5]
 
 

@@ -16,7 +16,7 @@ from workbench.arrays import Array
 from workbench.errors import BadArgument, BadFile, shown, some
 from workbench.fitting.files.cameras import notes_on, of_files, read_calibration, size_in
 from workbench.fitting.files.layouts import BODIES, KNOWN, PARTS, keypoint_name
-from workbench.fitting.files.mediapipe import is_mediapipe, mediapipe_people, mediapipe_person
+from workbench.fitting.files.mediapipe import is_mediapipe, mediapipe_people
 from workbench.fitting.files.points import (
     DetectedPerson,
     in_px,
@@ -187,9 +187,7 @@ def person_of(
     path: str | Path, data: Any, size: tuple[int, int] | None, person: int | None
 ) -> DetectedPerson:
     """One person of what a file, or its part on one image, holds; see `read_person`."""
-    if is_mediapipe(data):
-        return mediapipe_person(path, data, size, person)
-    data, entries = _entries(path, data)
+    data, entries, notes = _entries(path, data)
     if len(entries) > MOST_PEOPLE:
         raise BadFile(
             f"{path} holds {len(entries):,} people, and at most {MOST_PEOPLE:,} are read; give a "
@@ -198,12 +196,12 @@ def person_of(
     people = [_points_of(path, where, one) for where, one in entries]
     if not any(len(points) for _, points in people):
         raise BadFile(_without_keypoints(path, data))
-    number, notes = largest(path, [trusted(points) for _, points in people], person)
+    number, others = largest(path, [trusted(points) for _, points in people], person)
     where, entry = entries[number]
     own, points = people[number]
     body = own or _names(path, data, len(points))
     names, points, unread = _with_parts(path, where, entry, (body, points))
-    notes = unread + notes
+    notes = [*notes, *unread, *others]
     scores = points[np.isfinite(points[:, 2]), 2]
     if (scores > 1).any() and not {*scores} <= {0.0, 1.0, 2.0}:
         notes.append(
@@ -211,7 +209,7 @@ def person_of(
             "those above 1 count as 1"
         )
     size = _image_size(path, data, entry) if size is None else size
-    chosen, fractions = in_px(path, trusted(points), size)
+    chosen, fractions = in_px(path, trusted(points), size, fractions=is_mediapipe(data))
     return DetectedPerson(names, chosen, size, () if own else body, (*notes, *fractions))
 
 
@@ -220,8 +218,6 @@ def people_of(path: str | Path, data: Any) -> list[int]:
 
     Raises BadFile.
     """
-    if is_mediapipe(data):
-        return list(range(mediapipe_people(path, data)))
     return [i for i, (_, one) in enumerate(_entries(path, data)[1]) if _main(one)]
 
 
@@ -238,8 +234,12 @@ def _points_of(path: str | Path, where: str, entry: dict[str, Any]) -> tuple[Any
     return points_in(path, where, given, scores)
 
 
-def _entries(path: str | Path, data: Any) -> tuple[Any, list[tuple[str, dict[str, Any]]]]:
-    """What a file says of one image, and its people, each with the place in the file."""
+def _entries(
+    path: str | Path, data: Any
+) -> tuple[Any, list[tuple[str, dict[str, Any]]], list[str]]:
+    """What a file says of one image; its people, each with the place in the file; and notes."""
+    if is_mediapipe(data):
+        return data, *mediapipe_people(path, data)
     frames = frames_in(data)
     if frames is not None:
         if len(frames) > 1:
@@ -264,7 +264,7 @@ def _entries(path: str | Path, data: Any) -> tuple[Any, list[tuple[str, dict[str
             listed = [{"keypoints": data}]
         elif isinstance(data[0], list) and data[0] and is_point(data[0][0]):
             listed = [{"keypoints": one} for one in data]
-    return data, [one for one in _objects(path, where, listed) if _has_keypoints(one[1])]
+    return data, [one for one in _objects(path, where, listed) if _has_keypoints(one[1])], []
 
 
 def _without_keypoints(path: str | Path, data: Any) -> str:

@@ -75,18 +75,11 @@ SAPIENS_308 = (  # Goliath's points (Khirodkar et al., Sapiens, 2024)
 BODIES: dict[
     int, Names
 ] = {  # the names of a person's points by their number, where files have none
-    17: COCO,
-    18: OPENPOSE_18,
-    21: HAND_POINTS,
-    23: COCO + FEET,
-    25: OPENPOSE_25,
-    26: HALPE_26,
-    33: MEDIAPIPE_33,
-    70: SAPIENS_308[:70],  # those of SAM 3D Body
-    133: WHOLE_BODY,
-    135: OPENPOSE_135,
-    136: HALPE_136,
-    308: SAPIENS_308,
+    len(names): names
+    for names in (
+        *(COCO, OPENPOSE_18, HAND_POINTS, COCO + FEET, OPENPOSE_25, HALPE_26, MEDIAPIPE_33),
+        *(SAPIENS_308[:70], WHOLE_BODY, OPENPOSE_135, HALPE_136, SAPIENS_308),  # 70: SAM 3D Body's
+    )
 }
 PARTS: dict[str, dict[int, Names]] = {  # keys beside those of the body, and names by their number
     key: names

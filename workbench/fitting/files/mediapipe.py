@@ -11,15 +11,12 @@ import re
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from workbench.arrays import Array
 from workbench.errors import BadFile, shown, some
 from workbench.fitting.files.layouts import HANDS, MEDIAPIPE_33
-from workbench.fitting.files.points import DetectedPerson, in_px, largest, points_in, trusted
+from workbench.fitting.files.points import points_in
 
 SIDES = ("left", "right")
-UNSEEN = np.zeros(3)
+UNSEEN = [0.0, 0.0, 0.0]
 HANDS_KEYS = ("hand_landmarks", "multi_hand_landmarks")
 POSES_KEY = "pose_landmarks"
 EITHER = "landmarks"  # of JavaScript: hands if there is a handedness, and poses if not
@@ -38,51 +35,40 @@ def is_mediapipe(data: Any) -> bool:
     return isinstance(data, dict) and any(_snake(key) in KNOWN for key in data)
 
 
-def mediapipe_person(
-    path: str | Path, data: dict[str, Any], size: tuple[int, int] | None, person: int | None
-) -> DetectedPerson:
-    """One person of a file: the points of the body, if it has any, and those of both hands.
+def mediapipe_people(
+    path: str | Path, data: dict[str, Any]
+) -> tuple[list[tuple[str, dict[str, Any]]], list[str]]:
+    """People by the place in the file, each with the `keypoints` of body and hands by name; notes.
 
-    A hand's points have confidence 1, a body's their visibility, and both hands are always there if
-    the file can hold hands, with confidence 0 if they were not seen. Where a hand is seen, it
-    replaces the three points that the body has of it. Raises BadFile, and UnknownName for a person
-    that the file does not hold.
+    Points are u, v as fractions of the image and a confidence, 1 for a hand and the visibility for
+    a body. Both hands are always there if the file can hold hands, with confidence 0 if they were
+    not seen. Where a hand is seen, it replaces the three points that the body has of it. Hands
+    without a body are one person. Raises BadFile.
     """
     said = {_snake(key): value for key, value in data.items()}
-    hands = _hands(path, said)
-    bodies = _bodies(path, said)
-    if not hands and not bodies:
-        raise BadFile(f"{path} holds no person's keypoints: MediaPipe found no hand and no body")
-    in_image = [in_px(path, one, size, fractions=True)[0] for one in bodies or [hands[0][1]]]
-    number, others = largest(path, in_image, person)
-    notes = _notes(path, said) + others
+    hands, bodies = _hands(path, said), _bodies(path, said)
+    unread = sorted(
+        key
+        for key, value in said.items()
+        if key not in KNOWN and value and isinstance(value, list | dict)
+    )
+    notes = [f"{Path(path).name}: not read are {some(unread)}"] if unread else []
     looked_for = any("hand_landmarks" in key or "handed" in key for key in said)
     known = dict.fromkeys([*HANDS[0], *HANDS[1]], UNSEEN) if looked_for else {}
-    if bodies:
-        known = dict(zip(MEDIAPIPE_33, bodies[number], strict=True)) | {
-            name: known[name] for name in known if name not in MEDIAPIPE_33
-        }
-        if others and looked_for:
-            notes.append(
-                f"{Path(path).name} does not say whose the hands are; they go with that body"
-            )
+    seen: dict[str, list[float]] = {}
     for side, own in zip(SIDES, HANDS, strict=True):
-        seen = [points for where, points in hands if where == side]
-        if len(seen) > 1:
+        several = [points for where, points in hands if where == side]
+        if len(several) > 1:
             notes.append(
-                f"{Path(path).name} holds {len(seen)} {side} hands; the first is read. MediaPipe "
-                "takes a hand for the other one in an image that is mirrored"
+                f"{Path(path).name} holds {len(several)} {side} hands; the first is read. "
+                "MediaPipe takes a hand for the other one in an image that is mirrored"
             )
-        known |= dict(zip(own, seen[0], strict=True)) if seen else {}
-    points, _ = in_px(path, np.array([*known.values()]), size, fractions=True)
-    body = MEDIAPIPE_33 if bodies else ()  # files of cameras must agree on these
-    return DetectedPerson(tuple(known), points, size, body, tuple(notes))
-
-
-def mediapipe_people(path: str | Path, data: dict[str, Any]) -> int:
-    """The number of people in a result of MediaPipe; hands without a body are one person."""
-    said = {_snake(key): value for key, value in data.items()}
-    return len(_bodies(path, said)) or int(bool(_hands(path, said)))
+        seen |= dict(zip(own, several[0], strict=True)) if several else {}
+    if len(bodies) > 1 and looked_for:
+        notes.append(f"{Path(path).name} does not say whose the hands are; they go with any body")
+    named = [dict(zip(MEDIAPIPE_33, body, strict=True)) for body in bodies]
+    people = [known | body | seen for body in named or ([{}] if hands else [])]
+    return [(f"{POSES_KEY}[{i}]", {"keypoints": one}) for i, one in enumerate(people)], notes
 
 
 def _snake(key: Any) -> str:
@@ -90,7 +76,7 @@ def _snake(key: Any) -> str:
     return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", str(key)[:60]).lower()
 
 
-def _hands(path: str | Path, said: dict[str, Any]) -> list[tuple[str, Array]]:
+def _hands(path: str | Path, said: dict[str, Any]) -> list[tuple[str, list[list[float]]]]:
     """Each hand with its side."""
     found = []
     for side in SIDES:
@@ -116,7 +102,7 @@ def _hands(path: str | Path, said: dict[str, Any]) -> list[tuple[str, Array]]:
     return found
 
 
-def _bodies(path: str | Path, said: dict[str, Any]) -> list[Array]:
+def _bodies(path: str | Path, said: dict[str, Any]) -> list[list[list[float]]]:
     of_either = not any("handed" in key for key in said)
     key = POSES_KEY if said.get(POSES_KEY) else EITHER if of_either else ""
     given = said.get(key)
@@ -155,19 +141,12 @@ def _side(path: str | Path, where: str, label: Any) -> str:
     return side
 
 
-def _points(path: str | Path, where: str, given: Any, count: int) -> Array:
-    """Points (count, 3): u and v as fractions of the image, and a confidence, 1 for a hand."""
+def _points(path: str | Path, where: str, given: Any, count: int) -> list[list[float]]:
+    """As many points as `count`: u and v as fractions of the image, and a confidence."""
     if not isinstance(given, list) or len(given) != count:
         many = f"{len(given)} points" if isinstance(given, list) else shown(given)
         raise BadFile(f"{path}: {where} has {many}; MediaPipe's has {count}, each with x and y")
-    points = points_in(path, where, given)[1]
-    return trusted(np.column_stack([points[:, :2], np.ones(count)]) if count == 21 else points)
-
-
-def _notes(path: str | Path, said: dict[str, Any]) -> list[str]:
-    unread = sorted(
-        key
-        for key, value in said.items()
-        if key not in KNOWN and value and isinstance(value, list | dict)
-    )
-    return [f"{Path(path).name}: not read are {some(unread)}"] if unread else []
+    points: list[list[float]] = points_in(path, where, given)[1].tolist()
+    if count == 21:  # older solutions give hands a visibility of 0
+        return [[u, v, 1.0] for u, v, _ in points]
+    return points

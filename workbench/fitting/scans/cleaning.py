@@ -4,13 +4,13 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import trimesh
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from workbench.arrays import Array, Index, Mask
 from workbench.fitting.scans.scan import BadScan, Contents, drawn
 from workbench.fitting.scans.surface import least_spread, outline
-from workbench.geometry.solids import face_vectors
 
 LARGEST = 1e9  # in the file's unit: farther out is no coordinate but damage
 FEWEST = 100  # points
@@ -101,7 +101,8 @@ def _plane_beside(contents: Contents) -> tuple[Array, Array, float] | None:
     """The unit normal (3,) towards the rest, a point (3,) and half of the thickness of a plane."""
     points, camera = contents.points, contents.camera_position
     if contents.faces is not None:
-        points = _samples(points, contents.faces)
+        mesh = trimesh.Trimesh(points, contents.faces, process=False)
+        points = np.asarray(trimesh.sample.sample_surface(mesh, SAMPLES, seed=0)[0])
     cells = outline(points)
     if len(cells) < AROUND:
         return None
@@ -151,19 +152,6 @@ def _plane_beside(contents: Contents) -> tuple[Array, Array, float] | None:
 def deviation(numbers: Array) -> float:
     """The standard deviation of numbers (M,), by their median distance from the median."""
     return 1.4826 * float(np.median(np.abs(numbers - np.median(numbers))))
-
-
-def _samples(points: Array, faces: Index) -> Array:
-    """Points at random on faces, evenly by area."""
-    rng = np.random.default_rng(0)
-    areas = np.linalg.norm(face_vectors(points, faces), axis=1)
-    if not areas.any():
-        return points
-    chosen = faces[rng.choice(len(faces), SAMPLES, p=areas / areas.sum())]
-    a, b = rng.random((2, SAMPLES, 1))
-    a, b = np.where(a + b > 1, 1 - a, a), np.where(a + b > 1, 1 - b, b)
-    first, second, third = points[chosen].transpose(1, 0, 2)
-    return np.asarray(first + a * (second - first) + b * (third - first))
 
 
 def far_points(points: Array) -> Mask:
