@@ -19,9 +19,10 @@ from workbench.fitting.files.layouts import BODIES, KNOWN, PARTS, keypoint_name
 from workbench.fitting.files.mediapipe import is_mediapipe, mediapipe_people
 from workbench.fitting.files.points import (
     DetectedPerson,
+    how_large,
     in_px,
     is_point,
-    largest,
+    no_such_person,
     points_in,
     trusted,
 )
@@ -193,15 +194,24 @@ def person_of(
             f"{path} holds {len(entries):,} people, and at most {MOST_PEOPLE:,} are read; give a "
             "file with fewer"
         )
-    people = [_points_of(path, where, one) for where, one in entries]
-    if not any(len(points) for _, points in people):
+    if person is not None and entries and not 0 <= person < len(entries):
+        raise no_such_person(path, person, len(entries))
+    asked = range(len(entries)) if person is None else [person] if entries else []
+    people = {i: _points_of(path, *entries[i]) for i in asked}
+    seen = {i: trusted(points) for i, (_, points) in people.items() if len(points)}
+    if not seen:
         raise BadFile(_without_keypoints(path, data))
-    number, others = largest(path, [trusted(points) for _, points in people], person)
+    number = max(seen, key=lambda i: how_large(seen[i]))
     where, entry = entries[number]
     own, points = people[number]
     body = own or _names(path, data, len(points))
     names, points, unread = _with_parts(path, where, entry, (body, points))
-    notes = [*notes, *unread, *others]
+    notes = [*notes, *unread]
+    if (count := sum(bool(one[:, 2].any()) for one in seen.values())) > 1:
+        notes.append(
+            f"{Path(path).name} holds {count} people; the largest, number {number} counted from "
+            "0, is read, and --person takes another"
+        )
     scores = points[np.isfinite(points[:, 2]), 2]
     if (scores > 1).any() and not {*scores} <= {0.0, 1.0, 2.0}:
         notes.append(

@@ -1,6 +1,5 @@
 """Keypoints of a person as any detector writes them, as numbers: lists, columns or names."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -96,8 +95,10 @@ def points_in(path: str | Path, where: str, given: Any, scores: Any = None) -> N
         numbers = numbers.reshape(-1, wide)
     if numbers.ndim != 2 or not (2 <= numbers.shape[1] <= 4 or not numbers.size):
         raise BadFile(f"{path}: {what} must be u, v and a confidence each, not {shown(given)}")
+    if sure is None and numbers.shape[1] == 3:
+        return names, numbers
     if sure is None:
-        sure = numbers[:, -1] if numbers.shape[1] > 2 else np.ones(len(numbers))
+        sure = numbers[:, 3] if numbers.shape[1] > 3 else np.ones(len(numbers))
     if len(sure) != len(numbers):
         raise BadFile(f"{path}: {what} are {len(numbers)}, but there are {len(sure)} scores")
     return names, np.column_stack([numbers[:, :2], sure])
@@ -121,11 +122,11 @@ def trusted(points: Array) -> Array:
     nothing about px, and must not make a sigma smaller. Not seen, with confidence 0, is what is not
     finite, farther than 1e7 px, has a confidence of 0 or below, or lies at 0, 0 or -1, -1.
     """
-    with np.errstate(invalid="ignore"):
-        seen = np.isfinite(points).all(axis=1) & (np.abs(points[:, :2]) < FARTHEST).all(axis=1)
-        seen &= (points[:, 2] > 0) & (points[:, :2] > 0).any(axis=1)
-        confidence = np.where(seen, np.minimum(points[:, 2], 1.0), 0.0)
-    return np.column_stack([np.where(seen[:, None], points[:, :2], 0.0), confidence])
+    seen = (np.abs(points[:, :2]) < FARTHEST).all(axis=1)  # nor NaN
+    seen &= (points[:, 2] > 0) & (points[:, 2] < np.inf) & (points[:, :2] > 0).any(axis=1)
+    found = np.where(seen[:, None], points, 0.0)
+    found[:, 2] = np.minimum(found[:, 2], 1.0)
+    return found
 
 
 def in_px(
@@ -148,30 +149,13 @@ def in_px(
     return points * [*size, 1.0], [] if fractions else [note]
 
 
-def largest(path: str | Path, people: Sequence[Array], person: int | None) -> tuple[int, list[str]]:
-    """The number of the largest of people (M, 3) in an image, or `person`, and a note on others.
-
-    Raises UnknownName for a person who is not there.
-    """
-    if person is not None:
-        if not 0 <= person < len(people):
-            known = [str(number) for number in range(len(people))] if len(people) <= 5 else []
-            many = f"{len(people):,} {'person' if len(people) == 1 else 'people'}"
-            raise UnknownName(
-                "person",
-                str(person),
-                known,
-                hint="" if known else f"0 to {len(people) - 1}",
-                more=f"{path} holds {many}, counted from 0",
-            )
-        return person, []
-    number = max(range(len(people)), key=lambda i: how_large(people[i]))
-    count = sum(bool((one[:, 2] > 0).any()) for one in people)
-    note = (
-        f"{Path(path).name} holds {count} people; the largest, number {number} counted from 0, is "
-        "read, and --person takes another"
-    )
-    return number, [note] if count > 1 else []
+def no_such_person(path: str | Path, person: int, count: int) -> UnknownName:
+    """The error for a person who is not among the `count` people of a file."""
+    known = [str(number) for number in range(count)] if count <= 5 else []
+    hint = "" if known else f"0 to {count - 1}"
+    people = f"{count:,} {'person' if count == 1 else 'people'}"
+    more = f"{path} holds {people}, counted from 0"
+    return UnknownName("person", str(person), known, hint=hint, more=more)
 
 
 def how_large(points: Array) -> tuple[float, float]:

@@ -4,7 +4,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
@@ -101,6 +100,8 @@ def _plane_beside(contents: Contents) -> tuple[Array, Array, float] | None:
     """The unit normal (3,) towards the rest, a point (3,) and half of the thickness of a plane."""
     points, camera = contents.points, contents.camera_position
     if contents.faces is not None:
+        import trimesh  # a quarter of a second to import: not before it is needed
+
         mesh = trimesh.Trimesh(points, contents.faces, process=False)
         points = np.asarray(trimesh.sample.sample_surface(mesh, SAMPLES, seed=0)[0])
     cells = outline(points)
