@@ -34,26 +34,6 @@ from workbench.fitting.keypoints import keypoint_fit, unused
 from workbench.fitting.observations import COCO, FEET, BadObservation, Observations, photograph
 
 
-def test_openpose_is_read_by_name(tmp_path: Path) -> None:
-    data = {"version": 1.3, "people": [{"pose_keypoints_2d": person(25)}]}
-    names, points, size = read_keypoints(written(tmp_path / "a.json", data))
-    assert names == OPENPOSE_25
-    assert len(set(names)) == 25
-    assert points[names.index("left_ankle")].tolist() == [114.0, 128.0, 0.9]
-    assert size is None
-
-
-def test_best_seen_person_is_taken(tmp_path: Path) -> None:
-    people = [
-        {"pose_keypoints_2d": person(25, confidence=c, at=a)} for c, a in ((0.3, 0), (0.8, 7))
-    ]
-    file = written(tmp_path / "a.json", {"people": people})
-    assert read_keypoints(file)[1][0, 0] == 7
-    assert read_keypoints(file, person=0)[1][0, 0] == 0
-    with pytest.raises(UnknownName, match="no person is called '2'; there are 0, 1 "):
-        read_keypoints(file, person=2)
-
-
 def test_size_is_that_of_the_persons_image(tmp_path: Path) -> None:
     data = {
         "images": [{"id": i, "width": 100 * i, "height": 50} for i in (1, 2)],
@@ -503,6 +483,14 @@ READ: dict[str, tuple[tuple[str, ...], Any]] = {  # the names of the points, and
             "width": 640,
             "annots": [{"bbox": [1, 2, 3, 4, 1], "personID": 0, **by_person(OPENPOSE_25)}],
         },
+    ),
+    "OpenPose 1.7": (
+        OPENPOSE_25,
+        {"version": 1.3, "people": [{"pose_keypoints_2d": seen_by(OPENPOSE_25).ravel().tolist()}]},
+    ),
+    "AlphaPose, an entry for each image": (
+        OPENPOSE_18,
+        {"7.jpg": {"people": [{"pose_keypoints_2d": seen_by(OPENPOSE_18).ravel().tolist()}]}},
     ),
     "OpenPose 1.0": (
         OPENPOSE_18,

@@ -70,6 +70,8 @@ def frames_in(data: Any) -> list[tuple[Any, Any]] | None:
     frames with `instances`. Each entry has the form of a file on one image.
     """
     about, frames = {}, data
+    if isinstance(data, dict) and data and all(map(_has_people, data.values())):
+        return [*data.items()]
     if isinstance(data, dict):
         about = {key: one for key, one in data.items() if key not in (*PEOPLE, "keypoints")}
         frames = data.get("instance_info")
@@ -104,8 +106,6 @@ def by_image(path: Path, data: Any) -> dict[int, Any]:
     """
     found: dict[int, Any] = {}
     frames = frames_in(data)
-    if frames is None and isinstance(data, dict) and data and all(map(_has_people, data.values())):
-        frames = [*data.items()]
     if frames is not None:
         for name, one in frames:
             number = _number(path, "an entry", name)
