@@ -300,6 +300,10 @@ CALIBRATIONS: dict[str, dict[str, Any]] = {  # files, of which the first is read
     "CMU Panoptic": {"calibration_160422.json": PANOPTIC},
     "EasyMocap": {"intri.yml": easymocap("intri"), "extri.yml": easymocap("extri")},
     "EasyMocap by the other": {"extri.yml": easymocap("extri"), "intri.yml": easymocap("intri")},
+    "EasyMocap with flat names": {
+        "intri.yml": easymocap("intri").replace('\r\n  - "c0"\r\n  - "c1"', " [ c0, 'c1' ]"),
+        "extri.yml": easymocap("extri").replace("\r\n", "\n"),
+    },
     "4 x 4": {"c.json": all_of(**LENS, extrinsics=world_to_camera)},
     "3 x 4": {"c.json": all_of(**LENS, RT=lambda R, t: world_to_camera(R, t)[:3])},
     "T of 4 x 4": {"c.json": all_of(**LENS, T=world_to_camera)},

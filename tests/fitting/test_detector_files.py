@@ -582,10 +582,11 @@ def test_published_keypoints_are_read(tmp_path: Path, name: str) -> None:
 
 
 def test_values_that_say_nothing_are_not_seen(tmp_path: Path) -> None:
-    points: list[list[float | None]] = seen_by(COCO).tolist()
-    points[:7] = [
+    points: list[Any] = seen_by(COCO).tolist()
+    points[:9] = [
         *([None, 5.0, 0.9], [float("nan"), 5.0, 0.9], [-1.0, -1.0, 0.9], [0.0, 0.0, 0.9]),
         *([200.0, 200.0, -0.02], [200.0, 200.0, None], [1e300, 200.0, 0.9]),
+        *(None, []),
     ]
     entry = {
         "keypoints": points,
@@ -595,10 +596,13 @@ def test_values_that_say_nothing_are_not_seen(tmp_path: Path) -> None:
     }
     found = read_person(written(tmp_path / "a.json", {"annots": [entry]}), size=SIZE)
     at = dict(zip(found.names, found.points, strict=True))
-    assert [name for name in COCO if at[name][2] == 0] == [*COCO[:7]]
-    np.testing.assert_array_equal(found.points[7:17], seen_by(COCO)[7:])
+    assert [name for name in COCO if at[name][2] == 0] == [*COCO[:9]]
+    np.testing.assert_array_equal(found.points[9:17], seen_by(COCO)[9:])
     assert (found.points[17:] == 0).all()
     assert found.notes == ("a.json: not read are handl2d, face2d",)
+    by_name = dict(zip(COCO, points, strict=True))
+    found = read_person(written(tmp_path / "b.json", by_name), size=SIZE)
+    np.testing.assert_array_equal(found.points[:, 2] > 0, np.arange(17) > 8)
 
 
 def test_fractions_need_the_size_of_the_image(tmp_path: Path) -> None:

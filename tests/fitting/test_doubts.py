@@ -107,7 +107,7 @@ def exchanged(extrinsics: list[tuple[Array, Array]]) -> list[tuple[Array, Array]
 
 
 CONVENTIONS = {
-    "camera-to-world": lambda R, t: (R.T, -R.T @ t),
+    "not world-to-camera (--camera-to-world)": lambda R, t: (R.T, -R.T @ t),
     "translations of the cameras seem to be in mm": lambda R, t: (R, 1000 * t),
     "OpenGL's axes": lambda R, t: (FLIP @ R, FLIP @ t),
     "camera-to-world, not world-to-camera, with translations in mm": lambda R, t: (

@@ -134,8 +134,16 @@ def notes_on(path: str | Path | None, cameras: Calibration) -> list[str]:
     return [f"{Path(path or '').name}: {note}" for note in notes]
 
 
-def of_files(cameras: Calibration, paths: Sequence[Path]) -> Calibration:
-    """The cameras of files, or of folders, in whose names theirs are; else those given."""
+def cameras_of(
+    paths: Sequence[Path], calibration: str | Path | None, camera_to_world: bool
+) -> Calibration:
+    """The cameras of files, or folders, in whose names theirs are; else all; none without a file.
+
+    Raises BadFile as `read_calibration` does.
+    """
+    if calibration is None:
+        return {}
+    cameras = read_calibration(calibration, camera_to_world=camera_to_world)
     own = [
         [name for name in cameras if name == path.parent.name or re.search(_word(name), path.name)]
         for path in paths
@@ -341,7 +349,7 @@ def _value(path: Path, key: str, block: str) -> Any:
             if len(numbers) != rows * cols:
                 raise BadFile(f"{path}: {key} holds {len(numbers)} numbers, not {rows} x {cols}")
             return {"rows": rows, "cols": cols, "data": numbers}
-        if block.startswith(("-", "[")) and not block[1:2].isdigit():
+        if re.match(r"\[|-\s", block):
             return re.findall(r"[^\s\[\],\"'-][^\s\[\],\"']*", block)
         return float(block)
     except ValueError as error:

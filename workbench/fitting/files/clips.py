@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.errors import BadArgument, BadFile, UnknownName, some
-from workbench.fitting.files.cameras import notes_on, of_files, read_calibration
+from workbench.fitting.files.cameras import cameras_of, notes_on
 from workbench.fitting.files.keypoints import (
     by_image,
     calibration_of,
@@ -67,10 +67,7 @@ def read_clip(
             "one that holds nothing but a folder for each camera"
         )
     cameras = inner or [root]
-    known = {}
-    if calibration is not None:
-        known = read_calibration(calibration, camera_to_world=camera_to_world)
-        known = of_files(known, cameras)
+    known = cameras_of(cameras, calibration, camera_to_world)
     if len(known) != len(cameras) and (known or len(cameras) > 1):
         raise BadFile(
             f"{root} holds the frames of {len(cameras)} cameras, and {len(known)} are calibrated; "

@@ -14,7 +14,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.errors import BadArgument, BadFile, shown, some
-from workbench.fitting.files.cameras import notes_on, of_files, read_calibration, size_in
+from workbench.fitting.files.cameras import cameras_of, notes_on, size_in
 from workbench.fitting.files.layouts import BODIES, KNOWN, PARTS, keypoint_name
 from workbench.fitting.files.mediapipe import is_mediapipe, mediapipe_people
 from workbench.fitting.files.points import (
@@ -265,14 +265,15 @@ def _entries(
             where, listed = key, data[key]
         elif _has_keypoints(data):
             listed = [data]
-        elif data and all(map(is_point, data.values())):
+        elif data and any(data.values()) and all(is_point(one or [0, 0]) for one in data.values()):
             listed = [{"keypoints": data}]
         else:
             raise BadFile(_without_keypoints(path, data))
     elif isinstance(data, list) and data:
-        if is_point(data[0]) or isinstance(data[0], int | float):
+        first = next((one for one in data if one is not None), None)
+        if is_point(first) or isinstance(first, int | float):
             listed = [{"keypoints": data}]
-        elif isinstance(data[0], list) and data[0] and is_point(data[0][0]):
+        elif isinstance(first, list) and first and is_point(first[0]):
             listed = [{"keypoints": one} for one in data]
     return data, [one for one in _objects(path, where, listed) if _has_keypoints(one[1])], []
 
@@ -412,10 +413,7 @@ def read_observations(
         raise BadArgument(f"a focal length is a number of px above 0, not {focal:g}")
     if size is not None and min(size) < 1:
         raise BadArgument(f"an image is at least 1 px wide and high, not {size[0]}x{size[1]}")
-    cameras = {}
-    if calibration is not None:
-        cameras = read_calibration(calibration, camera_to_world=camera_to_world)
-        cameras = of_files(cameras, [Path(path) for path in paths])
+    cameras = cameras_of([Path(path) for path in paths], calibration, camera_to_world)
     if len(cameras) != len(paths) and (cameras or len(paths) > 1):
         many = f"{len(paths)} files of keypoints need" if len(paths) > 1 else "one file needs"
         raise BadFile(

@@ -81,6 +81,9 @@ def points_in(path: str | Path, where: str, given: Any, scores: Any = None) -> N
         if all(isinstance(name, str) for name in called):
             names = tuple(map(keypoint_name, called))
         given = [*map(_row, given)]
+    elif isinstance(given, list):
+        wide = next((len(one) for one in given if isinstance(one, list) and one), 0)
+        given = [[None] * wide if wide and not one else one for one in given]  # null: not seen
     numbers = numbers_in(path, what, given)
     sure = None if not isinstance(scores, list) else numbers_in(path, what, scores).ravel()
     if numbers.ndim == 3 and len(numbers) == 1:  # of one person
@@ -112,7 +115,7 @@ def _row(given: Any) -> Any:
         return [place.get("x"), place.get("y"), sure]
     if isinstance(given, list) and len(given) in (2, 4):
         return [*given[:2], given[3] if len(given) == 4 else 1.0]
-    return given
+    return given or [None] * 3
 
 
 def trusted(points: Array) -> Array:
