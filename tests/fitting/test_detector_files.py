@@ -66,6 +66,7 @@ def test_damaged_keypoint_files_are_refused(tmp_path: Path) -> None:
         ([], "no person's keypoints"),
         ({"something": 1}, "no person's keypoints; it has the keys something"),
         ({"cameras": []}, "keypoints and seems to be a calibration, which --cameras takes"),
+        ({"c0": {"K": [], "R": []}}, "to be a calibration, which .* it has the keys c0"),
         ([{"bbox": [1, 2, 3, 4], "score": 1}], "to be boxes .* it has the keys bbox, score"),
         ({"bodies": [{"joints19": [1, 2, 3]}]}, "seems to be keypoints in space; .* joints19"),
         ({"poses": [], "betas": []}, "seems to be the motion of a body"),

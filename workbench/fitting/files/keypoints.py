@@ -287,7 +287,9 @@ def _without_keypoints(path: str | Path, data: Any) -> str:
         if isinstance(inside, list) and inside:
             inside = inside[0]
     keys = [*inside] if isinstance(inside, dict) else []
-    kind = next((kind for known, kind in SEEMS if known & {*keys}), "")
+    first = inside[keys[0]] if keys else None  # of cameras, motions or boxes by name
+    named = {*keys, *first} if isinstance(first, dict) else {*keys}
+    kind = next((kind for known, kind in SEEMS if known & named), "")
     seems = f" and seems to be {kind}" if kind else ""
     has = f"; it has the keys {some(map(str, keys))}" if keys else f"; it is {shown(data)}"
     return (
