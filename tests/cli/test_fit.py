@@ -10,7 +10,7 @@ import workbench as wb
 from tests.cli.conftest import Run
 from workbench.bodies.triangles import scape
 from workbench.experiments.balance import NAMES, observations, published
-from workbench.fitting.files.layouts import OPENPOSE, OPENPOSE_25
+from workbench.fitting.files.layouts import OPENPOSE_25
 from workbench.geometry.meshes import write_mesh
 from workbench.motions import read_motion
 
@@ -93,7 +93,7 @@ def clip(tmp_path: Path) -> Path:
     known = [NAMES.get(str(name), "") for name in published()["keypoint_names"]]
     for t in (40, 41, 43, 44):
         seen = published()["keypoints"][t, 0]
-        order = [known.index(name) if name in known else None for name in OPENPOSE.bodies[25]]
+        order = [known.index(name) if name in known else None for name in OPENPOSE_25]
         points = [n for i in order for n in (seen[i].tolist() if i is not None else (0, 0, 0))]
         file = folder / f"film_{t:04d}_keypoints.json"
         file.write_text(json.dumps({"people": [{"pose_keypoints_2d": points}]}))

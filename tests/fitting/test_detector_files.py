@@ -11,6 +11,7 @@ from tests.bodies.random_bodies import entries
 from tests.fitting.mediapipe_made import dots, mediapipe_results
 from tests.fitting.test_cameras import openpose, person, written
 from workbench import load_body
+from workbench.arrays import Array
 from workbench.bodies import HAND_POINTS
 from workbench.bodies.files.joint_names import HANDS as HAND_JOINTS
 from workbench.bodies.files.layouts import body_from
@@ -18,39 +19,19 @@ from workbench.errors import BadFile, UnknownName
 from workbench.fitting import read_clip, read_keypoints, read_observations
 from workbench.fitting.files.keypoints import read_person
 from workbench.fitting.files.layouts import (
-    COCO_FILES,
+    BODIES,
     HALPE_26,
     HALPE_136,
     HANDS,
     MEDIAPIPE_33,
-    OPENPOSE,
     OPENPOSE_18,
     OPENPOSE_25,
     OPENPOSE_135,
+    SAPIENS_308,
     WHOLE_BODY,
 )
 from workbench.fitting.keypoints import keypoint_fit, unused
 from workbench.fitting.observations import COCO, FEET, BadObservation, Observations, photograph
-
-
-def test_openpose_is_read_by_name(tmp_path: Path) -> None:
-    data = {"version": 1.3, "people": [{"pose_keypoints_2d": person(25)}]}
-    names, points, size = read_keypoints(written(tmp_path / "a.json", data))
-    assert names == OPENPOSE_25
-    assert len(set(names)) == 25
-    assert points[names.index("left_ankle")].tolist() == [114.0, 128.0, 0.9]
-    assert size is None
-
-
-def test_best_seen_person_is_taken(tmp_path: Path) -> None:
-    people = [
-        {"pose_keypoints_2d": person(25, confidence=c, at=a)} for c, a in ((0.3, 0), (0.8, 7))
-    ]
-    file = written(tmp_path / "a.json", {"people": people})
-    assert read_keypoints(file)[1][0, 0] == 7
-    assert read_keypoints(file, person=0)[1][0, 0] == 0
-    with pytest.raises(UnknownName, match="no person is called '2'; there are 0, 1 "):
-        read_keypoints(file, person=2)
 
 
 def test_size_is_that_of_the_persons_image(tmp_path: Path) -> None:
@@ -81,11 +62,17 @@ def test_coco_annotations_bring_the_size_of_their_image(tmp_path: Path) -> None:
 def test_damaged_keypoint_files_are_refused(tmp_path: Path) -> None:
     for data, said in [
         ({"people": []}, "no person's keypoints"),
-        ({"people": [{"pose_keypoints_2d": person(19)}]}, "19 keypoints per person.*25 or 18"),
+        ({"people": [{"pose_keypoints_2d": person(19)}]}, "19 keypoints per person.*17, 18, 21"),
         ([], "no person's keypoints"),
-        ({"something": 1}, "no person's keypoints"),
+        ({"something": 1}, "no person's keypoints; it has the keys something"),
+        ({"cameras": []}, "keypoints and seems to be a calibration, which --cameras takes"),
+        ({"c0": {"K": [], "R": []}}, "to be a calibration, which .* it has the keys c0"),
+        ([{"bbox": [1, 2, 3, 4], "score": 1}], "to be boxes .* it has the keys bbox, score"),
+        ({"bodies": [{"joints19": [1, 2, 3]}]}, "seems to be keypoints in space; .* joints19"),
+        ({"poses": [], "betas": []}, "seems to be the motion of a body"),
         (3, "annotations must be a list of objects, not 3"),
-        ([1, 2], r"annotations\[0\] must be an object, not 1"),
+        ([1, 2], "keypoints must be three numbers each"),
+        (["a"], r"annotations\[0\] must be an object, not 'a'"),
         ({"people": 3}, "people must be a list of objects, not 3"),
         ({"people": ["x"]}, r"people\[0\] must be an object, not 'x'"),
         ({"annotations": 3}, "annotations must be a list"),
@@ -94,7 +81,6 @@ def test_damaged_keypoint_files_are_refused(tmp_path: Path) -> None:
         ({"annotations": [{"keypoints": [[1], [2, 3]]}]}, "keypoints must be numbers"),
         ({"annotations": [{"keypoints": [10**400] * 51}]}, "keypoints must be numbers"),
         ({"annotations": [{"keypoints": [1, 2]}]}, "but 2 numbers are not a multiple of three"),
-        ({"annotations": [{"keypoints": person(17, at=1e300)}]}, r"has nose at \[1e\+300"),
         ({"images": [3], "annotations": [{"keypoints": person(17)}]}, r"images\[0\] must be an"),
         (
             {
@@ -217,7 +203,7 @@ def test_other_people_are_noted(tmp_path: Path) -> None:
     people = [{"pose_keypoints_2d": person(25, confidence=c)} for c in (0.3, 0.8)]
     file = written(tmp_path / "a.json", {"people": [*people, {"pose_keypoints_2d": []}]})
     (note,) = read_observations([file], size=SIZE).notes
-    assert note.startswith("a.json holds 2 people; the one seen best, number 1 counted from 0")
+    assert note.startswith("a.json holds 2 people; the largest, number 1 counted from 0")
     assert read_observations([file], size=SIZE, person=0).notes == ()
 
 
@@ -282,7 +268,11 @@ def test_mediapipe_hands_are_read_by_name_and_side(tmp_path: Path, name: str) ->
 
 def test_mediapipe_bodies_are_read(tmp_path: Path) -> None:
     file = written(tmp_path / "a.json", RESULTS["bodies-of-python"])
-    best = [sum(p["visibility"] for p in dots(33, seed, visible=True)) for seed in (3, 4)]
+    boxes = [
+        np.ptp([[p["x"], p["y"]] for p in dots(33, seed, visible=True) if p["visibility"] > 0.2], 0)
+        for seed in (3, 4)
+    ]
+    best = np.linalg.norm(boxes, axis=1)
     names, points, size = read_keypoints(file, size=SIZE)
     assert (names, size) == (MEDIAPIPE_33, SIZE)
     seen = dots(33, 3 + int(np.argmax(best)), visible=True)
@@ -328,12 +318,9 @@ def test_damaged_mediapipe_files_are_refused(tmp_path: Path) -> None:
             "is said to be Both|is said to be 'Both'; a hand is Left or Right",
         ),
         ({"pose_landmarks": [LEFT]}, "has 21 points; MediaPipe's has 33"),
-        ({"left_hand_landmarks": [{"x": 0.1}] * 21}, "point 0 must have x and y"),
-        ({"left_hand_landmarks": [{"x": "0.1", "y": 1}] * 21}, "must hold numbers"),
-        ({"left_hand_landmarks": [{"x": 1e9, "y": 1}] * 21}, "as fractions of the image"),
-        ({"pose_landmarks": [[{"x": 0, "y": 1, "visibility": -1}] * 33]}, "not from 0 to 1"),
+        ({"left_hand_landmarks": [{"x": "a", "y": 1}] * 21}, "must be numbers"),
         ({"pose_landmarks": "33"}, "must be a list of at most"),
-        ({"pose_landmarks": []}, "found no hand and no body"),
+        ({"pose_landmarks": []}, "no person's keypoints.*keys pose_landmarks"),
     ]:
         with pytest.raises(BadFile, match=says):
             read_keypoints(written(tmp_path / "a.json", said), size=SIZE)
@@ -361,7 +348,7 @@ def test_alphapose_bodies_and_single_hands_are_read(tmp_path: Path) -> None:
     assert points[0, 0] == 7
     assert "holds 2 people" in read_observations([file], size=SIZE).notes[0]
     wrong = {"bodies": [{"joints": person(15)}]}
-    with pytest.raises(BadFile, match="15 keypoints per person; alphapose JSON has 17 or 18"):
+    with pytest.raises(BadFile, match="15 keypoints per person, whose names it does not say"):
         read_keypoints(written(tmp_path / "c.json", wrong))
     for i in range(2):
         (tmp_path / "clip").mkdir(exist_ok=True)
@@ -384,6 +371,9 @@ KNOWN = (
     (OPENPOSE_135, {24: "right_heel", 25: "left_thumb1", 44: "left_pinky_tip", 65: "face_0"}),
     (MEDIAPIPE_33, {1: "left_eye_inner", 5: "right_eye", 7: "left_ear", 9: "left_mouth"}),
     (MEDIAPIPE_33, {11: "left_shoulder", 16: "right_wrist", 17: "left_pinky1", 22: "right_thumb2"}),
+    (SAPIENS_308, {5: "left_shoulder", 9: "left_hip", 15: "left_big_toe", 20: "right_heel"}),
+    (SAPIENS_308, {21: "right_thumb_tip", 24: "right_thumb1", 25: "right_index_tip"}),
+    (SAPIENS_308, {41: "right_wrist", 62: "left_wrist", 63: "left_olecranon", 69: "neck"}),
     (MEDIAPIPE_33, {24: "right_hip", 28: "right_ankle", 29: "left_heel", 32: "right_foot_index"}),
 )
 
@@ -394,9 +384,8 @@ def test_layouts_have_the_published_order() -> None:
 
 
 def test_layouts_have_as_many_names_as_points() -> None:
-    for layout in (COCO_FILES, OPENPOSE):
-        for count, names in layout.bodies.items():
-            assert len(names) == len({*names}) == count
+    for count, names in BODIES.items():
+        assert len(names) == len({*names}) == count
 
 
 def file_of(folder: Path, count: int) -> Path:
@@ -425,3 +414,229 @@ def test_points_that_a_body_lacks_are_named(tmp_path: Path) -> None:
         (note,) = unused(read_observations([path], size=(400, 400)), load_body("small"))
         named = note.rpartition("do not include the others: ")[2]
         assert sorted(named.split(", ")) == sorted(said.split(", "))
+
+
+def seen_by(names: tuple[str, ...]) -> Array:
+    """Points (M, 3) of a person in an image of 640 x 480 px."""
+    rng = np.random.default_rng(len(names))
+    return np.column_stack([rng.uniform(50, 450, (len(names), 2)), rng.uniform(0.3, 1, len(names))])
+
+
+def by_person(names: tuple[str, ...], places: str = "keypoints", sure: str = "") -> dict[str, Any]:
+    """One person with columns u, v and a list of confidences beside them, or in them."""
+    points = seen_by(names)
+    if not sure:
+        return {places: points.tolist()}
+    return {places: points[:, :2].tolist(), sure: points[:, 2].tolist()}
+
+
+def columns(points: Array) -> dict[str, list[float]]:
+    return dict(zip(("x", "y", "visible"), points.T.tolist(), strict=True))
+
+
+def objects(names: tuple[str, ...], **keys: str) -> list[dict[str, Any]]:
+    """A list of objects; `keys` say what name and confidence are called."""
+    return [
+        {"x": u, "y": v, keys["sure"]: c, keys["name"]: name}
+        for name, (u, v, c) in zip(names, seen_by(names).tolist(), strict=True)
+    ]
+
+
+MMPOSE = {
+    "keypoints": seen_by(COCO)[:, :2].tolist(),
+    "keypoint_scores": seen_by(COCO)[:, 2].tolist(),
+}
+COCO_25 = (*COCO[:5], "neck", *COCO[5:11], "mid_hip", *COCO[11:], *FEET)  # of easy_ViTPose
+GOLIATH = {i: name for i, name in enumerate(SAPIENS_308)} | {21: "right_thumb4", 70: "glabella"}
+READ: dict[str, tuple[tuple[str, ...], Any]] = {  # the names of the points, and the file
+    "MMPose 1.3, an image": (COCO, {"meta_info": {}, "instance_info": [MMPOSE | {"bbox": [[1]]}]}),
+    "MMPose 1.3, a video": (COCO, {"instance_info": [{"frame_id": 1, "instances": [MMPOSE]}]}),
+    "MMPose 1.3, the inferencer": (COCO, [MMPOSE]),
+    "MMPose 0.29": (COCO, [by_person(COCO)]),
+    "MMPose with names": (
+        COCO[::-1],
+        {
+            "meta_info": {"keypoint_id2name": dict(enumerate(COCO[::-1]))},
+            "instance_info": [by_person(COCO[::-1], sure="keypoint_scores")],
+        },
+    ),
+    "Sapiens": (SAPIENS_308, {"instance_info": [by_person(SAPIENS_308, sure="keypoint_scores")]}),
+    "Sapiens with Goliath's names": (
+        SAPIENS_308,
+        {
+            "meta_info": {"keypoint_id2name": GOLIATH},
+            "instance_info": [by_person(SAPIENS_308, sure="keypoint_scores")],
+        },
+    ),
+    "Ultralytics 8.3": (
+        COCO,
+        [{"name": "person", "class": 0, "confidence": 0.9, "keypoints": columns(seen_by(COCO))}],
+    ),
+    "Ultralytics, normalized": (
+        COCO,
+        [{"name": "person", "keypoints": columns(seen_by(COCO) / [640, 480, 1])}],
+    ),
+    "EasyMocap": (
+        OPENPOSE_25,
+        {
+            "filename": "images/1/000000.jpg",
+            "height": 480,
+            "width": 640,
+            "annots": [{"bbox": [1, 2, 3, 4, 1], "personID": 0, **by_person(OPENPOSE_25)}],
+        },
+    ),
+    "OpenPose 1.7": (
+        OPENPOSE_25,
+        {"version": 1.3, "people": [{"pose_keypoints_2d": seen_by(OPENPOSE_25).ravel().tolist()}]},
+    ),
+    "AlphaPose, an entry for each image": (
+        OPENPOSE_18,
+        {"7.jpg": {"people": [{"pose_keypoints_2d": seen_by(OPENPOSE_18).ravel().tolist()}]}},
+    ),
+    "OpenPose 1.0": (
+        OPENPOSE_18,
+        {"people": [{"pose_keypoints": seen_by(OPENPOSE_18).ravel().tolist()}]},
+    ),
+    "DWPose in ComfyUI": (
+        OPENPOSE_18,
+        [
+            {
+                "people": [{"pose_keypoints_2d": seen_by(OPENPOSE_18).ravel().tolist()}],
+                "canvas_width": 640,
+                "canvas_height": 480,
+            }
+        ],
+    ),
+    "easy_ViTPose": (
+        COCO_25,
+        {
+            "keypoints": [{"3": seen_by(COCO_25)[:, [1, 0, 2]].tolist()}],
+            "skeleton": {str(i): name for i, name in enumerate(COCO_25)},
+        },
+    ),
+    "ViTPose of transformers": (COCO, [[by_person(COCO, sure="scores") | {"labels": [0]}]]),
+    "MoveNet of TensorFlow.js": (
+        COCO,
+        [{"score": 0.8, "keypoints": objects(COCO, name="name", sure="score")}],
+    ),
+    "PoseNet": (
+        COCO,
+        [
+            {
+                "keypoints": [
+                    {"part": n.replace("_e", "E"), "position": {"x": u, "y": v}, "score": c}
+                    for n, (u, v, c) in zip(COCO, seen_by(COCO).tolist(), strict=True)
+                ]
+            }
+        ],
+    ),
+    "Roboflow": (
+        COCO,
+        {
+            "image": {"width": 640, "height": 480},
+            "predictions": [{"keypoints": objects(COCO, name="class", sure="confidence")}],
+        },
+    ),
+    "COCO with names of its own": (
+        COCO[::-1],
+        {
+            "categories": [{"keypoints": [*COCO[::-1]]}],
+            "annotations": [{"keypoints": seen_by(COCO).ravel().tolist()}],
+        },
+    ),
+    "points by name": (FEET, dict(zip(FEET, seen_by(FEET).tolist(), strict=True))),
+    "objects by name": (
+        FEET,
+        {
+            "".join(
+                word.title() for word in name.replace("left", "L").replace("right", "R").split("_")
+            ): {"x": u, "y": v, "confidence": c}
+            for name, (u, v, c) in zip(FEET, seen_by(FEET).tolist(), strict=True)
+        },
+    ),
+    "people in lists": (COCO, [seen_by(COCO).tolist()]),
+    "a list with depths": (MEDIAPIPE_33, np.insert(seen_by(MEDIAPIPE_33), 2, -0.1, 1).tolist()),
+    **{
+        f"a list of {len(names)}": (names, seen_by(names).tolist())
+        for names in (COCO, OPENPOSE_25, HALPE_26, MEDIAPIPE_33, WHOLE_BODY)
+    },
+    **{
+        f"numbers of {len(names)}": (names, seen_by(names).ravel().tolist())
+        for names in (COCO, OPENPOSE_25, HALPE_26, MEDIAPIPE_33, WHOLE_BODY)
+    },
+}
+
+
+@pytest.mark.parametrize("name", READ)
+def test_published_keypoints_are_read(tmp_path: Path, name: str) -> None:
+    names, data = READ[name]
+    found = read_person(written(tmp_path / "a.json", data), size=SIZE)
+    assert set(found.names) == {*names}
+    order = [found.names.index(one) for one in names]
+    np.testing.assert_allclose(found.points[order], seen_by(names), rtol=1e-12)
+    of_image = ("EasyMocap", "DWPose in ComfyUI", "Roboflow")
+    if name in of_image:
+        assert read_keypoints(tmp_path / "a.json")[2] == SIZE
+    said = ["fractions of the image"] if "normalized" in name else []
+    assert [word for note in found.notes for word in said if word in note] == said
+    assert len(found.notes) == len(said)
+
+
+def test_values_that_say_nothing_are_not_seen(tmp_path: Path) -> None:
+    points: list[Any] = seen_by(COCO).tolist()
+    points[:9] = [
+        *([None, 5.0, 0.9], [float("nan"), 5.0, 0.9], [-1.0, -1.0, 0.9], [0.0, 0.0, 0.9]),
+        *([200.0, 200.0, -0.02], [200.0, 200.0, None], [1e300, 200.0, 0.9]),
+        *(None, []),
+    ]
+    entry = {
+        "keypoints": points,
+        "handl2d": "none",
+        "face2d": [[1]],
+        "handr2d": [[np.nan] * 3] * 21,
+    }
+    found = read_person(written(tmp_path / "a.json", {"annots": [entry]}), size=SIZE)
+    at = dict(zip(found.names, found.points, strict=True))
+    assert [name for name in COCO if at[name][2] == 0] == [*COCO[:9]]
+    np.testing.assert_array_equal(found.points[9:17], seen_by(COCO)[9:])
+    assert (found.points[17:] == 0).all()
+    assert found.notes == ("a.json: not read are handl2d, face2d",)
+    by_name = dict(zip(COCO, points, strict=True))
+    found = read_person(written(tmp_path / "b.json", by_name), size=SIZE)
+    np.testing.assert_array_equal(found.points[:, 2] > 0, np.arange(17) > 8)
+
+
+def test_fractions_need_the_size_of_the_image(tmp_path: Path) -> None:
+    parts = (seen_by(OPENPOSE_25) / [640, 480, 1]).ravel().tolist()
+    file = written(tmp_path / "a.json", {"people": [{"pose_keypoints_2d": parts}]})
+    with pytest.raises(BadFile, match=r"fractions of an image, .* give --size WIDTHxHEIGHT"):
+        read_keypoints(file)
+    observed = read_observations([file], size=SIZE)
+    np.testing.assert_allclose(observed.photographs[0].pixels, seen_by(OPENPOSE_25)[:, :2])
+    assert "taken for fractions" in observed.notes[0]
+
+
+def test_largest_person_is_taken(tmp_path: Path) -> None:
+    near, far = seen_by(COCO), seen_by(COCO) * [0.5, 0.5, 1] + [300, 200, 0]
+    ghost = seen_by(COCO) * [1.4, 1.4, 0.1]  # of which the detector is not sure
+    people = [{"keypoints": one.tolist()} for one in (far, near * [1, 1, 0.8], ghost)]
+    file = written(tmp_path / "a.json", people)
+    found = read_person(file, size=SIZE)
+    np.testing.assert_allclose(found.points, near * [1, 1, 0.8])
+    assert found.notes == (
+        "a.json holds 3 people; the largest, number 1 counted from 0, is read, and --person takes "
+        "another",
+    )
+    np.testing.assert_allclose(read_keypoints(file, person=0)[1], far)
+    with pytest.raises(UnknownName, match=r"there are 0, 1, 2 .*holds 3 people"):
+        read_keypoints(file, person=3)
+
+
+def test_files_of_many_images_want_video(tmp_path: Path) -> None:
+    frames = [{"frame_id": i + 1, "instances": [MMPOSE]} for i in range(3)]
+    for data in ({"instance_info": frames}, frames, [[MMPOSE]] * 3):
+        file = written(tmp_path / "a.json", data)
+        with pytest.raises(BadFile, match="the people of 3 images; fit them with --video"):
+            read_keypoints(file)
+        clip = read_clip(file, fps=30, size=SIZE)
+        np.testing.assert_allclose(clip.films[0].pixels, [seen_by(COCO)[:, :2]] * 3)

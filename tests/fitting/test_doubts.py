@@ -14,7 +14,7 @@ from workbench.bodies import SkinnedBody
 from workbench.fitting.body_priors import usual_priors
 from workbench.fitting.conventions import ORDERS
 from workbench.fitting.doubts import doubts, of_markers, of_person
-from workbench.fitting.files.cameras import in_degrees, read_calibration
+from workbench.fitting.files.cameras import notes_on, read_calibration
 from workbench.fitting.files.keypoints import read_observations
 from workbench.fitting.images import depth_interval, image_fit
 from workbench.fitting.keypoints import keypoint_fit
@@ -107,7 +107,7 @@ def exchanged(extrinsics: list[tuple[Array, Array]]) -> list[tuple[Array, Array]
 
 
 CONVENTIONS = {
-    "camera-to-world": lambda R, t: (R.T, -R.T @ t),
+    "not world-to-camera (--camera-to-world)": lambda R, t: (R.T, -R.T @ t),
     "translations of the cameras seem to be in mm": lambda R, t: (R, 1000 * t),
     "OpenGL's axes": lambda R, t: (FLIP @ R, FLIP @ t),
     "camera-to-world, not world-to-camera, with translations in mm": lambda R, t: (
@@ -156,7 +156,7 @@ def test_rotation_vectors_in_degrees_are_read_as_such(tmp_path: Path) -> None:
     path.write_text(json.dumps(cameras))
     found = read_calibration(path)
     np.testing.assert_allclose([camera["R"] for camera in found.values()], wanted, atol=1e-9)
-    assert "degrees" in in_degrees(path, found)[0]
+    assert "degrees" in notes_on(path, found)[0]
 
 
 def test_exchanged_sides_in_one_view_are_named() -> None:

@@ -303,6 +303,78 @@ def test_bad_scan_arguments_are_refused(tmp_path: Path) -> None:
     assert read_scan(path, up="+z").up == "z"
 
 
+LOW = STANDING[:, 1].min()
+LYING = UP_TO_Y["z"]  # on the back: what was in front is up
+
+
+def square(side: float, noise: float = 0.0, count: int = 20_000) -> Array:
+    """Points of a square around the feet."""
+    rng = np.random.default_rng(0)
+    points = rng.uniform(-side / 2, side / 2, (count, 3)) * [1, 0, 1] + [0, LOW, 0]
+    return points + noise * rng.normal(size=points.shape)
+
+
+WALL = square(2.4, 0.003) @ UP_TO_Y["z"].T + [0, 0.3, LOW + SURFACE[:, 2].min() - 0.3]
+BESIDE = {  # planes and the person before them
+    "a floor": (square(3.0), SURFACE),
+    "a rough floor": (square(2.0, 0.005), SURFACE),
+    "a plate": (square(0.9, count=3000), SURFACE),
+    "a floor and a wall": (np.concatenate([square(2.6, 0.003), WALL]), SURFACE),
+    "a floor under who lies": (
+        square(2.6) - [0, LOW, 0],
+        SURFACE @ LYING.T - [0, (SURFACE @ LYING.T)[:, 1].min(), 0],
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BESIDE)
+def test_floors_and_walls_are_left_out(tmp_path: Path, name: str) -> None:
+    plane, person = BESIDE[name]
+    points = np.concatenate([plane, person])
+    read = read_scan(saved(tmp_path / "scan.npy", points), unit="m", up="y")
+    known = {tuple(one) for one in read.scan.points}
+    left = np.array([tuple(one) in known for one in points])
+    assert left[: len(plane)].mean() < 0.003
+    assert left[len(plane) :].mean() > (0.85 if "lies" in name else 0.97)
+    assert said(read, "on a plane beside the rest, a floor or a wall, and left out")
+    usual = read_scan(saved(tmp_path / "other.npy", 1000 * points))
+    assert usual.unit == "mm"  # by the person, not by the floor
+    assert usual.up == "y" or "lies" in name
+
+
+def test_floor_of_a_mesh_is_left_out(tmp_path: Path) -> None:
+    corners = 2 * np.array([[-1.0, 0, -1], [1, 0, -1], [1, 0, 1], [-1, 0, 1]]) + [0, LOW, 0]
+    both = np.concatenate([FACES, np.array([[0, 2, 1], [0, 3, 2]]) + len(STANDING)])
+    write_mesh(tmp_path / "scan.ply", np.concatenate([STANDING, corners]), both)
+    read = read_scan(tmp_path / "scan.ply")
+    assert said(read, "a floor or a wall")
+    assert 0.94 * len(STANDING) < read.scan.n_points <= len(STANDING)
+    assert np.ptp(read.scan.points[:, 0]) < 1.9
+
+
+def test_scans_without_a_floor_lose_nothing(tmp_path: Path) -> None:
+    flat = STANDING.copy()  # a back as flat as a board
+    flat[:, 2] = np.maximum(flat[:, 2], np.percentile(flat[:, 2], 35))
+    of_flat = trimesh.sample.sample_surface(
+        trimesh.Trimesh(flat, FACES, process=False), 4000, seed=0
+    )
+    front = SURFACE[SURFACE[:, 2] > np.median(SURFACE[:, 2])]  # seen by one camera
+    for points in (SURFACE, SURFACE @ LYING.T, np.asarray(of_flat[0]), front):
+        read = read_scan(saved(tmp_path / "scan.npy", points))
+        assert read.scan.n_points == len(points)
+    for turn in (np.eye(3), LYING):
+        write_mesh(tmp_path / "scan.ply", flat @ turn.T, FACES)
+        assert len(np.asarray(read_scan(tmp_path / "scan.ply").scan.faces)) >= len(FACES) - 60
+
+
+def test_unit_may_be_a_number_of_metres(tmp_path: Path) -> None:
+    read = read_scan(saved(tmp_path / "scan.npy", SURFACE / 0.3048), unit="0.3048")
+    np.testing.assert_allclose(read.scan.points, SURFACE, atol=1e-12)
+    assert said(read, "the unit 0.3048 m was given")
+    with pytest.raises(UnknownName, match=r"no unit is called '-1'; .* or a number of metres"):
+        read_scan(tmp_path / "scan.npy", unit="-1")
+
+
 FOUR = np.arange(12.0).reshape(4, 3)
 FOUR_NORMALS = np.tile([0.0, 0.6, 0.8], (4, 1))
 TWO_FACES = np.array([[0, 1, 2], [2, 1, 3]])

@@ -23,6 +23,8 @@ from scipy.sparse import csr_array, issparse
 from tests.bodies.model_files import MODELS, written
 from tests.bodies.random_bodies import decorated, entries
 from tests.fitting.mediapipe_made import mediapipe_results
+from tests.fitting.test_cameras import CALIBRATIONS, colmap, put, stored
+from tests.fitting.test_detector_files import READ
 from tests.motions.made_files import MARKER_FILES, MOTION_FILES
 from tests.motions.made_results import RESULTS, truth
 from workbench import Block, Problem, Residual, load_body, save_body, solve
@@ -494,9 +496,26 @@ def _tables(folder: Path) -> None:
     (folder / "cameras.toml").write_text("\n".join([*lines, "[metadata]", "error = 0.1"]))
 
 
-def _sound_cameras(found: dict[str, dict[str, Any]]) -> None:
-    for camera in found.values():
-        finite({key: value for key, value in camera.items() if key != "unread"})
+def _published(folder: Path) -> None:
+    """One for each way in which points, people and names are written."""
+    known = ("MMPose with names", "Ultralytics 8.3", "EasyMocap", "DWPose in ComfyUI", "PoseNet")
+    known += ("easy_ViTPose", "ViTPose of transformers", "objects by name", "numbers of 25")
+    for i, name in enumerate(known):
+        (folder / f"{i}.json").write_text(json.dumps(READ[name][1]))
+
+
+def _calibrations(folder: Path) -> None:
+    """One of each form in a folder of its own."""
+    known = ("CMU Panoptic", "EasyMocap", "T of 4 x 4", "NeRF's transforms", "intrinsics apart")
+    made = [CALIBRATIONS[name] for name in known]
+    made += [colmap(), {"s.yml": stored(two=True)}, {"s.xml": stored(two=False, form="xml")}]
+    for i, one in enumerate(made):
+        (folder / str(i)).mkdir()
+        put(folder / str(i), one)
+
+
+def _read_calibrations(folder: Path) -> object:
+    return [read_calibration(sorted(one.iterdir())[0]) for one in sorted(folder.iterdir())]
 
 
 # ---- motions, markers, and what was learned from them ------------------------------------------
@@ -613,12 +632,10 @@ FORMATS: dict[str, Format] = {
     "openpose.json": Format(_people, _observations((1000, 1000))),
     "coco.json": Format(_annotations, _observations(None)),
     "mediapipe.json": Format(_mediapipe, _observations((640, 480))),
-    "cameras.json": Format(
-        _calibration, lambda folder: read_calibration(folder / "cameras.json"), _sound_cameras
-    ),
-    "cameras.toml": Format(
-        _tables, lambda folder: read_calibration(folder / "cameras.toml"), _sound_cameras
-    ),
+    "keypoint-files": Format(_published, _observations((640, 480))),
+    "cameras.json": Format(_calibration, lambda folder: read_calibration(folder / "cameras.json")),
+    "cameras.toml": Format(_tables, lambda folder: read_calibration(folder / "cameras.toml")),
+    "calibration-files": Format(_calibrations, _read_calibrations),
     "motion-files": Format(
         _motions,
         lambda folder: [read_motion(folder / name) for name in MOTION_FILES],

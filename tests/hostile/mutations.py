@@ -342,6 +342,6 @@ BY_SUFFIX: dict[str, tuple[Mutation, ...]] = {
     ".json": (json_changed, json_changed, *TEXT),
     ".pkl": (opcode_changed,),
     **dict.fromkeys((".toml", ".csv", ".obj", ".off", ".ply", ".stl", ".py", ".bvh", ".trc"), TEXT),
-    **dict.fromkeys((".xyz", ".pcd", ".gltf"), TEXT),
+    **dict.fromkeys((".xyz", ".pcd", ".gltf", ".yml", ".xml", ".txt"), TEXT),
     ".glb": (*TEXT,),
 }

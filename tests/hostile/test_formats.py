@@ -27,12 +27,7 @@ FRAGILE = (  # half of one is none
     *(".npz", ".npy", ".pkl", ".glb", ".stl", ".json", ".pcd", ".joblib", ".pt", ".smpl"),
 )
 UNCOUNTED = (
-    ".xyz",
-    ".csv",
-    ".bin",
-    ".trc",
-    ".joblib",
-    ".pt",
+    *(".xyz", ".csv", ".bin", ".trc", ".joblib", ".pt", ".xml", ".txt"),
 )  # say nothing of how much they hold, or are counted
 
 

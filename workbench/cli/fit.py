@@ -101,8 +101,9 @@ def fit(
     files: Annotated[
         list[Path],
         typer.Argument(
-            help="Keypoints of one moment (COCO, COCO-WholeBody or OpenPose JSON, one file per "
-            "camera); a folder of such files, of one image each; with --video a clip; "
+            help="Keypoints of one moment, one JSON file per camera (COCO, OpenPose, AlphaPose, "
+            "MMPose, Sapiens, ViTPose, Ultralytics, EasyMocap, MediaPipe, lists, or points by "
+            "name); a folder of such files, of one image each; with --video a clip; "
             "markers: .c3d, .trc, or .npz with markers (T, M, 3) and labels (M,); or a mesh "
             f"({', '.join(WITH_VERTEX_ORDER)}) of the body's topology, in metres."
         ),
@@ -110,10 +111,20 @@ def fit(
     cameras: Annotated[
         Path | None,
         typer.Option(
-            help="Calibration with the cameras in the order of the files: Pose2Sim TOML, or JSON "
-            r'{"name": {"K": 3x3, "R": 3x3, "t": 3, "distortion": \[...], "size": \[w, h]}}.'
+            help="Calibration with the cameras in the order of the files, or named as they are: "
+            "TOML of Pose2Sim or Anipose, EasyMocap's intri.yml beside extri.yml, OpenCV's "
+            "FileStorage, COLMAP's text, CMU Panoptic's JSON, or JSON "
+            r'{"name": {"K": 3x3, "R": 3x3, "t": 3, "distortion": \[...], "size": \[w, h]}}. '
+            "All formats are in howto/formats.md."
         ),
     ] = None,
+    camera_to_world: Annotated[
+        bool,
+        typer.Option(
+            "--camera-to-world",
+            help="The extrinsics of --cameras are poses of the cameras, camera to world.",
+        ),
+    ] = False,
     size: Annotated[str | None, typer.Option(help="The image's size, WIDTHxHEIGHT in px.")] = None,
     focal: Annotated[
         float | None,
@@ -121,9 +132,7 @@ def fit(
     ] = None,
     person: Annotated[
         int | None,
-        typer.Option(
-            help="Number of the person in the file, from 0; without it, the one seen best."
-        ),
+        typer.Option(help="Number of the person in the file, from 0; without it, the largest."),
     ] = None,
     height: Annotated[
         float | None,
@@ -216,7 +225,7 @@ def fit(
             raise BadArgument(f"{option} takes {what} above 0, not {number:g}")
     if solver is not None:
         solver_named(solver)
-    reading = ImageReading(size_of(size), focal, cameras, person)
+    reading = ImageReading(size_of(size), focal, cameras, person, camera_to_world)
     recipe = recipe_of(height, sigma)
     worn = Worn(marker_set, OUT if marker_height is None else marker_height, across)
     model, paths = load_body(body), [expanded(path) for path in files]
@@ -227,6 +236,7 @@ def fit(
     drawn = {"--mean": mean}
     by_keypoints = {
         "--cameras": cameras is not None,
+        "--camera-to-world": camera_to_world,
         "--size": size is not None,
         "--focal": focal is not None,
         "--person": person is not None,
@@ -252,6 +262,7 @@ def fit(
             size=reading.size,
             focal=focal,
             person=person,
+            camera_to_world=camera_to_world,
         )
         fit_video(
             given.console,
@@ -389,8 +400,8 @@ def files_in(console: Console, given: Path) -> list[Path]:
     found = [f for f in inside if f.suffix.lower() == KEYPOINTS and not f.name.startswith(".")]
     if not found:
         raise BadFile(
-            f"the folder {given} holds no keypoints, which are {KEYPOINTS} files of COCO, "
-            "COCO-WholeBody or OpenPose"
+            f"the folder {given} holds no keypoints, which are {KEYPOINTS} files of detectors; "
+            "howto/formats.md lists them"
         )
     if others := [file.name for file in inside if file not in found]:
         say(console, f"note: not taken for keypoints: {escape(some_of(others))}")

@@ -77,7 +77,9 @@ def register(
     ] = "default",
     unit: Annotated[
         str | None,
-        typer.Option(help=f"Unit of the files ({', '.join(UNITS)}); else it is guessed."),
+        typer.Option(
+            help=f"Unit of the files ({', '.join(UNITS)}, or a number of m); else it is guessed."
+        ),
     ] = None,
     up: Up = None,
     camera: Annotated[

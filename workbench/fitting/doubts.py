@@ -198,6 +198,8 @@ def _views(body: Body, views: Views, values: Values) -> Said:
         if convention
         else "compare the calibration with the files, their order, and the person in each"
     )
+    if convention.startswith("the extrinsics are camera-to-world, not"):
+        do += " (--camera-to-world)"
     text = f"the views contradict each other (rays of a keypoint miss by {size}); {do}"
     return {"views": text}
 

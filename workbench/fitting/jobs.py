@@ -86,13 +86,15 @@ class ImageReading:
         size: width and height of the images in px; None if the files say it.
         focal: the focal length in px; None to estimate it for each image.
         calibration: a file with one camera, or None.
-        person: the number of the person in each file; None for the one seen best.
+        person: the number of the person in each file; None for the largest.
+        camera_to_world: whether extrinsics without a name that says so are poses of cameras.
     """
 
     size: tuple[int, int] | None = None
     focal: float | None = None
     calibration: Path | None = None
     person: int | None = None
+    camera_to_world: bool = False
 
     def observations(self, files: Sequence[Path]) -> Observations:
         """The keypoints in files of one moment; see `read_observations`."""
@@ -102,6 +104,7 @@ class ImageReading:
             size=self.size,
             focal=self.focal,
             person=self.person,
+            camera_to_world=self.camera_to_world,
         )
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.errors import BadFile, check_known, listed
+from workbench.errors import BadFile, UnknownName, check_known, listed
 
 # rotations that take the axis to y; what faces -y when z is up faces z
 UP_TO_Y: dict[str, Array] = {
@@ -21,7 +21,25 @@ UP_TO_Y: dict[str, Array] = {
     "-z": np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]),
     "-x": np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]),
 }
-UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "cmu": 0.0254 / 0.45}  # in m
+
+
+class Units(dict[str, float]):
+    """Units in m by their names; a number, such as "0.3048", is a unit of so many m.
+
+    Raises UnknownName for what is neither.
+    """
+
+    def __missing__(self, unit: str) -> float:
+        try:
+            metres = float(unit)
+        except ValueError:
+            metres = np.nan
+        if not 0 < metres < np.inf:
+            raise UnknownName("unit", unit, self, hint="or a number of metres")
+        return metres
+
+
+UNITS = Units({"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "cmu": 0.0254 / 0.45})
 METRIC = ("m", "cm", "mm")
 USUAL = (*METRIC, "in")  # cmu is that of the BVH conversions of CMU's recordings
 POSSIBLE = (0.005, 100.0)  # m, in a unit that was given
@@ -73,7 +91,7 @@ def sizes_of(names: Sequence[str]) -> Sizes:
 def check_given(unit: str | None, up: str | None) -> None:
     """Raise UnknownName for a unit or an axis that does not exist."""
     if unit is not None:
-        check_known("unit", unit, UNITS)
+        UNITS[unit]
     if up is not None:
         check_known("axis", up.removeprefix("+"), UP_TO_Y)
 
@@ -102,10 +120,11 @@ def unit_of(
     """
     check_given(given, None)
     if given is not None:
+        name = given if given in UNITS else f"{given} m"
         long = what.format(f"{size * UNITS[given]:.3g} m")
         if not POSSIBLE[0] <= size * UNITS[given] <= POSSIBLE[1]:
-            raise BadFile(f"in {given} {long}, and no body is; units are {listed(UNITS)}")
-        return given, f"the unit {given} was given; {long}"
+            raise BadFile(f"in {name} {long}, and no body is; units are {listed(UNITS)}")
+        return given, f"the unit {name} was given; {long}"
     ranges, instead = (sizes.usual, *sizes.others), ""
     if declared is not None and declared in UNITS:
         if ranges[-1][0] <= size * UNITS[declared] <= ranges[-1][1]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.errors import BadArgument, BadFile, UnknownName, some
-from workbench.fitting.files.cameras import in_degrees, read_calibration
+from workbench.fitting.files.cameras import cameras_of, notes_on
 from workbench.fitting.files.keypoints import (
     by_image,
     calibration_of,
@@ -17,7 +17,7 @@ from workbench.fitting.files.keypoints import (
     people_of,
     person_of,
 )
-from workbench.fitting.files.layouts import DetectedPerson
+from workbench.fitting.files.points import DetectedPerson, how_large
 from workbench.fitting.observations import PLACING, Clip, Film
 from workbench.reading.facts import json_in
 
@@ -36,15 +36,17 @@ def read_clip(
     size: tuple[int, int] | None = None,
     focal: float | None = None,
     person: int | None = None,
+    camera_to_world: bool = False,
 ) -> Clip:
-    """Read the COCO or OpenPose JSON files of a folder, or of one folder for each camera in it.
+    """Read the JSON files of a folder as `read_keypoints` does, or of a folder for each camera.
 
-    One file that holds all images, as AlphaPose and COCO write, may take the place of a folder, or
-    be the only file in one; its frames have the numbers in the names of the images.
+    One file that holds all images, as AlphaPose, COCO, MMPose and easy_ViTPose write, may take the
+    place of a folder, or be the only file in one; its frames have the numbers in the names of the
+    images, or are counted.
     Files are ordered by the last number in their names; frames of which there is no file are gaps,
     and a note says which. If the numbers grow by a constant step, such as 10, 20, 30, each step is
     one frame, and `fps` are those of the files. Of several people in a frame the one nearest to
-    where the person was before is followed; the first is number `person`, or the one seen best.
+    where the person was before is followed; the first is number `person`, or the largest.
     Folders of cameras go with the cameras of the calibration, by name or else in order.
 
     Raises BadFile, UnknownName, BadArgument or BadObservation.
@@ -65,14 +67,14 @@ def read_clip(
             "one that holds nothing but a folder for each camera"
         )
     cameras = inner or [root]
-    known = read_calibration(calibration) if calibration is not None else {}
+    known = cameras_of(cameras, calibration, camera_to_world)
     if len(known) != len(cameras) and (known or len(cameras) > 1):
         raise BadFile(
             f"{root} holds the frames of {len(cameras)} cameras, and {len(known)} are calibrated; "
             "give --cameras FILE with one camera for each folder"
         )
     names = [one.name for one in cameras] if inner else list(known) or ["camera"]
-    by_name = set(names) == set(known)
+    by_name = {*names} <= {*known}
     numbered = [_numbered(one) for one in cameras]
     numbers = sorted({n for files in numbered for n in files})
     step = gcd(*np.diff(numbers).tolist()) or 1
@@ -106,7 +108,7 @@ def read_clip(
         calibrated = calibration_of(camera, focal, image)
         films.append(Film(name, image, points[..., :2], points[..., 2], *calibrated))
     assert first is not None
-    notes += in_degrees(calibration, known)
+    notes += notes_on(calibration, known)
     return Clip(first, tuple(films), fps, tuple(dict.fromkeys(notes)))
 
 
@@ -148,7 +150,7 @@ def _followed(
         elif last is None:
             if person is not None and person not in people:
                 raise UnknownName("person", str(person), map(str, people))
-            best = max(people, key=lambda i: people[i].points[:, 2].sum())
+            best = max(people, key=lambda i: how_large(people[i].points))
             found.append(people[best if person is None else person])
         else:
             near = {i: _apart(last, one.points) for i, one in people.items()}
@@ -172,8 +174,8 @@ def _followed(
         notes.append(f"{folder}: {what} frames {some(missing)}, which are gaps")
     if several:
         notes.append(
-            f"{folder}: {several} frames hold several people; one is followed, from the one seen "
-            "best in the first frame unless --person says which"
+            f"{folder}: {several} frames hold several people; one is followed, from the "
+            "largest of the first frame unless --person says which"
         )
     if lost:
         notes.append(f"{folder}: in {lost} frames nobody is near to where the person was: gaps")

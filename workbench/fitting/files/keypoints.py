@@ -1,10 +1,8 @@
 """Keypoints of people in files of detectors, and the cameras that saw them.
 
-Detectors differ in the order and the names of their points, which are data in `layouts`. Whatever a
-file holds and no fit reads (keypoints without a landmark, other people, keys of a calibration) is
-named in a sentence among the `notes` of a `Setup`. AlphaPose (Fang et al., 2022) and COCO write all
-images of a clip into one file: a list of people with the name of their image, or an object with an
-entry for each image.
+What detectors call their people and points is data here and in `layouts`; howto/formats.md lists
+the formats. Whatever a file holds and no fit reads (keypoints without a landmark, other people,
+keys of a calibration) is named in a sentence among the `notes` of a `Setup`.
 """
 
 import re
@@ -16,23 +14,37 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.errors import BadArgument, BadFile, shown, some
-from workbench.fitting.files.cameras import in_degrees, numbers_in, read_calibration, size_in
-from workbench.fitting.files.layouts import (
-    BODIES_FILES,
-    COCO_FILES,
-    OPENPOSE,
+from workbench.fitting.files.cameras import cameras_of, notes_on, size_in
+from workbench.fitting.files.layouts import BODIES, KNOWN, PARTS, keypoint_name
+from workbench.fitting.files.mediapipe import is_mediapipe, mediapipe_people
+from workbench.fitting.files.points import (
     DetectedPerson,
-    KeypointLayout,
+    how_large,
+    in_px,
+    is_point,
     no_such_person,
+    points_in,
+    trusted,
 )
-from workbench.fitting.files.mediapipe import is_mediapipe, mediapipe_people, mediapipe_person
 from workbench.fitting.observations import Observations, Photograph, pinhole
 from workbench.reading.facts import json_in
 
-PEOPLE = {"people", "bodies"}  # what an entry of an image holds, as OpenPose and AlphaPose call it
+PEOPLE = (  # lists of people: of OpenPose, AlphaPose, COCO, EasyMocap, MMPose and Roboflow
+    *("people", "bodies", "annotations", "annots", "instances", "instance_info", "predictions"),
+)
+MAIN = ("keypoints", "pose_keypoints_2d", "pose_keypoints", "joints")  # of one person
+SCORES = ("keypoint_scores", "scores", "keypoints_visible")  # beside keypoints (M, 2)
+IMAGE = ("image_id", "frame_id", "frame_index", "frame", "filename")  # what an image is called
+SIZE = (  # keys of an image's width and height
+    *(("width", "height"), ("canvas_width", "canvas_height"), ("imageWidth", "imageHeight")),
+)
 MOST_PEOPLE = 300_000  # of one file; the largest of COCO holds 262,465
-UNSEEN = np.zeros((0, 3))
-FARTHEST = 1e7  # px: no detector reports a keypoint farther out
+SEEMS: tuple[tuple[set[str], str], ...] = (  # what files are that hold no keypoints, by their keys
+    ({"K", "matrix", "cameras", "camera_matrix", "R"}, "a calibration, which --cameras takes"),
+    ({"pose_keypoints_3d", "joints19", "joints15", "keypoints3d"}, "keypoints in space"),
+    ({"poses", "betas", "body_pose", "smpl"}, "the motion of a body, which workbench motion reads"),
+    ({"bbox", "box", "boxes", "segmentation"}, "boxes of a detector without keypoints"),
+)
 
 
 def number_in(name: Any) -> int | None:
@@ -43,6 +55,49 @@ def number_in(name: Any) -> int | None:
     return int(digits[-1]) if digits else None
 
 
+def _has_people(given: Any) -> bool:
+    return isinstance(given, dict) and any(isinstance(given.get(key), list) for key in PEOPLE)
+
+
+def _has_keypoints(given: Any) -> bool:
+    return isinstance(given, dict) and any(key in given for key in MAIN)
+
+
+def frames_in(data: Any) -> list[tuple[Any, Any]] | None:
+    """What a file says of each image that it holds as a whole, with the image's name or number.
+
+    None if the file has not the form of several images, such as that of MMPose's videos, a list of
+    frames with `instances`. Each entry has the form of a file on one image.
+    """
+    about, frames = {}, data
+    if isinstance(data, dict) and data and all(map(_has_people, data.values())):
+        return [*data.items()]
+    if isinstance(data, dict):
+        about = {key: one for key, one in data.items() if key not in (*PEOPLE, "keypoints")}
+        frames = data.get("instance_info")
+        if isinstance(data.get("skeleton"), dict) and isinstance(data.get("keypoints"), list):
+            return [  # of easy_ViTPose: an object of people for each frame, points as v, u
+                (i, about | {"people": [{"keypoints": _turned(one)} for one in frame.values()]})
+                for i, frame in enumerate(data["keypoints"])
+                if isinstance(frame, dict)
+            ]
+    if not isinstance(frames, list) or not frames:
+        return None
+    if all(map(_has_people, frames)):
+        names = [next((one[key] for key in IMAGE if key in one), i) for i, one in enumerate(frames)]
+        return [(name, about | one) for name, one in zip(names, frames, strict=True)]
+    if all(isinstance(one, list) and all(map(_has_keypoints, one)) for one in frames):
+        return [(i, one) for i, one in enumerate(frames)] if any(frames) else None
+    return None
+
+
+def _turned(points: Any) -> Any:
+    """Points of v, u, confidence as u, v, confidence."""
+    if not isinstance(points, list) or not all(is_point(one) for one in points):
+        return points
+    return [[one[1], one[0], *one[2:]] for one in points]
+
+
 def by_image(path: Path, data: Any) -> dict[int, Any]:
     """What the file says of each image, by the number in the image's name, in order.
 
@@ -50,22 +105,19 @@ def by_image(path: Path, data: Any) -> dict[int, Any]:
     image a person is in.
     """
     found: dict[int, Any] = {}
-    if isinstance(data, list) and data:
+    frames = frames_in(data)
+    if frames is not None:
+        for name, one in frames:
+            number = _number(path, "an entry", name)
+            if number in found:
+                raise BadFile(f"{path}: two images have the number {number}, in {shown(name)} too")
+            found[number] = one
+    elif isinstance(data, list) and data:
         for i, one in enumerate(data):
             name = one.get("image_id") if isinstance(one, dict) else None
             found.setdefault(_number(path, f"[{i}]", name), []).append(one)
     elif isinstance(data, dict) and isinstance(data.get("annotations"), list):
         return _annotated(path, data)
-    elif (
-        isinstance(data, dict)
-        and data
-        and all(isinstance(one, dict) and one.keys() & PEOPLE for one in data.values())
-    ):
-        for name, one in data.items():
-            number = _number(path, "an entry", name)
-            if number in found:
-                raise BadFile(f"{path}: two images have the number {number}, in {shown(name)} too")
-            found[number] = one
     else:
         raise BadFile(
             f"{path} does not say which image a person is in; give a file of AlphaPose or COCO "
@@ -82,6 +134,7 @@ def _annotated(path: Path, data: dict[str, Any]) -> dict[int, Any]:
     known = {str(one.get("id")): one for one in images}
     numbers = {name: number_in(one.get("file_name")) for name, one in known.items()}
     named = None not in numbers.values() and len({*numbers.values()}) == len(numbers)
+    about = {key: one for key, one in data.items() if key == "categories"}
     found: dict[int, Any] = {}
     for i, one in enumerate(data["annotations"]):
         name = one.get("image_id") if isinstance(one, dict) else None
@@ -89,7 +142,7 @@ def _annotated(path: Path, data: dict[str, Any]) -> dict[int, Any]:
         number = numbers[str(name)] if named and own is not None else None
         if number is None:
             number = _number(path, f"annotations[{i}]", name)
-        empty = {"images": [] if own is None else [own], "annotations": []}
+        empty = about | {"images": [] if own is None else [own], "annotations": []}
         found.setdefault(number, empty)["annotations"].append(one)
     return dict(sorted(found.items()))
 
@@ -104,20 +157,16 @@ def _number(path: Path, where: str, name: Any) -> int:
     return number
 
 
-NOBODY: list[float] = []  # the keypoints of an entry without a person; files may hold many
-
-
 def read_keypoints(
     path: str | Path, *, size: tuple[int, int] | None = None, person: int | None = None
 ) -> tuple[tuple[str, ...], Array, tuple[int, int] | None]:
     """Read names, keypoints (M, 3) as u, v, confidence, and the image's size if it is given.
 
-    `KEYPOINT_SCHEMAS` lists the schemas. COCO JSON (annotations or results, as AlphaPose writes
-    too) has 17 keypoints, 23 with feet, Halpe's 26 or 136, MediaPipe's 33 in px, COCO-WholeBody's
-    133 in one list or in parts, or the 21 of a hand whose side it does not say; OpenPose JSON has
-    BODY_25, BODY_135 or COCO-18, hands and face; AlphaPose's files with `bodies` have COCO-18. JSON
-    of MediaPipe's own results has hands of 21 points and bodies of 33. Of several people the one
-    with the largest sum of confidences is taken, or number `person`, counted from 0.
+    It reads JSON of COCO, COCO-WholeBody, OpenPose, AlphaPose, MMPose, Sapiens, ViTPose,
+    Ultralytics, EasyMocap and MediaPipe, and plain lists of as many points as one of
+    `KEYPOINT_SCHEMAS` has, or of points by name. Of several people the one is taken who is largest
+    in the image, or number `person`, counted from 0. A keypoint that is NaN, negative or zero was
+    not seen, and has confidence 0.
 
     Raises BadFile or UnknownName.
     """
@@ -139,60 +188,39 @@ def person_of(
     path: str | Path, data: Any, size: tuple[int, int] | None, person: int | None
 ) -> DetectedPerson:
     """One person of what a file, or its part on one image, holds; see `read_person`."""
-    if is_mediapipe(data):
-        return mediapipe_person(path, data, size, person)
-    kind, entries = _entries(path, data)
+    data, entries, notes = _entries(path, data)
     if len(entries) > MOST_PEOPLE:
         raise BadFile(
             f"{path} holds {len(entries):,} people, and at most {MOST_PEOPLE:,} are read; give a "
             "file with fewer"
         )
-    people = [
-        _person(path, where, given) if (given := one.get(kind.main, NOBODY)) != NOBODY else UNSEEN
-        for where, one in entries
-    ]
-    if not any(len(one) for one in people):
-        raise BadFile(
-            f"{path} holds no person's keypoints; give COCO JSON (annotations with `keypoints`) "
-            "or OpenPose JSON (`people` with `pose_keypoints_2d`)"
-        )
-    if person is not None and not 0 <= person < len(people):
-        raise no_such_person(path, person, len(people))
-    best = max(
-        range(len(people)),
-        key=lambda i: trusted(people[i])[:, 2].sum() if len(people[i]) else -1.0,
-    )
-    number = best if person is None else person
-    where, given = entries[number]
-    if len(people[number]) not in kind.bodies:
-        counts = " or ".join(map(str, kind.bodies))
-        raise BadFile(
-            f"{path} has {len(people[number])} keypoints per person; {kind.name} JSON has {counts}"
-        )
-    body = kind.bodies[len(people[number])]
-    names, chosen, notes = _with_parts(path, where, given, kind, (body, people[number]))
-    scores, chosen = chosen[:, 2], trusted(chosen)
-    if (scores > 1).any() and not {*scores[np.isfinite(scores)]} <= {0.0, 1.0, 2.0}:
+    if person is not None and entries and not 0 <= person < len(entries):
+        raise no_such_person(path, person, len(entries))
+    asked = range(len(entries)) if person is None else [person] if entries else []
+    people = {i: _points_of(path, *entries[i]) for i in asked}
+    seen = {i: trusted(points) for i, (_, points) in people.items() if len(points)}
+    if not seen:
+        raise BadFile(_without_keypoints(path, data))
+    number = max(seen, key=lambda i: how_large(seen[i]))
+    where, entry = entries[number]
+    own, points = people[number]
+    body = own or _names(path, data, len(points))
+    names, points, unread = _with_parts(path, where, entry, (body, points))
+    notes = [*notes, *unread]
+    if (count := sum(bool(one[:, 2].any()) for one in seen.values())) > 1:
         notes.append(
-            f"{Path(path).name}: confidences of up to {np.nanmax(scores):g} are scores, of which "
+            f"{Path(path).name} holds {count} people; the largest, number {number} counted from "
+            "0, is read, and --person takes another"
+        )
+    scores = points[np.isfinite(points[:, 2]), 2]
+    if (scores > 1).any() and not {*scores} <= {0.0, 1.0, 2.0}:
+        notes.append(
+            f"{Path(path).name}: confidences of up to {scores.max():g} are scores, of which "
             "those above 1 count as 1"
         )
-    lost = ~(np.abs(chosen[:, :2]) < FARTHEST).all(axis=1) & (chosen[:, 2] > 0)
-    if lost.any():
-        row = int(np.argmax(lost))
-        raise BadFile(
-            f"{path}: {where} has {names[row]} at {chosen[row, :2].tolist()} with confidence "
-            f"{chosen[row, 2]:g}; give px, or confidence 0 if it was not seen"
-        )
-    count = sum(len(one) > 0 for one in people)
-    if person is None and count > 1:
-        notes.append(
-            f"{Path(path).name} holds {count} people; the one seen best, number {number} counted "
-            "from 0, is read, and --person takes another"
-        )
-    if size is None and kind is COCO_FILES:
-        size = _image_size(path, data, given.get("image_id"))
-    return DetectedPerson(names, chosen, size, body, tuple(notes))
+    size = _image_size(path, data, entry) if size is None else size
+    chosen, fractions = in_px(path, trusted(points), size, fractions=is_mediapipe(data))
+    return DetectedPerson(names, chosen, size, () if own else body, (*notes, *fractions))
 
 
 def people_of(path: str | Path, data: Any) -> list[int]:
@@ -200,48 +228,122 @@ def people_of(path: str | Path, data: Any) -> list[int]:
 
     Raises BadFile.
     """
-    if is_mediapipe(data):
-        return list(range(mediapipe_people(path, data)))
-    kind, entries = _entries(path, data)
-    return [i for i, (_, one) in enumerate(entries) if one.get(kind.main)]
+    return [i for i, (_, one) in enumerate(_entries(path, data)[1]) if _main(one)]
+
+
+def _main(entry: Mapping[str, Any]) -> Any:
+    """What an entry holds under the key of a body's keypoints."""
+    return next((entry[key] for key in MAIN if key in entry), None)
+
+
+def _points_of(path: str | Path, where: str, entry: dict[str, Any]) -> tuple[Any, Array]:
+    given = _main(entry)
+    if given == []:  # an entry without a person; files may hold many
+        return (), np.zeros((0, 3))
+    scores = next((entry[key] for key in SCORES if isinstance(entry.get(key), list)), None)
+    return points_in(path, where, given, scores)
 
 
 def _entries(
     path: str | Path, data: Any
-) -> tuple[KeypointLayout, list[tuple[str, dict[str, Any]]]]:
-    """The layout of a file, and its people, each with its place in the file."""
-    for key, kind in (("people", OPENPOSE), ("bodies", BODIES_FILES)):
-        if isinstance(data, dict) and key in data:
-            return kind, _objects(path, key, data[key])
+) -> tuple[Any, list[tuple[str, dict[str, Any]]], list[str]]:
+    """What a file says of one image; its people, each with the place in the file; and notes."""
+    if is_mediapipe(data):
+        return data, *mediapipe_people(path, data)
+    frames = frames_in(data)
+    if frames is not None:
+        if len(frames) > 1:
+            raise BadFile(
+                f"{path} holds the people of {len(frames):,} images; fit them with --video, or "
+                "give a file of one image"
+            )
+        data = frames[0][1] if frames else []
+    where, listed = "annotations", data
     if isinstance(data, dict):
-        data = data.get("annotations", [data])
-    entries = _objects(path, "annotations", data)
-    return COCO_FILES, [entry for entry in entries if "keypoints" in entry[1]]
+        key = next((key for key in PEOPLE if key in data), None)
+        if key is not None:
+            where, listed = key, data[key]
+        elif _has_keypoints(data):
+            listed = [data]
+        elif data and any(data.values()) and all(is_point(one or [0, 0]) for one in data.values()):
+            listed = [{"keypoints": data}]
+        else:
+            raise BadFile(_without_keypoints(path, data))
+    elif isinstance(data, list) and data:
+        first = next((one for one in data if one is not None), None)
+        if is_point(first) or isinstance(first, int | float):
+            listed = [{"keypoints": data}]
+        elif isinstance(first, list) and first and is_point(first[0]):
+            listed = [{"keypoints": one} for one in data]
+    return data, [one for one in _objects(path, where, listed) if _has_keypoints(one[1])], []
+
+
+def _without_keypoints(path: str | Path, data: Any) -> str:
+    """Why a file is refused: what it seems to be, and its keys."""
+    inside = data
+    for _ in range(2):  # a list of people, or an object with one
+        if isinstance(inside, dict):
+            inside = next((inside[key] for key in PEOPLE if inside.get(key)), inside)
+        if isinstance(inside, list) and inside:
+            inside = inside[0]
+    keys = [*inside] if isinstance(inside, dict) else []
+    first = inside[keys[0]] if keys else None  # of cameras, motions or boxes by name
+    named = {*keys, *first} if isinstance(first, dict) else {*keys}
+    kind = next((kind for known, kind in SEEMS if known & named), "")
+    seems = f" and seems to be {kind}" if kind else ""
+    has = f"; it has the keys {some(map(str, keys))}" if keys else f"; it is {shown(data)}"
+    return (
+        f"{path} holds no person's keypoints{seems}{has}. Read are COCO JSON (annotations with "
+        "`keypoints`), OpenPose JSON (`people` with `pose_keypoints_2d`) and others, which "
+        "howto/formats.md lists"
+    )
+
+
+def _names(path: str | Path, data: Any, count: int) -> tuple[str, ...]:
+    """The names of so many keypoints: those that the file says, or those of the usual layout."""
+    said: Any = None
+    if isinstance(data, dict):
+        meta, categories = data.get("meta_info"), data.get("categories")
+        said = meta.get("keypoint_id2name") if isinstance(meta, dict) else data.get("skeleton")
+        if isinstance(categories, list) and categories and isinstance(categories[0], dict):
+            said = categories[0].get("keypoints")
+    if isinstance(said, dict):
+        said = [*said.values()]
+    known = BODIES.get(count)
+    if isinstance(said, list) and len(said) == count and all(isinstance(n, str) for n in said):
+        names = tuple(map(keypoint_name, said))
+        if known is None or any(a != b and a in KNOWN for a, b in zip(names, known, strict=True)):
+            return names
+    if known is None:
+        raise BadFile(
+            f"{path} has {count} keypoints per person, whose names it does not say; those of a "
+            f"person are {', '.join(map(str, BODIES))}, as howto/formats.md says"
+        )
+    return known
 
 
 def _with_parts(
-    path: str | Path,
-    where: str,
-    given: dict[str, Any],
-    kind: KeypointLayout,
-    main: tuple[tuple[str, ...], Array],
+    path: str | Path, where: str, entry: dict[str, Any], main: tuple[tuple[str, ...], Array]
 ) -> tuple[tuple[str, ...], Array, list[str]]:
     """Names and points of body, feet, hands and face, and a note on the points not read."""
     names, points, unread = list(main[0]), [main[1]], []
-    for key, counts in kind.parts.items():
-        if not given.get(key):
-            continue
-        part = _person(path, f"{where}: {key}", given[key])
-        known = counts.get(len(part), ())
-        if not known or set(known) & set(names):
-            unread.append(f"{key} ({len(part)} points)")
-            continue
-        names += known
-        points.append(part)
+    for key, value in entry.items():
+        if key in PARTS and value:
+            try:
+                part = points_in(path, f"{where}: {key}", value)[1]
+            except BadFile:  # a hand or a face that perhaps no body needs
+                unread.append(key)
+                continue
+            known = PARTS[key].get(len(part), ())
+            if not known or set(known) & set(names):
+                unread.append(f"{key} ({len(part)} points)")
+                continue
+            names += known
+            points.append(part)
     unread += [
         key
-        for key, value in given.items()
-        if key not in (kind.main, *kind.parts) and value and _is_of_points(key)
+        for key, value in entry.items()
+        if key not in (*MAIN, *SCORES, *PARTS) and value and _is_of_points(key)
     ]
     note = f"{Path(path).name}: not read are {some(unread)}"
     return tuple(names), np.concatenate(points), [note] if unread else []
@@ -263,36 +365,24 @@ def _objects(path: str | Path, what: str, found: Any) -> list[tuple[str, dict[st
     return [(f"{what}[{i}]", one) for i, one in enumerate(found)]
 
 
-def _person(path: str | Path, where: str, given: Any) -> Array:
-    """Keypoints (M, 3) as u, v, confidence; (0, 3) for a person without keypoints."""
-    numbers = numbers_in(path, f"{where}: keypoints", given)
-    if numbers.size % 3:
-        raise BadFile(
-            f"{path}: {where}: keypoints must be three numbers each, u, v and confidence, but "
-            f"{numbers.size} numbers are not a multiple of three"
-        )
-    return numbers.reshape(-1, 3)
-
-
-def trusted(points: Array) -> Array:
-    """Keypoints (M, 3) with confidences from 0 to 1, as SPIN's weights c^2 take them.
-
-    COCO's flags 0, 1, 2 and the scores of some detectors are above 1, and count as 1: a score says
-    nothing about px, and must not make a sigma smaller. What is negative or not a number was not
-    seen.
-    """
-    seen = np.isfinite(points).all(axis=1) & (points[:, 2] > 0)
-    confidence = np.where(seen, np.minimum(points[:, 2], 1.0), 0.0)
-    return np.column_stack([np.where(seen[:, None], points[:, :2], 0.0), confidence])
-
-
-def _image_size(path: str | Path, data: Any, wanted: Any) -> tuple[int, int] | None:
-    images = data.get("images", []) if isinstance(data, dict) else []
+def _image_size(path: str | Path, data: Any, entry: dict[str, Any]) -> tuple[int, int] | None:
+    """The size of an entry's image: that of its `image_id`, or of the file's only image."""
+    if not isinstance(data, dict):
+        return None
+    wanted = entry.get("image_id")
     if isinstance(wanted, list | dict):  # which could be too deep to be compared
         raise BadFile(f"{path}: image_id must be a number or a text, not {shown(wanted)}")
-    for where, image in _objects(path, "images", images):
-        if image.get("id") == wanted and "width" in image:
-            return size_in(path, where, [image["width"], image.get("height")])
+    of_id = [
+        one
+        for one in _objects(path, "images", data.get("images", []))
+        if one[1].get("id") == wanted
+    ]
+    inner = data.get("image")
+    whole = [("the image", one) for one in (inner, data) if isinstance(one, dict)]
+    for where, image in of_id or whole:
+        for width, height in SIZE:
+            if width in image:
+                return size_in(path, where, [image[width], image.get(height)])
     return None
 
 
@@ -312,8 +402,12 @@ def read_observations(
     size: tuple[int, int] | None = None,
     focal: float | None = None,
     person: int | None = None,
+    camera_to_world: bool = False,
 ) -> Observations:
     """Read one photograph per file; the cameras of several are the calibration's, in its order.
+
+    Of a calibration with more cameras those are taken whose names are in those of the files.
+    `camera_to_world` says that its extrinsics are poses of cameras.
 
     Raises BadFile, UnknownName, BadArgument or BadObservation.
     """
@@ -321,7 +415,7 @@ def read_observations(
         raise BadArgument(f"a focal length is a number of px above 0, not {focal:g}")
     if size is not None and min(size) < 1:
         raise BadArgument(f"an image is at least 1 px wide and high, not {size[0]}x{size[1]}")
-    cameras = read_calibration(calibration) if calibration is not None else {}
+    cameras = cameras_of([Path(path) for path in paths], calibration, camera_to_world)
     if len(cameras) != len(paths) and (cameras or len(paths) > 1):
         many = f"{len(paths)} files of keypoints need" if len(paths) > 1 else "one file needs"
         raise BadFile(
@@ -347,12 +441,5 @@ def read_observations(
         points[[names.index(known) for known in found.names]] = found.points
         calibrated = calibration_of(camera, focal, found.size)
         photographs.append(Photograph(name, found.size, points[:, :2], points[:, 2], *calibrated))
-    unread = [
-        f"{Path(calibration).name}: of camera {shown(name)}, not read are {some(camera['unread'])}"
-        for name, camera in cameras.items()
-        if calibration is not None and camera["unread"]
-    ]
-    unread += in_degrees(calibration, cameras)
-    return Observations(
-        names, tuple(photographs), (*(note for one in read for note in one.notes), *unread)
-    )
+    notes = (*(note for one in read for note in one.notes), *notes_on(calibration, cameras))
+    return Observations(names, tuple(photographs), notes)

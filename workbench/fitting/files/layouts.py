@@ -1,16 +1,13 @@
-"""The keypoints of detectors: their names, where files store them, and those of one person.
+"""The names of the keypoints of detectors, and the keys under which files store them.
 
 Hands have the names of SMPL-H's joints where these are the same points: `left_index1` is the
 knuckle. Faces are numbered; no body of the package has landmarks for them.
 """
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from pathlib import Path
+import re
+from collections.abc import Iterable
 
-from workbench.arrays import Array
 from workbench.bodies.hands import HAND_POINTS
-from workbench.errors import UnknownName
 from workbench.fitting.observations import COCO, FEET, HEAD, LIMBS
 
 Names = tuple[str, ...]
@@ -59,55 +56,70 @@ MEDIAPIPE_33 = (  # BlazePose (Bazarevsky et al. 2020); its points of a hand are
 )
 
 
-@dataclass(frozen=True)
-class KeypointLayout:
-    """Where a file format stores the keypoints of a person.
+def _sapiens_hand(side: str) -> Names:
+    """A hand from the tip of each finger to its knuckle, and the wrist, as Goliath orders them."""
+    fingers = hand(side)[1:]
+    ordered = tuple(name for f in range(0, 20, 4) for name in reversed(fingers[f : f + 4]))
+    return (*ordered, f"{side}_wrist")
 
-    Attributes:
-        name: what the format is called.
-        main: the key of the body's keypoints; an entry without it is no person.
-        bodies: the names of the keypoints under `main`, by their number.
-        parts: the same for each further key, such as that of a hand.
+
+SAPIENS_308 = (  # Goliath's points (Khirodkar et al., Sapiens, 2024)
+    *(name for name in COCO if "wrist" not in name),
+    *FEET,
+    *(*_sapiens_hand("right"), *_sapiens_hand("left")),
+    *(f"{side}_{part}" for part in ("olecranon", "cubital_fossa", "acromion") for side in _SIDES),
+    "neck",
+    *face(238),
+)
+
+BODIES: dict[
+    int, Names
+] = {  # the names of a person's points by their number, where files have none
+    len(names): names
+    for names in (
+        *(COCO, OPENPOSE_18, HAND_POINTS, COCO + FEET, OPENPOSE_25, HALPE_26, MEDIAPIPE_33),
+        *(SAPIENS_308[:70], WHOLE_BODY, OPENPOSE_135, HALPE_136, SAPIENS_308),  # 70: SAM 3D Body's
+    )
+}
+PARTS: dict[str, dict[int, Names]] = {  # keys beside those of the body, and names by their number
+    key: names
+    for keys, names in (
+        ("hand_left_keypoints_2d hand_left_keypoints lefthand_kpts handl2d", {21: HANDS[0]}),
+        ("hand_right_keypoints_2d hand_right_keypoints righthand_kpts handr2d", {21: HANDS[1]}),
+        (
+            "face_keypoints_2d face_keypoints face_kpts face2d",
+            {count: face(count) for count in (68, 70)},
+        ),
+        ("foot_kpts", {6: FEET}),
+    )
+    for key in keys.split()
+}
+KNOWN = {*(name for names in BODIES.values() for name in names), *HANDS[0], *HANDS[1]}
+ALIASES = {"pelvis": "mid_hip", "hip": "mid_hip", "hips": "mid_hip", "top_of_head": "head_top"}
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[\W_]", "", name).lower()
+
+
+BY_PLAIN_NAME = {_plain(alias): name for alias, name in ALIASES.items()} | {
+    form: name
+    for name in sorted(KNOWN)
+    for form in (
+        _plain(name),
+        *(_plain(name.replace(side, side[0], 1)) for side in _SIDES if name.startswith(side)),
+    )
+}
+
+
+def keypoint_name(name: object) -> str:
+    """What the package calls a keypoint: `left_big_toe` for LBigToe, `left-big-toe`, leftBigToe.
+
+    A name that it does not know stays as it is.
     """
+    text = str(name)[:100]
+    return BY_PLAIN_NAME.get(_plain(text), text)
 
-    name: str
-    main: str
-    bodies: Mapping[int, Names]
-    parts: Mapping[str, Mapping[int, Names]]
-
-
-OPENPOSE = KeypointLayout(
-    "openpose",
-    "pose_keypoints_2d",
-    {25: OPENPOSE_25, 18: OPENPOSE_18, 135: OPENPOSE_135},
-    {
-        "hand_left_keypoints_2d": {21: HANDS[0]},
-        "hand_right_keypoints_2d": {21: HANDS[1]},
-        "face_keypoints_2d": {70: face(70)},
-    },
-)
-BODIES_FILES = KeypointLayout(
-    "alphapose", "joints", {17: COCO, 18: OPENPOSE_18}, {}
-)  # its format cmu
-COCO_FILES = KeypointLayout(
-    "coco",
-    "keypoints",
-    {
-        17: COCO,
-        21: HAND_POINTS,
-        23: COCO + FEET,
-        26: HALPE_26,
-        33: MEDIAPIPE_33,
-        133: WHOLE_BODY,
-        136: HALPE_136,
-    },
-    {
-        "foot_kpts": {6: FEET},
-        "face_kpts": {68: face(68)},
-        "lefthand_kpts": {21: HANDS[0]},
-        "righthand_kpts": {21: HANDS[1]},
-    },
-)
 
 KEYPOINT_SCHEMAS: dict[str, Names] = {  # the names of the points of each schema, in its order
     "COCO 17": COCO,
@@ -122,6 +134,8 @@ KEYPOINT_SCHEMAS: dict[str, Names] = {  # the names of the points of each schema
     "Halpe 26 (AlphaPose)": HALPE_26,
     "Halpe 136 (AlphaPose)": HALPE_136,
     "MediaPipe pose 33": MEDIAPIPE_33,
+    "Sapiens 308": SAPIENS_308,
+    "SAM 3D Body 70": SAPIENS_308[:70],
     "MediaPipe left hand 21": HANDS[0],
     "MediaPipe right hand 21": HANDS[1],
     "a hand 21, of either side": HAND_POINTS,
@@ -130,38 +144,9 @@ KEYPOINT_SCHEMAS: dict[str, Names] = {  # the names of the points of each schema
 
 def counted_by_part(names: Iterable[str]) -> str:
     """Keypoints by part, for a sentence: `21 of the left hand, 68 of the face, neck, mid_hip`."""
-    rest = list(names)
-    counts = []
-    for what, part in (("left hand", HANDS[0]), ("right hand", HANDS[1]), ("face", face(70))):
-        if count := sum(name in part for name in rest):
-            counts.append(f"{count} of the {what}")
-            rest = [name for name in rest if name not in part]
-    return ", ".join([*counts, *rest])
-
-
-@dataclass(frozen=True, eq=False)
-class DetectedPerson:
-    """The keypoints of one person in a file.
-
-    Attributes:
-        names: the keypoints' names.
-        points: (M, 3) u, v in px, and a confidence.
-        size: width and height of the image in px, if the file says so.
-        body: the names of the keypoints without hands and face.
-        notes: sentences on what else the file holds.
-    """
-
-    names: tuple[str, ...]
-    points: Array
-    size: tuple[int, int] | None
-    body: tuple[str, ...]
-    notes: tuple[str, ...]
-
-
-def no_such_person(path: str | Path, person: int, count: int) -> UnknownName:
-    """The error for a person who is not among the `count` people of a file."""
-    known = [str(number) for number in range(count)] if count <= 5 else []
-    hint = "" if known else f"0 to {count - 1}"
-    people = f"{count:,} {'person' if count == 1 else 'people'}"
-    more = f"{path} holds {people}, counted from 0"
-    return UnknownName("person", str(person), known, hint=hint, more=more)
+    parts: dict[str, list[str]] = {"left hand": [], "right hand": [], "face": [], "": []}
+    for name in names:
+        side = next((side for side in _SIDES if name in hand(side)), "")
+        parts[f"{side} hand" if side else "face" if name.startswith("face_") else ""].append(name)
+    rest = parts.pop("")
+    return ", ".join([*(f"{len(own)} of the {what}" for what, own in parts.items() if own), *rest])

@@ -11,14 +11,12 @@ import re
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from workbench.arrays import Array
 from workbench.errors import BadFile, shown, some
-from workbench.fitting.files.layouts import HANDS, MEDIAPIPE_33, DetectedPerson, no_such_person
+from workbench.fitting.files.layouts import HANDS, MEDIAPIPE_33
+from workbench.fitting.files.points import points_in
 
 SIDES = ("left", "right")
-UNSEEN = np.zeros(3)
+UNSEEN = [0.0, 0.0, 0.0]
 HANDS_KEYS = ("hand_landmarks", "multi_hand_landmarks")
 POSES_KEY = "pose_landmarks"
 EITHER = "landmarks"  # of JavaScript: hands if there is a handedness, and poses if not
@@ -30,7 +28,6 @@ KNOWN = {
     *(f"{side}_hand_landmarks" for side in SIDES),
 }
 MOST = 1000  # hands or bodies of one image
-FARTHEST = 100.0  # sizes of the image: no point is farther out
 
 
 def is_mediapipe(data: Any) -> bool:
@@ -38,55 +35,40 @@ def is_mediapipe(data: Any) -> bool:
     return isinstance(data, dict) and any(_snake(key) in KNOWN for key in data)
 
 
-def mediapipe_person(
-    path: str | Path, data: dict[str, Any], size: tuple[int, int] | None, person: int | None
-) -> DetectedPerson:
-    """One person of a file: the points of the body, if it has any, and those of both hands.
+def mediapipe_people(
+    path: str | Path, data: dict[str, Any]
+) -> tuple[list[tuple[str, dict[str, Any]]], list[str]]:
+    """People by the place in the file, each with the `keypoints` of body and hands by name; notes.
 
-    A hand's points have confidence 1, a body's their visibility, and both hands are always there if
-    the file can hold hands, with confidence 0 if they were not seen. Where a hand is seen, it
-    replaces the three points that the body has of it. Raises BadFile, and UnknownName for a person
-    that the file does not hold.
+    Points are u, v as fractions of the image and a confidence, 1 for a hand and the visibility for
+    a body. Both hands are always there if the file can hold hands, with confidence 0 if they were
+    not seen. Where a hand is seen, it replaces the three points that the body has of it. Hands
+    without a body are one person. Raises BadFile.
     """
     said = {_snake(key): value for key, value in data.items()}
-    hands = _hands(path, said)
-    bodies = _bodies(path, said)
-    if size is None:
-        raise BadFile(
-            f"{path} holds fractions of an image, as MediaPipe gives them, and not how large the "
-            "image is; give --size WIDTHxHEIGHT in px"
-        )
-    if not hands and not bodies:
-        raise BadFile(f"{path} holds no person's keypoints: MediaPipe found no hand and no body")
-    if person is not None and not 0 <= person < max(len(bodies), 1):
-        raise no_such_person(path, person, max(len(bodies), 1))
-    notes = _notes(path, said, bodies, person)
+    hands, bodies = _hands(path, said), _bodies(path, said)
+    unread = sorted(
+        key
+        for key, value in said.items()
+        if key not in KNOWN and value and isinstance(value, list | dict)
+    )
+    notes = [f"{Path(path).name}: not read are {some(unread)}"] if unread else []
     looked_for = any("hand_landmarks" in key or "handed" in key for key in said)
     known = dict.fromkeys([*HANDS[0], *HANDS[1]], UNSEEN) if looked_for else {}
-    if bodies:
-        best = max(range(len(bodies)), key=lambda i: float(bodies[i][:, 2].sum()))
-        points = bodies[best if person is None else person]
-        known = dict(zip(MEDIAPIPE_33, points, strict=True)) | {
-            name: known[name] for name in known if name not in MEDIAPIPE_33
-        }
+    seen: dict[str, list[float]] = {}
     for side, own in zip(SIDES, HANDS, strict=True):
-        seen = [points for where, points in hands if where == side]
-        if len(seen) > 1:
+        several = [points for where, points in hands if where == side]
+        if len(several) > 1:
             notes.append(
-                f"{Path(path).name} holds {len(seen)} {side} hands; the first is read. MediaPipe "
-                "takes a hand for the other one in an image that is mirrored"
+                f"{Path(path).name} holds {len(several)} {side} hands; the first is read. "
+                "MediaPipe takes a hand for the other one in an image that is mirrored"
             )
-        known |= dict(zip(own, seen[0], strict=True)) if seen else {}
-    names, points = tuple(known), np.array([*known.values()])
-    in_px = points * [size[0], size[1], 1.0]
-    body = MEDIAPIPE_33 if bodies else ()  # files of cameras must agree on these
-    return DetectedPerson(names, in_px, size, body, tuple(notes))
-
-
-def mediapipe_people(path: str | Path, data: dict[str, Any]) -> int:
-    """The number of people in a result of MediaPipe; hands without a body are one person."""
-    said = {_snake(key): value for key, value in data.items()}
-    return len(_bodies(path, said)) or int(bool(_hands(path, said)))
+        seen |= dict(zip(own, several[0], strict=True)) if several else {}
+    if len(bodies) > 1 and looked_for:
+        notes.append(f"{Path(path).name} does not say whose the hands are; they go with any body")
+    named = [dict(zip(MEDIAPIPE_33, body, strict=True)) for body in bodies]
+    people = [known | body | seen for body in named or ([{}] if hands else [])]
+    return [(f"{POSES_KEY}[{i}]", {"keypoints": one}) for i, one in enumerate(people)], notes
 
 
 def _snake(key: Any) -> str:
@@ -94,7 +76,7 @@ def _snake(key: Any) -> str:
     return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", str(key)[:60]).lower()
 
 
-def _hands(path: str | Path, said: dict[str, Any]) -> list[tuple[str, Array]]:
+def _hands(path: str | Path, said: dict[str, Any]) -> list[tuple[str, list[list[float]]]]:
     """Each hand with its side."""
     found = []
     for side in SIDES:
@@ -120,7 +102,7 @@ def _hands(path: str | Path, said: dict[str, Any]) -> list[tuple[str, Array]]:
     return found
 
 
-def _bodies(path: str | Path, said: dict[str, Any]) -> list[Array]:
+def _bodies(path: str | Path, said: dict[str, Any]) -> list[list[list[float]]]:
     of_either = not any("handed" in key for key in said)
     key = POSES_KEY if said.get(POSES_KEY) else EITHER if of_either else ""
     given = said.get(key)
@@ -159,42 +141,12 @@ def _side(path: str | Path, where: str, label: Any) -> str:
     return side
 
 
-def _points(path: str | Path, where: str, given: Any, count: int) -> Array:
-    """Points (count, 3): u and v as fractions of the image, and a confidence."""
+def _points(path: str | Path, where: str, given: Any, count: int) -> list[list[float]]:
+    """As many points as `count`: u and v as fractions of the image, and a confidence."""
     if not isinstance(given, list) or len(given) != count:
         many = f"{len(given)} points" if isinstance(given, list) else shown(given)
         raise BadFile(f"{path}: {where} has {many}; MediaPipe's has {count}, each with x and y")
-    rows = []
-    for i, one in enumerate(given):
-        if not isinstance(one, dict) or not {"x", "y"} <= one.keys():
-            raise BadFile(f"{path}: {where}: point {i} must have x and y, but is {shown(one)}")
-        sure = one.get("visibility")
-        rows.append([one["x"], one["y"], 1.0 if sure is None or count == 21 else sure])
-    if not all(type(x) in (int, float) and abs(x) < FARTHEST for row in rows for x in row):
-        raise BadFile(
-            f"{path}: {where} must hold numbers: x and y as fractions of the image, and a "
-            "visibility from 0 to 1"
-        )
-    points = np.array(rows, dtype=np.float64)
-    if not ((points[:, 2] >= 0) & (points[:, 2] <= 1)).all():
-        raise BadFile(f"{path}: {where} has a visibility that is not from 0 to 1")
+    points: list[list[float]] = points_in(path, where, given)[1].tolist()
+    if count == 21:  # older solutions give hands a visibility of 0
+        return [[u, v, 1.0] for u, v, _ in points]
     return points
-
-
-def _notes(
-    path: str | Path, said: dict[str, Any], bodies: list[Array], person: int | None
-) -> list[str]:
-    unread = sorted(
-        key
-        for key, value in said.items()
-        if key not in KNOWN and value and isinstance(value, list | dict)
-    )
-    notes = [f"{Path(path).name}: not read are {some(unread)}"] if unread else []
-    if len(bodies) > 1 and person is None:
-        notes.append(
-            f"{Path(path).name} holds {len(bodies)} people; the one seen best is read, and "
-            "--person takes another"
-        )
-    if len(bodies) > 1 and any("hand" in key for key in said):
-        notes.append(f"{Path(path).name} does not say whose the hands are; they go with that body")
-    return notes

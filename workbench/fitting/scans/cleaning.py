@@ -9,11 +9,22 @@ from scipy.spatial import cKDTree
 
 from workbench.arrays import Array, Index, Mask
 from workbench.fitting.scans.scan import BadScan, Contents, drawn
+from workbench.fitting.scans.surface import least_spread, outline
 
 LARGEST = 1e9  # in the file's unit: farther out is no coordinate but damage
 FEWEST = 100  # points
 FAR = 20.0  # times the size of the scan from its middle: what cannot belong to it
 BESIDE = 10.0  # times the usual distance from the nearest neighbour
+PLANES = 3  # a floor and two walls
+SAMPLES = 30_000  # points of faces
+TRIED, AROUND = 200, 12  # places of which a plane is tried, by so many neighbours
+THICK = 0.01  # of the size of the scan: how far points of a plane may be from it
+SHARE = 0.1  # of the cells of a scan: a smaller plane may be a part of a body
+ALONG = 0.85  # cosine of the angle between the normal of a plane and those of its places
+BROAD = 0.3  # of the size of the scan: how wide a plane is at least
+FLAT = 0.5  # of the thickness: the deviation of its places; 0.74 of those of a round side
+SHARP = 1.2  # times as many cells within three times the thickness: a body's side is round
+ONE_SIDE = 0.95  # of the other cells, which are in front of the plane
 
 
 def cleaned(contents: Contents, most: int) -> Contents:
@@ -62,6 +73,86 @@ def cleaned(contents: Contents, most: int) -> Contents:
             f"{FEWEST}{said}"
         )
     return contents
+
+
+def without_planes(contents: Contents) -> Contents:
+    """The scan without a floor and walls: planes, at one side of all else, that nothing covers.
+
+    A body's flat back, or the plane at which a scan was cut, is covered by its front, seen along
+    the normal; and of the side of a body that was seen from there alone, three times as much lies
+    within three times the distance from a plane.
+    """
+    for _ in range(PLANES):
+        plane = _plane_beside(contents)
+        if plane is None:
+            break
+        normal, place, band = plane
+        above = np.asarray((contents.points - place) @ normal > band)
+        if above.sum() < FEWEST:
+            break
+        contents = _kept(
+            contents, above, "on a plane beside the rest, a floor or a wall, and left out"
+        )
+    return contents
+
+
+def _plane_beside(contents: Contents) -> tuple[Array, Array, float] | None:
+    """The unit normal (3,) towards the rest, a point (3,) and half of the thickness of a plane."""
+    points, camera = contents.points, contents.camera_position
+    if contents.faces is not None:
+        import trimesh  # a quarter of a second to import: not before it is needed
+
+        mesh = trimesh.Trimesh(points, contents.faces, process=False)
+        points = np.asarray(trimesh.sample.sample_surface(mesh, SAMPLES, seed=0)[0])
+    cells = outline(points)
+    if len(cells) < AROUND:
+        return None
+    size = float(np.ptp(cells, axis=0).max())
+    thick, step = THICK * size, size / 50
+    rng = np.random.default_rng(0)
+    tried = rng.choice(len(cells), min(TRIED, len(cells)), replace=False)
+    normals = least_spread(cells[cKDTree(cells).query(cells, k=AROUND)[1]])
+    ways, at = normals[tried], cells[tried]
+    counts = (np.abs(cells @ ways.T - (at * ways).sum(axis=1)) < thick).sum(axis=0)
+    for k in np.argsort(-counts)[:10]:
+        normal, place = ways[k], at[k]
+        for _ in range(5):
+            own = cells[np.abs((cells - place) @ normal) < thick]
+            if len(own) < 4:
+                break
+            place = own.mean(axis=0)
+            normal = least_spread(own[None])[0]
+        off = (cells - place) @ normal
+        if (off > 2 * thick).sum() < (off < -2 * thick).sum():
+            normal, off = -normal, -off
+        rest = np.abs(off) > 2 * thick
+        behind = camera is not None and (camera - place) @ normal < 0
+        if behind or not rest.any() or (off[rest] > 0).mean() < ONE_SIDE:
+            continue
+        first = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
+        first /= np.linalg.norm(first)
+        flat = (cells - place) @ np.stack([first, np.cross(normal, first)]).T
+        front = off > 3 * thick
+        bare = np.asarray(cKDTree(flat[front]).query(flat)[0] > step) if front.any() else rest < 0
+        bare &= np.abs(normals @ normal) > ALONG
+        own = bare & (np.abs(off) < thick)
+        if own.sum() < max(SHARE * len(cells), (np.abs(off) < thick).sum() / 4):
+            continue
+        axes = np.linalg.eigh(np.cov(flat[own].T))[1]
+        sides = np.ptp(np.percentile(flat[own] @ axes, (5, 95), axis=0), axis=0)
+        if sides.min() < BROAD * size or deviation(off[own]) > FLAT * thick:
+            continue
+        if (bare & (np.abs(off) < 3 * thick)).sum() > SHARP * own.sum():
+            continue
+        exact = points[np.abs((points - place) @ normal) < thick]
+        band = np.clip(4 * deviation((exact - place) @ normal), thick / 4, 2 * thick)
+        return normal, place, float(band)
+    return None
+
+
+def deviation(numbers: Array) -> float:
+    """The standard deviation of numbers (M,), by their median distance from the median."""
+    return 1.4826 * float(np.median(np.abs(numbers - np.median(numbers))))
 
 
 def far_points(points: Array) -> Mask:

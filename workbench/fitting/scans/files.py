@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from workbench.arrays import Array, Index
 from workbench.blocks.checks import reals
 from workbench.errors import BadArgument, BadFile, cut, listed, some
-from workbench.fitting.scans.cleaning import cleaned, far_points, points_are
+from workbench.fitting.scans.cleaning import cleaned, far_points, points_are, without_planes
 from workbench.fitting.scans.scan import BadScan, Contents, Scan
 from workbench.fitting.scans.surface import (
     areas_of_faces,
@@ -294,13 +294,13 @@ def read_scan(
     """Read a scan of a person or of a part of one from a file, with or without faces.
 
     Formats are .ply, .pcd, .obj, .off, .stl, .glb, .npz, .npy, and .xyz, .txt or .csv with x y z
-    and perhaps nx ny nz in each line. `unit` (m, cm, mm, in) and `up` (x, y, z, -x, -y, -z) are
-    guessed if they are not given: see `unit_of` and `up_of`; `sizes` says how long what was scanned
-    usually is. `name` is the array of points in an
-    .npz file. `camera_position` (3,), in the file's own unit and axes, is from where all points
-    were seen. An .npz file may hold it, and so may a .pcd file, as its viewpoint; there 0 0 0 is
-    what programs write that do not know it, and is not taken. Of a cloud of more than `most` points
-    so many are drawn.
+    and perhaps nx ny nz in each line. A floor and walls are left out. `unit` (m, cm, mm, in, or a
+    number of m as text) and `up` (x, y, z, -x, -y, -z) are guessed if they are not given: see
+    `unit_of` and `up_of`; `sizes` says how long what was scanned usually is. `name` is the array of
+    points in an .npz file. `camera_position` (3,), in the file's own unit and axes, is from where
+    all points were seen. An .npz file may hold it, and so may a .pcd file, as its viewpoint; there
+    0 0 0 is what programs write that do not know it, and is not taken. Of a cloud of more than
+    `most` points so many are drawn.
 
     Normals are those of the file, of its faces, or of neighbouring points; of the last it is not
     known on which side they are, unless the camera's position is. Weights are areas in m^2.
@@ -329,7 +329,7 @@ def read_scan(
 def _read(
     contents: Contents, suffix: str, unit: str | None, up: str | None, most: int, sizes: Sizes
 ) -> ReadScan:
-    contents = cleaned(contents, most)
+    contents = without_planes(cleaned(contents, most))
     cells = outline(contents.points)
     if len(cells) < FEWEST_PLACES:
         raise BadScan(

@@ -1,0 +1,168 @@
+"""Keypoints of a person as any detector writes them, as numbers: lists, columns or names."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from workbench.arrays import Array
+from workbench.errors import BadFile, UnknownName, shown
+from workbench.fitting.files.layouts import keypoint_name
+from workbench.fitting.observations import PLACING
+
+SURE = ("score", "confidence", "conf", "visible", "visibility", "v")  # of one keypoint
+FARTHEST = 1e7  # px: no detector reports a keypoint farther out
+CLEAR = 0.2  # confidence of a keypoint that tells how large a person is
+FRACTIONS = -0.5, 2.0  # between which all keypoints lie if they are fractions of an image
+
+Named = tuple[tuple[str, ...], Array]  # names, empty if the file has none, and (M, 3)
+
+
+@dataclass(frozen=True, eq=False)
+class DetectedPerson:
+    """The keypoints of one person in a file.
+
+    Attributes:
+        names: the keypoints' names.
+        points: (M, 3) u, v in px, and a confidence from 0 to 1, which is 0 for what was not seen.
+        size: width and height of the image in px, if the file says so.
+        body: the names of the keypoints without hands and face; empty where each point has a name.
+        notes: sentences on what else the file holds.
+    """
+
+    names: tuple[str, ...]
+    points: Array
+    size: tuple[int, int] | None
+    body: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def numbers_in(path: str | Path, what: str, given: Any) -> Array:
+    """A list of numbers as an array; `what` names it in the error. Raises BadFile."""
+    try:
+        numbers = np.asarray(given, dtype=float)
+    except (ValueError, TypeError, OverflowError):
+        numbers = None
+    if numbers is None or not isinstance(given, (list, tuple)):
+        raise BadFile(f"{path}: {what} must be numbers, not {shown(given)}")
+    return numbers
+
+
+def is_point(given: Any) -> bool:
+    """Whether it is one keypoint: two to four numbers, or an object with x and y."""
+    if isinstance(given, dict):
+        return {"x", "y"} <= given.keys() or "position" in given
+    several = isinstance(given, list) and 2 <= len(given) <= 4
+    return several and all(isinstance(one, int | float | None) for one in given)
+
+
+def points_in(path: str | Path, where: str, given: Any, scores: Any = None) -> Named:
+    """Keypoints (M, 3) as u, v, confidence, and their names if each has one.
+
+    They may be a list of u, v and confidence, flat or with two to four numbers for each (u, v; u,
+    v, confidence; u, v, depth, confidence) and `scores` (M,) beside it, a list of objects with x
+    and y, an object of lists under x and y, or an object by name. Raises BadFile.
+    """
+    names: tuple[str, ...] = ()
+    what = f"{where}: keypoints".removeprefix(": ")
+    if isinstance(given, dict) and isinstance(given.get("x"), list):
+        columns = [given["x"], given.get("y")]
+        columns += [given[key] for key in SURE if isinstance(given.get(key), list)][:1]
+        if len({len(one) if isinstance(one, list) else -1 for one in columns}) > 1:
+            raise BadFile(f"{path}: {what} must have as many y as x, not {shown(given.get('y'))}")
+        given = [list(row) for row in zip(*columns, strict=True)]
+    elif isinstance(given, dict):
+        names, given = tuple(map(keypoint_name, given)), [*map(_row, given.values())]
+    elif isinstance(given, list) and given and all(isinstance(one, dict) for one in given):
+        called = [
+            next((one[k] for k in ("name", "part", "class") if k in one), None) for one in given
+        ]
+        if all(isinstance(name, str) for name in called):
+            names = tuple(map(keypoint_name, called))
+        given = [*map(_row, given)]
+    elif isinstance(given, list):
+        wide = next((len(one) for one in given if isinstance(one, list) and one), 0)
+        given = [[None] * wide if wide and not one else one for one in given]  # null: not seen
+    numbers = numbers_in(path, what, given)
+    sure = None if not isinstance(scores, list) else numbers_in(path, what, scores).ravel()
+    if numbers.ndim == 3 and len(numbers) == 1:  # of one person
+        numbers = numbers[0]
+    if numbers.ndim == 1:
+        wide = 2 if sure is not None and numbers.size == 2 * sure.size else 3
+        if numbers.size % wide:
+            raise BadFile(
+                f"{path}: {what} must be three numbers each, u, v and confidence, but "
+                f"{numbers.size} numbers are not a multiple of three"
+            )
+        numbers = numbers.reshape(-1, wide)
+    if numbers.ndim != 2 or not (2 <= numbers.shape[1] <= 4 or not numbers.size):
+        raise BadFile(f"{path}: {what} must be u, v and a confidence each, not {shown(given)}")
+    if sure is None and numbers.shape[1] == 3:
+        return names, numbers
+    if sure is None:
+        sure = numbers[:, 3] if numbers.shape[1] > 3 else np.ones(len(numbers))
+    if len(sure) != len(numbers):
+        raise BadFile(f"{path}: {what} are {len(numbers)}, but there are {len(sure)} scores")
+    return names, np.column_stack([numbers[:, :2], sure])
+
+
+def _row(given: Any) -> Any:
+    """A keypoint as u, v, confidence; 1 where no confidence is said."""
+    if isinstance(given, dict):
+        place = given["position"] if isinstance(given.get("position"), dict) else given
+        sure = next((given[key] for key in SURE if given.get(key) is not None), 1.0)
+        return [place.get("x"), place.get("y"), sure]
+    if isinstance(given, list) and len(given) in (2, 4):
+        return [*given[:2], given[3] if len(given) == 4 else 1.0]
+    return given or [None] * 3
+
+
+def trusted(points: Array) -> Array:
+    """Keypoints (M, 3) with confidences from 0 to 1, as SPIN's weights c^2 take them.
+
+    COCO's flags 0, 1, 2 and the scores of some detectors are above 1, and count as 1: a score says
+    nothing about px, and must not make a sigma smaller. Not seen, with confidence 0, is what is not
+    finite, farther than 1e7 px, has a confidence of 0 or below, or lies at 0, 0 or -1, -1.
+    """
+    seen = (np.abs(points[:, :2]) < FARTHEST).all(axis=1)  # nor NaN
+    seen &= (points[:, 2] > 0) & (points[:, 2] < np.inf) & (points[:, :2] > 0).any(axis=1)
+    found = np.where(seen[:, None], points, 0.0)
+    found[:, 2] = np.minimum(found[:, 2], 1.0)
+    return found
+
+
+def in_px(
+    path: str | Path, points: Array, size: tuple[int, int] | None, *, fractions: bool = False
+) -> tuple[Array, list[str]]:
+    """Trusted keypoints (M, 3) in px, and a note if they seem to be fractions of the image.
+
+    Raises BadFile if the size of the image is then not known.
+    """
+    places = points[points[:, 2] > 0, :2]
+    guessed = bool(len(places) and places.min() > FRACTIONS[0] and places.max() < FRACTIONS[1])
+    if not fractions and not guessed:
+        return points, []
+    if size is None:
+        raise BadFile(
+            f"{path} holds fractions of an image, not px, and not how large the image is; give "
+            "--size WIDTHxHEIGHT in px"
+        )
+    note = f"{Path(path).name}: keypoints are taken for fractions of the image, not for px"
+    return points * [*size, 1.0], [] if fractions else [note]
+
+
+def no_such_person(path: str | Path, person: int, count: int) -> UnknownName:
+    """The error for a person who is not among the `count` people of a file."""
+    known = [str(number) for number in range(count)] if count <= 5 else []
+    hint = "" if known else f"0 to {count - 1}"
+    people = f"{count:,} {'person' if count == 1 else 'people'}"
+    more = f"{path} holds {people}, counted from 0"
+    return UnknownName("person", str(person), known, hint=hint, more=more)
+
+
+def how_large(points: Array) -> tuple[float, float]:
+    """The diagonal in px of the box around trusted keypoints (M, 3), then how sure they are."""
+    clear = points[points[:, 2] > CLEAR, :2]
+    size = np.linalg.norm(np.ptp(clear, axis=0)) if len(clear) >= PLACING else 0.0
+    return float(size), float(points[:, 2].sum())
