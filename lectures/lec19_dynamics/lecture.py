@@ -108,8 +108,9 @@ Picture(
 )
 
 # %% [markdown]
-# It explains 73 % of a clip that it was learned from. In the unseen clip it is worse than a tissue that stays
-# in its mean place: it has learned the clips by heart. Where the tissue is does not follow from the pose,
+# It explains {{ 100 * by_pose['a clip it was learned from']:.0f}} % of a clip that it was learned from. In the unseen
+# clip it is worse than a tissue that stays in its mean place{{ by_pose['an unseen clip'] < -0.3 }}: it has learned
+# the clips by heart. Where the tissue is does not follow from the pose,
 # since the same pose may be the top of a hop or a rest.
 #
 # ## What a mass on a spring does
@@ -143,8 +144,8 @@ print(f"it swings {swings:.2f} times a second and halves in {1e3 * halves:.0f} m
 
 # %% [markdown]
 # Our springs have 15 % of the damping at which nothing swings any more. Those of a layer of 6 cm have 5 Hz; thicker
-# layers are softer. Such a mass swings 4.94 times a second, and its swing halves in 147 ms. Half a second after a push,
-# less than a tenth is left.
+# layers are softer. Such a mass swings {{ swings:.2f}} times a second, and its swing halves in {{ 1e3 * halves:.0f}}
+# ms. Half a second after a push, {{ 100 * abs(pole) ** 30:.0f}} % of it are left.
 #
 # ## Dynamic blend shapes
 #
@@ -212,12 +213,16 @@ for name, error in ahead.items():
     alone = f"; by itself it explains {free[name]:.2f}" if name in free else ""
     print(f"{name}: one frame ahead off by {100 * error:.1f} % of the coefficients' rms{alone}")
 
+runs = {
+    name: tissue.displacements(body, tissue.coefficients(body, unseen.motion), unseen.motion.betas)
+    for name, tissue in tissues.items()
+}
+drawn_truth = unseen.displacements[:, softest, 1]  # m
+drawn_run = runs["with forces on parts"][:, softest, 1]
+
 with house_style():
     figure, axes = sheet(9.5, 3.4, columns=2)
-    for ax, (name, tissue) in zip(axes, tissues.items(), strict=True):
-        run = tissue.displacements(
-            body, tissue.coefficients(body, unseen.motion), unseen.motion.betas
-        )
+    for ax, (name, run) in zip(axes, runs.items(), strict=True):
         ax.plot(seconds, 1e3 * unseen.displacements[:, softest, 1], "k", lw=2, label="simulated")
         ax.plot(seconds, 1e3 * run[:, softest, 1], "C0", label=f"by itself: {name}")
         ax.set(xlabel="time (s)", ylabel="displacement upwards (mm)")
@@ -225,17 +230,20 @@ with house_style():
         ax.legend(loc="upper right")
 Picture(
     figure,
-    "The same vertex in the same clip. Each model runs by itself, from the motion alone. With Dyna's inputs "
-    "it goes astray; with what each soft part feels as further inputs it follows in the main, and is off by up "
-    "to 4.9 mm.",
+    "The same vertex in the same clip. Each model runs by itself, from the motion alone. With "
+    "Dyna's inputs it goes astray; with what each soft part feels as further inputs it follows "
+    f"in the main, and is off by up to {1e3 * np.abs(drawn_truth - drawn_run).max():.1f} mm.",
 )
 
 # %% [markdown]
-# One frame ahead, both models look good: they are off by 7.3 % and 5.5 % of the rms of the coefficients. But the guess
-# that nothing changes is off by no more than 15 %, since at 60 frames a second not much happens in a frame. So let each
+# One frame ahead, both models look good: they are off by {{ 100 * ahead["Dyna's inputs"]:.1f}} % and
+# {{ 100 * ahead['with forces on parts']:.1f}} % of the rms of the coefficients. But the guess
+# that nothing changes is off by no more than {{ 100 * ahead['as in the frame before']:.0f}} %, since at 60 frames a
+# second not much happens in a frame. So let each
 # model run by itself, from the motion alone, and feed on its own output. This is a **free run**, and it tells them
-# apart: with Dyna's inputs it is worse than a tissue that keeps its place, and with the further inputs of the next
-# section it explains 77 %. (That is of all vertices. Of the curve in the figure it explains 34 %.)
+# apart: with Dyna's inputs it is worse than a tissue that keeps its place{{ free["Dyna's inputs"] < -0.5 }}, and with
+# the further inputs of the next section it explains {{ 100 * free['with forces on parts']:.0f}} %. (That is of all
+# vertices. Of the curve in the figure it explains {{ 100 * share(drawn_truth, drawn_run):.0f}} %.)
 #
 # ## What a part of the body feels
 #
@@ -307,12 +315,17 @@ Picture(
 )
 
 # %% [markdown]
+# Ten seconds after a push, {{ sizes[1.02][-1] / sizes[1.02][0]:.0e}} of it are there with a spectral radius of
+# 1.02{{ sizes[tissue.spectral_radius][-1] < 1e-6 * sizes[tissue.spectral_radius][0] and 0.5 < sizes[1.0][-1] / sizes[1.0][0] < 50 and (np.abs(tissue.poles) < 1).all() }}.
+#
 # ## The embedded body
 #
-# `load_tissue()` is the tissue of the body `default`. It was learned in the same way, with 32 dynamic blend
-# shapes, from springs that recorded motion drove. The recordings are not part of the package, but what was
-# measured with them is: in clips and people that it had not seen, a free run explains 87.9 % of the
-# variance, with a 95 % interval from 81.1 % to 90.8 %. With Dyna's inputs alone it explains 33.5 %. (Above, where
+# `load_tissue()` is the tissue of the body `default`. It was learned in the same way, with
+# {{ load_tissue().n_coefficients }} dynamic blend shapes, from springs that recorded motion drove. The recordings are
+# not part of the package, but what was
+# measured with them is: in clips and people that it had not seen, a free run explains {{ 87.9 }} % of the variance,
+# with a 95 % interval from {{ 81.1 }} % to {{ 90.8 }} %. With Dyna's inputs alone it explains {{ 33.5 }} %. (Above,
+# where
 # they failed, the body and the clips were others.)
 #
 # Coefficients of zero give SMPL, to the last bit. An **exaggeration** multiplies them. How much farther the
@@ -334,8 +347,10 @@ for third in (-2.0, 0.0, 2.0):
 print(f"with exaggeration 3, by {3 * max(moves.values()):.0f} mm")
 
 # %% [markdown]
-# With a body mass index of 20 the skin moves by up to 25 mm in this hop, and with 29 by up to 30 mm. An exaggeration of
-# 3 makes 90 mm of these. The inputs are bounded, as they are squashed, and the model is stable: what
+# With a body mass index of {{ min(moves):.0f}} the skin moves by up to {{ moves[min(moves)]:.0f}} mm in this hop, and
+# with {{ max(moves):.0f}} by up to {{ moves[max(moves)]:.0f}} mm. An exaggeration of 3 makes
+# {{ 3 * moves[max(moves)]:.0f}} mm of these{{ untouched }}. The inputs are bounded, as they are squashed, and the
+# model is stable: what
 # each frame's input moves dies away like the push above. So the displacements are bounded too, whatever the motion.
 #
 # ## Where bones come from
@@ -399,10 +414,13 @@ Picture(
 )
 
 # %% [markdown]
-# Both limbs are explained to rounding. The shoulder is found to rounding too, since its equations have rank
-# 3. (The note below it is about another joint, that of the root: the root hangs on nothing, so that no equation
-# speaks of its place.) Those of the hinge have rank 2: its joint is 14 mm away from where it was when the meshes were
-# made, along the axis z, and no mesh contradicts. This is a null direction as in lecture 8. `wb.rig` names it in its
+# Both limbs are explained to rounding{{ all(one.rms < 1e-9 for one in rigged.values()) }}. The shoulder is found to
+# rounding too, since its equations have rank {{ rank['shoulder']}}. (The note below it is about another joint, that
+# of the root: the root hangs on nothing, so that no equation
+# speaks of its place.) Those of the hinge have rank {{ rank['hinge']}}: its joint is {{ off:.0f}} mm away from where
+# it was when the meshes were
+# made, along the axis z{{ abs(rigged['hinge'].joints[0].free[0, 2]) > 0.999 }}, and no mesh contradicts. This is a
+# null direction as in lecture 8. `wb.rig` names it in its
 # notes, and the remedy lies in the data: turn the limb about another axis as well.
 #
 # ## What to remember

@@ -69,20 +69,16 @@ def slides(lecture: Lecture) -> list[Slide]:
 
 
 def _each(lecture: Lecture) -> Iterator[Slide]:
-    section, code = lecture.title, ""
-    printed = StringIO()
-    path = lecture.folder / "lecture.py"
-    with redirect_stdout(printed):
-        for cell, value in carried_out(path):
+    section = lecture.title
+    with redirect_stdout(StringIO()):
+        for cell, value, printed in carried_out(lecture.folder / "lecture.py"):
             if cell.prose:
                 for heading, body, lines in _of_prose(cell.text):
                     section = heading or section
                     yield Slide(section, body, lines=lines)
                 continue
             code = _code(cell.text)
-            if text := printed.getvalue().rstrip():
-                printed.seek(0)
-                printed.truncate()
+            if text := printed.rstrip():
                 rows = text.count("\n") + 2.0
                 yield Slide(section, _fixed(escape(text), text), code, rows)
             for shown in _shown(value):
