@@ -57,9 +57,12 @@ def notebook(lecture: Lecture) -> Notebook:
     except Exception as error:
         reason = f"{type(error).__name__}: {error}"
         raise CellFailed(f"lecture {lecture.number} stops: {reason}") from error
-    for k, cell in enumerate(made):
-        cell["id"] = f"cell-{k}"
-    return NOTEBOOK | {"cells": made}
+    return as_notebook(made)
+
+
+def as_notebook(cells: list[dict[str, Any]]) -> Notebook:
+    """Cells as a notebook."""
+    return NOTEBOOK | {"cells": [cell | {"id": f"cell-{k}"} for k, cell in enumerate(cells)]}
 
 
 def prose_cell(text: str) -> dict[str, Any]:
