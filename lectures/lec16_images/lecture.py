@@ -541,8 +541,9 @@ failures = {
 }
 
 # %% [markdown]
-# Of the wrong hinges {{ sum(bent_back(end[0]) for kind in SHOTS for end in found['staged', kind])}} are left, and of
-# {{ failures['rest']}} failures among the made-up people {{ failures['staged']}}; but one of the fits that still fail
+# The wrong hinges fall from {{ backwards('with E_a')}} to
+# {{ sum(bent_back(end[0]) for kind in SHOTS for end in found['staged', kind])}}, and the failures among the made-up
+# people from {{ failures['rest']}} to {{ failures['staged']}}; but one of the fits that still fail
 # is worse than any was
 # before{{ mean_errors(found['staged', 'made up'], people).max() > mean_errors(found['rest', 'made up'], people).max() + 20 }}.
 # Note that the problem has not changed at all: the last
@@ -613,7 +614,8 @@ Picture(
 )
 
 # %% [markdown]
-# Four starts rescue most of the failures: {{ failures['four turned']}} of {{ failures['rest']}} are left. The network
+# Four starts rescue most of the failures, {{ failures['rest'] - failures['four turned']}} of {{ failures['rest']}}.
+# The network
 # alone is off by {{ alone:.0f}} mm, because it does not meet the
 # keypoints. But as a *start* it is the best that we have, and needs no stages: the fits are off by
 # {{ made_up_off['learned']:.0f}}
