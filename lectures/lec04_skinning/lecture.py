@@ -228,7 +228,9 @@ Picture(
 # from 0 to 1 over a zone of length $l$, from
 # $s = -l/2$ to $s = l/2$, and let $A$ be the area of the tube's cross-section. To get the volume of the bent zone, sum
 # up its volume at rest piece by piece, each small piece multiplied by the factor by which the map
-# $s + i y \mapsto c\,(s + i y)$ enlarges its area $ds\, dy$ in the plane of the bend. A small step along the tube is
+# $s + i y \mapsto c\,(s + i y)$ enlarges its area $ds\, dy$ in the plane of the bend.
+#
+# A small step along the tube is
 # taken to the step times $u = c + \frac{dc}{ds} (s + i y)$, and one across it to the step times $v = i c$. The area
 # between two complex numbers $u$ and $v$ is the imaginary part of $\bar u\, v$, where $\bar u$ is $u$ with the opposite
 # sign of $i$. The imaginary part of $i$ times a number is its real part, so the area is
@@ -291,15 +293,21 @@ print(f"(the zone itself holds {1e6 * area * 0.1:.0f} cm^3)")
 #
 # The signs $s_k$ (which have nothing to do with the length $s$ along the tube) are needed because $q$ and $-q$ are the
 # same rotation: their mean would be zero although nothing has turned. Before the quaternions are added, each one is
-# therefore given the sign with which it is nearer to the one that has the largest weight. Bones also move from place to
+# therefore given the sign with which it is nearer to the one that has the largest weight.
+#
+# Bones also move from place to
 # place, and four more numbers hold the offset $t$: they are $\tfrac12 t\, q$, half the product of the quaternion
 # $(0, t)$ with $q$. The eight numbers together are a **dual quaternion**. Their average in the same way, with all eight
-# divided by the length of the first four, gives a rigid motion for every vertex. Why does it keep joints in place?
+# divided by the length of the first four, gives a rigid motion for every vertex.
+#
+# Why does it keep joints in place?
 # Quaternions are multiplied so that $R p = q\, p\, q^{-1}$ for a point $p$, which is written as the quaternion
 # $(0, p)$. A motion that takes the joint $p$ to $p'$ has the offset $t = p' - R p$, so that its last four numbers are
 # $\tfrac12 t\, q = \tfrac12 (p' q - q\, p)$. That is one linear function of $q$ for all motions that take $p$ to $p'$,
 # and so their average takes it there too (Kavan, Collins, Žára and O'Sullivan, *Geometric Skinning with Approximate
-# Dual Quaternion Blending*, 2008). In the library two short functions say this. They call three others:
+# Dual Quaternion Blending*, 2008).
+#
+# In the library two short functions say this. They call three others:
 # `dual_quaternions` writes each motion as eight numbers, `heaviest` marks the largest weight of each vertex, and
 # `moved` divides by that length and moves the vertices:
 
@@ -542,7 +550,9 @@ Picture(
 # about it. On the tube it lies in the middle of the rings, and what the bend gains on the outside it loses on the
 # inside. In the arm the joint of the elbow lies 1 cm behind the middle, so that a bend to the front has more of the
 # arm on its inside. Bent to the other side, the arm should gain about as much as it has lost, and on the finer body
-# it does{{ abs(there + back) < 20 < 100 < back }}. The second reason is the mesh, whose straight edges cut the
+# it does{{ abs(there + back) < 20 < 100 < back }}.
+#
+# The second reason is the mesh, whose straight edges cut the
 # corner. This is why the coarse body loses volume
 # both ways: only a few long edges lead around its elbow. And it is why, in the figure of volumes, the tube that is
 # bent by half a turn loses {{ -lost['dual quaternions'][-1]:.0f }} cm³ with dual quaternions; with twice as many

@@ -500,7 +500,9 @@ Picture(
 # Where do the people at rest come from? SMPL was trained on two sets of meshes: the multi-pose set has few people, each
 # in many poses, and the multi-shape set has many people, each in about one pose. The notes *SMPL and SMPLify* say in
 # one place that $S$ is learned from the multi-pose set. (They have exchanged the sets there: $S$ comes from the
-# multi-shape set, and the poses of its people are undone first.) We do what the notes say, with 10 of our synthetic
+# multi-shape set, and the poses of its people are undone first.)
+#
+# We do what the notes say, with 10 of our synthetic
 # people in 36 poses each, drawn from a distribution of poses that was learned from motion capture (a mixture of
 # Gaussians, lecture 10). We compute principal components of four sets of meshes: first the meshes as they are posed,
 # moved rigidly onto each other; then the same meshes un-posed, which means that skinning and pose blend shapes were
@@ -585,7 +587,9 @@ Picture(
 #
 # The weights of a joint are found by least squares, from the rest surfaces of many people and the places of their
 # joints (lecture 13). Why these conditions? If the weights of a joint sum to one, the joint moves along with a person
-# who stands elsewhere. If none is negative, the joint lies among its vertices. This condition also makes most weights
+# who stands elsewhere. If none is negative, the joint lies among its vertices.
+#
+# This condition also makes most weights
 # zero. Without it, least squares would make many weights negative. If these are held at zero and the others are found
 # again, some of the others would become negative and are held at zero as well, and so on, until only a few positive
 # weights are left. `scipy.optimize.nnls` solves least squares with weights that are not negative; one more equation,

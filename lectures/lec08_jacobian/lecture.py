@@ -276,12 +276,16 @@ for k in (*np.argsort(sigma)[:3], *np.argsort(sigma)[-3:]):
 # What if the rank is not full? Then $J^\top J$ has no inverse. It is tempting to take the pseudo-inverse, which
 # replaces $1/s_i$ by zero wherever $s_i$ is zero. But this says of a direction that is not seen at all that it is known
 # exactly. With the 24 joints alone it gives the smallest standard deviation to the rotations that nobody sees, those of
-# the leaves. The library gives them an infinite one. Here are its lines. They work with the scaled Jacobian $J D^{-1}$,
+# the leaves. The library gives them an infinite one.
+#
+# Here are its lines. They work with the scaled Jacobian $J D^{-1}$,
 # whose columns were divided by their `lengths`, the diagonal of $D$ (1 for a column of zeros); `s` and the rows of `Vt`
 # are its singular values above the tolerance and their directions. With $J D^{-1} = U S V^\top$, seen directions only,
 # `half @ half.T` is $D^{-1} V S^{-2} V^\top D^{-1}$. Like the pseudo-inverse, this leaves out what is not seen. It is
 # right for an unknown that has no part in the null space, because for it nothing is missing. For the others it is
-# wrong, and is overwritten. Which unknowns are these? (A null vector $v$ of $J D^{-1}$ gives the null vector $D^{-1} v$
+# wrong, and is overwritten.
+#
+# Which unknowns are these? (A null vector $v$ of $J D^{-1}$ gives the null vector $D^{-1} v$
 # of $J$, which is zero in the same entries. So the scaled Jacobian answers this too.) Seen and unseen directions
 # together are an orthonormal basis, the columns of a matrix $Q$ with $Q Q^\top = I$: its diagonal says that for each
 # unknown the squares of its entries in all directions add up to one. If those in the seen directions add up to less,

@@ -417,7 +417,9 @@ for share in (1.05, 1.5):
 # With two cameras or more there is a closed form for the start. Let $(a, b) = (X / Z, Y / Z)$ be the
 # position in the image in units of the focal length, from the image's centre. Then $X - a Z = 0$ and
 # $Y - b Z = 0$. These equations are linear in the point $x$ of the world, because $(X, Y, Z) = R x + t$ is. Each
-# camera gives two of them, and there are three unknowns. To treat $t$ like the rest, we append a one to the point,
+# camera gives two of them, and there are three unknowns.
+#
+# To treat $t$ like the rest, we append a one to the point,
 # so that $(X, Y, Z) = P\, (x, 1)$ with the matrix $P = [R\;\, t]$ of four columns. All equations together say that
 # a matrix with two rows for each camera, multiplied by $(x, 1)$, is zero. With noise it cannot be quite zero. The
 # vector of length one for which it is smallest is the last column of $V$ in the singular value decomposition of

@@ -309,10 +309,14 @@ Picture(
 # take the share $A$ of them, and all of those that want to go back. If it is above 1, we take all of the first, and the
 # share $1 / A$ of those that want to go back. In both cases both ways become equally frequent. On the way back the
 # ratio is $1 / A$, so one rule says both: a proposal is taken with the probability $\min(1, A)$. (The rule of
-# Metropolis is the same one, with $A = p(\text{new}) / p(\text{old})$.) Here the ratio is
+# Metropolis is the same one, with $A = p(\text{new}) / p(\text{old})$.)
+#
+# Here the ratio is
 # $A = z^{k-2}\, \frac{g(1/z)}{g(z)}\, \frac{p(y)}{p(x)}$. For the density above $g(1/z) = z\, g(z)$, and the factor
 # becomes $z^{k-1}$. If $z$ is drawn uniformly instead, $g(1/z) = g(z)$, and the right factor is $z^{k-2}$. What
-# happens to somebody who draws $z$ uniformly but keeps $z^{k-1}$? We try both on a Gaussian in two dimensions whose
+# happens to somebody who draws $z$ uniformly but keeps $z^{k-1}$?
+#
+# We try both on a Gaussian in two dimensions whose
 # standard deviation is 1. (A $z$ with the density $g$ is made of a number $q$ that is uniform from 0 to 1: it is the
 # $z$ below which a share $q$ of the draws lies. The share below $z$ is $\sqrt{2 z} - 1$, so that $z = (1 + q)^2 / 2$.)
 
@@ -365,7 +369,9 @@ Picture(
 # evolution. The step of a walker is the difference of two other walkers, times a factor. If the two are in different
 # modes, this step jumps from mode to mode. At each step half of the walkers move, while the other half, from which they
 # take their steps, stands still. Such a set of walkers is called an **ensemble**. `sample` makes four ensembles unless
-# it is told otherwise, and they know nothing of each other. We let four ensembles of 32 walkers go for our two angles,
+# it is told otherwise, and they know nothing of each other.
+#
+# We let four ensembles of 32 walkers go for our two angles,
 # 3000 steps each, and compare with the grid. (With two angles that may both be turned towards the camera or away from
 # it, there are four modes.) The first printed line is the verdict on the draws; the next section says what its numbers
 # mean. It also counts the modes to which a few searches from elsewhere have led: least squares from points in ever
@@ -462,13 +468,17 @@ Picture(
 # correlations of draws that are far apart are nothing but noise, and there are many of them. Sokal's rule ends it at
 # the first $t$ that is at least five times the sum up to there (`WINDOW` below). The lines compute `times`, the sum for
 # every possible end, and take the first end that obeys the rule; `autocovariance` is the library's function for the
-# products of draws that are $t$ steps apart, summed over all walkers. And a chain that is too short makes its own
+# products of draws that are $t$ steps apart, summed over all walkers.
+#
+# And a chain that is too short makes its own
 # memory look short. The estimate can be believed if the chain is at least 50 $\tau$ long (Sokal, *Monte Carlo Methods
 # in Statistical Mechanics*, 1997), or, with several ensembles of walkers, 20 $\tau$ if the estimate no longer grows.
 # Besides, the ensembles must agree: R-hat, the spread of all draws together over that within the ensembles, must be
 # close to one (Gelman and Rubin, *Inference from Iterative Simulation Using Multiple Sequences*, 1992). Until both
 # hold, no number should be read from the draws. So the workbench puts its verdict before the numbers, and refuses an
-# interval if the verdict is bad. We ask a chain of 100 steps for an interval, and then the 3000 steps from above. (The
+# interval if the verdict is bad.
+#
+# We ask a chain of 100 steps for an interval, and then the 3000 steps from above. (The
 # first steps, which still depend on the start, do not count: they are a tenth of all steps, or $5 \tau$ if that is
 # more, but never more than half. Of the 3000 steps {{ draws.mixing.steps}} are left. Four ensembles of 32 walkers
 # have $N = 4 \cdot 32 \cdot {{ draws.mixing.steps}} = {{ draws.draws[..., 0].size}}$ draws in them, and the printed

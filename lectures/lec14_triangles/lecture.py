@@ -525,7 +525,9 @@ Picture(
 # degrees too. If the
 # template's upper arm is too long, every vertex below the elbow is in the wrong place, and other joints bend to
 # make up for it. The edges below the elbow, however, keep nearly the right directions, so that the error stays in
-# the upper arm. Edges have a disadvantage too. Each is a difference of two vertices, so it carries the noise of
+# the upper arm.
+#
+# Edges have a disadvantage too. Each is a difference of two vertices, so it carries the noise of
 # both over a short length. With the right template and noise,
 # vertices give {{ np.median(degrees['the same person, 5 mm of noise', 'vertices']):.1f}} degrees and edges
 # {{ np.median(degrees['the same person, 5 mm of noise', 'edges']):.1f}}{{ (degrees['the same person, 5 mm of noise', 'vertices'] < degrees['the same person, 5 mm of noise', 'edges']).all() }}.

@@ -361,7 +361,9 @@ for name, problem in problems.items():
 # body moves, and with the contact held it does not. And yet both have the right slope of the *cost*{{ all(abs(held / quotient - 1) < 1e-5 for held, quotient in slopes.values()) }}:
 # the
 # missing part is along the surface, and $p - s$ is perpendicular to it. So both go downhill, and both
-# stop where the true gradient is zero. What differs is the length of the step. $J^\top J$ of the offset
+# stop where the true gradient is zero.
+#
+# What differs is the length of the step. $J^\top J$ of the offset
 # contains, for each point, what it would cost to slide along the surface, which in truth is nearly nothing. In
 # lecture 6, every step of Gauss-Newton multiplied the error by the part of the Hessian that was left out over the part
 # that was kept. Here the kept part is too large in the directions in which points slide: what is to be taken away from

@@ -819,10 +819,14 @@ for name in ("learned", "stature"):
 # over pairs of spheres with centres $C_i$ and radii $r_i$ in parts that should not meet. (The paper's
 # formula lacks the minus sign: without it the term grows with the distance.) Beside it we put the distance
 # $d_{ij}$ of the axes of two capsules, and the residual $\max(0, r_i + r_j - d_{ij})$, which says how deep they
-# overlap. Which of the two pushes parts that touch? The slope of a sphere's term by the distance $d$ of two centres is
+# overlap.
+#
+# Which of the two pushes parts that touch? The slope of a sphere's term by the distance $d$ of two centres is
 # $-2 d\, e^{-d^2 / S} / S$ with $S = s_i^2 + s_j^2$. Since $s$ is only a third of the radius, two spheres that touch, with
 # $d = r_i + r_j$, have a $d^2 / S$ of more than twenty, and $e^{-20}$ is nothing. The cost of a capsule,
-# $\tfrac12 (r_i + r_j - d)^2 / \sigma^2$, has the slope $-(r_i + r_j - d) / \sigma^2$, which grows with the depth. We take the two learned fits with the deepest overlap and fit them again. (Ends and radii of the
+# $\tfrac12 (r_i + r_j - d)^2 / \sigma^2$, has the slope $-(r_i + r_j - d) / \sigma^2$, which grows with the depth.
+#
+# We take the two learned fits with the deepest overlap and fit them again. (Ends and radii of the
 # capsules are linear in the betas. SMPLify's code does not differentiate this term by them, since thinner
 # bodies would be an easy way out.)
 

@@ -250,7 +250,9 @@ Picture(
 # {{ (real_stature - 1e3 * stature(body, fits['one shape']['betas'])) / 10:.0f}} cm too small. Set sigma to exactly
 # the size of the person's own differences, and it is {{ (real_stature - tall['order 2'][0]) / 10:.0f}}
 # cm{{ all((np.diff(tall[name]) > 0).all() for name in ('order 1', 'order 2')) }}. Smoothness of joints in metres is
-# worse: at three times the true differences the person loses {{ (real_stature - tall['joints'][0]) / 10:.0f}} cm. The
+# worse: at three times the true differences the person loses {{ (real_stature - tall['joints'][0]) / 10:.0f}} cm.
+#
+# The
 # reason is that a residual of
 # smoothness does not say "as smooth as a person", but "the less motion the better". Take a person whose lengths and
 # whose distance from the camera are both multiplied by $q$. The image stays the same (lecture 9), all ways in metres
@@ -576,13 +578,19 @@ Picture(
 # $$ n = \frac{T}{1 + 2 \sum_{k=1}^{T-1} (1 - k / T)\, r_k} $$
 #
 # independent ones (Bayley and Hammersley, *The "effective" number of independent observations in an
-# autocorrelated time series* (1946); lecture 12 has the same for draws of a chain). Three cases show what the formula
+# autocorrelated time series* (1946); lecture 12 has the same for draws of a chain).
+#
+# Three cases show what the formula
 # says. In white noise all $r_k$ with $k \ge 1$ are zero, and $n = T$. The autoregressive series has $r_k = \rho^k$. In a long
 # film the factor $1 - k / T$ is nearly one for all $k$ that matter, and the geometric series gives
 # $1 + 2 (\rho + \rho^2 + \dots) = 1 + 2 \rho / (1 - \rho) = (1 + \rho) / (1 - \rho)$, so that $n$ is about
-# $T (1 - \rho) / (1 + \rho)$. And if a share $b$ of the mean square is constant and the rest is not negatively
+# $T (1 - \rho) / (1 + \rho)$.
+#
+# And if a share $b$ of the mean square is constant and the rest is not negatively
 # correlated, then all $r_k$ are at least $b$. The sum of the $1 - k / T$ is $(T - 1) / 2$, so that the denominator is at
-# least $1 + (T - 1)\, b$, and $n < 1 / b$: *no film, however long*, is worth more. Note that correlations are
+# least $1 + (T - 1)\, b$, and $n < 1 / b$: *no film, however long*, is worth more.
+#
+# Note that correlations are
 # about zero and not about the mean of the series. Whoever subtracts the mean, as statistics packages do,
 # subtracts the bias. (The shape is no mean. But near the minimum it moves by a weighted sum of all errors,
 # so that $n$ is a good guide, and no exact law.)
@@ -665,7 +673,9 @@ Picture(
 # {{ -real_table['counted rightly'][2] / sd_right:.1f}} standard
 # deviations{{ abs(real_table['counted rightly'][0] / real_table['frame by frame'][0] - 1) < 0.05 and sd_full < 0.8 * sd_right }}:
 # this answer
-# knows how good it is. So frames that count rightly avoid the loss. Do they gain anything, beside being
+# knows how good it is. So frames that count rightly avoid the loss.
+#
+# Do they gain anything, beside being
 # smooth? On these 45 frames, which were not looked at when the smoothness was chosen, limbs are off by {{ 108.0 }} mm
 # together and by {{ 106.0 }} mm apart, as a mean over the four cameras taken one by one, and by {{ 131.1 }} mm if
 # every frame counts (`benchmarks/VIDEO.md`, with a body of more vertices). With two of the four cameras,
@@ -774,7 +784,9 @@ for errors_are, setup in films.items():
 # person on a beam holds the arms out in
 # every frame. The prior takes this for 45 unusual poses, drawn one after the other, and would rather have
 # another shape. In the dance the poses went through the whole range of the prior, so the made-up film hid
-# this, too. With the detector's errors, both do damage: limbs are off by
+# this, too.
+#
+# With the detector's errors, both do damage: limbs are off by
 # {{ blamed["the detector's errors", 'nothing'][0] / 10:.0f}} cm if everything counts, by
 # {{ blamed["the detector's errors", 'the pose prior'][0] / 10:.0f}} cm and
 # {{ blamed["the detector's errors", 'keypoints and smoothness'][0] / 10:.0f}} cm if one of the two is weighed, and by
@@ -864,7 +876,9 @@ for name, sigma in (("without offsets", 1e-5), ("with offsets", 0.02)):
 # (2014)) makes its place an unknown: marker $m$ is a vertex of the body at rest plus an offset $o_m$, and
 # it moves with the skin. The offset is known beforehand to 9.5 mm. The unknowns are the pose of each frame,
 # one shape and one set of offsets, which MoSh finds from 12 frames. So a marker set is a detector with
-# unknown offsets, and the problem is a sequence with a wide border. In the lines of the library, `landmark_points`
+# unknown offsets, and the problem is a sequence with a wide border.
+#
+# In the lines of the library, `landmark_points`
 # with the offsets are the places of the markers on the body, and `landmarks` is how far they are from those observed.
 # The block `seen` is one for each marker that was seen, and zero for one that was hidden:
 

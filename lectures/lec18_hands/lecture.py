@@ -180,7 +180,9 @@ Picture(
 # $S S = I$, so that the mirrored position is rotated by $S R S$. This is a rotation by the same angle, but
 # in the opposite sense about the mirrored axis, for a mirror turns the sense of a cross product round:
 # $S (a \times b) = - (S a) \times (S b)$. So the rotation vector $\theta$ becomes $-S \theta$: it *keeps* its
-# $x$, and $y$ and $z$ change sign. Two wheels show it: one whose axle points at the mirror spins as its image does,
+# $x$, and $y$ and $z$ change sign.
+#
+# Two wheels show it: one whose axle points at the mirror spins as its image does,
 # and one that rolls towards the mirror is met by an image that rolls the other way.
 #
 # The arrays of the model follow. Template and shape directions are positions, and all of their $x$ change sign. A left

@@ -126,7 +126,9 @@ Picture(
 # $\lambda^2 + 2 \zeta \omega \lambda + \omega^2 = 0$, so $\lambda = -\zeta \omega \pm i \omega \sqrt{1 - \zeta^2}$. In
 # a frame, $1/f$ seconds, such a term is multiplied by $z = e^{\lambda / f} = r e^{\pm i w}$, with
 # $r = e^{-\zeta \omega / f}$ and $w = \omega \sqrt{1 - \zeta^2} / f$. So the path is a sum of two terms of the form
-# $z^t$, with $z = r e^{i w}$ and $z = r e^{-i w}$. Put $z^t$ into the equation on the left and divide by $z^{t-2}$: it
+# $z^t$, with $z = r e^{i w}$ and $z = r e^{-i w}$.
+#
+# Put $z^t$ into the equation on the left and divide by $z^{t-2}$: it
 # holds if $z^2 = a_1 z + a_2$. The equation with these two solutions is
 # $(z - r e^{i w}) (z - r e^{-i w}) = z^2 - 2 r \cos w\, z + r^2 = 0$, which gives $a_1$ and $a_2$ as above. These
 # numbers $z$ are the **poles**. Their angle $w$ is how far the swing gets in a frame, and their size $r$ is how much of
@@ -166,14 +168,20 @@ print(f"it swings {swings:.2f} times a second and halves in {1e3 * halves:.0f} m
 # Here are the lines that do it. `OneStep.of` stacks these rows of all clips; `regressors` is $Z$, and `targets` are the
 # right-hand sides, which form the matrix $Y$; the matrices that are looked for, one below the other, are $W$. In
 # `solve`, $C$ is the number of coefficients, `own` marks the columns of the two frames before, and `price` is the ridge
-# (lecture 5) of each column: next to nothing for these. For an input it is `ridge * (size + HARDLY**2)`, where `size`
+# (lecture 5) of each column: next to nothing for these.
+#
+# For an input it is `ridge * (size + HARDLY**2)`, where `size`
 # is the mean square of the input. The library squashes each vector $v$ of inputs to $v / \sqrt{m^2 + |v|^2}$, with a
 # scale $m$ for its kind, so that inputs stay between -1 and 1 in every motion. What is added to the mean of the squares
 # is the price times the square of the input's factor. The part of the first term is the same for large and small
-# inputs: an input that is half as large needs twice the factor for the same effect, and its `size` is a quarter. The
+# inputs: an input that is half as large needs twice the factor for the same effect, and its `size` is a quarter.
+#
+# The
 # second term makes inputs dear that hardly move in the clips: `HARDLY` is a hundredth, and where the mean square of an
 # input is much smaller than `HARDLY**2`, the price, compared with this mean square, is many times that of other inputs,
-# and least squares gives the input only a small factor, so that it does not explain noise. `penalised` solves the
+# and least squares gives the input only a small factor, so that it does not explain noise.
+#
+# `penalised` solves the
 # normal equations $(Z^\top Z / M + \operatorname{diag}(\text{price}))\, W = Z^\top Y / M$ of $M$ rows.
 #
 # We train one model with Dyna's inputs and one that also has the forces on parts of the body, which the next section
@@ -370,7 +378,9 @@ print(f"with exaggeration 3, by {3 * max(moves.values()):.0f} mm")
 # $Q$ tell how many there are (lecture 8). With measured meshes, noise leaves none of them exactly zero, so that one
 # asks how small a singular value is *compared with the largest one*: the smaller it is, the further a given noise moves
 # the joint along its direction. We try it with a synthetic limb of two bones that moves in two ways: like a shoulder,
-# about all axes, and like a hinge, about one. In the cell, the rows of `joint.directions` are the right singular
+# about all axes, and like a hinge, about one.
+#
+# In the cell, the rows of `joint.directions` are the right singular
 # vectors of $Q$, and `joint.parting` holds its singular values over the root of the number of frames: how far the bones
 # part a point, root mean square over the frames, for each metre along that direction. These meshes have no noise, so
 # that a fixed limit tells zero from the rest.

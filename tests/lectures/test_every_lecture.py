@@ -176,6 +176,21 @@ def test_numbers_of_prose_are_those_of_the_code_or_of_the_run() -> None:
         numbers_are_those_of_the_code(one.folder / "lecture.py")
 
 
+def test_paragraphs_are_short_and_minutes_follow_their_length() -> None:
+    """At most 150 words; 50 words and 20 lines of code a minute, to a quarter."""
+    for one in THERE:
+        words = lines = 0
+        for cell in cells(one.folder / "lecture.py"):
+            if not cell.prose:
+                lines += cell.text.count("\n") + 1
+                continue
+            for part in re.split(r"\n\s*\n|\n(?=- |\d\. )", re.sub(r"\{\{.*?\}\}", "0", cell.text)):
+                if not part.lstrip().startswith(("|", "#", "$$")):
+                    words += len(part.split())
+                    assert len(part.split()) <= 150, f"{one.folder_name}: {part[:60]} ..."
+        assert one.minutes == pytest.approx(words / 50 + lines / 20, rel=0.25), one.folder_name
+
+
 def test_numbers_of_benchmarks_are_those_that_are_stored() -> None:
     """Those that lectures 16, 17 and 19 quote; they cannot run what took hours."""
     images, videos, tissue = (

@@ -173,7 +173,7 @@ class _Child:
 
     def __init__(self, job: Mapping[str, Any]) -> None:
         folder = Path(job["file"]).parent
-        self._process = Started(["-P", "-m", __name__], _environment(), folder)
+        self._process = Started(["-P", "-m", __name__], environment(), folder)
         self._channel = Channel(self._process.connection)
         with suppress(OSError):  # it has ended already, which `_loaded` tells
             self._channel.send(json.dumps(job).encode(), STARTING)
@@ -237,7 +237,7 @@ class _Here:
         return next(self._messages)
 
 
-def _environment() -> dict[str, str]:
+def environment() -> dict[str, str]:
     """Variables by which a process that starts in another folder finds the workbench."""
     here = str(Path(workbench.__file__).parents[1])
     paths = [here, *filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep))]
