@@ -16,8 +16,8 @@ from builder.site.__main__ import main
 from builder.site.pages import ExampleRun, rendered
 from builder.site.reference import annotated, inventory
 from tests.site.links import pages_of, troubles
+from tests.site.test_course_site import not_run
 from workbench.course import notebooks
-from workbench.course import site as course_pages
 from workbench.course.outline import lecture
 from workbench.course.site import NEEDED
 from workbench.errors import BadFile

@@ -10,11 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.lectures.answered import marks_here
 from tests.tiers import few
 from workbench.course.cells import carried_out, cells
 from workbench.course.checks import Raised, formed, outcome
-from workbench.course.grading import CheckState
+from workbench.course.grading import CheckState, grade_exercise
 from workbench.course.outline import FILES, Lecture, lecture
 from workbench.course.showing import Picture, Source
 from workbench.errors import BadFile
@@ -81,9 +80,11 @@ def test_lecture_solutions_pass_and_stubs_are_unsolved(lecture: Lecture) -> None
     hands_out_its_exercises(lecture)
     checks_have_names(lecture)
     for exercise in lecture.exercises:
-        for one in marks_here(lecture, exercise, lecture.solution(exercise)):
+        for one in grade_exercise(lecture, exercise, lecture.solution(exercise)):
             assert one.state is CheckState.PASSED, (exercise, one)
-        for one in marks_here(lecture, exercise, getattr(lecture.module("exercises"), exercise)):
+        for one in grade_exercise(
+            lecture, exercise, getattr(lecture.module("exercises"), exercise)
+        ):
             assert one.state is CheckState.NOT_ATTEMPTED
             assert one.points == 0
 
@@ -135,7 +136,7 @@ def mistakes_are_rejected_with_their_hints(lecture: Lecture) -> None:
         name = mistake.answer.__name__
         failed = [
             one
-            for one in marks_here(lecture, mistake.exercise, mistake.answer)
+            for one in grade_exercise(lecture, mistake.exercise, mistake.answer)
             if one.state is not CheckState.PASSED
         ]
         assert failed, f"no check rejects {name}"
@@ -260,7 +261,7 @@ def test_lecture_checks_reject_nonsense_with_a_sentence(lecture: Lecture) -> Non
     """None, a string and what has no shape come back with a sentence, not with a traceback."""
     for exercise in lecture.exercises:
         for nonsense in (None, "42", float("nan"), lambda *_: 0):
-            for one in marks_here(lecture, exercise, lambda *_, it=nonsense: it):
+            for one in grade_exercise(lecture, exercise, lambda *_, it=nonsense: it):
                 assert one.state is CheckState.FAILED
                 assert one.what
                 assert one.came

@@ -302,10 +302,9 @@ def _state(mark: CheckResult) -> str:
 
 
 def _lines(mark: CheckResult) -> list[str]:
-    told = (("", mark.what), ("expected  ", mark.expected), ("returned  ", mark.came))
-    lines = [
-        f"[dim]{title}[/]" + escape(text).replace("\n", "\n" + " " * len(title))
-        for title, text in told
-        if text
-    ]
-    return lines + ([f"[yellow]perhaps[/]   {escape(mark.hint)}"] if mark.hint else [])
+    lines = []
+    for title, text in mark.told:
+        lead = f"{title:10}" if title else ""
+        style = "yellow" if title == "perhaps" else "dim"
+        lines.append(f"[{style}]{lead}[/]" + escape(text).replace("\n", "\n" + " " * len(lead)))
+    return lines

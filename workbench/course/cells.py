@@ -74,7 +74,7 @@ def carried_out(
         else:
             output.shown, printed = sys.stdout, len(output.getvalue())
             with redirect_stdout(output):
-                value = _value(cell, names, path)
+                value = value_of(cell, names, path)
             yield cell, value, output.getvalue()[printed:]
 
 
@@ -121,7 +121,7 @@ class _Output(StringIO):
 NUMBER = re.compile(r"(?<![\w.^-])[-+]?\d+(?:,\d{3})*(?:\.\d+)?(?:e[-+]?\d+)?(?![\w^])")
 
 
-def _value(cell: Cell, names: dict[str, Any], path: Path) -> Any:
+def value_of(cell: Cell, names: dict[str, Any], path: Path) -> Any:
     """Run a cell. Returns the value of its last line, if that is an expression, else None."""
     tree = ast.parse("\n" * (cell.line - 1) + cell.text, str(path))
     last = tree.body[-1] if tree.body else None

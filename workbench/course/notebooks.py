@@ -10,7 +10,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from workbench.course.cells import FOLDED, apart, carried_out, only_imports
+from workbench.course.cells import FOLDED, Cell, apart, carried_out, only_imports, value_of
 from workbench.course.outline import Lecture
 from workbench.environment import pip_install
 from workbench.errors import BadFile
@@ -119,7 +119,7 @@ def _exercise_cells(lecture: Lecture, names: dict[str, Any]) -> list[dict[str, A
 
 def _ran(code: str, tags: list[str], names: dict[str, Any]) -> dict[str, Any]:
     with redirect_stdout(StringIO()) as printed:
-        exec(code, names)
+        value_of(Cell(False, code, 1), names, Path("exercises.py"))
     return code_cell(code, {"tags": tags} if tags else {}, None, printed.getvalue())
 
 

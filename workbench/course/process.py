@@ -303,16 +303,13 @@ def _done(job: dict[str, Any]) -> Iterator[dict[str, Any]]:
             if lecture is None:
                 found = answers(name, answer, **given)
             else:
-                found = {"results": results_of(lecture, name, answer)}
+                found = {
+                    "results": [
+                        [one.state.value, one.what, one.expected, one.came, one.hint]
+                        for one in grade_exercise(lecture, name, answer)
+                    ]
+                }
         yield {**found, "printed": page.text}
-
-
-def results_of(lecture: Lecture, exercise: str, answer: Any) -> list[list[str]]:
-    """The results of an exercise as texts: state, what, expected, actual and hint of each check."""
-    return [
-        [one.state.value, one.what, one.expected, one.came, one.hint]
-        for one in grade_exercise(lecture, exercise, answer)
-    ]
 
 
 def answers(
