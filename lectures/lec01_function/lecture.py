@@ -178,7 +178,7 @@ Picture(
 # Four hundred examples do not teach a polynomial what an arm is: both polynomials are off by centimetres on average
 # ({{ 1e3 * mean["linear in theta"]:.0f }} and {{ 1e3 * mean["cubes of theta"]:.0f }} mm), and SMPL by
 # {{ 1e3 * mean["SMPL"]:.2f }}
-# mm{{ min(mean["linear in theta"], mean["cubes of theta"]) > 20 * mean["bones and skin"] }}. More terms would need
+# mm{{ 20 * mean["bones and skin"] < mean["cubes of theta"] < 0.9 * mean["linear in theta"] < 0.08 }}. More terms would need
 # more examples. (A full cubic in 72 numbers has
 # $\binom{75}{3}$ = {{ 75 * 74 * 73 // 6:,}} coefficients for every coordinate.) And no number of terms tells the
 # function that **bones
