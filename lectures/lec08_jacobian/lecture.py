@@ -112,7 +112,7 @@ Picture(
 )
 
 # %% [markdown]
-# There are {{ here.rank}} singular values, and then a cliff of {{ np.log10(s[39] / s[40]):.0f}} decades. The others
+# There are {{ here.rank}} large singular values, and then a cliff of {{ np.log10(s[39] / s[40]):.0f}} decades. The others
 # would be zero if
 # computers did not round. Which singular values should count as zero, then? The library asks how large rounding
 # can make a singular value that ought to be zero: about as large as the largest one, times the machine's
