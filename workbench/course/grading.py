@@ -149,15 +149,6 @@ class Grade:
         }
 
 
-def not_done(lecture: Lecture, exercises: Sequence[str], what: str) -> list[CheckResult]:
-    """The results of checks that could not be run, all of them failed, for the reason `what`."""
-    return [
-        CheckResult(check.exercise, check.name, check.points, CheckState.FAILED, what)
-        for check in lecture.checks
-        if check.exercise in exercises
-    ]
-
-
 class Unanswered(Exception):
     """The exercise stands as it was handed out, or calls one that does."""
 

@@ -27,7 +27,6 @@ from workbench.course.grading import (
     CheckState,
     Grade,
     grade_exercise,
-    not_done,
     unfit,
 )
 from workbench.course.outline import Lecture, lecture_named
@@ -107,16 +106,18 @@ def grade(lecture: Lecture, path: str | Path, limits: ProcessLimits | None = Non
 
 def _results(lecture: Lecture, name: str, sent: dict[str, Any] | str) -> list[CheckResult]:
     """The results of the checks of an exercise, as its process found them."""
-    if isinstance(sent, str):
-        return not_done(lecture, [name], sent)
     checks = [check for check in lecture.checks if check.exercise == name]
-    try:
-        return [
-            CheckResult(name, check.name, check.points, CheckState(state), *map(legible, texts))
-            for check, (state, *texts) in zip(checks, sent["results"], strict=True)
-        ]
-    except (KeyError, TypeError, ValueError):
-        return not_done(lecture, [name], "its process sent what is no result")
+    why = sent
+    if isinstance(sent, dict):
+        try:
+            return [
+                CheckResult(name, check.name, check.points, CheckState(state), *map(legible, texts))
+                for check, (state, *texts) in zip(checks, sent["results"], strict=True)
+            ]
+        except (KeyError, TypeError, ValueError):
+            why = "its process sent what is no result"
+    failed = CheckState.FAILED
+    return [CheckResult(name, check.name, check.points, failed, str(why)) for check in checks]
 
 
 def ask(
