@@ -21,7 +21,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from workbench.cli.streams import explain
-from workbench.course.notebooks import notebook, tool, write_notebook
+from workbench.course.notebooks import code_cell, notebook, without_results, write_notebook
 from workbench.course.outline import Lecture, course
 from workbench.environment import DISTRIBUTION
 from workbench.errors import BadFile, WorkbenchError
@@ -41,12 +41,11 @@ await piplite.install({DISTRIBUTION!r}, deps=False)"""
 
 def for_browsers(lecture: Lecture) -> Any:
     """The notebook of a lecture, not run, with the installation in its first cell of code."""
-    made = notebook(lecture)
-    cell = tool("nbformat").v4.new_code_cell(INSTALLATION, metadata={"tags": ["install"]})
-    cell["id"] = "install"
-    made.cells.insert(1, cell)
-    made.metadata["kernelspec"] = {"display_name": "Python (Pyodide)", "name": "python"}
-    return made
+    made = without_results(notebook(lecture))
+    cell = code_cell(INSTALLATION, {"tags": ["install"]}) | {"id": "install"}
+    made["cells"].insert(1, cell)
+    kernel = {"display_name": "Python (Pyodide)", "name": "python"}
+    return made | {"metadata": made["metadata"] | {"kernelspec": kernel}}
 
 
 def write_lite(folder: Path, wheel: Path, pyodide: str | None = None) -> Path:

@@ -79,22 +79,26 @@ Picture(
 
 # %% [markdown]
 # A polynomial does not know that an angle and the same angle plus a full turn are the same rotation. It follows the
-# examples and knows nothing about elbows.
+# examples{{ np.allclose(tip(given + 2 * np.pi), tip(given)) }}{{ printed("degree 3")[1] < 5 and printed("degree 3")[2] > 1000 }}
+# and knows nothing about elbows.
 #
 # A note on the source: *Body Models II* prints the cubic as $w_1 x^3 + w_2 x^2 + w_1 x + w_0$, with $w_1$ twice. The
-# first one has to be $w_3$. With a single number for both coefficients, the largest error of the best fit is six
-# times as large:
+# first one has to be $w_3$. With a single number for both coefficients, the best fit is worse:
 
 # %%
+errors = {}  # m
 for name, columns in (
     ("w3, w2, w1, w0", [given**3, given**2, given, given**0]),
     ("w1, w2, w1, w0", [given**3 + given, given**2, given**0]),
 ):
     A = np.column_stack(columns)
     w = np.linalg.lstsq(A, tip(given), rcond=None)[0]
-    print(f"{name}: off by up to {1e3 * np.abs(A @ w - tip(given)).max():.1f} mm at the examples")
+    errors[name] = np.abs(A @ w - tip(given)).max()
+    print(f"{name}: off by up to {1e3 * errors[name]:.1f} mm at the examples")
 
 # %% [markdown]
+# The largest error is {{ errors["w1, w2, w1, w0"] / errors["w3, w2, w1, w0"]:.1f }} times as large.
+#
 # ## The whole body
 #
 # Now we take the whole body: 72 numbers in, 369 vertices out. The examples are poses drawn from a statistical model
@@ -106,7 +110,8 @@ for name, columns in (
 # - a linear function of the 72 numbers, and
 # - a polynomial that also has the square and the cube of each number.
 #
-# The polynomial has 217 parameters for every coordinate, and four hundred examples determine them only roughly. So we
+# The polynomial has {{ 1 + 3 * 72 }} parameters for every coordinate, and four hundred examples determine them only
+# roughly. So we
 # use *ridge regression*, which is least squares with a penalty on large parameters. We compare both functions with two models that have bones, which
 # the skin follows. The first is SMPL without its pose blend shapes, which learns nothing from the poses. The second is
 # SMPL with pose blend shapes (lecture 5), which are learned from the same four hundred examples. All of them are tried
@@ -150,9 +155,11 @@ predictions = {
     "bones and skin": bones.vertices(test_poses),
     "SMPL": replace(bones, posedirs=posedirs).vertices(test_poses),
 }
+mean = {}  # m
 for name, found in predictions.items():
     off = np.linalg.norm(found - test_surfaces, axis=2)
-    print(f"{name:16} mean {1e3 * off.mean():5.1f} mm, largest {1e3 * off.max():4.0f} mm")
+    mean[name] = off.mean()
+    print(f"{name:16} mean {1e3 * mean[name]:5.1f} mm, largest {1e3 * off.max():4.0f} mm")
 
 # %%
 worst = np.linalg.norm(predictions["linear in theta"] - test_surfaces, axis=2).mean(axis=1).argmax()
@@ -168,9 +175,13 @@ Picture(
 )
 
 # %% [markdown]
-# Four hundred examples do not teach a polynomial what an arm is: both polynomials are off by centimetres
-# on average, and SMPL by less than a millimetre. More terms would need more examples. (A full cubic in 72 numbers has
-# $\binom{75}{3}$ = 67,525 coefficients for every coordinate.) And no number of terms tells the function that **bones
+# Four hundred examples do not teach a polynomial what an arm is: both polynomials are off by centimetres on average
+# ({{ 1e3 * mean["linear in theta"]:.0f }} and {{ 1e3 * mean["cubes of theta"]:.0f }} mm), and SMPL by
+# {{ 1e3 * mean["SMPL"]:.2f }}
+# mm{{ 20 * mean["bones and skin"] < mean["cubes of theta"] < 0.9 * mean["linear in theta"] < 0.08 }}. More terms would need
+# more examples. (A full cubic in 72 numbers has
+# $\binom{75}{3}$ = {{ 75 * 74 * 73 // 6:,}} coefficients for every coordinate.) And no number of terms tells the
+# function that **bones
 # keep their length**.
 #
 # This can be worked out for the linear function. For the pose halfway between two others, it predicts the mean of the
@@ -222,7 +233,7 @@ source(surface.rest)
 source(surface.posed)
 
 # %% [markdown]
-# How many numbers are these parameters? The released model has 6,890 vertices, 23 joints and a root,
+# How many numbers are these parameters? The released model has 6,890 vertices, {{ 23 }} joints and a root,
 # and 10 shape directions:
 
 # %%
@@ -239,7 +250,7 @@ for name, n in counts.items():
 print(f"{'together':12}{sum(counts.values()):>10,}")
 
 # %% [markdown]
-# (The table in *Body Models II* adds up to 6,014,970. Two of its rows count something else than a model file
+# (The table in *Body Models II* adds up to {{ 6014970:,}}. Two of its rows count something else than a model file
 # holds: it counts the regressor as a map from all coordinates of the vertices to all coordinates of the
 # joints, and the four weights of a vertex as twelve.)
 #
@@ -267,10 +278,13 @@ for names in (
     print(f"{' and '.join(names):24}{'linear' if linear_in(body, names, some) else 'not linear'}")
 
 # %% [markdown]
-# SMPL is not linear in the pose. It is linear in each of the other arguments alone, but not in two
-# arguments together that are multiplied with each other, such as the shape directions and the betas.
+# SMPL is not linear in the pose. It is linear in each of the other arguments alone, but not in two arguments together
+# that are multiplied with each
+# other{{ not linear_in(body, ("pose",), some) }}{{ all(linear_in(body, (name,), some) for name in ("template", "shapedirs", "posedirs", "weights", "betas", "trans")) }}{{ not linear_in(body, ("weights", "posedirs"), some) }},
+# such as the shape directions and the betas.
 # This helps a great deal when a model is trained. When the poses are known, the template and the pose directions are
-# the solution of *one* linear least-squares problem; when these are known, the weights are the solution
+# the solution of *one* linear least-squares problem{{ linear_in(body, ("template", "posedirs"), some) }}; when these
+# are known, the weights are the solution
 # of another (lecture 13). With a finished model, only the pose needs a nonlinear solver, and most of this course is
 # about that.
 #

@@ -46,10 +46,13 @@ print("lengths of the columns of M:", np.linalg.norm(M, axis=0).round(3))
 print(f"det M = {np.linalg.det(M):.3f}")
 
 # %% [markdown]
-# The noise is 5 mm in each coordinate, and the markers are met to less than that. (This is no merit, because
+# The noise is 5 mm in each coordinate, and the markers are met to {{ printed("markers are met to")[0]:g }}
+# mm{{ printed("markers are met to")[0] < 5 }}. (This is no merit, because
 # the nine numbers have fitted a part of the noise.) But the columns of a rotation have length 1, and
-# its determinant is 1. Neither is so here: this matrix stretches. Along the forearm, where the
-# markers are far apart, that hardly shows. It shows at the hand, which is at the end of the
+# its determinant is 1. Neither is so here: the first column has length {{ np.linalg.norm(M[:, 0]):.2f }}, the last
+# one {{ np.linalg.norm(M[:, 2]):.2f }}, and $\det M$ is {{ np.linalg.det(M):.2f }}: this matrix stretches. Along the
+# forearm, where the markers are far apart, that hardly shows{{ abs(np.linalg.norm(M[:, 0]) - 1) < 0.01 }}. It shows
+# at the hand, which is at the end of the
 # same forearm and carries no marker:
 
 # %%
@@ -111,7 +114,9 @@ Picture(
 )
 
 # %% [markdown]
-# A bone does not stretch, so nine free numbers are too many. A matrix is a rotation if
+# A bone does not stretch, so nine free numbers are too
+# many.{{ (np.diff(np.transpose(spread)[0]) > 0).all() }}{{ printed("32 markers")[-1] < printed("16 markers")[-1] < printed(" 8 markers")[-1] }}
+# A matrix is a rotation if
 #
 # $$R^\top R = I, \qquad \det R = 1,$$
 #
@@ -141,7 +146,8 @@ print(
 )
 
 # %% [markdown]
-# As a repair this is right, and we shall use it: it also solves Procrustes' problem, to find the
+# As a repair this is right{{ np.allclose(stretch(R), 1) and np.abs(R.T @ R - np.eye(3)).max() < 1e-13 }}, and we
+# shall use it: it also solves Procrustes' problem, to find the
 # rotation that best carries one set of points to another. But an optimizer that walks in nine
 # dimensions and is thrown back to a three-dimensional surface after every step does not know where it
 # is going. We want three numbers, all of which may be changed freely.
@@ -159,10 +165,10 @@ print(
 # This is a linear differential equation, and after one unit of time its solution is the **matrix
 # exponential**: $v(1) = \exp([w]_\times)\, v(0)$ with $\exp(A) = I + A + A^2/2 + A^3/6 + \dots$ So any
 # three numbers $w$ give a rotation, by the angle $t = \|w\|$ about the axis $w / t$. In the pose of
-# SMPL there are 24 of these **rotation vectors**.
+# SMPL there are {{ 24 }} of these **rotation vectors**.
 #
-# The matrix $[w]_\times$ itself is not a rotation matrix: it gives the velocity of a rotation. It takes its own axis to
-# zero, so its determinant is zero, whereas its exponential keeps that axis.
+# The matrix $[w]_\times$ itself is not a rotation matrix: it gives the velocity of a rotation. It takes its own axis
+# to zero, so its determinant is zero, whereas its exponential keeps that axis.
 #
 # The series need not be summed term by term. Let $n = w/t$ be the unit axis. For any vector $v$, the vector
 # $n \times (n \times v)$ is $-v$ without the part along $n$, and a third product with $n$ turns that into
@@ -203,7 +209,9 @@ for name, matrix in (("skew matrix", hat(w)), ("exponential", scipy.linalg.expm(
 # %% [markdown]
 # ## Two misprints
 #
-# The formula is easily misprinted. The course notes *SMPL and SMPLify* print $+\,[n]_\times^2 \cos t$ where the factor
+# The formula is easily
+# misprinted{{ np.allclose(hat(w) @ w, 0) and np.allclose(textbook(w) @ w, w) and np.allclose(textbook(w), scipy.linalg.expm(hat(w))) }}.
+# The course notes *SMPL and SMPLify* print $+\,[n]_\times^2 \cos t$ where the factor
 # must be $1 - \cos t$. *Body Models II* (Pons-Moll and Swoboda, 2018) has the cosine right, but writes $[w]_\times$
 # where the matrix of the *unit* axis belongs, $[n]_\times$. Both forms look plausible. One property shows both errors
 # without the right answer at hand: a rotation satisfies $R^\top R = I$.
@@ -234,10 +242,17 @@ failure = {
     name: [np.linalg.norm(f(t * axis).T @ f(t * axis) - np.eye(3)) for t in angles]
     for name, f in formulas.items()
 }
-for name, f in formulas.items():
-    at = [
+right_at = {
+    name: [round(t, 3) for t, off in zip(angles, found, strict=True) if t > 0.5 and off < 1e-9]
+    for name, found in failure.items()
+}
+off_by = {
+    name: [
         np.linalg.norm(f(t * axis).T @ f(t * axis) - np.eye(3)) for t in (0.1, 1.0, np.pi / 3, 3.0)
     ]
+    for name, f in formulas.items()
+}
+for name, at in off_by.items():
     print(f"{name:22} |R'R - I| at t = 0.1, 1, pi/3, 3: ", *(f"{one:.0e}" for one in at))
 
 with house_style():
@@ -260,9 +275,13 @@ Picture(
 )
 
 # %% [markdown]
-# Note at which angles the wrong formulas are right. A test at 60 degrees ($\pi/3$) would let the first
-# one pass, and a test at 1 rad or at small angles the second one. A single number is no test; a
-# property that is tried at many angles is one.
+# Note at which angles the wrong formulas are
+# right.{{ right_at["cos t"] == [1.047, 5.236] and right_at["no unit axis"] == [1.0, 6.283] }} A test at 60 degrees
+# ($\pi/3$) would let the first
+# one pass, and a test at 1 rad or at small angles the second one. At 3 rad $|R^\top R - I|$ is
+# {{ off_by["cos t"][-1]:.1f }} and
+# {{ off_by["no unit axis"][-1]:.0f }}{{ max(failure["1 - cos t, unit axis"]) < 1e-13 }}. A single number is no test;
+# a property that is tried at many angles is one.
 #
 # ## At zero
 #
@@ -295,26 +314,31 @@ ways = {
 tiny = 1e-8 * axis  # rad
 beginning = cs.SX.eye(3) + cs.skew(v) + cs.skew(v) @ cs.skew(v) / 2  # of the series: right at 0
 hessian = np.asarray(derivatives(beginning)[2](0))
+orthogonal, finite, hessian_off = {}, {}, {}
 for name, R in ways.items():
-    value, jacobian, second = derivatives(R)
+    value, jacobian, second = (
+        np.asarray(f(at)) for f, at in zip(derivatives(R), (w, 0, tiny), strict=True)
+    )
+    orthogonal[name] = np.abs(value.T @ value - np.eye(3)).max()
+    finite[name] = np.isfinite(jacobian).all()
+    hessian_off[name] = np.abs(second - hessian).max()
     print(f"{name}:")
-    print(
-        "  R'R - I at a random w   ",
-        f"{np.abs(np.asarray(value(w)).T @ np.asarray(value(w)) - np.eye(3)).max():.0e}",
-    )
-    print("  Jacobian at 0 is finite ", bool(np.isfinite(np.asarray(jacobian(0))).all()))
-    print(
-        "  Hessian at 1e-8 rad, off by up to",
-        f"{np.abs(np.asarray(second(tiny)) - hessian).max():.2g}",
-    )
+    print(f"  R'R - I at a random w    {orthogonal[name]:.0e}")
+    print(f"  Jacobian at 0 is finite  {finite[name]}")
+    print(f"  Hessian at 1e-8 rad, off by up to {hessian_off[name]:.2g}")
 
 # %% [markdown]
-# The textbook's form has no derivative at rest: NaN. Near rest it has one that is finite and wrong: at
+# The textbook's form has no derivative at rest: NaN{{ not finite["as in the textbook"] }}. Near rest it has one that
+# is finite and wrong: at
 # $t = 10^{-8}$ the number $\cos t$ is rounded to 1, so $1 - \cos t$ and all that follows from it is
-# lost, and second derivatives are off by 1, their own size. The usual cure is to add a small number before
+# lost, and second derivatives are off by {{ hessian_off["as in the textbook"]:.0f }}, their own
+# size{{ np.isclose(np.abs(hessian).max(), 1) }}. The usual cure is to add a small number before
 # the norm is taken (the function `batch_rodrigues` of the package smplx adds $10^{-8}$). It makes the NaN go away, but
-# it leaves a matrix that is orthogonal to 5e-9 only and whose second derivative near zero is
-# wrong. The right cure costs nothing: near zero, take the functions
+# it leaves a matrix that is orthogonal to {{ orthogonal["1e-8 added to w in |w|"]:.0e }} only and whose second
+# derivative near zero is
+# wrong{{ finite["1e-8 added to w in |w|"] and hessian_off["1e-8 added to w in |w|"] > 0.01 }}. The right cure costs
+# nothing: near zero{{ orthogonal["the library's"] < 1e-13 and hessian_off["the library's"] < 1e-7 }}, take the
+# functions
 #
 # $$
 # a = \frac{\sin t}{t} = 1 - \frac{t^2}{6} + \dots, \qquad
@@ -411,8 +435,11 @@ Picture(
 )
 
 # %% [markdown]
-# At $t = 2\pi$ every axis gives the same rotation, the identity, so no change of the axis is felt. A
-# fit that has wandered there sees a Jacobian of rank 1 and gets stuck, and nothing in its data is to
+# At $t = 2\pi$ every axis gives the same rotation, the identity, so no change of the axis is
+# felt.{{ np.isclose(at_full[0], np.sqrt(2)) and (at_full[1:] < 1e-9).all() }}{{ max(off, np.abs(values[:, 1] - law).max()) < 1e-13 }}
+# A
+# fit that has wandered there sees a Jacobian of rank {{ (at_full > 1e-9).sum() }} and gets stuck, and nothing in its
+# data is to
 # blame. The way out: $w$ and $w\,(1 - 2\pi/t)$ are the same rotation, and for $t$ up to $3\pi$ one of
 # them is at most half a turn long; from a longer $w$ one takes off as many whole turns as necessary.
 # The workbench's solvers replace the longer by the shorter between two iterations.

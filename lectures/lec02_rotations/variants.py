@@ -42,6 +42,13 @@ def rodrigues_of_any_length(angle, *, AXIS):
     return np.eye(3) + np.sin(angle) * W + (1 - np.cos(angle)) * W @ W
 
 
+@mistake("rodrigues", "the last term needs 1 - cos, not cos: at angle 0 the matrix has to be I")
+def rodrigues_as_misprinted(angle, *, AXIS):
+    x, y, z = np.array(AXIS) / np.linalg.norm(AXIS)
+    W = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + np.sin(angle) * W + np.cos(angle) * W @ W
+
+
 @mistake("rodrigues", "this is the transpose: it turns the other way")
 def rodrigues_the_other_way(angle, *, AXIS):
     return rodrigues.solution(-angle, AXIS=AXIS)

@@ -71,7 +71,8 @@ print(
 )
 
 # %% [markdown]
-# The fit reproduces the markers to within their noise. But two parts meet at each joint, and the two
+# The fit reproduces the markers to within their noise{{ np.sqrt(np.mean((torn[markers] - seen) ** 2)) < 0.01 }}. But
+# two parts meet at each joint, and the two
 # disagree about where that joint is. The distance between their answers is the **gap**. The solver made
 # no mistake: nothing in the 144 free numbers says that an arm hangs on a shoulder.
 #
@@ -96,10 +97,10 @@ fitted = parts.articulated(solution.values["pose"], solution.values["trans"])
 whole = parts.vertices(fitted["turns"], fitted["places"])
 print(f"unknowns: {solution.values['pose'].size + solution.values['trans'].size}")
 print(f"joints are torn by at most {parts.gaps(fitted['turns'], fitted['places']).max():.0e} m")
+rms = {}  # m
 for name, v in (("on its own", torn), ("a chain", whole)):
-    off = np.linalg.norm(v - where, axis=1)
-    rms = 1e3 * np.sqrt(np.mean(off**2))
-    print(f"{name:10} surface {rms:.1f} mm from the truth (root mean square)")
+    rms[name] = np.sqrt(np.mean(np.linalg.norm(v - where, axis=1) ** 2))
+    print(f"{name:10} surface {1e3 * rms[name]:.1f} mm from the truth (root mean square)")
 
 # %%
 sigmas = np.array([1, 2, 5, 10, 20]) * 1e-3  # m
@@ -145,7 +146,9 @@ Picture(
 )
 
 # %% [markdown]
-# Fewer numbers, and a better answer: what the forearm's markers say about the elbow now helps to place
+# Fewer numbers, and a better answer, {{ 1e3 * rms['a chain']:.1f }} mm from the truth in place of
+# {{ 1e3 * rms['on its own']:.1f }}{{ rms['a chain'] < 0.8 * rms['on its own'] and (np.diff(torn_by, axis=0) > 0).all() and parts.gaps(fitted['turns'], fitted['places']).max() < 1e-14 }}:
+# what the forearm's markers say about the elbow now helps to place
 # the upper arm as well. A model that excludes what no body can do needs fewer data, because none of them is
 # spent on learning that arms hang on shoulders.
 #
@@ -194,7 +197,8 @@ G = chained(R, joints)
 print(f"off the library's joints by {np.abs(G[:, :3, 3] - body.joints(truth)).max():.0e} m")
 
 # %% [markdown]
-# The loop in the library is the same, with symbols in place of numbers:
+# The loop in the library is the same{{ np.abs(G[:, :3, 3] - body.joints(truth)).max() < 1e-14 }}, with symbols in
+# place of numbers:
 
 # %%
 source(world_motions)
@@ -227,6 +231,7 @@ def own_rotation(R, joints):
 
 
 up = parents[1:]
+off_by = {}  # m: bones, joints
 for name, f in (
     ("right", lambda R, j: chained(R, j)[:, :3, 3]),
     ("order", other_order),
@@ -236,13 +241,17 @@ for name, f in (
     bones = np.linalg.norm(at[1:] - at[up], axis=1) - np.linalg.norm(
         joints[1:] - joints[up], axis=1
     )
-    off = np.linalg.norm(at - body.joints(truth), axis=1).max()
+    off_by[name] = np.abs(bones).max(), np.linalg.norm(at - body.joints(truth), axis=1).max()
     print(
-        f"{name:6} bones too long or short by {np.abs(bones).max():.0e} m, "
-        f"joints off by {1e3 * off:.0f} mm"
+        f"{name:6} bones too long or short by {off_by[name][0]:.0e} m, "
+        f"joints off by {1e3 * off_by[name][1]:.0f} mm"
     )
 
 # %% [markdown]
+# The bones are right in both, and the joints are off by up to {{ 1e3 * off_by['order'][1]:.0f }} and
+# {{ 1e3 * off_by['bone'][1]:.0f }}
+# mm{{ max(bones for bones, _ in off_by.values()) < 1e-14 and off_by['right'][1] < 1e-14 }}.
+#
 # ## The root turns about the pelvis
 #
 # The root turns like every other joint: about its own position $j_0$, the pelvis, and not about the
@@ -272,8 +281,10 @@ for name, drawn in (
     )
 
 # %% [markdown]
-# This body has its pelvis at the origin, whatever its shape, so the mistake does not show. Other
-# bodies stand on the ground. A test with this body alone would let the mistake pass.
+# This body has its pelvis at the origin, whatever its shape, so the mistake does not show. Other bodies stand on the
+# ground, and one whose pelvis is {{ j0[1]:.2f }} m above it is off by {{ about_origin:.2f }}
+# m{{ np.allclose(body.joints(betas=np.ones(body.n_betas))[0], 0, atol=1e-5) and about_pelvis < 1e-12 }}. A test with
+# this body alone would let the mistake pass.
 
 # %% [markdown]
 # ## Binding the skin
@@ -294,7 +305,8 @@ print(
 )
 
 # %% [markdown]
-# So we first go the other way, from the world into the frame of the joint *at rest*, and then back into
+# So we first go the other way{{ np.linalg.norm(twice - body.template, axis=1).max() > 0.5 }}, from the world into the
+# frame of the joint *at rest*, and then back into
 # the world by the frame of the *posed* joint. Together this is the **binding matrix**
 #
 # $$ G'_k = G_k(\theta)\, G_k(\theta^*)^{-1}, $$
@@ -328,8 +340,8 @@ Picture(
 source(binding_motions)
 
 # %% [markdown]
-# Templates are not always drawn in a T-pose. Suppose that this one were drawn with its arms lowered by
-# 45 degrees. Then the body looks like the template in the pose with lowered arms, and not in the pose zero:
+# Templates are not always drawn in a T-pose. Suppose that this one were drawn with its arms lowered by {{ 45 }}
+# degrees. Then the body looks like the template in the pose with lowered arms, and not in the pose zero:
 
 # %%
 lowered = np.zeros((24, 3))
@@ -345,7 +357,9 @@ print(
 # %% [markdown]
 # ## Where are the posed joints?
 #
-# The offset of $G_k$ is the position of the posed joint. It is a sum along the path from the root to
+# The offset of $G_k$ is the position of the posed
+# joint{{ np.allclose(in_a_pose.vertices(lowered), body.template, atol=1e-13) and np.linalg.norm(in_a_pose.vertices(np.zeros((24, 3))) - body.template, axis=1).max() > 0.1 }}.
+# It is a sum along the path from the root to
 # joint $k$:
 #
 # $$
@@ -396,6 +410,9 @@ Picture(
 )
 
 # %% [markdown]
+# The first two agree, and the offset of $G'_k$ is up to {{ printed("offset of G'")[-1]:.0f }} mm
+# away{{ np.allclose(named["G' times the joint at rest"](G, bound), G[:, :3, 3]) and np.allclose(off_pose, 1e3 * np.linalg.norm(joints, axis=1)) }}.
+#
 # There is another way to compute posed joints, and it looks just as good. The joints at rest are computed
 # from the surface at rest, $T$, by a matrix, the **regressor** $\mathcal J$: $J = \mathcal J\, T$ makes each
 # joint a weighted mean of vertices around it. Why not apply the same $\mathcal J$ to the posed surface?
@@ -429,8 +446,11 @@ Picture(
 )
 
 # %% [markdown]
-# A rotation of the whole body does no harm: each row of $\mathcal J$ sums to one, so the joints turn
-# with the body. Bending does harm. The regressor is for the surface at rest; posed joints come from the
+# A rotation of the whole body does no
+# harm{{ np.allclose(body.J_regressor @ turned, body.joints(alone), atol=1e-13) and at_rest.max() < 1e-10 }}: each row
+# of $\mathcal J$ sums to one, so the joints turn
+# with the body. Bending does harm, {{ gap.mean():.0f }} mm on average. The regressor is for the surface at rest;
+# posed joints come from the
 # chain. When you compare them with joints from another program, ask which of the two that program
 # returns.
 #

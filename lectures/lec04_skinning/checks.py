@@ -249,6 +249,8 @@ CROWDS = [
 ]
 TURNED = quaternions(np.radians([[0, 0, 160.0], [0, 0, 190.0], [5, 0, 170.0]]))
 SHARES = np.array([0.3, 0.2, 0.5])
+FAN = quaternions(np.radians([[0, 0, 0.0], [0, 0, 170.0], [0, 0, 200.0]]))
+IN_FAN = np.array([0.1, 0.6, 0.3])  # the first one is beside the third, but not the heaviest
 SIGNS = np.array([[1, 1, 1], [1, -1, 1], [-1, 1, 1], [-1, -1, 1], [1, 1, -1]])
 
 
@@ -271,10 +273,10 @@ def has_length_one(blend_quaternions):
 @check("blend_quaternions", points=2)
 def does_not_mind_signs(blend_quaternions):
     """the signs in which they are given do not matter"""
-    for Q in (*CROWDS, TURNED):
-        expected = rotation(solutions.blend_quaternions(Q, SHARES))
+    for Q, shares in (*((Q, SHARES) for Q in (*CROWDS, TURNED)), (FAN, IN_FAN)):
+        expected = rotation(solutions.blend_quaternions(Q, shares))
         for signs in SIGNS:
-            came = rotation(blend_quaternions(signs[:, None] * Q, SHARES))
+            came = rotation(blend_quaternions(signs[:, None] * Q, shares))
             equal(came, expected, f"the blended rotation, given with the signs {signs}")
 
 
@@ -298,6 +300,15 @@ def not_of_length_one(Q, weights):
 )
 def with_w_above_zero(Q, weights):
     q = weights @ (Q * np.where(Q[:, :1] < 0, -1.0, 1.0))
+    return q / np.linalg.norm(q)
+
+
+@mistake(
+    "blend_quaternions",
+    "the signs are those that are nearer to the first one here: compare with the one that weighs most",
+)
+def with_the_signs_of_the_first(Q, weights):
+    q = (weights * np.where(Q @ Q[0] < 0, -1.0, 1.0)) @ Q
     return q / np.linalg.norm(q)
 
 

@@ -78,8 +78,9 @@ Picture(
 )
 
 # %% [markdown]
-# Each half keeps its form exactly, so all of the stretch has to happen in the one row of edges between
-# the halves. A better rule lets the vertices near the joint share the stretch.
+# Each half keeps its form exactly, so all of the stretch has to happen in the one row of edges between the halves,
+# which become {{ longest:.0f }} times as long{{ longest > 5 }}. A better rule lets the vertices near the joint share
+# the stretch.
 #
 # ## Linear blend skinning
 #
@@ -109,20 +110,21 @@ source(blend_points)
 
 # %%
 short = 0.98 * pipe.weights
+lag = []  # m
 for d in (0.0, 1.0, 10.0):
     expected = pipe.template + [d, 0, 0]
     M = np.einsum("nk,kij->nij", short, np.tile(np.column_stack([np.eye(3), [d, 0, 0]]), (2, 1, 1)))
     came = np.einsum("nij,nj->ni", M[:, :, :3], pipe.template) + M[:, :, 3]
-    print(
-        f"all bones moved by {d:4.0f} m: vertices off by up to "
-        f"{1e3 * np.linalg.norm(came - expected, axis=1).max():.0f} mm"
-    )
+    lag.append(np.linalg.norm(came - expected, axis=1).max())
+    print(f"all bones moved by {d:4.0f} m: vertices off by up to {1e3 * lag[-1]:.0f} mm")
 try:
     replace(pipe, weights=short)
 except wb.WorkbenchError as error:
     print("the library:", error)
 
 # %% [markdown]
+# From one row to the next the vertices lag behind by {{ 100 * (lag[1] - lag[0]):.0f }} % of the way{{ lag[0] > 1e-3 }}.
+#
 # ## Twist it
 #
 # Now we turn the second bone about the tube's own axis by the angle $\alpha$, as a hand turns at the wrist.
@@ -195,7 +197,8 @@ Picture(
 # %% [markdown]
 # ## Bend it
 #
-# Now we bend the tube, as an elbow bends. In the plane of the bend we again write points as complex numbers,
+# Now we bend the tube, as an elbow bends{{ np.allclose(thin, np.abs(np.cos(angles / 2)), atol=1e-13) }}. In the plane
+# of the bend we again write points as complex numbers,
 # with the joint as the origin: a point at the distance $s$ along the tube and at the height $y$ above its axis
 # is $s + i y$. The second bone turns it by $\alpha$ about the joint, so linear blending takes it to
 # $c\,(s + i y)$, with the same $c$ as before. The skin near the joint is therefore pulled towards the joint.
@@ -203,12 +206,13 @@ Picture(
 # %%
 two_bends = np.radians([90, 150])
 lines = [profile(pipe, bend) for bend in two_bends]
+ring = len(lines[0][0]) // 2  # the one at the joint
+line_lengths = [np.linalg.norm(upper[ring] - lower[ring]) for upper, lower in lines]  # m
 with house_style():
     figure, axes = sheet(9.5, 3.8, columns=2)
     for ax, bend, (upper, lower) in zip(axes, two_bends, lines, strict=True):
         for line in (upper, lower):
             ax.plot(*(1e2 * line).T, "-", color="C0", lw=1.5)
-        ring = len(upper) // 2
         ax.plot(*(1e2 * np.array([upper[ring], lower[ring]])).T, "o-", color="C1", ms=4)
         ax.set(title=f"bent by {np.degrees(bend):.0f} degrees", aspect="equal")
         ax.set(xlabel="x (cm)", ylabel="y (cm)", xlim=(-18, 16), ylim=(-8, 18))
@@ -220,10 +224,13 @@ Picture(
 )
 
 # %% [markdown]
-# How much volume does the tube lose? Let the weight rise in a straight line from 0 to 1 over a zone of length $l$, from
+# How much volume does the tube lose{{ line_lengths[0] > line_lengths[1] }}? Let the weight rise in a straight line
+# from 0 to 1 over a zone of length $l$, from
 # $s = -l/2$ to $s = l/2$, and let $A$ be the area of the tube's cross-section. To get the volume of the bent zone, sum
 # up its volume at rest piece by piece, each small piece multiplied by the factor by which the map
-# $s + i y \mapsto c\,(s + i y)$ enlarges its area $ds\, dy$ in the plane of the bend. A small step along the tube is
+# $s + i y \mapsto c\,(s + i y)$ enlarges its area $ds\, dy$ in the plane of the bend.
+#
+# A small step along the tube is
 # taken to the step times $u = c + \frac{dc}{ds} (s + i y)$, and one across it to the step times $v = i c$. The area
 # between two complex numbers $u$ and $v$ is the imaginary part of $\bar u\, v$, where $\bar u$ is $u$ with the opposite
 # sign of $i$. The imaginary part of $i$ times a number is its real part, so the area is
@@ -257,12 +264,14 @@ Picture(
 area = 16 * 0.05**2 * np.sin(2 * np.pi / 32)  # m^2, of the tube's 32-gon
 full = volume(pipe.template, pipe.faces)
 finer = tube(rings=121)
+volumes = {}  # cm^3: measured, by the law
 for name, axis, law in (("bent", BEND, volume_lost_bent), ("twisted", TWIST, volume_lost_twisted)):
     posed = Limb(finer, "joint").posed(axis, np.radians([90, 180]))
     lost = 1e6 * (
         volume(finer.template, finer.faces) - np.array([volume(v, finer.faces) for v in posed])
     )
     said = 1e6 * law(area, 0.1, np.radians([90, 180]))
+    volumes[name] = lost, said
     print(
         f"{name:8} by 90 and 180 degrees: {lost[0]:.0f} and {lost[1]:.0f} cm^3 lost; "
         f"the laws say {said[0]:.0f} and {said[1]:.0f}"
@@ -272,7 +281,8 @@ print(f"(the zone itself holds {1e6 * area * 0.1:.0f} cm^3)")
 # %% [markdown]
 # ## The idea: blend motions instead of points
 #
-# Both failures have the same cause: the mean of two rotation matrices is not a rotation, because it shrinks.
+# Both failures have the same cause{{ all(abs(lost / said - 1).max() < 0.01 for lost, said in volumes.values()) }}:
+# the mean of two rotation matrices is not a rotation, because it shrinks.
 # We could replace it by the nearest rotation, as in lecture 2, but that needs a singular value decomposition
 # for every vertex. There is a cheaper way. A rotation by $\alpha$ about the unit axis $n$ can also be written
 # as four numbers, the **quaternion** $q = (\cos \tfrac\alpha2,\, n \sin \tfrac\alpha2)$, whose length is one.
@@ -283,15 +293,21 @@ print(f"(the zone itself holds {1e6 * area * 0.1:.0f} cm^3)")
 #
 # The signs $s_k$ (which have nothing to do with the length $s$ along the tube) are needed because $q$ and $-q$ are the
 # same rotation: their mean would be zero although nothing has turned. Before the quaternions are added, each one is
-# therefore given the sign with which it is nearer to the one that has the largest weight. Bones also move from place to
+# therefore given the sign with which it is nearer to the one that has the largest weight.
+#
+# Bones also move from place to
 # place, and four more numbers hold the offset $t$: they are $\tfrac12 t\, q$, half the product of the quaternion
 # $(0, t)$ with $q$. The eight numbers together are a **dual quaternion**. Their average in the same way, with all eight
-# divided by the length of the first four, gives a rigid motion for every vertex. Why does it keep joints in place?
+# divided by the length of the first four, gives a rigid motion for every vertex.
+#
+# Why does it keep joints in place?
 # Quaternions are multiplied so that $R p = q\, p\, q^{-1}$ for a point $p$, which is written as the quaternion
 # $(0, p)$. A motion that takes the joint $p$ to $p'$ has the offset $t = p' - R p$, so that its last four numbers are
 # $\tfrac12 t\, q = \tfrac12 (p' q - q\, p)$. That is one linear function of $q$ for all motions that take $p$ to $p'$,
 # and so their average takes it there too (Kavan, Collins, Žára and O'Sullivan, *Geometric Skinning with Approximate
-# Dual Quaternion Blending*, 2008). In the library two short functions say this. They call three others:
+# Dual Quaternion Blending*, 2008).
+#
+# In the library two short functions say this. They call three others:
 # `dual_quaternions` writes each motion as eight numbers, `heaviest` marks the largest weight of each vertex, and
 # `moved` divides by that length and moves the vertices:
 
@@ -313,7 +329,8 @@ print(f"with one bone for each vertex it is linear blending: off by {gap.max():.
 # %% [markdown]
 # ## What it costs
 #
-# Dual quaternions keep every ring round. They have four disadvantages.
+# Dual quaternions keep every ring round{{ np.isclose(radius(dual)[-1], 1) and gap.max() < 1e-13 }}. They have four
+# disadvantages.
 #
 # **The angle is not in proportion.** We would like a vertex with the weight $w$ to turn by $w \alpha$. Let
 # one bone stay, with the quaternion $(1, 0)$, and let the other one turn by $\alpha$ about $n$. The mean is
@@ -334,7 +351,8 @@ print(
 )
 
 # %% [markdown]
-# (Kavan and others, who proposed the method, give 8.15 degrees.)
+# (Kavan and others, who proposed the method, give 8.15
+# degrees{{ round(off.max(), 2) == 8.15 and off[[0, 50_000, -1]].max() < 1e-9 }}.)
 #
 # **The outside bulges.** A ring near the joint is turned rigidly about the joint. On the outside of a bend it
 # therefore stays at its full distance from the joint, and the skin there has to become longer.
@@ -365,6 +383,7 @@ def ring_turned(body):
 
 
 turned_by = {name: ring_turned(body) for name, body in ways.items()}
+largest_step = {n: np.abs((np.diff(t) + 180) % 360 - 180).max() for n, t in turned_by.items()}
 motions = (("twist", TWIST), ("bend", BEND))
 skinnings = (("one bone each", rigid), *ways.items())
 
@@ -401,7 +420,9 @@ Picture(
 )
 
 # %% [markdown]
-# The next figure measures both methods at all angles.
+# A ring with the weight 0.3 jumps by {{ largest_step['dual quaternions']:.0f }} degrees with dual
+# quaternions{{ largest_step['linear blending'] < 90 and jump.max() > 0.099 }}. The next figure measures both methods
+# at all angles.
 
 # %%
 lost = {
@@ -410,6 +431,11 @@ lost = {
     for name, body in ways.items()
 }
 stretch = {name: Limb(body, "joint").stretches(BEND, angles)[1] for name, body in ways.items()}
+more = stretch["dual quaternions"] > stretch["linear blending"] * (1 + 1e-9)
+crossing = np.flatnonzero(~more)[-1] + 1
+finest = replace(finer, skinning=wb.dual_quaternion_blend)
+(half_turn,) = Limb(finest, "joint").posed(BEND, [np.pi])
+finer_lost = 1e6 * (volume(finest.template, finest.faces) - volume(half_turn, finest.faces))
 with house_style():
     figure, axes = sheet(13, 3.8, columns=3)
     plot_by_angle(
@@ -419,29 +445,33 @@ with house_style():
     plot_by_angle(angles, stretch, "longest edge, bent (share)", ax=axes[2])
 Picture(
     figure,
-    "The tube, by angle. Left: the twisted middle ring. Centre: the bent tube's volume. Right: the "
-    "longest edge of the bent tube over its length at rest; beyond 110 degrees dual quaternions "
-    "stretch the outside more.",
+    "The tube, by angle. Left: the twisted middle ring. Centre: the bent tube's volume. Right: "
+    "the longest edge of the bent tube over its length at rest; beyond "
+    f"{np.degrees(angles[crossing]):.0f} degrees dual quaternions stretch the outside more.",
 )
 
 # %% [markdown]
 # **It is not linear in the weights.** With linear blending, the posed vertices are linear in the weights, so
-# that weights can be learned by linear least squares (lecture 13). With dual quaternions they are not, because
-# of the division by the length. CasADi keeps the expression of the posed vertices and can prove both:
+# that weights can be learned by linear least squares (lecture 13). With dual quaternions they are not, because of the
+# division by the length, and from {{ np.degrees(angles[crossing]):.0f }} degrees on they stretch the outside more
+# than linear blending does. CasADi keeps the expression of the posed vertices and can prove both:
 
 # %%
+linear_in_weights = {}
 for name, body in ways.items():
     free = body.freed("weights")
     p, betas, trans = (block.symbol for block in free.blocks())
     posed = free.points(p, betas, trans).source.expression
-    print(f"{name:17} linear in the weights: {cs.is_linear(posed, free.free['weights'].symbol)}")
+    linear_in_weights[name] = cs.is_linear(posed, free.free["weights"].symbol)
+    print(f"{name:17} linear in the weights: {linear_in_weights[name]}")
 
 # %% [markdown]
 # ## On the body
 #
 # The wrist and the elbow of a real template are no tubes, but they behave in the same way. SMPL keeps linear
 # blending in spite of what it loses, and repairs the loss in another way, with the *pose blend shapes* of the
-# next lecture: they add to the surface at rest what blending is going to take away. First we look at the
+# next lecture: they add to the surface at rest what blending is going to take
+# away{{ linear_in_weights == {'linear blending': True, 'dual quaternions': False} }}. First we look at the
 # weights of such a template.
 
 # %%
@@ -512,13 +542,21 @@ Picture(
 )
 
 # %% [markdown]
-# Dual quaternions keep rings rigid, so why does the arm lose volume with them? There are two reasons. The first is the place of the joint. Rings are turned
+# At 90 degrees the arm loses {{ -elbow['linear blending'][3]:.0f }} cm³ with linear blending and
+# {{ -elbow['SMPL (linear, and blend shapes)'][3]:.0f }} with blend
+# shapes{{ elbow['SMPL (linear, and blend shapes)'][1] < elbow['linear blending'][1] }}, but
+# {{ -elbow['dual quaternions'][3]:.0f }} with dual quaternions too. They keep rings rigid, so why does the arm lose
+# volume with them? There are two reasons. The first is the place of the joint. Rings are turned
 # about it. On the tube it lies in the middle of the rings, and what the bend gains on the outside it loses on the
 # inside. In the arm the joint of the elbow lies 1 cm behind the middle, so that a bend to the front has more of the
-# arm on its inside. Bent to the other side, the arm should gain about as much as it has lost, and on the finer body it
-# does. The second reason is the mesh, whose straight edges cut the corner. This is why the coarse body loses volume
+# arm on its inside. Bent to the other side, the arm should gain about as much as it has lost, and on the finer body
+# it does{{ abs(there + back) < 20 < 100 < back }}.
+#
+# The second reason is the mesh, whose straight edges cut the
+# corner. This is why the coarse body loses volume
 # both ways: only a few long edges lead around its elbow. And it is why, in the figure of volumes, the tube that is
-# bent by half a turn loses 20 cm³ with dual quaternions; with twice as many rings it loses 5.
+# bent by half a turn loses {{ -lost['dual quaternions'][-1]:.0f }} cm³ with dual quaternions; with twice as many
+# rings it loses {{ finer_lost:.0f }}.
 #
 # ## Without blend weights
 #
@@ -576,10 +614,14 @@ Picture(
 )
 
 # %% [markdown]
-# With weights of 0 the body is a point, and with 1 it is 24 times as tall. Neither is a body. With equal weights the
-# whole body follows the mean of all motions. A mean of rotations shrinks, as in the twist: the body is 1.40 m tall in
-# the pose, all of it is tilted a little, and neither the knee nor the elbow is bent. So the last of the four is what is
-# meant: the largest weight of each vertex becomes one, and its other weights become zero. The library's function does
+# With weights of 0 the body is a point, and with 1 it is
+# {{ np.ptp(skinned(ones, 0 * dance)[:, 1]) / np.ptp(whole.template[:, 1]):.0f }} times as tall. Neither is a body.
+# With equal weights the
+# whole body follows the mean of all motions. A mean of rotations shrinks, as in the twist: the body is
+# {{ np.ptp(skinned(ones / 24, dance)[:, 1]):.2f }} m tall in the pose, all of it is tilted a little, and neither the
+# knee nor the elbow is bent. So the last of the four is what is
+# meant{{ printed('one bone for each')[-1] < 5 and printed('all weights 1/24')[-1] > 100 }}: the largest weight of
+# each vertex becomes one, and its other weights become zero. The library's function does
 # this:
 
 # %%
@@ -674,8 +716,8 @@ Picture(
 
 # %% [markdown]
 # How wide should the border be? On the tube we can check the law for a line. The tube's mesh has diagonals
-# as well, along which heat flows too, so the weight falls more slowly than on a line: by about a quarter with the two
-# narrow borders, and by 45 % with the border of 10 cm, which also feels that the tube ends. On the body we
+# as well, along which heat flows too, so the weight falls more slowly than on a line, the more so with the border of
+# 10 cm, which also feels that the tube ends. On the body we
 # try a row of borders, and measure how far the first weights are from the trained ones.
 
 # %%
@@ -684,9 +726,11 @@ painted_tube = Start(pipe.template, pipe.faces, pipe.parents, pipe.joint_names, 
 along_x = pipe.template[:-2].reshape(-1, 32, 3)[:, 0, 0]  # m, of the rings of vertices
 borders = (0.01, 0.03, 0.1)  # m
 spreads = {b: painted_tube.weights(b)[:-2, 1].reshape(-1, 32).mean(axis=1) for b in borders}
+further = {}  # than on a line, times
 for border, spread in spreads.items():
     tail = (along_x < -0.02) & (spread > 1e-3)
     slope = np.polyfit(along_x[tail], np.log(spread[tail]), 1)[0]
+    further[border] = np.sqrt(2) / slope / border
     print(
         f"border {1e2 * border:3.0f} cm: on the tube a weight falls to 1/e in "
         f"{1e2 / slope:4.1f} cm; on a line the law says {1e2 * border / np.sqrt(2):4.1f} cm"
@@ -726,6 +770,10 @@ Picture(
 )
 
 # %% [markdown]
+# On the tube a weight reaches {{ further[0.01]:.2f }}, {{ further[0.03]:.2f }} and {{ further[0.1]:.2f }} times as
+# far as the law for a line says. On the body {{ min(away):.1f }} % of the weight are elsewhere with the best
+# border{{ 0.02 < nearest < 0.05 and min(away) < elsewhere(np.eye(24)[begun.segmentation]) }}.
+#
 # This agreement proves less than it seems to, because training began with such weights and was held near them. What
 # training minimises has a term $\lambda_W \| \mathcal W - W_I \|^2$, which pulls the weights $\mathcal W$ back to the
 # diffused ones. Its factor $\lambda_W$ is the square of a ratio of two standard deviations: a registration (the body's

@@ -92,7 +92,8 @@ print(
 )
 
 # %% [markdown]
-# In its own pose it is perfect, and at rest it does harm. A blend shape has to come and go with the
+# In its own pose it is perfect, and at rest it does harm: the skin is off by {{ error(repaired, 0):.1f}}
+# mm.{{ error(repaired, np.pi / 2) < 1e-10 }} A blend shape has to come and go with the
 # pose.
 #
 # ## Between the examples
@@ -149,6 +150,9 @@ for name, body in ways.items():
         f"{error(body, np.radians(60)):5.2f} mm, beyond (150) {error(body, np.radians(150)):5.2f} mm"
     )
 
+far = {name: error(body, np.radians(170)) for name, body in ways.items()}  # mm
+not_divided_too_much = error(ways["not divided"], at[4]) > error(arm, at[4])
+
 # %%
 turns = np.radians(np.arange(-170, 171, 5))
 with house_style():
@@ -161,19 +165,23 @@ with house_style():
     ax.legend(loc="upper center", ncols=2)
 Picture(
     figure,
-    "The error by angle. Grey lines are the examples. Kernels that are divided by their sum reproduce no "
-    "example, because its neighbours contribute as well; kernels that are not divided add up to too much; "
-    "with coefficients that are solved for (exact), kernels leave nothing at the examples. Between inner "
-    "examples 'exact' is nearer to the truth than 'divided by the sum'; between the last two on either side it is "
-    "the other way round: at 105 degrees 'exact' leaves 2.7 mm, and 'divided by the sum' 0.6 mm.",
+    "The error by angle. Grey lines are the examples. Kernels that are divided by their sum "
+    "reproduce no example, because its neighbours contribute as well; kernels that are not "
+    "divided add up to too much; with coefficients that are solved for (exact), kernels leave "
+    "nothing at the examples. Between inner examples 'exact' is nearer to the truth than "
+    "'divided by the sum'; between the last two on either side it is the other way round: at "
+    f"105 degrees 'exact' leaves {error(ways['exact'], np.radians(105)):.1f} mm, and 'divided "
+    f"by the sum' {error(ways['divided by the sum'], np.radians(105)):.1f} mm.",
 )
 
 # %% [markdown]
-# Far from all examples, at 170 degrees (where the curves have left the figure at its top), the kernels have faded, and
-# hardly anything is repaired. If they are divided by their sum, the nearest example is used instead, whether it fits or
+# {{ errors(ways['divided by the sum'], at).min() > 0.5 and errors(ways['exact'], at).max() < 1e-6 and not_divided_too_much }}Far
+# from all examples, at 170 degrees (where the curves have left the figure at its top), the kernels have faded, and
+# hardly anything is repaired: {{ far['exact']:.0f}} mm in place of {{ far['none']:.0f}}. If they are divided by their
+# sum, the nearest example is used instead ({{ far['divided by the sum']:.0f}} mm), whether it fits or
 # not. And there is a bigger problem. Seven examples will do for one angle. A body has three angles for each of 23
-# joints, and each example is a whole body, $3 N$ numbers, that have to be kept and summed. Examples cannot fill 69
-# dimensions.
+# joints, and each example is a whole body, $3 N$ numbers, that have to be kept and summed. Examples cannot fill
+# {{ 3 * 23 }} dimensions.
 #
 # ## The idea: a function of the pose that is linear in what is learned
 #
@@ -217,25 +225,30 @@ students = {
     "f = the angles": learned(rotation_vectors, taught_in),
     "f = rotation elements": learned(rotation_elements, taught_in),
 }
+inside = {}  # mm
 for name, body in {"none": arm, **students}.items():
-    inside = np.sqrt(np.mean(errors(body, taught_in) ** 2))
+    inside[name] = np.sqrt(np.mean(errors(body, taught_in) ** 2))
     print(
-        f"{name:22}: off by {inside:.1f} mm where it was taught, {error(body, np.radians(150)):.1f} mm at 150 degrees"
+        f"{name:22}: off by {inside[name]:.1f} mm where it was taught, {error(body, np.radians(150)):.1f} mm at 150 degrees"
     )
 
 # %% [markdown]
-# Angles are of little use. An elbow needs the same correction to whichever side it bends, but a linear
+# Angles are of little
+# use{{ inside['f = the angles'] > 0.9 * inside['none'] > 1.8 * inside['f = rotation elements'] }}. An elbow needs the
+# same correction to whichever side it bends, but a linear
 # function of the angle has opposite signs on the two sides. $R - I$ has $\cos \alpha - 1$ among its
 # elements, which is even.
 #
 # There is a worse failure. Turn a joint all the way round, and it is where it was. Is its skin too?
 
 # %%
+full_turn = {}  # m
 for name, body in students.items():
     moved = body.vertices(bent(0.6)) - body.vertices(bent(0.6 - 2 * np.pi))
+    full_turn[name] = np.linalg.norm(moved, axis=1).max()
     print(
         f"{name:22}: 0.6 rad, and the same rotation a full turn further: vertices differ by up to "
-        f"{1e3 * np.linalg.norm(moved, axis=1).max():.0e} mm"
+        f"{1e3 * full_turn[name]:.0e} mm"
     )
 around = np.linspace(-2 * np.pi, 2 * np.pi, 161)
 with house_style():
@@ -258,7 +271,8 @@ Picture(
 # %% [markdown]
 # ## In SMPL
 #
-# SMPL's body has 24 joints. The root is left out, because a person who turns as a whole keeps their form. The other
+# SMPL's body has 24 joints{{ full_turn['f = rotation elements'] < 1e-13 < 1e-3 < full_turn['f = the angles'] }}. The
+# root is left out, because a person who turns as a whole keeps their form. The other
 # 23 have nine elements each, so there are $9 \cdot 23 = 207$ features:
 #
 # $$ B_P(\theta) = \sum_{n=1}^{207} \bigl( R_n(\theta) - R_n(\theta^*) \bigr) P_n . $$
@@ -288,7 +302,9 @@ N = 6890
 print(f"numbers in P for {N} vertices: 3 x {N} x 207 = {3 * N * 207}")
 
 # %% [markdown]
-# A turn about $y$ changes four of the nine elements, the corners of the matrix. (*Body Models II* has the number of
+# A turn about $y$ changes four of the nine elements, the corners of the
+# matrix{{ (np.flatnonzero(np.abs(f) > 1e-12) - 9 * (elbow - 1)).tolist() == [0, 2, 6, 8] }}. (*Body Models II* has
+# the number of
 # elements of $P$, and beside it the product $9 \cdot 23 \cdot 6890$, which is a third of it: the three coordinates of a
 # vertex are missing.)
 #
@@ -334,7 +350,8 @@ Picture(figure, caption_shape_gallery(gallery, "three", drawn))
 # %% [markdown]
 # ## Women, men, and everybody
 #
-# SMPL has a model of women, one of men, and one of everybody. The workbench has them too, on one mesh.
+# SMPL has a model of women, one of men, and one of everybody{{ np.allclose(betas.std(axis=1, ddof=1), 1) }}. The
+# workbench has them too, on one mesh.
 # **Their people are synthetic**, drawn from the shape targets of artists, so this section says what
 # principal components do with two groups, and nothing about real people. We draw 200 of each, and take the
 # components of the women, of the men, and of all 400:
@@ -399,7 +416,10 @@ Picture(
 )
 
 # %% [markdown]
-# The three are nearly parallel: within each group people differ most in stature, and the groups differ in it too. So
+# The three are nearly parallel: within each group people differ most in stature, and the groups differ in it too:
+# {{ between(first_of_all):.0%}} of the variance of the common first coordinate lies between
+# them{{ all(np.abs(found[a][1][0] @ found[b][1][0]) > 0.97 for a, b in (('women', 'men'), ('women', 'all'), ('men', 'all'))) and found['all'][2][0] > 1.1 * max(found['women'][2][0], found['men'][2][0]) }}.
+# So
 # the common first direction mixes two reasons to be tall. One line of algebra shows that it has to. If a share $q$ of
 # the people has the mean $\mu_1$ and the covariance $C_1$, and the others have $\mu_2$ and $C_2$, then everybody
 # together has the mean $\mu = q\, \mu_1 + (1 - q)\, \mu_2$. With $d = \mu_2 - \mu_1$ the two groups are off that mean
@@ -435,9 +455,16 @@ shares = np.array(shares)
 per_vertex = 1e3 * steps / np.sqrt(body.n_vertices)  # mm, rms of a vertex
 taken = steps[np.argmax(shares[:, 0] > 0.9)]
 needed_step = 2 * np.sqrt(lengths[0] ** 2 - lengths[3] ** 2)
+
+
+def rms_mm(step):
+    """How far apart means are, the root mean square over the vertices, mm."""
+    return 1e3 * step / np.sqrt(body.n_vertices)
+
+
 print(
-    f"the first direction becomes the difference when means are {1e3 * taken / np.sqrt(body.n_vertices):.0f} mm "
-    f"apart (rms of a vertex); 2 sqrt(s_1^2 - s_4^2) is {1e3 * needed_step / np.sqrt(body.n_vertices):.0f} mm"
+    f"the first direction becomes the difference when means are {rms_mm(taken):.0f} mm "
+    f"apart (rms of a vertex); 2 sqrt(s_1^2 - s_4^2) is {rms_mm(needed_step):.0f} mm"
 )
 with house_style():
     figure, (left, right) = sheet(10, 3.8, columns=2)
@@ -460,7 +487,10 @@ Picture(
 )
 
 # %% [markdown]
-# It happens at 63 mm, the first of our steps that is beyond the 61 mm of the formula. From then on the first "shape" of
+# It happens at {{ rms_mm(taken):.0f}} mm, the first of our steps that is beyond the {{ rms_mm(needed_step):.0f}} mm
+# of the
+# formula{{ (shares[:, 1] > 0.9).argmax() < (shares[:, 0] > 0.9).argmax() and needed_step / 2 > 5 * lengths[3] }}.
+# From then on the first "shape" of
 # the mixture is one along which nobody in either group varies much: the coordinate says which group a person belongs
 # to. A Gaussian prior on such a $\beta$ expects most people between the groups, where there are none. Models of one
 # group each avoid this. But each has directions of its own, so the betas of one model are not those of another.
@@ -470,7 +500,9 @@ Picture(
 # Where do the people at rest come from? SMPL was trained on two sets of meshes: the multi-pose set has few people, each
 # in many poses, and the multi-shape set has many people, each in about one pose. The notes *SMPL and SMPLify* say in
 # one place that $S$ is learned from the multi-pose set. (They have exchanged the sets there: $S$ comes from the
-# multi-shape set, and the poses of its people are undone first.) We do what the notes say, with 10 of our synthetic
+# multi-shape set, and the poses of its people are undone first.)
+#
+# We do what the notes say, with 10 of our synthetic
 # people in 36 poses each, drawn from a distribution of poses that was learned from motion capture (a mixture of
 # Gaussians, lecture 10). We compute principal components of four sets of meshes: first the meshes as they are posed,
 # moved rigidly onto each other; then the same meshes un-posed, which means that skinning and pose blend shapes were
@@ -503,13 +535,14 @@ learned_from = {
     name: principal(meshes.reshape(len(meshes), -1), 2 if name.startswith("3 ") else 5)
     for name, meshes in sets.items()
 }
+explained = {}
 for name, (_, directions, _) in learned_from.items():
     own = share_of_pose(sets[name], who[: len(sets[name])]) if "posed" in name else 0.0
     count = "five" if len(directions) == 5 else "two"
     left_over = newcomers - newcomers @ directions.T @ directions
-    explained = 1 - np.sum(left_over**2) / np.sum(newcomers**2)
+    explained[name] = 1 - np.sum(left_over**2) / np.sum(newcomers**2)
     print(
-        f"{name:19}: pose is {own:4.0%} of the variance; {count} directions explain {explained:.0%} "
+        f"{name:19}: pose is {own:4.0%} of the variance; {count} directions explain {explained[name]:.0%} "
         "of how 100 new people differ"
     )
 coordinate = sets["10 people, posed"].reshape(360, -1) @ learned_from["10 people, posed"][1][0]
@@ -533,13 +566,17 @@ Picture(
 )
 
 # %% [markdown]
-# Here un-posing is exact, because the meshes were made by the model that un-poses them. (`unpose` is not told the
+# Here un-posing is exact{{ np.allclose(unposed, body.vertices(betas=ten[who]), atol=1e-10) }}, because the meshes
+# were made by the model that un-poses them. (`unpose` is not told the
 # shape, and so not the joints. But these are a fixed weighted mean of the rest surface, as the next section says, so
 # that for a known pose the posed vertices are linear in the rest surface, joints included: one linear system undoes it
 # all.) Real registrations are un-posed only as well as the model describes them. Even with exact un-posing, the meshes
-# of ten people fill nine directions at most, however many poses there are. In the output this hardly shows, because our
-# synthetic people differ in ten directions, of which five hold nearly all of the variance. But the three people, in 36
-# poses each, have two directions, and these explain 71 % of how new people differ. Poses do not replace people.
+# of ten people fill nine directions at most, however many poses there are. In the output this hardly shows, because
+# our synthetic people differ in ten directions, of which five hold {{ share[4]:.0%}} of the variance. But the three
+# people, in 36
+# poses each, have two directions, and these explain {{ explained['3 people, un-posed']:.0%}} of how new people
+# differ{{ explained['10 people, posed'] + 0.2 < explained['10 people, un-posed'] < explained['360 people at rest'] }}.
+# Poses do not replace people.
 #
 # ## Joints move with the person
 #
@@ -550,7 +587,9 @@ Picture(
 #
 # The weights of a joint are found by least squares, from the rest surfaces of many people and the places of their
 # joints (lecture 13). Why these conditions? If the weights of a joint sum to one, the joint moves along with a person
-# who stands elsewhere. If none is negative, the joint lies among its vertices. This condition also makes most weights
+# who stands elsewhere. If none is negative, the joint lies among its vertices.
+#
+# This condition also makes most weights
 # zero. Without it, least squares would make many weights negative. If these are held at zero and the others are found
 # again, some of the others would become negative and are held at zero as well, and so on, until only a few positive
 # weights are left. `scipy.optimize.nnls` solves least squares with weights that are not negative; one more equation,
@@ -567,6 +606,8 @@ bend = np.zeros((24, 3))
 for k, angle in (("left_knee", 1.6), ("right_knee", 1.6), ("left_shoulder", -0.9)):
     bend[body.joint_names.index(k), 0 if "knee" in k else 2] = angle
 right, wrong = body.vertices(bend, tall), kept.vertices(bend)
+shin = body.weights[:, body.joint_names.index("left_knee")] > 0.9
+shin_off = (wrong - right)[shin].mean(axis=0)  # m
 print(
     f"posed on the mean person's joints the skin is off by up to "
     f"{1e3 * np.linalg.norm(right - wrong, axis=1).max():.0f} mm"
@@ -580,15 +621,18 @@ with house_style():
     line_up(shown, body.faces, ax=ax)
 Picture(
     figure,
-    "The tall person from the side, posed on the joints that the regressor finds, and on the mean person's. "
-    "The mean's knee is further up: there the leg folds within the thigh, and the shin sits 7 cm too "
-    "high and 7 cm too far back.",
+    "The tall person from the side, posed on the joints that the regressor finds, and on the "
+    "mean person's. The mean's knee is further up: there the leg folds within the thigh, and "
+    f"the shin sits {1e2 * shin_off[1]:.0f} cm too high and {-1e2 * shin_off[2]:.0f} cm too far "
+    "back.",
 )
 
 # %% [markdown]
 # ## All together
 #
-# Now we have all parts of SMPL. The mean person gets the shape of somebody else. Then what skinning is going to lose
+# Now we have all parts of SMPL. (The shin of the last figure sits {{ 1e2 * shin_off[1]:.0f}} cm too high and
+# {{ -1e2 * shin_off[2]:.0f}} cm too far back.) The mean person gets the shape of somebody else. Then what skinning is
+# going to lose
 # is added, and the result is skinned by the joints of that person:
 #
 # $$ M(\theta, \beta) = \operatorname{skin}\left( \bar T + B_S(\beta) + B_P(\theta),\; J(\beta),\; \theta,\; w \right) . $$
@@ -625,7 +669,8 @@ Picture(
 )
 
 # %% [markdown]
-# Shape and pose can be given one by one, or both. To turn the whole body by $R$, turn its root: the
+# These steps end at the library's vertices{{ np.allclose(skinned, right, atol=1e-9) }}. Shape and pose can be given
+# one by one, or both. To turn the whole body by $R$, turn its root: the
 # vertices $M(\theta, \beta)$ turn about the root joint $j_0$, and become $R\,(M(\theta, \beta) - j_0) + j_0$.
 
 # %%
@@ -652,7 +697,8 @@ Picture(
 )
 
 # %% [markdown]
-# In the library these are two functions, written in symbols (`cs` is CasADi; arrays there have a point in each column).
+# In the library these are two functions{{ np.allclose(as_whole, by_hand, atol=1e-9) }}, written in symbols (`cs` is
+# CasADi; arrays there have a point in each column).
 # In `rest`, `shaped` is $\bar T + B_S(\beta)$, `body.features(at)` is the column of the features $f_n(\theta)$, and
 # `directions(body, "posedirs", vertices)` is the matrix with $3 N$ rows whose column $n$ is $P_n$, so that the product
 # of the two is $B_P(\theta)$. In `posed`, `posture` makes the rotation matrices of all joints from the pose, and keeps
@@ -737,6 +783,8 @@ Picture(
 )
 
 # %% [markdown]
+# From 20 poses near joints leave {{ scores['near joints'][0]:.1f}} mm and all joints
+# {{ scores['all joints'][0]:.1f}}{{ all(scores['near joints'][k] < 1.05 * scores['all joints'][k + 2] for k in (0, 1)) }}.
 # This truth is local: dual quaternions move a vertex by its own joints only. Whether real skin is as local has
 # to be measured. Other problems of hand models have answers too, and most of these occur elsewhere in this
 # course:
@@ -746,8 +794,8 @@ Picture(
 # | in scans of whole bodies hands are small, coarse and often hidden | learn the hand from scans of hands alone, and attach it to SMPL (SMPL+H) | *Embodied Hands* | lecture 18; the bodies of this lecture have one joint for all fingers of a hand |
 # | few scans | mirror the left hands: one set for both sides | *Embodied Hands*, supplement | lectures 13 and 18: a mirror changes the sign of $x$ and exchanges vertices |
 # | 45 angles, more than an image tells | a linear space of few directions, learned from poses | *Embodied Hands* | lecture 18; a Gaussian of poses in lecture 10, and for bodies below |
-# | far joints move a vertex by chance | blend shapes that are local: a penalty that grows with the distance along the skin, or joints that are left out | the notes on MANO that this course uses; Osman, Bolkart and Black, *STAR*, 2020 | above; the embedded bodies are local |
-# | skin collapses where a joint bends | blend shapes that are linear in $R - I$ | Loper and others, *SMPL*, 2015 | above |
+# | far joints move a vertex by chance | blend shapes that are local: a penalty that grows with the distance along the skin, or joints that are left out | the notes on MANO that this course uses; Osman, Bolkart and Black, *STAR* (2020) | above; the embedded bodies are local |
+# | skin collapses where a joint bends | blend shapes that are linear in $R - I$ | Loper and others, *SMPL* (2015) | above |
 # | the template is drawn in a pose of its own | binding matrices | the notes on MANO | lecture 3 |
 # | where are the joints of a posed hand? | the offsets of the chain, and not regressed from posed skin | the notes on MANO ask | lecture 3 |
 

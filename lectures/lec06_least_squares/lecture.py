@@ -89,13 +89,15 @@ def quotient(f, x, h=1e-6):
 
 
 slope = quotient(F, start)
-right, printed = 2 * jacobian(start).T @ residual(start), jacobian(start).T @ residual(start)
+right, printed_there = 2 * jacobian(start).T @ residual(start), jacobian(start).T @ residual(start)
 print("difference quotient      ", slope)
 print("2 J'e, divided by it     ", right / slope)
-print("J'e, divided by it       ", printed / slope)
+print("J'e, divided by it       ", printed_there / slope)
 
 # %% [markdown]
-# Minus half of the gradient still points downhill, so a method that only needs a direction works all the
+# Minus half of the gradient still points
+# downhill{{ np.allclose(right, slope, atol=1e-6) and np.allclose(printed_there, slope / 2, atol=1e-6) }}, so a method
+# that only needs a direction works all the
 # same. The mistake shows as soon as a second term is added whose derivative is right. Suppose we also
 # believe that the elbow is bent by about 0.2 rad, and add $w\,(b - 0.2)^2$ with $w = 0.02$ m²/rad². At
 # the minimum the sum of both gradients is zero,
@@ -141,7 +143,8 @@ Picture(
 )
 
 # %% [markdown]
-# The lost factor has silently doubled the weight of the belief, and the answer is off by 0.09 rad: what is
+# The lost factor has silently doubled the weight of the belief, and the answer is off by
+# {{ zeros[2][1] - zeros[1][1]:.2f}} rad{{ both(zeros[2]) < min(lowest) + 1e-6 < both(zeros[1]) }}: what is
 # zero there is half the gradient of $F + 2 w\,(b - 0.2)^2$, another function.
 #
 # The workbench has no factor that could be lost: its **cost** is $\tfrac12 \sum r^2$, where $r$ is its
@@ -183,7 +186,8 @@ Picture(
 )
 
 # %% [markdown]
-# The descent settles if $s$ is below 2 over the largest eigenvalue of the matrix of second derivatives
+# The descent settles{{ fallen[0.2][-1] > 1e3 * fallen[2.0][-1] and fallen[2.8][-1] > 1e-3 }} if $s$ is below 2 over
+# the largest eigenvalue of the matrix of second derivatives
 # of $F$. At the truth, where the residual is zero, this matrix is $2 J^\top J$ (we shall see why):
 
 # %%
@@ -191,7 +195,7 @@ largest = np.linalg.eigvalsh(2 * jacobian(truth).T @ jacobian(truth)).max()
 print(f"the largest factor that settles at the truth: s = {2 / largest:.2f} rad^2/m^2")
 
 # %% [markdown]
-# But to compute this, one must already have found the minimum.
+# But to compute this, one must already have found the minimum{{ lengths[1] < 2 / largest < lengths[2] }}.
 #
 # A gradient is a direction and not a step. The units show this: $\nabla F$ is in m²/rad, and we subtract
 # a multiple of it from angles in rad, so $s$ has to be in rad²/m². If we had measured the elbow in
@@ -233,8 +237,11 @@ for k, x in enumerate(way):
     print(f"step {k}: x = {x}, off by {np.abs(x - truth).max():.0e}")
 
 # %% [markdown]
-# Five of these steps make $F$ smaller than sixty of the others did, and each of the last steps
-# doubles the number of correct digits. In the workbench this step is a method of a `Linearization`,
+# Five of these steps make $F$ smaller than sixty of the others
+# did{{ F(way[5]) < 1e-3 * min(costs[-1] for costs in fallen.values()) }}, and each of the last steps doubles the
+# number of correct
+# digits{{ all(1.8 < np.log(off[k]) / np.log(off[k - 1]) < 2.6 for off in [np.abs(way - truth).max(axis=1)] for k in (4, 5)) }}.
+# In the workbench this step is a method of a `Linearization`,
 # which holds the residual and the Jacobian at a point; `damping` and `scaling` belong to the next lecture.
 # `automatic` computes the step in one of two ways. One of them solves the normal equations. It first scales the
 # unknowns, so that they have no units: with $d_j = \|J_j\|$, the length of column $j$, it solves for $d_j\, p_j$. It is
@@ -254,7 +261,8 @@ print("scaled     ", by_scaling)
 print("the library", here.step())
 
 # %% [markdown]
-# What does "enough digits" mean? The condition number of a matrix is its largest singular value over its
+# The three agree{{ np.allclose(by_scaling, by_hand) and np.allclose(by_hand, here.step()) }}. What does "enough
+# digits" mean? The condition number of a matrix is its largest singular value over its
 # smallest, and says by what factor solving with it can enlarge rounding errors. The singular values of
 # $J^\top J$ are the squares of those of $J$, and so its condition number is the *square* of that of $J$. It is large if
 # two columns are nearly alike, such as those of two joints that have nearly the same effect. The least-squares
@@ -303,6 +311,8 @@ Picture(
 # %% [markdown]
 # ## What Gauss-Newton leaves out
 #
+# In the last case the normal equations are off by {{ lost['normal equations'][-1]:.0e}} and the factorisation by
+# {{ lost['np.linalg.lstsq'][-1]:.0e}}{{ lost['normal equations'][-1] > 1e-6 > 1e-8 > lost['the library'][-1] and lost['the library'][2] > 30 * lost['the library'][3] }}.
 # Newton's own method would use the second derivatives of $F$. Differentiate $\partial F / \partial x_j = 2 \sum_i e_i
 # J_{ij}$ once more, by $x_k$. The product rule gives two terms for each $i$: one in which $e_i$ is differentiated, and
 # one in which $J_{ij}$ is. The first ones add up to $2 \sum_i J_{ik} J_{ij}$, so that
@@ -324,11 +334,13 @@ bone = cs.vertcat(cs.cos(a.symbol), cs.sin(a.symbol)) * UPPER
 one_bone = wb.Problem(
     [wb.Residual("tip", bone - target.symbol, sigma=1.0, unit="m")], ["a"], blocks=[a, target]
 )
+left_out = {}  # m^2
 for share in (0.5, 1.0, 1.5, 2.5):
     at = {"a": 0.0, "target": [share * UPPER, 0.0]}  # the best angle is 0
     normal = one_bone.linearize(at).normal
     H = one_bone.hessian_at(*one_bone.split(at))
-    print(f"rho = {share} u: J'J = {normal.item():.3f}, left out {(H - normal).item():+.3f} m^2")
+    left_out[share] = (H - normal).item()
+    print(f"rho = {share} u: J'J = {normal.item():.3f}, left out {left_out[share]:+.3f} m^2")
 
 # %% [markdown]
 # Can we say how the error shrinks? Let $\delta$ be the error of the angle. The point was seen at $(\rho, 0)$, and the
@@ -343,8 +355,9 @@ for share in (0.5, 1.0, 1.5, 2.5):
 #
 # $$ \delta' = \delta - \frac{\rho}{u} \sin \delta \approx \left(1 - \frac{\rho}{u}\right) \delta . $$
 #
-# Each step multiplies the error by $|1 - \rho/u|$. This is the size of the part that was left out (which
-# is negative if the point is nearer to the shoulder than the bone is long) over the part that was kept.
+# Each step multiplies the error by $|1 - \rho/u|$. This is the size of the part that was left out (which is negative
+# if the point is nearer to the shoulder than the bone is long{{ left_out[0.5] < 0 < left_out[1.5] }}) over the part
+# that was kept.
 # At $\rho = u$ the factor is zero. What remains is $\delta - \sin \delta \approx \delta^3 / 6$, because the sine begins
 # with $\delta - \delta^3 / 6$, and this **triples** the number of correct digits. For $\rho > 2 u$ the factor is larger than one.
 
@@ -386,8 +399,10 @@ Picture(
 )
 
 # %% [markdown]
-# (At 1.9 u the printed factor does not yet agree with the law, which holds for small errors: after 12
-# steps the error is not small.) So full steps can lead away, even from a point that is as near to the
+# (At 1.9 u the printed factor, {{ found[1.9][-1] / found[1.9][-2]:.3f}}, does not yet agree with the law, which holds
+# for small errors: after 12 steps the error is {{ found[1.9][-1]:.2f}}
+# rad{{ all(abs(found[rho][-1] / found[rho][-2] - abs(1 - rho)) < 1e-3 for rho in (1.2, 0.5)) and (np.diff(found[2.2][:9]) > 0).all() and np.log(found[1.0][2]) / np.log(found[1.0][1]) > 2.5 }}.)
+# So full steps can lead away, even from a point that is as near to the
 # minimum as you like. Their direction is still downhill; only their length is wrong, and this time we
 # can tell. If the residual were linear, the step would lower $F$ from $\|e\|^2$ to $\|e + J p\|^2$. The difference
 # of the two is the decrease that the linear model predicts; the actual decrease is $\|e\|^2 - \|e(x + p)\|^2$. The
@@ -406,18 +421,19 @@ for name in ("gauss-newton-full", "gauss-newton"):
     )
 
 # %% [markdown]
-# Full steps go back and forth, and none of them leads to a better point than the start. A solver of the
+# Full steps go back and forth, and none of them leads to a better point than the
+# start{{ printed('gauss-newton-full:')[-1] == 0.5 and solution.status.name == 'CONVERGED' and abs(printed('gauss-newton     :')[-1]) < 1e-3 }}.
+# A solver of the
 # workbench returns the best point that it visited, which here is the start itself; the status says that
 # the solver did not converge.
 
 # %% [markdown]
 # ## The same on a body
 #
-# All of this holds for a whole body as well. Here 72 numbers for the pose and 3 for the position are
-# fitted to 369 vertices, which we compute from a known pose, so that the answer is known. `Problem`
+# All of this holds for a whole body as well. Here {{ 72 }} numbers for the pose and 3 for the position are fitted to
+# {{ 369 }} vertices, which we compute from a known pose, so that the answer is known. `Problem`
 # builds the residual $r$, which is $e$ divided by its standard deviation of 2 mm, and its Jacobian; the steps are the
-# same as above. In the second printed line the cost is twenty times smaller, and yet one number of the pose is
-# further off than at the start: an optimizer sees the residual and not the truth.
+# same as above. The next cell prints cost and error, step by step.
 
 # %%
 body = wb.load_body("small")
@@ -431,8 +447,9 @@ problem = wb.Problem(
 bent = body.start() | {"pose": 0.25 * np.random.default_rng(1).standard_normal((24, 3))}
 given = body.start() | {"observed": body.vertices(**bent)}
 solution = wb.solve(problem, given, wb.GaussNewton())
-for iterate in solution.trace:
-    off = np.abs(iterate.values["pose"] - bent["pose"]).max()
+costs = [iterate.cost for iterate in solution.trace]
+pose_off = [np.abs(iterate.values["pose"] - bent["pose"]).max() for iterate in solution.trace]
+for iterate, off in zip(solution.trace, pose_off, strict=True):
     print(
         f"cost {iterate.cost:10.3e}, pose off by up to {off:.1e} rad, "
         + (f"step by {iterate.linear_algebra}" if iterate.linear_algebra else "the start")
@@ -441,6 +458,10 @@ J = problem.linearize(given).jacobian
 print("the Jacobian is", J.shape)
 
 # %% [markdown]
+# In the second printed line the cost is {{ costs[0] / costs[1]:.0f}} times smaller, and yet one number of the pose is
+# further off than at the start{{ pose_off[1] > 1.05 * pose_off[0] and len(pose_off) < 10 and pose_off[-1] < 1e-9 }}:
+# an optimizer sees the residual and not the truth.
+#
 # ## What to remember
 #
 # - Write residuals and not only a cost: the derivatives of all residuals are the Jacobian, which says

@@ -78,14 +78,19 @@ problem = wb.Problem(
 starts = np.random.default_rng(7).uniform([-2, -2.5], [2, 2.5], (30, 2))  # rad
 
 
+well = {}  # by solver: how many starts end well, in reach and beyond
+
+
 def tried(name):
     """How many of thirty starts end well, in and beyond reach, and the median iterations."""
-    told = []
+    told, well[name] = [], []
     for seen in (in_reach, beyond):
         every = [wb.solve(problem, {"angles": x, "target": seen}, wb.SOLVERS[name]) for x in starts]
-        well = [one for one in every if one.converged]
-        middle = f" in {np.median([one.iterations for one in well]):.0f} iterations" if well else ""
-        told.append(f"{len(well):2} of 30{middle}")
+        ended = [one.iterations for one in every if one.converged]
+        well[name].append(len(ended))
+        told.append(
+            f"{len(ended):2} of 30" + (f" in {np.median(ended):.0f} iterations" if ended else "")
+        )
     print(f"{name:20} in reach {told[0]:28} beyond {told[1]}")
 
 
@@ -93,7 +98,8 @@ for name in ("gauss-newton-full", "gauss-newton"):
     tried(name)
 
 # %% [markdown]
-# Within reach, halving mends what full steps break. Beyond reach nothing helps: not one of thirty
+# Within reach, halving mends what full steps break{{ well['gauss-newton-full'][0] < well['gauss-newton'][0] == 30 }}.
+# Beyond reach nothing helps: {{ max(well['gauss-newton'][1], well['gauss-newton-full'][1]) or 'not one' }} of thirty
 # starts ends at a minimum. Yet the answer is plain, for the arm only has to stretch and point. To see what goes
 # wrong, we follow one of the runs and compare what the linear model promised at each step with what happened.
 # With two equations for two unknowns the model can always be made zero, so it always promises to leave
@@ -144,9 +150,12 @@ Picture(
 )
 
 # %% [markdown]
-# The straighter the arm is, the smaller is the smallest singular value of $J$. Gauss-Newton divides by it a
-# residual that will never go away, because the point is out of reach. So the step becomes very long in the one
-# direction that does almost nothing. Halving makes *all* of the step short, also the part that was useful.
+# The straighter the arm is, the smaller is the smallest singular value of
+# $J${{ (np.diff([[abs(np.sin(x[1])), -np.linalg.norm(p), length] for x, p, length in rows[-6:]], axis=0) < 0).all() }}.
+# Gauss-Newton divides by it a
+# residual that will never go away, because the point is out of reach. So the step becomes very long
+# ({{ np.linalg.norm(rows[-1][1]):,.0f}} rad in the end) in the one direction that does almost nothing. Halving makes *all*
+# of the step short, also the part that was useful.
 # What we need is a shorter step that also goes in a better direction.
 #
 # ## The idea: pay for length
@@ -179,11 +188,16 @@ Picture(
 straight = np.array([0.2, 0.05])
 here = wb.Linearization(wrist(straight) - beyond, jacobian(straight))
 print("singular values of J:", here.svd[1].round(4), "m/rad")
+lengths = []  # rad
 for damping in (0, 1e-5, 1e-3, 1e-1, 10):
     p = here.step(damping)
-    print(f"lambda = {damping:5g}: p = {p.round(3)}, |p| = {np.linalg.norm(p):8.3f} rad")
+    lengths.append(np.linalg.norm(p))
+    print(f"lambda = {damping:5g}: p = {p.round(3)}, |p| = {lengths[-1]:8.3f} rad")
 
 # %% [markdown]
+# Without damping the step is {{ lengths[0]:.0f}} rad long, with $\lambda = 10^{-3}$ it is {{ lengths[2]:.1f}}
+# rad{{ sorted(lengths, reverse=True) == lengths }}.
+#
 # ## Who sets lambda? The gain
 #
 # Which $\lambda$ is right? After a step we know what it was worth. Before it, the model promised that the cost
@@ -195,17 +209,20 @@ for damping in (0, 1e-5, 1e-3, 1e-1, 10):
 # of the cost over the promised one. In the library the promise is `predicted_decrease`:
 
 # %%
+gains = {}
 for damping in (1e-5, 1e-3, 1e-2, 1e-1):
     p = here.step(damping)
     fell = cost(straight, beyond) - cost(straight + p, beyond)
+    gains[damping] = fell / here.predicted_decrease(p)
     print(
         f"lambda = {damping:5g}: |p| = {np.linalg.norm(p):7.3f} rad, promised "
-        f"{here.predicted_decrease(p):.4f} m^2, gain {fell / here.predicted_decrease(p):+.2f}"
+        f"{here.predicted_decrease(p):.4f} m^2, gain {gains[damping]:+.2f}"
     )
 
 # %% [markdown]
-# If the gain is near 1, the model was right, can be trusted further, and $\lambda$ may become smaller. If the
-# gain is below 0, the step went uphill: we do not take it, and try again with a larger $\lambda$. That is the
+# If the gain is near 1 (above with $\lambda = 0.01$: {{ gains[1e-2]:.2f}}), the model was right, can be trusted
+# further, and $\lambda$ may become smaller. If the gain is below 0 (with $10^{-5}$: {{ gains[1e-5]:.2f}}), the step
+# went uphill: we do not take it, and try again with a larger $\lambda$. That is the
 # whole of the **Levenberg-Marquardt** method. The details differ between programs. The workbench takes those
 # of Nielsen (*Damping Parameter in Marquardt's Method*, 1999): after a step that is taken, $\lambda$ is
 # multiplied by a factor that depends smoothly on the gain,
@@ -291,6 +308,9 @@ Picture(
 # %% [markdown]
 # ## The same by a radius
 #
+# In its last steps Gauss-Newton pointed {{ beside(stuck[11]):.3f}} rad beside the star, and Levenberg-Marquardt
+# {{ beside(way[11][0]):.4f}}
+# rad{{ beside(stuck[7]) - beside(stuck[11]) < 1e-3 and beside(stuck[11]) > 10 * beside(way[11][0]) and solution.converged and apart < 1e-5 and abs(way[-1][0][1]) < 1e-6 }}.
 # Let $p(\lambda)$ be the step with the damping $\lambda$, and $r = \|p(\lambda)\|$ its length. Then no step $p$
 # of at most that length is better *for the model*. For if $\|e + J p\|^2$ were smaller, and $\|p\|^2$ not
 # larger, then $\|e + J p\|^2 + \lambda \|p\|^2$ would be smaller too, but $p(\lambda)$ has the smallest value of
@@ -325,12 +345,14 @@ lambdas = np.concatenate([[0], np.logspace(-6, 2, 400)])
 curve = np.array([here.step(damping) for damping in lambdas])
 radii = np.array([0.15, 0.3, 0.6, 0.9]) * np.linalg.norm(newton)
 doglegs = [dogleg_step(newton, cauchy, D, radius) for radius in radii]
+kept = []  # the share of the best promise
 for radius, p in zip(radii, doglegs, strict=True):
     exact = here.step(
         brentq(lambda damping, r=radius: np.linalg.norm(here.step(damping)) - r, 0, 1e3)
     )
+    kept.append(here.predicted_decrease(p) / here.predicted_decrease(exact))
     print(
-        f"radius {radius:.3f} rad: the dogleg keeps {here.predicted_decrease(p) / here.predicted_decrease(exact):.3f} "
+        f"radius {radius:.3f} rad: the dogleg keeps {kept[-1]:.3f} "
         "of the best promise there is in that ball"
     )
 
@@ -370,7 +392,8 @@ Picture(
 # %% [markdown]
 # ## What the workbench does unless told otherwise
 #
-# If we name no solver, `wb.solve` takes Levenberg's step *and* a radius. It does search for the $\lambda$ that
+# If we name no solver{{ min(kept) > 0.98 }}, `wb.solve` takes Levenberg's step *and* a radius. It does search for the
+# $\lambda$ that
 # belongs to the radius, because another factorization costs little beside the Jacobian of a body. It is also
 # enough if the length is right to a tenth, as Hebden and Moré found (Moré, *The Levenberg-Marquardt Algorithm:
 # Implementation and Theory*, 1978). How does one search for a number whose order of magnitude is unknown? In
@@ -412,7 +435,9 @@ Picture(
 )
 
 # %% [markdown]
-# Now the gain ratio sets the radius, by a rule that is as simple as the one for $\lambda$. After a poor step
+# It took {{ len(trials) }}
+# trials{{ [0.9 <= length / RADIUS <= 1.1 for _, length in trials] == [False] * (len(trials) - 1) + [True] }}. Now the
+# gain ratio sets the radius, by a rule that is as simple as the one for $\lambda$. After a poor step
 # the radius is halved. After a good one, or a Gauss-Newton step that was not poor, it is twice the length of
 # the step:
 
@@ -460,13 +485,17 @@ for name in ("levenberg-marquardt", "dogleg", "trust-region"):
     tried(name)
 
 # %% [markdown]
-# With each of these ways to a shorter step, all runs end at a minimum. Which solver is quicker is the subject of
+# With each of these ways to a shorter step, all runs end at a
+# minimum{{ all(well[name] == [30, 30] for name in ('levenberg-marquardt', 'dogleg', 'trust-region')) }}. Which solver
+# is quicker is the subject of
 # lecture 11.
 #
 # ## What is long?
 #
-# The length $\|p\|$ adds radians to radians here. Had we counted the elbow in degrees, its steps would look 57
-# times longer and be damped as if they were. Marquardt (*An Algorithm for Least-Squares Estimation of Nonlinear
+# The length $\|p\|$ adds radians to radians here. Had we counted the elbow in degrees, its steps would look
+# {{ 180 / np.pi:.0f}} times longer and be damped as if they were. Marquardt (*An Algorithm for Least-Squares
+# Estimation
+# of Nonlinear
 # Parameters*, 1963) measures length with the Jacobian itself. He takes $\lambda \|D p\|^2$ as the price, where
 # $D$ is diagonal and holds the lengths $\|J_i\|$ of the columns of $J$. A column is a change of the residual
 # *per unit* of its unknown, so in the product $\|J_i\|\, p_i$ the unit cancels:
@@ -474,16 +503,17 @@ for name in ("levenberg-marquardt", "dogleg", "trust-region"):
 # %%
 unit = np.array([1.0, 180 / np.pi])  # the elbow in degrees
 in_degrees = wb.Linearization(here.residual, here.jacobian / unit)
+both = {}  # rad: the step in radians, and the one by degrees
 for name, scaling in (("Levenberg, D = I", np.ones(2)), ("Marquardt, D = |J_i|", None)):
     D, E = (here.column_norms, in_degrees.column_norms) if scaling is None else (scaling, scaling)
     damping = 0.1 * np.max((here.column_norms / D) ** 2)
-    print(
-        f"{name:21} in radians {here.step(damping, D).round(4)}, "
-        f"by degrees {(in_degrees.step(damping, E) / unit).round(4)}"
-    )
+    both[name] = here.step(damping, D), in_degrees.step(damping, E) / unit
+    print(f"{name:21} in radians {both[name][0].round(4)}, by degrees {both[name][1].round(4)}")
 
 # %% [markdown]
-# With Marquardt's $D$ the step is the same in both units. That is what we want for the coefficients of a
+# With Marquardt's $D$ the step is the same in both
+# units{{ np.allclose(*both['Marquardt, D = |J_i|']) and not np.allclose(*both['Levenberg, D = I'], atol=0.01) }}.
+# That is what we want for the coefficients of a
 # regression, which have all kinds of units. For a body it is not. An unknown that hardly changes the residuals
 # has a short column, so Marquardt's $D$ makes it cheap to change this unknown very much. All joints of a body
 # are in radians already. So the workbench's default is $D = I$, and `levenberg-marquardt-columns` is the other.

@@ -321,6 +321,15 @@ def tell_all(markers):
         holds(found == 72, "the rank of joints and these vertices", "72", told)
 
 
+@mistake(
+    "markers",
+    "eleven are enough only if each tells three numbers that no other does; of these some tell the same. You "
+    "may take up to 24, or choose each for what is left",
+)
+def eleven_by_number():
+    return list(range(0, 369, 34))
+
+
 @mistake("markers", "no vertices: the joints alone tell 40")
 def none():
     return []

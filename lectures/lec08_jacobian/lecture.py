@@ -57,7 +57,8 @@ for name, start in (
     )
 
 # %% [markdown]
-# Both fits converged, and both meet every joint. Yet both poses are wrong, and so is the skin:
+# Both fits converged, and both meet every joint. Yet both poses are wrong, and so is the
+# skin{{ all(np.allclose(body.joints(one), body.joints(truth), atol=1e-8) and np.abs(one - truth).max() > 0.1 for one in answers.values()) }}:
 
 # %%
 off = {
@@ -75,7 +76,8 @@ Picture(
 )
 
 # %% [markdown]
-# The solver is not to blame. There are many poses with these joints, and it found one of them. To count the
+# The skin is off by up to {{ off['from rest'].max():.0f}} mm. The solver is not to blame. There are many poses with
+# these joints, and it found one of them. To count the
 # equations was not enough to see this. What is?
 #
 # ## A direction that nobody notices
@@ -110,7 +112,8 @@ Picture(
 )
 
 # %% [markdown]
-# There are forty singular values, and then a cliff of more than twelve decades. The others would be zero if
+# There are {{ here.rank}} large singular values, and then a cliff of {{ np.log10(s[39] / s[40]):.0f}} decades. The others
+# would be zero if
 # computers did not round. Which singular values should count as zero, then? The library asks how large rounding
 # can make a singular value that ought to be zero: about as large as the largest one, times the machine's
 # precision, times the size of the matrix. (In the figure this is done for the Jacobian as it is.) For its verdict it
@@ -125,9 +128,10 @@ print(f"of columns with length 1: the largest singular value is {scaled[0]:.1f},
 print(f"the tolerance {tolerance:.0e}, and {np.sum(scaled > tolerance)} are above it")
 
 # %% [markdown]
-# ## Why forty
+# ## Why forty?
 #
-# We need no computer for that number. Let joint $k$ turn by a small rotation vector $\omega$. Then each joint
+# We need no computer for that number{{ here.rank == 40 == np.sum(scaled > tolerance) }}. Let joint $k$ turn by a
+# small rotation vector $\omega$. Then each joint
 # $c$ below it moves by $\omega \times (x_c - x_k)$, where $x_c$ and $x_k$ are the places of the two joints. Now
 # we go through the tree, beginning at the ends of the limbs, and count for each joint how many of the three
 # numbers of $\omega$ are seen:
@@ -157,8 +161,8 @@ rank = rank_of_observed_joints(body.parents, body.joints(truth), ends, translati
 print(f"if only {', '.join(body.joint_names[k] for k in ends)} are seen: {rank} of 72")
 
 # %% [markdown]
-# (In the last line three points are seen, and each can be moved alone in all three directions by the
-# joints above it: three times three.)
+# (In the last line three points are seen, and each can be moved alone in all three directions by the joints above it:
+# three times three{{ rank == 9 and predicted == 40 }}.)
 #
 # The number says that something is not seen, but not what. The singular vectors do not say it either, because
 # each of them mixes several null directions. So the workbench looks for null directions in small subspaces that
@@ -174,14 +178,18 @@ print(diagnosis)
 
 # %%
 twist = next(d for d in diagnosis.null_directions if d.joints == ("left_elbow", "left_wrist"))
+moves = []  # m: joints, skin
 for angle in (1e-3, 1e-2, 1e-1):
     turned = truth + angle * twist.vector.reshape(24, 3)
     moved = np.abs(body.joints(turned) - body.joints(truth)).max()
     skin = np.abs(body.vertices(turned) - body.vertices(truth)).max()
+    moves.append((moved, skin))
     print(f"{angle:5} rad: joints by {1e3 * moved:.1e} mm, skin by {1e3 * skin:.1e} mm")
+moves = np.array(moves)
 
 # %% [markdown]
-# A step that is ten times as long moves the skin ten times as far, and the joints a hundred times: to first
+# A step that is ten times as long moves the skin {{ (moves[1:] / moves[:-1])[:, 1].mean():.0f}} times as far, and the
+# joints {{ (moves[1:] / moves[:-1])[:, 0].mean():.0f}} times: to first
 # order they do not move. (They would not move at all on a path that is slightly curved. The null space is the
 # tangent of that path.)
 #
@@ -212,13 +220,16 @@ print(
 )
 
 # %% [markdown]
-# The pattern shows the leaves: 15 columns are empty, so the rank is at most 57. It does not show the twists,
+# The pattern shows the leaves: {{ (~here.jacobian.any(axis=0)).sum()}} columns are empty, so the rank is at most
+# {{ diagnosis.structural_rank}}. It does not show the twists,
 # because they depend on the numbers. That is why the workbench looks at both. The pattern costs nothing, and a
 # column of zeros is a warning worth having before any solver is started.
 #
 # Should such a Jacobian be stored as a dense or as a sparse matrix? That of the joints is sparse by nature. That
-# of SMPL's vertices is not: its pose blend shapes (lecture 5) let every vertex depend on 23 rotations. But it has
-# only 82 columns, and its 14 MB are easily kept as a dense matrix. With so few unknowns, the pattern is worth
+# of SMPL's vertices is not: its pose blend shapes (lecture 5) let every vertex depend on {{ body.n_joints - 1 }}
+# rotations. But it has only {{ 72 + 10 }} columns, and its {{ 8e-6 * largest:.0f}} MB are easily kept as a dense
+# matrix. With so few unknowns, the
+# pattern is worth
 # more for what it tells than for the zeros that it saves. With thousands of unknowns, as in a video, it is the
 # other way round.
 #
@@ -244,29 +255,37 @@ on_skin = wb.Problem(
 )
 skin = on_skin.linearize(there | {"seen": body.vertices(truth)})
 sigma = np.sqrt(np.diag(skin.covariance)).reshape(24, 3).max(axis=1)
+hanging = np.bincount(body.weights.argmax(axis=1), minlength=24)  # vertices by joint
+feet = [body.joint_names.index(name) for name in ("left_foot", "right_foot")]
 print("rank:", skin.rank, f"  condition: {skin.svd[1][0] / skin.svd[1][-1]:.0f}")
 for k in (*np.argsort(sigma)[:3], *np.argsort(sigma)[-3:]):
-    hang = int((body.weights.argmax(axis=1) == k).sum())
     print(
         f"  {body.joint_names[k]:15} known to {np.degrees(sigma[k]):5.2f} degrees (1 sigma), "
-        f"{hang:2} vertices hang on it most of all"
+        f"{hanging[k]:2} vertices hang on it most of all"
     )
 
 # %% [markdown]
-# (A joint has three numbers, and the table gives the one that is known least well.) With this centimetre the
-# pelvis is known to less than 1 degree, because a turn of the pelvis moves the whole body. The feet are known to
-# no better than 10 degrees: only 6 of the 369 vertices hang on a foot, and all of them are so near to
+# (A joint has three numbers, and the table gives the one that is known least well.) With this centimetre the pelvis
+# is known to {{ np.degrees(sigma[0]):.1f}} degrees, because a turn of the pelvis moves the whole body. The feet are
+# known to {{ np.degrees(sigma[feet].min()):.0f}} degrees at best: only {{ hanging[feet[0]]}} of the
+# {{ body.n_vertices}} vertices hang on a
+# foot{{ hanging[feet[0]] == hanging[feet[1]] and skin.rank == 72 and set(np.argsort(sigma)[-2:]) == set(feet) }}, and
+# all of them are so near to
 # its joint that they hardly move when it turns.
 #
 # What if the rank is not full? Then $J^\top J$ has no inverse. It is tempting to take the pseudo-inverse, which
 # replaces $1/s_i$ by zero wherever $s_i$ is zero. But this says of a direction that is not seen at all that it is known
 # exactly. With the 24 joints alone it gives the smallest standard deviation to the rotations that nobody sees, those of
-# the leaves. The library gives them an infinite one. Here are its lines. They work with the scaled Jacobian $J D^{-1}$,
+# the leaves. The library gives them an infinite one.
+#
+# Here are its lines. They work with the scaled Jacobian $J D^{-1}$,
 # whose columns were divided by their `lengths`, the diagonal of $D$ (1 for a column of zeros); `s` and the rows of `Vt`
 # are its singular values above the tolerance and their directions. With $J D^{-1} = U S V^\top$, seen directions only,
 # `half @ half.T` is $D^{-1} V S^{-2} V^\top D^{-1}$. Like the pseudo-inverse, this leaves out what is not seen. It is
 # right for an unknown that has no part in the null space, because for it nothing is missing. For the others it is
-# wrong, and is overwritten. Which unknowns are these? (A null vector $v$ of $J D^{-1}$ gives the null vector $D^{-1} v$
+# wrong, and is overwritten.
+#
+# Which unknowns are these? (A null vector $v$ of $J D^{-1}$ gives the null vector $D^{-1} v$
 # of $J$, which is zero in the same entries. So the scaled Jacobian answers this too.) Seen and unseen directions
 # together are an orthonormal basis, the columns of a matrix $Q$ with $Q Q^\top = I$: its diagonal says that for each
 # unknown the squares of its entries in all directions add up to one. If those in the seen directions add up to less,
@@ -285,6 +304,8 @@ for name in ("left_hand", "left_elbow", "left_hip"):
     print(f"{name:11} by pinv {naive[k].round(4)}, by the library {honest[k].round(4)} rad")
 
 # %% [markdown]
+# Of the hand the pseudo-inverse says that it is known
+# exactly{{ np.allclose(naive[body.joint_names.index('left_hand')], 0) and np.isinf(honest[[body.joint_names.index(name) for name in ('left_elbow', 'left_hip')]]).all() }}.
 # Of the hip only the twist about the thigh is not seen; the elbow, besides its own twist, can undo that of the
 # shoulder. The bones are parallel to no axis, so that these turns change all numbers of a joint, and none of them is
 # determined.
@@ -332,19 +353,24 @@ for name in ("left_hand", "left_elbow", "pelvis"):
     left = known.shrinkage.reshape(24, 3)[body.joint_names.index(name)]
     print(f"{name:11} sigma with the data over sigma of the prior alone: {left.round(2)}")
 solution = wb.solve(with_prior, given | {"pose": np.zeros((24, 3))})
+furthest = np.abs(solution.values["pose"] - truth).argmax()  # the number of the pose
 print(f"pose off by up to {np.abs(solution.values['pose'] - truth).max():.2f} rad")
 
 # %% [markdown]
-# Now the rank is full, and the answer is unique. Which part of it comes from the data? A direction with the
+# Now the rank is full, and the answer is unique{{ regular.rank == 72 }}. Which part of it comes from the data? A
+# direction with the
 # singular value $s$ is known from the data up to $1/s$, and from the prior up to $\sigma = 0.3$ rad. The
 # information about it, which is one over the variance, is $s^2$ from the data and $\sigma^{-2}$ from the prior,
 # and the two add up. So the share of the data is $s^2 / (s^2 + \sigma^{-2})$, between 0 and 1. The sum of all
-# shares counts the directions that the data decide. It is 35 and not 40, because some directions are seen so
+# shares counts the directions that the data decide. It is {{ known.effective:.0f}} and not {{ here.rank}}, because
+# some directions are seen so
 # little that the prior has its share in them.
 #
 # The answer is unique, but it is not right: the prior has put zero where nothing was known. (It is off by as much
 # as the answer from rest was, for the same reason: the number that is furthest off is one that no joint depends
-# on, and both leave it at zero.) That may be just what one wants, provided that one knows which numbers came from
+# on, and both leave it at
+# zero{{ furthest == np.abs(answers['from rest'] - truth).argmax() and abs(solution.values['pose'].ravel()[furthest]) < 1e-9 }}.)
+# That may be just what one wants, provided that one knows which numbers came from
 # the data and which from the prior.
 #
 # ## What to remember

@@ -71,10 +71,11 @@ m, p = 3 * body.n_vertices, 72 + 10 + 3
 print(f"5 mm times the root of {p} / {m}: {5 * np.sqrt(p / m):.2f} mm")
 
 # %% [markdown]
-# This is as good as a fit can be: it takes six or seven iterations, and the fit is *closer to the truth*
-# than its data. Why closer? It has $m = 1107$ equations for $p = 85$ unknowns. The noise points in a random
+# This is as good as a fit can be: it takes {{ solution.iterations}} iterations, and the fit is *closer to the truth*
+# ({{ rms:.1f}} mm) than its data{{ abs(rms / (5 * np.sqrt(p / m)) - 1) < 0.1 }}. Why closer? It has $m = {{ m}}$
+# equations for $p = {{ p}}$ unknowns. The noise points in a random
 # direction among $m$, and its expected squared length is $\sigma^2 m$, equally much in each direction. The fit can
-# follow the noise only in the 85 directions in which the model can move, so that $\sigma^2 p$ of the squared
+# follow the noise only in the {{ p}} directions in which the model can move, so that $\sigma^2 p$ of the squared
 # length remains in it. Divided by the $m$ coordinates, this is $\sigma^2 p / m$. So the error per coordinate is
 # $\sigma \sqrt{p/m}$, to first order.
 #
@@ -92,32 +93,36 @@ priors = [
     wb.residuals.gaussian(betas, covariance=BETAS**2),
 ]
 given = start | {"seen_joints": joints + NOISE * rng.standard_normal((24, 3))}
-fitted_to_joints = {}
+fitted_to_joints, ranks, met, worst = {}, {}, {}, {}
 for name, residuals in (("joints alone", [at_joints]), ("joints and priors", [at_joints, *priors])):
     problem = wb.Problem(residuals, ["pose", "betas", "trans"], blocks=[seen_joints])
     solution = wb.solve(problem, given)
     fitted_to_joints[name] = solution.values
     off = 1e3 * (body.joints(**solution.values) - given["seen_joints"])
-    rank = problem.linearize(given | solution.values).rank
+    met[name] = np.sqrt(np.mean(off**2))  # mm
+    ranks[name] = problem.linearize(given | solution.values).rank
+    worst[name] = np.abs(solution.values["betas"] - truth["betas"]).max()
     print(
-        f"{name:18} rank {rank} of 85: joints fitted to {np.sqrt(np.mean(off**2)):.1f} mm, surface off "
-        f"by {distances(solution.values).mean():.0f} mm on average, worst beta off by "
-        f"{np.abs(solution.values['betas'] - truth['betas']).max():.1f}"
+        f"{name:18} rank {ranks[name]} of 85: joints fitted to {met[name]:.1f} mm, surface off "
+        f"by {distances(solution.values).mean():.0f} mm on average, worst beta off by {worst[name]:.1f}"
     )
 
 # %% [markdown]
-# Without priors, the joints are fitted to *less* than their noise. This is a bad sign: there are 72
-# equations for 85 unknowns, and the unknowns follow the noise. As in lecture 8, the data determine only
-# some of the directions: the rank is 53 of 85. The shape follows the noise as well, and one beta is off
-# by 1.3 standard deviations.
+# Without priors, the joints are fitted to *less* than their noise. This is a bad sign: there are
+# {{ seen_joints.size}} equations for {{ p}} unknowns{{ met['joints alone'] < 5 }}, and the unknowns follow the noise.
+# As in lecture 8, the data determine only
+# some of the directions: the rank is {{ ranks['joints alone']}} of {{ p}}. The shape follows the noise as well, and
+# one beta is off by {{ worst['joints alone']:.1f}} standard deviations.
 #
 # What we know apart from the data can be written as residuals too. Among people each beta is 0 on average,
 # with a standard deviation of 1; the angles of this lecture are 0 on average, with a standard deviation
 # of 0.25 rad. This gives the residuals $\theta / 0.25$ and $\beta / 1$, which are called **priors**. The
 # function `gaussian` makes them. (It takes a variance, so the code has the squares.) With priors, every
-# direction is determined to some degree, and the rank is full. The worst beta is now off by half a
-# standard deviation. The surface is hardly closer, 18 mm in place of 19 mm: nearly half of this error
-# comes from turns of bones that move no joint (lecture 8), and of these the prior says only that they are
+# direction is determined to some degree, and the rank is {{ ranks['joints and priors']}}. The worst beta is now off
+# by {{ worst['joints and priors']:.1f}} standard deviations. The surface is hardly closer,
+# {{ distances(fitted_to_joints['joints and priors']).mean():.0f}} mm in place of
+# {{ distances(fitted_to_joints['joints alone']).mean():.0f}} mm: much of this error comes from turns of bones that
+# move no joint (lecture 8), and of these the prior says only that they are
 # probably small. Lecture 10 is about priors.
 
 # %%
@@ -205,22 +210,32 @@ def by_cameras(which):
 
 # %%
 one, numbers = by_cameras([0])
-ends = {}
+ends, image_off = {}, {}
 for name, angle in (("facing the camera", 0.0), ("facing away", np.pi)):
     turned = start["pose"].copy()
     turned[0] = [0, angle, 0]
     ends[name] = wb.solve(one, start | numbers | {"pose": turned})
     found = ends[name]
     missed = cameras[0][0].pixels(body.joints(**found.values), numbers) - views[0]
+    image_off[name] = np.sqrt(np.mean(missed**2))  # px
     angles = np.linalg.norm(found.values["pose"][1:], axis=1)
     print(
         f"begun {name:18}: {found.status.name} after {found.iterations:2} iterations, cost "
-        f"{found.cost:4.1f}: image off by {np.sqrt(np.mean(missed**2)):.1f} px, "
+        f"{found.cost:4.1f}: image off by {image_off[name]:.1f} px, "
         f"{body.joint_names[1 + np.argmax(angles)]} turned by {angles.max():.2f} rad"
     )
 
+
+def facing(joint):
+    """How far a joint's front faces the camera in the fit that began facing away, -1 to 1."""
+    values = ends["facing away"].values
+    G = body.kinematics.motion(values["pose"], values["betas"]).G
+    return G[body.joint_names.index(joint)][2, 2]
+
+
 # %% [markdown]
-# Both fits converged, and both reproduce the image to within the noise of the detector. How do they look?
+# Both fits converged, and both reproduce the image to within the noise of the
+# detector{{ max(image_off.values()) < PIXELS }}. How do they look?
 
 # %%
 with house_style():
@@ -245,7 +260,9 @@ Picture(
 
 # %% [markdown]
 # The fit that began facing away had to twist the body: hips, knees and ankles are turned so that the legs meet a
-# trunk that faces the other way. It ended in another minimum, at nearly five times the cost. This is no error of
+# trunk that faces the other way. It ended in another minimum, at
+# {{ ends['facing away'].cost / ends['facing the camera'].cost:.1f}} times the
+# cost{{ facing('spine3') > 0.9 and max(facing('left_knee'), facing('right_knee')) < 0 }}. This is no error of
 # the solver, which only goes downhill. A fit to one image needs a good start. If we do not know which way the
 # person faces, we try several starts, and keep the fit with the lowest cost.
 #
@@ -307,7 +324,9 @@ Picture(
 )
 
 # %% [markdown]
-# At 30 degrees the depth is 11 to 19 % too large. This is good enough for a start, but it is not good enough for
+# At 30 degrees the depth is {{ 100 * (wide['from 4 m'][6] - 1):.0f}} to {{ 100 * (wide['from 80 m'][6] - 1):.0f}} %
+# too large{{ (wide['from 4 m'][1:] < wide['from 80 m'][1:]).all() }}. This is good enough for a start, but it is not
+# good enough for
 # an answer.
 #
 # ## What one camera does not determine
@@ -317,15 +336,17 @@ Picture(
 # the person:
 
 # %%
-results = {}
+results, off_by, spread = {}, {}, {}
 for count in (1, 2, 4):
     problem, numbers = by_cameras(range(count))
     solution = wb.solve(problem, start | numbers)
     here = problem.linearize(start | numbers | solution.values)
     covariance = np.linalg.inv(here.normal)  # (J'J)^-1, the translation in its last three rows
-    off = 1e3 * np.sqrt(np.mean((body.joints(**solution.values) - joints) ** 2, axis=0))
+    off = off_by[count] = 1e3 * np.sqrt(
+        np.mean((body.joints(**solution.values) - joints) ** 2, axis=0)
+    )
     results[count] = solution
-    x, y, z = 1e3 * np.sqrt(np.diag(covariance)[-3:])
+    x, y, z = spread[count] = 1e3 * np.sqrt(np.diag(covariance)[-3:])
     print(
         f"{count} camera{'s' * (count > 1):1} joints off by {off[0]:3.0f}, {off[1]:3.0f}, "
         f"{off[2]:4.0f} mm across, up and in depth; sigma of trans {x:.0f}, {y:.0f}, {z:.0f} mm"
@@ -372,8 +393,9 @@ Picture(
 )
 
 # %% [markdown]
-# The Jacobian predicts this without knowing the truth: with one camera, the standard deviation of the
-# translation is 8 mm across the image, and 230 mm in depth. Better data from one camera would not help much,
+# The Jacobian predicts this without knowing the truth: with one camera, the standard deviation of the translation is
+# {{ spread[1][0]:.0f}} mm across the image, and {{ spread[1][2]:.0f}} mm in depth. Better data from one camera would
+# not help much,
 # for the following reason. Make a person larger, and move the person away from the camera by the same factor.
 # Then $X$, $Y$ and $Z$ are all multiplied by it, so $X / Z$ stays the same, and so does every pixel. One camera
 # sees only the ratio of size and depth. Only the prior on the shape tells the two apart.
@@ -387,15 +409,17 @@ for share in (1.05, 1.5):
     print(f"{share:.2f} times as large and as far: pixels move by {moved:.0e} px")
 
 # %% [markdown]
-# Two cameras that look in different directions can tell size and depth apart: the joints, which were off
-# by 190 mm in depth, are now off by 6 mm.
+# Two cameras that look in different directions can tell size and depth apart: the joints, which were off by
+# {{ off_by[1][2]:.0f}} mm in depth, are now off by {{ off_by[2][2]:.0f}} mm{{ moved < 1e-10 }}.
 #
 # ## A start for several cameras
 #
 # With two cameras or more there is a closed form for the start. Let $(a, b) = (X / Z, Y / Z)$ be the
 # position in the image in units of the focal length, from the image's centre. Then $X - a Z = 0$ and
 # $Y - b Z = 0$. These equations are linear in the point $x$ of the world, because $(X, Y, Z) = R x + t$ is. Each
-# camera gives two of them, and there are three unknowns. To treat $t$ like the rest, we append a one to the point,
+# camera gives two of them, and there are three unknowns.
+#
+# To treat $t$ like the rest, we append a one to the point,
 # so that $(X, Y, Z) = P\, (x, 1)$ with the matrix $P = [R\;\, t]$ of four columns. All equations together say that
 # a matrix with two rows for each camera, multiplied by $(x, 1)$, is zero. With noise it cannot be quite zero. The
 # vector of length one for which it is smallest is the last column of $V$ in the singular value decomposition of
@@ -412,7 +436,8 @@ begun = np.sqrt(np.mean((motion(rest) - joints) ** 2))
 print(f"the body at rest, moved onto them: off by {1e3 * begun:.0f} mm")
 
 # %% [markdown]
-# The last line solves *Procrustes' problem*: it finds the rigid motion $x \mapsto R x + t$ that brings the joints
+# The last line solves *Procrustes' problem*{{ np.sqrt(np.mean((points - joints) ** 2)) < begun < 0.1 }}: it finds the
+# rigid motion $x \mapsto R x + t$ that brings the joints
 # $x_i$ at rest as near as possible to the triangulated ones $y_i$, so that $\sum_i \| R x_i + t - y_i \|^2$ is
 # least. Whatever $R$ is, the best $t$ takes the mean of the $x_i$ to the mean of the $y_i$. So we subtract the mean
 # from each set of joints, and only $R$ is left. The square of $\| R x_i - y_i \|$ is

@@ -25,7 +25,7 @@ pose, betas, trans = (block.symbol for block in body.blocks())
 # %% [markdown]
 # ## Few data
 #
-# We see wrists, ankles, the head and the pelvis, to 1 cm: 18 numbers for a pose of 72. Lecture 9 added
+# We see wrists, ankles, the head and the pelvis, to 1 cm: {{ 6 * 3 }} numbers for a pose of {{ 24 * 3 }}. Lecture 9 added
 # a naive prior: each angle is zero on average, with a standard deviation of 0.25 rad, whatever the others are. We
 # compare it with a prior that was learned from recorded poses, and consists of their mean and their covariance. We
 # look for the poses of five people with a bent knee, which are drawn from a model of such recordings. (Below we shall
@@ -61,17 +61,20 @@ for name, prior in priors.items():
         given = body.start() | {"seen": joints[which] + 0.01 * rng.standard_normal((6, 3))}
         found = wb.solve(problem, given).values
         off[name].append(1e3 * np.linalg.norm(body.joints(**found) - joints, axis=1))
-for name, distances in off.items():
-    unseen = np.delete(np.array(distances), which, axis=1)
+seen_off = {name: np.array(each)[:, which].mean() for name, each in off.items()}  # mm
+unseen_off = {name: np.delete(each, which, axis=1).mean() for name, each in off.items()}  # mm
+for name in off:
     print(
-        f"{name:19}: joints that were seen off by {np.array(distances)[:, which].mean():.0f} mm, "
-        f"others by {unseen.mean():.0f} mm"
+        f"{name:19}: joints that were seen off by {seen_off[name]:.0f} mm, "
+        f"others by {unseen_off[name]:.0f} mm"
     )
 
 # %% [markdown]
-# With the learned prior the fit meets what was seen to its noise (1 cm in each coordinate is 16 mm of
-# distance), with the naive one nearly so. The great difference is in what was not seen, which is off by
-# 61 mm in the place of 139 mm.
+# With the learned prior the fit meets what was seen to its noise (1 cm in each coordinate is
+# {{ 1e3 * 0.01 * np.sqrt(8 / np.pi):.0f}} mm of distance), with
+# the naive one nearly so{{ seen_off['a learned Gaussian'] < 17 < seen_off['each angle alone'] < 24 }}. The great
+# difference is in what was not seen, which is off by {{ unseen_off['a learned Gaussian']:.0f}} mm in the place of
+# {{ unseen_off['each angle alone']:.0f}} mm.
 #
 # ## One keypoint is hidden
 #
@@ -110,16 +113,18 @@ def ankle_of(person, unseen, extra):
 
 
 takes_over = [priors["a learned Gaussian"]]
-ankles = {}
+ankles, ankle_off, deviation = {}, {}, {}
 for seen_as, unseen in (("seen", []), ("hidden", hidden)):
     for with_prior, extra in (("without prior", []), ("with prior", takes_over)):
         ankles[seen_as, with_prior] = [ankle_of(person, unseen, extra) for person in people]
         far, sd = (np.array([one[k] for one in ankles[seen_as, with_prior]]) for k in (0, 1))
+        ankle_off[seen_as, with_prior], deviation[seen_as, with_prior] = far, sd
         print(
             f"ankle {seen_as:6} {with_prior:13}: off by",
             ", ".join(f"{one:.0f}" for one in far),
             f"mm; standard deviation {sd.mean():.0f} mm",
         )
+in_sds = ankle_off["hidden", "with prior"] / deviation["hidden", "with prior"]
 
 with house_style():
     figure, (left, right) = sheet(10, 4.4, columns=2)
@@ -153,10 +158,13 @@ Picture(
 )
 
 # %% [markdown]
-# While the ankle is seen, the prior hardly matters: the standard deviation is 15 mm without it and 14 mm with
-# it. Hidden and without prior, the ankle is off by more than 600 mm for all five, and the standard deviation
-# is infinite: nothing says how the knee is bent. With the prior it is 121 mm. For four people the error is
-# within two of these. For the last one it is more than three times as large: these people were not drawn from
+# While the ankle is seen, the prior hardly matters: the standard deviation is
+# {{ deviation['seen', 'without prior'].mean():.0f}} mm without it and {{ deviation['seen', 'with prior'].mean():.0f}}
+# mm with it. Hidden and without prior, the ankle is off by {{ ankle_off['hidden', 'without prior'].min():.0f}} mm or
+# more for all five, and the standard deviation is infinite{{ np.isinf(deviation['hidden', 'without prior']).all() }}:
+# nothing says how the knee is bent. With the prior it is {{ deviation['hidden', 'with prior'].mean():.0f}} mm. For
+# four people the error is within two of these. For the last one it is {{ in_sds[4]:.1f}} times as
+# large{{ (in_sds[:4] < 2).all() and in_sds[4] > 3 }}: these people were not drawn from
 # this prior, and a prior that does not suit its people is surer than it should be.
 #
 # ## What a prior is
@@ -184,9 +192,11 @@ flat = drawn[:, 1:].reshape(len(drawn), -1)
 own = rng.multivariate_normal(mean, C, size=4000)
 L = np.linalg.cholesky(C)
 low, high = chi2.ppf([0.05, 0.95], 69)
+fits_prior = {}  # the mean, and the share inside
 for name, poses in (("drawn from it", own), ("drawn from eight Gaussians", flat)):
     d2 = np.sum(np.linalg.solve(L, (poses - mean).T) ** 2, axis=0)
     inside = np.mean((low < d2) & (d2 < high))
+    fits_prior[name] = d2.mean(), inside
     print(
         f"{name:27} mean {d2.mean():5.1f}, between {low:.0f} and {high:.0f}: {100 * inside:.0f} %, "
         f"expected 90"
@@ -195,14 +205,17 @@ for name, poses in (("drawn from it", own), ("drawn from eight Gaussians", flat)
 # %% [markdown]
 # ## One Gaussian is not enough
 #
-# The second line says that poses are not Gaussian. People walk, sit and reach. Nobody does what lies
+# The second line says that poses are not
+# Gaussian{{ abs(fits_prior['drawn from it'][0] - 69) < 1 and fits_prior['drawn from eight Gaussians'][1] < 0.75 }}.
+# People walk, sit and reach. Nobody does what lies
 # half-way between these, but a single Gaussian has its mean there. Nor does it know that knees stop when
 # they are straight:
 
 # %%
+backwards, likelihoods = {}, {}
 for name, poses in (("one Gaussian", own), ("eight of them", flat)):
-    bent_back = np.mean(poses.reshape(-1, 23, 3)[:, knee - 1, 0] < -0.1)
-    likely = logsumexp(mixture.log_density(poses[:1000]), axis=1).mean()
+    bent_back = backwards[name] = np.mean(poses.reshape(-1, 23, 3)[:, knee - 1, 0] < -0.1)
+    likely = likelihoods[name] = logsumexp(mixture.log_density(poses[:1000]), axis=1).mean()
     print(
         f"drawn from {name}: left knee bent backwards by 0.1 rad and more in {100 * bent_back:.1f} %, "
         f"mean log density by the eight {likely:.0f}"
@@ -230,8 +243,10 @@ Picture(
 )
 
 # %% [markdown]
-# (The log densities are taken under the mixture of eight, which favours its own samples; but a difference
-# of more than 20 means a factor of more than $e^{20}$.)
+# (The log densities are taken under the mixture of eight, which favours its own samples; but a difference of
+# {{ likelihoods['eight of them'] - likelihoods['one Gaussian']:.0f}} means a factor of $e^{
+# {{ likelihoods['eight of them'] - likelihoods['one Gaussian']:.0f}}
+# }$.{{ 0 < backwards['eight of them'] < backwards['one Gaussian'] }})
 #
 # A **mixture** has $k$ Gaussians with shares $c_j$; its cost is $-\log \sum_j c_j N_j(x)$. That is no
 # sum of squares. SMPLify takes the *least* cost of one component instead of the sum:
@@ -251,7 +266,8 @@ loss = logsumexp(dense, axis=1) - dense.max(axis=1)
 print(f"on 4000 poses: from {loss.min():.1e} to {loss.max():.3f}; log 8 = {np.log(8):.3f}")
 
 # %% [markdown]
-# The numbers $\tfrac12 \log \det C_j$ and $-\log c_j$ do not move the minimum of a single component,
+# Here at most {{ loss.max():.3f}} is lost{{ -1e-9 < loss.min() and loss.max() < 0.1 * np.log(8) }}. The numbers
+# $\tfrac12 \log \det C_j$ and $-\log c_j$ do not move the minimum of a single component,
 # and are often forgotten. But they decide *which* component it is:
 
 # %%
@@ -265,6 +281,8 @@ print(
 )
 
 # %% [markdown]
+# Without them {{ 100 * np.mean(without != dense.argmax(axis=1)):.0f}} % of the poses change their component.
+#
 # ## Wrong data
 #
 # Now all vertices are seen to 5 mm, but a tenth, a fifth or two fifths of them are wrong by 30 cm in each
@@ -324,7 +342,9 @@ for name, found in errors.items():
     print(f"{name:14}", ", ".join(said))
 
 # %% [markdown]
-# Least squares believe all, and with wrong vertices they are off by centimetres. The other two lines
+# Least squares believe all, and with a tenth of wrong vertices they are off by {{ errors['squares'][1]:.0f}} mm. The
+# other two lines (here {{ errors['Huber'][1]:.1f}} and {{ errors['Geman-McClure'][1]:.1f}}
+# mm{{ max(errors['Huber'] + errors['Geman-McClure']) < 10 < 10 * errors['squares'][0] < errors['squares'][1] and errors['Geman-McClure'][3] < 1.5 * errors['Geman-McClure'][0] }})
 # change one thing: how much a large residual costs. (The third begins where the second ended; why, we
 # shall see.)
 #
@@ -377,7 +397,8 @@ Picture(
 # %% [markdown]
 # ## For Gauss-Newton
 #
-# A least-squares solver needs residuals that it can square. So it is given
+# A least-squares solver needs residuals that it can square{{ abs(peak.max() - 3 * np.sqrt(3) / 8) < 1e-3 }}. So it is
+# given
 # $\tilde x = x / \sqrt{\sigma^2 + x^2}$, whose square is $\rho$: with the sign of $x$, and smooth at
 # zero. The library writes a kernel as the factor $g(s) = \sqrt{\rho / s}$ for $s = (x / \sigma)^2$:
 
@@ -395,19 +416,24 @@ source(wb.Residual.whitened)
 # 2 m away, where all of them are, it ends here:
 
 # %%
+begun_off = {}  # mm
 for name, start in (
     ("at rest", None),
     ("2 m away", {"trans": np.array([2.0, 0, 0])}),
     ("where Huber's ended", huber_end[0.2]),
 ):
     error, solution = fitted("Geman-McClure", 0.2, start)
+    begun_off[name] = error
     print(
         f"Geman-McClure, begun {name:19}: {solution.status.name} after {solution.iterations} "
         f"iterations, skin off by {error:.1f} mm"
     )
 
 # %% [markdown]
-# The first two have converged, truly: their gradients are zero. Most of the body can be an outlier to
+# The first two have converged, truly: their gradients are zero. But they leave the skin {{ begun_off['at rest']:.0f}}
+# and {{ begun_off['2 m away']:.0f}} mm off, and the third {{ begun_off["where Huber's ended"]:.1f}}
+# mm{{ min(begun_off['at rest'], begun_off['2 m away']) > 10 * begun_off["where Huber's ended"] }}. Most of the body
+# can be an outlier to
 # such a loss, which has a minimum where only the rest is met. Therefore one fits in stages: first with
 # a loss on which all data have an effect, or with a large $\sigma$, and then with the loss that is
 # wanted.
@@ -418,7 +444,7 @@ for name, start in (
 # lecture *Training a Body Model and Fitting SMPL to Scans* and this library have it without the
 # $\sigma^2$. With SMPLify's $\sigma = 100$ px the two differ by $10^4$. The weight of SMPLify's prior
 # is meant for the first form; in the second one, the prior outweighs the data. There is one more trap:
-# in SMPLify's code, weights multiply *residuals*, so they appear squared in the energy: 4.78 is 22.8.
+# in SMPLify's code, weights multiply *residuals*, so they appear squared in the energy: 4.78 is {{ 4.78**2:.1f}}.
 
 
 # %%
@@ -435,7 +461,9 @@ print(
 )
 
 # %% [markdown]
-# The library avoids weights: each residual has a sigma in its own unit, so a residual of one sigma costs
+# So the answer of 0.8 rad becomes {{ angle_with(1):.3f}}
+# rad{{ abs(angle_with(100**2) - 0.8) < 0.01 > angle_with(1) }}. The library avoids weights: each residual has a sigma
+# in its own unit, so a residual of one sigma costs
 # one half whatever it is made of.
 #
 # ## What to remember

@@ -73,11 +73,14 @@ for name in ("rosenbrock", "helical-valley"):
     table(name)
 
 # %% [markdown]
-# On the first Gauss-Newton has the fewest iterations, on the second Levenberg-Marquardt. So the answer depends on
+# On the first Gauss-Newton has the fewest iterations, on the second
+# Levenberg-Marquardt{{ [min(NAMES, key=lambda s: solutions[name, s].iterations) for name in ('rosenbrock', 'helical-valley')] == list(NAMES[:2]) }}.
+# So the answer depends on
 # the problem. Moreover, an iteration is not the same thing for every solver: one of Gauss-Newton may try many steps,
 # and one of L-BFGS (a method that knows gradients only, and builds a picture of the second derivatives from them)
 # takes no Jacobian at all. Nor do solvers mean the same when they report how they ended: L-BFGS has come down to a
-# cost of $10^{-17}$, and says that it stalled. The opposite is worse:
+# cost of {{ solutions['rosenbrock', 'nlopt-lbfgs'].cost:.0e}}, and says that it
+# stalled{{ solutions['rosenbrock', 'nlopt-lbfgs'].status.name == 'STALLED' }}. The opposite is worse:
 
 # %%
 for name in ("bard-far", "freudenstein-roth"):
@@ -85,10 +88,15 @@ for name in ("bard-far", "freudenstein-roth"):
     table(name)
 
 # %% [markdown]
-# On the second problem three of the four say `CONVERGED` at a cost of 24.5, although 0 can be reached.
+# On the second problem {{ sum(solutions['freudenstein-roth', s].status.name == 'CONVERGED' for s in NAMES)}} of the
+# four say `CONVERGED` at a cost of {{ solutions['freudenstein-roth', 'dogleg'].cost:.1f}}, although
+# {{ setups['freudenstein-roth'].known.cost:.0f}} can be reached.
 # They are not wrong: the gradient does vanish there. A *stationary point* is all that these methods can
-# see. On the first problem Gauss-Newton ends at more than two thousand times the least cost, where the
-# cost still falls a little while unknowns run off, and says `NO_FINITE_MINIMUM`. So whoever counts
+# see. On the first problem Gauss-Newton ends at
+# {{ solutions['bard-far', 'gauss-newton'].cost / setups['bard-far'].known.cost:,.0f}} times the least cost, where the
+# cost still falls a little while unknowns run off, and says
+# `{{ solutions['bard-far', 'gauss-newton'].status.name}}`{{ solutions['bard-far', 'gauss-newton'].diverging != () }}.
+# So whoever counts
 # "converged" counts all stationary points, and whoever compares times lets a solver win by stopping early.
 #
 # ## Counting what was spent
@@ -116,6 +124,12 @@ least = {
     name: min([setups[name].known.cost, *(runs[name, solver][1].min() for solver in NAMES)])
     for name in PROBLEMS
 }
+
+
+def arrived(name):
+    """Which solvers end within a thousandth of the way to the least cost."""
+    ends = [runs[name, solver][1] for solver in NAMES]
+    return [bool(cost.min() - least[name] <= 1e-3 * (cost[0] - least[name])) for cost in ends]
 
 
 def plane(name):
@@ -154,7 +168,9 @@ Picture(
 # %% [markdown]
 # ## Targets
 #
-# So no solver is asked whether it has arrived. Moré and Wild (2009) take the lowest cost $f^*$ that is
+# So no solver is asked whether it has
+# arrived{{ arrived('rosenbrock') == [True] * 4 and arrived('bard-far') == [False, True, False, True] }}. Moré and
+# Wild (2009) take the lowest cost $f^*$ that is
 # known for the problem, from anybody, and the cost $f_0$ at the start. A run meets the **target**
 # $\tau$ when it visits a point with
 #
@@ -186,16 +202,17 @@ for name, row in zip(PROBLEMS, times, strict=True):
     print(f"{name:24}" + "".join(f"{t:21.0f}" if np.isfinite(t) else f"{'-':>21}" for t in row))
 met = np.isfinite(times)
 print(f"{'met':24}" + "".join(f"{count:21}" for count in met.sum(axis=0)))
-print(
-    f"{'mean where it was met':24}"
-    + "".join(f"{times[m, s].mean():21.0f}" for s, m in enumerate(met.T))
-)
+means = [times[m, s].mean() for s, m in enumerate(met.T)]
+print(f"{'mean where it was met':24}" + "".join(f"{mean:21.0f}" for mean in means))
 print(f"{'median, - as infinite':24}" + "".join(f"{t:21.0f}" for t in np.median(times, axis=0)))
 
 # %% [markdown]
-# Look at the last lines. By the **mean over the problems that were solved** Gauss-Newton takes nearly
-# twice as long as the dogleg, by the median hardly longer: one problem, brown-dennis, makes up 69 % of its
-# mean. Such a mean also leaves out the problems on which a solver fails, which are often the hard ones.
+# Look at the last lines. By the **mean over the problems that were solved** Gauss-Newton takes
+# {{ means[0] / means[2]:.1f}} times as long as the dogleg, by the median
+# {{ np.median(times[:, 0]) / np.median(times[:, 2]):.1f}} times: one problem, brown-dennis, makes up
+# {{ 100 * times[PROBLEMS.index('brown-dennis'), 0] / times[met[:, 0], 0].sum():.0f}} % of its
+# mean{{ met.sum(axis=0)[0] < met.sum(axis=0)[2] < len(PROBLEMS) }}. Such a mean also leaves out the problems on which
+# a solver fails, which are often the hard ones.
 # The median, with failures as infinite, has neither fault, but it is a single number.
 #
 # One target is not enough either. The far start of freudenstein-roth costs so much that $10^{-5}$ of
@@ -211,6 +228,9 @@ for tau in TAUS:
     )
 
 # %% [markdown]
+# At the closest target {{ np.isfinite(needed(TAUS[-1])).sum(axis=0).max()}} of the 16 are met at
+# most{{ met[PROBLEMS.index('freudenstein-roth-far')].all() and not np.isfinite(needed(1e-7))[PROBLEMS.index('freudenstein-roth-far')].any() }}.
+#
 # ## Performance profiles
 #
 # Problems differ in size. So Dolan and Moré (*Benchmarking Optimization Software with Performance Profiles*, 2002)
@@ -256,22 +276,28 @@ Picture(
 # %% [markdown]
 # ## What a profile does not say
 #
-# The ratio is taken to the best *of those present*. Take one solver out, and on each problem on which
+# At the left edge Levenberg-Marquardt has {{ 100 * shares[0, 1]:.0f}} %, L-BFGS {{ 100 * shares[0, 3]:.0f}}
+# %{{ met.sum(axis=0)[3] == met.sum(axis=0)[2] > met.sum(axis=0)[0] }}. The ratio is taken to the best *of those
+# present*. Take one solver out, and on each problem on which
 # it alone was the best, another one becomes the best. So the order of two solvers can turn because a
 # third one has left (Gould and Scott, *A Note on Performance Profiles for Benchmarking Software*, 2016): a profile
 # of many solvers is no ranking. To learn which of two is better, compare these two alone.
 
 # %%
+quickest = {}
 for kept in (NAMES, NAMES[:2] + NAMES[3:], NAMES[1:]):
     at = [NAMES.index(solver) for solver in kept]
     first = performance_profile(times[:, at], [1.0])[0]
+    quickest.setdefault(len(kept), first)
     told = ", ".join(
         f"{solver} {100 * share:.0f} %" for solver, share in zip(kept, first, strict=True)
     )
     print(f"quickest among {len(kept)}: {told}")
 
 # %% [markdown]
-# Prices matter, too. A Jacobian may be as cheap as one residual, where both share their work, or as
+# Without the dogleg, Gauss-Newton's share rises from {{ 100 * quickest[4][0]:.0f}} to {{ 100 * quickest[3][0]:.0f}}
+# %{{ quickest[3][0] >= quickest[4][0] }}. Prices matter, too. A Jacobian may be as cheap as one residual, where both
+# share their work, or as
 # expensive as ten, where it comes from slower code. With these prices:
 
 # %%
@@ -319,15 +345,16 @@ for price, said in ((1, "1 residual"), (10, "10 residuals")):
 source(wilson)
 
 # %%
-for s, solver in enumerate(NAMES):
-    found = wilson(int(met[:, s].sum()), len(PROBLEMS))
+intervals = [wilson(int(count), len(PROBLEMS)) for count in met.sum(axis=0)]
+for solver, found in zip(NAMES, intervals, strict=True):
     print(
         f"{solver:20} meets the target on {100 * found.value:3.0f} % of such problems, "
         f"between {100 * found.low:.0f} and {100 * found.high:.0f} %"
     )
 
 # %% [markdown]
-# The intervals overlap: sixteen problems do not tell which of these four is the most reliable. That is
+# The intervals overlap{{ max(one.low for one in intervals) < min(one.high for one in intervals) }}: sixteen problems
+# do not tell which of these four is the most reliable. That is
 # a result, too. Pairs tell more: since all four had the same starts, one may compare two solvers at a
 # time, on the problems on which exactly one of the two arrived.
 #
@@ -357,8 +384,9 @@ for interval in (wilson, rate):
     )
 
 # %% [markdown]
-# `rate` is the interval of Clopper and Pearson (1934), which promises 95 % whatever the share is, and
-# is wider for that reason. And all of this counts *independent* trials. Ten starts of one problem are
+# Wilson's covers it in {{ 100 * worst(wilson, 3):.0f}} % of the cases. `rate` is the interval of Clopper and Pearson
+# (1934), which promises 95 % whatever the share is, and is wider for that reason{{ worst(rate, 3) >= 0.95 }}. And all
+# of this counts *independent* trials. Ten starts of one problem are
 # not ten problems: whoever is good at the problem is good from most of its starts.
 #
 # `workbench compare` does all of this on suites, each run in a process of its own that can be stopped,
@@ -420,9 +448,17 @@ for form, (problem, start) in forms.items():
             f"  {solver:20} {one.iterations:3} iterations, cost {one.cost:.4f}, says {one.status.name}"
         )
 
+turns_found = [
+    one.values["matrix"]
+    if form == "nine numbers"
+    else matrix_from_vector(one.values["vector"].ravel())
+    for (form, _), one in answers.items()
+]
+
 # %% [markdown]
-# All that answer find the same turn. But on the way the nine numbers are no rotation: the equations hold at the
-# end and nowhere in between.
+# All that answer find the same
+# turn{{ {solver for form, solver in answers if form == 'nine numbers'} == {'sqp', 'ipopt'} and len(answers) == 8 and np.ptp(turns_found, axis=0).max() < 1e-5 }}.
+# But on the way the nine numbers are no rotation: the equations hold at the end and nowhere in between.
 
 
 # %%
@@ -432,10 +468,13 @@ def squeezed(values):
     return np.abs(found.T @ found - np.eye(3)).max()
 
 
+off_rotation = {
+    solver: [squeezed(i.values) for i in answers["nine numbers", solver].trace]
+    for solver in ("ipopt", "sqp")
+}
 with house_style():
     figure, (ax,) = sheet(7.5, 3.8)
-    for solver, dash in (("ipopt", "-"), ("sqp", "--")):
-        off = [squeezed(i.values) for i in answers["nine numbers", solver].trace]
+    for (solver, off), dash in zip(off_rotation.items(), ("-", "--"), strict=True):
         ax.semilogy(np.maximum(off, 1e-12), dash, marker=".", label=solver)
     ax.set_xlabel("iteration")
     ax.set_ylabel("largest entry of R'R - I")
@@ -447,7 +486,9 @@ Picture(
 )
 
 # %% [markdown]
-# Whoever only wants a rotation is better off with three numbers here: fewer unknowns, no equations, and every
+# Whoever only wants a rotation is better off with three numbers
+# here{{ all(way[0] == 0 and way[-1] < 1e-6 < min(way[1:-1]) for way in off_rotation.values()) }}: fewer unknowns, no
+# equations, and every
 # point on the way is a turn. Over five problems with twenty draws of noise, `examples/16_nine_numbers_or_three.py`
 # measures when that holds and when not. Equations are the way where no such coordinates exist: feet that
 # stand on the floor, weights that sum to one.

@@ -146,8 +146,10 @@ Picture(
 )
 
 # %% [markdown]
-# One camera hardly tells whether a bone points towards it or away from it: the images differ by perspective
-# alone, less than the detector's error. So the posterior has two peaks, which are called **modes**. Least squares
+# So 90 % intervals held the truth {{ 100 * inside.mean():.0f}} times out of 100{{ inside.mean() < 0.8 }}. One camera
+# hardly tells whether a bone points towards it or away from it: the images differ by perspective alone, less than the
+# detector's error{{ abs(pixel(0.5) - pixel(-0.5)) < SIGMA }}. So the posterior has two peaks, which are called **modes**{{ [((p[1:-1] > p[:-2]) & (p[1:-1] > p[2:])).sum() for p in (-cost(grid, pixel(at)) for at in (0.1, 0.6, 1.1))] == [1, 2, 2] }}.
+# Least squares
 # finds one of them, and Laplace's bar is the width of that one. Nothing in the Jacobian warns of the other one,
 # because the Jacobian is computed at a single point.
 #
@@ -202,9 +204,12 @@ print("Laplace's deviations ", approximation.sd.round(2), "rad")
 print("those of the grid    ", exact_sd.round(2), "rad")
 
 # %% [markdown]
-# Least squares has found a forearm that points away from the camera, although it points towards it, *at
-# a lower cost than the right one*: no better solver would have helped. And Laplace's standard deviation
-# is too small by a factor of more than five for the upper arm, and of more than two for the forearm.
+# Least squares has found a forearm that points away from the camera, although it points towards it, *at a lower cost
+# than the right one* ({{ found.cost:.2f}} and
+# {{ other.cost:.2f}}{{ found.values['angles'][1] > 0 > true_angles[1] and found.cost < other.cost and other.values['angles'][1] < 0 }}):
+# no better solver would have helped. And Laplace's standard deviation is too small by a factor of
+# {{ (exact_sd / approximation.sd)[0]:.1f}} for the upper arm, and of {{ (exact_sd / approximation.sd)[1]:.1f}} for
+# the forearm.
 #
 # ## Draws
 #
@@ -250,8 +255,8 @@ for size in (0.05, 1.5):
     )
 
 # %% [markdown]
-# With short steps the chain has not left the mode in which it began: none of its 4000 draws is in the
-# other one.
+# With short steps the chain has not left the mode in which it began: {{ (chains[0.05] < 0).sum() or 'none'}} of its
+# 4000 draws is in the other one.
 
 # %%
 with house_style():
@@ -270,7 +275,9 @@ Picture(
 )
 
 # %% [markdown]
-# How large should a step be, and in which direction, in 82 dimensions? Nobody wants to find this out by hand.
+# With long ones {{ 100 * (chains[1.5] > 0).mean():.0f}} % of the draws are above the line, and by the grid
+# {{ 100 * right:.0f}} %{{ (np.diff(np.sign(chains[1.5][:1000])) != 0).sum() > 20 }}. How large should a step be, and
+# in which direction, in 82 dimensions? Nobody wants to find this out by hand.
 #
 # ## Walkers that learn from each other
 #
@@ -302,10 +309,14 @@ Picture(
 # take the share $A$ of them, and all of those that want to go back. If it is above 1, we take all of the first, and the
 # share $1 / A$ of those that want to go back. In both cases both ways become equally frequent. On the way back the
 # ratio is $1 / A$, so one rule says both: a proposal is taken with the probability $\min(1, A)$. (The rule of
-# Metropolis is the same one, with $A = p(\text{new}) / p(\text{old})$.) Here the ratio is
+# Metropolis is the same one, with $A = p(\text{new}) / p(\text{old})$.)
+#
+# Here the ratio is
 # $A = z^{k-2}\, \frac{g(1/z)}{g(z)}\, \frac{p(y)}{p(x)}$. For the density above $g(1/z) = z\, g(z)$, and the factor
 # becomes $z^{k-1}$. If $z$ is drawn uniformly instead, $g(1/z) = g(z)$, and the right factor is $z^{k-2}$. What
-# happens to somebody who draws $z$ uniformly but keeps $z^{k-1}$? We try both on a Gaussian in two dimensions whose
+# happens to somebody who draws $z$ uniformly but keeps $z^{k-1}$?
+#
+# We try both on a Gaussian in two dimensions whose
 # standard deviation is 1. (A $z$ with the density $g$ is made of a number $q$ that is uniform from 0 to 1: it is the
 # $z$ below which a share $q$ of the draws lies. The share below $z$ is $\sqrt{2 z} - 1$, so that $z = (1 + q)^2 / 2$.)
 
@@ -350,20 +361,23 @@ Picture(
 )
 
 # %% [markdown]
-# With the wrong density the draws are too wide, and nothing warns. With the right one the move has a valuable
+# With the wrong density the draws are too wide, {{ wrong_z.std():.2f}} in place of 1, and nothing
+# warns{{ abs(right_z.std() - 1) < 0.03 and wrong_z.std() > 1.1 }}. With the right one the move has a valuable
 # property: it does not depend on units, for if the space is scaled or sheared, so are the walkers and their steps.
 #
 # The workbench has the stretch move, but its default is another one with the same property, called differential
 # evolution. The step of a walker is the difference of two other walkers, times a factor. If the two are in different
 # modes, this step jumps from mode to mode. At each step half of the walkers move, while the other half, from which they
 # take their steps, stands still. Such a set of walkers is called an **ensemble**. `sample` makes four ensembles unless
-# it is told otherwise, and they know nothing of each other. We let four ensembles of 32 walkers go for our two angles,
+# it is told otherwise, and they know nothing of each other.
+#
+# We let four ensembles of 32 walkers go for our two angles,
 # 3000 steps each, and compare with the grid. (With two angles that may both be turned towards the camera or away from
 # it, there are four modes.) The first printed line is the verdict on the draws; the next section says what its numbers
 # mean. It also counts the modes to which a few searches from elsewhere have led: least squares from points in ever
 # wider shells around the mode that is known, up to 1,000 of Laplace's standard deviations away. They are a test and no
-# census: they may miss a mode in which the draws are. Here they have found two more, so that three of the four are
-# known. In the figure below the draws of one camera lie on a ring, and its four thick places are the modes.
+# census: they may miss a mode in which the draws are. In the figure below the draws of one camera lie on a ring, and
+# its four thick places are the modes.
 
 # %%
 draws = sample(one, found.values, walkers=32, steps=3000, seed=1)
@@ -430,6 +444,12 @@ Picture(
 )
 
 # %% [markdown]
+# A few searches from elsewhere have found {{ printed('modes in all')[-1] - 1:.0f}} more modes, so that
+# {{ printed('modes in all')[-1]:.0f}} of the four are
+# known{{ draws.usable and np.allclose(draws.mean, exact_mean, atol=0.05) and np.allclose(draws.sd, exact_sd, rtol=0.05) and min(((draws.flat > 0) == signs).all(axis=1).mean() for signs in ((0, 0), (0, 1), (1, 0), (1, 1))) > 0.05 }}.
+# With the second camera Laplace's deviations are those of the
+# grid{{ np.allclose(better.sd, exact, rtol=0.05) and np.allclose(clear.values['angles'], true_angles, atol=0.1) }}.
+#
 # ## What draws are worth
 #
 # The draws of a chain are not independent, because each one resembles the ones before it. How many independent draws
@@ -448,17 +468,22 @@ Picture(
 # correlations of draws that are far apart are nothing but noise, and there are many of them. Sokal's rule ends it at
 # the first $t$ that is at least five times the sum up to there (`WINDOW` below). The lines compute `times`, the sum for
 # every possible end, and take the first end that obeys the rule; `autocovariance` is the library's function for the
-# products of draws that are $t$ steps apart, summed over all walkers. And a chain that is too short makes its own
+# products of draws that are $t$ steps apart, summed over all walkers.
+#
+# And a chain that is too short makes its own
 # memory look short. The estimate can be believed if the chain is at least 50 $\tau$ long (Sokal, *Monte Carlo Methods
 # in Statistical Mechanics*, 1997), or, with several ensembles of walkers, 20 $\tau$ if the estimate no longer grows.
 # Besides, the ensembles must agree: R-hat, the spread of all draws together over that within the ensembles, must be
 # close to one (Gelman and Rubin, *Inference from Iterative Simulation Using Multiple Sequences*, 1992). Until both
 # hold, no number should be read from the draws. So the workbench puts its verdict before the numbers, and refuses an
-# interval if the verdict is bad. We ask a chain of 100 steps for an interval, and then the 3000 steps from above. (The
+# interval if the verdict is bad.
+#
+# We ask a chain of 100 steps for an interval, and then the 3000 steps from above. (The
 # first steps, which still depend on the start, do not count: they are a tenth of all steps, or $5 \tau$ if that is
-# more, but never more than half. Of the 3000 steps 2700 are left. Four ensembles of 32 walkers have
-# $N = 4 \cdot 32 \cdot 2700 = 345600$ draws in them, and the printed number of effective draws is $N / \tau$, with the
-# $\tau$ of 38 steps of the slower angle. Of the 100 steps only half is left. The advice that is printed for them is
+# more, but never more than half. Of the 3000 steps {{ draws.mixing.steps}} are left. Four ensembles of 32 walkers
+# have $N = 4 \cdot 32 \cdot {{ draws.mixing.steps}} = {{ draws.draws[..., 0].size}}$ draws in them, and the printed
+# number of effective draws is $N / \tau$, with the $\tau$ of {{ draws.mixing.times.max():.0f}} steps of the slower
+# angle. Of the 100 steps only half is left. The advice that is printed for them is
 # generous: it asks for $1.3 \cdot 50\, \tau$ steps, because a short chain makes $\tau$ look short, and for as many
 # again, because half of this chain was left out.)
 
@@ -475,7 +500,8 @@ for steps, ensembles in ((100, short), (3000, draws)):
         print(f"{steps} steps: {error}")
 
 # %% [markdown]
-# Even when it is granted, an interval is a poor summary of two modes: it spans the middle, where there is little. It
+# Even when it is granted, an interval is a poor summary of two modes: it spans the middle, where there is
+# little{{ not short.usable and (np.abs(draws.flat[:, 0]) < 0.2).mean() < 0.05 }}. It
 # is better to look at the draws themselves, as in the last figure.
 #
 # ## On a body
@@ -540,9 +566,12 @@ Picture(
 )
 
 # %% [markdown]
-# One camera leaves the distance open by a standard deviation of 16 cm, and with it the height; four know it to
-# 2 mm. Here the posterior has one mode and the model is nearly straight over its width, so Laplace's numbers
-# agree with the draws. But only the draws could tell us that they do. The example
+# One camera leaves the distance open by a standard deviation of {{ 100 * drawn.sd[4]:.0f}} cm, and with it the
+# height; four know it to {{ 1e3 * people['four-cameras'][2].sd[4]:.0f}}
+# mm{{ np.corrcoef(drawn.flat[:, [0, 4]].T)[0, 1] < -0.95 }}. Here the posterior has one mode and the model is nearly
+# straight over its width, so Laplace's numbers agree with the
+# draws{{ drawn.usable and np.allclose(drawn.sd, straight.sd, rtol=0.1) }}. But only the draws could tell us that they
+# do. The example
 # `examples/15_how_well_a_person_is_known.py` asks the same of a real person, with all of the pose free.
 #
 # ## What to remember

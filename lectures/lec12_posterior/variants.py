@@ -103,3 +103,17 @@ def stretch(x: Array, other: Array, u: float, *, A: float) -> tuple[Array, float
 def stretch_uniformly(x, other, u, *, A):
     z = 1 / A + u * (A - 1 / A)
     return other + z * (x - other), (len(x) - 1) * np.log(z)
+
+
+@mistake(
+    "stretch", "the exponent is k - 1: stretching gives k, and the density of z takes one away"
+)
+def stretch_with_k(x, other, u, *, A):
+    y, factor = stretch.solution(x, other, u, A=A)
+    return y, factor * len(x) / (len(x) - 1)
+
+
+@mistake("stretch", "the logarithm of the factor is asked for")
+def stretch_not_its_logarithm(x, other, u, *, A):
+    y, factor = stretch.solution(x, other, u, A=A)
+    return y, np.exp(factor)

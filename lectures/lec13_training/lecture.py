@@ -90,7 +90,9 @@ print(
 )
 
 # %% [markdown]
-# The first two directions are not shape: they are how people happened to bend. A model with
+# The first two directions are not shape: they are how people happened to bend, by which {{ shares[0]:.0%}} and
+# {{ shares[1]:.0%}} of their coordinates are explained. With three directions only {{ explained(raw)[2]:.0%}} of the
+# variance is explained. A model with
 # these would make a person thinner by bending them. The meshes have to be brought to one pose first:
 # **un-posed**.
 #
@@ -127,7 +129,9 @@ Picture(
 )
 
 # %% [markdown]
-# The library's `learn_shape_space` then finds the directions. The length of each is one standard deviation,
+# The library's `learn_shape_space` then finds the
+# directions{{ explained(people)[2] > 0.999999 and max(pose_share(people, known.poses)[:3]) < 0.1 < 0.9 < min(shares[:2]) }}.
+# The length of each is one standard deviation,
 # a singular value divided by $\sqrt{n - 1}$, so that $\beta$ has variance one.
 
 # %%
@@ -139,7 +143,8 @@ betas = space.betas(people)
 print("variance of the people's betas:", betas.var(axis=0, ddof=1).round(6))
 
 # %% [markdown]
-# But un-posing needed the poses, the weights and $P$, which are what we do not know. To find them, in turn, we would
+# But un-posing needed the poses, the weights and $P$, which are what we do not
+# know{{ np.allclose(betas.var(axis=0, ddof=1), 1) }}. To find them, in turn, we would
 # need the people at rest.
 #
 # ## What is linear
@@ -187,8 +192,10 @@ for names in (
 source(SkinningPass.points)
 
 # %% [markdown]
-# Only the pose is really nonlinear; $\mathcal W$ and $P$ are multiplied by each other, and the model is linear
-# in each alone. So training can take turns:
+# Only the pose is really nonlinear; $\mathcal W$ and $P$ are multiplied by each other, and the model is linear in
+# each
+# alone{{ max(off_the_middle('templates', 'joints', 'posedirs'), off_the_middle('weights')) < 1e-9 < 1 < min(off_the_middle('weights', 'posedirs'), off_the_middle('poses')) }}.
+# So training can take turns:
 #
 # - **poses**: each registration by itself, nonlinear least squares (lectures 6 and 7);
 # - **surfaces**: $\hat T$, $\hat J$ and $P$, all people at once: *one* linear least-squares problem;
@@ -230,6 +237,8 @@ source(Mirror.points)
 # %% [markdown]
 # ## Taking turns
 #
+# Only both together are
+# right{{ np.allclose(alike, mirror.points(alike), atol=0) and not np.allclose(alike, alike[mirror.vertices], atol=0.1) }}.
 # Everybody begins as the plain tube, unbent. First come the poses: each segment is turned onto its
 # vertices, and then the poses are fitted to the *edges* of the mesh, because edges do not depend on
 # where it stands. Then come the blocks. This is the linear one; `NormalEquations` are $J^\top J$ and
@@ -256,6 +265,10 @@ print(
     f"at most {(W > 0).sum(axis=1).max()} for a vertex"
 )
 
+costs = [sum(model.log[0].before.values()), *(sum(one.after.values()) for one in model.log)]
+falls = -np.diff(costs)  # by block
+together = [one.block for one in model.log].index("together")
+
 with house_style():
     figure, (ax,) = sheet(8, 4.4)
     plot_costs(model.log, ax=ax)
@@ -267,16 +280,21 @@ Picture(
 )
 
 # %% [markdown]
-# Why does taking turns advance so slowly? Suppose that we turn one joint a little in all poses, and let $P$ make up for
+# The last round of taking turns lowered the cost by {{ falls[together - 1]:.1f}}, and the steps in all unknowns
+# lowered it by
+# {{ falls[together]:.0f}}{{ falls.argmax() == 0 and falls.min() >= -1e-9 * costs[0] and falls[together - 1] < 2 < 20 < falls[together] }}.
+# Why does taking turns advance so slowly? Suppose that we turn one joint a little in all poses, and let $P$ make up
+# for
 # it. Either change alone makes the fit worse, but both together hardly change it. Alternation cannot move along such
 # a valley, because it makes one change at a time. A Gauss-Newton step in all unknowns can.
 #
-# The fit is *better* than the noise. That is no success. Each coordinate of each vertex has 16 meshes to
+# The fit is *better* than the noise, {{ 1e3 * model.objective.rms(model.estimate):.2f}} mm in place of 1 mm. That is
+# no success. Each coordinate of each vertex has 16 meshes to
 # explain, and 45 pose blend shapes and two people's templates to do it with, so it has learned the noise.
 #
 # ## How large may blend shapes be?
 #
-# In SMPL there are 207, and few poses cannot determine them all. The effect of $\lambda_P$ shows best when
+# In SMPL there are {{ 9 * 23 }}, and few poses cannot determine them all. The effect of $\lambda_P$ shows best when
 # everything but $P$ is known. Then, with a row $f_j$ of features and a row $d_j$ of un-posed
 # displacements for each of 40 meshes,
 #
@@ -334,7 +352,11 @@ Picture(
 )
 
 # %% [markdown]
-# By the training error alone, $\lambda$ should be zero. One needs poses that $P$ was not learned from.
+# By the training error alone, $\lambda$ should be
+# zero{{ np.argmin(learned) == 0 and (np.diff(learned) > 0).all() and (np.diff(sizes) < 0).all() }}. In unseen poses
+# {{ unseen[best]:.2f}} mm are reached with $\lambda = {{ lambdas[best]:.2g}}$, and {{ unseen[0]:.2f}} mm with the
+# least{{ 0 < best < len(lambdas) - 1 and unseen[best] < 0.6 * min(unseen[0], unseen[-1]) }}. One needs poses that $P$
+# was not learned from.
 # (What SMPL's authors used we could not verify, and do not quote.)
 #
 # ## Joints from vertices
@@ -361,20 +383,25 @@ flat = T.transpose(0, 2, 1).reshape(30, -1)  # a row for each coordinate of each
 target = J.transpose(0, 2, 1).reshape(30, -1)
 free = np.linalg.lstsq(flat, target, rcond=None)[0].T  # (K, N)
 as_shares = fit_joint_regressor(T, J, start.rings()).matrix.toarray()
+new_error, lag = {}, {}  # mm
 for name, R in (("least squares", free), ("shares", as_shares)):
     seen, new = (
         1e3 * np.sqrt(np.mean((R @ t - j)[:, 1:] ** 2)) for t, j in ((T, J), (T_new, J_new))
     )
     away = np.linalg.norm((R @ (T[0] + [0, 1, 0]) - R @ T[0] - [0, 1, 0])[1:], axis=1)
+    new_error[name], lag[name] = new, 1e3 * away.max()
     print(
         f"{name:13} known people {seen:.2f} mm, new {new:.2f} mm; moved by 1 m, joints lag by up to "
-        f"{1e3 * away.max():.1f} mm; least entry {R.min():+.2f}, {np.mean((R[1:] != 0).sum(axis=1)):.0f} of 66 "
+        f"{lag[name]:.1f} mm; least entry {R.min():+.2f}, {np.mean((R[1:] != 0).sum(axis=1)):.0f} of 66 "
         "entries"
     )
 
 # %% [markdown]
-# On people who stand where the others stood, the two are nearly alike. But least squares has never seen
-# anybody move, and leaves the joints behind. Shares go along, keep joints inside the hull of the skin,
+# On people who stand where the others stood, the two are nearly alike: {{ new_error['least squares']:.2f}} and
+# {{ new_error['shares']:.2f}} mm. But least squares has never seen anybody move, and leaves the joints up to
+# {{ lag['least squares']:.0f}} mm
+# behind{{ lag['shares'] < 0.05 and as_shares.min() == 0 and (as_shares[1:] != 0).sum(axis=1).mean() < 33 }}. Shares
+# go along, keep joints inside the hull of the skin,
 # and most of their entries become zero by themselves. The library solves it row by row, by non-negative
 # least squares (NNLS, Lawson and Hanson):
 
@@ -435,14 +462,17 @@ known = {
 known["the mean moves along the shape direction, all betas back"] = {
     "template": pipe.shapedirs[:, :, 0]
 } | {f"scan {j}/betas": -np.ones(1) for j in range(len(meshes))}
+unchanged = []
 for name, change in known.items():
     every = {block.name: np.zeros(block.shape) for block in problem.free.blocks}
     step = problem.free.pack(every | change)
-    print(f"  {name}: {np.linalg.norm(here.jacobian @ step) / np.linalg.norm(step):.0e}")
+    unchanged.append(np.linalg.norm(here.jacobian @ step) / np.linalg.norm(step))
+    print(f"  {name}: {unchanged[-1]:.0e}")
 
 # %% [markdown]
-# The meshes are met, and yet the template is not determined: if it moves, and everybody moves back,
-# nothing changes. In the fifth direction the template turns about the tube's own axis, and everybody
+# The meshes are met, and yet the template is not determined: if it moves, and everybody moves back, nothing
+# changes{{ solution.cost < 1e-12 and len(here.gradient) - here.rank == 5 and max(unchanged) < 1e-9 }}. In the fifth
+# direction the template turns about the tube's own axis, and everybody
 # turns back. Nothing in the data says where a template ought to stand, or who is the mean. This has to
 # be decided: by a convention for the root, and by a prior on $\beta$.
 #
@@ -492,7 +522,8 @@ Picture(
 )
 
 # %% [markdown]
-# Most of it is zero: 3.2 % of the entries can differ from zero. The two people meet only in the blend shapes and
+# Most of it is zero: {{ 100 * whole.density:.1f}} % of the entries can differ from zero. The two people meet only in
+# the blend shapes and
 # the weights.
 #
 # Now the rank. The diagnosis looks for the directions that change no residual and break no constraint
@@ -512,20 +543,35 @@ print("open with all five:")
 for direction in whole.null_directions:
     print("  " + direction.name)
 
+
+def open_in(found, words=""):
+    """How many directions a diagnosis leaves open whose names hold these words."""
+    return sum(words in direction.name for direction in found.null_directions)
+
+
 # %% [markdown]
-# Registrations alone leave 19 directions open:
+# Registrations alone leave {{ open_in(data_alone)}} directions open:
 #
-# - 6 **translations**, three for each person: template and joints move, and all places move back;
-# - 6 moves of a **root joint**: wherever the root's centre of rotation is, the place of each registration
+# - {{ open_in(data_alone, 'template and')}} **translations**, three for each person: template and joints move, and
+#   all places move back;
+# - {{ open_in(data_alone, 'joints[root]')}} moves of a **root joint**: wherever the root's centre of rotation is, the
+#   place of each registration
 #   makes up for it;
-# - 3 **rotations** of everything at rest, blend shapes included, which every root turns back;
-# - 4 in which **blend shapes** push the whole surface along the joint's axis, which the joint's rotation
-#   leaves as it is, and which the places undo. The diagnosis has no name for 3 of them: each is a mixture of hundreds
+# - {{ open_in(data_alone, 'a rotation about')}} **rotations** of everything at rest, blend shapes included, which
+#   every root turns back;
+# - {{ open_in(data_alone) - 15}} in which **blend shapes** push the whole surface along the joint's axis, which the
+#   joint's rotation
+#   leaves as it is, and which the places undo. The diagnosis has no name for
+#   {{ sum(one.kind == 'mixed' for one in data_alone.null_directions)}} of them: each is a mixture of hundreds
 #   of numbers.
 #
-# $E_P$ closes the last two kinds, since both change blend shapes, and leaves 12. $E_J$ ties the roots to the
-# surface, and $E_Y$ forbids shifts along $x$, off the plane of the mirror. No term says where along $y$ and
-# $z$ a person stands: 4 directions stay open with all five. These are closed by a convention. We hold $y$ and
+# $E_P$ closes the last two kinds, since both change blend shapes, and leaves
+# {{ open_in(small_shapes)}}{{ open_in(small_shapes, 'template and') == open_in(small_shapes, 'joints[root]') == 6 }}.
+# $E_J$ ties the roots to the
+# surface, and $E_Y$ forbids shifts along $x$, off the plane of the mirror. No term says where along $y$ and $z$ a
+# person stands: {{ open_in(whole)}} directions stay open with all
+# five{{ all(one.name.startswith(('a translation along y of', 'a translation along z of')) for one in whole.null_directions) }}.
+# These are closed by a convention. We hold $y$ and
 # $z$ of the place of one registration for each person:
 
 # %%
@@ -537,7 +583,8 @@ held = wb.diagnose(
 print(f"with 4 numbers held: {held.shape[1]} unknowns, rank {held.rank}")
 
 # %% [markdown]
-# The rank is full, and it is the rank from before: holding numbers that nothing determines takes nothing
+# The rank is full{{ held.rank == held.shape[1] == whole.rank }}, and it is the rank from before: holding numbers that
+# nothing determines takes nothing
 # from what the model can explain.
 #
 # ## What to remember

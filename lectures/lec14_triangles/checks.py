@@ -59,6 +59,11 @@ def with_the_cross_product(T):
     return E
 
 
+@mistake("frame", "n is e_1 x e_0; this is e_0 x e_1, which points to the other side")
+def on_the_other_side(T):
+    return solutions.frame(T) * [1, 1, -1]
+
+
 @mistake("frame", "e_0 is T_2 - T_0, and e_1 is T_1 - T_0: they have changed places")
 def edges_swapped(T):
     return solutions.frame(T[[0, 2, 1]])
@@ -201,6 +206,19 @@ def edge_by_edge(A, e):
 def without_solving(A, e):
     pulled = A.T @ e
     return pulled - pulled.mean(axis=0)
+
+
+@mistake(
+    "stitch",
+    "A'A has no inverse: edges do not say where the mesh is. Solve by least squares, and take the mean off",
+)
+def by_an_inverse(A, e):
+    raise np.linalg.LinAlgError("Singular matrix")
+
+
+@mistake("stitch", "the edges are met, but the mean is not at the origin: take it off in the end")
+def where_they_were(A, e):
+    return solutions.stitch(A, e) + 1
 
 
 # blend_volume

@@ -20,7 +20,7 @@ from workbench.bodies.triangles.numbers import TriangleSurface
 from workbench.comparison.statistics import median
 from workbench.course import Picture, source
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
-from workbench.geometry.solids import mesh_edges
+from workbench.geometry.solids import mesh_edges, volume
 from workbench.geometry.triangles import Stitching, edges, frames_on, gradients, soup
 from workbench.lectures.material.variance import (
     additivity_gap,
@@ -39,7 +39,8 @@ elbow = body.joint_names.index("left_elbow")
 # %% [markdown]
 # ## Every triangle by itself
 #
-# Each of the 734 triangles belongs to a part of the body. We bend the left elbow, and turn every triangle by the
+# Each of the {{ len(faces) }} triangles belongs to a part of the body. We bend the left elbow, and turn every
+# triangle by the
 # rotation of its part, about its own middle. This needs no blending at all:
 
 # %%
@@ -70,7 +71,8 @@ print(
 )
 
 # %% [markdown]
-# Every triangle is perfect and the surface is gone. The forearm has not even left its place, because its triangles
+# Every triangle is perfect and the surface is gone{{ np.allclose(X.transpose(0, 2, 1) @ X, np.eye(3), atol=1e-13) }}:
+# corners are up to {{ gaps(torn).max():.0f}} mm apart. The forearm has not even left its place, because its triangles
 # have only turned on the spot. (The figure below shows this in the middle.) What we want is a connected surface whose
 # *edges* are like those of these triangles.
 #
@@ -96,7 +98,8 @@ print(
 print("rank of that X:", np.linalg.matrix_rank(by_edges))
 
 # %% [markdown]
-# Of all matrices that meet the edges, the one with the smallest norm flattens space: it takes the normal to
+# Of all matrices that meet the edges, the one with the smallest norm flattens
+# space{{ np.linalg.matrix_rank(by_edges) == 2 and np.allclose(by_edges @ two, two_moved) }}: it takes the normal to
 # zero. So we add a third axis to the two edges, and then $X$ has nine equations. The usual axis is
 # $n / \sqrt{\|n\|}$ with $n = e_1 \times e_0$. It is normal to the triangle. The length of $n$ is twice the
 # triangle's area, so the axis is as long as the root of that. It grows with the triangle as an edge does, and has
@@ -117,7 +120,7 @@ print(f"the whole mesh turned and scaled: every X is that, to {np.abs(found - tu
 # %% [markdown]
 # ## Stitching
 #
-# Find the vertices $V$ whose edges are nearest to those that the triangles ask for:
+# Find the vertices $V$ whose edges are nearest to those that the triangles ask for{{ np.allclose(found, turn) }}:
 #
 # $$ \min_V \sum_f \sum_{i} \| X_f e_{f,i} - (A V)_{f,i} \|^2 . $$
 #
@@ -165,7 +168,10 @@ Picture(
 )
 
 # %% [markdown]
-# The forearm has moved to where it belongs, although nobody said where the elbow is. The edges add up along the arm,
+# The forearm has moved to where it belongs, by up to {{ 1e3 * np.linalg.norm(stitched - template, axis=1).max():.0f}}
+# mm, although nobody said where the elbow
+# is{{ np.sum(s > 1e-9) == body.n_vertices - 1 and np.allclose(turned, centred) and np.allclose(torn.mean(axis=1), template[faces].mean(axis=1)) }}.
+# The edges add up along the arm,
 # and so the hand has to be at their end. In this sense such a model has no skeleton: it needs no places of joints.
 # But each part has a rotation, so somebody still has to choose the parts.
 #
@@ -214,12 +220,13 @@ def creases(X):
     return step
 
 
-bent_elbows = {}
+bent_elbows, volumes = {}, {}
 for name, deformed in (("SCAPE", X), ("BlendSCAPE", Y)):
     asked = edges(template, faces) @ deformed.transpose(0, 2, 1)
     placed = stitching.vertices(asked, [template.mean(axis=0)])
     left = 1e3 * np.linalg.norm(edges(placed, faces) - asked, axis=2)
     bent_elbows[name] = placed, creases(deformed)
+    volumes[name] = volume(placed, faces)
     print(
         f"{name:11} largest step between neighbours {creases(deformed).max():.2f}, stitching leaves "
         f"up to {left.max():.0f} mm, least det {np.linalg.det(deformed).min():.2f}"
@@ -269,7 +276,9 @@ Picture(
 )
 
 # %% [markdown]
-# The crease is smaller, and something else has gone wrong, as in lecture 4: a mean of rotations is no rotation. Take
+# The crease is smaller, {{ bent_elbows['BlendSCAPE'][1].max():.2f}} in place of
+# {{ bent_elbows['SCAPE'][1].max():.2f}}{{ bent_elbows['BlendSCAPE'][1].max() < 0.5 * bent_elbows['SCAPE'][1].max() and volumes['BlendSCAPE'] < volumes['SCAPE'] }},
+# and something else has gone wrong, as in lecture 4: a mean of rotations is no rotation. Take
 # the mean of the identity and a rotation by $\alpha$ about the axis $z$. In the plane across the axis it is
 #
 # $$
@@ -309,7 +318,8 @@ Picture(
 # %% [markdown]
 # ## Added or multiplied?
 #
-# In SMPL the effects of shape and pose on the skin are *added* to the template, before the joints turn it. In SCAPE
+# In SMPL the effects of shape and pose on the skin are *added*{{ np.allclose(mean_det, np.cos(angles / 2) ** 2) and np.allclose(least, np.cos(angles[::6] / 2) ** 2, atol=0.05) }}
+# to the template, before the joints turn it. In SCAPE
 # they are *multiplied*. So in SMPL the effect of shape and pose together is the sum of their single effects. In SCAPE
 # it is not: what a bend does to the skin is larger on a larger person. To see this, we give the triangles a
 # made-up bending $Q$, and measure how far the effect of both is from the sum of the single effects:
@@ -319,16 +329,17 @@ rng = np.random.default_rng(0)
 bending = replace(blended, posedirs=0.05 * rng.standard_normal(blended.posedirs.shape))
 some_pose = 0.3 * rng.standard_normal((24, 3))
 some_betas = 2 * rng.standard_normal(body.n_betas)
+apart = {}  # mm
 for name, model in (("SMPL", body), ("BlendSCAPE", bending)):
     gap = np.linalg.norm(additivity_gap(model, some_pose, some_betas), axis=1)
-    print(
-        f"{name:11} effect of both minus the sum of single effects: up to {1e3 * gap.max():.2g} mm"
-    )
+    apart[name] = 1e3 * gap.max()
+    print(f"{name:11} effect of both minus the sum of single effects: up to {apart[name]:.2g} mm")
 
 # %% [markdown]
 # ## How many directions do people need?
 #
-# Both kinds of model describe people by principal components: SMPL takes those of the vertices, and SCAPE those of the
+# Multiplied, the two miss the sum by up to {{ apart['BlendSCAPE']:.0f}} mm{{ apart['SMPL'] < 1e-9 }}. Both kinds of
+# model describe people by principal components: SMPL takes those of the vertices, and SCAPE those of the
 # deformations. Which needs fewer? The answer depends on the data, but one thing is a theorem. Among all spaces of
 # $k$ directions, the principal components of the vertices explain the most variance *of the vertices* (Eckart and
 # Young, *The Approximation of One Matrix by Another of Lower Rank*, 1936). And $k$ directions of deformations, once
@@ -364,7 +375,9 @@ Picture(
 )
 
 # %% [markdown]
-# What do SCAPE's directions describe, then? There are nine numbers for each triangle, and a mesh has far fewer: most
+# With five directions {{ by_vertices.share[5]:.0%}} and {{ by_triangles.share[5]:.0%}} are
+# explained{{ (by_vertices.share >= by_triangles.share - 1e-12).all() }}. What do SCAPE's directions describe, then?
+# There are nine numbers for each triangle, and a mesh has far fewer: most
 # deformations are those of no mesh at all, and stitching averages them away. Moreover, SCAPE's principal components
 # count each triangle alike, however small it is. So they spend directions on what hardly moves the mesh:
 
@@ -382,13 +395,15 @@ for share in (0.9, 0.95):
         print(f"{100 * share:.0f} % of the {what}: {k or 'more than 20'} directions")
 
 # %% [markdown]
-# Eight of SCAPE's directions explain 90 % of the variance of the vertices, but 90 % of the variance of the
-# deformations takes 14. So if we count the directions that a SCAPE needs, we have to say what they are to explain.
+# With {{ np.argmax(by_triangles.share >= 0.9)}} of SCAPE's directions 90 % of the variance of the vertices are
+# explained, but 90 % of the variance of the deformations takes {{ np.argmax(by_gradients >= 0.9)}}. So if we count
+# the directions that a SCAPE needs, we have to say what they are to explain.
 #
 # ## Fits
 #
 # A triangle body has the same blocks as SMPL (pose, betas and trans), and residuals take its points like those
-# of any body. So we can fit all three models to the same 123 vertices of one person, whom SMPL has made and
+# of any body. So we can fit all three models to the same {{ len(range(0, body.n_vertices, 3)) }} vertices of one
+# person, whom SMPL has made and
 # who is seen with 5 mm of noise. SMPL has to win here. The question is how near the others come without learned
 # bends, that is with $Q = I$.
 
@@ -402,7 +417,7 @@ whole = body.vertices(**truth)
 seen = np.arange(0, body.n_vertices, 3)
 noisy = whole[seen] + 0.005 * rng.standard_normal((len(seen), 3))  # m
 models = {"SMPL": body, "SCAPE": scape(body), "BlendSCAPE": blend_scape(body)}
-off = {}
+off, iterations = {}, {}
 for name, model in models.items():
     blocks = model.blocks()
     points = model.points(*(block.symbol for block in blocks), vertices=seen)
@@ -412,14 +427,19 @@ for name, model in models.items():
     ]
     fit = wb.solve(wb.Problem(terms, [block.name for block in blocks]), model.start())
     off[name] = np.linalg.norm(model.vertices(**fit.values) - whole, axis=1)
+    iterations[name] = fit.iterations
     print(
         f"{name:11} {fit.status.name}, {fit.iterations} iterations; all vertices off by "
         f"{1e3 * off[name].mean():.1f} mm in the mean, {1e3 * off[name].max():.0f} mm at most"
     )
 
 # %% [markdown]
-# BlendSCAPE blends rotations over the triangles of a joint. On average it comes nearer than SCAPE, whose parts
-# are rigid. Both lack what SMPL has learned of bends, and both need more iterations. Since SMPL made these data,
+# BlendSCAPE blends rotations over the triangles of a joint. On average it comes nearer
+# ({{ 1e3 * off['BlendSCAPE'].mean():.1f}} mm) than SCAPE ({{ 1e3 * off['SCAPE'].mean():.1f}} mm), whose parts are
+# rigid{{ off['SMPL'].mean() < off['BlendSCAPE'].mean() < off['SCAPE'].mean() }}. Both lack what SMPL has learned of
+# bends, and both need more
+# iterations{{ min(iterations['SCAPE'], iterations['BlendSCAPE']) > 2 * iterations['SMPL'] }}. Since SMPL made these
+# data,
 # they do not tell which model is nearer to people. The example `examples/14_three_body_models.py` fits the three to
 # keypoints of a real person.
 #
@@ -496,14 +516,22 @@ Picture(
 )
 
 # %% [markdown]
-# With another person's template the median error is 1.8 degrees by edges and 12 degrees by vertices; the intervals
-# above, which hold the median with a confidence of 96 %, lie far apart. This is not a
-# matter of the start: fits to vertices that begin at the true pose leave it and end at 12 degrees too. If the
+# With another person's template the median error is {{ np.median(degrees['another person, exact', 'edges']):.1f}}
+# degrees by edges and {{ np.median(degrees['another person, exact', 'vertices']):.0f}} degrees by vertices; the
+# intervals above, which hold the median with a confidence of {{ 100 * m.coverage:.0f}} %, lie far
+# apart{{ ends == {'CONVERGED'} and (degrees['another person, exact', 'edges'] < degrees['another person, exact', 'vertices']).all() }}.
+# This is not a
+# matter of the start: fits to vertices that begin at the true pose leave it and end at {{ np.median(from_truth):.0f}}
+# degrees too. If the
 # template's upper arm is too long, every vertex below the elbow is in the wrong place, and other joints bend to
 # make up for it. The edges below the elbow, however, keep nearly the right directions, so that the error stays in
-# the upper arm. Edges have a disadvantage too. Each is a difference of two vertices, so it carries the noise of
+# the upper arm.
+#
+# Edges have a disadvantage too. Each is a difference of two vertices, so it carries the noise of
 # both over a short length. With the right template and noise,
-# vertices give 3.2 degrees and edges 3.9. These people and poses are synthetic, so the numbers
+# vertices give {{ np.median(degrees['the same person, 5 mm of noise', 'vertices']):.1f}} degrees and edges
+# {{ np.median(degrees['the same person, 5 mm of noise', 'edges']):.1f}}{{ (degrees['the same person, 5 mm of noise', 'vertices'] < degrees['the same person, 5 mm of noise', 'edges']).all() }}.
+# These people and poses are synthetic, so the numbers
 # say what happens with this body, and not how large the errors are for people who were scanned.
 #
 # ## Side by side
@@ -542,8 +570,8 @@ print(
 # | --- | --- | --- |
 # | unknowns beside the pose | the translation | none |
 # | a bone of wrong length | other joints bend to make up for it | the error stays in that bone |
-# | error of the pose, another person's template | 12 degrees | 1.8 degrees |
-# | error of the pose, the right template and 5 mm of noise | 3.2 degrees | 3.9 degrees |
+# | error of the pose, another person's template | {{ np.median(degrees['another person, exact', 'vertices']):.0f}} degrees | {{ np.median(degrees['another person, exact', 'edges']):.1f}} degrees |
+# | error of the pose, the right template and 5 mm of noise | {{ np.median(degrees['the same person, 5 mm of noise', 'vertices']):.1f}} degrees | {{ np.median(degrees['the same person, 5 mm of noise', 'edges']):.1f}} degrees |
 #
 # ## What to remember
 #

@@ -138,11 +138,14 @@ Picture(
 )
 
 # %% [markdown]
-# With the right pairs the only error left is the noise. For mirrored points the last line looks just as
+# With the right pairs the only error left is the
+# noise{{ abs(mean_distance(landed['right pairs'], places) - 2 * np.sqrt(8 / np.pi)) < 0.3 }}. For mirrored points the
+# last line looks just as
 # good. But its matrix has the determinant $-1$, and no statue can be moved like that: this answer
-# would hide that left and right are exchanged. The library insists on a rotation and therefore stays decimetres
-# off, which tells us that something is wrong with the data. The third line is our problem: without labels,
-# a closed form is of no use.
+# would hide that left and right are exchanged. The library insists on a rotation and therefore stays
+# {{ mean_distance(landed['mirrored points'], places):.0f}} mm off, which tells us that something is wrong with the
+# data. The third line is our problem: without labels, a closed form is of no
+# use{{ mean_distance(landed['order of arrival'], places) > 200 and np.isclose(np.linalg.det(Q), -1) }}.
 #
 # ## The closest place
 #
@@ -192,13 +195,16 @@ Picture(
 )
 
 # %% [markdown]
-# It works although most of the first contacts are wrong. There is a reason for it that does not depend on
+# It works although most of the first contacts are
+# wrong{{ (np.linalg.norm(tree.closest(points).points - places, axis=1) > 0.03).mean() > 0.6 }}. There is a reason for
+# it that does not depend on
 # the example. Let $D$ be the sum of squared distances of the points from their contacts. The points move by the
 # motion that is best for these contacts, so that $D$ does not grow. Then each point takes its closest place, which is
 # no farther away than the contact that it had, so that $D$ does not grow either. So neither half of a step can raise
-# the sum of squared distances from the surface. But the method can stop at a motion that is wrong, and it is slow:
-# after 5 steps the points are still centimetres from their own places. (In the end they are 3 mm from them, which is
-# the length of their own noise.)
+# the sum of squared distances from the surface{{ (np.diff(to_surface) <= 1e-9).all() }}. But the method can stop at a
+# motion that is wrong, and it is slow:
+# after 5 steps the points are still {{ mean_distance(ways[5], places):.0f}} mm from their own places. (In the end
+# they are {{ mean_distance(ways[60], places):.0f}} mm from them, which is the length of their own noise.)
 #
 # ## Let points slide
 #
@@ -253,13 +259,15 @@ with house_style():
     ax.legend()
 Picture(
     figure,
-    "How far the points are from where the true motion puts them, noise left out. All three forms end at "
-    "the same place, 0.3 mm off because of the noise. The two that let points slide are there after a few "
-    "steps.",
+    "How far the points are from where the true motion puts them, noise left out. All three "
+    f"forms end at the same place, {gone['distance'][-1]:.1f} mm off because of the noise. The "
+    "two that let points slide are there after a few steps.",
 )
 
 # %% [markdown]
-# The motion is ten times as good as a single point: 1000 points average the noise away, as in lecture 9.
+# The motion is {{ mean_distance(landed['right pairs'], places) / gone['distance'][-1]:.0f}} times as good as a single
+# point: 1000 points average the noise away, as in lecture
+# 9{{ max(rigid[name].iterations for name in ('point to plane', 'distance')) <= 12 < 25 < rigid['point to point'].iterations }}.
 #
 # ## What is held, and what is not
 #
@@ -348,10 +356,14 @@ for name, problem in problems.items():
     )
 
 # %% [markdown]
-# The rows of the distance are right. Those of the offset are off by more than half: $s$ slides when the
-# body moves, and with the contact held it does not. And yet both have the right slope of the *cost*: the
+# The rows of the distance are right{{ wrong_by['distance'] < 1e-5 }}. Those of the offset are off by
+# {{ 100 * wrong_by['offset']:.0f}} %: $s$ slides when the
+# body moves, and with the contact held it does not. And yet both have the right slope of the *cost*{{ all(abs(held / quotient - 1) < 1e-5 for held, quotient in slopes.values()) }}:
+# the
 # missing part is along the surface, and $p - s$ is perpendicular to it. So both go downhill, and both
-# stop where the true gradient is zero. What differs is the length of the step. $J^\top J$ of the offset
+# stop where the true gradient is zero.
+#
+# What differs is the length of the step. $J^\top J$ of the offset
 # contains, for each point, what it would cost to slide along the surface, which in truth is nearly nothing. In
 # lecture 6, every step of Gauss-Newton multiplied the error by the part of the Hessian that was left out over the part
 # that was kept. Here the kept part is too large in the directions in which points slide: what is to be taken away from
@@ -410,6 +422,8 @@ Picture(
 )
 
 # %% [markdown]
+# The distance needs {{ needed['distance']}} iterations, and the offset
+# {{ needed['offset']}}{{ needed['offset'] > 3 * needed['distance'] and costs['offset, contacts held'][-1] > 1.3 * costs['distance'][-1] }}.
 # From here on we take the distance.
 #
 # ## Where it may begin
@@ -437,15 +451,18 @@ with house_style():
 Picture(figure, caption_basins(maps))
 
 # %% [markdown]
-# Most of those that fail end turned by more than 140 degrees. No solver can know that it is in the wrong
+# Most of those that fail end turned by more than
+# {{ np.quantile(np.concatenate([one.turned[~one.found] for one in maps]), 0.3):.0f}} degrees. No solver can know that
+# it is in the wrong
 # basin: the gradient there is zero, as it should be. What helps is to begin more than once, and to keep
-# the end with the lowest cost. Every start within 30 degrees ends at the truth, so that a few starts are
+# the end with the lowest cost. Every start within {{ min(one.reach for one in maps):.0f}} degrees ends at the truth,
+# so that a few starts are
 # enough, and not hundreds.
 #
 # ## Points that belong to nobody
 #
 # A scanner also sees the floor, a chair and the operator. Such points are called **clutter**. We add 250
-# points, anywhere in a box around the statue, and register all 1250 twice: by least squares, and with the
+# points, anywhere in a box around the statue, and register all {{ 1000 + 250 }} twice: by least squares, and with the
 # loss of Geman and McClure (*Statistical methods for tomographic image reconstruction*, 1987), which levels
 # off (lecture 10).
 
@@ -479,7 +496,9 @@ Picture(
 )
 
 # %% [markdown]
-# The loss is $\rho(d) = d^2 / (1 + (d / c)^2)$. A point with $d$ much smaller than $c$ costs $d^2$, as in least squares,
+# Least squares leave the statue's points {{ stray['least squares']:.0f}} mm off, and this loss
+# {{ stray['Geman-McClure']:.1f}} mm. The loss is $\rho(d) = d^2 / (1 + (d / c)^2)$. A point with $d$ much smaller
+# than $c$ costs $d^2$, as in least squares,
 # and one with $d$ much larger costs $c^2$, wherever it is. So there is one length, the scale $c$, here 3 cm, from which
 # on a point is hardly believed.
 #
@@ -550,7 +569,8 @@ Picture(
 )
 
 # %% [markdown]
-# The fits with low costs are those near the truth. `fit_model` does this in stages: all starts with a
+# The fits with low costs are those near the truth{{ prices[apart < 100].max() < 0.9 * prices[apart > 200].min() }}.
+# `fit_model` does this in stages: all starts with a
 # few points, and then only the best of them, with more points and a shorter scale. It returns all ends that
 # differ, as **hypotheses**.
 
@@ -611,13 +631,17 @@ Picture(
 )
 
 # %% [markdown]
-# A large number hardly believes the data, so that the priors win; with a small one most good points are
-# outliers, because the bumps of the person are larger than that. `scaled(geman_mcclure, 6)` keeps the two
+# Two numbers leave {{ as_two:.1f}} mm, the largest single one {{ as_one[0]:.1f}} mm and the smallest
+# {{ as_one[-1]:.1f}}
+# mm{{ as_one[0] > 1.5 * as_two and as_one[-1] > 1.2 * as_two and as_one.min() < 0.8 * min(as_one[0], as_one[-1]) }}.
+# A large number hardly believes the data, so that the priors win; with a small one most good points are outliers,
+# because the bumps of the person are larger than that. `scaled(geman_mcclure, 6)` keeps the two
 # apart: sigma is 5 mm, and outliers begin at six sigmas.
 #
 # ## What betas cannot say
 #
-# The best fit of the model is off by about a centimetre, although the noise is 2 mm and there are
+# The best fit of the model is off by {{ mean_distance(fit.vertices(), skin):.0f}} mm, although the noise is 2 mm and
+# there are
 # thousands of points. It cannot be better: the person's own bumps are not in the shape space. Should we give up the
 # model, and let all vertices be free? The distance from the scan is then the only thing that counts, and there
 # is a quick way to make it zero: move every vertex to the point of the scan that is closest to it.
@@ -648,16 +672,20 @@ print(f"{len(nearest)} vertices have taken {len(set(nearest))} different points"
 print(f"{unread} of the {J.shape[1]} numbers of all vertices are read by no contact")
 
 # %% [markdown]
-# The answer is worse, and worst where nothing was seen: hidden vertices go to the rim of what was seen.
-# Several vertices have taken the same point, so that triangles between them have collapsed. Lecture 8 would
-# have warned us: some of the numbers are read by no row of the Jacobian, and a vertex that slides along the
+# The answer is worse, and worst where nothing was
+# seen{{ mean_distance(snapped[hidden], skin[hidden]) > 1.5 * mean_distance(fit.vertices()[hidden], skin[hidden]) and mean_distance(snapped[hidden], skin[hidden]) > 1.3 * mean_distance(snapped[seen], skin[seen]) }}:
+# hidden vertices go to the rim of what was seen.
+# Several vertices have taken the same point ({{ len(nearest) - len(set(nearest))}} of {{ len(nearest)}} are left
+# without one of their own), so that triangles between them have collapsed. Lecture 8 would
+# have warned us: {{ unread}} of the {{ J.shape[1]}} numbers are read by no row of the Jacobian, and a vertex that
+# slides along the
 # surface changes hardly any. Which of the transformations has how many unknowns?
 #
 # | transformation | unknowns | what it cannot do |
 # | --- | --: | --- |
 # | $R x + t$ | 6 | bend |
 # | $M(\theta, \beta) + t$ | 85 | be somebody whom the betas do not express |
-# | all vertices $V$ | 1107 | know anything about what was not seen |
+# | all vertices $V$ | {{ skin.size }} | know anything about what was not seen |
 #
 # ## Coupled edges
 #
@@ -715,8 +743,10 @@ Picture(
 )
 
 # %% [markdown]
-# Every stage comes nearer to the truth, in what was seen and in what was not. In the end, seen vertices
-# are off by less than two thirds of what they were off with the model alone.
+# Every stage comes nearer to the truth, in what was seen and in what was
+# not{{ (np.diff([[mean_distance(v[which], skin[which]) for which in (seen, hidden)] for v in by_stage.values()], axis=0) < 0).all() }}.
+# In the end, seen vertices are off by {{ mean_distance(registered.vertices[seen], skin[seen]):.1f}} mm, and with the
+# model alone by {{ mean_distance(fitted.vertices[seen], skin[seen]):.1f}} mm.
 #
 # Are the stages necessary? From the same start, we first leave out the strong coupling, and then all stages
 # but the last one: once with the model free, and once with the model held where it is, which is quicker and is
@@ -731,6 +761,7 @@ at_once = {
 }
 for name, one in at_once.items():
     told(f"{name}:", one.vertices)
+ends_off = {name: mean_distance(one.vertices, skin) for name, one in at_once.items()}  # mm
 
 with house_style():
     figure, (ax,) = sheet(7.5, 3.8)
@@ -750,9 +781,13 @@ Picture(
 )
 
 # %% [markdown]
-# With the model held, the vertices cannot leave a place that is centimetres off: the coupling keeps the edges
-# of a body in the wrong pose, and points beyond 5 cm have no contact. With the model free, or without the
-# strong stage alone, hardly anything is lost. (One person is no statistics. Change `SEED`, run the lecture again,
+# With the model held, all vertices together are {{ ends_off['weak at once, model held']:.0f}} mm off in place of
+# {{ ends_off['all stages']:.0f}} mm{{ ends_off['weak at once, model held'] > 2 * ends_off['all stages'] }}. They
+# cannot leave a place that is centimetres off: the coupling keeps the edges
+# of a body in the wrong pose, and points beyond 5 cm have no contact. With the model free, or without the strong
+# stage alone, hardly anything is
+# lost{{ max(ends_off['without strong'], ends_off['weak at once, model free']) < 1.1 * ends_off['all stages'] }}. (One
+# person is no statistics. Change `SEED`, run the lecture again,
 # and see which of these differences stay.)
 #
 # ## The wrong judge
@@ -799,9 +834,13 @@ Picture(
 )
 
 # %% [markdown]
-# By the scan's distance, vertices with 10 mm are the best, nearer to the scan than edges. Their error is
-# more than a tenth larger. A vertex can slide along the surface as far as it likes, and the distance never knows; and
-# it can take in noise. The truth itself is 1.26 mm from its noisy scan, so anything below that is no merit. What
+# By the scan's distance, vertices with 10 mm are the best, {{ table['vertices, 10 mm'][0]:.2f}} mm from the scan, and
+# edges {{ table['edges, 10 mm'][0]:.2f}} mm. Their error is larger, {{ table['vertices, 10 mm'][1]:.1f}} mm in place
+# of {{ table['edges, 10 mm'][1]:.1f}}
+# mm{{ table['vertices, 10 mm'][0] == min(a for a, _ in table.values()) and table['vertices, 10 mm'][1] > 1.1 * table['edges, 10 mm'][1] }}.
+# A vertex can slide along the surface as far as it likes, and the distance never knows; and
+# it can take in noise. The truth itself is {{ table['the truth'][0]:.2f}} mm from its noisy scan, so anything below
+# that is no merit. What
 # does judge a registration? Landmarks that were not fitted, simulated scans with a truth, or a known
 # pattern on the skin, as FAUST's people have it.
 #
@@ -847,9 +886,11 @@ Picture(
 
 # %% [markdown]
 # The legs are somebody's legs in a common pose, not this person's. That is what a prior is for, and the
-# numbers say so: the standard deviation of what the scan does not support is more than five times as large,
-# and so is its error. `doubts` turns this into a sentence without the truth. Note that where the scan *does*
-# support the body, the error is larger than its standard deviation: the posterior takes the shape space
+# numbers say so: the standard deviation of what the scan does not support is
+# {{ known.sd[~known.seen].mean() / known.sd[known.seen].mean():.0f}} times as large, and its error
+# {{ away[~known.seen].mean() / away[known.seen].mean():.0f}} times. `doubts` turns this into a sentence without the
+# truth. Note that where the scan *does* support the body, the error is larger than its standard
+# deviation{{ away[known.seen].mean() > known.sd[known.seen].mean() }}: the posterior takes the shape space
 # for complete, and knows nothing of bumps that are not in it.
 
 # %% [markdown]
@@ -899,7 +940,8 @@ nothing_known = wb.Problem(data, all_names).linearize(dict.fromkeys(all_names, t
 print(f"{nothing_known.shape[1]} unknowns, rank {nothing_known.rank} without E_T")
 
 # %% [markdown]
-# The data leave 40 directions open, one for each vertex: the template and all registrations together can slide
+# The data leave {{ nothing_known.shape[1] - nothing_known.rank}} directions open, one for each vertex: the template
+# and all registrations together can slide
 # along the skin, and nothing notices. So $E_T$ decides how they do. Two ways come to mind: hold every vertex near its place
 # in the first template, or hold the *edges*, as above. And there are two ways to go down. Since a problem is a
 # choice of which names are free, the alternation of the sources is two problems in turn: all scans with the
@@ -949,6 +991,9 @@ for name, prior in PRIORS.items():
             f"hidden {off_by(values)[1]:.1f} mm; cost {joint.linearize(values).cost:.1f}"
         )
 
+slid = turns["edges held"][-1]["template"] - trunk
+trunk_across = 1e3 * np.abs(np.sum(slid * across, axis=1)).mean()  # mm
+
 with house_style():
     figure, axes = sheet(10.5, 4.4, columns=2)
     axes[0].plot(*(100 * first[[*range(N), 0]]).T, "k:", lw=1, label="first template")
@@ -976,10 +1021,15 @@ Picture(
 )
 
 # %% [markdown]
-# Apart, a hidden vertex stays on the first template, a centimetre off. The alternation brings hidden vertices across the
+# Apart, a hidden vertex stays on the first template, {{ off_by(by_itself)[1]:.0f}} mm off. The alternation brings
+# hidden vertices across the
 # skin to where other scans saw them. Then it hardly moves any more, whatever holds the template, and what is left is
-# nearly all along the skin. With vertices held, this is the minimum: nothing speaks for sliding. With edges held,
-# the minimum is several times nearer to the truth. (Front, back and sides look into different directions, and a template
+# nearly all along the
+# skin{{ all(0.9 < off_by(values[-1])[1] / off_by(values[-5])[1] < 1 for values in turns.values()) and trunk_across < 1.5 }}.
+# With vertices held, this is the minimum: nothing speaks for sliding. With edges held, the minimum is nearer to the
+# truth, {{ off_by(at_last['edges held'])[1]:.1f}} mm in place of {{ off_by(turns['edges held'][-1])[1]:.1f}}
+# mm{{ off_by(at_last['edges held'])[1] < off_by(turns['edges held'][-1])[1] / 4 and off_by(at_last['vertices held'])[1] > 0.99 * off_by(turns['vertices held'][-1])[1] }}.
+# (Front, back and sides look into different directions, and a template
 # that may not stretch has to move as a whole.) But twelve rounds have not got there. In each of them, the scans keep
 # what the template says along the skin, and then the template keeps what the scans repeat.
 #

@@ -98,7 +98,7 @@ TRUST = np.array([1.0, 0.3, 0.8, 0.2])
 
 @check("keypoint_cost", points=1)
 def is_quadratic_near_and_flat_far(keypoint_cost):
-    """near zero it is half of c^2 r^2 / sigma^2; far away it is half of c^2 (scale / sigma)^2"""
+    """near zero it is half of w r^2 / sigma^2; far away it is half of w (scale / sigma)^2"""
     for sigma, scale in ((4.0, 60.0), (2.0, 100.0)):
         for c in (1.0, 0.4):
             one, trust = np.array([[1e-3, 0.0]]), np.array([c])
@@ -358,6 +358,15 @@ def mean_of_costs(x, shares, means, covariances):
     return solutions.mixture_costs(x, shares, means, covariances)[0], shares @ costs
 
 
+@mistake(
+    "mixture_costs",
+    "far away every density is 0 in floating point, and log 0 is infinite: take the least cost out of the sum",
+)
+def without_taking_the_least_out(x, shares, means, covariances):
+    costs = solutions.component_costs(x, shares, means, covariances)
+    return costs.min(), -np.log(np.exp(-costs).sum())
+
+
 @mistake("mixture_costs", "half of the squared distance: the half is missing")
 def distances_not_halved(x, shares, means, covariances):
     off = x - means
@@ -410,6 +419,13 @@ def sloped(distance, width, sign=-1.0):
 )
 def as_printed(distance, r1, r2):
     return sloped(distance, 0.09 * (r1**2 + r2**2), 1.0)
+
+
+@mistake(
+    "sphere_slope", "the sign: the term falls with the distance, so that its slope is negative"
+)
+def with_the_sign_lost(distance, r1, r2):
+    return -solutions.sphere_slope(distance, r1, r2)
 
 
 @mistake("sphere_slope", "this is the term itself, and not its derivative")

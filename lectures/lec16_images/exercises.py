@@ -25,10 +25,11 @@ def torso_depth(points: Array, pixels: Array, focal: float) -> float:
 
 
 def keypoint_cost(off: Array, confidence: Array, sigma: float, scale: float) -> float:
-    """What reprojection errors cost: half of the sum of c^2 rho over all coordinates.
+    """What reprojection errors cost: half of the sum of w rho over all coordinates.
 
-    The square of the confidence c is a weight outside of Geman and McClure's loss rho. Near zero an error r
-    in px costs rho = (r / sigma)^2; at r = scale, half of that; and far away rho is (scale / sigma)^2.
+    The weight w of a keypoint is the square of its confidence, and stands outside of Geman and McClure's loss
+    rho. The scale is in px here, and not in sigmas as in the lecture: near zero an error r in px costs
+    rho = (r / sigma)^2; at r = scale, half of that; and far away rho is (scale / sigma)^2.
 
     off (M, 2) px; confidence (M,); sigma, scale px -> the cost, no unit
     """
@@ -76,7 +77,13 @@ def fitted_joints(pixels: Array, confidence: Array, focal: float, centre: Array)
     The keypoints are the 23 landmarks "coco" of the body `default`, in its order
     (`workbench.load_body("default").landmark_names("coco")`), with an error of about 5 px; two of them may be
     wrong by 150 px, and one with confidence 0 was not seen. The people are 500 to 900 px tall. The joints,
-    taken from the pelvis, should be off by less than 110 mm on average. You may use all of `workbench`.
+    taken from the pelvis, should be off by less than 110 mm on average. You may use all of `workbench`, such as
+
+        from workbench.fitting import Observations, image_fit, photograph
+        camera = {"K": (3, 3) px, "R": (3, 3), "t": (3,) m}
+        shot = photograph("one", (width, height) px, (23, 3) of u, v and confidence, camera)
+        setup = image_fit(Observations(tuple of 23 names, (shot,)), body, "Which pose is it?")
+        values = setup.strategy(None).solve(setup.problem, setup.start).values  # pose, betas, trans
 
     pixels (23, 2) px; confidence (23,); focal px; centre (2,) px -> joints (24, 3) m
     """

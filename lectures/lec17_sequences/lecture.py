@@ -160,10 +160,12 @@ Picture(
 )
 
 # %% [markdown]
-# One shape for all frames helps a little: it is off by 19 mm in place of 21 mm. That is not much for 24
+# One shape for all frames helps a little: it is off by {{ table['one shape'][2]:.0f}} mm in place of
+# {{ table['frame by frame'][2]:.0f}} mm. That is not much for 24
 # times as many keypoints, and there is a reason: what one camera does not see in a frame, such as size, it
-# does not see in 24 frames either. And both fits tremble, with changes of speed that are more than eight
-# times those of the person. Nobody told the problem that one frame comes after the other.
+# does not see in 24 frames either. And both fits tremble, with changes of speed that are
+# {{ table['one shape'][1] / table['the truth'][1]:.0f}} times those of the person. Nobody told the problem that one
+# frame comes after the other.
 #
 # ## Smoothness, and its price
 #
@@ -237,13 +239,21 @@ Picture(
 )
 
 # %% [markdown]
-# Second differences are better than first ones here: at three times the true size they leave a jitter of 25
-# mm a frame squared in place of 66, and joints are nearer to the truth. A limb that swings has a speed, and
+# Second differences are better than first ones here: at three times the true size they leave a jitter of
+# {{ marks['order 2'][1, 1]:.0f}} mm a frame squared in place of {{ marks['order 1'][1, 1]:.0f}}, and joints are
+# nearer to the
+# truth{{ marks['order 2'][1, 0] < marks['order 1'][1, 0] and (marks['order 2'][1:, 0] < table['one shape'][0]).all() }}.
+# A limb that swings has a speed, and
 # first differences charge for speed.
 #
-# The right picture is a warning. Without smoothness the person is about 4 cm too small. Set sigma to
-# exactly the size of the person's own differences, and it is 20 cm. Smoothness of joints in metres is
-# worse: at three times the true differences the person loses 46 cm. The reason is that a residual of
+# The right picture is a warning. Without smoothness the person is
+# {{ (real_stature - 1e3 * stature(body, fits['one shape']['betas'])) / 10:.0f}} cm too small. Set sigma to exactly
+# the size of the person's own differences, and it is {{ (real_stature - tall['order 2'][0]) / 10:.0f}}
+# cm{{ all((np.diff(tall[name]) > 0).all() for name in ('order 1', 'order 2')) }}. Smoothness of joints in metres is
+# worse: at three times the true differences the person loses {{ (real_stature - tall['joints'][0]) / 10:.0f}} cm.
+#
+# The
+# reason is that a residual of
 # smoothness does not say "as smooth as a person", but "the less motion the better". Take a person whose lengths and
 # whose distance from the camera are both multiplied by $q$. The image stays the same (lecture 9), all ways in metres
 # are multiplied by $q$, and the cost of smoothness in metres by $q^2$: it is the lower, the smaller the person is.
@@ -253,7 +263,7 @@ Picture(
 #
 # ## All frames at once
 #
-# This problem has 75 unknowns a frame, and 10 that all frames share. Solvers need $J$ and, at each
+# This problem has {{ 72 + 3 }} unknowns a frame, and 10 that all frames share. Solvers need $J$ and, at each
 # iteration, the solution of $J^\top J\, p = -J^\top r$. As dense matrices, for $T$ frames, $J$ takes
 # memory in proportion to $T^2$, and the solution takes $T^3$ operations. But look at $J$, with its columns
 # in the order of the frames:
@@ -321,7 +331,9 @@ Picture(
 #
 # $$ \underbrace{(C - B^\top D^{-1} B)}_S\, s = g - B^\top D^{-1} f . $$
 #
-# $S$ is the **Schur complement**. It is small, 10 by 10 here, and has a meaning: $C$ is what the film says
+# $S$ is the **Schur complement**. It is small, 10 by 10
+# here{{ factors['shared first'].sum() > 1.5 * factors['shared last'].sum() }}, and has a meaning: $C$ is what the
+# film says
 # about the shape if the poses are known, and $B^\top D^{-1} B$ is what is lost because they have to be
 # found as well. $S^{-1}$ is the covariance of the shape: the last block of $(J^\top J)^{-1}$ is what the shared unknowns
 # answer to a right-hand side with $f = 0$, and by the last equation that is $S^{-1} g$ (lecture 12). We solve the
@@ -346,7 +358,8 @@ print(f"S^-1, and the last block of (J'J)^-1: they differ by {off_cov:.0e}")
 source(BandedMatrix.factorized)
 
 # %% [markdown]
-# The derivatives of all frames come from the functions of one frame. For $T$ frames with $k$ unknowns each, that takes $T k^3$ operations, times a constant, and memory
+# The two agree{{ off_step < 1e-7 and off_cov < 1e-7 }}. The derivatives of all frames come from the functions of one
+# frame. For $T$ frames with $k$ unknowns each, that takes $T k^3$ operations, times a constant, and memory
 # in proportion to $T k^2$. How long does a linearization with a step take?
 
 
@@ -407,8 +420,9 @@ Picture(
 )
 
 # %% [markdown]
-# At 20 frames the blocks are already quicker than the dense solution alone, and with 160 frames, where $J$
-# would take gigabytes, they need megabytes.
+# At 20 frames the blocks are already quicker than the dense solution
+# alone{{ seconds['dense'][20] > seconds['by blocks'][20] }}, and with 160 frames, where $J$ would take
+# {{ 8 * np.prod(longest.shape) / 1e9:.1f}} GB, they need {{ stored / 1e6:.0f}} MB.
 #
 # ## A real person
 #
@@ -481,10 +495,13 @@ sd_full = stature_sd(*real["every frame counts"])
 print(f"standard deviation of the stature, if every frame counts: {sd_full:.0f} mm")
 
 # %% [markdown]
-# The jitter is gone, and everything else is worse than frame by frame. Limbs are off by a third more. The
-# person is more than 30 cm too small, and one beta is larger than 6, where 3 is rare. Laplace's standard
-# deviation of the stature is 60 mm, so that the fit is wrong by more than five of its own standard
-# deviations. More data made the answer worse, and surer of itself. What is different from the made-up film?
+# The jitter is gone, and everything else is worse than frame by frame. Limbs are off by
+# {{ 100 * (real_table['every frame counts'][0] / real_table['frame by frame'][0] - 1):.0f}} % more. The person is
+# {{ -real_table['every frame counts'][2] / 10:.0f}} cm too small, and one beta is
+# {{ np.abs(real['every frame counts'][1]['betas']).max():.1f}}, where 3 is rare. Laplace's standard deviation of the
+# stature is {{ sd_full:.0f}} mm, so that the fit is wrong by {{ -real_table['every frame counts'][2] / sd_full:.1f}}
+# of its own standard deviations{{ real_table['every frame counts'][1] < 0.1 * real_table['frame by frame'][1] }}.
+# More data made the answer worse, and surer of itself. What is different from the made-up film?
 #
 # ## Errors that are alike
 #
@@ -538,8 +555,9 @@ Picture(
 )
 
 # %% [markdown]
-# More than a third of the mean square error is constant, and what is left over is still alike in
-# neighbouring frames. A detector that puts the hip too far out does so in each frame, because it is the
+# Of the mean square error {{ 100 * constant:.0f}} % are constant, and what is left over is still alike in
+# neighbouring frames, with a correlation of {{ moving_part[1]:.2f}}. A detector that puts the hip too far out does so
+# in each frame, because it is the
 # same hip, the same trousers and nearly the same view. Two simple models describe such errors: a constant
 # part, the **bias**, and a part that changes slowly, $e_{t+1} = \rho\, e_t + \sqrt{1 - \rho^2}\, w_t$ with
 # independent $w_t$. The latter is an **autoregressive** series of first order, called `AR(1)`, whose
@@ -560,13 +578,19 @@ Picture(
 # $$ n = \frac{T}{1 + 2 \sum_{k=1}^{T-1} (1 - k / T)\, r_k} $$
 #
 # independent ones (Bayley and Hammersley, *The "effective" number of independent observations in an
-# autocorrelated time series* (1946); lecture 12 has the same for draws of a chain). Three cases show what the formula
+# autocorrelated time series* (1946); lecture 12 has the same for draws of a chain).
+#
+# Three cases show what the formula
 # says. In white noise all $r_k$ with $k \ge 1$ are zero, and $n = T$. The autoregressive series has $r_k = \rho^k$. In a long
 # film the factor $1 - k / T$ is nearly one for all $k$ that matter, and the geometric series gives
 # $1 + 2 (\rho + \rho^2 + \dots) = 1 + 2 \rho / (1 - \rho) = (1 + \rho) / (1 - \rho)$, so that $n$ is about
-# $T (1 - \rho) / (1 + \rho)$. And if a share $b$ of the mean square is constant and the rest is not negatively
+# $T (1 - \rho) / (1 + \rho)$.
+#
+# And if a share $b$ of the mean square is constant and the rest is not negatively
 # correlated, then all $r_k$ are at least $b$. The sum of the $1 - k / T$ is $(T - 1) / 2$, so that the denominator is at
-# least $1 + (T - 1)\, b$, and $n < 1 / b$: *no film, however long*, is worth more. Note that correlations are
+# least $1 + (T - 1)\, b$, and $n < 1 / b$: *no film, however long*, is worth more.
+#
+# Note that correlations are
 # about zero and not about the mean of the series. Whoever subtracts the mean, as statistics packages do,
 # subtracts the bias. (The shape is no mean. But near the minimum it moves by a weighted sum of all errors,
 # so that $n$ is a good guide, and no exact law.)
@@ -601,11 +625,15 @@ for bias in (0.0, 0.35):
     print(f"by the formula, rho = 0.8 and a bias of {bias:.2f}: {said}")
 
 # %% [markdown]
-# The 45 frames are worth less than three. Independent errors are worth what they should be, and errors that
-# are alike are worth about two. By the formula, 1000 frames whose errors only change slowly are worth more
-# than a hundred, but with a bias of 35 % they are still worth less than three. Without the reference,
+# The 45 frames are worth {{ true_worth:.1f}}. Independent errors are worth what they should be, and errors that are
+# alike are worth {{ effective_frames(made):.1f}}{{ abs(effective_frames(made_white) / 45 - 1) < 0.1 }}. By the
+# formula, 1000 frames whose errors only change slowly are worth {{ by_formula(1000, 0.0, 0.8):.0f}}, but with a bias
+# of 35 % they are still worth
+# {{ by_formula(1000, 0.35, 0.8):.1f}}{{ all(by_formula(n, b, 0.8) < 1 / b for n in (45, 1000, 10**5) for b in (0.2, 0.35)) }}.
+# Without the reference,
 # `video_fit` takes what the fit leaves over for the errors. Those that pose and shape have swallowed are
-# not among them, so its answer of 4.4 is too large; but it is near 3, and far from 45.
+# not among them, so its answer of {{ left_over:.1f}} is too large; but it is near {{ true_worth:.0f}}, and far from
+# 45{{ true_worth < left_over < 10 }}.
 #
 # ## Counted rightly
 #
@@ -613,7 +641,7 @@ for bias in (0.0, 0.35):
 # it is. Between the terms of a frame nothing changes, so that for a given shape the likeliest poses stay
 # what they are. What changes is how much the film says about the shape: as much as $n$ frames would. (The pose
 # prior counts less as well. It should, as we shall see.) The price is that the posterior is then too
-# careful about the pose of a single frame. For $n$ we take the 4.4, which needs no other camera.
+# careful about the pose of a single frame. For $n$ we take the {{ left_over:.1f}}, which needs no other camera.
 
 # %%
 rightly = counted_as(whole, left_over)
@@ -641,11 +669,16 @@ Picture(
 
 # %% [markdown]
 # The person has grown again. Limbs are as near as frame by frame, without the jitter. The stature is off by
-# 10 cm, a little more than frame by frame, and by little more than one standard deviation: this answer
-# knows how good it is. So frames that count rightly avoid the loss. Do they gain anything, beside being
-# smooth? On these 45 frames, which were not looked at when the smoothness was chosen, limbs are off by
-# 108.0 mm together and by 106.0 mm apart, as a mean over the four cameras taken one by one, and by 131.1 mm
-# if every frame counts (`benchmarks/VIDEO.md`, with a body of more vertices). With two of the four cameras,
+# {{ -real_table['counted rightly'][2] / 10:.0f}} cm, a little more than frame by frame, and by
+# {{ -real_table['counted rightly'][2] / sd_right:.1f}} standard
+# deviations{{ abs(real_table['counted rightly'][0] / real_table['frame by frame'][0] - 1) < 0.05 and sd_full < 0.8 * sd_right }}:
+# this answer
+# knows how good it is. So frames that count rightly avoid the loss.
+#
+# Do they gain anything, beside being
+# smooth? On these 45 frames, which were not looked at when the smoothness was chosen, limbs are off by {{ 108.0 }} mm
+# together and by {{ 106.0 }} mm apart, as a mean over the four cameras taken one by one, and by {{ 131.1 }} mm if
+# every frame counts (`benchmarks/VIDEO.md`, with a body of more vertices). With two of the four cameras,
 # fitting together is better than apart, with two it is worse. *Jointly is not better in every respect*: one
 # camera does not know the depth of a limb, and frames whose errors are alike cannot tell it either.
 #
@@ -699,9 +732,13 @@ Picture(
 )
 
 # %% [markdown]
-# With independent errors the frames are worth what they are, and counting every one of them is right: the
-# shape is off by 23 mm in place of 26 mm. With errors that are alike, the same problem gives 46 mm, worse
-# than frame by frame, and counted rightly 21 mm. (Three people are no population. Try other seeds.) The
+# With independent errors the frames are worth what they are, and counting every one of them is right: the shape is
+# off by {{ np.mean(shape_errors['independent'], axis=0)[1]:.0f}} mm in place of
+# {{ np.mean(shape_errors['independent'], axis=0)[0]:.0f}} mm. With errors that are alike, the same problem gives
+# {{ np.mean(shape_errors['alike'], axis=0)[1]:.0f}} mm, worse than frame by frame, and counted rightly
+# {{ np.mean(shape_errors['alike'], axis=0)[2]:.0f}}
+# mm{{ all(one[1] > one[0] for one in shape_errors['alike']) and np.mean(shape_errors['alike'], axis=0)[2] < np.mean(shape_errors['alike'], axis=0)[0] }}.
+# (Three people are no population. Try other seeds.) The
 # left picture is the experiment that everybody does first, because the noise of a random generator is
 # independent, and we would have passed it. A synthetic test contains what its author thought of. The real
 # errors had to be looked at.
@@ -741,14 +778,23 @@ for errors_are, setup in films.items():
         print(f"   n / T for {name:24}: limbs off by {off:3.0f} mm, stature {high:+4.0f} mm")
 
 # %% [markdown]
-# With independent errors it is the prior that does the damage: limbs are off by 74 mm if everything counts
-# fully, and by 46 mm if only the pose prior has the weight $n / T$. A person on a beam holds the arms out in
+# With independent errors it is the prior that does the damage: limbs are off by
+# {{ blamed['independent errors', 'nothing'][0]:.0f}} mm if everything counts fully, and by
+# {{ blamed['independent errors', 'the pose prior'][0]:.0f}} mm if only the pose prior has the weight $n / T$. A
+# person on a beam holds the arms out in
 # every frame. The prior takes this for 45 unusual poses, drawn one after the other, and would rather have
 # another shape. In the dance the poses went through the whole range of the prior, so the made-up film hid
-# this, too. With the detector's errors, both do damage: limbs are off by 16 cm if everything counts, by
-# 14 cm and 13 cm if one of the two is weighed, and by 11 cm if both are. So the weight belongs to all
+# this, too.
+#
+# With the detector's errors, both do damage: limbs are off by
+# {{ blamed["the detector's errors", 'nothing'][0] / 10:.0f}} cm if everything counts, by
+# {{ blamed["the detector's errors", 'the pose prior'][0] / 10:.0f}} cm and
+# {{ blamed["the detector's errors", 'keypoints and smoothness'][0] / 10:.0f}} cm if one of the two is weighed, and by
+# {{ blamed["the detector's errors", 'both'][0] / 10:.0f}} cm if both are. So the weight belongs to all
 # terms of the frames. And what a fit leaves over contains the pull of the prior: for independent errors
-# `video_fit` finds 7 frames, where the errors alone are worth 45. (This is one camera of one person.)
+# `video_fit` finds {{ counts['independent errors']:.0f}} frames, where the errors alone are worth
+# 45{{ effective_frames(innocent - view.camera.pixels(places, four.start)) > 40 }}. (This is one camera of one
+# person.)
 #
 # ## Can the bias be an unknown?
 #
@@ -814,9 +860,12 @@ for name, sigma in (("without offsets", 1e-5), ("with offsets", 0.02)):
     )
 
 # %% [markdown]
-# The fitted cameras agree better, and the largest beta falls from 3.6 to 1.2, which is believable: offsets
-# take over what the shape had to explain. But a new camera is not predicted any better; it is even a little
-# worse. So the bias of a detector is only in part a place on the body. It seems to depend on the view, too,
+# The fitted cameras agree better, and the largest beta falls from {{ judges['without offsets'].mean(axis=0)[2]:.1f}}
+# to {{ judges['with offsets'].mean(axis=0)[2]:.1f}}, which is
+# believable{{ judges['with offsets'].mean(axis=0)[0] < judges['without offsets'].mean(axis=0)[0] }}: offsets
+# take over what the shape had to explain. But a new camera is not predicted any better; it is even a little worse,
+# {{ judges['with offsets'].mean(axis=0)[1]:.1f}} px in place of {{ judges['without offsets'].mean(axis=0)[1]:.1f}}
+# px. So the bias of a detector is only in part a place on the body. It seems to depend on the view, too,
 # and an offset on the body cannot express that. There is an observation for which it is exactly right.
 #
 # ## Markers
@@ -827,7 +876,9 @@ for name, sigma in (("without offsets", 1e-5), ("with offsets", 0.02)):
 # (2014)) makes its place an unknown: marker $m$ is a vertex of the body at rest plus an offset $o_m$, and
 # it moves with the skin. The offset is known beforehand to 9.5 mm. The unknowns are the pose of each frame,
 # one shape and one set of offsets, which MoSh finds from 12 frames. So a marker set is a detector with
-# unknown offsets, and the problem is a sequence with a wide border. In the lines of the library, `landmark_points`
+# unknown offsets, and the problem is a sequence with a wide border.
+#
+# In the lines of the library, `landmark_points`
 # with the offsets are the places of the markers on the body, and `landmarks` is how far they are from those observed.
 # The block `seen` is one for each marker that was seen, and zero for one that was hidden:
 
@@ -877,10 +928,15 @@ for name, (frames, *free) in mosh_fits.items():
     )
 
 # %% [markdown]
-# With the markers held at their nominal places, they are missed by 5.5 mm, although their noise is 1 mm
-# along each axis; the shape is off by 4 mm. If the offsets are free, a single frame can be fitted to a
-# fraction of its noise, a bad sign that we know from lecture 9, and the shape is no better. With 12 frames
-# it is off by less than half of that. What did the other frames add?
+# With the markers held at their nominal places, they are missed by
+# {{ mosh_table['nominal places, 12 frames'][0]:.1f}} mm, although their noise is 1 mm along each axis; the shape is
+# off by {{ mosh_table['nominal places, 12 frames'][1]:.0f}} mm. If the offsets are free, a single frame can be fitted
+# to a
+# fraction of its noise, a bad sign that we know from lecture 9, and the shape is no better. With 12 frames it is off
+# by {{ mosh_table['free offsets, 12 frames'][1]:.1f}} mm, and with one by
+# {{ mosh_table['free offsets, 1 frame'][1]:.1f}}
+# mm{{ mosh_table['free offsets, 1 frame'][0] < 0.3 and mosh_table['free offsets, 1 frame'][1] > mosh_table['nominal places, 12 frames'][1] }}.
+# What did the other frames add?
 #
 # ## What one frame cannot see
 #
@@ -901,13 +957,18 @@ def unseen(frames):
     return wb.diagnose(bare, setup.start)
 
 
+lost_in_one = 0
 for frames in (1, 2):
     diagnosis = unseen(frames)
+    if frames == 1:
+        lost_in_one = len(diagnosis.singular_values) - diagnosis.rank
     print(f"{frames} frame(s):", *str(diagnosis).splitlines()[2:7], sep="\n   ")
 
 # %% [markdown]
-# In one frame, 19 of the 133 directions are not seen. Nine of them are the offsets of the three markers
-# that were hidden in this frame. The other ten are the betas, *all* of them, against the offsets: choose
+# In one frame, {{ lost_in_one}} of the {{ len(diagnosis.singular_values)}} directions are not seen. Nine of them are
+# the offsets of the three markers that were hidden in this
+# frame{{ np.isnan(marked[0]).any(axis=1).sum() == 3 and lost_in_one == 9 + body.n_betas and diagnosis.rank == 133 }}.
+# The other ten are the betas, *all* of them, against the offsets: choose
 # any shape, and let the offsets bring every marker back to where it was. A second pose ends this, and the
 # rank is full. For a shape does not only move the skin, it also moves the joints: another thigh is longer,
 # and in another pose its knee is elsewhere. No offset that is fixed to the skin can undo that in both
@@ -957,9 +1018,12 @@ Picture(
 )
 
 # %% [markdown]
-# With 12 frames, 115 of 133 directions are known better than by the prior, and the last frames add hardly
-# any. The offset that is known worst is known to 3.7 mm only, where the noise is 1 mm. The direction that
-# is seen least has a name: it turns the four markers of the head together. The neck can turn them back in
+# With 12 frames, {{ known_better[-1]}} of {{ len(border)}} directions are known better than by the prior, and the
+# last frames add hardly any{{ known_better[-1] - known_better[-5] < 6 }}. The offset that is known worst is known to
+# {{ offset_sd.max():.1f}} mm only, where the noise is 1 mm. The direction that
+# is seen least has a name: it turns the four markers of the head
+# together{{ {labels[i].split()[0] for i in np.argsort(-np.abs(directions[:, 0]))[:6]} == {'LFHD', 'RFHD', 'LBHD', 'RBHD'} }}.
+# The neck can turn them back in
 # every frame, and only the prior of its pose says by how much necks are bent. A formal rank would have
 # called all of it seen.
 #
@@ -1015,8 +1079,10 @@ Picture(
 
 # %% [markdown]
 # Without the prior, rotations of forearm and hand that move nothing but hidden markers are not seen, in
-# just these frames, and the diagnosis names them. The pose prior puts a likely arm there, which is not this
-# one. Smoothness carries over what was seen before and after, and is off by less than half as much.
+# just these frames, and the diagnosis names them{{ gaps.rank < each.free.size == bridged.rank }}. The pose prior puts
+# a likely arm there, which is not this
+# one. Smoothness carries over what was seen before and after, and is off by {{ missed['smooth'][HIDDEN].mean():.0f}}
+# mm in place of {{ missed['each frame by itself'][HIDDEN].mean():.0f}} mm.
 #
 # ## What to remember
 #
@@ -1025,7 +1091,7 @@ Picture(
 # - $J^\top J$ is a band with a border. Eliminate the frames first: time and memory grow as the number of
 #   frames does. The Schur complement of what is shared is what the film says about it.
 # - A detector's errors are alike from frame to frame, and so is what the pose prior has against a pose that
-#   is held. A film of 45 frames was worth less than three independent ones. If it counts as 45, the shape
+#   is held. A film of 45 frames was worth {{ true_worth:.1f}} independent ones. If it counts as 45, the shape
 #   is worse than from single frames, and surer of itself.
 # - Give the frames the weight $n / T$, with $n = T / (1 + 2 \sum_k (1 - k/T)\, r_k)$; the correlations are
 #   about zero.

@@ -79,8 +79,9 @@ Picture(
 )
 
 # %% [markdown]
-# Of the hands whose angles were drawn each by itself, 45 % are more than 5 degrees beyond a limit of their
-# joints (lecture 10 has limits of a body), and 6 % of those whose angles were drawn together. In the picture,
+# Of the hands whose angles were drawn each by itself, {{ 100 * np.mean(beyond['each by itself'] > 5):.0f}} % are more
+# than 5 degrees beyond a limit of their joints (lecture 10 has limits of a body), and
+# {{ 100 * np.mean(beyond['together'] > 5):.0f}} % of those whose angles were drawn together. In the picture,
 # one finger points while its neighbours are bent, as in no relaxed hand. The variance of each angle does not
 # say which angles belong together; the covariance does.
 #
@@ -132,8 +133,9 @@ Picture(
 )
 
 # %% [markdown]
-# One component holds 63 % of the variance, two hold 85 %, and ten hold 99 %. So ten numbers stand for
-# forty-five. (Only 19 components vary at all, because the poses are synthetic: rules made them, and were
+# One component holds {{ 100 * held[0]:.0f}} % of the variance, two hold {{ 100 * held[1]:.0f}} %, and ten hold
+# {{ 100 * held[9]:.0f}} %. So ten numbers stand for
+# forty-five. (Only {{ moving}} components vary at all, because the poses are synthetic: rules made them, and were
 # adjusted until two components held about as much as those of measured hands, for which more than 80 % are
 # reported by Santello, Flanders and Soechting, 1998.)
 #
@@ -166,7 +168,8 @@ Picture(
 )
 
 # %% [markdown]
-# Who leaves the mean out is off by 95 mm at a finger tip, and who adds it twice by 78.1 mm. All three are hands,
+# Who leaves the mean out is off by {{ off['the mean left out']:.0f}} mm at a finger tip, and who adds it twice by
+# {{ off['the mean added twice']:.0f}} mm. All three are hands,
 # so that nothing reports an error. The command `workbench check-body FILE` says which convention a file seems
 # to follow.
 #
@@ -177,7 +180,9 @@ Picture(
 # $S S = I$, so that the mirrored position is rotated by $S R S$. This is a rotation by the same angle, but
 # in the opposite sense about the mirrored axis, for a mirror turns the sense of a cross product round:
 # $S (a \times b) = - (S a) \times (S b)$. So the rotation vector $\theta$ becomes $-S \theta$: it *keeps* its
-# $x$, and $y$ and $z$ change sign. Two wheels show it: one whose axle points at the mirror spins as its image does,
+# $x$, and $y$ and $z$ change sign.
+#
+# Two wheels show it: one whose axle points at the mirror spins as its image does,
 # and one that rolls towards the mirror is met by an image that rolls the other way.
 #
 # The arrays of the model follow. Template and shape directions are positions, and all of their $x$ change sign. A left
@@ -204,10 +209,14 @@ for name, far in wrong.items():
     print(f"{name}: the farthest vertex is off by {far:.1f} mm")
 
 # %% [markdown]
-# The rule is exact. With shape directions that were copied, the hand of this person is off by 16 mm; for the
-# mean person it would be right. With pose directions that were mirrored as positions alone, it is off by 3.4 mm, and at
-# rest it would be right. A wrong pose is easier to notice: the fingers of a right hand on a left one
-# are off by 130 mm, and with all three signs of the rotation vector changed by 37 mm.
+# The rule is exact{{ wrong['the rule'] < 1e-9 }}. With shape directions that were copied, the hand of this person is
+# off by {{ wrong['shape directions not mirrored']:.0f}} mm; for the
+# mean person it would be right. With pose directions that were mirrored as positions alone, it is off by
+# {{ wrong['pose directions mirrored as positions alone']:.1f}} mm, and at rest it would be
+# right{{ np.array_equal(forgotten.vertices(), left.vertices()) and np.array_equal(positions_alone.vertices(), left.vertices()) }}.
+# A wrong pose is easier to notice: the fingers of a right hand on a left one
+# are off by {{ wrong['the pose of the right hand']:.0f}} mm, and with all three signs of the rotation vector changed
+# by {{ wrong['all of the rotation vector with its sign changed']:.0f}} mm.
 #
 # ## What points of a hand leave open
 #
@@ -229,12 +238,15 @@ for name, diagnosis in diagnoses.items():
     print("of the directions that stay open:", *str(diagnosis).splitlines()[4:6], "  ...", sep="\n")
 
 # %% [markdown]
-# From 16 joints, 23 of 48 numbers are seen: 3 of the wrist, and 4 of each finger. The last joint of a finger moves no
-# joint at all, and so its 3 numbers are open; and the first two may twist about their own bones. With the tips the rank
-# is 38: each tip adds the 3 numbers of its last joint, and 23 + 5 · 3 = 38. A tip is a vertex of the skin, which
+# From 16 joints, {{ diagnoses['16 joints'].rank}} of 48 numbers are seen: 3 of the wrist, and 4 of each
+# finger{{ diagnoses['16 joints'].rank == 3 + 5 * 4 }}. The last joint of a finger moves no
+# joint at all, and so its 3 numbers are open; and the first two may twist about their own bones. With the tips the
+# rank is {{ diagnoses['21 points'].rank}}: each tip adds the 3 numbers of its last joint, and $23 + 5 \cdot 3 =
+# 38${{ diagnoses['21 points'].rank == 38 }}. A tip is a vertex of the skin, which
 # follows more than one joint and their pose blend shapes. A tip that is rigid on the last bone would add one number
-# less, because a rotation about the line from the last joint to it leaves it in place. The 10 directions that are still
-# open are two for each finger: twists of one bone that the next one undoes.
+# less, because a rotation about the line from the last joint to it leaves it in place. The
+# {{ 48 - diagnoses['21 points'].rank}} directions that are still open are two for each finger: twists of one bone
+# that the next one undoes.
 #
 # What 21 points leave open, people's poses decide. Here are hands of the pose space, with errors of 2 mm in
 # each coordinate of their points, fitted without a prior and with the prior of the pose space, limits and
@@ -273,9 +285,10 @@ for name, each in median.items():
     )
 
 # %% [markdown]
-# With priors, half of the skin is within 1.9 mm of the truth, in the median of 12 hands, although the points
-# themselves are off by 2 mm in each coordinate. Without them it is about five times as far, in the median of 4
-# hands: nothing holds the shape, nor the twists.
+# With priors, half of the skin is within {{ np.median(median['priors']):.1f}} mm of the truth, in the median of
+# {{ len(median['priors'])}} hands, although the points themselves are off by 2 mm in each coordinate. Without them it
+# is {{ np.median(median['no priors']) / np.median(median['priors']):.1f}} times as far, in the median of
+# {{ len(median['no priors'])}} hands: nothing holds the shape, nor the twists.
 #
 # ## Hands on a body
 #
@@ -284,10 +297,11 @@ for name, each in median.items():
 # joints, weights and blend shapes took over beyond it. What must hold afterwards?
 #
 # - A finger moves nothing but its hand, that is, the skin beyond the loop, which lies on the forearm behind the
-#   wrist. Pose blend shapes have a column for each element of each rotation matrix, now 459 instead of 207, and
+#   wrist. Pose blend shapes have a column for each element of each rotation matrix, now {{ 9 * 51 }} instead of
+#   {{ 9 * 23 }}, and
 #   training would find use for all of them if nothing forbade it.
 # - The pose has an order: 22 joints of the body, 15 of the left hand, 15 of the right hand. The last two
-#   joints of SMPL's 24, the hands, are gone.
+#   joints of SMPL's {{ 24 }}, the hands, are gone.
 
 # %%
 body, whole = wb.load_body("full"), wb.load_body("full-hands")
@@ -358,9 +372,11 @@ Picture(
 )
 
 # %% [markdown]
-# One joint of a finger moves 622 of 10490 vertices. Most of these, 475, are no part of the finger: pose blend shapes
-# move them, by less than a millimetre. All of the 622 are in the left hand or at most 38 mm
-# behind its wrist, and the farthest one is 175 mm away from the wrist, at the tip of the finger. The rest of
+# One joint of a finger moves {{ moved.sum()}} of {{ whole.n_vertices}} vertices. Most of these,
+# {{ (moved & ~follows).sum()}}, are no part of the finger: pose blend shapes move them, by
+# {{ shift[moved & ~follows].max():.1f}} mm at most. All of the {{ moved.sum()}} are in the left hand or at most
+# {{ behind:.0f}} mm behind its wrist, and the farthest one is {{ from_wrist[moved].max():.0f}} mm away from the
+# wrist, at the tip of the finger. The rest of
 # the body may be trained, fitted and diagnosed as before: nothing in the equations has changed.
 #
 # ## What to remember

@@ -108,8 +108,9 @@ Picture(
 )
 
 # %% [markdown]
-# It explains 73 % of a clip that it was learned from. In the unseen clip it is worse than a tissue that stays
-# in its mean place: it has learned the clips by heart. Where the tissue is does not follow from the pose,
+# It explains {{ 100 * by_pose['a clip it was learned from']:.0f}} % of a clip that it was learned from. In the unseen
+# clip it is worse than a tissue that stays in its mean place{{ by_pose['an unseen clip'] < -0.3 }}: it has learned
+# the clips by heart. Where the tissue is does not follow from the pose,
 # since the same pose may be the top of a hop or a rest.
 #
 # ## What a mass on a spring does
@@ -125,7 +126,9 @@ Picture(
 # $\lambda^2 + 2 \zeta \omega \lambda + \omega^2 = 0$, so $\lambda = -\zeta \omega \pm i \omega \sqrt{1 - \zeta^2}$. In
 # a frame, $1/f$ seconds, such a term is multiplied by $z = e^{\lambda / f} = r e^{\pm i w}$, with
 # $r = e^{-\zeta \omega / f}$ and $w = \omega \sqrt{1 - \zeta^2} / f$. So the path is a sum of two terms of the form
-# $z^t$, with $z = r e^{i w}$ and $z = r e^{-i w}$. Put $z^t$ into the equation on the left and divide by $z^{t-2}$: it
+# $z^t$, with $z = r e^{i w}$ and $z = r e^{-i w}$.
+#
+# Put $z^t$ into the equation on the left and divide by $z^{t-2}$: it
 # holds if $z^2 = a_1 z + a_2$. The equation with these two solutions is
 # $(z - r e^{i w}) (z - r e^{-i w}) = z^2 - 2 r \cos w\, z + r^2 = 0$, which gives $a_1$ and $a_2$ as above. These
 # numbers $z$ are the **poles**. Their angle $w$ is how far the swing gets in a frame, and their size $r$ is how much of
@@ -143,8 +146,8 @@ print(f"it swings {swings:.2f} times a second and halves in {1e3 * halves:.0f} m
 
 # %% [markdown]
 # Our springs have 15 % of the damping at which nothing swings any more. Those of a layer of 6 cm have 5 Hz; thicker
-# layers are softer. Such a mass swings 4.94 times a second, and its swing halves in 147 ms. Half a second after a push,
-# less than a tenth is left.
+# layers are softer. Such a mass swings {{ swings:.2f}} times a second, and its swing halves in {{ 1e3 * halves:.0f}}
+# ms. Half a second after a push, {{ 100 * abs(pole) ** 30:.0f}} % of it are left.
 #
 # ## Dynamic blend shapes
 #
@@ -165,14 +168,20 @@ print(f"it swings {swings:.2f} times a second and halves in {1e3 * halves:.0f} m
 # Here are the lines that do it. `OneStep.of` stacks these rows of all clips; `regressors` is $Z$, and `targets` are the
 # right-hand sides, which form the matrix $Y$; the matrices that are looked for, one below the other, are $W$. In
 # `solve`, $C$ is the number of coefficients, `own` marks the columns of the two frames before, and `price` is the ridge
-# (lecture 5) of each column: next to nothing for these. For an input it is `ridge * (size + HARDLY**2)`, where `size`
+# (lecture 5) of each column: next to nothing for these.
+#
+# For an input it is `ridge * (size + HARDLY**2)`, where `size`
 # is the mean square of the input. The library squashes each vector $v$ of inputs to $v / \sqrt{m^2 + |v|^2}$, with a
 # scale $m$ for its kind, so that inputs stay between -1 and 1 in every motion. What is added to the mean of the squares
 # is the price times the square of the input's factor. The part of the first term is the same for large and small
-# inputs: an input that is half as large needs twice the factor for the same effect, and its `size` is a quarter. The
+# inputs: an input that is half as large needs twice the factor for the same effect, and its `size` is a quarter.
+#
+# The
 # second term makes inputs dear that hardly move in the clips: `HARDLY` is a hundredth, and where the mean square of an
 # input is much smaller than `HARDLY**2`, the price, compared with this mean square, is many times that of other inputs,
-# and least squares gives the input only a small factor, so that it does not explain noise. `penalised` solves the
+# and least squares gives the input only a small factor, so that it does not explain noise.
+#
+# `penalised` solves the
 # normal equations $(Z^\top Z / M + \operatorname{diag}(\text{price}))\, W = Z^\top Y / M$ of $M$ rows.
 #
 # We train one model with Dyna's inputs and one that also has the forces on parts of the body, which the next section
@@ -212,12 +221,16 @@ for name, error in ahead.items():
     alone = f"; by itself it explains {free[name]:.2f}" if name in free else ""
     print(f"{name}: one frame ahead off by {100 * error:.1f} % of the coefficients' rms{alone}")
 
+runs = {
+    name: tissue.displacements(body, tissue.coefficients(body, unseen.motion), unseen.motion.betas)
+    for name, tissue in tissues.items()
+}
+drawn_truth = unseen.displacements[:, softest, 1]  # m
+drawn_run = runs["with forces on parts"][:, softest, 1]
+
 with house_style():
     figure, axes = sheet(9.5, 3.4, columns=2)
-    for ax, (name, tissue) in zip(axes, tissues.items(), strict=True):
-        run = tissue.displacements(
-            body, tissue.coefficients(body, unseen.motion), unseen.motion.betas
-        )
+    for ax, (name, run) in zip(axes, runs.items(), strict=True):
         ax.plot(seconds, 1e3 * unseen.displacements[:, softest, 1], "k", lw=2, label="simulated")
         ax.plot(seconds, 1e3 * run[:, softest, 1], "C0", label=f"by itself: {name}")
         ax.set(xlabel="time (s)", ylabel="displacement upwards (mm)")
@@ -225,17 +238,20 @@ with house_style():
         ax.legend(loc="upper right")
 Picture(
     figure,
-    "The same vertex in the same clip. Each model runs by itself, from the motion alone. With Dyna's inputs "
-    "it goes astray; with what each soft part feels as further inputs it follows in the main, and is off by up "
-    "to 4.9 mm.",
+    "The same vertex in the same clip. Each model runs by itself, from the motion alone. With "
+    "Dyna's inputs it goes astray; with what each soft part feels as further inputs it follows "
+    f"in the main, and is off by up to {1e3 * np.abs(drawn_truth - drawn_run).max():.1f} mm.",
 )
 
 # %% [markdown]
-# One frame ahead, both models look good: they are off by 7.3 % and 5.5 % of the rms of the coefficients. But the guess
-# that nothing changes is off by no more than 15 %, since at 60 frames a second not much happens in a frame. So let each
+# One frame ahead, both models look good: they are off by {{ 100 * ahead["Dyna's inputs"]:.1f}} % and
+# {{ 100 * ahead['with forces on parts']:.1f}} % of the rms of the coefficients. But the guess
+# that nothing changes is off by no more than {{ 100 * ahead['as in the frame before']:.0f}} %, since at 60 frames a
+# second not much happens in a frame. So let each
 # model run by itself, from the motion alone, and feed on its own output. This is a **free run**, and it tells them
-# apart: with Dyna's inputs it is worse than a tissue that keeps its place, and with the further inputs of the next
-# section it explains 77 %. (That is of all vertices. Of the curve in the figure it explains 34 %.)
+# apart: with Dyna's inputs it is worse than a tissue that keeps its place{{ free["Dyna's inputs"] < -0.5 }}, and with
+# the further inputs of the next section it explains {{ 100 * free['with forces on parts']:.0f}} %. (That is of all
+# vertices. Of the curve in the figure it explains {{ 100 * share(drawn_truth, drawn_run):.0f}} %.)
 #
 # ## What a part of the body feels
 #
@@ -307,12 +323,17 @@ Picture(
 )
 
 # %% [markdown]
+# Ten seconds after a push, {{ sizes[1.02][-1] / sizes[1.02][0]:.0e}} of it are there with a spectral radius of
+# 1.02{{ sizes[tissue.spectral_radius][-1] < 1e-6 * sizes[tissue.spectral_radius][0] and 0.5 < sizes[1.0][-1] / sizes[1.0][0] < 50 and (np.abs(tissue.poles) < 1).all() }}.
+#
 # ## The embedded body
 #
-# `load_tissue()` is the tissue of the body `default`. It was learned in the same way, with 32 dynamic blend
-# shapes, from springs that recorded motion drove. The recordings are not part of the package, but what was
-# measured with them is: in clips and people that it had not seen, a free run explains 87.9 % of the
-# variance, with a 95 % interval from 81.1 % to 90.8 %. With Dyna's inputs alone it explains 33.5 %. (Above, where
+# `load_tissue()` is the tissue of the body `default`. It was learned in the same way, with
+# {{ load_tissue().n_coefficients }} dynamic blend shapes, from springs that recorded motion drove. The recordings are
+# not part of the package, but what was
+# measured with them is: in clips and people that it had not seen, a free run explains {{ 87.9 }} % of the variance,
+# with a 95 % interval from {{ 81.1 }} % to {{ 90.8 }} %. With Dyna's inputs alone it explains {{ 33.5 }} %. (Above,
+# where
 # they failed, the body and the clips were others.)
 #
 # Coefficients of zero give SMPL, to the last bit. An **exaggeration** multiplies them. How much farther the
@@ -334,8 +355,10 @@ for third in (-2.0, 0.0, 2.0):
 print(f"with exaggeration 3, by {3 * max(moves.values()):.0f} mm")
 
 # %% [markdown]
-# With a body mass index of 20 the skin moves by up to 25 mm in this hop, and with 29 by up to 30 mm. An exaggeration of
-# 3 makes 90 mm of these. The inputs are bounded, as they are squashed, and the model is stable: what
+# With a body mass index of {{ min(moves):.0f}} the skin moves by up to {{ moves[min(moves)]:.0f}} mm in this hop, and
+# with {{ max(moves):.0f}} by up to {{ moves[max(moves)]:.0f}} mm. An exaggeration of 3 makes
+# {{ 3 * moves[max(moves)]:.0f}} mm of these{{ untouched }}. The inputs are bounded, as they are squashed, and the
+# model is stable: what
 # each frame's input moves dies away like the push above. So the displacements are bounded too, whatever the motion.
 #
 # ## Where bones come from
@@ -355,7 +378,9 @@ print(f"with exaggeration 3, by {3 * max(moves.values()):.0f} mm")
 # $Q$ tell how many there are (lecture 8). With measured meshes, noise leaves none of them exactly zero, so that one
 # asks how small a singular value is *compared with the largest one*: the smaller it is, the further a given noise moves
 # the joint along its direction. We try it with a synthetic limb of two bones that moves in two ways: like a shoulder,
-# about all axes, and like a hinge, about one. In the cell, the rows of `joint.directions` are the right singular
+# about all axes, and like a hinge, about one.
+#
+# In the cell, the rows of `joint.directions` are the right singular
 # vectors of $Q$, and `joint.parting` holds its singular values over the root of the number of frames: how far the bones
 # part a point, root mean square over the frames, for each metre along that direction. These meshes have no noise, so
 # that a fixed limit tells zero from the rest.
@@ -399,10 +424,13 @@ Picture(
 )
 
 # %% [markdown]
-# Both limbs are explained to rounding. The shoulder is found to rounding too, since its equations have rank
-# 3. (The note below it is about another joint, that of the root: the root hangs on nothing, so that no equation
-# speaks of its place.) Those of the hinge have rank 2: its joint is 14 mm away from where it was when the meshes were
-# made, along the axis z, and no mesh contradicts. This is a null direction as in lecture 8. `wb.rig` names it in its
+# Both limbs are explained to rounding{{ all(one.rms < 1e-9 for one in rigged.values()) }}. The shoulder is found to
+# rounding too, since its equations have rank {{ rank['shoulder']}}. (The note below it is about another joint, that
+# of the root: the root hangs on nothing, so that no equation
+# speaks of its place.) Those of the hinge have rank {{ rank['hinge']}}: its joint is {{ off:.0f}} mm away from where
+# it was when the meshes were
+# made, along the axis z{{ abs(rigged['hinge'].joints[0].free[0, 2]) > 0.999 }}, and no mesh contradicts. This is a
+# null direction as in lecture 8. `wb.rig` names it in its
 # notes, and the remedy lies in the data: turn the limb about another axis as well.
 #
 # ## What to remember

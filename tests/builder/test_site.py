@@ -16,8 +16,8 @@ from builder.site.__main__ import main
 from builder.site.pages import ExampleRun, rendered
 from builder.site.reference import annotated, inventory
 from tests.site.links import pages_of, troubles
+from tests.site.test_course_site import not_run
 from workbench.course import notebooks
-from workbench.course import site as course_pages
 from workbench.course.outline import lecture
 from workbench.course.site import NEEDED
 from workbench.errors import BadFile
@@ -30,13 +30,13 @@ PRINTED = "printed when the site was built"
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A site whose lectures and examples were not run."""
-    for name in (*notebooks.NEEDED, *NEEDED):
+    for name in NEEDED:
         if importlib.util.find_spec(name) is None:
             pytest.skip(f"{name} is not installed")
     figure = tmp_path_factory.mktemp("figures") / "balance.png"
     figure.write_bytes((ROOT / "examples" / "balance.png").read_bytes())
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(course_pages, "executed", lambda made, lecture, folder: made)
+        patch.setattr(notebooks, "carried_out", not_run)
         patch.setattr(site_pages, "run_example", lambda script: stand_in(script, figure))
         out = tmp_path_factory.mktemp("site") / "out"
         assert write_site(out) == out / "index.html"
@@ -216,14 +216,12 @@ def test_figures_and_output_are_taken_from_a_run(tmp_path: Path) -> None:
 
 @pytest.mark.thorough
 def test_notebook_installs_what_a_browser_needs() -> None:
-    for name in ("jupytext", "nbformat"):
-        pytest.importorskip(name)
     made = lite.for_browsers(lecture(2))
-    code = [cell for cell in made.cells if cell.cell_type == "code"]
-    compile(code[0].source, "cell", "exec", flags=0x2000)  # with await at its top
-    assert "piplite.install('smpl-workbench', deps=False)" in code[0].source
-    assert "'casadi'" in code[0].source
-    assert all("piplite" not in cell.source for cell in code[1:])
+    code = [cell["source"] for cell in made["cells"] if cell["cell_type"] == "code"]
+    compile(code[0], "cell", "exec", flags=0x2000)  # with await at its top
+    assert "piplite.install('smpl-workbench', deps=False)" in code[0]
+    assert "'casadi'" in code[0]
+    assert all("piplite" not in cell for cell in code[1:])
 
 
 def test_missing_tools_of_lite_are_told(

@@ -83,9 +83,7 @@ def test_lecture_check_tells_why_an_answer_is_wrong(workbench: Run) -> None:
     assert "there is no file" in err
 
 
-@pytest.mark.thorough
 def test_notebooks_of_others_are_not_written_over(workbench: Run) -> None:
-    pytest.importorskip("jupytext")
     Path("books").mkdir()
     Path("books/lec06_least_squares.ipynb").write_text("a student's evening")
     code, _, err = workbench("lecture", "notebooks", "books")

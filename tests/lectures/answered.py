@@ -1,19 +1,14 @@
-"""Answers that are not ours, marked."""
+"""Answers that are not ours, graded."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from workbench.course.grading import CheckResult, CheckState, grade_exercise
-from workbench.course.outline import Lecture, lecture
-
-
-def marks_here(one: Lecture, exercise: str, answer: Callable[..., Any]) -> list[CheckResult]:
-    """Of a function that answers in this process."""
-    return grade_exercise(one, exercise, answer)
+from workbench.course.grading import CheckState, grade_exercise
+from workbench.course.outline import lecture
 
 
 def all_pass(number: int, answers: Mapping[str, Callable[..., Any]]) -> None:
     """Every check of these exercises of a lecture."""
     for exercise, answer in answers.items():
-        for one in marks_here(lecture(number), exercise, answer):
+        for one in grade_exercise(lecture(number), exercise, answer):
             assert one.state is CheckState.PASSED, one

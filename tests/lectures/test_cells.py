@@ -1,12 +1,13 @@
 """What a lecture shows of its cells: code apart from drawing, the library's own code, formulas."""
 
 import re
+from pathlib import Path
 
 import pytest
 
 import workbench as wb
 from workbench.course import source
-from workbench.course.cells import apart, cells
+from workbench.course.cells import apart, carried_out, cells
 from workbench.course.formulas import in_letters
 from workbench.course.outline import course
 from workbench.errors import BadFile
@@ -24,6 +25,38 @@ def test_apart_splits_a_cell_where_drawing_begins() -> None:
     assert drawing == "# two lines\nwith house_style():\n    g(x)\nPicture(figure, 'so')"
     assert apart("x = f()\ng(x)") == ("x = f()\ng(x)", "")
     assert apart("with house_style():\n    g()")[0] == ""
+
+
+def run(tmp_path: Path, text: str) -> list[str]:
+    """The prose of a script, filled."""
+    path = tmp_path / "lecture.py"
+    path.write_text(text)
+    return [cell.text for cell, _, _ in carried_out(path) if cell.prose]
+
+
+def test_prose_takes_its_numbers_from_the_run(tmp_path: Path) -> None:
+    code = "# %%\nx = {'a b': -1234.56}\nprint('up to 1,250.5 mm, 3 of 4')\n# %% [markdown]\n"
+    (said,) = run(tmp_path, code + "# It is {{ x['a\n# b']:,.1f }}{{ x['a b'] < 0 }}.")
+    assert said == "It is -1,234.6."
+    (said,) = run(
+        tmp_path, code + "# $x = {{ printed('up to')[0]:g }}$ of {{ printed('mm')[-1]:.0f}}"
+    )
+    assert said == "$x = 1250.5$ of 4"
+
+
+@pytest.mark.parametrize(
+    ("field", "told"),
+    [
+        ("{{ x > 3 }}", "line 4: what the prose says is not so in this run: {{ x > 3 }}"),
+        ("{{ y }}", "line 4: {{ y }} has no value: NameError"),
+        ("{{ printed('z')[0] }}", "no printed line holds"),
+    ],
+)
+def test_prose_that_the_run_does_not_bear_out_is_refused(
+    field: str, told: str, tmp_path: Path
+) -> None:
+    with pytest.raises(BadFile, match=re.escape(told)):
+        run(tmp_path, f"# %%\nx = 2\n# %% [markdown]\n# It is so: {field}")
 
 
 def test_folded_code_of_every_lecture_only_draws() -> None:

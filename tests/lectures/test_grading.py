@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.lectures.answered import marks_here
 from tests.tiers import few
 from workbench.course.checks import Missed, equal
-from workbench.course.grading import CheckResult, CheckState, Grade
+from workbench.course.grading import CheckResult, CheckState, Grade, grade_exercise
 from workbench.course.outline import hand_out, lecture
 from workbench.course.process import ProcessLimits, grade, load
 from workbench.errors import BadArgument, BadFile, UnknownName
@@ -50,7 +49,7 @@ def said(found: Grade, exercise: str) -> str:
 
 def marks_of(number: int, **answer: Any) -> list[CheckResult]:
     ((name, function),) = answer.items()
-    return marks_here(lecture(number), name, function)
+    return grade_exercise(lecture(number), name, function)
 
 
 def test_equal_says_how_far_numbers_are_off() -> None:

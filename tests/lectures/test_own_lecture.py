@@ -1,25 +1,26 @@
 """A lecture in a folder of its own: listed, shown, run, handed out and checked like the others."""
 
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
-from tests.lectures.answered import marks_here
 from workbench.cli.app import app
 from workbench.cli.new import write_scaffold
-from workbench.course.grading import CheckState
+from workbench.course.grading import CheckState, grade_exercise
 from workbench.course.outline import lecture_named, own_lecture
 from workbench.errors import BadFile, UnknownName
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "200")
-    monkeypatch.setattr("sys.modules", {**sys.modules})  # whose package it is
-    return write_scaffold("lecture", "of_my_own")
+    yield write_scaffold("lecture", "of_my_own")
+    for name in [name for name in sys.modules if "of_my_own" in name or "another" in name]:
+        del sys.modules[name]  # the next test has a folder of this name elsewhere
 
 
 @pytest.mark.thorough
@@ -48,7 +49,7 @@ def test_own_lecture_checks_reject_every_mistake(folder: Path) -> None:
         for mistake in lecture.mistakes:
             if mistake.exercise != exercise:
                 continue
-            (one,) = marks_here(lecture, exercise, mistake.answer)
+            (one,) = grade_exercise(lecture, exercise, mistake.answer)
             assert one.state is CheckState.FAILED
             assert one.hint == mistake.hint
             rejected += 1

@@ -12,7 +12,6 @@ from workbench.course.checks import Missed, outcome
 from workbench.course.outline import course, lecture
 from workbench.course.packs.keys import OF_THE_LECTURE, ClassKey, ExerciseKey, make_keys
 from workbench.course.packs.marking import compare
-from workbench.course.packs.submissions import functions_in
 from workbench.course.packs.variants import PackExercise, chosen, variants_of
 from workbench.course.plain import decode
 from workbench.errors import BadArgument, UnknownName
@@ -65,7 +64,6 @@ def numbers_matter_and_mistakes_are_wrong(one: PackExercise) -> None:
         assert wrong(one.published.solution(variant.exercise), {}, key, key.tries)
     assert one.mistakes, "a variant has a likely mistake"
     assert "->" in variant.task
-    assert list(functions_in("".join(keys().sources[one.number].values())))
 
 
 def test_every_lecture_has_two_variants_or_more() -> None:

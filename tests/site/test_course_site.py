@@ -1,18 +1,20 @@
 """Notebooks and the site: from the same scripts, whole, with no page that needs the network."""
 
 import importlib.util
-import os
+import inspect
+import json
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from urllib.parse import urlparse
 
 import pytest
 
-import workbench
 from tests.site.links import pages_of, troubles
 from workbench.course import notebooks
-from workbench.course import site as course_pages
-from workbench.course.cells import only_imports
-from workbench.course.notebooks import exercises, notebook, tool
+from workbench.course.cells import Cell, cells, only_imports
+from workbench.course.notebooks import exercises, notebook, tool, without_results
+from workbench.course.outline import lecture
 from workbench.course.site import NEEDED, write_course_site
 from workbench.errors import BadFile
 from workbench.lectures.outline import COURSE
@@ -21,26 +23,34 @@ THERE = [one for one in COURSE if one.there]
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("lecture", THERE, ids=lambda one: one.folder_name)
-def test_notebook_holds_the_lecture_and_no_solution(lecture) -> None:
-    pytest.importorskip("jupytext")
+def test_notebook_holds_the_lecture_its_results_and_no_solution() -> None:
     nbformat = pytest.importorskip("nbformat")
-    made = notebook(lecture)
-    nbformat.validate(made)
-    text = "\n".join(cell.source for cell in made.cells)
-    assert made.cells[0].source.startswith(f"# {lecture.title}")
-    for name in lecture.exercises:
+    one = lecture(2)
+    made = notebook(one)
+    nbformat.validate(nbformat.from_dict(made))
+    text = "\n".join(cell["source"] for cell in made["cells"])
+    assert text.startswith(f"# {one.title}")
+    assert "{{" not in text.partition("## Exercises")[0].replace("{{'", "")
+    for name in one.exercises:
         assert f"`{name}(" in text
-    assert not any(cell.get("outputs") for cell in made.cells)
-    exercises_begin = next(
-        k for k, cell in enumerate(made.cells) if cell.source.startswith("## Exercises")
-    )
-    for cell in made.cells[:exercises_begin]:
-        aside = cell.cell_type == "code" and (
-            cell.source.startswith("with house_style():") or only_imports(cell.source)
-        )
-        assert ("hide-input" in cell.metadata.get("tags", ())) is aside  # folded on the site
-    assert [c.source for c in notebook(lecture).cells] == [c.source for c in made.cells]
+        assert inspect.getsource(one.solution(name)).partition("\n")[2] not in text
+    shown = [output for cell in made["cells"] for output in cell.get("outputs", [])]
+    assert any("<figure" in output.get("data", {}).get("text/html", "") for output in shown)
+    assert any("det M = " in output.get("text", "") for output in shown)
+    folded = [cell["source"] for cell in made["cells"] if "hide-input" in tags_of(cell)]
+    assert all(code.startswith("with house_style():") or only_imports(code) for code in folded)
+    assert not any(cell.get("outputs") for cell in without_results(made)["cells"])
+    assert json.dumps(notebook(one)) == json.dumps(made)
+
+
+def tags_of(cell: dict) -> list:
+    return cell["metadata"].get("tags", [])
+
+
+def test_lecture_that_fails_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    (tmp_path / "lecture.py").write_text("# %%\n1 / 0\n")
+    with pytest.raises(BadFile, match="lecture 2 stops: ZeroDivisionError"):
+        notebook(replace(lecture(2), place=tmp_path))
 
 
 def test_exercises_are_listed_with_their_points() -> None:
@@ -58,12 +68,12 @@ def test_missing_tool_is_named_with_its_cure(monkeypatch: pytest.MonkeyPatch) ->
 
     monkeypatch.setattr(notebooks, "import_module", absent)
     with pytest.raises(BadFile, match=r"pip install 'smpl-workbench\[course\]', or in .*'\.\[c"):
-        tool("nbclient")
+        tool("sphinx")
 
 
 @pytest.mark.thorough
 def test_site_replaces_nothing_of_others(tmp_path: Path) -> None:
-    have(*notebooks.NEEDED, *NEEDED)
+    have(*NEEDED)
     (tmp_path / "thesis.tex").write_text("years of work")
     with pytest.raises(BadFile, match="no site of ours"):
         write_course_site(tmp_path)
@@ -76,13 +86,17 @@ def have(*names: str) -> None:
             pytest.skip(f"{name} is not installed")
 
 
+def not_run(path: Path, names: dict) -> Iterator[tuple[Cell, None, str]]:
+    return ((cell, None, "") for cell in cells(path))
+
+
 @pytest.mark.thorough
 def test_site_is_whole_and_loads_nothing_from_elsewhere(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Every link leads somewhere, and nothing is loaded from elsewhere. No cell is run here."""
-    have(*notebooks.NEEDED, *NEEDED)
-    monkeypatch.setattr(course_pages, "executed", lambda made, lecture, folder: made)
+    have(*NEEDED)
+    monkeypatch.setattr(notebooks, "carried_out", not_run)
     out = tmp_path / "new" / "site"
     assert write_course_site(out) == out / "index.html"
     pages = {path.name: links for path, links in pages_of(out).items()}
@@ -92,25 +106,3 @@ def test_site_is_whole_and_loads_nothing_from_elsewhere(
     (out / "left-over.html").touch()
     write_course_site(out)  # once more, in its own place
     assert not (out / "left-over.html").exists()
-
-
-@pytest.mark.thorough
-def test_kernel_finds_the_workbench_that_started_it(tmp_path: Path) -> None:
-    """Also that of a checkout that is not installed."""
-    have(*notebooks.NEEDED)
-    v4 = tool("nbformat").v4
-    made = v4.new_notebook(cells=[v4.new_code_cell("import os; os.environ['PYTHONPATH']")])
-    done = notebooks.executed(made, THERE[0], tmp_path)
-    first = done.cells[0].outputs[0]["data"]["text/plain"].strip("'").split(os.pathsep)[0]
-    assert Path(first) == Path(workbench.__file__).parents[1]
-
-
-@pytest.mark.thorough
-def test_notebook_of_a_lecture_executes(tmp_path: Path) -> None:
-    """One: the cells of every lecture are run in tests/lectures."""
-    have(*notebooks.NEEDED)
-    lecture = next(one for one in THERE if one.number == 2)
-    done = notebooks.executed(notebook(lecture), lecture, tmp_path)
-    shown = [output for cell in done.cells for output in cell.get("outputs", [])]
-    assert any("<figure" in output.get("data", {}).get("text/html", "") for output in shown)
-    assert not any(output.get("name") == "stderr" for output in shown)

@@ -19,15 +19,7 @@ from workbench.cli.console import make_folder, print_page, say, waiting
 from workbench.course.cells import Cell, carried_out
 from workbench.course.formulas import in_letters
 from workbench.course.grading import CheckResult, CheckState, Grade
-from workbench.course.notebooks import (
-    NEEDED,
-    add_links,
-    executed,
-    notebook,
-    requirements,
-    tool,
-    write_notebook,
-)
+from workbench.course.notebooks import notebook, write_notebook
 from workbench.course.outline import course as outline
 from workbench.course.outline import hand_out, lecture_named, own_lecture
 from workbench.course.packs.variants import variants_of
@@ -112,7 +104,7 @@ def run(
     one, console = lecture_named(number), Console()
     make_folder(out / one.folder_name)
     pictures = 0
-    for cell, value in carried_out(one.folder / "lecture.py", _show_code if code else _nothing):
+    for cell, value, _ in carried_out(one.folder / "lecture.py", _show_code if code else _nothing):
         if cell.prose:
             _show_prose(console, cell.text)
         elif isinstance(value, course.Picture):
@@ -222,42 +214,17 @@ def check(
         raise typer.Exit(NOT_ALL_PASSED)
 
 
-def notebooks(
-    folder: Folder,
-    repository: Annotated[
-        str | None,
-        typer.Option(
-            metavar="OWNER/NAME",
-            help="Repository on GitHub that will hold them: adds links to Colab and Binder, and "
-            "the installation.",
-        ),
-    ] = None,
-    at: Annotated[
-        str, typer.Option(metavar="BRANCH/FOLDER", help="Where in the repository.")
-    ] = "main",
-) -> None:
-    """Write all lectures as notebooks, with the results of every cell. Needs the extra `course`.
-
-    No file there is overwritten.
-    """
+def notebooks(folder: Folder) -> None:
+    """Write all lectures as notebooks, with the results of every cell. No file is overwritten."""
     console = Console()
-    for name in NEEDED:
-        tool(name)  # so that a missing library is told before a folder is made
     paths = {folder / f"{one.folder_name}.ipynb": one for one in outline() if one.there}
-    listed = folder / "requirements.txt"
-    for path in (*paths, *([listed] if repository else [])):
+    for path in paths:
         if path.exists():
             raise BadFile(f"{path} exists already, perhaps with somebody's work; name a new folder")
-    if repository:
-        first = notebook(lecture_named("1"))  # so that mistakes are told before the work
-        add_links(first, repository, at, "lec")
     make_folder(folder)
     for path, one in paths.items():
         console.print(f"[dim]running lecture {one.number}, {escape(one.title)}[/]")
-        done = executed(notebook(one), one, folder)
-        write_notebook(add_links(done, repository, at, path.stem) if repository else done, path)
-    if repository:
-        write_file(listed, requirements())
+        write_notebook(notebook(one), path)
     print_page(console, "notebooks", folder)
 
 
@@ -335,10 +302,9 @@ def _state(mark: CheckResult) -> str:
 
 
 def _lines(mark: CheckResult) -> list[str]:
-    told = (("", mark.what), ("expected  ", mark.expected), ("returned  ", mark.came))
-    lines = [
-        f"[dim]{title}[/]" + escape(text).replace("\n", "\n" + " " * len(title))
-        for title, text in told
-        if text
-    ]
-    return lines + ([f"[yellow]perhaps[/]   {escape(mark.hint)}"] if mark.hint else [])
+    lines = []
+    for title, text in mark.told:
+        lead = f"{title:10}" if title else ""
+        style = "yellow" if title == "perhaps" else "dim"
+        lines.append(f"[{style}]{lead}[/]" + escape(text).replace("\n", "\n" + " " * len(lead)))
+    return lines

@@ -1,10 +1,9 @@
 """What lectures are made of, what grades their exercises, and their site and slides.
 
-A lecture is a folder of four files in `lectures/`, with a line in `lectures/outline.py`. `process`
-runs a student's file in a process that can be killed, and `grading` compares its answers with the
-solution's. The likeliest mistake is found by calling the known wrong answers with the same
-arguments. What prose says about a run is listed phrase by phrase in `tests/lectures/claims/`, each
-with a function that checks it.
+A lecture is a folder of four files in `lectures/`, with a line in `lectures/outline.py`. Its prose
+takes its numbers from the run of its code (`cells`). `process` runs a student's file in a process
+that can be killed, and `grading` compares its answers with the solution's. The likeliest mistake is
+found by calling the known wrong answers with the same arguments.
 """
 
 from typing import TYPE_CHECKING, Any

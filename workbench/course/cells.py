@@ -1,9 +1,18 @@
-"""The cells of a lecture's script: running them, and which of them draw."""
+"""The cells of a lecture's script: running them, filling prose, and which cells draw.
+
+Prose takes its numbers from the run: `{{ expression:format }}` in a Markdown cell is replaced by
+the value of the expression at that place, with the format of an f-string. A field whose value is
+true is shown as nothing, and one whose value is false stops the lecture, so that a sentence can be
+held to what was computed: `SMPL is closer{{ off["SMPL"] < off["cubic"] }}.`
+"""
 
 import ast
 import re
+import sys
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from contextlib import redirect_stdout
+from dataclasses import dataclass, replace
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -47,19 +56,72 @@ def carried_out(
     path: Path,
     before: Callable[[Cell], None] = lambda cell: None,
     names: dict[str, Any] | None = None,
-) -> Iterator[tuple[Cell, Any]]:
-    """Run the cells one by one; yields each with the value of its last line, None for prose.
+) -> Iterator[tuple[Cell, Any, str]]:
+    """Run the cells one by one; yields each with the value of its last line and what it printed.
 
-    `before` is called with each cell before it is run. What the cells define is put into `names`.
+    Prose comes with its fields filled. What is printed is shown as well. `before` is called with
+    each cell before it is run. What the cells define is put into `names`. Raises BadFile if a field
+    has no value, or a false one.
     """
     names = {} if names is None else names
+    output = _Output()
     names |= {"__name__": "lecture", "__file__": str(path)}
     for cell in cells(path):
         before(cell)
-        yield cell, None if cell.prose else _value(cell, names, path)
+        if cell.prose:
+            fields = {**names, "printed": output.numbers}
+            yield replace(cell, text=filled(cell.text, fields, path, cell.line)), None, ""
+        else:
+            output.shown, printed = sys.stdout, len(output.getvalue())
+            with redirect_stdout(output):
+                value = value_of(cell, names, path)
+            yield cell, value, output.getvalue()[printed:]
 
 
-def _value(cell: Cell, names: dict[str, Any], path: Path) -> Any:
+def filled(text: str, names: dict[str, Any], path: Path, line: int = 1) -> str:
+    """Prose with the values of its fields. Raises BadFile, which names the field and its line."""
+
+    newline = "\n"
+
+    def value(field: re.Match[str]) -> str:
+        place = f"{path}, line {line + text[: field.start()].count(newline)}"
+        try:
+            expression = re.sub(r"\s*\n\s*", " ", field[1].strip())
+            shown = str(eval(f"f'''{{ {expression}}}'''", names))
+        except Exception as error:
+            reason = f"{type(error).__name__}: {error}"
+            raise BadFile(f"{place}: {field[0]} has no value: {reason}") from error
+        if shown == "False":
+            raise BadFile(f"{place}: what the prose says is not so in this run: {field[0]}")
+        return "" if shown == "True" else shown
+
+    return re.sub(r"\{\{(.+?)\}\}", value, text, flags=re.S)
+
+
+class _Output(StringIO):
+    """What a lecture has printed, which is kept, and passed on to where it is shown."""
+
+    shown: Any = None
+
+    def write(self, text: str) -> int:
+        self.shown.write(text)
+        return super().write(text)
+
+    def flush(self) -> None:
+        self.shown.flush()
+
+    def numbers(self, *words: str) -> list[float]:
+        """The numbers in the last printed line that holds all of these words."""
+        lines = [one for one in self.getvalue().splitlines() if all(w in one for w in words)]
+        if not lines:
+            raise LookupError(f"no printed line holds {words}")
+        return [float(number.replace(",", "")) for number in NUMBER.findall(lines[-1])]
+
+
+NUMBER = re.compile(r"(?<![\w.^-])[-+]?\d+(?:,\d{3})*(?:\.\d+)?(?:e[-+]?\d+)?(?![\w^])")
+
+
+def value_of(cell: Cell, names: dict[str, Any], path: Path) -> Any:
     """Run a cell. Returns the value of its last line, if that is an expression, else None."""
     tree = ast.parse("\n" * (cell.line - 1) + cell.text, str(path))
     last = tree.body[-1] if tree.body else None

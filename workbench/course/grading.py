@@ -67,6 +67,12 @@ class CheckResult:
         """All points of the check if it passed, otherwise none."""
         return self.of if self.state is CheckState.PASSED else 0
 
+    @property
+    def told(self) -> list[tuple[str, str]]:
+        """What was missed, expected and returned, and the likeliest mistake: titles and texts."""
+        every = ("", self.what), ("expected", self.expected), ("returned", self.came)
+        return [(title, text) for title, text in (*every, ("perhaps", self.hint)) if text]
+
     def data(self) -> dict[str, Any]:
         """All fields and the points, as plain data."""
         return asdict(self) | {"state": self.state.value, "points": self.points}
@@ -141,15 +147,6 @@ class Grade:
                 for k, (name, results) in enumerate(self.exercises.items(), 1)
             ],
         }
-
-
-def not_done(lecture: Lecture, exercises: Sequence[str], what: str) -> list[CheckResult]:
-    """The results of checks that could not be run, all of them failed, for the reason `what`."""
-    return [
-        CheckResult(check.exercise, check.name, check.points, CheckState.FAILED, what)
-        for check in lecture.checks
-        if check.exercise in exercises
-    ]
 
 
 class Unanswered(Exception):
@@ -285,17 +282,8 @@ def check_here(number: int, answer: Callable[..., Any]) -> None:
         raise UnknownName(f"exercise of lecture {number}", name, one.exercises)
     results = grade_exercise(one, name, answer)
     for result in results:
-        print("\n".join(_lines(result)))
+        print(f"{result.state.value}: {result.check}")
+        for title, text in result.told:
+            lead = f"{title} " if title else ""
+            print(f"    {lead}" + text.replace("\n", "\n    " + " " * len(lead)))
     print(f"{sum(r.points for r in results)} of {sum(r.of for r in results)} points")
-
-
-def _lines(result: CheckResult) -> list[str]:
-    lines = [f"{result.state.value}: {result.check}"]
-    if result.state is CheckState.FAILED:
-        told = (("", result.what), ("expected ", result.expected), ("returned ", result.came))
-        lines += [
-            f"    {title}" + text.replace("\n", "\n    " + " " * len(title))
-            for title, text in (*told, ("perhaps ", result.hint))
-            if text
-        ]
-    return lines

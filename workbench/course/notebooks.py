@@ -2,22 +2,29 @@
 
 import ast
 import inspect
-import os
-import re
+import json
+from contextlib import redirect_stdout
 from importlib import import_module
+from io import StringIO
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from workbench.course.cells import FOLDED, apart, only_imports
+from workbench.course.cells import FOLDED, Cell, apart, carried_out, only_imports, value_of
 from workbench.course.outline import Lecture
-from workbench.course.process import environment
-from workbench.environment import DISTRIBUTION, pip_install
-from workbench.errors import BadArgument, BadFile
+from workbench.environment import pip_install
+from workbench.errors import BadFile
 from workbench.writing import write_file
 
-SECONDS = 120.0  # s, for a cell
-NEEDED = ("jupytext", "nbformat", "nbclient", "ipykernel")
+Notebook = dict[str, Any]  # as JSON, in the format 4.5 of Jupyter
+NOTEBOOK = {
+    "metadata": {
+        "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},
+        "language_info": {"name": "python"},
+    },
+    "nbformat": 4,
+    "nbformat_minor": 5,
+}
 
 
 class CellFailed(BadFile):
@@ -35,38 +42,85 @@ def tool(name: str) -> ModuleType:
         ) from error
 
 
-def notebook(lecture: Lecture) -> Any:
-    """The lecture and its exercises as a notebook whose cells have not been run."""
-    jupytext, v4 = tool("jupytext"), tool("nbformat").v4
-    script = (lecture.folder / "lecture.py").read_text(encoding="utf-8")
-    made = jupytext.reads(script, fmt="py:percent")
-    made.cells = [part for cell in made.cells for part in _parts(cell)]
-    kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}
-    made.metadata = {"kernelspec": kernel, "language_info": {"name": "python"}}
+def notebook(lecture: Lecture) -> Notebook:
+    """Run a lecture; its cells with their results, and its exercises, as a notebook.
+
+    Raises CellFailed if the lecture stops with an error.
+    """
+    names: dict[str, Any] = {}
+    made: list[dict[str, Any]] = []
+    try:
+        with redirect_stdout(StringIO()):
+            for cell, value, printed in carried_out(lecture.folder / "lecture.py", names=names):
+                made += [prose_cell(cell.text)] if cell.prose else _parts(cell.text, value, printed)
+            made += _exercise_cells(lecture, names)
+    except Exception as error:
+        reason = f"{type(error).__name__}: {error}"
+        raise CellFailed(f"lecture {lecture.number} stops: {reason}") from error
+    return as_notebook(made)
+
+
+def as_notebook(cells: list[dict[str, Any]]) -> Notebook:
+    """Cells as a notebook."""
+    return NOTEBOOK | {"cells": [cell | {"id": f"cell-{k}"} for k, cell in enumerate(cells)]}
+
+
+def prose_cell(text: str) -> dict[str, Any]:
+    """A cell of Markdown."""
+    return {"cell_type": "markdown", "metadata": {}, "source": text}
+
+
+def code_cell(
+    text: str, metadata: dict[str, Any], value: Any = None, printed: str = ""
+) -> dict[str, Any]:
+    """A cell of code, with what it printed and the value of its last line."""
+    outputs: list[dict[str, Any]] = []
+    if printed:
+        outputs.append({"output_type": "stream", "name": "stdout", "text": printed})
+    if value is not None:
+        data = {"text/plain": repr(value)}
+        for kind, method in (("html", "_repr_html_"), ("markdown", "_repr_markdown_")):
+            if hasattr(value, method):
+                data[f"text/{kind}"] = getattr(value, method)()
+        outputs.append({"output_type": "display_data", "data": data, "metadata": {}})
+    return {
+        "cell_type": "code",
+        "execution_count": None,
+        "metadata": metadata,
+        "outputs": outputs,
+        "source": text,
+    }
+
+
+def without_results(made: Notebook) -> Notebook:
+    """The same, as if no cell had been run."""
+    cells = [one | ({"outputs": []} if "outputs" in one else {}) for one in made["cells"]]
+    return made | {"cells": cells}
+
+
+def _parts(code: str, value: Any, printed: str) -> list[dict[str, Any]]:
+    """A cell of code; if it ends in a figure, what it computes and, folded, what it draws."""
+    computing, drawing = apart(code)
+    if not drawing:
+        return [code_cell(code, FOLDED if only_imports(code) else {}, value, printed)]
+    drawn = code_cell(drawing, FOLDED, value, "" if computing else printed)
+    return [code_cell(computing, {}, None, printed), drawn] if computing else [drawn]
+
+
+def _exercise_cells(lecture: Lecture, names: dict[str, Any]) -> list[dict[str, Any]]:
     introduction, *texts = exercises(lecture)
-    made.cells.append(v4.new_markdown_cell(introduction))
-    made.cells.append(v4.new_code_cell(_given(lecture)))
+    made = [prose_cell(introduction), _ran(_given(lecture), [], names)]
     for name, text in zip(lecture.exercises, texts, strict=True):
-        made.cells.append(v4.new_markdown_cell(text))
         stub = inspect.getsource(getattr(lecture.module("exercises"), name)).rstrip()
-        for tag, code in (("answer", stub), ("check", f"check_here({lecture.number}, {name})")):
-            made.cells.append(v4.new_code_cell(code, metadata={"tags": [tag]}))
-    for k, cell in enumerate(made.cells):
-        cell["id"] = f"cell-{k}"  # otherwise random, so that no two builds are alike
+        check = f"check_here({lecture.number}, {name})"
+        made += [prose_cell(text), _ran(stub, ["answer"], names), _ran(check, ["check"], names)]
     return made
 
 
-def _parts(cell: Any) -> list[Any]:
-    """A cell of code that ends in a figure as two: what it computes, and, folded, what it draws."""
-    if cell.cell_type != "code":
-        return [cell]
-    computing, drawing = apart(cell.source)
-    if only_imports(cell.source):
-        cell.metadata.update(FOLDED)
-    if not drawing:
-        return [cell]
-    new = tool("nbformat").v4.new_code_cell
-    return [new(computing)] * bool(computing) + [new(drawing, metadata=FOLDED)]
+def _ran(code: str, tags: list[str], names: dict[str, Any]) -> dict[str, Any]:
+    with redirect_stdout(StringIO()) as printed:
+        value_of(Cell(False, code, 1), names, Path("exercises.py"))
+    return code_cell(code, {"tags": tags} if tags else {}, None, printed.getvalue())
 
 
 def exercises(lecture: Lecture) -> list[str]:
@@ -84,8 +138,7 @@ def exercises(lecture: Lecture) -> list[str]:
         function = getattr(given, name)
         points = sum(check.points for check in lecture.checks if check.exercise == name)
         arguments = ", ".join(inspect.signature(function).parameters)
-        known = lecture.minutes_for(name)
-        minutes = f", about {known} minutes" if known else ""
+        minutes = f", about {known} minutes" if (known := lecture.minutes_for(name)) else ""
         texts.append(
             f"### {lecture.number}.{k} `{name}({arguments})`\n\n{points} "
             f"point{'s' * (points != 1)}{minutes}"
@@ -103,56 +156,6 @@ def _given(lecture: Lecture) -> str:
     return "\n".join(["from workbench.course.grading import check_here", *kept[1:]])
 
 
-def executed(made: Any, lecture: Lecture, folder: Path) -> Any:
-    """A notebook with the results of all cells. Raises CellFailed with the first error."""
-    nbclient = tool("nbclient")
-    tool("ipykernel")
-    client = nbclient.NotebookClient(
-        made,
-        timeout=SECONDS,
-        kernel_name="python3",
-        extra_arguments=["--IPKernelApp.log_level=ERROR"],  # or it warns about the network
-        resources={"metadata": {"path": str(folder)}},
-    )
-    try:
-        done = client.execute(env={**os.environ, **environment()})
-    except nbclient.exceptions.CellExecutionError as error:
-        reason = f"{error.ename}: {error.evalue}"
-        raise CellFailed(f"lecture {lecture.number} stops as a notebook: {reason}") from error
-    for cell in done.cells:
-        cell.metadata.pop("execution", None)  # the time, with which no two builds are alike
-    return done
-
-
-def write_notebook(made: Any, path: Path) -> None:
+def write_notebook(made: Notebook, path: Path) -> None:
     """Write a notebook to a file `.ipynb`, whole or not at all."""
-    write_file(path, tool("nbformat").writes(made))
-
-
-def add_links(made: Any, repository: str, at: str, name: str) -> Any:
-    """Put links and an installation at the top of a notebook that has been run.
-
-    `repository` is `OWNER/NAME` on GitHub, and `at` the branch with the folder, if there is one, in
-    which the notebook `name` will be: `main/notebooks`. Raises BadArgument.
-    """
-    if not re.fullmatch(r"[\w.-]+/[\w.-]+", repository):
-        raise BadArgument(f"--repository takes OWNER/NAME, as on GitHub, not {repository!r}")
-    branch, _, folder = at.strip("/").partition("/")
-    if not branch:
-        raise BadArgument("--at takes a branch, and the folder in it: main/notebooks")
-    path = "/".join(filter(None, (folder, f"{name}.ipynb")))
-    colab = f"https://colab.research.google.com/github/{repository}/blob/{branch}/{path}"
-    binder = f"https://mybinder.org/v2/gh/{repository}/{branch}?labpath={path.replace('/', '%2F')}"
-    v4 = tool("nbformat").v4
-    links = v4.new_markdown_cell(f"[Open in Colab]({colab}) | [Open in Binder]({binder})")
-    install = v4.new_code_cell(
-        f'%pip install --quiet "{DISTRIBUTION}"', metadata={"tags": ["install"]}
-    )
-    links["id"], install["id"] = "links", "install"
-    made.cells[1:1] = [links, install]
-    return made
-
-
-def requirements() -> str:
-    """The text of the file `requirements.txt` from which Binder installs."""
-    return f"{DISTRIBUTION}\njupyterlab\n"
+    write_file(path, json.dumps(made, ensure_ascii=False, indent=1) + "\n")

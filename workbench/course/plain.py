@@ -18,14 +18,7 @@ from workbench.course.checks import Described, Raised, described, outcome, raise
 
 DEEPEST = 20  # levels of lists within lists
 LONGEST_LIST = 100_000  # entries; an array may have more
-TYPES = {"b": np.dtype("?"), "i": np.dtype("<i8"), "f": np.dtype("<f8"), "c": np.dtype("<c16")}
-AS = {
-    "b": "b",
-    "i": "i",
-    "u": "f",
-    "f": "f",
-    "c": "c",
-}  # NumPy's kinds, and the key of TYPES for each
+TYPES = {"b": "?", "i": "<i8", "u": "<f8", "f": "<f8", "c": "<c16"}  # by NumPy's kinds
 
 
 class Malformed(ValueError):
@@ -71,14 +64,14 @@ def _parts(value: Any, depth: int) -> Any:
 
 
 def _array(array: np.ndarray, value: Any) -> Any:
-    if array.dtype.kind not in AS:
+    if array.dtype.kind not in TYPES:
         if array.dtype.kind != "O":
             return encode(array.tolist()) if array.dtype.kind == "U" else _in_words(value)
         try:
             array = array.astype(float)
         except Exception:  # a type of the student's own may raise anything
             return _in_words(value)
-    kind = AS[array.dtype.kind]
+    kind = array.dtype.kind
     data = base64.b64encode(array.astype(TYPES[kind]).tobytes()).decode("ascii")
     return {"array": [kind, list(array.shape), data]}
 

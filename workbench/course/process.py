@@ -27,7 +27,6 @@ from workbench.course.grading import (
     CheckState,
     Grade,
     grade_exercise,
-    not_done,
     unfit,
 )
 from workbench.course.outline import Lecture, lecture_named
@@ -39,6 +38,7 @@ from workbench.processes import Channel, Started, TooLong, end_with_parent, sign
 STARTING = 120.0  # s, for Python to start and import the workbench on a slow machine
 LARGEST = 4 * 2**20  # bytes of what is sent for an exercise: half a million numbers
 KEPT = 400  # characters of what was printed
+NO_ANSWER = "its process sent what is no answer"
 IN_THIS_PROCESS = (
     "No other process can be started here, so the file ran in the one that grades it, without a "
     "limit of time. Use this for learning; a grade that counts needs a machine with processes."
@@ -95,29 +95,29 @@ def grade(lecture: Lecture, path: str | Path, limits: ProcessLimits | None = Non
         raise BadFile(
             f"there is no file {path}; `workbench lecture start {lecture.asked} FOLDER` makes one"
         )
-    if in_browser():
-        return _grade_here(lecture, path)
-    place = "" if lecture.place is None else str(lecture.place.resolve())
-    about = {"lecture": place or lecture.asked}
+    about = {"lecture": lecture.asked if lecture.place is None else str(lecture.place.resolve())}
     sent = ask(path, about, {name: {} for name in lecture.exercises}, limits or ProcessLimits())
     results = [
         one for name in lecture.exercises for one in _results(lecture, name, sent.exercises[name])
     ]
-    return Grade(lecture, str(path), tuple(results), sent.trouble, sent.printed)
+    note = IN_THIS_PROCESS if in_browser() else ""
+    return Grade(lecture, str(path), tuple(results), sent.trouble, sent.printed, note)
 
 
 def _results(lecture: Lecture, name: str, sent: dict[str, Any] | str) -> list[CheckResult]:
     """The results of the checks of an exercise, as its process found them."""
-    if isinstance(sent, str):
-        return not_done(lecture, [name], sent)
     checks = [check for check in lecture.checks if check.exercise == name]
-    try:
-        return [
-            CheckResult(name, check.name, check.points, CheckState(state), *map(legible, texts))
-            for check, (state, *texts) in zip(checks, sent["results"], strict=True)
-        ]
-    except (KeyError, TypeError, ValueError):
-        return not_done(lecture, [name], "its process sent what is no result")
+    why = sent
+    if isinstance(sent, dict):
+        try:
+            return [
+                CheckResult(name, check.name, check.points, CheckState(state), *map(legible, texts))
+                for check, (state, *texts) in zip(checks, sent["results"], strict=True)
+            ]
+        except (KeyError, TypeError, ValueError):
+            why = "its process sent what is no result"
+    failed = CheckState.FAILED
+    return [CheckResult(name, check.name, check.points, failed, str(why)) for check in checks]
 
 
 def ask(
@@ -131,13 +131,12 @@ def ask(
     found = Sent()
     while left := {name: data for name, data in exercises.items() if name not in found.exercises}:
         job = {"file": str(file.resolve()), "memory": limits.memory, **about, "exercises": left}
-        with _Child(job, file.parent) as child:
+        with (_Here if in_browser() else _Child)(job) as child:
             try:
-                found.printed[""] = child.loaded(limits.seconds)
+                found.printed[""] = _loaded(child, limits.seconds)
             except ProcessEnded as ended:
                 again = " again" if found.exercises else ""
-                if not again:
-                    found.trouble = str(ended)
+                found.trouble = "" if again else str(ended)
                 why = f"the file could not be loaded{again}: {ended}"
                 found.exercises |= dict.fromkeys(left, why)
                 break
@@ -153,13 +152,31 @@ def ask(
     return found
 
 
+def _loaded(child: "_Child | _Here", seconds: float) -> str:
+    """What the file printed while it was loaded.
+
+    Raises BadFile if the process did not start, and ProcessEnded if the file could not be loaded.
+    """
+    try:
+        child.receive(STARTING)
+    except ProcessEnded as ended:
+        raise BadFile(f"the process that answers did not start: {ended}") from ended
+    match child.receive(seconds):
+        case {"loaded": str() as text}:
+            return legible(text)
+        case {"trouble": str() as text}:
+            raise ProcessEnded(legible(text))
+    raise ProcessEnded(NO_ANSWER)
+
+
 class _Child:
     """The process of a file, from its start to its end."""
 
-    def __init__(self, job: Mapping[str, Any], folder: Path) -> None:
+    def __init__(self, job: Mapping[str, Any]) -> None:
+        folder = Path(job["file"]).parent
         self._process = Started(["-P", "-m", __name__], environment(), folder)
         self._channel = Channel(self._process.connection)
-        with suppress(OSError):  # it has ended already, which `loaded` tells
+        with suppress(OSError):  # it has ended already, which `_loaded` tells
             self._channel.send(json.dumps(job).encode(), STARTING)
 
     def __enter__(self) -> "_Child":
@@ -169,23 +186,6 @@ class _Child:
         """End the process, whatever has happened."""
         self._channel.close()
         self._process.end()
-
-    def loaded(self, seconds: float) -> str:
-        """What the file printed while it was loaded.
-
-        Raises BadFile if the process did not start, and ProcessEnded if the file could not be
-        loaded.
-        """
-        try:
-            self.receive(STARTING)
-        except ProcessEnded as ended:
-            raise BadFile(f"the process that answers did not start: {ended}") from ended
-        match self.receive(seconds):
-            case {"loaded": str() as text}:
-                return legible(text)
-            case {"trouble": str() as text}:
-                raise ProcessEnded(legible(text))
-        raise ProcessEnded("its process sent what is no answer")
 
     def receive(self, seconds: float) -> dict[str, Any]:
         """The next thing that the process sends. Raises ProcessEnded."""
@@ -199,11 +199,11 @@ class _Child:
         except OSError:
             message = None
         except (TooLong, ValueError, RecursionError):
-            raise ProcessEnded("its process sent what is no answer") from None
+            raise ProcessEnded(NO_ANSWER) from None
         if message is None:
             raise ProcessEnded(self._end())
         if not isinstance(found, dict):
-            raise ProcessEnded("its process sent what is no answer")
+            raise ProcessEnded(NO_ANSWER)
         return found
 
     def _end(self) -> str:
@@ -214,6 +214,28 @@ class _Child:
         if code < 0:
             return f"its process was ended by {signal_name(code)}"
         return f"it ended the program, with exit code {code}"
+
+
+class _Here:
+    """This process in the place of another one, as in a browser; it ends no file.
+
+    Afterwards the module of the file and its folder are forgotten, and no byte code is left.
+    """
+
+    def __init__(self, job: dict[str, Any]) -> None:
+        self._before = list(sys.path), sys.dont_write_bytecode
+        self._messages = _done(job)
+
+    def __enter__(self) -> "_Here":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        sys.path[:], sys.dont_write_bytecode = self._before
+        sys.modules.pop("answers", None)
+
+    def receive(self, seconds: float) -> dict[str, Any]:
+        """The next thing that a process would send."""
+        return next(self._messages)
 
 
 def environment() -> dict[str, str]:
@@ -253,33 +275,42 @@ def main() -> None:
     end_with_parent()
     channel = Channel.inherited(int(sys.argv[-1]))
     job = json.loads(channel.receive() or b"{}")
+    with suppress(ImportError, ValueError, OSError):  # not on Windows, or limited below already
+        import resource
+
+        bytes_ = int(job["memory"] * 2**30)
+        resource.setrlimit(resource.RLIMIT_AS, (bytes_, bytes_))
+    for found in _done(job):
+        message = json.dumps(found).encode("ascii")
+        if len(message) > LARGEST:
+            message = json.dumps({"too large": True}).encode("ascii")
+        channel.send(message)
+    os._exit(0)  # threads of the student's may still run, and exit handlers of theirs wait
+
+
+def _done(job: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    """Do a job: what is sent when it has begun, when the file is loaded, and for each exercise."""
     sys.dont_write_bytecode = True  # nothing is left in the student's folder
-    _limit_memory(job["memory"])
+    sys.modules.pop("answers", None)
     lecture = lecture_named(job["lecture"]) if "lecture" in job else None
     if lecture is not None:
         _ = lecture.checks, lecture.mistakes, lecture.solutions  # loaded before the file is
-    _send(channel, {"begun": True})
+    yield {"begun": True}
     module, told = load(job["file"], list(job["exercises"]))
-    _send(channel, told)
-    if module is None:
-        return
-    for name, given in job["exercises"].items():
+    yield dict(told)
+    for name, given in job["exercises"].items() if module is not None else ():
         page, answer = Page(), getattr(module, name, None)
         with _printing_to(page):
             if lecture is None:
                 found = answers(name, answer, **given)
             else:
-                found = {"results": results_of(lecture, name, answer)}
-        _send(channel, {**found, "printed": page.text})
-    os._exit(0)  # threads of the student's may still run, and exit handlers of theirs wait
-
-
-def results_of(lecture: Lecture, exercise: str, answer: Any) -> list[list[str]]:
-    """The results of an exercise as texts: state, what, expected, actual and hint of each check."""
-    return [
-        [one.state.value, one.what, one.expected, one.came, one.hint]
-        for one in grade_exercise(lecture, exercise, answer)
-    ]
+                found = {
+                    "results": [
+                        [one.state.value, one.what, one.expected, one.came, one.hint]
+                        for one in grade_exercise(lecture, name, answer)
+                    ]
+                }
+        yield {**found, "printed": page.text}
 
 
 def answers(
@@ -324,49 +355,6 @@ def _module(file: str) -> ModuleType:
 def _printing_to(page: Page) -> Iterator[None]:
     with redirect_stdout(page), redirect_stderr(page), without_warnings():
         yield
-
-
-def _send(channel: Channel, data: dict[str, Any]) -> None:
-    message = json.dumps(data).encode("ascii")
-    if len(message) > LARGEST:
-        message = json.dumps({"too large": True}).encode("ascii")
-    channel.send(message)
-
-
-def _limit_memory(gibibytes: float) -> None:
-    with suppress(ImportError, ValueError, OSError):  # not on Windows, or limited below already
-        import resource
-
-        bytes_ = int(gibibytes * 2**30)
-        resource.setrlimit(resource.RLIMIT_AS, (bytes_, bytes_))
-
-
-def _grade_here(lecture: Lecture, path: Path) -> Grade:
-    """Grade a file that runs in this process, as in a browser. One that does not end is not ended.
-
-    Afterwards its module and its folder are forgotten, and no byte code is left.
-    """
-    _ = lecture.checks, lecture.mistakes, lecture.solutions
-    paths, bytecode = list(sys.path), sys.dont_write_bytecode
-    sys.dont_write_bytecode = True
-    sys.modules.pop("answers", None)
-    try:
-        module, told = load(str(path.resolve()), lecture.exercises)
-        if module is None:
-            failed = not_done(lecture, lecture.exercises, "the file could not be loaded")
-            trouble = legible(told["trouble"])
-            return Grade(lecture, str(path), tuple(failed), trouble, note=IN_THIS_PROCESS)
-        results, printed = list[CheckResult](), {"": legible(told["loaded"])}
-        for name in lecture.exercises:
-            page = Page()
-            with _printing_to(page):
-                results += grade_exercise(lecture, name, getattr(module, name, None))
-            printed[name] = legible(page.text)
-    finally:
-        sys.path[:], sys.dont_write_bytecode = paths, bytecode
-        sys.modules.pop("answers", None)
-    printed = {name: text for name, text in printed.items() if text}
-    return Grade(lecture, str(path), tuple(results), printed=printed, note=IN_THIS_PROCESS)
 
 
 if __name__ == "__main__":

@@ -47,22 +47,19 @@ class Picture:
     @property
     def still(self) -> str:
         """The figure as HTML, whether or not there is one that moves."""
-        return f'<figure class="picture">{self._image}</figure>'
+        return self._html("")
 
-    @property
-    def _image(self) -> str:
+    def _html(self, below: str) -> str:
         width = round(100 * self.figure.get_figwidth())
         return (
-            f'<img alt="{escape(self.caption)}" style="width: {width}px" '
+            f'<figure class="picture"><img alt="{escape(self.caption)}" style="width: {width}px" '
             f'src="data:image/png;base64,{b64encode(self.png).decode()}">'
-            f"<figcaption>{escape(self.caption)}</figcaption>"
+            f"<figcaption>{escape(self.caption)}</figcaption>{below}</figure>"
         )
 
     def _repr_html_(self) -> str:
-        """For notebooks and the site: where scripts run, what moves takes the figure's place."""
-        if self.page is None:
-            return self.still
-        return f'<figure class="picture">{framed(self.page.html, self._image)}</figure>'
+        """For notebooks and the site: the figure of which the text speaks, and below what moves."""
+        return self._html("" if self.page is None else framed(self.page.html))
 
 
 @dataclass(frozen=True)
@@ -115,7 +112,6 @@ def _constants(module: str, names: Collection[str]) -> Iterator[str]:
                 yield from lines[node.lineno - 1 : node.end_lineno]
 
 
-FOLDED = "The still figure"
 INSIDE = """
 <style>
 main { padding: 0; max-width: none; }
@@ -133,26 +129,24 @@ document.addEventListener("ready", () => {
 """
 OUTSIDE = """
 (figure => {
-  const frame = figure.querySelector("iframe"), still = figure.querySelector("details");
+  const frame = figure.querySelector("iframe");
   addEventListener("message", event => {
-    if (event.source !== frame.contentWindow || !(event.data.height > 0)) return;
-    if (!frame.offsetHeight) { still.open = false; still.querySelector("summary").hidden = false; }
-    frame.style.height = event.data.height + "px";
+    if (event.source === frame.contentWindow && event.data.height > 0)
+      frame.style.height = event.data.height + "px";
   });
 })(document.currentScript.parentElement)
 """
 
 
-def framed(page: str, still: str) -> str:
+def framed(page: str) -> str:
     """HTML of a page in a frame that may run its own scripts and reach nothing else.
 
-    `still` is what is seen until the page is ready, and where it never is.
+    The frame has no height until the page is ready, and none where scripts cannot run.
     """
     inner = page.replace("</head>", f"{INSIDE}</head>", 1)
     return (
         f'<iframe srcdoc="{escape(inner)}" sandbox="allow-scripts" loading="lazy" '
         'title="the figure, which can be changed by hand" '
         'style="display: block; width: 100%; height: 0; border: 0"></iframe>'
-        f"<details open><summary hidden>{FOLDED}</summary>{still}</details>"
         f"<script>{OUTSIDE}</script>"
     )

@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from workbench.course.notebooks import executed, notebook, tool, write_notebook
+from workbench.course.notebooks import notebook, tool, without_results, write_notebook
 from workbench.course.outline import Lecture, course, root
 from workbench.errors import BadFile
 
@@ -143,18 +143,16 @@ def write_course_pages(pages: Path, files: Path, tell: Tell) -> None:
 
 def _write_lecture(one: Lecture, pages: Path, files: Path) -> None:
     made, name = notebook(one), one.folder_name
-    write_notebook(made, files / f"{name}.ipynb")
+    write_notebook(without_results(made), files / f"{name}.ipynb")
     shutil.copy(one.folder / "exercises.py", files / f"{name}.py")
-    with TemporaryDirectory() as scratch:
-        done = executed(made, one, Path(scratch))
-    first = done.cells[0]
-    head, _, rest = first.source.partition("\n")
+    first = made["cells"][0]
+    head, _, rest = first["source"].partition("\n")
     facts = (
         f'<p class="facts">Lecture {one.number}, {one.minutes} minutes. Assumes {one.assumes}. '
         f'<a href="{name}.ipynb">notebook</a>, <a href="{name}.py">exercises</a></p>'
     )
-    first.source = f"{head}\n\n{facts}\n{rest}"
-    write_notebook(done, pages / f"{name}.ipynb")
+    first["source"] = f"{head}\n\n{facts}\n{rest}"
+    write_notebook(made, pages / f"{name}.ipynb")
 
 
 def _index(there: list[Lecture]) -> str:

@@ -8,11 +8,10 @@ and MathJax with sphinx-mathjax-offline; both are copied beside the slides.
 import re
 import shutil
 from collections.abc import Iterator
-from contextlib import redirect_stdout
+from contextlib import redirect_stdout, suppress
 from dataclasses import dataclass
 from html import escape
 from importlib.metadata import PackageNotFoundError, distribution
-from importlib.resources import files
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -69,20 +68,16 @@ def slides(lecture: Lecture) -> list[Slide]:
 
 
 def _each(lecture: Lecture) -> Iterator[Slide]:
-    section, code = lecture.title, ""
-    printed = StringIO()
-    path = lecture.folder / "lecture.py"
-    with redirect_stdout(printed):
-        for cell, value in carried_out(path):
+    section = lecture.title
+    with redirect_stdout(StringIO()):
+        for cell, value, printed in carried_out(lecture.folder / "lecture.py"):
             if cell.prose:
                 for heading, body, lines in _of_prose(cell.text):
                     section = heading or section
                     yield Slide(section, body, lines=lines)
                 continue
             code = _code(cell.text)
-            if text := printed.getvalue().rstrip():
-                printed.seek(0)
-                printed.truncate()
+            if text := printed.rstrip():
                 rows = text.count("\n") + 2.0
                 yield Slide(section, _fixed(escape(text), text), code, rows)
             for shown in _shown(value):
@@ -199,7 +194,10 @@ def write_slides(lecture: Lecture, folder: str | Path) -> Path:
     there is a file of that name which is none of ours.
     """
     folder = Path(folder)
-    sources = {"reveal": _reveal(), "mathjax": _mathjax()}
+    sources = {
+        "reveal": _folder("revealjs", "sphinx-revealjs"),
+        "mathjax": _folder("mathjax", "sphinx-mathjax-offline"),
+    }
     page = folder / f"{lecture.folder_name}.html"
     if page.exists() and OURS not in page.read_text(encoding="utf-8", errors="replace"):
         raise BadFile(f"{page} is no file of ours and was left as it was; name a new folder")
@@ -231,27 +229,13 @@ def write_slides(lecture: Lecture, folder: str | Path) -> Path:
     return page
 
 
-def _reveal() -> Path:
-    """The folder of reveal.js."""
-    try:
-        found = Path(str(files("sphinx_revealjs"))) / "_static" / "revealjs"
-    except ModuleNotFoundError as error:
-        raise BadFile(
-            "slides need the library sphinx-revealjs, which is not installed: "
-            + pip_install("course")
-        ) from error
-    return found
-
-
-def _mathjax() -> Path:
-    """The folder of MathJax."""
-    try:
-        for path in distribution("sphinx-mathjax-offline").files or ():
-            if path.name == "tex-chtml.js" or path.name == "tex-mml-chtml.js":
-                return Path(str(path.locate())).parent
-    except PackageNotFoundError:
-        pass
+def _folder(name: str, library: str) -> Path:
+    """The folder of that name in a library. Raises BadFile if it is not installed."""
+    with suppress(PackageNotFoundError):
+        for path in distribution(library).files or ():
+            for folder in Path(str(path.locate())).parents:
+                if folder.name == name:
+                    return folder
     raise BadFile(
-        "slides need the library sphinx-mathjax-offline, which is not installed: "
-        + pip_install("course")
+        f"slides need the library {library}, which is not installed: {pip_install('course')}"
     )

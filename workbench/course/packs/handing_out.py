@@ -7,12 +7,12 @@ import secrets
 import textwrap
 import unicodedata
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import NamedTuple
 
+from workbench.course.notebooks import as_notebook, code_cell, prose_cell
 from workbench.course.packs.keys import ClassKey, ExerciseKey, make_keys, write_keys
 from workbench.course.packs.variants import Variant, chosen
 from workbench.errors import BadArgument, BadFile
@@ -63,7 +63,7 @@ def write_pack(
                 (mine / EXAMPLES).write_text(examples(key, student), encoding="utf-8")
             inner = Path(hidden) / "keys"
             inner.mkdir(mode=0o700)  # others on this machine do not read it
-            write_keys(key, inner)
+            write_keys(key, some, inner)
             for made, place in ((Path(out) / "pack", folder), (inner, keys)):
                 if place.exists():
                     place.rmdir()
@@ -82,17 +82,11 @@ COLUMNS = (
 LONGEST = 60  # characters of a folder's name
 
 
-@dataclass(frozen=True)
-class Students:
-    """The students of a class.
+class Students(NamedTuple):
+    """The students of a class."""
 
-    Attributes:
-        names: their names, by the names of their folders.
-        columns: the titles of the columns of the file from which they come; none for a list.
-    """
-
-    names: dict[str, str]
-    columns: tuple[str, ...] = ()
+    names: dict[str, str]  # by the names of their folders
+    columns: tuple[str, ...]  # the titles of those of the file that hold the names
 
 
 def read_students(given: str, column: str | None = None) -> Students:
@@ -132,11 +126,7 @@ def folder_name(name: str) -> str:
 
 def plain_name(name: str) -> str:
     """A name to be compared with others: letters and digits alone, `-` between words."""
-    return re.sub(r"[\W_]+", "-", _small(name)).strip("-")
-
-
-def _small(name: str) -> str:
-    return unicodedata.normalize("NFKC", name).lower()
+    return re.sub(r"[\W_]+", "-", unicodedata.normalize("NFKC", name).lower()).strip("-")
 
 
 def _read(path: Path, column: str | None) -> tuple[list[str], tuple[str, ...]]:
@@ -249,30 +239,21 @@ def notebook(key: ClassKey, sheet: str, student: str, variants: dict[str, Varian
     """The same as a notebook: a cell for each answer, and below it one that tries the examples."""
     mine = [one for one in key.keys[student] if one.sheet == sheet]
     cells = [
-        _cell("markdown", f"# Exercises\n\n{_introduction(key, sheet, student, mine)}"),
-        _cell("code", _head(key, student)),
+        prose_cell(f"# Exercises\n\n{_introduction(key, sheet, student, mine)}"),
+        code_cell(_head(key, student), {}),
     ]
     for one in mine:
+        stub = f"{_numbers(one)}\n\n" + _function(one, variants[one.number])
+        tried = (
+            "from workbench.course.packs.marking import try_here\n\n"
+            f'try_here("{sheet}", {one.exercise})\n'
+        )
         cells += [
-            _cell("markdown", f"## {one.number} `{one.exercise}`\n\n{_points(one)}"),
-            _cell("code", f"{_numbers(one)}\n\n" + _function(one, variants[one.number]), "answer"),
-            _cell(
-                "code",
-                "from workbench.course.packs.marking import try_here\n\n"
-                f'try_here("{sheet}", {one.exercise})\n',
-                "check",
-            ),
+            prose_cell(f"## {one.number} `{one.exercise}`\n\n{_points(one)}"),
+            code_cell(stub, {"tags": ["answer"]}),
+            code_cell(tried, {"tags": ["check"]}),
         ]
-    for k, cell in enumerate(cells):
-        cell["id"] = f"cell-{k}"
-    kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}
-    whole = {
-        "cells": cells,
-        "metadata": {"kernelspec": kernel, "language_info": {"name": "python"}},
-        "nbformat": 4,
-        "nbformat_minor": 5,
-    }
-    return json.dumps(whole, indent=1, ensure_ascii=False) + "\n"
+    return json.dumps(as_notebook(cells), indent=1, ensure_ascii=False) + "\n"
 
 
 def examples(key: ClassKey, student: str) -> str:
@@ -289,12 +270,3 @@ def examples(key: ClassKey, student: str) -> str:
     }
     whole = {"pack": pack_name(key, student), "exercises": shown}
     return json.dumps(whole, indent=1, ensure_ascii=False)
-
-
-def _cell(kind: str, text: str, tag: str = "") -> dict[str, Any]:
-    made: dict[str, Any] = {
-        "cell_type": kind,
-        "metadata": {"tags": [tag]} if tag else {},
-        "source": text.rstrip("\n").splitlines(keepends=True),
-    }
-    return made | ({"execution_count": None, "outputs": []} if kind == "code" else {})

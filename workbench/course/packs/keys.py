@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from workbench.course.checks import Raised, outcome
-from workbench.course.packs.variants import Arguments, Numbers, PackExercise, Variant
+from workbench.course.packs.variants import Arguments, Numbers, PackExercise
 from workbench.course.plain import Malformed, decode, encode
 from workbench.errors import BadFile
 from workbench.writing import write_file
@@ -68,7 +68,6 @@ class ClassKey:
         students: the names of the students, by the names of their folders.
         titles: the titles of the files, by name.
         keys: the keys of each student, by the name of the folder.
-        sources: published answers to each exercise, as source: to compare with, and to read.
     """
 
     group: str
@@ -76,7 +75,6 @@ class ClassKey:
     students: dict[str, str]
     titles: dict[str, str]
     keys: dict[str, list[ExerciseKey]]
-    sources: dict[str, dict[str, str]]
 
     @property
     def exercises(self) -> list[ExerciseKey]:
@@ -92,20 +90,14 @@ def make_keys(
     for one in what:
         taken: list[Numbers] = []
         for folder in students:
-            numbers = drawn(one.variant, seed, (group, folder, one.number), taken)
+            names = group, folder, one.number
+            for k in range(REDRAWN):
+                numbers = one.variant.draw(generator(seed, *names, "numbers", k))
+                if numbers not in taken:
+                    break
             taken.append(numbers)
-            keys[folder].append(_key(one, numbers, seed, (group, folder, one.number)))
-    sources = {one.number: _sources(one) for one in what}
-    return ClassKey(group, seed, students, {one.sheet: one.title for one in what}, keys, sources)
-
-
-def drawn(variant: Variant, seed: int, names: tuple[str, ...], taken: list[Numbers]) -> Numbers:
-    """The numbers of one student, which nobody of those before has, if that is possible."""
-    for k in range(REDRAWN):
-        numbers = variant.draw(generator(seed, *names, "numbers", k))
-        if numbers not in taken:
-            break
-    return numbers
+            keys[folder].append(_key(one, numbers, seed, names))
+    return ClassKey(group, seed, students, {one.sheet: one.title for one in what}, keys)
 
 
 def _key(one: PackExercise, numbers: Numbers, seed: int, names: tuple[str, ...]) -> ExerciseKey:
@@ -148,32 +140,25 @@ def _mistaken(answer: Any, tries: list[Arguments], numbers: Numbers) -> list[Any
     return [] if any(isinstance(one, Raised) for one in found) else [encode(one) for one in found]
 
 
-def _sources(one: PackExercise) -> dict[str, str]:
-    """Answers that are published: to this exercise, and to that of the lecture."""
-    found = {"the published answer to this exercise": inspect.getsource(one.variant.solution)}
-    if one.published is not None:
-        lecture = one.published.solution(one.variant.exercise)
-        found["the published solution of the lecture"] = inspect.getsource(lecture)
-    return found
-
-
-def write_keys(key: ClassKey, folder: Path) -> None:
-    """Write the keys of a class, and the published answers to read, to a folder that exists.
+def write_keys(key: ClassKey, what: list[PackExercise], folder: Path) -> None:
+    """Write the keys of a class, and its right answers to read, to a folder that exists.
 
     `questions.json` is the same without any answer: what is needed to run the files of students
     where the keys are not.
     """
+    for one in what:
+        text = f"# to this exercise\n\n{inspect.getsource(one.variant.solution)}"
+        if one.published is not None:
+            lecture = one.published.solution(one.variant.exercise)
+            text += f"\n\n# to that of the lecture\n\n{inspect.getsource(lecture)}"
+        write_file(folder / f"answer-{one.number}-{one.variant.exercise}.py", text)
     data = {"format": FORMAT, **asdict(key)}
-    for number, sources in key.sources.items():
-        name = next(one.exercise for one in key.exercises if one.number == number)
-        text = "\n\n".join(f"# {title}\n\n{text}" for title, text in sources.items())
-        write_file(folder / f"answer-{number}-{name}.py", text)
     write_file(folder / KEYS, json.dumps(data, indent=1, ensure_ascii=False))
-    for one in (one for some in data["keys"].values() for one in some):
-        for pairs in ("tries", "edges", "examples"):
-            one[pairs] = [[arguments, None] for arguments, _ in one[pairs]]
-        one["mistakes"] = []
-    data["sources"] = {}
+    for some in data["keys"].values():
+        for exercise in some:
+            for pairs in ("tries", "edges", "examples"):
+                exercise[pairs] = [[arguments, None] for arguments, _ in exercise[pairs]]
+            exercise["mistakes"] = []
     write_file(folder / QUESTIONS, json.dumps(data, indent=1, ensure_ascii=False))
 
 
@@ -189,15 +174,15 @@ def read_keys(folder: Path, name: str = KEYS) -> ClassKey:
         data = json.loads(path.read_text(encoding="utf-8"))
         if data.pop("format", 1) != FORMAT:
             raise ValueError("it was made by another version")
+        data.pop("sources", None)  # of older packs
         keys = {
             str(student): [ExerciseKey(**one) for one in some]
             for student, some in data["keys"].items()
         }
         key = ClassKey(**{**data, "keys": keys})
-        for some in keys.values():
-            for one in some:
-                for arguments, answer in (*one.tries, *one.edges):
-                    decode(arguments), decode(answer)
+        for one in (one for some in keys.values() for one in some):
+            for arguments, answer in (*one.tries, *one.edges):
+                decode(arguments), decode(answer)
         if not keys or set(keys) != set(key.students) or not all(keys.values()):
             raise ValueError("students without keys")
     except (KeyError, TypeError, ValueError, AttributeError, Malformed) as error:

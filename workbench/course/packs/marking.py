@@ -29,13 +29,13 @@ from workbench.course.packs.submissions import (
     remarks_of,
 )
 from workbench.course.plain import Malformed, decode, received
-from workbench.course.process import ProcessLimits, ask
+from workbench.course.process import NO_ANSWER, ProcessLimits, ask
 from workbench.environment import VERSION
 from workbench.errors import BadFile
 from workbench.writing import replacing, write_file
 
 MARKED = "marked"  # the folder in the keys that holds what is marked already
-UNSOLVED, NO_ANSWER = "not attempted", "its process sent what is no answer"
+UNSOLVED = "not attempted"
 NOT_YET = "not marked yet: the same command goes on"
 MISSING, TWICE = "not handed in", "handed in more than once: the better answer counts"
 T = TypeVar("T")
@@ -100,8 +100,7 @@ def mark_of(key: ExerciseKey, sent: dict[str, Any] | str) -> ExerciseMark:
     try:
         match sent:
             case {"unfit": [str() as what, str() as expected, str() as actual]}:
-                wrong = Missed(legible(what), legible(expected), legible(actual))
-                return _lost(key, _sentence(wrong))
+                return _lost(key, _sentence(Missed(*map(legible, (what, expected, actual)))))
             case {"answers": list() as answers}:
                 came = [received(one) for one in answers]
             case {"too large": True}:
@@ -115,35 +114,31 @@ def mark_of(key: ExerciseKey, sent: dict[str, Any] | str) -> ExerciseMark:
     given, at_ends = came[: len(key.tries)], came[len(key.tries) :]
     if all(isinstance(one, Raised) and one.unsolved for one in given):
         return _lost(key, UNSOLVED)
-    missed = [_missed(key, pair, one) for pair, one in zip(key.tries, given, strict=True)]
-    if wrong_ones := [one for one in missed if one]:
-        told = [f"{len(wrong_ones)} of {len(missed)} tries are wrong: {wrong_ones[0]}"]
-        told += [f"perhaps: {hint}" for hint in _mistakes(key, given)[:1]]
-        return ExerciseMark(key.number, key.exercise, 0, key.points, tuple(told))
-    ends = [_missed(key, pair, one) for pair, one in zip(key.edges, at_ends, strict=True)]
-    told = [f"wrong at an end of the range: {one}" for one in ends if one][:1]
+    if wrong := _missed(key, key.tries, given):
+        told = [f"{len(wrong)} of {len(given)} tries are wrong: {wrong[0]}"]
+        told += [
+            f"perhaps: {hint}"
+            for hint, answers in key.mistakes
+            if all(same(a, decode(b), 1e-6) for a, b in zip(given, answers, strict=True))
+        ][:1]
+        return _lost(key, *told)
+    told = [f"wrong at an end of the range: {one}" for one in _missed(key, key.edges, at_ends)[:1]]
     return ExerciseMark(key.number, key.exercise, key.points - bool(told), key.points, tuple(told))
 
 
-def _lost(key: ExerciseKey, why: str) -> ExerciseMark:
-    return ExerciseMark(key.number, key.exercise, 0, key.points, (why,))
+def _lost(key: ExerciseKey, *why: str) -> ExerciseMark:
+    return ExerciseMark(key.number, key.exercise, 0, key.points, why)
 
 
-def _mistakes(key: ExerciseKey, given: Sequence[Any]) -> list[str]:
-    return [
-        hint
-        for hint, answers in key.mistakes
-        if all(same(a, decode(b), 1e-6) for a, b in zip(given, answers, strict=True))
-    ]
-
-
-def _missed(key: ExerciseKey, pair: Sequence[Any], came: Any) -> str:
-    """What is wrong with an answer, as a sentence; nothing if it is right."""
-    try:
-        compare(came, decode(pair[1]), key.exercise, key.within)
-    except Missed as missed:
-        return _sentence(missed)
-    return ""
+def _missed(key: ExerciseKey, pairs: Sequence[Any], answers: Sequence[Any]) -> list[str]:
+    """A sentence for each wrong answer."""
+    found = []
+    for (_, expected), answer in zip(pairs, answers, strict=True):
+        try:
+            compare(answer, decode(expected), key.exercise, key.within)
+        except Missed as missed:
+            found.append(_sentence(missed))
+    return found
 
 
 def compare(came: Any, expected: Any, what: str, within: float) -> None:
@@ -174,12 +169,8 @@ def _agree(came: Any, expected: Any, what: str, within: float) -> None:
 
 
 def _sentence(missed: Missed) -> str:
-    parts = [missed.what]
-    if missed.expected:
-        parts.append(f"expected {missed.expected}")
-    if missed.came:
-        parts.append(f"came {missed.came}")
-    return " ".join(", ".join(parts).split())
+    told = (("", missed.what), ("expected ", missed.expected), ("came ", missed.came))
+    return " ".join(", ".join(word + text for word, text in told if text).split())
 
 
 @dataclass(frozen=True)
@@ -260,7 +251,7 @@ def in_parallel(
     work: Callable[[str], T], students: Iterable[str], workers: int
 ) -> Iterator[tuple[str, T]]:
     """The results of work on students, as they come; each waits for a process of its own."""
-    pool = ThreadPoolExecutor(max(workers, 1))
+    pool = ThreadPoolExecutor(workers)
     try:
         jobs = {pool.submit(work, student): student for student in students}
         for job in as_completed(jobs):
@@ -282,26 +273,26 @@ def _marked(
     answers: Sequence[Answers] | None,
 ) -> tuple[tuple[ExerciseMark, ...], bool]:
     place = keys / MARKED / f"{student}.json"
-    digest = _digest(student, sheets, key, limits, answers)
+    read = [(one.name, one.source, one.trouble) for one in sheets]
+    helpers = [path.read_bytes().hex() for one in sheets for path in one.helpers]
+    mine = [asdict(one) for one in key.keys[student]]
+    parts: Any = [VERSION, read, helpers, mine, asdict(limits), answers]  # all that marks depend on
+    digest = hashlib.sha256(json.dumps(parts).encode()).hexdigest()
     try:
         data = json.loads(place.read_text(encoding="utf-8"))
         if data["digest"] == digest:
-            read = [{**one, "remarks": tuple(one["remarks"])} for one in data["exercises"]]
-            return tuple(ExerciseMark(**one) for one in read), True
+            kept = [{**one, "remarks": tuple(one["remarks"])} for one in data["exercises"]]
+            return tuple(ExerciseMark(**one) for one in kept), True
     except (OSError, ValueError, KeyError, TypeError):
         pass  # nothing kept, or nothing that can be read: it is marked again
+    if answers is None:
+        answers = [answers_of(sheet, _keys_of(key, student, sheet), limits) for sheet in sheets]
     marks: dict[str, ExerciseMark] = {}
-    for k, sheet in enumerate(sheets):
-        mine = _keys_of(key, student, sheet)
-        if answers is None:
-            sent = answers_of(sheet, mine, limits)
-        else:
-            sent = answers[k] if k < len(answers) else {}
-        for one in mine:
+    for sheet, sent in zip(sheets, [*answers, *({} for _ in sheets)], strict=False):
+        for one in _keys_of(key, student, sheet):
             mark = mark_of(one, sent.get(one.number, "its answers are not in the file of answers"))
-            before = marks.get(mark.number)
-            if before is not None:
-                better = max(before, mark, key=lambda mark: mark.points)
+            if mark.number in marks:
+                better = max(marks[mark.number], mark, key=lambda mark: mark.points)
                 mark = replace(better, remarks=(*better.remarks, TWICE))
             marks[mark.number] = mark
     found = tuple(
@@ -317,21 +308,6 @@ def _marked(
     return found, False
 
 
-def _digest(
-    student: str,
-    sheets: list[Sheet],
-    key: ClassKey,
-    limits: ProcessLimits,
-    answers: Sequence[Answers] | None,
-) -> str:
-    """Of everything on which the marks of a student depend."""
-    read = [(one.name, one.source, one.trouble) for one in sheets]
-    helpers = [path.read_bytes().hex() for one in sheets for path in one.helpers]
-    mine = [asdict(one) for one in key.keys[student]]
-    parts: Any = [VERSION, read, helpers, mine, asdict(limits), answers]
-    return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
-
-
 def write_table(path: Path, key: ClassKey, marked: dict[str, StudentMark]) -> None:
     """Write a CSV file: a line for each student, whether marked or not. Raises BadFile."""
     numbers = [one.number for one in key.exercises]
@@ -345,12 +321,11 @@ def write_table(path: Path, key: ClassKey, marked: dict[str, StudentMark]) -> No
         lines.writerow(head)
         for student, name in key.students.items():
             one = marked.get(student)
-            if one is None:
-                row: list[Any] = [name, student, "", of, *("" for _ in numbers), NOT_YET]
-            else:
+            row: list[Any] = [name, student, "", of, *("" for _ in numbers), NOT_YET]
+            if one is not None:
                 points = {mark.number: mark.points for mark in one.exercises}
-                each, told = (points[n] for n in numbers), "; ".join(remarks(one))
-                row = [name, student, one.points, of, *each, told]
+                row[2], row[4:-1] = one.points, [points[n] for n in numbers]
+                row[-1] = "; ".join(remarks(one))
             lines.writerow([plain_cell(cell) for cell in row])
 
 

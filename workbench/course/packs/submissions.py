@@ -6,7 +6,7 @@ Submissions are a folder for each student, or files whose names begin with the s
 import ast
 import json
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -87,6 +87,9 @@ def collect(folder: Path, key: ClassKey) -> Submissions:
     """The files of all students of a class. Raises BadFile if the folder does not exist."""
     if not folder.is_dir():
         raise BadFile(f"there is no folder {folder}; give the one that holds the submissions")
+    exercises = {
+        name: [one.exercise for one in key.exercises if one.sheet == name] for name in key.titles
+    }
     found: dict[str, list[Sheet]] = {student: [] for student in key.students}
     unused: list[Unused] = []
     for path in sorted(path for path in folder.rglob("*") if path.is_file()):
@@ -94,11 +97,14 @@ def collect(folder: Path, key: ClassKey) -> Submissions:
         if any(part in BY_PROGRAMS for part in below.parts):
             unused.append(Unused(path, MADE_BY_PROGRAMS))
             continue
-        student = owner(below, key)
-        if path.suffix.lower() not in ENDINGS:
-            unused.append(Unused(path, _no_answers(path), student))
+        student, ending = owner(below, key), path.suffix.lower()
+        if ending not in ENDINGS:
+            why = "it is neither a file of Python (.py) nor a notebook (.ipynb)"
+            if ending in ARCHIVES:
+                why = "it is an archive; unpack it, and give the command again"
+            unused.append(Unused(path, AS_GIVEN if path.name == EXAMPLES else why, student))
             continue
-        sheet = read_sheet(path, _exercises(key))
+        sheet = read_sheet(path, exercises)
         student = student or pack_owner(sheet.pack, key)
         if student is None:
             unused.append(Unused(path, NOBODY))
@@ -106,58 +112,40 @@ def collect(folder: Path, key: ClassKey) -> Submissions:
             found[student].append(sheet)
     kept: dict[str, list[Sheet]] = {}
     for student, some in found.items():
-        kept[student], left = _of_the_pack(student, some, key)
+        kept[student], left = _of_the_pack(student, some, exercises)
         unused += left
     return Submissions(kept, tuple(unused))
 
 
-def _exercises(key: ClassKey) -> dict[str, list[str]]:
-    """The names of the exercises of each file of a pack, by the file's name."""
-    return {
-        name: [one.exercise for one in key.exercises if one.sheet == name] for name in key.titles
-    }
-
-
-def _no_answers(path: Path) -> str:
-    if path.name == EXAMPLES:
-        return AS_GIVEN
-    if path.suffix.lower() in ARCHIVES:
-        return "it is an archive; unpack it, and give the command again"
-    return "it is neither a file of Python (.py) nor a notebook (.ipynb)"
-
-
 def _of_the_pack(
-    student: str, some: list[Sheet], key: ClassKey
+    student: str, some: list[Sheet], exercises: Mapping[str, list[str]]
 ) -> tuple[list[Sheet], list[Unused]]:
     """A student's files of the pack, each with the others of Python beside it as helpers.
 
     A file that is as it was handed out is left out where there is another of its name: a student
     answers in the file or in the notebook. What is left out comes second.
     """
-    exercises = _exercises(key)
     others = tuple(one.path for one in some if not one.name and one.path.suffix.lower() == ".py")
     found = [replace(one, helpers=others) for one in some if one.name]
     begun = {one.path for one in found if attempted(one.source, exercises[one.name])}
-    names = {one.name for one in found if one.path in begun}
+    answered = {one.name for one in found if one.path in begun}
     kept: dict[tuple[str, str], Sheet] = {}
     left: list[Unused] = []
     for one in found:
-        first = kept.get((one.name, one.source))
-        if one.path not in begun and one.name in names:
+        first = kept.setdefault((one.name, one.source), one)
+        if one.path not in begun and (one.name in answered or first is not one):
             left.append(Unused(one.path, AS_GIVEN, student))
-        elif first is not None:
-            as_given = AS_GIVEN if one.path not in begun else f"it is the same as {first.path}"
-            left.append(Unused(one.path, as_given, student))
-        else:
-            kept[one.name, one.source] = one
-    wanted = " or ".join(f"{student}_{name}.py" for name in key.titles)
+        elif first is not one:
+            left.append(Unused(one.path, f"it is the same as {first.path}", student))
+    sheets = [one for one in kept.values() if one.path in begun or one.name not in answered]
+    wanted = " or ".join(f"{student}_{name}.py" for name in exercises)
     why = f"neither its name nor its PACK tells that it is a file of the pack; call it {wanted}"
     left += [
         Unused(one.path, why, student)
         for one in some
-        if not one.name and not (kept and one.path in others)
+        if not one.name and not (sheets and one.path in others)
     ]
-    return list(kept.values()), left
+    return sheets, left
 
 
 def read_sheet(path: Path, exercises: dict[str, list[str]]) -> Sheet:
@@ -165,19 +153,18 @@ def read_sheet(path: Path, exercises: dict[str, list[str]]) -> Sheet:
 
     `exercises` are the names of the exercises of each file of the pack, by the file's name.
     """
-    read = _read(path)
-    stem = path.stem.lower()
-    named = [name for name in exercises if _stands_in(name.lower(), stem)]
+    read, stem = _read(path), path.stem.lower()
+    # whole: `exam` stands in `ada_exam`, and not in `example`
+    named = [
+        name
+        for name in exercises
+        if re.search(rf"(?<![^\W_]){re.escape(name.lower())}(?![^\W_])", stem)
+    ]
     if not named and read.pack is not None:
         there = functions_in(read.source)
         named = [name for name, some in exercises.items() if any(one in there for one in some)]
         named = named if len(named) == 1 else []
     return replace(read, name=max(named, key=len) if named else "")
-
-
-def _stands_in(name: str, stem: str) -> bool:
-    """Whether a name stands whole in that of a file: `exam` in `ada_exam`, not in `example`."""
-    return re.search(rf"(?<![^\W_]){re.escape(name)}(?![^\W_])", stem) is not None
 
 
 def _read(path: Path) -> Sheet:
@@ -204,12 +191,8 @@ def _code(text: str) -> str:
         lines = (source if isinstance(source, str) else "".join(source)).splitlines()
         if lines and lines[0].startswith("%%"):
             continue
-        parts.append("\n".join("pass" if _magic(line) else line for line in lines))
+        parts.append("\n".join("pass" if line[:1] in ("%", "!") else line for line in lines))
     return "\n\n".join(parts) + "\n"
-
-
-def _magic(line: str) -> bool:
-    return line.lstrip().startswith(("%", "!")) and not line[:1].isspace()
 
 
 def owner(path: Path, key: ClassKey) -> str | None:
@@ -259,27 +242,18 @@ def parsed(source: str) -> ast.Module:
 
 def attempted(source: str, exercises: Iterable[str]) -> bool:
     """Whether a file holds more than these functions as they were handed out."""
-    tree = parsed(source)
-    for node in tree.body:
-        if isinstance(node, ast.FunctionDef) and node.name in exercises:
-            rest = _without_docstring(node)
-            if len(rest) != 1 or "raise Unsolved(" not in ast.unparse(rest[0]):
-                return True
-    return not any(isinstance(n, ast.FunctionDef) and n.name in exercises for n in tree.body)
+    there = [text for name, text in functions_in(source).items() if name in exercises]
+    stub = re.compile(r"raise Unsolved\([^\n]*\)")
+    return not there or not all(stub.fullmatch(text) for text in there)
 
 
 def functions_in(source: str) -> dict[str, str]:
     """The functions of a file, without docstrings and comments; none if it is no code."""
     return {
-        node.name: ast.unparse(ast.Module(_without_docstring(node), []))
+        node.name: ast.unparse(ast.Module(node.body[ast.get_docstring(node) is not None :], []))
         for node in parsed(source).body
         if isinstance(node, ast.FunctionDef)
     }
-
-
-def _without_docstring(node: ast.FunctionDef) -> list[ast.stmt]:
-    said = isinstance(node.body[0], ast.Expr) and isinstance(node.body[0].value, ast.Constant)
-    return node.body[1:] if said else node.body
 
 
 # What a lecturer should look at. Remarks are no verdicts, and cost no points.
@@ -318,25 +292,16 @@ def _numbers(sheet: Sheet, student: str, key: ClassKey) -> Iterable[str]:
 
 
 def _drawn(keys: list[ExerciseKey], sheet: str) -> set[float]:
-    found: set[float] = set()
-    for one in keys:
-        if one.sheet == sheet:
-            for number in one.numbers.values():
-                parts = number if isinstance(number, list) else [number]
-                found |= {float(x) for x in parts if isinstance(x, int | float)}
-    return {number for number in found if distinctive(number)}
+    numbers = [number for one in keys if one.sheet == sheet for number in one.numbers.values()]
+    parts = [part for one in numbers for part in (one if isinstance(one, list) else [one])]
+    return {float(x) for x in parts if isinstance(x, int | float) and distinctive(x)}
 
 
 def constants(source: str) -> set[float]:
     """The numbers with three or more digits that stand in a file."""
-    found = {
-        float(node.value)
-        for node in ast.walk(parsed(source))
-        if isinstance(node, ast.Constant)
-        and isinstance(node.value, int | float)
-        and abs(node.value) < 1e300
-    }
-    return {number for number in found if distinctive(number)}
+    found = [node.value for node in ast.walk(parsed(source)) if isinstance(node, ast.Constant)]
+    numbers = [x for x in found if isinstance(x, int | float) and abs(x) < 1e300]
+    return {float(number) for number in numbers if distinctive(number)}
 
 
 def distinctive(number: float) -> bool:
@@ -365,13 +330,9 @@ def alike(found: Submissions, key: ClassKey, right: dict[str, set[str]]) -> dict
         for student, text in answers.items():
             names = [key.students[s] for s, t in answers.items() if s != student and t == text]
             if names:
-                chance = ", but short, so that this may be chance" if _short(text) else ""
+                short = len(text.splitlines()) < SHORT
                 said[student].append(
                     f"{one.number}: this answer and that of {some_of(names, MOST)} are the same "
-                    f"word for word{chance}"
+                    "word for word" + (", but short, so that this may be chance" if short else "")
                 )
     return said
-
-
-def _short(text: str) -> bool:
-    return len(text.splitlines()) < SHORT

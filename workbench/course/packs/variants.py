@@ -58,23 +58,18 @@ class Variant:
     @property
     def parameters(self) -> list[str]:
         """The names of the arguments of the student's function."""
-        kinds = inspect.signature(self.solution).parameters.values()
-        return [one.name for one in kinds if one.kind is not inspect.Parameter.KEYWORD_ONLY]
+        names = list(inspect.signature(self.solution).parameters)
+        return [name for name in names if name not in self.constants]
 
     @property
     def constants(self) -> list[str]:
         """The names of the student's own numbers."""
-        kinds = inspect.signature(self.solution).parameters.values()
-        return [one.name for one in kinds if one.kind is inspect.Parameter.KEYWORD_ONLY]
+        return inspect.getfullargspec(self.solution).kwonlyargs
 
     @property
     def task(self) -> str:
         """What the student is asked to do, with shapes and units."""
         return inspect.getdoc(self.solution) or ""
-
-
-def _none(numbers: Numbers) -> Sequence[Arguments]:
-    return ()
 
 
 def variant(
@@ -84,7 +79,7 @@ def variant(
     minutes: int,
     draw: Callable[[np.random.Generator], Numbers],
     arguments: Callable[[np.random.Generator, Numbers], Arguments],
-    edges: Callable[[Numbers], Sequence[Arguments]] = _none,
+    edges: Callable[[Numbers], Sequence[Arguments]] = lambda numbers: (),
     within: float = 1e-7,
 ) -> Callable[[Callable[..., Any]], Variant]:
     """Make a solution with numbers by name a variant of a lecture's exercise; see Variant.
@@ -96,11 +91,6 @@ def variant(
     return lambda solution: Variant(
         exercise, points, minutes, draw, arguments, edges, within, solution
     )
-
-
-def variants_in(module: ModuleType) -> tuple[Variant, ...]:
-    """The variants of a module, in the order in which they are written."""
-    return tuple(found for found in vars(module).values() if isinstance(found, Variant))
 
 
 def rounded(
@@ -152,17 +142,10 @@ def chosen(what: Sequence[str]) -> list[PackExercise]:
     if not found:
         raise BadArgument("a pack needs exercises: numbers of lectures (4), or of exercises (4.2)")
     sheets: dict[str, str] = {}
+    owners: dict[tuple[str, str], str] = {}  # of names of numbers, which stand in one file
     for one in found.values():
         if sheets.setdefault(one.sheet, one.title) != one.title:
             raise BadArgument(f"two files would be called {one.sheet}.py; rename {one.title}")
-    _check_names(list(found.values()))
-    return list(found.values())
-
-
-def _check_names(some: list[PackExercise]) -> None:
-    """Numbers stand in one file, so that no two exercises in it may use one name for them."""
-    owners: dict[tuple[str, str], str] = {}
-    for one in some:
         for name in one.variant.constants:
             other = owners.setdefault((one.sheet, name), one.number)
             if other != one.number:
@@ -170,24 +153,40 @@ def _check_names(some: list[PackExercise]) -> None:
                     f"{name} is a number of exercise {other} and of exercise {one.number}, which "
                     f"stand in one file, {one.sheet}.py; rename one of them"
                 )
+    return list(found.values())
 
 
 def variants_of(one: Lecture) -> list[PackExercise]:
     """All variants of a lecture, in the order of its exercises; none if it has no such file."""
     if not (one.folder / FILE).is_file():
         return []
-    module = one.module("variants")
-    places = {name: k for k, name in enumerate(one.exercises, 1)}
+    title = f"lecture {one.number}, {one.title}"
+    names = list(one.exercises)
+    found = _in_module(one.module("variants"), str(one.number), names, one.folder_name, title, one)
+    return sorted(found, key=lambda exercise: names.index(exercise.variant.exercise))
+
+
+def _in_module(
+    module: ModuleType,
+    number: str,
+    names: Sequence[str],
+    sheet: str,
+    title: str,
+    published: Lecture | None = None,
+) -> list[PackExercise]:
+    """The variants of a module, numbered by the places of their names."""
+    variants = [one for one in vars(module).values() if isinstance(one, Variant)]
+    places = {name: k for k, name in enumerate(names or [one.exercise for one in variants], 1)}
     return [
         PackExercise(
-            f"{one.number}.{places[variant.exercise]}",
-            one.folder_name,
-            f"lecture {one.number}, {one.title}",
-            variant,
-            _mistakes(module, variant),
+            f"{number}.{places[one.exercise]}",
+            sheet,
+            title,
             one,
+            tuple(found for found in mistakes_in(module) if found.exercise == one.exercise),
+            published,
         )
-        for variant in sorted(variants_in(module), key=lambda v: places[v.exercise])
+        for one in variants
     ]
 
 
@@ -203,22 +202,13 @@ def of_file(path: Path) -> list[PackExercise]:
         spec.loader.exec_module(module)
     except Exception as error:
         raise BadFile(f"{path} does not run: {type(error).__name__}: {error}") from error
-    found = variants_in(module)
+    found = _in_module(module, path.stem, (), path.stem, path.stem)
     if not found:
         raise BadFile(
             f"{path} has no variants; write them with `workbench.course.packs.variant`, as "
             "lectures/lec04_skinning/variants.py does"
         )
-    return [
-        PackExercise(
-            f"{path.stem}.{k}", path.stem, path.stem, variant, _mistakes(module, variant), None
-        )
-        for k, variant in enumerate(found, 1)
-    ]
-
-
-def _mistakes(module: ModuleType, variant: Variant) -> tuple[Mistake, ...]:
-    return tuple(one for one in mistakes_in(module) if one.exercise == variant.exercise)
+    return found
 
 
 def _of_lecture(name: str) -> list[PackExercise]:

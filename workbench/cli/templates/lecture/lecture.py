@@ -36,7 +36,8 @@ print(f"mean of ten good readings: {readings.mean():.4f} m")
 print(f"mean with a wrong one:     {wrong.mean():.4f} m")
 
 # %% [markdown]
-# The wrong reading moves the mean by a tenth of its own error, whatever the others say.
+# The wrong reading moves the mean by {{ 1000 * (wrong.mean() - readings.mean()):.0f}} mm, a tenth
+# of its own error, whatever the others say. (Numbers in braces come from the cells above.)
 #
 # ## Errors that count less
 #
@@ -79,6 +80,9 @@ Picture(
 
 # %% [markdown]
 # ## The library
+#
+# Huber's estimate is off by {{ 1000 * abs(robust - TRUTH):.1f}} mm. (The next braces hold what was
+# said, and show nothing.){{ abs(robusts[-1]) < means[-1] / 2 }}
 #
 # The kernel is a factor by which a residual shrinks before it is squared:
 
