@@ -14,8 +14,8 @@ from workbench.fitting.images import (
     ByHeight,
     WithStature,
     depth_interval,
+    depth_spread,
     image_fit,
-    spreads,
 )
 from workbench.fitting.keypoints import as_marked
 from workbench.fitting.observations import Observations
@@ -70,11 +70,7 @@ def test_depth_lever_matches_refits(one: tuple[Setup, Values]) -> None:
     """
     setup, values = one
     view, free = setup.views[0], setup.problem.free
-
-    def depth(pose: np.ndarray, betas: np.ndarray, trans: np.ndarray) -> np.ndarray:
-        return 4.0 - BODY.joints(pose, betas, trans)[:, :1, 2]
-
-    found, _, lever = spreads(setup, view, values, depth)
+    found, _, lever = depth_spread(setup, view, values)
     before, moves, refitted = root_depth(setup, values), [], []
     for k, axis in np.ndindex(*view.observed.shape):
         observed = values["one/observed"].copy()
@@ -87,10 +83,10 @@ def test_depth_lever_matches_refits(one: tuple[Setup, Values]) -> None:
             again = start | PRECISE.solve(setup.problem, start).values
             refitted.append((root_depth(setup, again) - before) / 0.01)
     of_a_metre = values["one/focal"].mean() / before  # px
-    assert found[0] == pytest.approx(before)
+    assert found == pytest.approx(before)
     relative = np.repeat(as_marked(BODY.landmark_names("coco")), 2)  # all have the confidence 1
     expected = of_a_metre * np.linalg.norm(relative * moves)
-    assert lever[0] == pytest.approx(expected, rel=1e-2)
+    assert lever == pytest.approx(expected, rel=1e-2)
     assert np.linalg.norm(moves[:6]) == pytest.approx(np.linalg.norm(refitted), rel=0.25)
 
 

@@ -146,7 +146,7 @@ def test_smplify_stages_have_published_weights() -> None:
     )
     plain = Problem(
         KeypointProblem(BODY, 1.0, scaled(geman_mcclure, 100.0))
-        .of(setup_photographs(), ())[0]
+        .of(setup_photographs(), (), "coco")[0]
         .residuals,
         setup.problem.free.names,
         blocks=tuple(setup.problem.known.values()),
@@ -190,21 +190,19 @@ def test_stages_end_at_the_problem_itself() -> None:
 # Starts.
 
 
-def test_starts_turn_the_body_about_its_middle() -> None:
-    setup = image_fit(seen(person(1)), BODY, "q")
-    rest = setup.start | {"pose": np.zeros((24, 3))}
-    starts = turned_about(BODY, rest, 8)
-    middles = [BODY.joints(s["pose"], s["betas"], s["trans"]).mean(axis=0) for s in starts]
-    np.testing.assert_allclose(middles, np.repeat(middles[:1], 8, axis=0), atol=1e-9)
-    shoulders = [BODY.joint_names.index(f"{side}_shoulder") for side in ("left", "right")]
-    across = []
-    for s in starts:
-        left, right = BODY.joints(s["pose"], s["betas"], s["trans"])[shoulders]
-        across.append((left - right) / np.linalg.norm(left - right))
+@pytest.mark.parametrize("root", [0.0, 0.7], ids=["plain", "turned bind pose"])
+def test_starts_turn_the_body_about_its_middle(root: float) -> None:
+    body = replace(BODY, bound_in=np.vstack([[root, 0, 0], np.zeros((23, 3))]))
+    starts = turned_about(body, body.start() | {"trans": np.array([0.3, 0.1, -0.2])}, 8)
+    joints = np.array([body.joints(s["pose"], s["betas"], s["trans"]) for s in starts])
+    np.testing.assert_allclose(joints.mean(axis=1), [joints[0].mean(axis=0)] * 8, atol=1e-9)
+    np.testing.assert_allclose(joints[..., 1], [joints[0, :, 1]] * 8, atol=1e-9)
+    left, right = (body.joint_names.index(f"{side}_shoulder") for side in ("left", "right"))
+    across = joints[:, left] - joints[:, right]
     np.testing.assert_allclose(across[1], -across[0], atol=1e-9)
     assert len({tuple(np.round(a, 6)) for a in across}) == 8
     with pytest.raises(BadArgument, match="1 to 8"):
-        turned_about(BODY, setup.start, 9)
+        turned_about(body, starts[0], 9)
 
 
 def test_hypotheses_are_ordered_by_cost() -> None:

@@ -348,9 +348,6 @@ def appearance(body: Body, view: View, values: Values) -> Appearance:
     return Appearance(height, bool(suspect.any()))
 
 
-Quantities = Callable[[Array, Array, Array], Array]  # (N, k) of N poses, betas and trans
-
-
 @dataclass(frozen=True)
 class DepthInterval:
     """How far the body's root is from the camera's plane, along the axis of the camera.
@@ -385,18 +382,11 @@ def depth_interval(setup: Setup, values: Values, offset: float = OFFSET) -> Dept
     priors do not determine the distance, or if not one view was fitted.
     """
     fitted = [view for view in setup.views if not view.held_out]
-    if len(fitted) != 1 or setup.body is None or residual_of(setup, fitted[0]) is None:
+    if len(fitted) != 1 or setup.body is None or _keypoints_of(setup, fitted[0]) is None:
         return None
-    body, view = setup.body, fitted[0]
-    R = matrix_from_vector(values[view.camera.rotation.name])
-    t = values[view.camera.translation.name]
-
-    def depth(pose: Array, betas: Array, trans: Array) -> Array:
-        return np.asarray(body.joints(pose, betas, trans)[:, :1] @ R[2] + t[2])
-
-    found, sd, lever = spreads(setup, view, values, depth)
-    total = float(np.hypot(sd[0], offset * lever[0]))
-    return DepthInterval(float(found[0]), total) if np.isfinite(total) else None
+    mean, sd, lever = depth_spread(setup, fitted[0], values)
+    total = float(np.hypot(sd, offset * lever))
+    return DepthInterval(mean, total) if np.isfinite(total) else None
 
 
 def depth_measures(setup: Setup, values: Values) -> tuple[Measure, ...]:
@@ -412,35 +402,35 @@ def depth_measures(setup: Setup, values: Values) -> tuple[Measure, ...]:
     )
 
 
-def spreads(setup: Setup, view: View, values: Values, of: Quantities) -> tuple[Array, Array, Array]:
-    """Quantities of a body in one view, and how uncertain they are; (k,) each.
+def depth_spread(setup: Setup, view: View, values: Values) -> tuple[float, float, float]:
+    """The distance of a body's root in one view in m, and how uncertain it is.
 
-    What they are at `values`; Laplace's standard deviations; and what an offset of 1 m in each
+    What it is at `values`; Laplace's standard deviation; and what an offset of 1 m in each
     direction, as standard deviation of each typical landmark by itself, adds to that in quadrature.
     """
-    body, free = setup.body, setup.problem.free
+    body, camera, keypoints = setup.body, view.camera, _keypoints_of(setup, view)
     assert body is not None
-    blocks = [block.name for block in body.blocks()]
-    at = [values[name] for name in blocks]
-    slopes = np.zeros((free.size, len(of(*(one[None] for one in at))[0])))
-    for i, name in enumerate(blocks):
-        moves = DIFFERENCE * np.eye(at[i].size).reshape(-1, *at[i].shape)
-        count = 2 * len(moves)
-        moved = [np.broadcast_to(one, (count, *one.shape)) for one in at]
-        moved[i] = at[i] + np.concatenate([moves, -moves])
-        ahead, behind = np.split(of(*moved), 2)
-        slopes[free.slices[name]] = (ahead - behind) / (2 * DIFFERENCE)
-    here, keypoints = setup.problem.linearize(values), residual_of(setup, view)
     assert keypoints is not None
-    by_data = here.covariance @ slopes
-    depth = view.camera.depths(body.joints(*at)[:1], values)[0]
-    px = np.mean(values[view.camera.focal.name]) / depth  # of 1 m
-    data = here.dense[setup.problem.rows[keypoints.name]]
-    lever = px / float(keypoints.sigma) * np.linalg.norm(data @ by_data, axis=0)
-    return of(*(one[None] for one in at))[0], np.sqrt(np.sum(slopes * by_data, axis=0)), lever
+    names = [block.name for block in body.blocks()]
+    at = [values[name] for name in names]
+    axis = matrix_from_vector(values[camera.rotation.name])[2]
+    gradient = np.zeros(setup.problem.free.size)
+    for i, name in enumerate(names):
+        steps = DIFFERENCE * np.eye(at[i].size).reshape(-1, *at[i].shape)
+        ahead, behind = (
+            body.joints(*at[:i], at[i] + step, *at[i + 1 :])[:, 0] @ axis for step in (steps, -steps)
+        )
+        gradient[setup.problem.free.slices[name]] = (ahead - behind) / (2 * DIFFERENCE)
+    depth = float(camera.depths(body.joints(*at)[:1], values)[0])
+    here = setup.problem.linearize(values)
+    by_data = here.covariance @ gradient
+    px = float(np.mean(values[camera.focal.name])) / depth  # of 1 m
+    rows = here.dense[setup.problem.rows[keypoints.name]]
+    lever = px / float(keypoints.sigma) * float(np.linalg.norm(rows @ by_data))
+    return depth, float(np.sqrt(gradient @ by_data)), lever
 
 
-def residual_of(setup: Setup, view: View) -> Residual | None:
+def _keypoints_of(setup: Setup, view: View) -> Residual | None:
     """The residual of the keypoints of a view, or None if the problem has none of its name."""
     name = f"keypoints({view.camera.prefix.rstrip('/')})"
     return next((one for one in setup.problem.residuals if one.name == name), None)
