@@ -1,4 +1,4 @@
-"""Bodies on scans that nobody labelled: what is found, where it begins, what is doubted, refused."""
+"""Bodies on scans that nobody labelled: what is found, where it begins, and what is doubted."""
 
 from dataclasses import replace
 
