@@ -1,4 +1,4 @@
-"""A body on the keypoints of one image: terms, stages, starts, folders of images."""
+"""A body on the keypoints of one image: terms, stages, starts, folders of images, distance."""
 
 import json
 from dataclasses import replace
@@ -9,17 +9,22 @@ import pytest
 from rich.console import Console
 
 from workbench import LevenbergMarquardt, Problem, Solution, Status, Values, load_body
+from workbench.arrays import Array
 from workbench.cli.fit import Given, of_keypoints
 from workbench.errors import BadArgument
 from workbench.experiments.balance import observations
 from workbench.fitting.body_priors import stature, stature_prior
 from workbench.fitting.images import (
+    INTERVAL_NOTE,
     LAMBDA_POSE,
     LAMBDA_SHAPE,
     SMPLIFY_SIGMA,
+    Z90,
     Appearance,
     ByHeight,
     WithStature,
+    depth_interval,
+    depth_spread,
     image_fit,
     smplify,
 )
@@ -41,6 +46,7 @@ from workbench.fitting.keypoints import (
 )
 from workbench.fitting.observations import COCO, Observations, photograph
 from workbench.fitting.placing import turned_about
+from workbench.fitting.setup import Setup
 from workbench.geometry.camera import Camera
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.priors.poses import draw_poses, shipped_gaussian
@@ -75,18 +81,30 @@ def seen(
     return Observations(tuple(names), (given,))
 
 
+def solved(setup: Setup) -> Solution:
+    """By the strategy of the setup."""
+    assert setup.strategy is not None
+    return setup.strategy(None).solve(setup.problem, setup.start)
+
+
+def joints_of(values: Values) -> Array:
+    return BODY.joints(*(values[name] for name in ("pose", "betas", "trans")))
+
+
+def distance(values: Values, truth: Values) -> float:
+    """The mean distance of joints in m, the roots brought together."""
+    apart = joints_of(values) - joints_of(truth)
+    return float(np.linalg.norm(apart - apart[0], axis=1).mean())
+
+
 def test_person_is_recovered_from_one_image() -> None:
     truth = person(1)
     setup = image_fit(seen(truth), BODY, "q", recipe=ByHeight(solver=LevenbergMarquardt()))
-    assert setup.strategy is not None
-    solution = setup.strategy(None).solve(setup.problem, setup.start)
+    solution = solved(setup)
     assert solution.converged
     off = np.array([m.value for m in setup.measures(setup.start | solution.values)])
     assert off[0] < 2.0  # px, held off zero by the priors
-    joints = BODY.joints(*(solution.values[n] for n in ("pose", "betas", "trans")))
-    true = BODY.joints(*truth.values())
-    away = np.linalg.norm((joints - joints[0]) - (true - true[0]), axis=1)
-    assert away.mean() < 0.08
+    assert distance(solution.values, truth) < 0.08
 
 
 def test_keypoint_of_confidence_zero_is_ignored() -> None:
@@ -99,9 +117,7 @@ def test_keypoint_of_confidence_zero_is_ignored() -> None:
     ends = []
     for pixels in (shot.pixels, away):
         given = Observations(one.names, (replace(shot, confidence=doubt, pixels=pixels),))
-        setup = image_fit(given, BODY, "q")
-        assert setup.strategy is not None
-        ends.append(setup.strategy(None).solve(setup.problem, setup.start).values["pose"])
+        ends.append(solved(image_fit(given, BODY, "q")).values["pose"])
     np.testing.assert_array_equal(*ends)
 
 
@@ -116,18 +132,13 @@ def test_image_fit_resists_outliers() -> None:
         wrong = shot.pixels.copy()
         wrong[[7, 16]] += [[150.0, -120.0], [-170.0, 90.0]]
         dirty = Observations(clean.names, (replace(shot, pixels=wrong),))
-        true = BODY.joints(*truth.values())
         for name, given, recipe in (
             ("clean", clean, ByHeight()),
             ("robust", dirty, ByHeight()),
             ("quadratic", dirty, ByHeight(outlier=1e6, strict=1e6)),
         ):
-            setup = image_fit(given, BODY, "q", recipe=recipe)
-            assert setup.strategy is not None
-            found = setup.strategy(None).solve(setup.problem, setup.start).values
-            joints = BODY.joints(found["pose"], found["betas"], found["trans"])
-            off = np.linalg.norm((joints - joints[0]) - (true - true[0]), axis=1)
-            errors[name].append(float(off.mean()))
+            found = solved(image_fit(given, BODY, "q", recipe=recipe)).values
+            errors[name].append(distance(found, truth))
     means = {name: np.mean(each) for name, each in errors.items()}
     assert means["robust"] < 0.3 * means["quadratic"]
     assert means["robust"] < means["clean"] + 0.05
@@ -231,9 +242,7 @@ def test_stature_matches_the_mesh(name: str) -> None:
 def test_a_known_stature_is_kept() -> None:
     truth = person(4)
     recipe = ByHeight(priors=WithStature(1.5))
-    setup = image_fit(seen(truth, 2.0), BODY, "q", recipe=recipe)
-    assert setup.strategy is not None
-    found = setup.strategy(None).solve(setup.problem, setup.start).values
+    found = solved(image_fit(seen(truth, 2.0), BODY, "q", recipe=recipe)).values
     assert stature(BODY, found["betas"]) == pytest.approx(1.5, abs=0.02)
     for wrong in (3.0, 0.1, 172.0, np.nan):
         with pytest.raises(BadArgument, match="stature is between"):
@@ -338,8 +347,7 @@ def test_one_camera_of_a_real_person() -> None:
     observed, _ = observations(40)
     names = [p.name for p in observed.photographs]
     setup = image_fit(observed, body, "q", held_out=names[1:])
-    assert setup.strategy is not None
-    values = setup.start | setup.strategy(None).solve(setup.problem, setup.start).values
+    values = setup.start | solved(setup).values
     told = {m.name: m.value for m in setup.measures(values)}
     assert told["reprojection, mean of the fitted"] < 8.0
 
@@ -362,3 +370,108 @@ def test_keypoints_are_weighed_by_precision() -> None:
     rows = next(rows for name, rows in setup.problem.rows.items() if name.startswith("keypoints("))
     both = [one.problem.residual(*one.problem.split(one.start))[rows] for one in (plain, whitened)]
     np.testing.assert_allclose(both[0], both[1] * np.repeat(relative, 2), rtol=1e-4)
+
+
+# The distance, and how uncertain it is.
+
+
+PRECISE = LevenbergMarquardt(gradient_tolerance=1e-9)
+
+
+def fitted(observed: Observations, recipe: ByHeight | None = None) -> tuple[Setup, Values]:
+    setup = image_fit(observed, BODY, "q", recipe=recipe or ByHeight(solver=PRECISE))
+    return setup, setup.start | solved(setup).values
+
+
+def root_depth(setup: Setup, values: Values) -> float:
+    return float(setup.views[0].camera.depths(joints_of(values)[:1], values)[0])
+
+
+@pytest.fixture(scope="module")
+def one() -> tuple[Setup, Values]:
+    return fitted(seen(person(1)))
+
+
+def test_depth_without_offsets_is_laplace(one: tuple[Setup, Values]) -> None:
+    """The camera looks along -z from 4 m: depth is 4 - root_z, linear in betas and trans."""
+    setup, values = one
+    found = depth_interval(setup, values, 0.0)
+    assert found is not None
+    assert found.mean == pytest.approx(root_depth(setup, values))
+    free = setup.problem.free
+    gradient = np.zeros(free.size)
+    gradient[free.slices["trans"]] = [0, 0, -1]
+    rest = BODY.joints(betas=np.zeros(BODY.n_betas))[0, 2]
+    gradient[free.slices["betas"]] = [
+        rest - BODY.joints(betas=unit)[0, 2] for unit in np.eye(BODY.n_betas)
+    ]
+    covariance = setup.problem.linearize(values).covariance
+    assert found.sd == pytest.approx(np.sqrt(gradient @ covariance @ gradient), rel=1e-6)
+    assert found.high - found.low == pytest.approx(2 * Z90 * found.sd)
+    wider = depth_interval(setup, values)
+    assert wider is not None
+    assert wider.sd > found.sd
+    assert f"{wider.low:.2f} to {wider.high:.2f} m" in str(wider)
+
+
+@pytest.mark.thorough
+def test_depth_lever_matches_refits(one: tuple[Setup, Values]) -> None:
+    """Keypoints are moved one after another, and Gauss and Newton's step follows them; the whole
+    fit does so up to the curvature that this method leaves out.
+    """
+    setup, values = one
+    view, free = setup.views[0], setup.problem.free
+    found, _, lever = depth_spread(setup, view, values)
+    before, moves, refitted = root_depth(setup, values), [], []
+    for k, axis in np.ndindex(*view.observed.shape):
+        observed = values["one/observed"].copy()
+        observed[k, axis] += 0.01
+        start = values | {"one/observed": observed}
+        step = setup.problem.linearize(start).step(0.0)
+        after = values | free.unpack(free.pack(values) + step, values)
+        moves.append((root_depth(setup, after) - before) / 0.01)
+        if k < 3:
+            again = start | PRECISE.solve(setup.problem, start).values
+            refitted.append((root_depth(setup, again) - before) / 0.01)
+    of_a_metre = values["one/focal"].mean() / before  # px
+    assert found == pytest.approx(before)
+    relative = np.repeat(as_marked(BODY.landmark_names("coco")), 2)  # all have the confidence 1
+    expected = of_a_metre * np.linalg.norm(relative * moves)
+    assert lever == pytest.approx(expected, rel=1e-2)
+    assert np.linalg.norm(moves[:6]) == pytest.approx(np.linalg.norm(refitted), rel=0.25)
+
+
+@pytest.mark.thorough
+def test_known_stature_narrows_depth(one: tuple[Setup, Values]) -> None:
+    photo = seen(person(1)).photographs[0]
+    unknown_lens = Observations(tuple(BODY.landmark_names("coco")), (replace(photo, K=None),))
+    tall = float(stature(BODY, person(1)["betas"]))
+    known = ByHeight(solver=PRECISE, priors=WithStature(tall))
+    each = [one, fitted(seen(person(1)), known), fitted(unknown_lens)]
+    usual, narrow, wide = (depth_interval(*some) for some in each)
+    assert usual is not None
+    assert narrow is not None
+    assert wide is not None
+    assert narrow.sd < usual.sd < 0.5 * wide.sd
+
+
+def test_fit_of_one_image_measures_depth(one: tuple[Setup, Values]) -> None:
+    setup, values = one
+    told = {measure.name: measure for measure in setup.measures(values)}
+    found = depth_interval(setup, values)
+    assert found is not None
+    of = "distance from the camera"
+    ends = [told[f"{of}, {end} end of the 90 % interval"].value for end in ("lower", "upper")]
+    assert [told[of].value, *ends] == [found.mean, found.low, found.high]
+    assert INTERVAL_NOTE in setup.notes
+
+
+def test_two_images_have_no_depth_interval() -> None:
+    truth = person(2)
+    shots = [seen(truth, name=name).photographs[0] for name in ("one", "two")]
+    both = Observations(tuple(BODY.landmark_names("coco")), tuple(shots))
+    setup = image_fit(both, BODY, "q")
+    assert depth_interval(setup, setup.start) is None
+    assert INTERVAL_NOTE not in setup.notes
+    out = image_fit(both, BODY, "q", held_out=("two",))
+    assert depth_interval(out, out.start) is not None

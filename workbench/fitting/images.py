@@ -82,7 +82,7 @@ INTERVAL_NOTE = (
     "given. Intervals 0.79 and 0.89 times as wide would have contained it in 90 %"
 )
 DIFFERENCE = 1e-5  # of an unknown, for a central difference
-# frames 0, 8, ..., 96 of `balance`, each camera alone; the truth is the fit to all four cameras
+# by `python -m benchmarks.images.one_camera --spread`; stored in benchmarks/results/images.json
 SPREAD = (
     "too small: on 52 images of one real person, landmarks were 1.6 times as far from the truth "
     "(root mean square; 1.0 to 2.0 times, by landmark)"
@@ -418,7 +418,8 @@ def depth_spread(setup: Setup, view: View, values: Values) -> tuple[float, float
     for i, name in enumerate(names):
         steps = DIFFERENCE * np.eye(at[i].size).reshape(-1, *at[i].shape)
         ahead, behind = (
-            body.joints(*at[:i], at[i] + step, *at[i + 1 :])[:, 0] @ axis for step in (steps, -steps)
+            body.joints(*at[:i], at[i] + step, *at[i + 1 :])[:, 0] @ axis
+            for step in (steps, -steps)
         )
         gradient[setup.problem.free.slices[name]] = (ahead - behind) / (2 * DIFFERENCE)
     depth = float(camera.depths(body.joints(*at)[:1], values)[0])

@@ -96,13 +96,7 @@ class ImageReading:
 
     def observations(self, files: Sequence[Path]) -> Observations:
         """The keypoints in files of one moment; see `read_observations`."""
-        return read_observations(
-            files,
-            calibration=self.calibration,
-            size=self.size,
-            focal=self.focal,
-            person=self.person,
-        )
+        return read_observations(files, **vars(self))
 
 
 @dataclass(frozen=True, eq=False)
