@@ -416,7 +416,7 @@ def test_depth_without_offsets_is_laplace(one: tuple[Setup, Values]) -> None:
 
 @pytest.mark.thorough
 def test_depth_lever_matches_refits(one: tuple[Setup, Values]) -> None:
-    """Keypoints are moved one after another, and Gauss and Newton's step follows them; the whole
+    """Keypoints are moved one after another, and the Gauss-Newton step follows them; the whole
     fit does so up to the curvature that this method leaves out.
     """
     setup, values = one

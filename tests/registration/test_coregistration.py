@@ -31,7 +31,7 @@ from workbench.registration.coregistration import (
 from workbench.registration.coregistration.coregistering import FILE, SETTINGS
 from workbench.registration.coregistration.scan_block import (
     OnScan,
-    Pull,
+    ScanCoupling,
     jobs,
     on_scans,
     scan_evidence,
@@ -42,10 +42,10 @@ from workbench.registration.coregistration.symbolic_form import (
     SymbolicCoregistration,
 )
 from workbench.registration.coregistration.triangle_steps import (
-    Bends,
     JointStep,
     OfScan,
-    Persons,
+    PersonDeformations,
+    PoseDeformations,
     Unknown,
     learned_bends,
 )
@@ -159,13 +159,15 @@ def test_symbolic_form_has_the_same_terms(ended: bool) -> None:
 
 
 @pytest.mark.thorough
-def test_pulled_targets_bound_the_scan_cost() -> None:
+def test_targets_bound_the_scan_cost() -> None:
     """The surrogate touches E_S at the registration, and lies above it elsewhere."""
-    pull = Pull(START.faces, area(START.template, START.faces), PLAN.sigmas.data, (TERM,))
+    coupled = ScanCoupling(
+        START.faces, area(START.template, START.faces), PLAN.sigmas.data, (TERM,)
+    )
 
     def each(solve: bool, estimate: Estimate, V: Array, trans: Array) -> list[OnScan]:
         todo = jobs(estimate, joint().scans.subject, V, trans)
-        return [one for job in todo for one in on_scans(pull, joint().scans, solve, job)]
+        return [one for job in todo for one in on_scans(coupled, joint().scans, solve, job)]
 
     here = each(True, state().estimate, state().vertices, state().trans)
     V, poses, trans = (
@@ -212,7 +214,7 @@ def test_targets_of_landmarks_are_their_places() -> None:
 
 
 @dataclass(frozen=True)
-class Labelled:
+class Labelled(ScanTerm):
     """A scan that shows every vertex, by its number."""
 
     def residual(self, points: Points | cs.MX, faces: Index, scan: Scan, area: float) -> Residual:
@@ -375,8 +377,8 @@ def unknowns(at: TriangleBody, poses: Array) -> list[tuple[Unknown, list[int]]]:
     own = [j for j, s in enumerate(subject) if s == 0]
     fitted = np.eye(3) + 0.9 * at.shapedirs[..., 0]
     return [
-        (Persons(at, [here[j] for j in own], 0.05, fitted), own),
-        (Bends(at, here, 0.1, 0.5 * at.posedirs), list(range(len(here)))),
+        (PersonDeformations(at, [here[j] for j in own], 0.05, fitted), own),
+        (PoseDeformations(at, here, 0.1, 0.5 * at.posedirs), list(range(len(here)))),
     ]
 
 
@@ -395,13 +397,15 @@ def test_joint_step_solves_the_normal_equations(which: int) -> None:
     e = edges(state.vertices[0], state.body.faces).reshape(-1, 3)
     step = JointStep(unknown, scans, [e - gap for gap in gaps], s, state.body, 1e-10, 2000)
     x, moved = step.found()
-    slope = unknown.prior @ x + unknown.prior_slope
+    slope = unknown.prior @ x + unknown.prior_gradient
     for j, (scan, gap, v) in enumerate(zip(scans, gaps, moved, strict=True)):
         left = (A @ v + gap - unknown.forth(j, x)) / s**2
         slope -= unknown.back(j, left)
-        on_vertices = scan.slope + scan.normal @ v.ravel() + (A.T @ left).ravel() + free * v.ravel()
-        assert np.abs(on_vertices).max() < 1e-7 * np.abs(scan.slope).max()
-    began = unknown.prior_slope - sum(unknown.back(j, g / s**2) for j, g in enumerate(gaps))
+        on_vertices = (
+            scan.gradient + scan.normal @ v.ravel() + (A.T @ left).ravel() + free * v.ravel()
+        )
+        assert np.abs(on_vertices).max() < 1e-7 * np.abs(scan.gradient).max()
+    began = unknown.prior_gradient - sum(unknown.back(j, g / s**2) for j, g in enumerate(gaps))
     assert np.abs(slope).max() < 1e-7 * np.abs(began).max()
 
 

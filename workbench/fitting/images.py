@@ -416,12 +416,11 @@ def depth_spread(setup: Setup, view: View, values: Values) -> tuple[float, float
     axis = matrix_from_vector(values[camera.rotation.name])[2]
     gradient = np.zeros(setup.problem.free.size)
     for i, name in enumerate(names):
-        steps = DIFFERENCE * np.eye(at[i].size).reshape(-1, *at[i].shape)
-        ahead, behind = (
-            body.joints(*at[:i], at[i] + step, *at[i + 1 :])[:, 0] @ axis
-            for step in (steps, -steps)
-        )
-        gradient[setup.problem.free.slices[name]] = (ahead - behind) / (2 * DIFFERENCE)
+        steps, ends = DIFFERENCE * np.eye(at[i].size).reshape(-1, *at[i].shape), []
+        for step in (steps, -steps):
+            pose, betas, trans = (*at[:i], at[i] + step, *at[i + 1 :])
+            ends.append(body.joints(pose, betas, trans)[:, 0] @ axis)
+        gradient[setup.problem.free.slices[name]] = (ends[0] - ends[1]) / (2 * DIFFERENCE)
     depth = float(camera.depths(body.joints(*at)[:1], values)[0])
     here = setup.problem.linearize(values)
     by_data = here.covariance @ gradient

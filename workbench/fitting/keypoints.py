@@ -249,16 +249,10 @@ def keypoint_fit(
 
 
 def keypoint_setup(
-    of: KeypointProblem,
-    observations: Observations,
-    question: str,
-    held_out: Sequence[str] = (),
-    reference: Array | None = None,
-    compared: tuple[str, ...] = (),
+    of: KeypointProblem, observations: Observations, question: str, held_out: Sequence[str] = ()
 ) -> Setup:
     """The fit of a problem to these observations; arguments and errors are `keypoint_fit`'s."""
-    shown = placed_views(of.body, observations, held_out)
-    return shown.setup(of, question, reference, compared)
+    return placed_views(of.body, observations, held_out).setup(of, question)
 
 
 @dataclass(frozen=True, eq=False)
