@@ -26,7 +26,9 @@ from workbench.fitting.images import (
     depth_interval,
     depth_spread,
     image_fit,
+    image_priors,
     smplify,
+    smplify_stages,
 )
 from workbench.fitting.jobs import (
     FailedFile,
@@ -51,6 +53,7 @@ from workbench.geometry.camera import Camera
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.problem.problem import in_stage
+from workbench.residuals import gaussian
 from workbench.residuals.kernels import Scaled, geman_mcclure, quadratic, scaled
 from workbench.solvers import Staged, Starts, TrustRegion
 
@@ -175,6 +178,15 @@ def test_smplify_stages_have_published_weights() -> None:
         assert square["bending"] / scale == pytest.approx(at_rest)
         assert scale == pytest.approx(2 / pose**2)
     assert pytest.approx(4.78 / np.sqrt(2)) == SMPLIFY_SIGMA
+
+
+@pytest.mark.parametrize(("name", "root"), [("small", "pelvis"), ("hand", "wrist")])
+def test_smplify_places_the_root_of_any_body_first(name: str, root: str) -> None:
+    body = load_body(name)
+    place = gaussian(body.blocks()[2].symbol, name="place")
+    problem = Problem((*image_priors(body), place), ("pose", "trans"), blocks=body.blocks())
+    first = in_stage(problem, smplify_stages()[0].free, {}).free.single_labels
+    assert {*first} == {f"pose[{root}, {axis}]" for axis in "xyz"} | {f"trans[{x}]" for x in "xyz"}
 
 
 def setup_photographs() -> tuple:

@@ -118,7 +118,8 @@ def smplify_stages() -> tuple[SolveStage, ...]:
         {KEYPOINTS: (LAMBDA_POSE[-1] / pose) ** 2, "shape prior": (shape / pose / last) ** 2}
         for pose, shape in zip(LAMBDA_POSE[:-1], LAMBDA_SHAPE[:-1], strict=True)
     ]
-    return (SolveStage(("trans", "pose[pelvis]")), *(SolveStage(weights=w) for w in weights))
+    root = SolveStage(("trans", "pose[0]"))
+    return (root, *(SolveStage(weights=w) for w in weights))
 
 
 @dataclass(frozen=True)
@@ -418,8 +419,8 @@ def depth_spread(setup: Setup, view: View, values: Values) -> tuple[float, float
     for i, name in enumerate(names):
         steps, ends = DIFFERENCE * np.eye(at[i].size).reshape(-1, *at[i].shape), []
         for step in (steps, -steps):
-            pose, betas, trans = (*at[:i], at[i] + step, *at[i + 1 :])
-            ends.append(body.joints(pose, betas, trans)[:, 0] @ axis)
+            there = [*at[:i], at[i] + step, *at[i + 1 :]]
+            ends.append(body.joints(there[0], there[1], there[2])[:, 0] @ axis)
         gradient[setup.problem.free.slices[name]] = (ends[0] - ends[1]) / (2 * DIFFERENCE)
     depth = float(camera.depths(body.joints(*at)[:1], values)[0])
     here = setup.problem.linearize(values)
