@@ -67,7 +67,7 @@ LAMBDA_SHAPE = 100.0, 50.0, 10.0, 5.0
 ANGLES = 3.17  # SMPLify's weight of the term of elbows and knees, in lambda_theta
 SMPLIFY_SIGMA = LAMBDA_POSE[-1] / float(np.sqrt(2))  # px
 
-Recipe = Callable[["Appearance"], "ImageRecipe"]
+RecipeOf = Callable[["Appearance"], "ImageRecipe"]
 ROUGHLY = LevenbergMarquardt(gradient_tolerance=0.01)  # of a stage that is only a start
 NEARLY = LevenbergMarquardt(gradient_tolerance=1e-3)  # beyond, keypoints tell nothing more
 SUSPECT = 1 / 7  # of a person's height in the image
@@ -254,7 +254,7 @@ class ImageFits:
     """
 
     body: SkinnedBody | TriangleBody
-    recipe: Recipe = field(default_factory=ByHeight)
+    recipe: RecipeOf = field(default_factory=ByHeight)
     _made: dict[Appearance, tuple[ImageRecipe, KeypointProblem]] = field(
         default_factory=dict, init=False, repr=False
     )
@@ -315,7 +315,7 @@ def image_fit(
     body: SkinnedBody | TriangleBody,
     question: str,
     *,
-    recipe: Recipe | None = None,
+    recipe: RecipeOf | None = None,
     hypotheses: int = 1,
     held_out: Sequence[str] = (),
     reference: Array | None = None,
