@@ -68,14 +68,15 @@ class PoseRegressor:
         network, to_virtual = normalised(points, known)
         swap = self._opposite_keypoints
         both_ways = np.stack([network, network[:, swap] * [-1, 1, 1]])
-        answers = self._forward(both_ways.reshape(2, len(points), -1))
-        columns = answers[..., :6].reshape(2, -1, 3, 2) / self.scales[0]
-        columns = (columns[0] + COLUMNS * columns[1]) / 2
+        answers = self._forward(both_ways.reshape(2 * len(points), -1))
+        answers = answers.reshape(2, len(points), -1)
+        columns = answers[..., :6].reshape(2, -1, 3, 2)
+        columns = (columns[0] + COLUMNS * columns[1]) / (2 * self.scales[0])
         K, other = len(self.joint_names), self._opposite_joints
-        pose = np.zeros((2, len(points), K, 3))
-        pose[:, :, 1:] = answers[..., 6:].reshape(2, -1, K - 1, 3) / self.scales[1:, None]
-        pose[:, :, 1:] += self.mean[1:]
-        pose = (pose[0] + pose[1][:, other] * AXIAL) / 2
+        turns = answers[..., 6:].reshape(2, -1, K - 1, 3) / self.scales[1:, None]
+        pose = np.zeros((len(points), K, 3))
+        pose[:, 1:] = (self.mean + self.mean[other] * AXIAL)[1:] / 2
+        pose[:, 1:] += (turns[0] + turns[1][:, other[1:] - 1] * AXIAL) / 2
         third = np.cross(columns[..., 0], columns[..., 1])
         R = nearest_rotation(np.concatenate([columns, third[..., None]], axis=2))
         R = to_virtual.swapaxes(1, 2) @ R
