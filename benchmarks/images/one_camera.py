@@ -12,6 +12,7 @@ import json
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -59,6 +60,8 @@ SPREAD = range(0, 100, 8)  # frames by which the standard deviations of the mean
 STATURE = 1.72  # m, of the person of `balance`, by the fits to four cameras
 PEOPLE = 200
 NOISE = 5.0  # px
+SIGMA = 4.0  # px, of all rows but one
+BY_HEIGHT = "regressed start, sigma by height"  # what a fit has unless another sigma is given
 STRICT = 0.035  # of the height, from which on keypoints are outliers, in one of the recipes
 OUTLIERS, FAR = 4, 150.0  # how many keypoints are wrong, and by how many px
 TITLES = {
@@ -225,21 +228,19 @@ def run(recording: Path | None, only: Sequence[str] | None = None) -> dict[str, 
     body = load_body("default")
     found: dict[str, Any] = {"balance": {}, "people": {}, "outliers": {}}
     found["machine"] = machine.description()
-    fits = ImageFits(body)
-    tall = ImageFits(body, ByHeight(priors=WithStature(STATURE)))
+    in_px = partial(ByHeight, sigma=SIGMA)  # as when most rows were measured
+    fits = ImageFits(body, in_px())
+    tall = ImageFits(body, in_px(priors=WithStature(STATURE)))
     recipes: dict[str, Fit] = {
         "as before": as_before(body),
         "regressed start": in_stages(fits),
         "regressed start and one at rest": in_stages(fits, 2),
         "regressed start, mean of the posterior": averaged(fits),
-        "regressed start, a wide stage": in_stages(ImageFits(body, ByHeight(wide=(0.047,)))),
-        "regressed start, all keypoints alike": in_stages(
-            ImageFits(body, ByHeight(relative=alike))
-        ),
-        "regressed start, pose prior half": in_stages(ImageFits(body, ByHeight(priors=half))),
-        "regressed start, outliers from 3.5 % on": in_stages(
-            ImageFits(body, ByHeight(strict=STRICT))
-        ),
+        BY_HEIGHT: in_stages(ImageFits(body)),
+        "regressed start, a wide stage": in_stages(ImageFits(body, in_px(wide=(0.047,)))),
+        "regressed start, all keypoints alike": in_stages(ImageFits(body, in_px(relative=alike))),
+        "regressed start, pose prior half": in_stages(ImageFits(body, in_px(priors=half))),
+        "regressed start, outliers from 3.5 % on": in_stages(ImageFits(body, in_px(strict=STRICT))),
         "SMPLify's weights and stages": in_stages(ImageFits(body, smplify)),
     }
     cases = list(balance_cases(body))
