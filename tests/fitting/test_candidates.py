@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from workbench.bodies import SkinnedBody
 from workbench.diagnostics.design import Candidate
 from workbench.errors import BadArgument, UnknownName
 from workbench.fitting import default_markers, marker_fit
@@ -28,29 +27,16 @@ from workbench.residuals.kernels import quadratic
 SEEN = 0.1  # rad, of a pose
 
 
-@pytest.fixture(scope="module")
-def body() -> SkinnedBody:
-    found = wb.load_body("small")
-    assert isinstance(found, SkinnedBody)
-    return found
-
-
-@pytest.fixture(scope="module")
-def problem(body: SkinnedBody) -> wb.Problem:
-    pose, betas, trans = body.blocks()
-    hold = wb.residuals.gaussian(trans.symbol, covariance=4.0, unit="m", name="place")
-    priors = [pose_prior(body), shape_prior(body), hold]
-    return wb.Problem(priors, [pose.name, betas.name, trans.name], blocks=body.blocks())
-
-
-@pytest.fixture(scope="module")
-def at(body: SkinnedBody) -> wb.Values:
-    rng = np.random.default_rng(0)
-    return {
-        "pose": SEEN * rng.normal(size=(24, 3)),
-        "betas": rng.normal(size=body.n_betas),
-        "trans": np.array([0.3, 0.0, -0.2]),
-    }
+BODY = wb.load_body("small")
+RNG = np.random.default_rng(0)
+AT: wb.Values = {
+    "pose": SEEN * RNG.normal(size=(24, 3)),
+    "betas": RNG.normal(size=BODY.n_betas),
+    "trans": np.array([0.3, 0.0, -0.2]),
+}
+ROOT = BODY.joints(**AT)[0]
+PLACE = wb.residuals.gaussian(BODY.blocks()[2].symbol, covariance=4.0, unit="m", name="place")
+PROBLEM = wb.Problem([pose_prior(BODY), shape_prior(BODY), PLACE], list(AT), blocks=BODY.blocks())
 
 
 def test_candidate_cameras_look_at_the_centre() -> None:
@@ -71,93 +57,84 @@ def test_candidate_cameras_look_at_the_centre() -> None:
 
 
 @pytest.mark.thorough
-def test_camera_candidate_equals_its_keypoint_residual(
-    body: SkinnedBody, problem: wb.Problem, at: wb.Values
-) -> None:
+def test_camera_candidate_equals_its_keypoint_residual() -> None:
     """As if the camera had been put up and its keypoints fitted."""
-    centre = body.joints(**at)[0]
-    several = cameras_on_a_sphere(body, centre, around=(0, 90), up=(10,), sigma=3.0)
+    several = cameras_on_a_sphere(BODY, ROOT, around=(0, 90), up=(10,), sigma=3.0)
     assert list(several) == ["0 around, 10 up", "90 around, 10 up"]
-    found = wb.design(problem, several, at)
-    camera, name = Camera("real/"), landmark_set(body)
-    R, t = looking_at(centre, 90, 10, 4.0)
+    found = wb.design(PROBLEM, several, AT)
+    camera, name = Camera("real/"), landmark_set(BODY)
+    R, t = looking_at(ROOT, 90, 10, 4.0)
     K = np.array([[1200.0, 0, 500], [0, 1200, 500], [0, 0, 1]])
     numbers = camera.values(K=K, R=R, t=t)
-    points = body.landmark_points(name, *(block.symbol for block in body.blocks()))
-    pixels = camera.pixels(body.landmark(name, **at), numbers)
+    points = BODY.landmark_points(name, *(block.symbol for block in BODY.blocks()))
+    pixels = camera.pixels(BODY.landmark(name, **AT), numbers)
     term = wb.residuals.keypoints(points, camera, pixels, np.ones(len(pixels)), sigma=3.0)
-    blocks = (*body.blocks(), *camera.blocks)
-    whole = wb.Problem([*problem.residuals, term], problem.free.names, blocks=blocks)
-    sd = np.sqrt(np.diag(whole.linearize(at | numbers).covariance))
-    one = wb.design(problem, {"it": several["90 around, 10 up"]}, at)
+    blocks = (*BODY.blocks(), *camera.blocks)
+    whole = wb.Problem([*PROBLEM.residuals, term], PROBLEM.free.names, blocks=blocks)
+    sd = np.sqrt(np.diag(whole.linearize(AT | numbers).covariance))
+    one = wb.design(PROBLEM, {"it": several["90 around, 10 up"]}, AT)
     np.testing.assert_allclose(one.sd_after, sd, rtol=1e-7)
     assert found.after.sd <= one.after.sd
     photo = photograph("it", (1000, 1000), np.ones((3, 3)), {"K": K, "R": R, "t": t})
-    same = wb.design(problem, cameras_of(body, [photo], sigma=3.0), at)
+    same = wb.design(PROBLEM, cameras_of(BODY, [photo], sigma=3.0), AT)
     np.testing.assert_allclose(same.sd_after, sd, rtol=1e-7)
-    depth = wb.design(problem, several, at, criterion=wb.sd_of(depth_of(body, camera, numbers)))
+    depth = wb.design(PROBLEM, several, AT, criterion=wb.sd_of(depth_of(BODY, camera, numbers)))
     assert depth.best == "0 around, 10 up"  # across the view that depth is of
     with pytest.raises(BadArgument, match="has no calibration"):
-        cameras_of(body, [photograph("it", (9, 9), np.ones((3, 3)))])
+        cameras_of(BODY, [photograph("it", (9, 9), np.ones((3, 3)))])
     with pytest.raises(BadArgument, match="centre of the cameras"):
-        cameras_on_a_sphere(body, [0, 0])
+        cameras_on_a_sphere(BODY, [0, 0])
     with pytest.raises(BadArgument, match="above zero"):
-        cameras_on_a_sphere(body, centre, distance=0)
+        cameras_on_a_sphere(BODY, ROOT, distance=0)
 
 
 @pytest.mark.thorough
-def test_hidden_keypoints_do_not_count(
-    body: SkinnedBody, problem: wb.Problem, at: wb.Values
-) -> None:
-    still = at | {"pose": np.zeros((24, 3))}
-    around = cameras_on_a_sphere(body, body.joints(**still)[0], around=(0, 180), up=(0,))
-    found = without_hidden(body, around, still)
-    names = body.landmark_names(landmark_set(body))
+def test_hidden_keypoints_do_not_count() -> None:
+    still = AT | {"pose": np.zeros((24, 3))}
+    around = cameras_on_a_sphere(BODY, BODY.joints(**still)[0], around=(0, 180), up=(0,))
+    found = without_hidden(BODY, around, still)
+    names = BODY.landmark_names(landmark_set(BODY))
     front, back = (one.values["candidate/seen"] for one in found.values())
     assert front.all()
     hidden = {name for name, seen in zip(names, back, strict=True) if not seen}
     assert {"nose", "left_eye", "right_eye", "left_big_toe", "right_big_toe"} <= hidden
     assert not hidden & {"left_hip", "right_hip", "left_elbow", "right_knee", "left_heel"}
-    sees_all, sees_some = (wb.design(problem, several, still) for several in (around, found))
+    sees_all, sees_some = (wb.design(PROBLEM, several, still) for several in (around, found))
     by_name = [{one.name: one.nats for one in d.ranking} for d in (sees_all, sees_some)]
     assert by_name[1]["0 around, 0 up"] == pytest.approx(by_name[0]["0 around, 0 up"], rel=1e-9)
     assert by_name[1]["180 around, 0 up"] < by_name[0]["180 around, 0 up"]
 
 
 @pytest.mark.thorough
-def test_keypoint_candidates_sum_to_the_camera(
-    body: SkinnedBody, problem: wb.Problem, at: wb.Values
-) -> None:
+def test_keypoint_candidates_sum_to_the_camera() -> None:
     camera = Camera("candidate/")
-    R, t = looking_at(body.joints(**at)[0], 0, 0, 4.0)
+    R, t = looking_at(ROOT, 0, 0, 4.0)
     K = np.array([[1200.0, 0, 500], [0, 1200, 500], [0, 0, 1]])
     numbers = camera.values(K=K, R=R, t=t)
-    single = keypoint_candidates(body, camera, numbers, sigma=4.0)
-    assert tuple(single) == body.landmark_names(landmark_set(body))
-    found = wb.design(problem, single, at, choose=len(single))
-    whole = cameras_on_a_sphere(body, body.joints(**at)[0], around=(0,), up=(0,))
-    expected = wb.design(problem, whole, at)
+    single = keypoint_candidates(BODY, camera, numbers, sigma=4.0)
+    assert tuple(single) == BODY.landmark_names(landmark_set(BODY))
+    found = wb.design(PROBLEM, single, AT, choose=len(single))
+    whole = cameras_on_a_sphere(BODY, ROOT, around=(0,), up=(0,))
+    expected = wb.design(PROBLEM, whole, AT)
     np.testing.assert_allclose(found.sd_after, expected.sd_after, rtol=1e-7)
     assert found.after.sd == pytest.approx(expected.after.sd, rel=1e-9)
 
 
 @pytest.mark.thorough
-def test_marker_candidates_determine_stature(
-    body: SkinnedBody, problem: wb.Problem, at: wb.Values
-) -> None:
-    worn = default_markers(body)
-    several = marker_candidates(body, worn, sigma=0.003, offset_sigma=0.004)
+def test_marker_candidates_determine_stature() -> None:
+    worn = default_markers(BODY)
+    several = marker_candidates(BODY, worn, sigma=0.003, offset_sigma=0.004)
     assert tuple(several) == worn.names
-    height = stature_of(body)
-    found = wb.design(problem, several, at, choose=2, criterion=wb.sd_of(height))
-    slope = stature(body, np.eye(body.n_betas)) - stature(body, np.zeros(body.n_betas))
+    height = stature_of(BODY)
+    found = wb.design(PROBLEM, several, AT, choose=2, criterion=wb.sd_of(height))
+    slope = stature(BODY, np.eye(BODY.n_betas)) - stature(BODY, np.zeros(BODY.n_betas))
     assert found.before.sd == pytest.approx(np.linalg.norm(slope), rel=1e-8)  # of the prior
     assert found.after.sd < found.steps[0].sd < found.before.sd
     up = {name: found.ranking[i].sd for i, name in enumerate(r.name for r in found.ranking)}
     assert len(up) == 41
-    place = wb.diagnostics.with_candidates(problem, several, ["C7"])
+    place = wb.diagnostics.with_candidates(PROBLEM, several, ["C7"])
     seen = place.residuals[-1]
-    rows = place.linearize(at).dense[place.rows["C7"]]
+    rows = place.linearize(AT).dense[place.rows["C7"]]
     trans = rows[:, place.free.slices["trans"]]
     lengths = np.linalg.norm(trans, axis=0)
     np.testing.assert_allclose(lengths, 1 / 0.005, rtol=1e-9)  # 3-4-5
@@ -165,20 +142,20 @@ def test_marker_candidates_determine_stature(
 
 
 @pytest.mark.thorough
-def test_frames_with_own_poses_equal_a_marker_fit(body: SkinnedBody) -> None:
+def test_frames_with_own_poses_equal_a_marker_fit() -> None:
     """The same as the posterior of the shape in the fit to markers of these frames."""
-    worn = default_markers(body)
+    worn = default_markers(BODY)
     rng = np.random.default_rng(1)
     poses = SEEN * rng.normal(size=(2, 24, 3))
-    betas = body.blocks()[1]
-    offsets = worn.on(body).offsets("markers")
+    betas = BODY.blocks()[1]
+    offsets = worn.on(BODY).offsets("markers")
     near = wb.residuals.gaussian(
         offsets.symbol, mean=worn.nominal, covariance=0.005**2, unit="m", name="offset prior"
     )
-    problem = wb.Problem([shape_prior(body), near], ["betas", "offsets"], blocks=[betas, offsets])
-    at = {"betas": np.zeros(body.n_betas), "offsets": worn.nominal}
+    problem = wb.Problem([shape_prior(BODY), near], ["betas", "offsets"], blocks=[betas, offsets])
+    at = {"betas": np.zeros(BODY.n_betas), "offsets": worn.nominal}
     free = ("trans", "pose", "betas")
-    frame, _ = marker_frame(worn.on(body), worn, 0.002, 0.005, quadratic, free)
+    frame, _ = marker_frame(worn.on(BODY), worn, 0.002, 0.005, quadratic, free)
     terms = [one for one in frame.residuals if one.name != "shape prior"]
     seen = {"observed": np.zeros((41, 3)), "seen": np.ones(41), "trans": np.zeros(3)}
     several = {
@@ -186,10 +163,10 @@ def test_frames_with_own_poses_equal_a_marker_fit(body: SkinnedBody) -> None:
         for i, pose in enumerate(poses)
     }
     found = wb.design(problem, several, at, choose=2, criterion=wb.a_optimal.over("betas"))
-    markers = worn.on(body).landmark("markers", poses, at["betas"], np.zeros((2, 3)), worn.nominal)
+    markers = worn.on(BODY).landmark("markers", poses, at["betas"], np.zeros((2, 3)), worn.nominal)
     setup = marker_fit(
         markers,
-        body,
+        BODY,
         worn,
         sigma=0.002,
         offset_sigma=0.005,

@@ -1,4 +1,4 @@
-"""A body on the keypoints of one image: terms, stages, starts, folders of images."""
+"""A body on the keypoints of one image: terms, stages, starts, folders of images, distance."""
 
 import json
 from dataclasses import replace
@@ -9,19 +9,26 @@ import pytest
 from rich.console import Console
 
 from workbench import LevenbergMarquardt, Problem, Solution, Status, Values, load_body
+from workbench.arrays import Array
 from workbench.cli.fit import Given, of_keypoints
 from workbench.errors import BadArgument
 from workbench.experiments.balance import observations
 from workbench.fitting.body_priors import stature, stature_prior
 from workbench.fitting.images import (
+    INTERVAL_NOTE,
     LAMBDA_POSE,
     LAMBDA_SHAPE,
     SMPLIFY_SIGMA,
+    Z90,
     Appearance,
     ByHeight,
     WithStature,
+    depth_interval,
+    depth_spread,
     image_fit,
+    image_priors,
     smplify,
+    smplify_stages,
 )
 from workbench.fitting.jobs import (
     FailedFile,
@@ -41,10 +48,12 @@ from workbench.fitting.keypoints import (
 )
 from workbench.fitting.observations import COCO, Observations, photograph
 from workbench.fitting.placing import turned_about
+from workbench.fitting.setup import Setup
 from workbench.geometry.camera import Camera
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.problem.problem import in_stage
+from workbench.residuals import gaussian
 from workbench.residuals.kernels import Scaled, geman_mcclure, quadratic, scaled
 from workbench.solvers import Staged, Starts, TrustRegion
 
@@ -75,18 +84,30 @@ def seen(
     return Observations(tuple(names), (given,))
 
 
+def solved(setup: Setup) -> Solution:
+    """By the strategy of the setup."""
+    assert setup.strategy is not None
+    return setup.strategy(None).solve(setup.problem, setup.start)
+
+
+def joints_of(values: Values) -> Array:
+    return BODY.joints(*(values[name] for name in ("pose", "betas", "trans")))
+
+
+def distance(values: Values, truth: Values) -> float:
+    """The mean distance of joints in m, the roots brought together."""
+    apart = joints_of(values) - joints_of(truth)
+    return float(np.linalg.norm(apart - apart[0], axis=1).mean())
+
+
 def test_person_is_recovered_from_one_image() -> None:
     truth = person(1)
     setup = image_fit(seen(truth), BODY, "q", recipe=ByHeight(solver=LevenbergMarquardt()))
-    assert setup.strategy is not None
-    solution = setup.strategy(None).solve(setup.problem, setup.start)
+    solution = solved(setup)
     assert solution.converged
     off = np.array([m.value for m in setup.measures(setup.start | solution.values)])
     assert off[0] < 2.0  # px, held off zero by the priors
-    joints = BODY.joints(*(solution.values[n] for n in ("pose", "betas", "trans")))
-    true = BODY.joints(*truth.values())
-    away = np.linalg.norm((joints - joints[0]) - (true - true[0]), axis=1)
-    assert away.mean() < 0.08
+    assert distance(solution.values, truth) < 0.08
 
 
 def test_keypoint_of_confidence_zero_is_ignored() -> None:
@@ -99,9 +120,7 @@ def test_keypoint_of_confidence_zero_is_ignored() -> None:
     ends = []
     for pixels in (shot.pixels, away):
         given = Observations(one.names, (replace(shot, confidence=doubt, pixels=pixels),))
-        setup = image_fit(given, BODY, "q")
-        assert setup.strategy is not None
-        ends.append(setup.strategy(None).solve(setup.problem, setup.start).values["pose"])
+        ends.append(solved(image_fit(given, BODY, "q")).values["pose"])
     np.testing.assert_array_equal(*ends)
 
 
@@ -116,18 +135,13 @@ def test_image_fit_resists_outliers() -> None:
         wrong = shot.pixels.copy()
         wrong[[7, 16]] += [[150.0, -120.0], [-170.0, 90.0]]
         dirty = Observations(clean.names, (replace(shot, pixels=wrong),))
-        true = BODY.joints(*truth.values())
         for name, given, recipe in (
             ("clean", clean, ByHeight()),
             ("robust", dirty, ByHeight()),
             ("quadratic", dirty, ByHeight(outlier=1e6, strict=1e6)),
         ):
-            setup = image_fit(given, BODY, "q", recipe=recipe)
-            assert setup.strategy is not None
-            found = setup.strategy(None).solve(setup.problem, setup.start).values
-            joints = BODY.joints(found["pose"], found["betas"], found["trans"])
-            off = np.linalg.norm((joints - joints[0]) - (true - true[0]), axis=1)
-            errors[name].append(float(off.mean()))
+            found = solved(image_fit(given, BODY, "q", recipe=recipe)).values
+            errors[name].append(distance(found, truth))
     means = {name: np.mean(each) for name, each in errors.items()}
     assert means["robust"] < 0.3 * means["quadratic"]
     assert means["robust"] < means["clean"] + 0.05
@@ -146,7 +160,7 @@ def test_smplify_stages_have_published_weights() -> None:
     )
     plain = Problem(
         KeypointProblem(BODY, 1.0, scaled(geman_mcclure, 100.0))
-        .of(setup_photographs(), ())[0]
+        .of(setup_photographs(), (), "coco")[0]
         .residuals,
         setup.problem.free.names,
         blocks=tuple(setup.problem.known.values()),
@@ -164,6 +178,15 @@ def test_smplify_stages_have_published_weights() -> None:
         assert square["bending"] / scale == pytest.approx(at_rest)
         assert scale == pytest.approx(2 / pose**2)
     assert pytest.approx(4.78 / np.sqrt(2)) == SMPLIFY_SIGMA
+
+
+@pytest.mark.parametrize(("name", "root"), [("small", "pelvis"), ("hand", "wrist")])
+def test_smplify_places_the_root_of_any_body_first(name: str, root: str) -> None:
+    body = load_body(name)
+    place = gaussian(body.blocks()[2].symbol, name="place")
+    problem = Problem((*image_priors(body), place), ("pose", "trans"), blocks=body.blocks())
+    first = in_stage(problem, smplify_stages()[0].free, {}).free.single_labels
+    assert {*first} == {f"pose[{root}, {axis}]" for axis in "xyz"} | {f"trans[{x}]" for x in "xyz"}
 
 
 def setup_photographs() -> tuple:
@@ -190,21 +213,19 @@ def test_stages_end_at_the_problem_itself() -> None:
 # Starts.
 
 
-def test_starts_turn_the_body_about_its_middle() -> None:
-    setup = image_fit(seen(person(1)), BODY, "q")
-    rest = setup.start | {"pose": np.zeros((24, 3))}
-    starts = turned_about(BODY, rest, 8)
-    middles = [BODY.joints(s["pose"], s["betas"], s["trans"]).mean(axis=0) for s in starts]
-    np.testing.assert_allclose(middles, np.repeat(middles[:1], 8, axis=0), atol=1e-9)
-    shoulders = [BODY.joint_names.index(f"{side}_shoulder") for side in ("left", "right")]
-    across = []
-    for s in starts:
-        left, right = BODY.joints(s["pose"], s["betas"], s["trans"])[shoulders]
-        across.append((left - right) / np.linalg.norm(left - right))
+@pytest.mark.parametrize("root", [0.0, 0.7], ids=["plain", "turned bind pose"])
+def test_starts_turn_the_body_about_its_middle(root: float) -> None:
+    body = replace(BODY, bound_in=np.vstack([[root, 0, 0], np.zeros((23, 3))]))
+    starts = turned_about(body, body.start() | {"trans": np.array([0.3, 0.1, -0.2])}, 8)
+    joints = np.array([body.joints(s["pose"], s["betas"], s["trans"]) for s in starts])
+    np.testing.assert_allclose(joints.mean(axis=1), [joints[0].mean(axis=0)] * 8, atol=1e-9)
+    np.testing.assert_allclose(joints[..., 1], [joints[0, :, 1]] * 8, atol=1e-9)
+    left, right = (body.joint_names.index(f"{side}_shoulder") for side in ("left", "right"))
+    across = joints[:, left] - joints[:, right]
     np.testing.assert_allclose(across[1], -across[0], atol=1e-9)
     assert len({tuple(np.round(a, 6)) for a in across}) == 8
     with pytest.raises(BadArgument, match="1 to 8"):
-        turned_about(BODY, setup.start, 9)
+        turned_about(body, starts[0], 9)
 
 
 def test_hypotheses_are_ordered_by_cost() -> None:
@@ -233,9 +254,7 @@ def test_stature_matches_the_mesh(name: str) -> None:
 def test_a_known_stature_is_kept() -> None:
     truth = person(4)
     recipe = ByHeight(priors=WithStature(1.5))
-    setup = image_fit(seen(truth, 2.0), BODY, "q", recipe=recipe)
-    assert setup.strategy is not None
-    found = setup.strategy(None).solve(setup.problem, setup.start).values
+    found = solved(image_fit(seen(truth, 2.0), BODY, "q", recipe=recipe)).values
     assert stature(BODY, found["betas"]) == pytest.approx(1.5, abs=0.02)
     for wrong in (3.0, 0.1, 172.0, np.nan):
         with pytest.raises(BadArgument, match="stature is between"):
@@ -340,8 +359,7 @@ def test_one_camera_of_a_real_person() -> None:
     observed, _ = observations(40)
     names = [p.name for p in observed.photographs]
     setup = image_fit(observed, body, "q", held_out=names[1:])
-    assert setup.strategy is not None
-    values = setup.start | setup.strategy(None).solve(setup.problem, setup.start).values
+    values = setup.start | solved(setup).values
     told = {m.name: m.value for m in setup.measures(values)}
     assert told["reprojection, mean of the fitted"] < 8.0
 
@@ -364,3 +382,108 @@ def test_keypoints_are_weighed_by_precision() -> None:
     rows = next(rows for name, rows in setup.problem.rows.items() if name.startswith("keypoints("))
     both = [one.problem.residual(*one.problem.split(one.start))[rows] for one in (plain, whitened)]
     np.testing.assert_allclose(both[0], both[1] * np.repeat(relative, 2), rtol=1e-4)
+
+
+# The distance, and how uncertain it is.
+
+
+PRECISE = LevenbergMarquardt(gradient_tolerance=1e-9)
+
+
+def fitted(observed: Observations, recipe: ByHeight | None = None) -> tuple[Setup, Values]:
+    setup = image_fit(observed, BODY, "q", recipe=recipe or ByHeight(solver=PRECISE))
+    return setup, setup.start | solved(setup).values
+
+
+def root_depth(setup: Setup, values: Values) -> float:
+    return float(setup.views[0].camera.depths(joints_of(values)[:1], values)[0])
+
+
+@pytest.fixture(scope="module")
+def one() -> tuple[Setup, Values]:
+    return fitted(seen(person(1)))
+
+
+def test_depth_without_offsets_is_laplace(one: tuple[Setup, Values]) -> None:
+    """The camera looks along -z from 4 m: depth is 4 - root_z, linear in betas and trans."""
+    setup, values = one
+    found = depth_interval(setup, values, 0.0)
+    assert found is not None
+    assert found.mean == pytest.approx(root_depth(setup, values))
+    free = setup.problem.free
+    gradient = np.zeros(free.size)
+    gradient[free.slices["trans"]] = [0, 0, -1]
+    rest = BODY.joints(betas=np.zeros(BODY.n_betas))[0, 2]
+    gradient[free.slices["betas"]] = [
+        rest - BODY.joints(betas=unit)[0, 2] for unit in np.eye(BODY.n_betas)
+    ]
+    covariance = setup.problem.linearize(values).covariance
+    assert found.sd == pytest.approx(np.sqrt(gradient @ covariance @ gradient), rel=1e-6)
+    assert found.high - found.low == pytest.approx(2 * Z90 * found.sd)
+    wider = depth_interval(setup, values)
+    assert wider is not None
+    assert wider.sd > found.sd
+    assert f"{wider.low:.2f} to {wider.high:.2f} m" in str(wider)
+
+
+@pytest.mark.thorough
+def test_depth_lever_matches_refits(one: tuple[Setup, Values]) -> None:
+    """Keypoints are moved one after another, and the Gauss-Newton step follows them; the whole
+    fit does so up to the curvature that this method leaves out.
+    """
+    setup, values = one
+    view, free = setup.views[0], setup.problem.free
+    found, _, lever = depth_spread(setup, view, values)
+    before, moves, refitted = root_depth(setup, values), [], []
+    for k, axis in np.ndindex(*view.observed.shape):
+        observed = values["one/observed"].copy()
+        observed[k, axis] += 0.01
+        start = values | {"one/observed": observed}
+        step = setup.problem.linearize(start).step(0.0)
+        after = values | free.unpack(free.pack(values) + step, values)
+        moves.append((root_depth(setup, after) - before) / 0.01)
+        if k < 3:
+            again = start | PRECISE.solve(setup.problem, start).values
+            refitted.append((root_depth(setup, again) - before) / 0.01)
+    of_a_metre = values["one/focal"].mean() / before  # px
+    assert found == pytest.approx(before)
+    relative = np.repeat(as_marked(BODY.landmark_names("coco")), 2)  # all have the confidence 1
+    expected = of_a_metre * np.linalg.norm(relative * moves)
+    assert lever == pytest.approx(expected, rel=1e-2)
+    assert np.linalg.norm(moves[:6]) == pytest.approx(np.linalg.norm(refitted), rel=0.25)
+
+
+@pytest.mark.thorough
+def test_known_stature_narrows_depth(one: tuple[Setup, Values]) -> None:
+    photo = seen(person(1)).photographs[0]
+    unknown_lens = Observations(tuple(BODY.landmark_names("coco")), (replace(photo, K=None),))
+    tall = float(stature(BODY, person(1)["betas"]))
+    known = ByHeight(solver=PRECISE, priors=WithStature(tall))
+    each = [one, fitted(seen(person(1)), known), fitted(unknown_lens)]
+    usual, narrow, wide = (depth_interval(*some) for some in each)
+    assert usual is not None
+    assert narrow is not None
+    assert wide is not None
+    assert narrow.sd < usual.sd < 0.5 * wide.sd
+
+
+def test_fit_of_one_image_measures_depth(one: tuple[Setup, Values]) -> None:
+    setup, values = one
+    told = {measure.name: measure for measure in setup.measures(values)}
+    found = depth_interval(setup, values)
+    assert found is not None
+    of = "distance from the camera"
+    ends = [told[f"{of}, {end} end of the 90 % interval"].value for end in ("lower", "upper")]
+    assert [told[of].value, *ends] == [found.mean, found.low, found.high]
+    assert INTERVAL_NOTE in setup.notes
+
+
+def test_two_images_have_no_depth_interval() -> None:
+    truth = person(2)
+    shots = [seen(truth, name=name).photographs[0] for name in ("one", "two")]
+    both = Observations(tuple(BODY.landmark_names("coco")), tuple(shots))
+    setup = image_fit(both, BODY, "q")
+    assert depth_interval(setup, setup.start) is None
+    assert INTERVAL_NOTE not in setup.notes
+    out = image_fit(both, BODY, "q", held_out=("two",))
+    assert depth_interval(out, out.start) is not None

@@ -10,7 +10,6 @@ from rich.console import Console
 
 import workbench as wb
 from benchmarks.images.markers import on_the_surface
-from tests.tiers import few
 from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.cli.fit import Worn, fit_markers
@@ -31,6 +30,7 @@ from workbench.fitting import (
 )
 from workbench.fitting.marker_sets import matched
 from workbench.fitting.markers import marker_errors, offset_prior, surface_frames
+from workbench.geometry.guesses import UP_TO_Y
 from workbench.geometry.solids import vertex_normals
 from workbench.geometry.surface_tree import SurfaceTree
 from workbench.motions import read_motion
@@ -57,12 +57,8 @@ def test_default_markers_are_on_the_named_side() -> None:
         for label, x in zip(worn.names, body.template[worn.vertices, 0], strict=True):
             if label[1:] in [other[1:] for other in worn.names if other[0] != label[0]]:
                 assert x > 0 if label[0] == "L" else x < 0, label
-        out = np.linalg.norm(worn.nominal, axis=1)
-        np.testing.assert_allclose(out, 0.0095)
-        outwards = np.sum(
-            vertex_normals(body.template, body.faces)[worn.vertices] * worn.nominal, axis=1
-        )
-        np.testing.assert_allclose(outwards, out)
+        normals = vertex_normals(body.template, body.faces)[worn.vertices]
+        np.testing.assert_allclose(worn.nominal, 0.0095 * normals)
 
 
 @pytest.mark.thorough
@@ -86,11 +82,9 @@ def test_offset_prior_is_wide_along_the_surface() -> None:
     dressed = WORN.on(BODY)
     term = offset_prior(dressed, WORN, 0.005, across=0.001)
     problem = wb.Problem([term], ("offsets",))
-    normals = vertex_normals(BODY.template, BODY.faces)[WORN.vertices]
     frames = surface_frames(dressed, WORN)
-    np.testing.assert_allclose(
-        frames @ frames.swapaxes(1, 2), np.eye(3)[None].repeat(41, 0), atol=1e-12
-    )
+    np.testing.assert_allclose(frames @ frames.swapaxes(1, 2), [np.eye(3)] * 41, atol=1e-12)
+    normals = vertex_normals(BODY.template, BODY.faces)[WORN.vertices]
     for direction, sigma in ((normals, 0.001), (frames[:, 0], 0.005), (frames[:, 1], 0.005)):
         off = WORN.nominal + 0.002 * direction
         r = problem.residual(off.ravel(), np.zeros(0))
@@ -125,26 +119,21 @@ def test_mosh_poses_every_frame() -> None:
     observed[3, 2:] = np.nan  # a frame that shows two markers
     said: list[str] = []
     found = mosh(observed, BODY, WORN, frames=3, sigma=0.001, progress=said.append)
-    assert found.pose.shape == (6, 24, 3)
     assert np.isnan(found.pose).all(axis=(1, 2)).tolist() == [t == 3 for t in range(6)]
     assert np.isnan(found.errors[3]).all()
     assert len(found.frames) == 3
     assert 3 not in found.frames
-    assert any("3 of 6 frames" in line for line in said)
+    assert "3 of 6 frames" in said[0]
     assert "frame 5 of 5" in said[-1]
     joints = BODY.joints(found.pose, found.betas, found.trans)
     true = BODY.joints(truth["pose"], truth["betas"], truth["trans"])
-    off = np.delete(np.linalg.norm(joints - true, axis=2), 3, axis=0)
-    assert np.median(off) < 0.012
+    assert np.nanmedian(np.linalg.norm(joints - true, axis=2)) < 0.012
 
 
-@pytest.mark.parametrize("turn", few([np.pi / 2, np.pi], 1))
-def test_marker_start_is_invariant_to_facing(turn: float) -> None:
+def test_marker_start_is_invariant_to_facing() -> None:
     _, observed = person(3, 2)
-    c, s = np.cos(turn), np.sin(turn)
-    turned = observed @ np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]])
-    starts = [marker_fit(given, BODY, WORN).start for given in (observed, turned)]
-    plain, other = (s["pose"][:, 1:] for s in starts)
+    turned = observed @ np.array([[0, 0, -1], [0, 1, 0], [1, 0, 0]])
+    plain, other = (marker_fit(m, BODY, WORN).start["pose"][:, 1:] for m in (observed, turned))
     np.testing.assert_allclose(other, plain, atol=1e-3)
 
 
@@ -158,24 +147,26 @@ def test_spread_frames_skips_alike_frames() -> None:
 
 def test_bad_markers_are_refused() -> None:
     _, observed = person(6, 3)
-    with pytest.raises(BadArgument, match=r"shape \(T, 41, 3\)"):
-        marker_fit(observed[:, :5], BODY, WORN)
-    with pytest.raises(BadArgument, match=r"shape \(T, 41, 3\)"):
-        mosh(observed[0], BODY, WORN)
-    observed[1, 3:] = np.nan
-    with pytest.raises(BadObservation, match=r"frame 1 shows [0-3] of 41 markers"):
-        marker_fit(observed, BODY, WORN)
-    with pytest.raises(BadObservation, match="no frame shows 4 markers"):
-        mosh(np.full((3, 41, 3), np.nan), BODY, WORN)
+    few, none = observed.copy(), np.full((3, 41, 3), np.nan)
+    few[1, 3:] = np.nan
+    for fit, markers, error, said in [
+        (marker_fit, observed[:, :5], BadArgument, r"shape \(T, 41, 3\)"),
+        (mosh, observed[0], BadArgument, r"shape \(T, 41, 3\)"),
+        (marker_fit, few, BadObservation, r"frame 1 shows [0-3] of 41 markers"),
+        (mosh, none, BadObservation, "no frame shows 4 markers"),
+    ]:
+        with pytest.raises(error, match=said):
+            fit(markers, BODY, WORN)
 
 
 def test_bad_marker_sets_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(BadArgument, match="the markers 'a' and 'b' are on the same vertex 3"):
-        MarkerSet.of(BODY, {"a": 3, "c": 4, "b": 3})
-    with pytest.raises(BadArgument, match="has the vertices 0 to 368"):
-        MarkerSet.of(BODY, {"a": 369})
-    with pytest.raises(BadArgument, match="one marker or more"):
-        MarkerSet.of(BODY, {})
+    for vertices, said in [
+        ({"a": 3, "c": 4, "b": 3}, "the markers 'a' and 'b' are on the same vertex 3"),
+        ({"a": 369}, "has the vertices 0 to 368"),
+        ({}, "one marker or more"),
+    ]:
+        with pytest.raises(BadArgument, match=said):
+            MarkerSet.of(BODY, vertices)
     with pytest.raises(UnknownName, match="no marker is called 'knee'"):
         WORN.only(["knee"])
     path = tmp_path / "set.json"
@@ -204,13 +195,9 @@ def written(path: Path, **arrays: object) -> Path:
 @pytest.mark.parametrize(("scale", "z_up"), [(1.0, False), (1000.0, True)])
 def test_marker_files_guess_unit_and_axis(tmp_path: Path, scale: float, z_up: bool) -> None:
     standing = np.repeat(BODY.template[WORN.vertices][None], 3, axis=0)
-    standing[:, :, 0] *= 0.3  # arms down
-    standing += [0.2, 1.0, 0.1]
-    given = standing.copy()
-    given[1, 4] = np.nan
-    given[2, 5] = 0.0
-    if z_up:
-        given = given @ np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+    standing = standing * [0.3, 1, 1] + [0.2, 1.0, 0.1]  # arms down
+    given = standing @ UP_TO_Y["z" if z_up else "y"]
+    given[1, 4], given[2, 5] = np.nan, 0.0
     path = written(tmp_path / "m.npz", markers=scale * given, labels=np.array(WORN.names), fps=60.0)
     found = read_markers(path)
     assert found.fps == 60.0
@@ -267,18 +254,9 @@ def test_command_writes_the_motion_of_every_frame(
         out = WORN.nominal / np.linalg.norm(WORN.nominal, axis=1, keepdims=True)
         heights = np.sum(found["offsets"] * out, axis=1)
         np.testing.assert_allclose(heights, 0.012, atol=1e-3)  # 9.5 mm, had it not been given
-    assert shapes == {
-        "poses": (14, 24, 3),
-        "trans": (14, 3),
-        "errors": (14, 41),
-        "frames": (12,),
-        "betas": (BODY.n_betas,),
-        "offsets": (41, 3),
-        "labels": (41,),
-        "fps": (),
-        "joint_names": (24,),
-        "up_axis": (),
-    }
+    of_frames = {"poses": (14, 24, 3), "trans": (14, 3), "errors": (14, 41), "frames": (12,)}
+    of_all = {"betas": (BODY.n_betas,), "offsets": (41, 3), "labels": (41,), "joint_names": (24,)}
+    assert shapes == of_frames | of_all | {"fps": (), "up_axis": ()}
     motion = read_motion(tmp_path / "runs" / "take" / "motion.npz")
     assert (len(motion), motion.fps, motion.joint_names) == (14, 30.0, BODY.joint_names)
 
@@ -289,10 +267,7 @@ def test_marker_experiment_is_called_synthetic() -> None:
     assert setup.synthetic
     assert setup.made_of is not None
     names = [measure.name for measure in setup.measures(setup.start)]
-    assert names[:2] == [
-        "rest shape to synthetic truth, rms",
-        "offsets to synthetic truth, rms",
-    ]
+    assert names[:2] == [f"{what} to synthetic truth, rms" for what in ("rest shape", "offsets")]
     with pytest.raises(BadArgument, match="share of the markers"):
         find("markers", {"missing": "1.5"}).setup()
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.fitting.test_image_fit import BODY, K, person, seen
+from tests.fitting.test_image_fit import BODY, K, distance, person, seen
 from workbench.errors import BadArgument, BadFile, NotSupported
 from workbench.fitting import (
     read_regressor,
@@ -30,25 +30,18 @@ def rays(seed: int) -> np.ndarray:
     return (shot.pixels - K[:2, 2]) / K[0, 0]
 
 
-def test_regressor_is_scale_invariant() -> None:
-    x = rays(1)
+def test_regressor_is_invariant_to_scale_and_camera() -> None:
+    """From a camera that looks 20 degrees aside the pose stays, and the facing turns."""
+    x, trust = rays(1), np.ones(M)
     x = x - np.median(x, axis=0)  # in the middle of the image, where nothing turns the camera
-    trust = np.ones(M)
     facing, pose = REGRESSOR.regress(x, trust)
     for scale in (0.3, 2.0):
         again, same = REGRESSOR.regress(scale * x, trust)
         np.testing.assert_allclose(same, pose, atol=1e-9)
         np.testing.assert_allclose(again, facing, atol=1e-9)
-
-
-def test_regressor_is_equivariant_under_camera_turns() -> None:
-    """The same rays from a camera that looks 20 degrees aside: the pose stays, the facing turns."""
-    x = rays(1)
-    x = x - np.median(x, axis=0)
     turn = matrix_from_vector([0.0, np.radians(20), 0.0])
     aside = np.column_stack([x, np.ones(M)]) @ turn.T
-    facing, pose = REGRESSOR.regress(x, np.ones(M))
-    moved, same = REGRESSOR.regress(aside[:, :2] / aside[:, 2:], np.ones(M))
+    moved, same = REGRESSOR.regress(aside[:, :2] / aside[:, 2:], trust)
     np.testing.assert_allclose(same, pose, atol=0.02)
     np.testing.assert_allclose(moved, turn @ facing, atol=0.02)
 
@@ -88,29 +81,19 @@ def test_bodies_are_placed_exactly_on_their_rays() -> None:
 
 def test_starts_are_nearer_than_the_resting_body() -> None:
     closer = []
-    for seed in range(6):
-        truth = person(seed)
+    for truth in map(person, range(6)):
         setup = image_fit(seen(truth, 3.0), BODY, "q")
         start = regressed_start(REGRESSOR, BODY, setup.views[0], setup.start)
-        true = BODY.joints(*truth.values())
-
-        def off(pose: np.ndarray, true: np.ndarray = true) -> float:
-            joints = BODY.joints(pose)
-            away = (joints - joints[0]) - (true - true[0])
-            return float(np.linalg.norm(away, axis=1).mean())
-
-        rest = np.zeros((24, 3))
-        rest[0] = truth["pose"][0]  # even if it faced the right way
-        closer.append(off(start["pose"]) < off(rest))
+        rest = BODY.start()
+        rest["pose"][0] = truth["pose"][0]  # even if it faced the right way
+        closer.append(distance(start, truth) < distance(rest, truth))
     assert np.mean(closer) >= 0.8
 
 
 def test_regressor_survives_its_file(tmp_path: Path) -> None:
     save_regressor(REGRESSOR, tmp_path / "r.npz")
-    again = read_regressor(tmp_path / "r.npz")
-    for a, b in zip(
-        again.regress(rays(1), np.ones(M)), REGRESSOR.regress(rays(1), np.ones(M)), strict=True
-    ):
+    again = read_regressor(tmp_path / "r.npz").regress(rays(1), np.ones(M))
+    for a, b in zip(again, REGRESSOR.regress(rays(1), np.ones(M)), strict=True):
         np.testing.assert_allclose(a, b, atol=1e-3)
     (tmp_path / "bad.npz").write_bytes(b"nothing")
     with pytest.raises(BadFile):
@@ -118,16 +101,15 @@ def test_regressor_survives_its_file(tmp_path: Path) -> None:
 
 
 def test_bad_input_is_refused() -> None:
-    with pytest.raises(BadArgument, match="takes rays"):
-        REGRESSOR.regress(np.zeros((4, 2)), np.ones(4))
-    few = np.zeros(M)
-    few[:2] = 1.0
-    with pytest.raises(BadArgument, match="fewer than 3"):
-        REGRESSOR.regress(rays(1), few)
-    bad = rays(1)
+    few, bad = (np.arange(M) < 2).astype(float), rays(1)
     bad[0] = np.nan
-    with pytest.raises(BadArgument, match="finite"):
-        REGRESSOR.regress(bad, np.ones(M))
+    for x, trust, said in [
+        (np.zeros((4, 2)), np.ones(4), "takes rays"),
+        (rays(1), few, "fewer than 3"),
+        (bad, np.ones(M), "finite"),
+    ]:
+        with pytest.raises(BadArgument, match=said):
+            REGRESSOR.regress(x, trust)
 
 
 @pytest.mark.thorough

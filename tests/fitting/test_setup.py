@@ -66,9 +66,14 @@ def test_bad_known_answers_are_refused() -> None:
             Setup(PROBLEM, START, "?", known=KnownAnswer(**({"source": "by hand"} | facts)))
 
 
-def test_known_must_be_a_known_answer() -> None:
-    with pytest.raises(BadSetup, match="`known` of a setup must be a KnownAnswer or None"):
-        Setup(PROBLEM, START, "?", known={"cost": 1.0})  # type: ignore[arg-type]
+def test_bad_fields_of_setups_are_refused() -> None:
+    for fields, said in [
+        ({"known": {"cost": 1.0}}, "`known` of a setup must be a KnownAnswer or None"),
+        ({"strategy": 3}, "`strategy` of a setup must be a function that makes a solver"),
+        ({"views": [3]}, "`views` are a tuple of View, but something of type int"),
+    ]:
+        with pytest.raises(BadSetup, match=said):
+            Setup(PROBLEM, START, "?", **fields)  # type: ignore[arg-type]
 
 
 def test_suites_are_not_experiments() -> None:

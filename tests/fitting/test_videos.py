@@ -1,6 +1,7 @@
 """Videos: what frames share, what they are worth, gaps, and single frames as a special case."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -39,20 +40,11 @@ def gapped(clip: Clip, frames: list[int]) -> Clip:
 @pytest.mark.thorough
 def test_unshared_frames_are_fitted_as_if_alone() -> None:
     frames, kernel = [40, 44, 48], scaled(geman_mcclure, 25.0)
-    clip = balance_clip(frames, ["cam01", "cam02"])
-    setup = video_fit(
-        clip, BODY, "?", sigma=4.0, kernel=kernel, smoothness=NOTHING, shared=(), worth=len(frames)
-    )
+    fit = partial(video_fit, body=BODY, question="?", sigma=4.0, kernel=kernel, shared=())
+    setup = fit(balance_clip(frames, ["cam01", "cam02"]), smoothness=NOTHING, worth=len(frames))
     whole = {**setup.start, **PRECISE.solve(setup.problem, setup.start).values}
     for t, frame in enumerate(frames):
-        one = video_fit(
-            balance_clip([frame], ["cam01", "cam02"]),
-            BODY,
-            "?",
-            sigma=4.0,
-            kernel=kernel,
-            shared=(),
-        )
+        one = fit(balance_clip([frame], ["cam01", "cam02"]))
         own = {name: setup.start[name][t][None] for name in ("pose", "betas", "trans")}
         alone = PRECISE.solve(one.problem, {**one.start, **own}).values
         for name in ("pose", "betas", "trans"):
@@ -70,15 +62,10 @@ def test_video_shares_one_shape() -> None:
     measures = {one.name: one.value for one in setup.measures(found)}
     assert measures["reprojection, cam02"] < 15
     assert 1500 < measures["height at rest"] < 1900
-
-
-@pytest.mark.thorough
-def test_effective_frames_outweigh_the_shape_prior() -> None:
-    clip = balance_clip(range(0, 40, 5), ["cam02"], 12)
     sizes = []
-    for worth in (1.0, 8.0):
-        setup = video_fit(clip, BODY, "?", worth=worth)
-        found = TrustRegion().solve(setup.problem, setup.start).values
+    for worth in (1 / 8, 1.0):  # more of them outweigh the prior on the shape
+        start = setup.start | {"evidence": np.array([worth])}
+        found = TrustRegion().solve(setup.problem, start).values
         sizes.append(np.linalg.norm(found["betas"]))
     assert sizes[0] < 0.8 * sizes[1]
 
@@ -127,28 +114,21 @@ def test_interrupt_ends_the_start_of_a_video() -> None:
 
 def test_bad_clips_are_refused() -> None:
     clip = balance_clip([40, 41], ["cam01"])
+    (film,) = clip.films
     with pytest.raises(BadArgument, match="2 frames are worth 1 to 2"):
         video_fit(clip, BODY, "?", worth=3)
-    with pytest.raises(BadObservation, match="no keypoint has a confidence above 0"):
-        gapped(clip, [0, 1])
-    with pytest.raises(BadObservation, match="frames per second"):
-        replace(clip, fps=0)
-    film = clip.films[0]
     shorter = replace(film, pixels=film.pixels[:1], confidence=film.confidence[:1])
-    with pytest.raises(BadObservation, match="same frames"):
-        Clip(clip.names, (film, shorter), 60)
-    with pytest.raises(BadObservation, match=r"\(T, M, 2\)"):
-        Film("a", (10, 10), film.pixels[0], film.confidence[0])
-
-
-def test_video_needs_a_frame_of_four_keypoints() -> None:
-    clip = balance_clip([40], ["cam01"])
-    film = clip.films[0]
-    sure = film.confidence.copy()
-    sure[:, 3:] = 0
-    few = replace(clip, films=(replace(film, confidence=sure),))
-    with pytest.raises(BadObservation, match="no frame shows 4 keypoints"):
-        video_fit(few, BODY, "?")
+    three = film.confidence * (np.arange(len(clip.names)) < 3)
+    few = replace(clip, films=(replace(film, confidence=three),))
+    for bad, said in [
+        (lambda: gapped(clip, [0, 1]), "no keypoint has a confidence above 0"),
+        (lambda: replace(clip, fps=0), "frames per second"),
+        (lambda: Clip(clip.names, (film, shorter), 60), "same frames"),
+        (lambda: Film("a", (10, 10), film.pixels[0], film.confidence[0]), r"\(T, M, 2\)"),
+        (lambda: video_fit(few, BODY, "?"), "no frame shows 4 keypoints"),
+    ]:
+        with pytest.raises(BadObservation, match=said):
+            bad()
 
 
 @pytest.mark.thorough
@@ -178,23 +158,18 @@ def correlated(rho: float, frames: int, series: int, seed: int = 0) -> np.ndarra
     return x
 
 
-def test_constant_errors_are_worth_one_frame() -> None:
+def test_effective_frames_have_known_values() -> None:
+    """Of a constant; of AR(1) noise, T (1 - rho) / (1 + rho); of a constant of variance b beside
+    white noise of variance 1 - b, T / (1 + b (T - 1)); of white noise with gaps.
+    """
     assert effective_frames(np.full((50, 6), -3.0)) == 1
-
-
-@pytest.mark.parametrize("rho", [0.6])
-def test_ar1_noise_has_the_known_worth(rho: float) -> None:
-    FRAMES = 2000
-    assert effective_frames(correlated(rho, FRAMES, 600)) == pytest.approx(
-        FRAMES * (1 - rho) / (1 + rho), rel=0.15
-    )
-
-
-def test_bias_limits_the_effective_frames() -> None:
-    """A constant of variance b beside white noise of variance 1 - b: T / (1 + b (T - 1))."""
-    rng, b, FRAMES = np.random.default_rng(1), 0.3, 100
-    x = np.sqrt(b) * rng.standard_normal(5000) + np.sqrt(1 - b) * correlated(0.0, FRAMES, 5000)
-    assert effective_frames(x) == pytest.approx(FRAMES / (1 + b * (FRAMES - 1)), rel=0.05)
+    noisy = effective_frames(correlated(0.6, 2000, 600))
+    assert noisy == pytest.approx(2000 * 0.4 / 1.6, rel=0.15)
+    bias, white = np.random.default_rng(1).standard_normal(5000), correlated(0.0, 100, 5000)
+    biased = effective_frames(np.sqrt(0.3) * bias + np.sqrt(0.7) * white)
+    assert biased == pytest.approx(100 / (1 + 0.3 * 99), rel=0.05)
+    gaps = np.where(np.arange(100)[:, None] % 2, white, np.nan)
+    assert effective_frames(gaps, np.isfinite(gaps)) == pytest.approx(50, rel=0.1)
 
 
 def test_effective_frames_sum_the_autocorrelation() -> None:
@@ -207,18 +182,11 @@ def test_effective_frames_sum_the_autocorrelation() -> None:
     assert r[1] == pytest.approx(0.7, abs=0.05)
 
 
-def test_gaps_are_no_effective_frames() -> None:
-    x = correlated(0.0, 100, 4000)
-    known = np.ones(x.shape, dtype=bool)
-    known[::2] = False
-    x[::2] = np.nan
-    assert effective_frames(x, known) == pytest.approx(50, rel=0.1)
-
-
 def test_bad_errors_of_frames_are_refused() -> None:
-    with pytest.raises(BadObservation, match="no landmark was observed in two frames"):
-        effective_frames(np.ones((1, 4)))
-    with pytest.raises(BadObservation, match="must be finite"):
-        effective_frames(np.full((4, 2), np.nan))
-    with pytest.raises(BadObservation, match="same shape"):
-        effective_frames(np.ones((4, 2)), np.ones((4, 3), dtype=bool))
+    for errors, known, said in [
+        (np.ones((1, 4)), None, "in two frames or more"),
+        (np.full((4, 2), np.nan), None, "are finite where something was observed"),
+        (np.ones((4, 2)), np.ones((4, 3), dtype=bool), "same shape"),
+    ]:
+        with pytest.raises(BadObservation, match=said):
+            effective_frames(errors, known)

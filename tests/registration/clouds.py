@@ -4,24 +4,35 @@ import numpy as np
 
 from workbench import load_body
 from workbench.arrays import Array
+from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
+from workbench.bodies.body import Body
 from workbench.fitting import Scan
+from workbench.geometry.solids import area
 from workbench.registration import arms_lowered, random_surface_points
 
 TURN, PLACE = 2.0, np.array([0.3, -0.1, 0.2])  # rad about the vertical, m
 
 
-def person(body: SkinnedBody, turn: float = TURN) -> Array:
-    """The vertices (N, 3) m of somebody who stands with a bent knee, turned and moved."""
+def standing(body: SkinnedBody, turn: float = TURN) -> Values:
+    """Somebody who stands with a bent knee, turned and moved."""
     pose = arms_lowered(body, 0.9)
     pose[0] = [0.0, turn, 0.0]
     pose[body.joint_names.index("left_knee")] = [0.4, 0.0, 0.0]
-    return body.vertices(pose, np.zeros(body.n_betas), PLACE)
+    return {"pose": pose, "betas": np.zeros(body.n_betas), "trans": PLACE}
 
 
-def cloud(body: SkinnedBody, vertices: Array, n: int = 800, seed: int = 0) -> Scan:
-    """Points drawn from the surface by area, with normals."""
-    return Scan(*random_surface_points(vertices, body.faces, n, np.random.default_rng(seed)))
+def person(body: SkinnedBody, turn: float = TURN) -> Array:
+    """The vertices (N, 3) m of this person."""
+    return body.vertices(**standing(body, turn))
+
+
+def cloud(body: Body, vertices: Array, n: int = 800, seed: int = 0, areas: bool = False) -> Scan:
+    """Points drawn from the surface by area, with normals and, if so, areas."""
+    rng = np.random.default_rng(seed)
+    points, normals = random_surface_points(vertices, body.faces, n, rng)
+    each = np.full(n, area(vertices, body.faces) / n) if areas else None
+    return Scan(points, normals, weights=each)
 
 
 def from_one_side(scan: Scan, direction: Array) -> Scan:

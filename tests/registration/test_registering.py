@@ -16,10 +16,9 @@ from typer.testing import CliRunner
 
 import workbench as wb
 from tests.registration.clouds import TURN, cloud, from_one_side, person, write_scan
+from tests.tiers import few
 from workbench import load_body
-from workbench.arrays import Array
-from workbench.blocks import Values
-from workbench.bodies import SkinnedBody, pose_space
+from workbench.bodies import pose_space
 from workbench.bodies.catalogue import load_skinned
 from workbench.cli.app import app
 from workbench.errors import BadArgument, BadBody, UnknownName
@@ -33,11 +32,9 @@ from workbench.registration import (
     FailedScan,
     FitStage,
     ModelFit,
-    Progress,
     Reading,
     Recipe,
     RegisteredScan,
-    Registration,
     ScanJob,
     Support,
     body_size,
@@ -69,23 +66,15 @@ FIT_STAGES = (FitStage(200, 0.05, 0.10, 8, 15), FitStage(600, 0.005, 0.03, 2, 40
 QUICK = Recipe(FIT_STAGES, model_alone)
 
 
-@pytest.fixture(scope="module")
-def body() -> SkinnedBody:
-    return load_body("small")
+BODY = load_body("small")
+TRUTH = person(BODY)
+SCAN = cloud(BODY, TRUTH)
+HALF = from_one_side(cloud(BODY, TRUTH, 2000), np.array([0.0, 0.0, 1.0]))
 
 
-@pytest.fixture(scope="module")
-def truth(body: SkinnedBody) -> Array:
-    return person(body)
-
-
-@pytest.fixture(scope="module")
-def whole(body: SkinnedBody, truth: Array) -> Registration:
-    return register(body, cloud(body, truth), recipe=Recipe(FIT_STAGES))
-
-
-def test_person_is_registered(body: SkinnedBody, truth: Array, whole: Registration) -> None:
-    assert np.linalg.norm(whole.vertices - truth, axis=1).mean() < 0.01  # m
+def test_person_is_registered() -> None:
+    body, whole = BODY, register(BODY, SCAN, recipe=Recipe(FIT_STAGES))
+    assert np.linalg.norm(whole.vertices - TRUTH, axis=1).mean() < 0.01  # m
     assert whole.facing == pytest.approx(TURN, abs=0.05)
     assert [stage.name for stage in whole.stages] == ["model", "free"]
     assert whole.stages[0].unknowns == 3 * body.n_joints + body.n_betas + 3
@@ -95,102 +84,103 @@ def test_person_is_registered(body: SkinnedBody, truth: Array, whole: Registrati
     assert whole.size.name == "height"
     assert whole.size.metres == pytest.approx(np.ptp(body.template[:, 1]), rel=0.02)
     assert not whole.doubts
-
-
-def test_every_stage_lowers_the_median_distance(whole: Registration) -> None:
     medians = [stage.median for stage in whole.stages]
     assert medians == sorted(medians, reverse=True)
-
-
-@pytest.mark.thorough
-def test_model_alone_is_the_body_of_the_values(body: SkinnedBody, truth: Array) -> None:
-    found = register(body, cloud(body, truth), recipe=QUICK)
-    assert [stage.name for stage in found.stages] == ["model"]
-    np.testing.assert_array_equal(found.vertices, found.model)
-    np.testing.assert_allclose(found.model, body.vertices(**found.values), atol=1e-15)
-
-
-@pytest.mark.thorough
-def test_triangle_bodies_are_registered() -> None:
-    scape = load_body("small-scape")
-    scan = cloud(load_body("small"), load_body("small").vertices())
-    found = register(scape, scan, recipe=Recipe((FitStage(200, 0.02, 0.1, 1, 5),)))
-    assert [stage.name for stage in found.stages] == ["model"]
-    assert found.vertices.shape == (scape.n_vertices, 3)
-
-
-@pytest.mark.thorough
-def test_hidden_side_is_less_certain(body: SkinnedBody, truth: Array) -> None:
-    half = from_one_side(cloud(body, truth, 2000), np.array([0.0, 0.0, 1.0]))
-    found = register(body, half, recipe=QUICK)
-    assert 0.2 < found.seen.mean() < 0.8
-    assert found.sd[~found.seen].mean() > found.sd[found.seen].mean()
-
-
-@pytest.mark.thorough
-def test_boundary_points_are_left_out(body: SkinnedBody, truth: Array) -> None:
-    half = from_one_side(cloud(body, truth, 2000), np.array([0.0, 0.0, 1.0]))
-    found = register(body, half, recipe=Recipe(FIT_STAGES, model_alone, boundary=0.01))
-    assert found.left_out > 0
-    assert found.scan.n_points + found.left_out == half.n_points
-    with pytest.raises(BadScan, match="leave a narrower boundary out"):
-        register(body, half, recipe=Recipe(FIT_STAGES, boundary=10.0))
-    with pytest.raises(BadArgument, match="0 m or more, not -1"):
-        Recipe(boundary=-1.0)
-
-
-def test_interrupt_ends_a_registration(body: SkinnedBody, truth: Array) -> None:
-    def press(at: Progress) -> None:
-        if at.start == 2:
-            os.kill(os.getpid(), signal.SIGINT)
-
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        with pytest.raises(KeyboardInterrupt):
-            register(body, cloud(body, truth), recipe=QUICK, progress=press)
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
-@pytest.mark.thorough
-def test_registration_can_be_pickled(whole: Registration) -> None:
     again = pickle.loads(pickle.dumps(whole))
     np.testing.assert_array_equal(again.vertices, whole.vertices)
     assert again.stages == whole.stages
 
 
 @pytest.mark.thorough
-def test_scan_file_is_registered(body: SkinnedBody, truth: Array, tmp_path: Path) -> None:
+def test_model_alone_is_the_body_of_the_values() -> None:
+    found = register(BODY, SCAN, recipe=QUICK)
+    assert [stage.name for stage in found.stages] == ["model"]
+    np.testing.assert_array_equal(found.vertices, found.model)
+    np.testing.assert_allclose(found.model, BODY.vertices(**found.values), atol=1e-15)
+
+
+@pytest.mark.thorough
+def test_triangle_bodies_are_registered() -> None:
+    scape, scan = load_body("small-scape"), cloud(BODY, BODY.vertices())
+    found = register(scape, scan, recipe=Recipe((FitStage(200, 0.02, 0.1, 1, 5),)))
+    assert [stage.name for stage in found.stages] == ["model"]
+    assert found.vertices.shape == (scape.n_vertices, 3)
+
+
+@pytest.mark.thorough
+def test_hidden_side_is_less_certain() -> None:
+    found = register(BODY, HALF, recipe=QUICK)
+    assert 0.2 < found.seen.mean() < 0.8
+    assert found.sd[~found.seen].mean() > found.sd[found.seen].mean()
+
+
+@pytest.mark.thorough
+def test_boundary_points_are_left_out() -> None:
+    found = register(BODY, HALF, recipe=Recipe(FIT_STAGES, model_alone, boundary=0.01))
+    assert found.left_out > 0
+    assert found.scan.n_points + found.left_out == HALF.n_points
+    with pytest.raises(BadScan, match="leave a narrower boundary out"):
+        register(BODY, HALF, recipe=Recipe(FIT_STAGES, boundary=10.0))
+    with pytest.raises(BadArgument, match="0 m or more, not -1"):
+        Recipe(boundary=-1.0)
+
+
+def press(*_: object, **__: object) -> None:
+    """Ctrl-C, which arrives between two instructions."""
+    os.kill(os.getpid(), signal.SIGINT)
+
+
+@pytest.mark.parametrize("when", few(["fitting", "judging"], 1))
+def test_interrupt_ends_a_registration(when: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def pressed(fit: ModelFit, *, near: float) -> Support:
+        press()
+        return support(fit, near=near)
+
+    if when == "judging":
+        monkeypatch.setattr("workbench.registration.registering.support", pressed)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            register(BODY, SCAN, recipe=QUICK, progress=press if when == "fitting" else None)
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.thorough
+def test_scan_file_is_registered(tmp_path: Path) -> None:
     write_scan(str(tmp_path / "scan.xyz"))
-    found = registered(body, QUICK, Reading(), ScanJob("scan", tmp_path / "scan.xyz"))
+    found = registered(BODY, QUICK, Reading(), ScanJob("scan", tmp_path / "scan.xyz"))
     assert isinstance(found, RegisteredScan)
-    assert np.linalg.norm(found.registration.vertices - truth, axis=1).mean() < 0.02
+    assert np.linalg.norm(found.registration.vertices - TRUTH, axis=1).mean() < 0.02
     assert any("taken to be m" in note for note in found.notes)
 
 
-def test_failure_of_one_scan_is_its_answer(
-    body: SkinnedBody, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_failure_of_one_scan_is_its_answer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "bad.obj").write_text("v 0 0 0\n")
-    found = registered(body, QUICK, Reading(), ScanJob("bad", tmp_path / "bad.obj"))
-    assert isinstance(found, FailedScan)
-    assert "a scan has at least 100" in found.reason
+    write_scan(str(tmp_path / "scan.xyz"))
+    numbers = np.loadtxt(tmp_path / "scan.xyz") * [1, 1, 1, -1, -1, -1]
+    np.savetxt(tmp_path / "inwards.xyz", numbers)
+    untouched = Recipe((FitStage(200, 0.001, 1e-6, 1, 1),), model_alone)
+    for file, recipe, why in [
+        ("bad.obj", QUICK, "a scan has at least 100"),
+        ("inwards.xyz", untouched, "touches the surface"),
+    ]:
+        found = registered(BODY, recipe, Reading(), ScanJob("one", tmp_path / file))
+        assert isinstance(found, FailedScan)
+        assert why in found.reason
 
     def fails(*_: object, **__: object) -> None:
-        raise ZeroDivisionError("of ours")
+        raise error
 
-    def pressed(*_: object, **__: object) -> None:
-        raise KeyboardInterrupt
-
-    write_scan(str(tmp_path / "scan.xyz"))
-    job = ScanJob("scan", tmp_path / "scan.xyz")
     monkeypatch.setattr("workbench.registration.scan_jobs.register", fails)
-    found = registered(body, QUICK, Reading(), job)
+    job = ScanJob("scan", tmp_path / "scan.xyz")
+    error: BaseException = ZeroDivisionError("of ours")
+    found = registered(BODY, QUICK, Reading(), job)
     assert isinstance(found, FailedScan)
     assert found.reason == "an unforeseen error, ZeroDivisionError: of ours"
-    monkeypatch.setattr("workbench.registration.scan_jobs.register", pressed)
+    error = KeyboardInterrupt()
     with pytest.raises(KeyboardInterrupt):
-        registered(body, QUICK, Reading(), job)
+        registered(BODY, QUICK, Reading(), job)
 
 
 def test_facing_follows_the_root() -> None:
@@ -201,17 +191,12 @@ def test_facing_follows_the_root() -> None:
     np.testing.assert_allclose(bent, [0, 0, 1], atol=1e-15)
 
 
-def test_names_of_jobs_differ() -> None:
-    files = [Path("a/one.ply"), Path("a/two.ply"), Path("a/two.obj")]
-    assert [job.name for job in jobs_of(files)] == ["one", "two-ply", "two-obj"]
-    with pytest.raises(BadArgument, match=r"a/one\.ply and b/one\.ply have the same name"):
-        jobs_of([Path("a/one.ply"), Path("b/one.ply")])
-
-
 def test_names_of_jobs_are_names_of_folders() -> None:
     files = [Path(name) for name in ("One.ply", "one.obj", "a#1.ply", " b.ply", "start.npz.obj")]
     names = [job.name for job in jobs_of(files)]
     assert names == ["One-ply", "one-obj", "a-1", "b", "start-npz-obj"]
+    with pytest.raises(BadArgument, match=r"a/one\.ply and b/one\.ply have the same name"):
+        jobs_of([Path("a/one.ply"), Path("b/one.ply")])
     (of_array, other) = jobs_of([Path("people.npz"), Path("one.ply")], "of/anna")
     assert (of_array.name, other.name) == ("people-of-anna", "one")
 
@@ -223,38 +208,6 @@ def test_reading_is_checked_before_files() -> None:
         Reading(up="w")
     with pytest.raises(BadArgument, match="at least 1,000 points"):
         Reading(most=10)
-
-
-@pytest.mark.thorough
-def test_interrupt_while_judging_is_not_lost(
-    body: SkinnedBody, truth: Array, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    import workbench.registration.registering as module
-
-    def pressed(fit: ModelFit, *, near: float) -> Support:
-        os.kill(os.getpid(), signal.SIGINT)
-        return support(fit, near=near)
-
-    monkeypatch.setattr(module, "support", pressed)
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        with pytest.raises(KeyboardInterrupt):
-            register(body, cloud(body, truth), recipe=QUICK)
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
-def test_scan_without_contact_is_not_registered(body: SkinnedBody, tmp_path: Path) -> None:
-    write_scan(str(tmp_path / "scan.xyz"))
-    numbers = np.loadtxt(tmp_path / "scan.xyz")
-    numbers[:, 3:] *= -1  # normals that point inwards
-    np.savetxt(tmp_path / "scan.xyz", numbers)
-    stages = (FitStage(200, 0.001, 1e-6, 1, 1),)
-    found = registered(
-        body, Recipe(stages, model_alone), Reading(), ScanJob("scan", tmp_path / "scan.xyz")
-    )
-    assert isinstance(found, FailedScan)
-    assert "touches the surface" in found.reason
 
 
 HAND = load_skinned("hand")
@@ -376,7 +329,6 @@ def test_the_hand_of_an_artist_is_found() -> None:
     assert found.stages[0].median < 0.002
 
 
-BODY = load_body("small")
 STAGE = (FitStage(800, 0.01, 0.03, starts=1, iterations=40, settled=0.001),)
 
 
@@ -391,17 +343,13 @@ def dressed(seed: int, thickest: float) -> tuple[ScannedPerson, SimulatedScan]:
     )
 
 
-def fitted(person: ScannedPerson, made: SimulatedScan, form: Form) -> Values:
-    """The fit that begins at the true pose with the mean shape."""
-    start = {**person.values, "betas": np.zeros(BODY.n_betas)}
-    return fit_model(
-        BODY, made.scan, starts=lambda body, scan: [start], stages=STAGE, form=form
-    ).values
-
-
 def off(person: ScannedPerson, made: SimulatedScan, form: Form) -> tuple[float, float]:
-    """How far betas, and in mm the vertices at rest, are from the truth."""
-    found, true = fitted(person, made, form)["betas"], person.values["betas"]
+    """How far betas, and in mm the vertices at rest, are from the truth, by a fit that begins at
+    the true pose with the mean shape.
+    """
+    start, true = {**person.values, "betas": np.zeros(BODY.n_betas)}, person.values["betas"]
+    fit = fit_model(BODY, made.scan, starts=lambda *_: [start], stages=STAGE, form=form)
+    found = fit.values["betas"]
     apart = BODY.vertices(betas=found) - BODY.vertices(betas=true)
     return float(np.linalg.norm(found - true)), 1e3 * float(np.linalg.norm(apart, axis=1).mean())
 
@@ -416,9 +364,5 @@ def test_loose_distance_reads_less_clothing_as_shape() -> None:
     assert loose_shape < 0.8 * shape
     assert loose_betas < 0.85 * betas
     assert (less < plain).sum(axis=0).min() >= 5  # of 6
-
-
-@pytest.mark.thorough
-def test_plain_distance_is_nearer_without_clothes() -> None:
     naked = dressed(24, 0.0)
     assert off(*naked, distance)[1] < off(*naked, loose(0.3))[1]

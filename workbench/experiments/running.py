@@ -9,15 +9,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
-from workbench.blocks import Values
+from workbench.blocks import Values, checks
 from workbench.bodies.body import Body
 from workbench.bodies.forward.sources import arguments_from_values
 from workbench.diagnostics import Diagnosis, diagnose_whole
-from workbench.errors import WorkbenchError
+from workbench.errors import BadSetup, WorkbenchError
 from workbench.experiments.experiment import Experiment, user_errors
 from workbench.fitting.doubts import doubts
 from workbench.fitting.measures import Measurement, measurements
-from workbench.fitting.setup import Measure, Setup, View, expect
+from workbench.fitting.setup import Measure, Setup, View
 from workbench.interrupts import caused_by
 from workbench.problem import Problem
 from workbench.solvers import DEFAULT, SOLVERS, Callback, Solution, Solver, Status
@@ -267,10 +267,7 @@ def _at(setup: Setup, values: Values, each: Sequence[Values]) -> tuple[Overlay, 
 def _measured(experiment: Experiment, setup: Setup, values: Values) -> tuple[Measure, ...]:
     with user_errors(experiment.source):
         found = setup.measures(values)
-        expect("measures", found, (tuple, list), "a function that returns several Measures")
-        for one in found:
-            expect("measures", one, Measure, "a function that returns several Measures")
-        return tuple(found)
+        return checks.several("what `measures` returns", found, Measure, BadSetup)
 
 
 def warm_up(setup: Setup, solvers: Iterable[Solver]) -> None:

@@ -99,14 +99,14 @@ def stature(body: SkinnedBody, betas: ArrayLike) -> Array:
     These are the vertices that are lowest and highest on the mean person, at rest; so stature is
     linear in betas. A person whose crown or sole is another vertex differs by millimetres.
     """
-    mean, slopes = _linear(body)
-    return np.asarray(mean + np.asarray(betas, dtype=float) @ slopes)
+    mean, derivatives = _linear(body)
+    return np.asarray(mean + np.asarray(betas, dtype=float) @ derivatives)
 
 
 def stature_expression(body: SkinnedBody, betas: cs.MX) -> cs.MX:
     """`stature` in symbols, of betas (B, 1)."""
-    mean, slopes = _linear(body)
-    return mean + cs.dot(cs.DM(slopes), betas)
+    mean, derivatives = _linear(body)
+    return mean + cs.dot(cs.DM(derivatives), betas)
 
 
 def stature_prior(body: SkinnedBody, height: float, *, sigma: float = MEASURED) -> Residual:
@@ -134,6 +134,6 @@ def _linear(body: SkinnedBody) -> tuple[float, Array]:
     """The stature of the mean person in m, and what each of the betas adds to it, (B,)."""
     if reason := why_not_skinned(body, "a stature", "measure its vertices"):
         raise BadArgument(reason)
-    y, slopes = body.template[:, 1], body.shapedirs[:, 1]
+    y, derivatives = body.template[:, 1], body.shapedirs[:, 1]
     top, bottom = int(np.argmax(y)), int(np.argmin(y))
-    return float(y[top] - y[bottom]), np.asarray(slopes[top] - slopes[bottom])
+    return float(y[top] - y[bottom]), np.asarray(derivatives[top] - derivatives[bottom])

@@ -155,6 +155,19 @@ def _cost(setup: Setup, views: Sequence[View], changed: Sequence[View]) -> float
 
 
 Extrinsics = list[tuple[Array, Array]]  # R (3, 3) and t (3,) of each camera
+CONVENTIONS: dict[str, Callable[[Array, Array], tuple[Array, Array]]] = {
+    "the extrinsics are camera-to-world, not world-to-camera": lambda R, t: (R.T, -R.T @ t),
+    "rotations are in degrees": lambda R, t: (
+        matrix_from_vector(np.radians(vector_from_matrix(R))),
+        t,
+    ),
+    "`t` are the places of the cameras, not translations": lambda R, t: (R, -R @ t),
+    "the cameras have OpenGL's axes (y up, z backwards)": lambda R, t: (OPENGL @ R, OPENGL @ t),
+    "the extrinsics are camera-to-world, with OpenGL's axes (y up, z backwards)": lambda R, t: (
+        OPENGL @ R.T,
+        -OPENGL @ R.T @ t,
+    ),
+}
 
 
 def disagreement(views: Sequence[View], values: Values) -> float:
@@ -242,23 +255,8 @@ def _other_views(
 
 
 def _conventions(given: Extrinsics) -> Iterator[tuple[str, Extrinsics]]:
-    yield (
-        "the extrinsics are camera-to-world, not world-to-camera",
-        [(R.T, -R.T @ t) for R, t in given],
-    )
-    yield (
-        "rotations are in degrees",
-        [(matrix_from_vector(np.radians(vector_from_matrix(R))), t) for R, t in given],
-    )
-    yield "`t` are the places of the cameras, not translations", [(R, -R @ t) for R, t in given]
-    yield (
-        "the cameras have OpenGL's axes (y up, z backwards)",
-        [(OPENGL @ R, OPENGL @ t) for R, t in given],
-    )
-    yield (
-        "the extrinsics are camera-to-world, with OpenGL's axes (y up, z backwards)",
-        [(OPENGL @ R.T, -OPENGL @ R.T @ t) for R, t in given],
-    )
+    for what, change in CONVENTIONS.items():
+        yield what, [change(R, t) for R, t in given]
     count = len(given)
     if count <= MOST_ORDERS:
         orders = [*permutations(range(count))][1:]

@@ -63,13 +63,11 @@ def hand_problem(
     `usual_priors` unless others are given. Raises BadBody for a body that is no hand.
     """
     checked_hand(body)
-    blocks = (
-        Block(OBSERVED, (len(HAND_POINTS), 3), "m", HAND_POINTS),
-        Block(SEEN, (len(HAND_POINTS),), "1", HAND_POINTS),
-    )
-    data = _landmarks(body, blocks[0].symbol, blocks[1].symbol, sigma, kernel)
-    given = usual_priors(body) if priors is None else tuple(priors)
-    return Problem((data, *given), [block.name for block in body.blocks()], blocks=blocks)
+    places = Block(OBSERVED, (len(HAND_POINTS), 3), "m", HAND_POINTS)
+    seen = Block(SEEN, (len(HAND_POINTS),), "1", HAND_POINTS)
+    data = _landmarks(body, places.symbol, seen.symbol, sigma, kernel)
+    priors = usual_priors(body) if priors is None else priors
+    return Problem((data, *priors), [block.name for block in body.blocks()], blocks=(places, seen))
 
 
 def hand_start(body: SkinnedBody, observed: ArrayLike) -> Values:
@@ -157,11 +155,7 @@ def points_of(body: SkinnedBody, values: Values) -> Array:
 
 
 def _landmarks(
-    body: SkinnedBody,
-    observed: cs.MX | Array,
-    seen: cs.MX | Array,
-    sigma: float,
-    kernel: Kernel,
+    body: SkinnedBody, observed: cs.MX | Array, seen: cs.MX | Array, sigma: float, kernel: Kernel
 ) -> Residual:
     points = hand_points(body, *(block.symbol for block in body.blocks()))
     data = landmarks(points, observed, sigma=sigma, kernel=kernel, name="hand points")

@@ -67,7 +67,7 @@ LAMBDA_SHAPE = 100.0, 50.0, 10.0, 5.0
 ANGLES = 3.17  # SMPLify's weight of the term of elbows and knees, in lambda_theta
 SMPLIFY_SIGMA = LAMBDA_POSE[-1] / float(np.sqrt(2))  # px
 
-Recipe = Callable[["Appearance"], "ImageRecipe"]
+RecipeOf = Callable[["Appearance"], "ImageRecipe"]
 ROUGHLY = LevenbergMarquardt(gradient_tolerance=0.01)  # of a stage that is only a start
 NEARLY = LevenbergMarquardt(gradient_tolerance=1e-3)  # beyond, keypoints tell nothing more
 SUSPECT = 1 / 7  # of a person's height in the image
@@ -82,7 +82,7 @@ INTERVAL_NOTE = (
     "given. Intervals 0.79 and 0.89 times as wide would have contained it in 90 %"
 )
 DIFFERENCE = 1e-5  # of an unknown, for a central difference
-# frames 0, 8, ..., 96 of `balance`, each camera alone; the truth is the fit to all four cameras
+# by `python -m benchmarks.images.one_camera --spread`; stored in benchmarks/results/images.json
 SPREAD = (
     "too small: on 52 images of one real person, landmarks were 1.6 times as far from the truth "
     "(root mean square; 1.0 to 2.0 times, by landmark)"
@@ -118,7 +118,8 @@ def smplify_stages() -> tuple[SolveStage, ...]:
         {KEYPOINTS: (LAMBDA_POSE[-1] / pose) ** 2, "shape prior": (shape / pose / last) ** 2}
         for pose, shape in zip(LAMBDA_POSE[:-1], LAMBDA_SHAPE[:-1], strict=True)
     ]
-    return (SolveStage(("trans", "pose[pelvis]")), *(SolveStage(weights=w) for w in weights))
+    root = SolveStage(("trans", "pose[0]"))
+    return (root, *(SolveStage(weights=w) for w in weights))
 
 
 @dataclass(frozen=True)
@@ -253,7 +254,7 @@ class ImageFits:
     """
 
     body: SkinnedBody | TriangleBody
-    recipe: Recipe = field(default_factory=ByHeight)
+    recipe: RecipeOf = field(default_factory=ByHeight)
     _made: dict[Appearance, tuple[ImageRecipe, KeypointProblem]] = field(
         default_factory=dict, init=False, repr=False
     )
@@ -314,7 +315,7 @@ def image_fit(
     body: SkinnedBody | TriangleBody,
     question: str,
     *,
-    recipe: Recipe | None = None,
+    recipe: RecipeOf | None = None,
     hypotheses: int = 1,
     held_out: Sequence[str] = (),
     reference: Array | None = None,
@@ -346,9 +347,6 @@ def appearance(body: Body, view: View, values: Values) -> Appearance:
     off = np.linalg.norm(view.camera.pixels(found, values) - view.observed, axis=1)
     suspect = (off > SUSPECT * height) & (view.confidence > LEAST_CONFIDENCE)
     return Appearance(height, bool(suspect.any()))
-
-
-Quantities = Callable[[Array, Array, Array], Array]  # (N, k) of N poses, betas and trans
 
 
 @dataclass(frozen=True)
@@ -385,18 +383,11 @@ def depth_interval(setup: Setup, values: Values, offset: float = OFFSET) -> Dept
     priors do not determine the distance, or if not one view was fitted.
     """
     fitted = [view for view in setup.views if not view.held_out]
-    if len(fitted) != 1 or setup.body is None or residual_of(setup, fitted[0]) is None:
+    if len(fitted) != 1 or setup.body is None or _keypoints_of(setup, fitted[0]) is None:
         return None
-    body, view = setup.body, fitted[0]
-    R = matrix_from_vector(values[view.camera.rotation.name])
-    t = values[view.camera.translation.name]
-
-    def depth(pose: Array, betas: Array, trans: Array) -> Array:
-        return np.asarray(body.joints(pose, betas, trans)[:, :1] @ R[2] + t[2])
-
-    found, sd, lever = spreads(setup, view, values, depth)
-    total = float(np.hypot(sd[0], offset * lever[0]))
-    return DepthInterval(float(found[0]), total) if np.isfinite(total) else None
+    mean, sd, lever = depth_spread(setup, fitted[0], values)
+    total = float(np.hypot(sd, offset * lever))
+    return DepthInterval(mean, total) if np.isfinite(total) else None
 
 
 def depth_measures(setup: Setup, values: Values) -> tuple[Measure, ...]:
@@ -412,35 +403,35 @@ def depth_measures(setup: Setup, values: Values) -> tuple[Measure, ...]:
     )
 
 
-def spreads(setup: Setup, view: View, values: Values, of: Quantities) -> tuple[Array, Array, Array]:
-    """Quantities of a body in one view, and how uncertain they are; (k,) each.
+def depth_spread(setup: Setup, view: View, values: Values) -> tuple[float, float, float]:
+    """The distance of a body's root in one view in m, and how uncertain it is.
 
-    What they are at `values`; Laplace's standard deviations; and what an offset of 1 m in each
+    What it is at `values`; Laplace's standard deviation; and what an offset of 1 m in each
     direction, as standard deviation of each typical landmark by itself, adds to that in quadrature.
     """
-    body, free = setup.body, setup.problem.free
+    body, camera, keypoints = setup.body, view.camera, _keypoints_of(setup, view)
     assert body is not None
-    blocks = [block.name for block in body.blocks()]
-    at = [values[name] for name in blocks]
-    slopes = np.zeros((free.size, len(of(*(one[None] for one in at))[0])))
-    for i, name in enumerate(blocks):
-        moves = DIFFERENCE * np.eye(at[i].size).reshape(-1, *at[i].shape)
-        count = 2 * len(moves)
-        moved = [np.broadcast_to(one, (count, *one.shape)) for one in at]
-        moved[i] = at[i] + np.concatenate([moves, -moves])
-        ahead, behind = np.split(of(*moved), 2)
-        slopes[free.slices[name]] = (ahead - behind) / (2 * DIFFERENCE)
-    here, keypoints = setup.problem.linearize(values), residual_of(setup, view)
     assert keypoints is not None
-    by_data = here.covariance @ slopes
-    depth = view.camera.depths(body.joints(*at)[:1], values)[0]
-    px = np.mean(values[view.camera.focal.name]) / depth  # of 1 m
-    data = here.dense[setup.problem.rows[keypoints.name]]
-    lever = px / float(keypoints.sigma) * np.linalg.norm(data @ by_data, axis=0)
-    return of(*(one[None] for one in at))[0], np.sqrt(np.sum(slopes * by_data, axis=0)), lever
+    names = [block.name for block in body.blocks()]
+    at = [values[name] for name in names]
+    axis = matrix_from_vector(values[camera.rotation.name])[2]
+    gradient = np.zeros(setup.problem.free.size)
+    for i, name in enumerate(names):
+        steps, ends = DIFFERENCE * np.eye(at[i].size).reshape(-1, *at[i].shape), []
+        for step in (steps, -steps):
+            there = [*at[:i], at[i] + step, *at[i + 1 :]]
+            ends.append(body.joints(there[0], there[1], there[2])[:, 0] @ axis)
+        gradient[setup.problem.free.slices[name]] = (ends[0] - ends[1]) / (2 * DIFFERENCE)
+    depth = float(camera.depths(body.joints(*at)[:1], values)[0])
+    here = setup.problem.linearize(values)
+    by_data = here.covariance @ gradient
+    px = float(np.mean(values[camera.focal.name])) / depth  # of 1 m
+    rows = here.dense[setup.problem.rows[keypoints.name]]
+    lever = px / float(keypoints.sigma) * float(np.linalg.norm(rows @ by_data))
+    return depth, float(np.sqrt(gradient @ by_data)), lever
 
 
-def residual_of(setup: Setup, view: View) -> Residual | None:
+def _keypoints_of(setup: Setup, view: View) -> Residual | None:
     """The residual of the keypoints of a view, or None if the problem has none of its name."""
     name = f"keypoints({view.camera.prefix.rstrip('/')})"
     return next((one for one in setup.problem.residuals if one.name == name), None)

@@ -98,14 +98,7 @@ class ImageReading:
 
     def observations(self, files: Sequence[Path]) -> Observations:
         """The keypoints in files of one moment; see `read_observations`."""
-        return read_observations(
-            files,
-            calibration=self.calibration,
-            size=self.size,
-            focal=self.focal,
-            person=self.person,
-            camera_to_world=self.camera_to_world,
-        )
+        return read_observations(files, **vars(self))
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,9 +149,6 @@ class FittedImage:
     doubts: tuple[str, ...] = ()
 
 
-Fitted = FittedImage | FailedFile
-
-
 @dataclass(frozen=True, eq=False)
 class ImageWork:
     """How images are read and fitted; called with some of them, it returns what it found of each.
@@ -175,12 +165,12 @@ class ImageWork:
     reading: ImageReading = field(default_factory=ImageReading)
     hypotheses: int = 1
 
-    def __call__(self, jobs: Sequence[FileJob]) -> list[Fitted]:
+    def __call__(self, jobs: Sequence[FileJob]) -> list[FittedImage | FailedFile]:
         """What was found of each image, in their order. Only Ctrl-C is raised."""
         fits = ImageFits(self.body, self.recipe)
         return [self._one(fits, job) for job in jobs]
 
-    def _one(self, fits: ImageFits, job: FileJob) -> Fitted:
+    def _one(self, fits: ImageFits, job: FileJob) -> FittedImage | FailedFile:
         try:
             observed = self.reading.observations([job.path])
             setup = fits.setup(observed, job.name, hypotheses=self.hypotheses)

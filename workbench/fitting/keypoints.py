@@ -96,22 +96,17 @@ class KeypointProblem:
     kernel: Kernel | tuple[Kernel, ...] = quadratic
     priors: Terms = usual_priors
     relative: Relative = alike
-    _made: dict[tuple[str, Kind], tuple[Problem, tuple[Camera, ...], tuple[str, ...]]] = field(
+    _made: dict[tuple[str, Kind], tuple[Problem, tuple[str, ...]]] = field(
         default_factory=dict, init=False, repr=False
     )
 
     def of(
-        self,
-        photographs: Sequence[Photograph],
-        held_out: Collection[str],
-        landmarks: str | None = None,
-    ) -> tuple[Problem, tuple[Camera, ...], tuple[str, ...]]:
-        """The problem, a camera for each photograph, and the names of the priors.
+        self, photographs: Sequence[Photograph], held_out: Collection[str], landmarks: str
+    ) -> tuple[Problem, tuple[str, ...]]:
+        """The problem of a set of landmarks, and the names of the priors.
 
-        `landmarks` is the set of landmarks that are fitted; without it, it is `landmark_set`'s.
         Cameras of photographs that are held out are not among the problem's.
         """
-        landmarks = landmarks or landmark_set(self.body)
         kind = tuple(
             (p.name, p.size if p.K is None else None, p.name in held_out) for p in photographs
         )
@@ -119,31 +114,23 @@ class KeypointProblem:
             self._made[landmarks, kind] = self._make(landmarks, kind)
         return self._made[landmarks, kind]
 
-    def _make(
-        self, landmarks: str, kind: Kind
-    ) -> tuple[Problem, tuple[Camera, ...], tuple[str, ...]]:
-        body = self.body
-        names = body.landmark_names(landmarks)
-        pose, betas, trans = body.blocks()
-        points = body.landmark_points(landmarks, pose.symbol, betas.symbol, trans.symbol)
-        cameras = tuple(Camera(name + "/") for name, _, _ in kind)
-        terms, priors, blocks = [], list(self.priors(body)), list[Block]()
-        free = [pose.name, betas.name, trans.name]
+    def _make(self, landmarks: str, kind: Kind) -> tuple[Problem, tuple[str, ...]]:
+        names, own = self.body.landmark_names(landmarks), self.body.blocks()
+        points = self.body.landmark_points(landmarks, *(block.symbol for block in own))
+        terms, priors, blocks = [], list(self.priors(self.body)), list[Block]()
+        free = [block.name for block in own]
         sigmas = self.sigma if isinstance(self.sigma, tuple) else (self.sigma,) * len(kind)
         kernels = self.kernel if isinstance(self.kernel, tuple) else (self.kernel,) * len(kind)
-        for camera, sigma, kernel, (_, size, out) in zip(
-            cameras, sigmas, kernels, kind, strict=True
-        ):
+        for (name, size, out), sigma, kernel in zip(kind, sigmas, kernels, strict=True):
             if out:
                 continue
-            relative = self.relative(names)
+            camera, relative = Camera(name + "/"), self.relative(names)
             terms.append(camera_residual(points, camera, names, sigma, kernel, relative)[0])
             blocks += camera.blocks
             if size is not None:
                 priors.append(focal_prior(camera, max(size)))
                 free.append(camera.focal.name)
-        problem = Problem([*terms, *priors], free, blocks=blocks)
-        return problem, cameras, tuple(prior.name for prior in priors)
+        return Problem([*terms, *priors], free, blocks=blocks), tuple(one.name for one in priors)
 
 
 def landmark_set(body: Body, observed: Collection[str] = ()) -> str:
@@ -247,12 +234,11 @@ def keypoint_fit(
     shown = placed_views(body, observations, held_out)
     heights = [max(height_in_view(body, view, shown.start), 1.0) for view in shown.views]
     sigmas = tuple(SIGMA * height if sigma is None else sigma for height in heights)
-    kernels: tuple[Kernel, ...] = (kernel or quadratic,) * len(sigmas)
+    kernels = tuple(
+        kernel or scaled(geman_mcclure, OUTLIER * height / own)
+        for height, own in zip(heights, sigmas, strict=True)
+    )
     if kernel is None:
-        kernels = tuple(
-            scaled(geman_mcclure, OUTLIER * height / own)
-            for height, own in zip(heights, sigmas, strict=True)
-        )
         fitted = [view for view in shown.views if not view.held_out]
         best = max(fitted, key=lambda view: float(view.confidence.sum()))
         with suppress(BadArgument, BadObservation):
@@ -263,16 +249,10 @@ def keypoint_fit(
 
 
 def keypoint_setup(
-    of: KeypointProblem,
-    observations: Observations,
-    question: str,
-    held_out: Sequence[str] = (),
-    reference: Array | None = None,
-    compared: tuple[str, ...] = (),
+    of: KeypointProblem, observations: Observations, question: str, held_out: Sequence[str] = ()
 ) -> Setup:
     """The fit of a problem to these observations; arguments and errors are `keypoint_fit`'s."""
-    shown = placed_views(of.body, observations, held_out)
-    return shown.setup(of, question, reference, compared)
+    return placed_views(of.body, observations, held_out).setup(of, question)
 
 
 @dataclass(frozen=True, eq=False)
@@ -300,7 +280,7 @@ class PlacedViews:
     ) -> Setup:
         """The fit of a problem to these views; see `keypoint_fit`."""
         body, held_out = of.body, [view.name for view in self.views if view.held_out]
-        problem, _, priors = of.of(self.photographs, held_out, self.views[0].landmarks)
+        problem, priors = of.of(self.photographs, held_out, self.views[0].landmarks)
         return Setup(
             problem=problem,
             start=self.start,
@@ -369,11 +349,8 @@ def unused(observations: Observations, body: Body) -> tuple[str, ...]:
 
 def triangulated(views: Sequence[View], values: Values) -> Array:
     """The keypoints (M, 3) m that two views or more see; NaN for others."""
-    confidences = [
-        np.where(view.confidence > LEAST_CONFIDENCE, view.confidence, 0.0) for view in views
-    ]
-    observed = [view.observed for view in views]
-    return triangulate([view.camera for view in views], values, observed, confidences)
+    sure = [np.where(v.confidence > LEAST_CONFIDENCE, v.confidence, 0.0) for v in views]
+    return triangulate([v.camera for v in views], values, [v.observed for v in views], sure)
 
 
 def measures(
@@ -385,16 +362,16 @@ def measures(
     kind = views[0].landmarks
     places = body.landmark(kind, *(values[block.name] for block in body.blocks()))  # (M, 3) m
     coco = np.isin(body.landmark_names(kind), COCO)
-    fitted = [view for view in views if not view.held_out]
-    errors = [
-        reprojection_errors(view.observed, view.camera.pixels(places, values), view.confidence)
-        for view in views
-    ]
-    own = [error for view, error in zip(views, errors, strict=True) if not view.held_out]
-    shown = [_mean("reprojection, mean of the fitted", np.concatenate(own), "px", COUNTED)]
-    for view, error in zip(views, errors, strict=True):
+    fitted, own, each = [], [], []
+    for view in views:
+        projected = view.camera.pixels(places, values)
+        error = reprojection_errors(view.observed, projected, view.confidence)
         name = f"reprojection, {view.name}{' (held out)' if view.held_out else ''}"
-        shown.append(_mean(name, error, "px", COUNTED))
+        each.append(_mean(name, error, "px", COUNTED))
+        if not view.held_out:
+            fitted.append(view)
+            own.append(error)
+    shown = [_mean("reprojection, mean of the fitted", np.concatenate(own), "px", COUNTED), *each]
     if len(fitted) > 1:
         off = distances(places, triangulated(fitted, values))[coco]
         of = f"COCO {COUNTED} in 2 views"

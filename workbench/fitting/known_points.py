@@ -157,6 +157,10 @@ def own_mesh(path: str | Path, body: SkinnedBody | TriangleBody, sigma: float) -
             f"{path} is {spread:.3g} times as large as the body; metres are expected "
             "(millimetres look 1000 times, centimetres 100 times too large)"
         )
+    unchecked = (
+        f"the faces of {Path(path).name} are not those of body {body.name!r}: that its "
+        "vertices come in the body's order could not be checked"
+    )
     return mesh_fit(
         body,
         observed,
@@ -164,12 +168,7 @@ def own_mesh(path: str | Path, body: SkinnedBody | TriangleBody, sigma: float) -
         sigma=sigma,
         priors=(shape_prior(body), pose_prior(body)),
         start=placed(body, observed),
-        notes=()
-        if same_faces(mesh.faces, body.faces)
-        else (
-            f"the faces of {Path(path).name} are not those of body {body.name!r}: that its "
-            "vertices come in the body's order could not be checked",
-        ),
+        notes=() if same_faces(mesh.faces, body.faces) else (unchecked,),
     )
 
 

@@ -57,11 +57,9 @@ class Photograph:
 
     def ordered(self, index: Sequence[int]) -> Self:
         """The keypoints of these numbers; those of number -1 have confidence 0."""
-        there = (np.array(index) >= 0) & (self.confidence[..., index] > 0)
-        pixels = np.where(there[..., None], self.pixels[..., index, :], 0.0)
-        return replace(
-            self, pixels=pixels, confidence=np.where(there, self.confidence[..., index], 0.0)
-        )
+        confidence = np.where(np.array(index) >= 0, self.confidence[..., index], 0.0)
+        pixels = np.where(confidence[..., None] > 0, self.pixels[..., index, :], 0.0)
+        return replace(self, pixels=pixels, confidence=confidence)
 
     def __post_init__(self) -> None:
         bad = ~np.isfinite(self.pixels).all(axis=-1) & (self.confidence > 0)
@@ -123,24 +121,22 @@ class Observations:
 
     def observed(self) -> tuple[str, ...]:
         """The names of the keypoints that at least one photograph shows."""
-        seen = [photograph.confidence > 0 for photograph in self.photographs]
-        return tuple(name for i, name in enumerate(self.names) if any(one[i] for one in seen))
+        seen = np.any([photograph.confidence > 0 for photograph in self.photographs], axis=0)
+        return tuple(np.array(self.names)[seen].tolist())
 
     def ordered(self, names: Sequence[str]) -> "Observations":
         """The keypoints in the order of `names`; those that were not observed have confidence 0.
 
         Raises BadObservation if none of them was observed.
         """
-        where = {name: i for i, name in enumerate(self.names)}
-        index = [where.get(name, -1) for name in names]
+        index = [self.names.index(name) if name in self.names else -1 for name in names]
         if max(index, default=-1) < 0:
             raise BadObservation(
                 f"none of the observed keypoints ({', '.join(self.names)}) is one of the body's "
                 f"({', '.join(names)})"
             )
-        return Observations(
-            tuple(names), tuple(p.ordered(index) for p in self.photographs), self.notes
-        )
+        ordered = tuple(photograph.ordered(index) for photograph in self.photographs)
+        return Observations(tuple(names), ordered, self.notes)
 
 
 def photograph(
@@ -225,13 +221,10 @@ def clip_of(frames: Sequence[Observations | None], fps: float) -> Clip:
             "the frames of a clip have the same cameras, image sizes and keypoints, and these do "
             "not; make a clip of the frames that go together"
         )
-    T, M = len(frames), len(first.names)
-    films = []
+    nothing, films = np.zeros((len(first.names), 2)), []
     for i, photo in enumerate(first.photographs):
-        pixels, confidence = np.zeros((T, M, 2)), np.zeros((T, M))
-        for t, one in enumerate(frames):
-            if one is not None:
-                pixels[t] = one.photographs[i].pixels
-                confidence[t] = one.photographs[i].confidence
+        each = [None if one is None else one.photographs[i] for one in frames]
+        pixels = np.array([nothing if one is None else one.pixels for one in each])
+        confidence = np.array([nothing[:, 0] if one is None else one.confidence for one in each])
         films.append(Film(photo.name, photo.size, pixels, confidence, *photo.calibration))
     return Clip(first.names, tuple(films), fps)

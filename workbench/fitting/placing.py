@@ -244,19 +244,13 @@ def image_starts(body: Body, view: View, placed: Values, count: int) -> list[Val
     own axis. A body that the regressor does not know begins at rest. Raises BadArgument for fewer
     than 1 or more than 8 starts.
     """
-    _check_count(count)
     at_rest = {block.name: placed[block.name] for block in body.blocks()}
     try:
         first = regressed_start(shipped_regressor(), body, view, placed)
     except (BadArgument, BadObservation):
         return turned_about(body, at_rest, count)
-    turned = turned_about(body, first, max(1, count - 1))
+    turned = turned_about(body, first, count)
     return [turned[0], at_rest, *turned[1:]][:count]
-
-
-def _check_count(count: int) -> None:
-    if not 1 <= count <= MOST:
-        raise BadArgument(f"a fit begins at 1 to {MOST} starts, not at {count}")
 
 
 def turned_about(body: Body, values: Values, count: int) -> list[Values]:
@@ -266,17 +260,15 @@ def turned_about(body: Body, values: Values, count: int) -> list[Values]:
     seen from the back differ least, and the others face between. The middle of the body's joints
     stays where it is. Raises BadArgument for fewer than 1 or more than 8 starts.
     """
-    _check_count(count)
-    pose, betas, trans = body.blocks()
-    root = matrix_from_vector(values[pose.name][0])
-    joints = body.joints(values[pose.name], values[betas.name], values[trans.name])
-    middle: Array = joints.mean(axis=0)
-    found = [{name: values[name] for name in (pose.name, betas.name, trans.name)}]
+    if not 1 <= count <= MOST:
+        raise BadArgument(f"a fit begins at 1 to {MOST} starts, not at {count}")
+    first = {block.name: values[block.name] for block in body.blocks()}
+    pose, betas, trans = first.values()
+    middle: Array = body.joints(pose, betas, trans).mean(axis=0)
+    own = matrix_from_vector(pose[0]) @ matrix_from_vector(body.bind_pose[0]).T
+    starts = [first]
     for k in TURNS[1:count]:
-        turn = root @ matrix_from_vector([0.0, 2 * np.pi * k / MOST, 0.0]) @ root.T
-        whole = moved(body, turn @ root, np.zeros(3))
-        start = found[0] | {pose.name: values[pose.name].copy()}
-        start[pose.name][0] = whole[pose.name][0]
-        there = body.joints(start[pose.name], start[betas.name], np.zeros(3)).mean(axis=0)
-        found.append(start | {trans.name: middle - there})
-    return found
+        turn = own @ matrix_from_vector([0.0, 2 * np.pi * k / MOST, 0.0]) @ own.T
+        away = middle - turn @ (middle - trans)
+        starts.append(first | moved(body, turn, away, pose, betas))
+    return starts

@@ -67,18 +67,16 @@ class PoseRegressor:
         points, known = (one.reshape(-1, *one.shape[seen[1].ndim - 1 :]) for one in seen)
         network, to_virtual = normalised(points, known)
         swap = self._opposite_keypoints
-        both_ways = np.concatenate([network, network[:, swap] * [-1, 1, 1]])
+        both_ways = np.stack([network, network[:, swap] * [-1, 1, 1]])
         answers = self._forward(both_ways.reshape(2 * len(points), -1))
-        plain, flipped = answers[: len(points)], answers[len(points) :]
-        K = len(self.joint_names)
-        columns = plain[:, :6].reshape(-1, 3, 2) + COLUMNS * flipped[:, :6].reshape(-1, 3, 2)
-        columns = columns / (2 * self.scales[0])
-        turns = plain[:, 6:].reshape(-1, K - 1, 3) / self.scales[1:, None]
-        others = flipped[:, 6:].reshape(-1, K - 1, 3) / self.scales[1:, None]
+        answers = answers.reshape(2, len(points), -1)
+        columns = answers[..., :6].reshape(2, -1, 3, 2)
+        columns = (columns[0] + COLUMNS * columns[1]) / (2 * self.scales[0])
+        K, other = len(self.joint_names), self._opposite_joints
+        turns = answers[..., 6:].reshape(2, -1, K - 1, 3) / self.scales[1:, None]
         pose = np.zeros((len(points), K, 3))
-        mirrored = self.mean[self._opposite_joints] * AXIAL
-        both = (turns + others[:, self._opposite_joints[1:] - 1] * AXIAL) / 2
-        pose[:, 1:] = (self.mean + mirrored)[1:] / 2 + both
+        pose[:, 1:] = (self.mean + self.mean[other] * AXIAL)[1:] / 2
+        pose[:, 1:] += (turns[0] + turns[1][:, other[1:] - 1] * AXIAL) / 2
         third = np.cross(columns[..., 0], columns[..., 1])
         R = nearest_rotation(np.concatenate([columns, third[..., None]], axis=2))
         R = to_virtual.swapaxes(1, 2) @ R

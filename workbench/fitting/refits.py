@@ -48,11 +48,8 @@ MOST = 25  # fits on each side
 PAST = 1.3  # of the rise at which the interval ends: where a side is followed to
 CLOSE, REFINED = 0.02, 6  # of the root of the rise: how near a fit is to each end; fits for that
 BETTER = 1e-6  # of the cost, by which another minimum has to be lower
-REACH, FARTHEST = (
-    3.0,
-    1.5,
-)  # of a start: standard deviations along its direction; characteristic scales at most
-SHARES = (1.0, 0.5)  # of this: how far the starts are on each side
+REACH, FARTHEST = 3.0, 1.5  # of a start: standard deviations; characteristic scales at most
+SHARES = (1.0, 0.5, -1.0, -0.5)  # of this: where the starts are, on both sides
 SAME = 0.01  # characteristic scales of each entry: nearer ends are one
 LEVEL = 1e-6  # of 1 + cost: ends of the same cost that are apart are in one valley
 
@@ -110,20 +107,18 @@ class Profile:
 
     def __str__(self) -> str:
         """The interval in a sentence, beside Laplace's."""
-        low, high = self.interval
-        unit = "" if self.unit == "1" else f" {self.unit}"
-        told = f"{self.entry} is between {low:.4g} and {high:.4g}{unit} ({self.level:.0%})"
-        if low == -inf and high == inf:
-            told = (
-                f"nothing bounds {self.entry} between {self.at[0]:.4g} and {self.at[-1]:.4g}{unit}"
-            )
-        elif low == -inf or high == inf:
-            side, end = ("below", high) if low == -inf else ("above", low)
-            followed = self.at[0] if low == -inf else self.at[-1]
-            told = (
-                f"{self.entry} is {side} {end:.4g}{unit} ({self.level:.0%}); on the other side "
-                f"nothing bounds it up to {followed:.4g}{unit}"
-            )
+        (low, high), (first, last) = self.interval, (self.at[0], self.at[-1])
+        unit, level = "" if self.unit == "1" else f" {self.unit}", f"({self.level:.0%})"
+        other = "on the other side nothing bounds it up to"
+        match low == -inf, high == inf:
+            case True, True:
+                told = f"nothing bounds {self.entry} between {first:.4g} and {last:.4g}{unit}"
+            case True, False:
+                told = f"{self.entry} is below {high:.4g}{unit} {level}; {other} {first:.4g}{unit}"
+            case False, True:
+                told = f"{self.entry} is above {low:.4g}{unit} {level}; {other} {last:.4g}{unit}"
+            case _:
+                told = f"{self.entry} is between {low:.4g} and {high:.4g}{unit} {level}"
         if np.isfinite(self.sd):
             a, b = self.laplace
             told += f"; Laplace says {a:.4g} to {b:.4g}"
@@ -190,10 +185,7 @@ def profile_likelihood(
     start = problem.read(values)
     best = float(problem.split(start)[0][k])
     middle = (best, whole.here.cost, start)
-    below, above = (
-        _refined(fit, middle, _followed(fit, middle, sign * size, _rise(level)), _rise(level))
-        for sign in (-1, 1)
-    )
+    below, above = (_followed(fit, middle, sign * size, _rise(level)) for sign in (-1, 1))
     at, costs, fits = zip(*below[::-1], middle, *above, strict=True)
     least = int(np.argmin(costs))
     lower = fits[least] if costs[least] < whole.here.cost * (1 - BETTER) else None
@@ -207,7 +199,10 @@ _Fit = tuple[float, float, Values]  # the entry's value, the cost, all values
 def _followed(
     fit: Callable[[Values, float], _Fit], middle: _Fit, size: float, rise: float
 ) -> list[_Fit]:
-    """Fits on one side, each from the one before; steps are FIRST to LONGEST signed sizes."""
+    """Fits on one side, each from the one before, and more where the cost has risen by `rise`.
+
+    Steps are FIRST to LONGEST signed sizes.
+    """
     side: list[_Fit] = []
     (at, before, values), step = middle, FIRST
     least = before
@@ -220,13 +215,6 @@ def _followed(
         if cost - before < 0.3 * rise:
             step = min(GROWTH * step, LONGEST)
         before = cost
-    return side
-
-
-def _refined(
-    fit: Callable[[Values, float], _Fit], middle: _Fit, side: list[_Fit], rise: float
-) -> list[_Fit]:
-    """A side with fits near the end of the interval, where it crosses it."""
     end = sqrt(rise)
     for _ in range(REFINED):
         there = [middle, *side]
@@ -360,21 +348,24 @@ def other_minima(
     squares, vectors = scipy.linalg.eigh(J.T @ J, subset_by_index=few)
     s, basis = np.sqrt(np.maximum(squares, 0)), vectors.T
     x, fixed = problem.split(values)
+    lengths = np.minimum(REACH / np.maximum(s, 1e-300), FARTHEST)
     starts = [
-        np.clip(x + sign * share * length * sizes * d, problem.lower, problem.upper)
-        for d, length in zip(
-            basis, np.minimum(REACH / np.maximum(s, 1e-300), FARTHEST), strict=True
-        )
-        for sign in (1, -1)
+        np.clip(x + share * length * sizes * d, problem.lower, problem.upper)
+        for d, length in zip(basis, lengths, strict=True)
         for share in SHARES
     ]
     first, back = here.here.cost, 0
+
+    def apart(one: Array, other: Array) -> float:
+        """The largest difference of an entry, in characteristic scales."""
+        return float(np.abs((one - other) / sizes).max())
+
     ends: list[tuple[Array, float, int]] = []
     for done, start in enumerate(starts, start=1):
         solution = solver.solve(problem, problem.values(start, fixed))
         end = problem.split({**values, **solution.values})[0]
-        near = (i for i, (there, *_) in enumerate(ends) if _apart(end, there, sizes) < SAME)
-        if _apart(end, x, sizes) < SAME:
+        near = (i for i, (there, *_) in enumerate(ends) if apart(end, there) < SAME)
+        if apart(end, x) < SAME:
             back += 1
         elif (same := next(near, None)) is not None:
             ends[same] = (*ends[same][:2], ends[same][2] + 1)
@@ -389,18 +380,10 @@ def other_minima(
         there, entry = problem.values(end, fixed), problem.free.label(k)
         found.append(OtherMinimum(there, cost - first, float(away[k]), entry, count))
     level = LEVEL * (1 + first)
-    return OtherMinima(
-        len(starts),
-        back,
-        tuple(one for one in found if abs(one.excess) <= level),
-        tuple(sorted((o for o in found if abs(o.excess) > level), key=lambda one: one.excess)),
-        tuple(in_units(d * sizes, problem.free) for d in basis),
-    )
-
-
-def _apart(one: Array, other: Array, sizes: Array) -> float:
-    """The largest difference of an entry, in characteristic scales."""
-    return float(np.abs((one - other) / sizes).max())
+    valley = tuple(one for one in found if abs(one.excess) <= level)
+    others = sorted((o for o in found if abs(o.excess) > level), key=lambda one: one.excess)
+    words = tuple(in_units(d * sizes, problem.free) for d in basis)
+    return OtherMinima(len(starts), back, valley, tuple(others), words)
 
 
 @dataclass(frozen=True, eq=False)

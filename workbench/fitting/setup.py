@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from types import NoneType
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -55,20 +56,14 @@ class KnownAnswer:
         if not isinstance(self.source, str) or not self.source.strip():
             raise BadSetup(f"a known answer needs its source as a text, not {self.source!r:.80}")
         for name in ("cost", "residual_deviation"):
-            number = getattr(self, name)
-            if number is not None:
-                if not isinstance(number, (int, float, np.number)) or not 0 <= number < np.inf:
-                    raise BadSetup(
-                        f"the known {name} must be a number from 0 on, not {number!r:.80}"
-                    )
-                object.__setattr__(self, name, float(number))
+            if (number := getattr(self, name)) is None:
+                continue
+            if not isinstance(number, (int, float, np.number)) or not 0 <= number < np.inf:
+                raise BadSetup(f"the known {name} must be a number from 0 on, not {number!r:.80}")
+            object.__setattr__(self, name, float(number))
         for name in ("values", "deviations"):
-            given = getattr(self, name)
-            if given is not None and not isinstance(given, Mapping):
-                raise BadSetup(
-                    f"the known {name} must be a dict of arrays by the names of free blocks, not "
-                    f"{given!r:.80}"
-                )
+            kind = Mapping, NoneType
+            _check_kind(f"known {name}", getattr(self, name), kind, "a dict of arrays by blocks")
         if self.deviations is not None and self.values is None:
             raise BadSetup(
                 "known deviations are those of known values, which are missing; give them too"
@@ -116,8 +111,8 @@ def digits(found: Mapping[str, ArrayLike], certified: Mapping[str, ArrayLike]) -
 
 
 def names(given: str | Residual | Iterable[str | Residual]) -> tuple[str, ...]:
-    """The given names as a tuple, also if a single one is given; a residual stands for its name."""
-    several = (given,) if isinstance(given, str | Residual) else tuple(given)
+    """These names as a tuple, also if it is a single one; a residual stands for its name."""
+    several = (given,) if isinstance(given, str | Residual) else given
     return tuple(one.name if isinstance(one, Residual) else one for one in several)
 
 
@@ -259,16 +254,19 @@ class Setup:
             ("body", bodies, "a SkinnedBody, a TriangleBody or None"),
             ("question", str, "a text"),
             ("known", (KnownAnswer, NoneType), "a KnownAnswer or None"),
-            ("views", (tuple, list), "several Views"),
             ("compared", (Iterable, Residual), "names of solvers"),
             ("priors", (Iterable, Residual), "names of residuals"),
             ("synthetic", str, "a text"),
             ("candidates", Mapping, "a dict of residuals by name"),
             ("made_of", (Mapping, NoneType), "a dict of arrays by block, or None"),
+            ("strategy", (Callable, NoneType), "a function that makes a solver out of a solver"),
         ):
-            expect(name, getattr(self, name), kind, wanted)
-        for view in self.views:
-            expect("views", view, View, "several Views")
+            _check_kind(f"`{name}` of a setup", getattr(self, name), kind, wanted)
+        for name, one in (("views", View), ("gauges", Gauge)):
+            several = getattr(self, name)
+            several = (several,) if isinstance(several, one) else several
+            several = checks.several(f"`{name}`", several, one, BadSetup)
+            object.__setattr__(self, name, several)
         shape = None if self.body is None else self.body.template.shape
         if self.truth is not None and shape not in (None, np.shape(self.truth)):
             raise BadSetup(
@@ -280,21 +278,14 @@ class Setup:
         for solver in self.compared:
             check_known("solver", solver, SOLVERS)
         self.problem.rows_named(self.priors)
-        if not (self.strategy is None or callable(self.strategy)):
-            raise BadSetup(
-                "`strategy` of a setup must be a function that makes a solver out of a solver or "
-                f"None, not {self.strategy!r:.80}"
-            )
         self.problem.split(self.start)
         if self.known is not None:
             self.known.check(self.problem)
-        gauges = (self.gauges,) if isinstance(self.gauges, Gauge) else self.gauges
-        object.__setattr__(self, "gauges", checks.several("`gauges`", gauges, Gauge, BadSetup))
         if self.made_of is not None:
             self.problem.free.pack(dict(self.start) | dict(self.made_of))
 
 
-def expect(name: str, value: object, kind: type | tuple[type, ...], wanted: str) -> None:
-    """Raise BadSetup unless a field of a setup has the right kind, which `wanted` describes."""
+def _check_kind(name: str, value: object, kind: Any, wanted: str) -> None:
+    """Raise BadSetup unless a value is of a kind, or of several, which `wanted` describes."""
     if not isinstance(value, kind):
-        raise BadSetup(f"`{name}` of a setup must be {wanted}, not {value!r:.80}")
+        raise BadSetup(f"{name} must be {wanted}, not {value!r:.80}")

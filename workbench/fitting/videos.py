@@ -89,12 +89,13 @@ def effective_frames(errors: ArrayLike, known: ArrayLike | None = None) -> float
             f"errors are (T, ...) and `known` has the same shape, not {x.shape} and {there.shape}"
         )
     x = np.where(there, x, 0.0).reshape(len(x), -1)
-    if not np.isfinite(x).all():
-        raise BadObservation("the errors of a video must be finite where something was observed")
     count = there.reshape(x.shape).sum(axis=0)
     used = count > 1
-    if not used.any():
-        raise BadObservation("no landmark was observed in two frames, so nothing can be compared")
+    if not np.isfinite(x).all() or not used.any():
+        raise BadObservation(
+            "the errors of a video are finite where something was observed, and some landmark was "
+            "observed in two frames or more"
+        )
     return worth_of_errors(x[:, used], count[used])
 
 

@@ -50,16 +50,15 @@ class Support:
         return float(np.mean(self.sd))
 
 
-def support(fit: ModelFit, hypothesis: int = 0, *, near: float = NEAR) -> Support:
-    """What of a hypothesis of a fit the scan supports.
+def support(fit: ModelFit, *, near: float = NEAR) -> Support:
+    """What of a fit the scan supports.
 
     The standard deviations are those of the linearized problem: J'J of the last stage, whose
-    derivatives are those with contacts held, pushed through to the vertices. They hold near this
-    hypothesis and say nothing about others. A vertex without a touching point within `near` m was
-    not seen. Raises NotFinite where the priors given leave a
-    direction open.
+    derivatives are those with contacts held, pushed through to the vertices. They hold near the
+    best hypothesis and say nothing about others. A vertex without a touching point within `near` m
+    was not seen. Raises NotFinite where the priors leave a direction open.
     """
-    vertices = fit.vertices(hypothesis)
+    vertices = fit.vertices()
     faces, scan = fit.body.faces, fit.scan
     tree = SurfaceTree(vertices, faces)
     at = tree.closest(scan.points, 10 * fit.reach, scan.normals, FACING)
@@ -69,22 +68,18 @@ def support(fit: ModelFit, hypothesis: int = 0, *, near: float = NEAR) -> Suppor
     seen: Mask = contacts > 0
     if touching.any():
         seen = seen & (np.asarray(cKDTree(scan.points[touching]).query(vertices)[0]) < near)
-    return Support(distances, touching, contacts, seen, _spread(fit, hypothesis))
+    return Support(distances, touching, contacts, seen, _spread(fit))
 
 
-def _spread(fit: ModelFit, hypothesis: int) -> Array:
+def _spread(fit: ModelFit) -> Array:
     """(N,) m, the posterior standard deviation of each vertex."""
-    values = fit.hypotheses[hypothesis].values
-    problem = fit.problem
-    here = problem.linearize(values)
-    points = fit.body.points(*(block.symbol for block in fit.body.blocks()))
-    arithmetic = points.source.numeric
+    arithmetic = fit.body.points(*(block.symbol for block in fit.body.blocks())).source.numeric
     assert arithmetic is not None  # of every body
-    names = [block.name for block in problem.free.blocks]
-    into = {b.name: np.zeros((b.size, 3 * fit.body.n_vertices)) for b in problem.free.blocks}
-    arithmetic.evaluate(values).write_jacobian(into, None)
-    J = np.concatenate([into[name] for name in names])  # (n, 3 N), transposed
-    found = here.inverse_times(J)
+    blocks = fit.problem.free.blocks
+    into = {block.name: np.zeros((block.size, 3 * fit.body.n_vertices)) for block in blocks}
+    arithmetic.evaluate(fit.values).write_jacobian(into, None)
+    J = np.concatenate([into[block.name] for block in blocks])  # (n, 3 N), transposed
+    found = fit.problem.linearize(fit.values).inverse_times(J)
     if found is None or not np.isfinite(found).all():
         raise NotFinite(
             "the scan and the priors leave a direction of the body open, so that its vertices "

@@ -1,7 +1,6 @@
 """Scans that one camera took: space that it saw to be empty, and starts like what it saw."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -116,7 +115,7 @@ def seen_starts(
     pose, betas, trans = (block.name for block in body.blocks())
     roots = _different([start[pose][0] for start in starts])
     poses = [*_different([start[pose][1:] for start in starts]), *start_poses(body)]
-    look, shape = _Look.of(scan, camera), starts[0][betas]
+    look, shape = _Look(scan, camera), starts[0][betas]
     vertices = np.linspace(0, body.n_vertices - 1, VERTICES).astype(int)
     turns = matrix_from_vector(np.array(roots))
     posed = np.stack([np.concatenate([np.zeros((1, 3)), other]) for other in poses])
@@ -140,39 +139,19 @@ def seen_starts(
     return tuple(start for _, start in found)
 
 
-@dataclass(frozen=True, eq=False)
 class _Look:
-    """What a camera saw, to be compared with bodies.
-
-    Attributes:
-        points: (m, 3) m of the scan.
-        normals: (m, 3) of them, or None.
-        shadow: of all points.
-        middle: (3,) m, the median of all.
-        ends: the heights in m between which they are.
-        way: (3,) the unit vector from the camera to the middle.
+    """What was seen from `camera` (3,) m, to be compared with bodies: some of the points (m, 3) m,
+    the shadow and the median (3,) m of all, and the heights in m between which they are.
     """
 
-    points: Array
-    normals: Array | None
-    shadow: Shadow
-    middle: Array
-    ends: Array
-    way: Array
-
-    @staticmethod
-    def of(scan: Scan, camera: Array) -> "_Look":
-        """Of a scan that was taken from `camera` (3,) m."""
+    def __init__(self, scan: Scan, camera: Array) -> None:
         some = np.random.default_rng(0).permutation(scan.n_points)[:POINTS]
-        middle = np.median(scan.points, axis=0)
-        return _Look(
-            scan.points[some],
-            None if scan.normals is None else scan.normals[some],
-            Shadow.of(scan.points, camera),
-            middle,
-            np.quantile(scan.points[:, 1], [STRAY, 1 - STRAY]),
-            (middle - camera) / np.linalg.norm(middle - camera),
-        )
+        self.points = scan.points[some]
+        self.normals = None if scan.normals is None else scan.normals[some]
+        self.shadow = Shadow.of(scan.points, camera)
+        self.middle: Array = np.median(scan.points, axis=0)
+        self.ends: Array = np.quantile(scan.points[:, 1], [STRAY, 1 - STRAY])
+        self.way = (self.middle - camera) / np.linalg.norm(self.middle - camera)
 
     def place(self, vertices: Array, normals: Array) -> Array:
         """The translation (3,) m that brings what faces the camera to the scan."""

@@ -8,7 +8,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,7 +16,7 @@ from scipy.spatial import cKDTree
 from workbench.arrays import Array, Mask
 from workbench.errors import BadArgument
 from workbench.geometry.rigid import Similarity
-from workbench.geometry.surface_tree import ClosestPoints
+from workbench.geometry.surface_tree import ClosestPoints, SurfaceTree
 from workbench.registration.icp_steps import (
     Contacts,
     LeastSquares,
@@ -28,19 +27,6 @@ from workbench.registration.icp_steps import (
 )
 
 MOST_TRIED = 16  # nearest points of a cloud among which one that faces the right way is looked for
-
-
-class Target(Protocol):
-    """What points are registered to: a `SurfaceTree` or a `PointCloud`."""
-
-    def closest(
-        self,
-        points: Array,
-        within: float = np.inf,
-        normals: Array | None = None,
-        facing: float = 0.5,
-    ) -> ClosestPoints:
-        """The closest place within a distance whose normal agrees with that of the point."""
 
 
 def _vectors(name: str, given: ArrayLike, count: int | None = None) -> Array:
@@ -117,6 +103,8 @@ class PointCloud:
         )
 
 
+Target = SurfaceTree | PointCloud
+"""What points are registered to: what has their method `closest`."""
 STAY = Similarity(np.eye(3), np.zeros(3))
 SQUARES = LeastSquares()
 
@@ -249,9 +237,17 @@ class Icp:
         contacts must face the same way. `callback` sees every iterate. Raises BadArgument for
         arrays that do not fit or are not finite, and for a start with a scale.
         """
-        source = _Source.of(points, weights, normals)
+        places = _vectors("points", points)
+        M = len(places)
+        counts = np.ones(M) if weights is None else np.asarray(weights, dtype=float)
+        if counts.shape != (M,) or not np.isfinite(counts).all():
+            raise BadArgument(f"weights must be {M} finite numbers, one for each point")
+        if (counts < 0).any() or not counts.any():
+            raise BadArgument("weights must be at least 0, and one of them above 0")
         if start.scale != 1:
             raise BadArgument(f"the start must be rigid, of scale 1, not {start.scale}")
+        turning = None if normals is None else _vectors("normals", normals, M)
+        source = _Source(places, counts, turning)
         trace: list[IcpIterate] = []
 
         def keep(place: _Place, moved: float) -> None:
@@ -298,17 +294,6 @@ class _Source:
     points: Array
     weights: Array
     normals: Array | None
-
-    @staticmethod
-    def of(points: ArrayLike, weights: ArrayLike | None, normals: ArrayLike | None) -> "_Source":
-        places = _vectors("points", points)
-        M = len(places)
-        counts = np.ones(M) if weights is None else np.asarray(weights, dtype=float)
-        if counts.shape != (M,) or not np.isfinite(counts).all():
-            raise BadArgument(f"weights must be {M} finite numbers, one for each point")
-        if (counts < 0).any() or not counts.any():
-            raise BadArgument("weights must be at least 0, and one of them above 0")
-        return _Source(places, counts, None if normals is None else _vectors("normals", normals, M))
 
 
 class _Place:

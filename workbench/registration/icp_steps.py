@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -10,16 +9,6 @@ from workbench.arrays import Array
 from workbench.errors import BadArgument
 from workbench.geometry.rigid import Similarity, procrustes
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
-
-
-class Loss(Protocol):
-    """What distances cost."""
-
-    def costs(self, distances: Array) -> Array:
-        """1/2 rho of distances (M,) m: (M,) m^2."""
-
-    def weights(self, distances: Array) -> Array:
-        """How much each of the distances (M,) m counts in a least-squares step: (M,), 0 to 1."""
 
 
 @dataclass(frozen=True)
@@ -99,6 +88,8 @@ class Trimmed:
         return weights
 
 
+Loss = LeastSquares | GemanMcClure | Trimmed
+"""What distances cost: `costs` are 1/2 rho in m^2, `weights` what they count in a step, 0 to 1."""
 TOUCHING = 1e-9  # m: below this the direction of a distance is rounding
 UNSEEN = 1e-10  # of the largest eigenvalue of J'J: motions that change no distance
 

@@ -69,13 +69,12 @@ def other_limbs(
     *,
     poses: Sequence[Array] | None = None,
     cost: Callable[[Values], float] | None = None,
-    most: int = MOST,
 ) -> Solution | None:
     """A minimum with another pose of one or more limbs, whose cost is lower; None without any.
 
     `solve` finds the minimum near given values; it may be that of a coarser problem. Each limb is
     put to each of `poses` (K - 1, 3) rad in turn, the mean of `pose_prior` alone without any, and
-    `solve` begins there. With `cost`, it does so only for the `most` of these whose cost is lowest
+    `solve` begins there. With `cost`, it does so only for the 12 of these whose cost is lowest
     as they stand. The lowest of these minima is taken if its cost is lower by more than 1 %; then
     all limbs are tried again from there.
     """
@@ -90,7 +89,7 @@ def other_limbs(
             for other in known
         ]
         if cost is not None:
-            starts = sorted(starts, key=cost)[:most]
+            starts = sorted(starts, key=cost)[:MOST]
         ends = [solve(start) for start in starts]
         lowest = min(ends, key=lambda end: end.cost, default=best)
         if lowest.cost >= (1 - GAIN) * best.cost:
@@ -106,9 +105,8 @@ def _mean(body: Body) -> Array:
 
 def with_limb(pose: Array, limb: Sequence[int], other: Array) -> Array:
     """The pose (K, 3) rad with the joints of a limb as in `other` (K - 1, 3), without the root."""
-    moved = np.array(pose)
-    for joint in limb:
-        moved[joint] = other[joint - 1]
+    moved, joints = np.array(pose), np.array(limb)
+    moved[joints] = other[joints - 1]
     return moved
 
 

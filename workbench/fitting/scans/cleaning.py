@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from workbench.arrays import Array, Index, Mask
-from workbench.fitting.scans.scan import BadScan, Contents, drawn
+from workbench.fitting.scans.scan import BadScan, Contents, drawn, faces_between
 from workbench.fitting.scans.surface import least_spread, outline
 
 LARGEST = 1e9  # in the file's unit: farther out is no coordinate but damage
@@ -171,15 +171,11 @@ def _kept(contents: Contents, mask: Mask, why: str) -> Contents:
     count = int((~mask).sum())
     if not count:
         return contents
-    number = np.cumsum(mask) - 1
-    faces = contents.faces
-    if faces is not None:
-        faces = number[faces[mask[faces].all(axis=1)]]
     return replace(
         contents,
         points=contents.points[mask],
         normals=None if contents.normals is None else contents.normals[mask],
-        faces=faces,
+        faces=None if contents.faces is None else faces_between(contents.faces, mask),
         notes=(*contents.notes, f"{points_are(count)} {why}"),
     )
 

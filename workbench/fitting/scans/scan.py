@@ -54,8 +54,7 @@ class Scan:
         _check_finite("point", self.points)
         if self.normals is not None:
             _check_shape("normals", self.normals, (M, 3))
-            lengths = np.linalg.norm(self.normals, axis=1)
-            wrong = ~(np.abs(lengths - 1) <= UNIT)  # nor NaN
+            wrong = ~(np.abs(np.linalg.norm(self.normals, axis=1) - 1) <= UNIT)  # nor NaN
             if wrong.any():
                 at = int(np.argmax(wrong))
                 raise BadScan(
@@ -67,15 +66,11 @@ class Scan:
         if self.weights is not None:
             _check_shape("weights", self.weights, (M,))
             _check_finite("weight", self.weights)
-            if (self.weights < 0).any():
-                at = int(np.argmax(self.weights < 0))
+            if (self.weights < 0).any() or not self.weights.any():
+                at = int(np.argmin(self.weights))
                 raise BadScan(
-                    f"weight {at} is {self.weights[at]:g} m^2, and no area is below 0; give 0 to "
-                    "leave a point out"
-                )
-            if not self.weights.any():
-                raise BadScan(
-                    "all weights are 0, so that no point of the scan counts; give the areas in m^2"
+                    f"weight {at} is {self.weights[at]:g} m^2; areas are 0 for points that do not "
+                    "count, above it for others, and not 0 for all"
                 )
 
     @property
@@ -112,11 +107,10 @@ class Scan:
                 f"choose points by a mask of shape ({self.n_points},), not by an array of "
                 f"{chosen.dtype} of shape {chosen.shape}"
             )
-        number = np.cumsum(chosen) - 1  # of each chosen point among those that stay
         return Scan(
             self.points[chosen],
             None if self.normals is None else self.normals[chosen],
-            None if self.faces is None else number[self.faces[chosen[self.faces].all(axis=1)]],
+            None if self.faces is None else faces_between(self.faces, chosen),
             None if self.weights is None else self.weights[chosen],
         )
 
@@ -154,6 +148,11 @@ class Contents:
     faces: Index | None = None
     camera_position: Array | None = None
     notes: tuple[str, ...] = ()
+
+
+def faces_between(faces: Index, chosen: Mask) -> Index:
+    """The faces (T, 3) all of whose points a mask (M,) chooses, by the numbers of those."""
+    return np.asarray((np.cumsum(chosen) - 1)[faces[chosen[faces].all(axis=1)]])
 
 
 def drawn(n: int, most: int) -> Mask:

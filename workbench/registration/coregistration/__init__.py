@@ -1,6 +1,6 @@
 """Coregistration: the registrations of many scans and the model that couples them, together.
 
-The common cost is the objective of training, with registrations as unknowns, plus each scan's pull
+The common cost is the objective of training, with registrations as unknowns, plus each scan's term
 and the pose prior; no block raises it. One block registers all scans with the model held, the other
 fits the model. The latter does not take registrations as if they had been observed, because where
 nothing was scanned, a registration only repeats the model and would hold it where it is. What

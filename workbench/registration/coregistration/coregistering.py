@@ -34,13 +34,12 @@ from workbench.reading.arrays import doubles, nothing_else, opened, read_expecte
 from workbench.reading.facts import facts_in
 from workbench.registration.coregistration.scan_block import (
     OnScan,
-    Pull,
-    ScanPull,
+    ScanCoupling,
     Scans,
     jobs,
     on_scans,
 )
-from workbench.registration.free_vertices import CLOSE
+from workbench.registration.free_vertices import CLOSE, ScanTerm
 from workbench.residuals import Form
 from workbench.threads import limited_threads
 from workbench.training.blocks import BLOCKS, BlockInput, BlockOptions
@@ -168,7 +167,7 @@ class CoregistrationPlan:
             of its neighbours'; infinite for none.
         blocks: those of training that make up the step of the model; none holds it.
         observe: how scans are seen by the model's blocks, `soft` or `hard`.
-        terms: how a scan pulls, together E_S.
+        terms: those of a scan, together E_S.
         options: when the inner iterations of the model's blocks stop.
     """
 
@@ -178,7 +177,7 @@ class CoregistrationPlan:
     curvature: float = inf
     blocks: tuple[str, ...] = ("people", "surfaces", "regressor")
     observe: Observe = soft
-    terms: tuple[ScanPull, ...] = (CLOSE,)
+    terms: tuple[ScanTerm, ...] = (CLOSE,)
     options: BlockOptions = field(default_factory=lambda: BlockOptions(linear_tolerance=1e-3))
 
     def __post_init__(self) -> None:
@@ -187,9 +186,9 @@ class CoregistrationPlan:
 
     def written(self) -> str:
         """The plan in letters, the same in every process, by which checkpoints are known."""
-        pulls = tuple((type(term).__qualname__, sorted(vars(term).items())) for term in self.terms)
+        terms = tuple((type(term).__qualname__, sorted(vars(term).items())) for term in self.terms)
         rest = (self.rounds, self.sigmas, self.edges, self.curvature, self.blocks, self.options)
-        return repr((*rest, _named(self.observe), _named(pulls)))
+        return repr((*rest, _named(self.observe), _named(terms)))
 
 
 def _named(value: object) -> object:
@@ -384,10 +383,10 @@ class Coregistration:
     def _on_scans(self, state: State, execution: Execution, solve: bool = False) -> list[OnScan]:
         plan = self.plan
         whole = area(self.body.template, self.body.faces)
-        pull = Pull(self.body.faces, whole, plan.sigmas.data, plan.terms)
+        coupled = ScanCoupling(self.body.faces, whole, plan.sigmas.data, plan.terms)
         todo = jobs(state.estimate, self.scans.subject, state.vertices, state.trans)
         found: list[OnScan] = []
-        for some in execution.executor(partial(on_scans, pull, self.scans, solve), todo):
+        for some in execution.executor(partial(on_scans, coupled, self.scans, solve), todo):
             found += some
             execution.finished(len(found), len(self.scans.subject))
         return found

@@ -1,4 +1,4 @@
-"""The registrations of a round: each scan pulls at free vertices, its person's model holds them.
+"""The registrations of a round: each scan acts on free vertices, its person's model holds them.
 
     E_j(V, pose, trans) = E_S(scan_j to V) + |V - M_s(pose) - trans|^2 / (2 sigma_C^2) + E_pose
 
@@ -16,13 +16,20 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
-from workbench.blocks import Block, Points, Values
+from workbench.blocks import Block, Values
 from workbench.errors import BadArgument
 from workbench.fitting.body_priors import pose_prior
 from workbench.fitting.scans.scan import Scan
 from workbench.problem import Problem
 from workbench.problem.banded import BlockMatrix
-from workbench.registration.free_vertices import CLOSE, SETTLED, TOGETHER, VERTICES, Settled
+from workbench.registration.free_vertices import (
+    CLOSE,
+    SETTLED,
+    TOGETHER,
+    VERTICES,
+    ScanTerm,
+    Settled,
+)
 from workbench.residuals import Residual, quadratic, vertices
 from workbench.residuals.kernels import Kernel, OfNorms
 from workbench.training.estimate import Estimate
@@ -33,7 +40,7 @@ UNSEEN = 1e-3  # of 1 / sigma_C^2: what is known less of, a scan does not see
 
 
 def scan_evidence(
-    pulls: Sequence[Residual], vertices: Array, coupling: float
+    terms: Sequence[Residual], vertices: Array, coupling: float
 ) -> tuple[Array, Array]:
     """What residuals of the block `vertices` (N, 3) m alone say of each of its rows.
 
@@ -44,8 +51,8 @@ def scan_evidence(
     BadArgument for a kernel of norms.
     """
     N = len(vertices)
-    L, pull = np.zeros((N, 3, 3)), np.zeros((N, 3))
-    for residual in pulls:
+    L, gradient = np.zeros((N, 3, 3)), np.zeros((N, 3))
+    for residual in terms:
         if isinstance(residual.kernel, OfNorms):
             raise BadArgument(
                 f"the kernel of residual {residual.name!r} is one of norms, and scans are bounded "
@@ -60,18 +67,18 @@ def scan_evidence(
         counts = np.broadcast_to(outside, len(r) // residual.rows_per_point)
         counts = np.repeat(counts, residual.rows_per_point)
         w = kernel_weights(residual.kernel, np.divide(r**2, counts, where=counts > 0, out=0 * r))
-        rows, corners, slopes = _by_vertex(J)
-        lengths = np.linalg.norm(slopes, axis=1)
+        rows, corners, derivatives = _by_vertex(J)
+        lengths = np.linalg.norm(derivatives, axis=1)
         total = np.bincount(rows, lengths, len(r))
-        along = slopes / np.maximum(lengths, TINY)[:, None]
+        along = derivatives / np.maximum(lengths, TINY)[:, None]
         scale = (w * total)[rows] * lengths
         np.add.at(L, corners, scale[:, None, None] * along[:, :, None] * along[:, None, :])
-        np.add.at(pull, corners, -(w * r)[rows, None] * slopes)
+        np.add.at(gradient, corners, (w * r)[rows, None] * derivatives)
     e, Q = np.linalg.eigh(L)
     seen = e > UNSEEN / coupling**2
     inverse = np.where(seen, 1 / np.where(seen, e, 1.0), 0.0)
     shrunk = np.where(seen, e / (e + coupling**-2), 0.0)
-    moved = np.einsum("nab,nb,ncb,nc->na", Q, inverse, Q, pull)
+    moved = np.einsum("nab,nb,ncb,nc->na", Q, inverse, Q, -gradient)
     return vertices + moved, np.einsum("nab,nb,ncb->nac", Q, shrunk, Q)
 
 
@@ -81,13 +88,13 @@ def _by_vertex(J: csr_array) -> tuple[Index, Index, Array]:
     pairs, where = np.unique(
         entries.row.astype(np.int64) * (J.shape[1] // 3) + entries.col // 3, return_inverse=True
     )
-    slopes = np.zeros((len(pairs), 3))
-    np.add.at(slopes, (where, entries.col % 3), entries.data)
-    return pairs // (J.shape[1] // 3), pairs % (J.shape[1] // 3), slopes
+    derivatives = np.zeros((len(pairs), 3))
+    np.add.at(derivatives, (where, entries.col % 3), entries.data)
+    return pairs // (J.shape[1] // 3), pairs % (J.shape[1] // 3), derivatives
 
 
 @cache
-def _slope_of(kernel: Kernel) -> cs.Function:
+def _derivative_of(kernel: Kernel) -> cs.Function:
     s = cs.MX.sym("s")
     rho = s * kernel(s) ** 2
     return cs.Function("weights", [s], [cs.jacobian(rho, s)])
@@ -95,7 +102,7 @@ def _slope_of(kernel: Kernel) -> cs.Function:
 
 def kernel_weights(kernel: Kernel, squares: Array) -> Array:
     """rho'(s) at squares s (M,) of whitened residuals: the weights that a robust kernel leaves."""
-    return np.asarray(_slope_of(kernel).map(len(squares))(squares[None])).ravel()
+    return np.asarray(_derivative_of(kernel).map(len(squares))(squares[None])).ravel()
 
 
 JOB_SIZE = 4  # scans that one job registers, with one symbolic body
@@ -110,13 +117,6 @@ class Scans(Protocol):
 
     def read(self, row: int) -> Scan:
         """The scan of a row."""
-
-
-class ScanPull(Protocol):
-    """How a scan pulls at a surface."""
-
-    def residual(self, points: Points | cs.MX, faces: Index, scan: Scan, area: float) -> Residual:
-        """In m, for vertices (N, 3) of triangles (F, 3); `area` in m^2 is the template's."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,20 +137,20 @@ class ScansInMemory:
 
 
 @dataclass(frozen=True, eq=False)
-class Pull:
-    """How scans pull at the vertices, and how strongly the model holds them.
+class ScanCoupling:
+    """How scans act on the vertices, and how strongly the model holds them.
 
     Attributes:
         faces: (F, 3) of the template.
         area: m^2, of the starting body's surface, which points without areas share evenly.
         coupling: sigma_C in m, of each coordinate of a vertex from the model's.
-        terms: how the scan pulls.
+        terms: those of a scan, together E_S.
     """
 
     faces: Index
     area: float
     coupling: float
-    terms: tuple[ScanPull, ...] = (CLOSE,)
+    terms: tuple[ScanTerm, ...] = (CLOSE,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,22 +201,24 @@ def jobs(estimate: Estimate, subject: Index, vertices: Array, trans: Array) -> I
         yield Job(theirs, tuple(rows.tolist()), numbered, vertices[rows], trans[rows])
 
 
-def on_scans(pull: Pull, scans: Scans, solve: bool, job: Job) -> list[OnScan]:
+def on_scans(coupled: ScanCoupling, scans: Scans, solve: bool, job: Job) -> list[OnScan]:
     """Every scan of a job where its vertices, pose and translation are, or where they end.
 
     With `solve` they are found, and no cost is higher afterwards.
     """
     estimate, found = job.estimate, []
-    body = body_of_subjects(estimate, pull.faces)
+    body = body_of_subjects(estimate, coupled.faces)
     N = estimate.templates.shape[1]
     pose, betas, trans = (block.symbol for block in body.blocks())
     points = body.points(pose, betas, trans, vertices=range(N))
     block = Block(VERTICES, (N, 3), "m")
-    coupling = vertices(points, block.symbol, sigma=pull.coupling, name="coupling")
+    coupling = vertices(points, block.symbol, sigma=coupled.coupling, name="coupling")
     prior = pose_prior(body)
     for i, row in enumerate(job.rows):
         there = scans.read(row)
-        scan = tuple(t.residual(block.symbol, pull.faces, there, pull.area) for t in pull.terms)
+        scan = tuple(
+            t.residual(block.symbol, coupled.faces, there, coupled.area) for t in coupled.terms
+        )
         values = {
             "pose": estimate.poses[i],
             "betas": np.eye(len(estimate.templates))[job.subject[i]],
@@ -233,7 +235,7 @@ def on_scans(pull: Pull, scans: Scans, solve: bool, job: Job) -> list[OnScan]:
                 values["pose"],
                 values["trans"],
                 sum(cost_of_scan(residual, values) for residual in scan),
-                *scan_evidence(scan, values[VERTICES], pull.coupling),
+                *scan_evidence(scan, values[VERTICES], coupled.coupling),
             )
         )
     return found

@@ -56,8 +56,8 @@ class SymbolicCoregistration:
                 whole = area(by.body.template, by.body.faces)
                 scan, faces = by.scans.read(j), by.body.faces
                 for n, term in enumerate(by.plan.terms):
-                    pull = term.residual(block.symbol, faces, scan, whole)
-                    found.append(replace(pull, name=f"E_S scan {j}" + n * "'"))
+                    scanned = term.residual(block.symbol, faces, scan, whole)
+                    found.append(replace(scanned, name=f"E_S scan {j}" + n * "'"))
             if "E_C" in wanted:
                 sigma = by.plan.sigmas.data
                 found.append(vertices(model, block.symbol, sigma=sigma, name=f"E_C scan {j}"))

@@ -32,7 +32,7 @@ TOLERANCE, MOST = 1e-2, 60  # of the gradient, and iterations
 
 
 @dataclass(frozen=True, eq=False)
-class Persons:
+class PersonDeformations:
     """D of one subject.
 
     Attributes:
@@ -53,7 +53,7 @@ class Persons:
         return differing(self.body, self.neighbours)
 
     @property
-    def prior_slope(self) -> Array:
+    def prior_gradient(self) -> Array:
         """The gradient of E_D."""
         return np.asarray(self.prior @ (self.here[0].D - self.fitted).ravel())
 
@@ -63,9 +63,9 @@ class Persons:
         moved = np.einsum("fab,fbc,fic->fia", at.B, x.reshape(-1, 3, 3), at.bent, optimize=True)
         return np.asarray(moved.reshape(-1, 3))
 
-    def back(self, j: int, pull: Array) -> Array:
-        """The sum over edges of B' pull (Q e)'."""
-        at, on = self.here[j], pull.reshape(-1, 2, 3)
+    def back(self, j: int, cotangent: Array) -> Array:
+        """The sum over edges of B' cotangent (Q e)'."""
+        at, on = self.here[j], cotangent.reshape(-1, 2, 3)
         return np.asarray(np.einsum("fab,fia,fic->fbc", at.B, on, at.bent, optimize=True).ravel())
 
     def grams(self, j: int) -> Array:
@@ -77,7 +77,7 @@ class Persons:
 
 
 @dataclass(frozen=True, eq=False)
-class Bends:
+class PoseDeformations:
     """Q of all subjects, by `posedirs`.
 
     Attributes:
@@ -98,7 +98,7 @@ class Bends:
         return csr_array(eye_array(self.body.posedirs.size) / self.bends**2)
 
     @property
-    def prior_slope(self) -> Array:
+    def prior_gradient(self) -> Array:
         """The gradient of E_Q."""
         return np.asarray((self.body.posedirs - self.first).ravel() / self.bends**2)
 
@@ -109,9 +109,9 @@ class Bends:
         moved = (at.B @ at.D @ turned) @ e.transpose(0, 2, 1)  # (F, 3, 2)
         return np.asarray(moved.transpose(0, 2, 1).reshape(-1, 3))
 
-    def back(self, j: int, pull: Array) -> Array:
-        """The sum over edges of (B D)' pull e' twists'."""
-        at, on, e = self.here[j], pull.reshape(-1, 2, 3), self.body.arithmetic.packed.edges
+    def back(self, j: int, cotangent: Array) -> Array:
+        """The sum over edges of (B D)' cotangent e' twists'."""
+        at, on, e = self.here[j], cotangent.reshape(-1, 2, 3), self.body.arithmetic.packed.edges
         by_turn = (at.B @ at.D).transpose(0, 2, 1) @ (on.transpose(0, 2, 1) @ e)
         return np.asarray(np.einsum("fac,fj->facj", by_turn, at.twists).ravel())
 
@@ -124,12 +124,12 @@ class Bends:
         return np.asarray(found.reshape(len(e), 9 * at.twists.shape[1], -1))
 
 
-Unknown = Persons | Bends
+Unknown = PersonDeformations | PoseDeformations
 """D of a subject or Q of all, with the same methods.
 
-`prior` is the precision (n, n) of the prior on a change, and `prior_slope` the gradient (n,) of its
-cost where the unknown is; `forth(j, x)` is the change (2 F, 3) m of the edges that the model gives
-scan j, `back` its adjoint, and `grams(j)` its T_j'T_j: a block (F, q, q) for each face."""
+`prior` is the precision (n, n) of the prior on a change, and `prior_gradient` the gradient (n,) of
+its cost where the unknown is; `forth(j, x)` is the change (2 F, 3) m of the edges that the model
+gives scan j, `back` its adjoint, and `grams(j)` its T_j'T_j: a block (F, q, q) for each face."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,12 +138,12 @@ class OfScan:
 
     Attributes:
         vertices: (N, 3) m.
-        slope: (3 N,) the gradient of E_S.
-        normal: (3 N, 3 N) its Hessian, as Gauss and Newton have it.
+        gradient: (3 N,) the gradient of E_S.
+        normal: (3 N, 3 N) its Gauss-Newton Hessian.
     """
 
     vertices: Array
-    slope: Array
+    gradient: Array
     normal: csc_array
 
 
@@ -173,9 +173,9 @@ class JointStep:
         """The change (n,) of the unknown, and that (N, 3) m of the vertices of each scan."""
         u, s2 = self.unknown, self.coupling**2
         gaps = [self._gap(j) for j in range(len(self.scans))]
-        right = -np.asarray(u.prior_slope)
+        right = -np.asarray(u.prior_gradient)
         for j, gap in enumerate(gaps):
-            first = self._vertices(j, self._onto(gap / s2) + self.scans[j].slope)
+            first = self._vertices(j, self._onto(gap / s2) + self.scans[j].gradient)
             right = right + u.back(j, (gap - self._edges(first)) / s2)
         n = len(right)
 
@@ -196,8 +196,8 @@ class JointStep:
         )
         changes = []
         for j, gap in enumerate(gaps):
-            pull = self._onto((u.forth(j, x) - gap) / s2) - self.scans[j].slope
-            changes.append(self._vertices(j, pull).reshape(-1, 3))
+            right = self._onto((u.forth(j, x) - gap) / s2) - self.scans[j].gradient
+            changes.append(self._vertices(j, right).reshape(-1, 3))
         return x, changes
 
     def _gap(self, j: int) -> Array:
@@ -208,12 +208,12 @@ class JointStep:
     def _edges(self, v: Array) -> Array:
         return np.asarray(self.body.stitching.A @ v.reshape(-1, 3))
 
-    def _onto(self, pull: Array) -> Array:
-        return np.asarray(self.body.stitching.A.T @ pull).ravel()
+    def _onto(self, cotangent: Array) -> Array:
+        return np.asarray(self.body.stitching.A.T @ cotangent).ravel()
 
-    def _vertices(self, j: int, pull: Array) -> Array:
-        """(H_j + A'A / sigma^2)^-1 of a pull (3 N,)."""
-        return np.asarray(self._factors[j](pull))
+    def _vertices(self, j: int, right: Array) -> Array:
+        """(H_j + A'A / sigma^2)^-1 times a right-hand side (3 N,)."""
+        return np.asarray(self._factors[j](right))
 
     @cached_property
     def _factors(self) -> list[Callable[[Array], Array]]:
@@ -253,7 +253,7 @@ def learned_bends(body: TriangleBody, poses: Array, meshes: Array, ratio: float)
         raise BadArgument(f"the ratio of the sigmas is above 0 m rad, not {ratio:g}")
     plain = replace(body, posedirs=np.zeros_like(body.posedirs))
     here = [plain.arithmetic.evaluate(pose, np.zeros(body.n_betas)) for pose in poses]
-    given = Bends(plain, here, 1 / ratio, plain.posedirs)
+    given = PoseDeformations(plain, here, 1 / ratio, plain.posedirs)
     gaps = [
         (edges(mesh, body.faces) - np.einsum("fab,fib->fia", at.B, at.shaped)).reshape(-1, 3)
         for mesh, at in zip(meshes, here, strict=True)

@@ -44,10 +44,10 @@ from workbench.registration.coregistration.coregistering import (
 )
 from workbench.registration.coregistration.scan_block import JOB_SIZE, Scans, cost_of_scan
 from workbench.registration.coregistration.triangle_steps import (
-    Bends,
     JointStep,
     OfScan,
-    Persons,
+    PersonDeformations,
+    PoseDeformations,
     Unknown,
     differing,
 )
@@ -77,7 +77,7 @@ class TrianglePlan:
         weight: lambda_C.
         symmetric: whether lambda_C multiplies the priors of poses, D and Q as it does E_C.
         blocks: which parts of the model are found, of persons and bends; none holds it.
-        term: how a scan pulls, E_S.
+        term: that of a scan, E_S.
     """
 
     rounds: int = 4
@@ -262,10 +262,10 @@ class TriangleCoregistration:
             for s in range(state.body.n_betas):
                 own = np.flatnonzero(self.scans.subject == s)
                 sigma = self.plan.neighbours * scale
-                who = Persons(state.body, [here[j] for j in own], sigma, fitted[..., s])
+                who = PersonDeformations(state.body, [here[j] for j in own], sigma, fitted[..., s])
                 D[..., s] = found(who, own).reshape(-1, 3, 3)
         else:
-            bends = Bends(state.body, here, self.plan.bends * scale, first.posedirs)
+            bends = PoseDeformations(state.body, here, self.plan.bends * scale, first.posedirs)
             Q[:] = found(bends, np.arange(J)).reshape(Q.shape)
         return D, Q, vertices
 
