@@ -167,7 +167,7 @@ Picture(
 
 # %% [markdown]
 # Who leaves the mean out is off by 95 mm at a finger tip, and who adds it twice by 78.1 mm. All three are hands,
-# so that nothing reports an error. The command `workbench check-body FILE` says which convention a file seems
+# so that nothing reports an error. The command `workbench body check FILE` says which convention a file seems
 # to follow.
 #
 # ## Left and right

@@ -1,4 +1,4 @@
-"""`workbench run` and `workbench body`: what they list, write and keep."""
+"""`workbench run` and `workbench body card`: what they list, write and keep."""
 
 import json
 import os
@@ -107,7 +107,7 @@ def test_run_says_what_the_priors_of_a_file_make_up(workbench: Run) -> None:
 
 @pytest.mark.thorough
 def test_body_prints_a_card_and_draws_it(workbench: Run) -> None:
-    code, out, err = workbench("body", "small")
+    code, out, err = workbench("body", "card", "small")
     assert code == 0, err
     assert "369" in out
     assert Path("runs/body-small/index.html").is_file()

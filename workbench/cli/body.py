@@ -1,5 +1,6 @@
-"""`workbench body`, `check-body` and `sliders`: what a body is, whether a file is right."""
+"""`workbench body`: what a body is, whether a file of one is right, sliders and C code."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -8,7 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from workbench.bodies.catalogue import BODIES, load_body
-from workbench.bodies.checking.check_file import FileCheck, check_body_file, check_contents
+from workbench.bodies.checking.check_file import check_body_file, check_contents
 from workbench.bodies.files.saving import arrays_of
 from workbench.cli.console import folder_to_write, make_folder, print_page, rich_table, say
 from workbench.cli.run import Out
@@ -17,11 +18,15 @@ from workbench.reports import card_text, write_card
 from workbench.reports.page import Table
 from workbench.reports.sliders import pose_and_betas, settings_of, write_sliders
 
+Name = Annotated[
+    str, typer.Argument(help=f"An embedded body ({', '.join(BODIES)}), or a file of your own.")
+]
+WARNED = 1  # the exit code of `check` if there are warnings
+HEAD = ("key", "shape and type", "what becomes of it")
 
-def body(
-    name: Annotated[
-        str, typer.Argument(help=f"An embedded body ({', '.join(BODIES)}), or a file of your own.")
-    ] = "default",
+
+def card(
+    name: Name = "default",
     out: Out = Path("runs"),
 ) -> None:
     """Print a body's model card, and draw it from two sides and in several shapes."""
@@ -33,11 +38,7 @@ def body(
     print_page(console, "card", write_card(model, folder, source))
 
 
-WARNED = 1  # the exit code if there are warnings
-HEAD = ("key", "shape and type", "what becomes of it")
-
-
-def check_body(
+def check(
     file: Annotated[
         str,
         typer.Argument(
@@ -56,12 +57,6 @@ def check_body(
         found = check_contents(dict(arrays_of(load_body(file))), file)
     else:
         found = check_body_file(file)
-    _print(console, found)
-    if found.warnings:
-        raise typer.Exit(WARNED)
-
-
-def _print(console: Console, found: FileCheck) -> None:
     widest = max(map(len, found.facts))
     say(console, f"[bold]{escape(found.path)}[/]")
     for name, text in found.facts.items():
@@ -72,12 +67,12 @@ def _print(console: Console, found: FileCheck) -> None:
     for finding, line in zip(found.findings or [None], found.lines(), strict=True):
         warned = finding is not None and finding.warning
         say(console, f"[bold yellow]{escape(line)}[/]" if warned else escape(line))
+    if found.warnings:
+        raise typer.Exit(WARNED)
 
 
 def sliders(
-    name: Annotated[
-        str, typer.Argument(help=f"An embedded body ({', '.join(BODIES)}), or a file of your own.")
-    ] = "default",
+    name: Name = "default",
     place: Annotated[
         Path | None,
         typer.Option(
@@ -94,12 +89,12 @@ def sliders(
     """Write a page with sliders for pose and shape, and switches for the parts of its model."""
     model = load_body(name)
     path = out / f"sliders-{Path(name).stem}.html"
-    if place is None:
-        make_folder(out)
-        page = write_sliders(model, path)
-    else:
-        fit = expanded(place)
-        start = settings_of(*pose_and_betas(fit, model, frame), model)
-        make_folder(out)
-        page = write_sliders(model, path, start, str(place))
-    print_page(Console(), "page", page)
+    start = None
+    if place is not None:
+        start = settings_of(*pose_and_betas(expanded(place), model, frame), model)
+    make_folder(out)
+    print_page(Console(), "page", write_sliders(model, path, start, str(place or "")))
+
+
+COMMANDS: dict[str, Callable[..., None]] = {"card": card, "check": check, "sliders": sliders}
+HELP = "Bodies: their cards, files, sliders and code."

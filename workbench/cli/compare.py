@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from workbench import comparison
+from workbench.cli import interrupts_say
 from workbench.cli.console import (
     Bars,
     print_page,
@@ -17,7 +18,6 @@ from workbench.cli.console import (
     solver_table,
     warn_without_effect,
 )
-from workbench.cli.leaving import interrupts_say
 from workbench.cli.options import Dask, Workers, executing
 from workbench.cli.run import Setting, settings
 from workbench.comparison.advice import advice, prices_sentence

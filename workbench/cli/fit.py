@@ -19,6 +19,7 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body, why_not_skinned
 from workbench.bodies.catalogue import load_body
 from workbench.bodies.triangles import TriangleBody
+from workbench.cli import Interrupted, interrupts_say
 from workbench.cli.console import (
     folder_to_write,
     print_page,
@@ -27,7 +28,6 @@ from workbench.cli.console import (
     warn_of,
     warn_without_effect,
 )
-from workbench.cli.leaving import Interrupted, interrupts_say
 from workbench.cli.options import Dask, Workers, executing
 from workbench.cli.register import do_missing_jobs
 from workbench.cli.run import Compare, LiveTrace, Out, carry_out, solver_named

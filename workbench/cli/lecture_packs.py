@@ -10,8 +10,8 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
+from workbench.cli import interrupts_say
 from workbench.cli.console import print_page, say, waiting
-from workbench.cli.leaving import interrupts_say
 from workbench.course.packs.handing_out import read_students, write_pack
 from workbench.course.packs.keys import KEYS, QUESTIONS, read_keys
 from workbench.course.packs.marking import (

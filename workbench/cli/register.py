@@ -13,6 +13,7 @@ from rich.markup import escape
 
 from workbench.bodies.body import Body
 from workbench.bodies.catalogue import BODIES, load_body
+from workbench.cli import interrupts_say
 from workbench.cli.console import (
     Bars,
     Up,
@@ -24,7 +25,6 @@ from workbench.cli.console import (
     warn_of,
     warn_without_effect,
 )
-from workbench.cli.leaving import interrupts_say
 from workbench.cli.options import Dask, Workers, executing
 from workbench.cli.run import Out
 from workbench.cli.train import Lines

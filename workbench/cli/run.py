@@ -13,8 +13,8 @@ from rich.markup import escape
 from rich.table import Table as RichTable
 
 from workbench.blocks import Values
+from workbench.cli import Interrupted
 from workbench.cli.console import folder_to_write, print_page, rich_table, warn_of
-from workbench.cli.leaving import Interrupted
 from workbench.comparison.design import named_solvers
 from workbench.diagnostics import Diagnosis
 from workbench.errors import BadArgument, BadFile, joined

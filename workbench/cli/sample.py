@@ -12,6 +12,7 @@ from rich.progress import BarColumn, TaskID, TextColumn, TimeElapsedColumn, Time
 from rich.progress import Progress as Bar
 
 from workbench import sampling
+from workbench.cli import Interrupted, interrupts_say
 from workbench.cli.console import (
     folder_to_write,
     make_folder,
@@ -20,7 +21,6 @@ from workbench.cli.console import (
     warn_of,
     warn_without_effect,
 )
-from workbench.cli.leaving import Interrupted, interrupts_say
 from workbench.cli.run import Name, Out, Setting, SolverName, settings, solved, solver_named
 from workbench.errors import check_known
 from workbench.experiments import find

@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from workbench.bodies.files.saving import save_body
+from workbench.cli import interrupts_say
 from workbench.cli.console import (
     Bars,
     make_folder,
@@ -19,7 +20,6 @@ from workbench.cli.console import (
     say,
     warn_without_effect,
 )
-from workbench.cli.leaving import interrupts_say
 from workbench.cli.options import Workers
 from workbench.cli.run import Out
 from workbench.errors import BadArgument, BadFile

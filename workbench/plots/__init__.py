@@ -49,9 +49,7 @@ from workbench.plots.posterior import (
     widest,
 )
 from workbench.plots.scans import (
-    caption_basin_grid,
     caption_basins,
-    plot_basin_grid,
     plot_basins,
 )
 from workbench.plots.solutions import (
@@ -83,7 +81,6 @@ __all__ = [
     "SECONDS",
     "Figure",
     "caption_autocorrelation",
-    "caption_basin_grid",
     "caption_basins",
     "caption_beside_laplace",
     "caption_body",
@@ -113,7 +110,6 @@ __all__ = [
     "caption_traces",
     "house_style",
     "plot_autocorrelation",
-    "plot_basin_grid",
     "plot_basins",
     "plot_beside_laplace",
     "plot_body",

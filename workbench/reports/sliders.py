@@ -126,7 +126,7 @@ def pose_and_betas(place: str | Path, body: Body, frame: int = 0) -> tuple[Array
             if found not in (row, (*found[:1], *row), (*found[:1], int(np.prod(row)))):
                 raise BadArgument(
                     f"{name} of {path} has the shape {found}, and body {body.name!r} has {row}; "
-                    "name the body of the fit: workbench sliders NAME --from PLACE"
+                    "name the body of the fit: workbench body sliders NAME --from PLACE"
                 )
         expected = {name: reals(*shapes.get(name, row)) for name, row in rows.items()}
         arrays = read_expected(archive, expected)
