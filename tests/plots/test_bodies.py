@@ -9,14 +9,13 @@ from workbench.plots import (
     caption_distances,
     caption_shape_gallery,
     caption_stitching,
-    plot_body,
     plot_distances,
     plot_shape_gallery,
     plot_stitching,
     png,
     sheet,
 )
-from workbench.plots.body import back, front, lightness, shape_gallery_sheet, side
+from workbench.plots.body import back, front, lightness, plot_body, shape_gallery_sheet, side
 
 pytestmark = pytest.mark.browser
 

@@ -8,7 +8,8 @@ from matplotlib.patches import Polygon
 
 from workbench import load_body
 from workbench.bodies.capsules import posed_capsules
-from workbench.plots import caption_capsules, plot_capsules, sheet
+from workbench.plots import caption_capsules, sheet
+from workbench.plots.body import plot_capsules
 
 
 def test_every_capsule_is_drawn_twice_and_the_deepest_pair_is_marked() -> None:

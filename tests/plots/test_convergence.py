@@ -7,9 +7,9 @@ import pytest
 
 from tests.outcomes_made_up import outcome_made_up
 from workbench.fitting.setup import MANY
-from workbench.plots import SECONDS, caption_convergence, plot_convergence, png, sheet
+from workbench.plots import caption_convergence, png, sheet
 from workbench.plots.palette import solver_styles
-from workbench.plots.solutions import best_cost, convergence_sheet, gap
+from workbench.plots.solutions import SECONDS, best_cost, convergence_sheet, gap, plot_convergence
 from workbench.reports.page import page
 from workbench.reports.replay import Recording
 from workbench.reports.run import solvers_table

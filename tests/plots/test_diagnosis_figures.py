@@ -11,13 +11,12 @@ from workbench.plots import (
     caption_sigmas,
     caption_taylor,
     plot_data_share,
-    plot_direction,
     plot_sigmas,
     plot_sparsity,
     plot_taylor,
     sheet,
 )
-from workbench.plots.body import close_up
+from workbench.plots.body import close_up, plot_direction
 
 pytestmark = pytest.mark.browser
 

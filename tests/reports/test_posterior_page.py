@@ -14,7 +14,7 @@ from workbench.experiments import find
 from workbench.fitting.setup import Setup
 from workbench.plots.palette import INK, VERMILLION
 from workbench.reports import write_posterior
-from workbench.reports.posterior_summary import BlockPosterior, contradictions
+from workbench.reports.posterior import BlockPosterior, contradictions
 from workbench.reports.replay import recorded_posterior
 from workbench.sampling import fixed, laplace, sample
 
@@ -134,7 +134,7 @@ def test_a_truth_is_drawn_in_every_figure() -> None:
         spray_sheet,
         traces_sheet,
     )
-    from workbench.reports.posterior_summary import truth_of
+    from workbench.reports.posterior import truth_of
 
     problem = gaussian(C)
     p = laplace(problem, {"x": np.zeros(3)}, draws=400)

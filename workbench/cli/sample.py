@@ -26,7 +26,7 @@ from workbench.errors import check_known
 from workbench.experiments import find
 from workbench.fitting.setup import Setup
 from workbench.reports import write_posterior
-from workbench.reports.posterior_summary import (
+from workbench.reports.posterior import (
     BlockPosterior,
     blocks_table,
     contradictions,

@@ -27,7 +27,7 @@ from workbench.geometry.meshes import write_mesh
 from workbench.plots.body import capsules_sheet, distances_sheet
 from workbench.plots.diagnosis import sparsity_sheet
 from workbench.plots.solutions import convergence_sheet
-from workbench.reports.diagnosis_tables import (
+from workbench.reports.diagnosis import (
     directions_table,
     gathered_directions_table,
     terms_table,
