@@ -10,11 +10,12 @@ from typing import Any
 
 import pytest
 import typer
+from typer.testing import CliRunner
 
 from tests.cli.conftest import Run
 from workbench import SOLVERS
 from workbench.cli.app import RENAMED, VERBS, Later, app
-from workbench.experiments.experiment import BESIDE, ENOUGH
+from workbench.experiments.experiment import ENOUGH
 from workbench.solvers.nlopt import ALGORITHMS
 
 HELP = """
@@ -73,6 +74,19 @@ def test_verbs_of_before_are_answered_with_those_of_today(workbench: Run) -> Non
             assert (root / f"{module.replace('.', '/')}.py").is_file()
 
 
+def test_helps_fit_a_screen(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    group: Any = typer.main.get_command(app)
+    for name, command in group.commands.items():
+        inner = getattr(command.whole, "commands", {})
+        for words in [[name], *([name, word] for word in inner)]:
+            told = CliRunner().invoke(app, [*words, "--help"]).output.splitlines()
+            most = 44 if name == "fit" else 40
+            assert len(told) <= most, (words, len(told))
+            assert max(map(len, told)) <= 80
+            assert not [line for line in told if line.endswith("...") and "Usage" not in line]
+
+
 def test_unknown_command_has_neighbours(workbench: Run) -> None:
     code, _, err = workbench("diagnos")
     assert code == 2
@@ -84,7 +98,6 @@ def test_help_says_what_a_file_may_define(workbench: Run, monkeypatch: pytest.Mo
     for verb in ("run", "diagnose", "design", "sample", "compare"):
         said = " ".join(workbench(verb, "--help")[1].split())
         assert ENOUGH in said, verb
-        assert BESIDE in said or verb == "compare"
 
 
 def test_solvers_lists_every_solver_with_what_it_can(workbench: Run) -> None:

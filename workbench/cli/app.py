@@ -14,7 +14,7 @@ from workbench.errors import BadArgument
 
 P = ParamSpec("P")
 FIT, UNDERSTAND, COMPARE = "Fit", "Understand a fit", "Compare solvers"
-MODELS, FILES, COURSE, ELSE = "Models", "Motions and files", "Course", "Others"
+MODELS, FILES, ELSE = "Models", "Motions and files", "Course and others"
 
 
 class Verb(NamedTuple):
@@ -44,7 +44,7 @@ VERBS = {
     "motion": Verb("motion", FILES, "What a file of a motion or of markers holds; convert it."),
     "convert": Verb("motion", FILES, "Turn the motion of one body into that of another."),
     "export": Verb("motion", FILES, "Write a motion as glTF, BVH or .npz, or a body as C code."),
-    "lecture": Verb("lecture", COURSE, "Lectures that can be run, and exercises that are graded."),
+    "lecture": Verb("lecture", ELSE, "Lectures that can be run, and exercises that are graded."),
     "new": Verb("new", ELSE, "Write a commented file of your own that works as it is."),
     "info": Verb("info", ELSE, "Print versions, threads, the compiler and the cache."),
 }
@@ -79,11 +79,13 @@ class Later(TyperCommand):
             file = import_module(f"{__package__}.{VERBS[str(self.name)].file}")
         several = getattr(file, "COMMANDS", None)
         if several is None:
-            own = typer.Typer(add_completion=False)
+            own = typer.Typer(add_completion=False, rich_markup_mode=None)
             function = getattr(file, str(self.name).replace("-", "_"))
             own.command(self.name)(interruptible(function))
         else:
-            own = typer.Typer(help=file.HELP, no_args_is_help=True, add_completion=False)
+            own = typer.Typer(
+                help=file.HELP, no_args_is_help=True, add_completion=False, rich_markup_mode=None
+            )
             for name, command in several.items():
                 own.command(name)(interruptible(command))
         return typer.main.get_command(own)

@@ -29,7 +29,7 @@ def card(
     name: Name = "default",
     out: Out = Path("runs"),
 ) -> None:
-    """Print a body's model card, and draw it from two sides and in several shapes."""
+    """Print a body's model card, and write its page, with figures."""
     console = Console()
     model = load_body(name)
     say(console, escape(card_text(model)))
@@ -47,10 +47,10 @@ def check(
         ),
     ],
 ) -> None:
-    """Say what a model file is, which of its keys are used and kept, and what is wrong with it.
+    """Say what a model file is, and what is wrong with it.
 
-    Each warning says what to do. The exit code is 0 if there are none, 1 if there are, and 2 if the
-    file cannot be read.
+    It also says which of the file's keys are used and kept. Each warning says what to do. The exit
+    code is 0 if there are none, 1 if there are, and 2 if the file cannot be read.
     """
     console = Console()
     if file in BODIES:
@@ -86,7 +86,10 @@ def sliders(
     ] = 0,
     out: Annotated[Path, typer.Option(help="Folder that the page is written to.")] = Path("runs"),
 ) -> None:
-    """Write a page with sliders for pose and shape, and switches for the parts of its model."""
+    """Write a page with sliders for pose and shape.
+
+    Switches turn the parts of the model off and on.
+    """
     model = load_body(name)
     path = out / f"sliders-{Path(name).stem}.html"
     start = None

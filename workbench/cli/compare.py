@@ -25,7 +25,7 @@ from workbench.comparison.comparison import MAIN
 from workbench.comparison.design import chosen, numbering
 from workbench.comparison.tables import seconds_of_runs
 from workbench.comparison.targets import TargetOutcome, tau_text
-from workbench.experiments import EXPERIMENTS, SUITES, find
+from workbench.experiments import SUITES, find
 from workbench.experiments.experiment import ENOUGH
 from workbench.reports import write_comparison
 from workbench.reports.page import Columns, Table
@@ -37,8 +37,8 @@ USUAL = (DEFAULT, "gauss-newton", "levenberg-marquardt", "ipopt", "nlopt-lbfgs")
 Names = Annotated[
     list[str],
     typer.Argument(
-        help=f"Experiments ({', '.join(EXPERIMENTS)}), suites ({', '.join(SUITES)}), problems of a "
-        "suite, and Python files, each of which defines " + ENOUGH + "."
+        help=f"Experiments, suites ({', '.join(SUITES)}), problems of a suite (`run --list` names "
+        f"them), and Python files, each of which defines {ENOUGH}."
     ),
 ]
 Limits = comparison.Budget()
@@ -66,8 +66,8 @@ def compare(
         list[str] | None,
         typer.Option(
             "--solver",
-            help=f"One of {', '.join(SOLVERS)}, or a Python file that defines one or more "
-            "solvers; repeat the option for each solver.",
+            help="A solver (`solvers` lists them), or a Python file that defines some; may be "
+            "repeated.",
         ),
     ] = None,
     setting: Setting = None,

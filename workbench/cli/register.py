@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Protocol, TypeVar
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
@@ -23,14 +23,14 @@ from workbench.cli.console import (
     rich_table,
     say,
     warn_of,
-    warn_without_effect,
+    warn_unused,
 )
 from workbench.cli.options import Dask, Workers, executing
 from workbench.cli.run import Out
 from workbench.cli.train import Lines
 from workbench.environment import expanded
 from workbench.errors import BadArgument, BadFile, listed, some_of
-from workbench.fitting.jobs import FailedFile, FileJob
+from workbench.fitting.jobs import FailedFile
 from workbench.fitting.scans.files import READERS
 from workbench.geometry.guesses import UNITS
 from workbench.registration import (
@@ -49,11 +49,10 @@ from workbench.registration.coregistration.coregistering import EDGES, FILE
 from workbench.registration.coregistration.folder import open_registered
 from workbench.registration.scan_jobs import MOST
 from workbench.reports.folder import own_folder
-from workbench.reports.many import RegistrationFolder
+from workbench.reports.many import ImageFolder, RegistrationFolder
 from workbench.reports.page import Entry
 from workbench.reports.registration import (
     ARRAYS,
-    Coregistered,
     begin_folder,
     stages_table,
     write_coregistration,
@@ -66,6 +65,7 @@ NO_SCANS = (".txt", ".csv")  # in a folder these are taken for notes and tables
 
 
 def register(
+    ctx: typer.Context,
     scans: Annotated[
         list[Path],
         typer.Argument(
@@ -84,8 +84,7 @@ def register(
         str | None,
         typer.Option(
             help="Place x,y,z from which each scan was taken, in the file's unit and axes, if it "
-            "was one place; 0,0,0 for most depth cameras. It tells on which side the surface is, "
-            "and what space is empty."
+            "was one; 0,0,0 for most depth cameras."
         ),
     ] = None,
     array: Annotated[
@@ -97,8 +96,7 @@ def register(
     boundary: Annotated[
         float,
         typer.Option(
-            help="Leave out points within so many metres of the boundary of a scan, where depth "
-            "cameras err most; 0.02 suits a Kinect."
+            help="Leave out points within so many metres of a scan's boundary; 0.02 suits a Kinect."
         ),
     ] = 0.0,
     model: Annotated[
@@ -131,7 +129,8 @@ def register(
     if model:
         recipe = replace(recipe, vertex_stages=model_alone)
     if len(jobs) == 1 and not scans[0].is_dir():
-        _mind_unused(console, subjects, workers, dask)
+        for_several = ("--subjects", "--workers", "--dask")
+        warn_unused(console, ctx, for_several, "it is for several scans, and there is one")
         _one(console, template, body, recipe, reading, jobs[0], out)
         return
     rows = _rows(jobs, subjects)
@@ -237,56 +236,20 @@ def _rows(jobs: tuple[ScanJob, ...], subjects: Path | None) -> dict[str, Row]:
     return {job.name: row(job) for job in jobs}
 
 
-def _mind_unused(console: Console, subjects: Path | None, workers: int, dask: str | None) -> None:
-    """Name the options that have no effect on a single scan."""
-    for option, has in (
-        ("--subjects", subjects is not None),
-        ("--workers", workers > 1),
-        ("--dask", dask is not None),
-    ):
-        if has:
-            warn_without_effect(console, option, "it is for several scans, and there is one")
-
-
-class Found(Protocol):
-    """What was found of a file."""
-
-    @property
-    def job(self) -> FileJob:
-        """The file, and its name."""
-
-
-Done = TypeVar("Done", bound=Found, contravariant=True)
-
-
-class Folder(Protocol[Done]):
-    """A folder in which what was found is kept, under the name of each job."""
-
-    @property
-    def place(self) -> Path:
-        """The path of the folder, which must exist when the first entry is kept."""
-
-    def kept(self, job: FileJob, key: str) -> Entry | None:
-        """The entry of a job that is done already under this key; None if it is not."""
-
-    def keep(self, found: Done, key: str) -> Entry:
-        """Write what was found, and return its entry."""
-
-
 def do_missing_jobs(
     console: Console,
-    folder: Folder[Done],
-    keys: Mapping[FileJob, str],
-    work: Callable[[Sequence[FileJob]], Iterable[Sequence[Done | FailedFile]]],
+    folder: ImageFolder | RegistrationFolder,
+    keys: Mapping[Any, str],
+    work: Callable[[Sequence[Any]], Iterable[Sequence[Any]]],
     finish: Callable[[Sequence[Entry], Sequence[FailedFile]], Path],
     files: str,
     done: str,
 ) -> None:
     """Do the jobs that the folder does not hold under their keys, and finish it.
 
-    `work` yields what it found of some jobs at a time, and `finish` writes what is over all and
-    returns the page. In sentences, the `files` are `done`: scans are registered. Exits with 1 if
-    a file failed, and raises Interrupted after Ctrl-C.
+    `work` yields what it found of some jobs at a time, or why a file failed; `finish` writes what
+    is over all and returns the page. In sentences, the `files` are `done`: scans are registered.
+    Exits with 1 if a file failed, and raises Interrupted after Ctrl-C.
     """
     kept = {job.name: folder.kept(job, key) for job, key in keys.items()}
     entries = {name: entry for name, entry in kept.items() if entry is not None}
@@ -388,7 +351,7 @@ def coregister(
         with executing(console, workers, dask) as executor:
             state = problem.run(fits, folder=place, execution=Execution(executor, Lines(console)))
         learned = problem.learned(state, betas)
-        page = write_coregistration(Coregistered(problem, scans, state, learned), place, source)
+        page = write_coregistration(problem, scans, state, learned, place, source)
     for scan, told_before in scans.doubts().items():
         warn_of(console, told_before, f"{scan}, by itself: ")
     print_page(console, "body", place / "body.npz")

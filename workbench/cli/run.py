@@ -21,7 +21,7 @@ from workbench.errors import BadArgument, BadFile, joined
 from workbench.experiments import EXPERIMENTS, SUITES, Experiment, find
 from workbench.experiments import run as run_experiment
 from workbench.experiments.catalogue import SUMMARIES
-from workbench.experiments.experiment import BESIDE, ENOUGH
+from workbench.experiments.experiment import ENOUGH
 from workbench.experiments.running import Outcome
 from workbench.fitting.setup import Setup
 from workbench.reports import write_report
@@ -34,14 +34,14 @@ from workbench.reports.run import (
     residuals_table,
     status_said,
 )
-from workbench.solvers import DEFAULT, SOLVERS, Iterate, Solution, Solver
+from workbench.solvers import DEFAULT, Iterate, Solution, Solver
 from workbench.solvers.starts import AS_GOOD
 
 Name = Annotated[
     str,
     typer.Argument(
-        help=f"One of {', '.join(EXPERIMENTS)}, a problem of a suite (run --list), or a Python "
-        f"file that defines {ENOUGH}; {BESIDE}."
+        help="An experiment, a problem of a suite (`run --list` names them), or a Python file that "
+        f"defines {ENOUGH}."
     ),
 ]
 Setting = Annotated[
@@ -51,20 +51,16 @@ Setting = Annotated[
         help="An argument of the experiment, such as frame=60 or noise=0.001; may be repeated.",
     ),
 ]
-Out = Annotated[
-    Path, typer.Option(help="Folder in which the command makes a folder for its results.")
-]
+Out = Annotated[Path, typer.Option(help="Folder in which the results get a folder.")]
 SolverName = Annotated[
     str,
     typer.Option(
-        "--solver", help=f"One of {', '.join(SOLVERS)}, or a Python file that defines one solver."
+        "--solver", help="A solver (`solvers` lists them), or a Python file that defines one."
     ),
 ]
 Compare = Annotated[
     bool,
-    typer.Option(
-        help="Also solve with other solvers that are named for this problem, and compare."
-    ),
+    typer.Option(help="Also solve with the other solvers that the problem names, and compare."),
 ]
 
 
@@ -76,9 +72,7 @@ def run(
     out: Out = Path("runs"),
     listing: Annotated[
         bool,
-        typer.Option(
-            "--list", help="List the experiments, or the problems of a suite, and run nothing."
-        ),
+        typer.Option("--list", help="Only list the experiments, or the problems of a suite."),
     ] = False,
     verbose: Annotated[
         bool, typer.Option("--verbose", "-v", help="Print a line for each iterate.")
@@ -302,7 +296,7 @@ def live(
     ] = 0,
     browser: Annotated[bool, typer.Option(help="Open the page in the browser.")] = True,
 ) -> None:
-    """Move a body by hand, press a solver, and watch its iterates come in; until Ctrl-C."""
+    """Move a body by hand, pick a solver, and watch its iterates come in; until Ctrl-C."""
     console = Console()
     experiment = find(name, settings(setting))
     console.print(f"[dim]building {experiment.name}[/]", highlight=False)

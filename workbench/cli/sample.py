@@ -28,6 +28,7 @@ from workbench.fitting.setup import Setup
 from workbench.reports import write_posterior
 from workbench.reports.posterior import (
     BlockPosterior,
+    anchors,
     blocks_table,
     contradictions,
     truth_of,
@@ -44,7 +45,7 @@ def sample(
     block: Annotated[
         list[str] | None,
         typer.Option(
-            help=r"What to sample together, such as betas,trans,pose\[left_elbow], or everything. "
+            help="What to sample together, such as betas,trans,pose[left_elbow], or everything. "
             "May be repeated; without it, parts of up to 21 entries are chosen."
         ),
     ] = None,
@@ -99,6 +100,7 @@ def sample(
         chosen |= sampling.sampling_blocks(problem.free, problem.trees)
     if conditional:
         _mind_rests(console, chosen, problem.free.names)
+    file_of = dict(zip(chosen, anchors(chosen), strict=True))
     parts: list[BlockPosterior] = []
     interrupted = False
 
@@ -109,7 +111,7 @@ def sample(
 
     with interrupts_say(left):
         for part, names in chosen.items():
-            path = kept / (re.sub(r"[^A-Za-z0-9]+", "-", part).strip("-") + ".npz")
+            path = kept / f"{file_of[part]}.npz"
             if fresh:
                 path.unlink(missing_ok=True)
             elif (before := path.with_suffix(".h5")).exists() and not path.exists():

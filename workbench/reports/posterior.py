@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -42,12 +42,9 @@ def write_posterior(
     source: str | None = None,
 ) -> Path:
     """Write the folder, and return its page; it is written whole or not at all. Raises BadFile."""
-    anchors: dict[str, BlockPosterior] = {}
-    for part in parts:
-        anchor = _anchor(part.name)  # with a number where two names differ only in signs
-        anchors[f"{anchor}-{len(anchors) + 1}" if anchor in anchors else anchor] = part
+    named = dict(zip(anchors([part.name for part in parts]), parts, strict=True))
     files = {"index.html": "this page", "posterior.txt": "the verdicts and numbers as text"}
-    for anchor, part in anchors.items():
+    for anchor, part in named.items():
         files[f"{anchor}.npz"] = f"the draws of {part.name}, with their names"
     files |= {SUMMARY: "verdicts and numbers, for programs"}
     against = contradictions(setup, [part.posterior for part in parts])
@@ -64,12 +61,12 @@ def write_posterior(
         synthetic=setup.made_of is not None,
         contradictions=against,
         conditional=any(part.posterior.conditional for part in parts),
-        sections=_sections(anchors, setup),
-        recordings=_recordings(anchors, setup),
+        sections=_sections(named, setup),
+        recordings=_recordings(named, setup),
         files=files,
     )
     contents: dict[str, Content] = {"index.html": html, "posterior.txt": "\n".join(words)}
-    for anchor, part in anchors.items():
+    for anchor, part in named.items():
         contents[f"{anchor}.npz"] = partial(_save_draws, part.posterior)
     numbers = {part.name: _summary(part.posterior, setup) for part in parts}
     summary = {"kind": "posterior", "title": title, "warnings": against, "parts": numbers}
@@ -198,8 +195,15 @@ def _surface(p: Posterior, body: Body, values: Mapping[str, Any]) -> Any:
     return body.vertices(*_arguments(p, body, values))
 
 
-def _anchor(name: str) -> str:
-    return re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-") or "block"
+def anchors(names: Iterable[str]) -> list[str]:
+    """For each name a word of letters and digits, with a number where they would be the same."""
+    found: dict[str, str] = {}
+    for name in names:
+        word = re.sub(r"[^A-Za-z0-9]+", "-", name).strip("-") or "block"
+        if word.lower() in found:
+            word += f"-{len(found) + 1}"
+        found[word.lower()] = word
+    return list(found.values())
 
 
 def _summary(p: Posterior, setup: Setup) -> dict[str, Any]:
@@ -274,25 +278,26 @@ def blocks_table(parts: Sequence[BlockPosterior], setup: Setup) -> Table:
     """A row for every block: its verdict, what became of the rest, and what its draws are worth.
 
     `ratio` is how many times wider intervals become if what is held fixed is free too, at most;
+    `ESS` is the least number of effective draws of an entry, and `R-hat` the largest;
     `contraction` is the median of 1 - sd / (sd of the prior) over the entries with a known prior.
     """
     columns: dict[str, list[str]] = {"block": [part.name for part in parts]}
     posteriors = [part.posterior for part in parts]
-    columns["entries"] = [str(p.size) for p in posteriors]
     columns["verdict"] = [p.judgement[0].value for p in posteriors]
-    columns["all other free numbers"] = [p.rest for p in posteriors]
+    columns["entries"] = [str(p.size) for p in posteriors]
     if any(p.conditional for p in posteriors):
         columns["ratio"] = [number(float(p.conditioning.ratios.max()), 3) for p in posteriors]
-    columns["effective draws"] = [f"{p.mixing.effective.min():,.0f}" for p in posteriors]
+    columns["ESS"] = [f"{p.mixing.effective.min():,.0f}" for p in posteriors]
     columns["R-hat"] = [f"{p.mixing.scales.max():.3f}" for p in posteriors]
     columns["contraction"] = [_median(p, setup) for p in posteriors]
     if setup.made_of is not None:
         inside = [truths_inside(p, setup) for p in posteriors]
-        columns["truths (synthetic) in 90 %"] = [
+        columns["truths in 90 %"] = [
             "–" if one is None else f"{one} of {p.size}"
             for one, p in zip(inside, posteriors, strict=True)
         ]
-    right = [i for i, name in enumerate(columns) if name in ("entries", "effective draws", "R-hat")]
+    right = [i for i, name in enumerate(columns) if name in ("entries", "ratio", "ESS", "R-hat")]
+    columns["other free numbers"] = [p.rest for p in posteriors]
     return Table(tuple(columns), tuple(zip(*columns.values(), strict=True)), tuple(right))
 
 
@@ -323,7 +328,7 @@ def entries_table(p: Posterior, rows: tuple[EntryComparison, ...], setup: Setup)
     if truth is not None:
         columns["truth (synthetic)"] = [number(float(one), 3) for one in truth]
     columns["autocorrelation time (steps)"] = [number(float(time), 2) for time in p.mixing.times]
-    columns["effective draws"] = [f"{count:,.0f}" for count in p.mixing.effective]
+    columns["ESS"] = [f"{count:,.0f}" for count in p.mixing.effective]
     columns["R-hat"] = [f"{scale:.3f}" for scale in p.mixing.scales]
     numbers = tuple(range(2, len(columns) + p.mixed))
     if p.mixed:

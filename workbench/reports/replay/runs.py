@@ -42,8 +42,7 @@ OF_MOVES = (
 OF_DRAWS = "Bodies drawn from the posterior. "
 OF_LIVE = (
     "The grey body is the start: drag its joints (the blue dots), or turn them by the sliders, and "
-    "press a solver. Every iterate is shown as soon as it is there. To find basins, a solver goes "
-    "from many starts about this one; ends that the residuals cannot tell apart have one colour. "
+    "pick a solver. Every iterate is shown as soon as it is there. "
 )
 
 
