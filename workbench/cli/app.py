@@ -43,7 +43,6 @@ VERBS = {
     "rig": Verb("train", MODELS, "Find skeleton and skinning weights of meshes in motion."),
     "motion": Verb("motion", FILES, "What a file of a motion or of markers holds; convert it."),
     "convert": Verb("motion", FILES, "Turn the motion of one body into that of another."),
-    "export": Verb("motion", FILES, "Write a motion as glTF, BVH or .npz, or a body as C code."),
     "lecture": Verb("lecture", ELSE, "Lectures that can be run, and exercises that are graded."),
     "new": Verb("new", ELSE, "Write a commented file of your own that works as it is."),
     "info": Verb("info", ELSE, "Print versions, threads, the compiler and the cache."),
@@ -51,6 +50,7 @@ VERBS = {
 RENAMED = {  # verbs of before
     "check-body": "workbench body check FILE",
     "sliders": "workbench body sliders",
+    "export": "workbench motion FILE --out, or workbench body code",
     "basins": "python -m examples.studies.icp_basins, in a checkout",
     "blendshapes": "python -m examples.studies.blend_shapes, in a checkout",
     "triangles": "python -m examples.studies.triangles, in a checkout",

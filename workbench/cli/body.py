@@ -10,10 +10,12 @@ from rich.markup import escape
 
 from workbench.bodies.catalogue import BODIES, load_body
 from workbench.bodies.checking.check_file import check_body_file, check_contents
+from workbench.bodies.files.c_code import JOINTS, write_c
 from workbench.bodies.files.saving import arrays_of
 from workbench.cli.console import folder_to_write, make_folder, print_page, rich_table, say
 from workbench.cli.run import Out
 from workbench.environment import expanded
+from workbench.errors import BadArgument
 from workbench.reports import card_text, write_card
 from workbench.reports.page import Table
 from workbench.reports.sliders import pose_and_betas, settings_of, write_sliders
@@ -99,5 +101,27 @@ def sliders(
     print_page(Console(), "page", write_sliders(model, path, start, str(place or "")))
 
 
-COMMANDS: dict[str, Callable[..., None]] = {"card": card, "check": check, "sliders": sliders}
+def code(
+    out: Annotated[Path, typer.Option(help="The file, .c; a header, .h, is written beside it.")],
+    name: Name = "default",
+    points: Annotated[
+        str, typer.Option(help="What it computes: joints, or a landmark set such as coco.")
+    ] = JOINTS,
+) -> None:
+    """Write a function of pose, betas and trans as C code.
+
+    It computes joints or landmarks.
+    """
+    if out.suffix.lower() != ".c":
+        raise BadArgument(f"--out takes a file that ends in .c, not {out}")
+    write_c(out, load_body(name), points)
+    print_page(Console(), "code", out)
+
+
+COMMANDS: dict[str, Callable[..., None]] = {
+    "card": card,
+    "check": check,
+    "sliders": sliders,
+    "code": code,
+}
 HELP = "Bodies: their cards, files, sliders and code."

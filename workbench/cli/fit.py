@@ -52,8 +52,9 @@ from workbench.fitting.videos import video_fit, video_mean
 from workbench.geometry.guesses import sizes_of
 from workbench.geometry.meshes import READERS, WITH_VERTEX_ORDER
 from workbench.reports.many import ImageFolder
+from workbench.reports.page import unit_text
 from workbench.reports.run import motion_arrays, write_video
-from workbench.solvers import DEFAULT, SOLVERS, LevenbergMarquardt, Solver, Status
+from workbench.solvers import DEFAULT, LevenbergMarquardt, Solver, Status
 from workbench.writing import write_arrays
 
 FPS = 30.0  # frames per second of a clip that does not say
@@ -111,7 +112,7 @@ def fit(
         Path | None,
         typer.Option(
             help="Calibration with the cameras in the order of the files: Pose2Sim TOML, or JSON "
-            r'{"name": {"K": 3x3, "R": 3x3, "t": 3, "distortion": \[...], "size": \[w, h]}}.'
+            '{"name": {"K": 3x3, "R": 3x3, "t": 3, "distortion": [...], "size": [w, h]}}.'
         ),
     ] = None,
     size: Annotated[str | None, typer.Option(help="The image's size, WIDTHxHEIGHT in px.")] = None,
@@ -127,31 +128,25 @@ def fit(
     ] = None,
     height: Annotated[
         float | None,
-        typer.Option(
-            help="Stature of the person in one image in metres, if it is known; it tells how far "
-            "away they are."
-        ),
+        typer.Option(help="Stature of the person in one image in m, if it is known."),
     ] = None,
     hypotheses: Annotated[
         int,
-        typer.Option(
-            help="Number of starts for one image: how many bodies are tried that may look alike, "
-            "such as one that faces the other way."
-        ),
+        typer.Option(help="Number of starts for one image, for bodies that may look alike."),
     ] = 1,
     mean: Annotated[
         bool,
         typer.Option(
             "--mean",
-            help="For keypoints of one moment or a video: also write the mean of the posterior, "
-            "which on average is nearer to the truth than the likeliest body.",
+            help="Also write the mean of the posterior of keypoints, which on average is nearer to "
+            "the truth than the likeliest body.",
         ),
     ] = False,
     video: Annotated[
         bool,
         typer.Option(
-            help="The argument is a clip: a folder with a keypoint file for each frame, or with "
-            "such a folder for each camera."
+            help="FILES is a clip: a folder with a file for each frame, or such a folder for each "
+            "camera."
         ),
     ] = False,
     fps: Annotated[
@@ -175,24 +170,23 @@ def fit(
     across: Annotated[
         float | None,
         typer.Option(
-            help="How well this height is known: its standard deviation in m, such as 0.001. "
-            "Places of markers are then uncertain along the skin only; without it, in all "
-            "directions alike."
+            help="Standard deviation of this height in m, such as 0.001: places of markers are "
+            "then uncertain along the skin only."
         ),
     ] = None,
     body: Annotated[str, typer.Option(help="An embedded body, or a file of your own.")] = "default",
     sigma: Annotated[
         float | None,
         typer.Option(
-            help="Standard deviation of the data; by default 0.4 % of the person's height in "
-            "an image or a clip, in px, or 0.002 m in space."
+            help="Standard deviation of the data; else 0.4 % of the person's height in px, or "
+            "0.002 m in space."
         ),
     ] = None,
     solver: Annotated[
         str | None,
         typer.Option(
             "--solver",
-            help=f"One of {', '.join(SOLVERS)}; by default {DEFAULT}, and for one image "
+            help=f"A solver (`solvers` lists them); else {DEFAULT}, and for one image "
             "levenberg-marquardt.",
         ),
     ] = None,
@@ -470,7 +464,8 @@ def fit_video(
     warn_of(console, doubts(setup, values, solution))
     console.print(f"{solution.status.name}: {escape(solution.message)}", highlight=False)
     for one in setup.measures(values):
-        console.print(f"{escape(one.name)}: {one.value:.4g} {one.unit}", highlight=False)
+        unit = unit_text(one.unit)
+        console.print(f"{escape(one.name)}: {one.value:.4g} {unit}".rstrip(), highlight=False)
     title = source.resolve().name
     page = write_video(setup, solution, folder, title, str(source.resolve()))
     (folder / MEAN_FILE).unlink(missing_ok=True)  # of an earlier fit

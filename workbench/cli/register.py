@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from workbench.bodies.body import Body
-from workbench.bodies.catalogue import BODIES, load_body
+from workbench.bodies.catalogue import load_body
 from workbench.cli import interrupts_say
 from workbench.cli.console import (
     Bars,
@@ -72,9 +72,7 @@ def register(
             help=f"Scans of one person each ({', '.join(READERS)}), or folders of scans."
         ),
     ],
-    body: Annotated[
-        str, typer.Option(help=f"An embedded body ({', '.join(BODIES)}), or a file of your own.")
-    ] = "default",
+    body: Annotated[str, typer.Option(help="An embedded body, or a file of your own.")] = "default",
     unit: Annotated[
         str | None,
         typer.Option(help=f"Unit of the files ({', '.join(UNITS)}); else it is guessed."),
@@ -105,8 +103,8 @@ def register(
     subjects: Annotated[
         Path | None,
         typer.Option(
-            help="Table (.csv) with the columns file and subject, and maybe gender and set, for "
-            "training; without it each scan is of another person."
+            help="Table (.csv): file, subject, and maybe gender and set; without it each scan is "
+            "of another person."
         ),
     ] = None,
     workers: Workers = 1,
@@ -115,9 +113,8 @@ def register(
 ) -> None:
     """Register scans: fit a body to each from many starts, then free its vertices.
 
-    Writes runs/register-NAME/ with a page, the vertices (.npz) and the surface (.ply). For several
-    scans it has a folder for each, and `workbench train` takes it as it is. If it is interrupted
-    or killed, the same command continues with the scans that are missing.
+    Writes runs/register-NAME/ with a page, the vertices (.npz) and the surface (.ply); of several
+    scans, a folder for each, for `workbench train`. After an interrupt the same command goes on.
     """
     console = Console()
     if not 0 <= boundary < math.inf:

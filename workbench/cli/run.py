@@ -239,7 +239,7 @@ def print_outcome(console: Console, outcome: Outcome) -> None:
 
 
 def _print_residuals(console: Console, outcome: Outcome) -> None:
-    """Print the cost of each residual; if there are many, only of those with the highest cost."""
+    """Print the residuals with the highest costs."""
     found = residuals_table(outcome)
     rows = sorted(zip(outcome.costs.values(), found.rows, strict=True), key=lambda row: -row[0])
     shown = {row for _, row in rows[:ROWS]}

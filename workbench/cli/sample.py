@@ -1,7 +1,7 @@
 """`workbench sample`: draws from a posterior."""
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -24,14 +24,12 @@ from workbench.cli.console import (
 from workbench.cli.run import Name, Out, Setting, SolverName, settings, solved, solver_named
 from workbench.errors import check_known
 from workbench.experiments import find
-from workbench.fitting.setup import Setup
 from workbench.reports import write_posterior
 from workbench.reports.posterior import (
     BlockPosterior,
     anchors,
-    blocks_table,
     contradictions,
-    truth_of,
+    posterior_text,
 )
 from workbench.sampling import MOVES
 from workbench.solvers import DEFAULT
@@ -151,7 +149,9 @@ def sample(
             if posterior.interrupted:
                 interrupted = True
                 break
-        print_posteriors(console, parts, setup)
+        console.print()
+        warn_of(console, contradictions(setup, [part.posterior for part in parts]))
+        say(console, escape(posterior_text(parts, setup)))
         console.print("[dim]writing the page[/]")
         page = write_posterior(
             parts, folder, title=experiment.name, setup=setup, source=experiment.source
@@ -198,33 +198,3 @@ def _bar(console: Console) -> Bar:
         transient=True,
         disable=not console.is_terminal,
     )
-
-
-def print_posteriors(console: Console, parts: Sequence[BlockPosterior], setup: Setup) -> None:
-    """One line for every block, and then all that is known of each."""
-    console.print()
-    warn_of(console, contradictions(setup, [part.posterior for part in parts]))
-    for line in blocks_table(parts, setup).lines():
-        say(console, escape(line))
-    for part in parts:
-        console.print(f"\n[bold]{escape(part.name)}[/]")
-        posterior = part.posterior
-        say(console, escape(posterior.summary(truth_of(posterior, setup), setup.priors)))
-        _print_beside(console, posterior, part.approximation)
-
-
-def _print_beside(
-    console: Console, posterior: sampling.Posterior, approximation: sampling.Posterior
-) -> None:
-    """How good Laplace's approximation is, and the entries for which it is not good enough."""
-    say(console, f"Laplace's approximation: {escape(approximation.verdict)}")
-    rows = sampling.compared_with_laplace(posterior, approximation)
-    unlike = [row for row in rows if row.remark != "agrees"]
-    if not posterior.mixed:
-        return
-    given = f", conditional too ({posterior.rest})," if posterior.conditional else ""
-    agree = f"{len(rows) - len(unlike)} of {len(rows)} entries"
-    say(console, escape(f"Laplace's approximation{given} agrees in {agree}"))
-    for row in unlike:
-        off = f"sd {row.ratio:.2f} times Laplace's, mean off by {row.shift:+.2f} of its sd"
-        say(console, f"  {escape(row.label)}: {row.remark} ({off})")

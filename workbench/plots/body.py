@@ -23,7 +23,7 @@ from workbench.geometry.solids import face_vectors, sums_over_faces
 from workbench.plots.palette import AMOUNT, BLUE, FAINT, INK, SKIN, VERMILLION
 from workbench.plots.style import height_to_scale, house_style, plain, to_scale
 
-LETTERS = 14  # of a line of a label: what is longer goes on more lines
+LETTERS = 12  # of a line of a label: what is longer goes on more lines
 Look = Callable[[Array], Array]  # vertices (N, 3) m -> right, up, towards the viewer (N, 3) m
 LIGHT = np.array([-0.35, 0.55, 0.76])  # from the upper left, behind the viewer; right, up, towards
 

@@ -308,6 +308,7 @@ def plot_sigmas(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
         drawn = numbers[np.isfinite(numbers) & (numbers > 0)]
         ax.set_ylim(drawn.min() / 2, drawn.max() * 60)  # room for the legend
         ax.set_yscale("log")
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     ax.set_xlabel("entry, in the order of the table below")
     ax.set_ylabel("standard deviation (the entry's unit)")
     ax.grid(axis="y", color=FAINT, alpha=0.25, linewidth=0.6)
@@ -365,6 +366,7 @@ def plot_data_share(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
     ax.axhline(0.5, color=VERMILLION, linewidth=1.0, linestyle="--")
     note_at(ax, "half from the data", 0.99, 0.5, VERMILLION)
     ax.set(ylim=(0, 1.04), xlim=(0.5, share.size + 0.5))
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     ax.set(xlabel="direction, those that the data know best first")
     ax.set(ylabel="share from the data (0 to 1)")
     ax.set_title(

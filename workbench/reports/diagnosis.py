@@ -262,7 +262,7 @@ def conditioning_table(d: Diagnosis) -> Table:
         rows.append(
             (
                 "weakest direction (|J d|)",
-                number(weak.change, 2),
+                number(weak.change, 3),
                 f"{columns}; it changes {seen_by}{more}",
             )
         )

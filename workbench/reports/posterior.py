@@ -48,11 +48,6 @@ def write_posterior(
         files[f"{anchor}.npz"] = f"the draws of {part.name}, with their names"
     files |= {SUMMARY: "verdicts and numbers, for programs"}
     against = contradictions(setup, [part.posterior for part in parts])
-    words = [f"{text[0].upper()}{text[1:]}.\n" for text in against]
-    words.append("\n".join(blocks_table(parts, setup).lines()) + "\n")
-    for part in parts:
-        told = part.posterior.summary(truth_of(part.posterior, setup), setup.priors)
-        words.append(f"{part.name}\n\n{told}\n")
     html = page(
         "posterior.html",
         title=title,
@@ -65,12 +60,39 @@ def write_posterior(
         recordings=_recordings(named, setup),
         files=files,
     )
-    contents: dict[str, Content] = {"index.html": html, "posterior.txt": "\n".join(words)}
+    doubts = "".join(f"{text[0].upper()}{text[1:]}.\n\n" for text in against)
+    text = f"{doubts}{posterior_text(parts, setup)}\n"
+    contents: dict[str, Content] = {"index.html": html, "posterior.txt": text}
     for anchor, part in named.items():
         contents[f"{anchor}.npz"] = partial(_save_draws, part.posterior)
     numbers = {part.name: _summary(part.posterior, setup) for part in parts}
     summary = {"kind": "posterior", "title": title, "warnings": against, "parts": numbers}
     return write_folder(folder, source, contents, summary)
+
+
+def posterior_text(parts: Sequence[BlockPosterior], setup: Setup) -> str:
+    """A line for every block, and then all that is known of each."""
+    text = blocks_table(parts, setup).lines()
+    for part in parts:
+        p, laplace = part.posterior, part.approximation
+        text += ["", part.name, p.summary(truth_of(p, setup), setup.priors)]
+        text.append(f"Laplace's approximation: {laplace.verdict}")
+        if p.mixed:
+            text += _beside_laplace(p, laplace)
+    return "\n".join(text)
+
+
+def _beside_laplace(p: Posterior, laplace: Posterior) -> list[str]:
+    """In how many entries Laplace's approximation is good enough, and the other entries."""
+    rows = compared_with_laplace(p, laplace)
+    unlike = [row for row in rows if row.remark != "agrees"]
+    known = f", conditional too ({p.rest})," if p.conditional else ""
+    agree = f"{len(rows) - len(unlike)} of {len(rows)} entries"
+    return [f"Laplace's approximation{known} agrees in {agree}"] + [
+        f"  {row.label}: {row.remark} (sd {row.ratio:.2f} times Laplace's, mean off by "
+        f"{row.shift:+.2f} of its sd)"
+        for row in unlike
+    ]
 
 
 def _recordings(parts: Mapping[str, BlockPosterior], setup: Setup) -> dict[str, Recording]:
