@@ -13,9 +13,11 @@ from workbench.plots import (
     png,
     sheet,
 )
+from workbench.plots.scans import plot_joint_cost
 from workbench.registration import BasinMap, Stopped
 from workbench.registration.basins import grid
 from workbench.solvers import Solution
+from workbench.training.execution import LogEntry
 
 THREE = {0.5: (4, 0, 7), 2.0: (1, 2, 3, 5, 6), 30.0: (8,)}
 
@@ -112,3 +114,11 @@ def test_basins_refuse_maps_of_other_axes() -> None:
             plot_basins(maps, ax=ax)
         with pytest.raises(BadArgument, match="maps of one axis"):
             caption_basins(maps)
+
+
+def test_joint_cost_draws_more_terms_than_there_are_marks() -> None:
+    costs = {f"E_{k}": 1.0 + k for k in range(12)}
+    _, (ax,) = sheet(4, 3)
+    plot_joint_cost([LogEntry("model", costs, {name: 0.5 for name in costs}, {}, 0.0)], ax=ax)
+    assert len(ax.get_lines()) == 13
+    assert ax.get_lines()[0].get_ydata().tolist() == [78.0, 6.0]

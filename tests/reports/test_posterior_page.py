@@ -13,7 +13,7 @@ from tests.sampling.densities import conditioned, gaussian
 from workbench.experiments import find
 from workbench.fitting.setup import Setup
 from workbench.reports import write_posterior
-from workbench.reports.posterior import BlockPosterior, contradictions
+from workbench.reports.posterior import BlockPosterior, anchors, contradictions
 from workbench.reports.replay import recorded_posterior
 from workbench.sampling import fixed, laplace, sample
 
@@ -88,6 +88,10 @@ def test_what_synthetic_data_were_made_of_is_marked(tmp_path: Path) -> None:
     assert data["truth"] == pytest.approx(truth["x"])
     without, _ = written(tmp_path / "q", None, None, steps=2000)
     assert "synthetic" not in words((without / "index.html").read_text())
+
+
+def test_blocks_that_differ_in_signs_have_files_of_their_own() -> None:
+    assert anchors(["x[0]", "x(0)", "X-0", "..."]) == ["x-0", "x-0-2", "X-0-3", "block"]
 
 
 def test_truth_against_a_prior_is_said() -> None:

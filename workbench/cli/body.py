@@ -1,6 +1,7 @@
 """`workbench body`: what a body is, whether a file of one is right, sliders and C code."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -34,7 +35,8 @@ def card(
     """Print a body's model card, and write its page, with figures."""
     console = Console()
     model = load_body(name)
-    say(console, escape(card_text(model)))
+    texts = {name: text for name, text in model.card.items() if not isinstance(text, dict)}
+    say(console, escape(card_text(replace(model, card=texts))))
     source = "" if name in BODIES else str(expanded(name).resolve())
     folder = folder_to_write(out, f"body-{Path(name).stem}", source)
     print_page(console, "card", write_card(model, folder, source))

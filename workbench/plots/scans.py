@@ -185,7 +185,14 @@ def plot_joint_cost(log: Sequence[LogEntry], *, ax: Axes) -> Axes:
     names = [n for n in terms[0] if max(costs[n] for costs in terms) > SMALL * total[0]]
     for k, name in enumerate(names):
         line = [max(costs[name], SMALL * total[0]) for costs in terms]
-        ax.plot(x, line, color=LINES[k % len(LINES)], marker=MARKERS[k], markersize=4, label=name)
+        ax.plot(
+            x,
+            line,
+            color=LINES[k % len(LINES)],
+            marker=MARKERS[k % len(MARKERS)],
+            markersize=4,
+            label=name,
+        )
     ax.set(yscale="log", ylabel="cost")
     ax.set_xticks(list(x), ["start", *(entry.block for entry in log)], rotation=45, ha="right")
     ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))

@@ -64,7 +64,9 @@ def card_text(body: SkinnedBody | TriangleBody) -> str:
     known = facts(body)
     widest = max(map(len, known))
     lines = [body.name, *(f"  {name:{widest}}  {text}" for name, text in known.items()), ""]
-    lines += [f"  {line}" for line in joint_table(body).lines()]
+    table = joint_table(body)
+    short = Table(table.head[:6], tuple(row[:6] for row in table.rows), table.numbers[:4])
+    lines += [f"  {line}" for line in short.lines()]
     return "\n".join([*lines, "", *_nested(body.card, 1)]).rstrip()
 
 

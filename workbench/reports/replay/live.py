@@ -20,7 +20,7 @@ from workbench.bodies.body import Body
 from workbench.errors import BadArgument, WorkbenchError
 from workbench.fitting.setup import Setup
 from workbench.problem import Problem
-from workbench.reports.replay.recording import Row, row_of_body
+from workbench.reports.replay.recording import BodyNumbers, row_of_body
 from workbench.reports.replay.runs import as_numbers
 from workbench.residuals import Residual
 from workbench.solvers import Iterate, Solver, TrustRegion
@@ -189,7 +189,7 @@ class LiveServer:
             self._solving.release()
 
 
-def moved_by_hand(setup: Setup) -> tuple[Body, Row]:
+def moved_by_hand(setup: Setup) -> tuple[Body, BodyNumbers]:
     """The body of a setup, and its numbers from values. Raises BadArgument where there is none."""
     body = setup.body
     if body is None:
