@@ -88,6 +88,16 @@ def test_helps_fit_a_screen(monkeypatch: pytest.MonkeyPatch) -> None:
             assert not [line for line in told if line.endswith("...") and "Usage" not in line]
 
 
+def test_tables_of_verbs_are_whole_at_80_columns(
+    workbench: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    for typed_ in ("solvers", "solvers --nlopt", "run --list", "body check small", "lecture list"):
+        code, out, err = workbench(*typed_.split())
+        assert code == 0, err
+        assert "…" not in out, typed_
+
+
 def test_unknown_command_has_neighbours(workbench: Run) -> None:
     code, _, err = workbench("diagnos")
     assert code == 2

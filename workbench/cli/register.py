@@ -35,7 +35,6 @@ from workbench.fitting.scans.files import READERS
 from workbench.geometry.guesses import UNITS
 from workbench.registration import (
     FailedScan,
-    Progress,
     Reading,
     Recipe,
     ScanJob,
@@ -165,7 +164,13 @@ def _one(
     """Register one scan and write its folder."""
     folder = folder_to_write(out, f"register-{job.name}", str(job.path.resolve()))
     with Bars(console) as bars:
-        found = registered(body, recipe, reading, job, partial(_tell, bars))
+        found = registered(
+            body,
+            recipe,
+            reading,
+            job,
+            lambda at: bars(f"stage {at.stage} of {at.stages}, starts", at.start - 1, at.starts),
+        )
     if isinstance(found, FailedScan):
         raise BadFile(found.reason)
     for note in found.notes:
@@ -174,10 +179,6 @@ def _one(
     console.print(rich_table(stages_table(found.registration)))
     source = str(job.path.resolve())
     print_page(console, "report", write_registration(found, folder, body=name, source=source))
-
-
-def _tell(bars: Bars, at: Progress) -> None:
-    bars(f"stage {at.stage} of {at.stages}, starts", at.start - 1, at.starts)
 
 
 def _place(text: str | None) -> tuple[float, float, float] | None:

@@ -9,7 +9,6 @@ from workbench.plots.body import (
     caption_direction as caption_direction,
     caption_distances as caption_distances,
     caption_shape_gallery as caption_shape_gallery,
-    caption_stitching as caption_stitching,
     plot_differences as plot_differences,
     plot_distances as plot_distances,
     plot_shape_gallery as plot_shape_gallery,
@@ -59,7 +58,6 @@ from workbench.plots.style import (
 from workbench.plots.views import (
     caption_autocorrelation as caption_autocorrelation,
     caption_hypothesis as caption_hypothesis,
-    caption_motion as caption_motion,
     caption_overlay as caption_overlay,
     caption_stage as caption_stage,
     caption_strip as caption_strip,

@@ -23,7 +23,7 @@ from workbench.geometry.solids import face_vectors, sums_over_faces
 from workbench.plots.palette import AMOUNT, BLUE, FAINT, INK, SKIN, VERMILLION
 from workbench.plots.style import height_to_scale, house_style, plain, to_scale
 
-LETTERS = 12  # of a line of a label: what is longer goes on more lines
+LETTERS = 10  # of a line of a label: what is longer goes on more lines
 Look = Callable[[Array], Array]  # vertices (N, 3) m -> right, up, towards the viewer (N, 3) m
 LIGHT = np.array([-0.35, 0.55, 0.76])  # from the upper left, behind the viewer; right, up, towards
 
@@ -450,15 +450,3 @@ def plot_stitching(stages: Mapping[str, Array], *, ax: Axes) -> Axes:
     triangles = np.arange(3 * len(next(iter(stages.values())))).reshape(-1, 3)
     shown = [Figurine(name, corners.reshape(-1, 3)) for name, corners in stages.items()]
     return line_up(shown, triangles, ax=ax, contrast=0.7)
-
-
-def caption_stitching(torn: Array, stitched: Array) -> str:
-    """What `plot_stitching` shows, of the last two stages (F, 3, 3) m."""
-    wanted, got = (corners[:, 1:] - corners[:, :1] for corners in (torn, stitched))
-    apart = 1e3 * np.linalg.norm(wanted - got, axis=-1)
-    return (
-        "Every triangle is deformed by itself, about its own centre, and does not meet its "
-        "neighbours; stitching finds the vertices whose edges are nearest to those of the torn "
-        f"triangles. Edges differ by {apart.mean():.1f} mm on average, and by at most "
-        f"{apart.max():.0f} mm, where one part meets another."
-    )

@@ -30,7 +30,7 @@ def plot_sparsity(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
     Where several rows share a line, the line shows every column that any of them reads.
     """
     m, n = diagnosis.shape
-    terms = term_names(diagnosis)
+    terms = list(dict.fromkeys(term.residual for term in diagnosis.terms))
     heights = lines(np.diff(diagnosis.row_edges))
     drawn = [
         squeezed(diagnosis.pattern[top:bottom], height)
@@ -70,11 +70,6 @@ def caption_sparsity(diagnosis: Diagnosis) -> str:
     if (sizes < THINNEST * m).any():
         text += " Small terms are drawn taller than to scale."
     return text
-
-
-def term_names(diagnosis: Diagnosis) -> list[str]:
-    """The residuals, from the top down."""
-    return list(dict.fromkeys(term.residual for term in diagnosis.terms))
 
 
 def lines(sizes: Sequence[int] | Index) -> list[int]:

@@ -242,15 +242,17 @@ def caption_basins(maps: Sequence[BasinMap]) -> str:
     """What `plot_basins` shows. Raises BadArgument as it does."""
     if not maps or any(len(one.axes) != 1 for one in maps):
         raise BadArgument("caption_basins takes maps of one axis")
-    reaches = "; ".join(f"{_reach(one)} about {one.axes[0]}" for one in maps)
+    reaches = "; ".join(
+        (
+            "for no range of angles"
+            if np.isnan(one.reach)
+            else f"for angles up to {one.reach:g} degrees"
+        )
+        + f" about {one.axes[0]}"
+        for one in maps
+    )
     return (
         "Rotation error at the end of a rigid registration, over the angle by which its start was "
         f"turned about one axis. Filled marks ended at the truth, within {1e3 * maps[0].near:.0f} "
         f"mm on average, and empty ones elsewhere. All starts ended at the truth {reaches}."
     )
-
-
-def _reach(one: BasinMap) -> str:
-    if np.isnan(one.reach):
-        return "for no range of angles"
-    return f"for angles up to {one.reach:g} degrees"

@@ -127,7 +127,10 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
         meanings={words_of(v): v.value for v in TargetOutcome},
         success=success_table(comparison),
         effort=effort_table(comparison),
-        prices=prices_table(),
+        prices=Table(
+            ("evaluation of", "price"),
+            tuple((PRICES[kind].name, PRICES[kind].formula) for kind in KINDS),
+        ),
         price_source=SOURCE,
         seconds=seconds_table(comparison),
         fewest=FEWEST,
@@ -224,12 +227,6 @@ def verdicts_table(comparison: Comparison) -> Table:
     there = [v for v in TargetOutcome if any(c[v] for c in counts.values())]
     head = [words_of(v) for v in there]
     return _by_solver(comparison, head, lambda solver: (str(counts[solver][v]) for v in there))
-
-
-def prices_table() -> Table:
-    """What an evaluation counts in effort."""
-    rows = tuple((PRICES[kind].name, PRICES[kind].formula) for kind in KINDS)
-    return Table(("evaluation of", "price"), rows)
 
 
 def effort_table(comparison: Comparison, tau: float = MAIN) -> Table:

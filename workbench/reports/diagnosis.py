@@ -80,7 +80,8 @@ def write_diagnosis(
     if profiles:
         text = "\n".join([text, "", "PROFILES", *map(str, profiles)])
     if isinstance(diagnosis, SequenceDiagnosis):
-        html = sequence_page(diagnosis, title, question)
+        found = _findings(diagnosis, title, question)
+        html = page("sequence.html", **found, d=diagnosis, report=diagnosis.report())
     else:
         html = diagnosis_page(diagnosis, title, question, body, views, compared, profiles)
     contents = {
@@ -101,11 +102,6 @@ def _compared(
             "compare frames of it instead: diagnosis.frame(t)"
         )
     return DiagnosisComparison(first, second)
-
-
-def sequence_page(d: SequenceDiagnosis, title: str, question: str) -> str:
-    """The page of a long sequence: its findings and its report."""
-    return page("sequence.html", **_findings(d, title, question), d=d, report=d.report())
 
 
 def diagnosis_page(

@@ -211,12 +211,7 @@ def recording(
     return Recording(shown.arrays if isinstance(shown, ShownBody) else shown, data, caption)
 
 
-KINDS = {
-    "f4": "<f4",
-    "f8": "<f8",
-    "u2": "<u2",
-    "u4": "<u4",
-}  # as `unpacked` in arrays.js knows them
+KINDS = {kind: f"<{kind}" for kind in ("f4", "f8", "u2", "u4")}  # as `unpacked` in arrays.js
 
 
 def packed(array: ArrayLike, kind: str) -> dict[str, str]:

@@ -56,7 +56,8 @@ def recorded_run(outcome: Outcome) -> Recording | None:
     solution = outcome.solution
 
     def parts(shown: ShownBody, row: BodyNumbers) -> dict[str, Any]:
-        known, alone = outcome.data_alone or outcome.diagnosis, _data_alone(outcome)
+        known = outcome.data_alone or outcome.diagnosis
+        alone = None if outcome.data_alone is None else known.problem
         return {
             "runs": tracks(outcome.compared, setup.problem, row, setup.start, alone),
             "directions": moves(known, row, shown.surface),
@@ -66,11 +67,6 @@ def recorded_run(outcome: Outcome) -> Recording | None:
 
     found = _recording(setup.body, setup.problem, values, OF_RUN, setup.views, parts)
     return recorded_frames(setup, values) if found is None else found
-
-
-def _data_alone(outcome: Outcome) -> Problem | None:
-    """The problem of an outcome without its priors; None if it has none."""
-    return None if outcome.data_alone is None else outcome.data_alone.problem
 
 
 def recorded_solution(
