@@ -203,17 +203,15 @@ def solvers(
         console.print('In Python: Nlopt("LD_LBFGS").', highlight=False)
 
 
-def _looks(a: Abilities) -> str:
-    where = "everywhere" if a.is_global else "downhill"
-    return f"{where}, at random" if a.stochastic else where
-
-
 COLUMNS: Columns[tuple[str, Abilities]] = {
     "solver": lambda of: of[0],
     "evaluates": lambda of: ASKED[of[1].derivative],
     "bounds": lambda of: BOUNDS[of[1].bounds],
     "constraints": lambda of: " ".join("=" * of[1].equations + "<" * of[1].inequalities) or "-",
-    "searches": lambda of: _looks(of[1]),
+    "searches": lambda of: (
+        ("everywhere" if of[1].is_global else "downhill")
+        + (", at random" if of[1].stochastic else "")
+    ),
     "first step": lambda of: of[1].first_step,
     "described in": lambda of: "; ".join(
         filter(None, (of[1].source, "for teaching" if of[1].teaching else "", of[1].note))

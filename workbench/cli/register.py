@@ -201,19 +201,14 @@ def _files(console: Console, given: list[Path]) -> list[Path]:
             found.append(path)
             continue
         inside = sorted(file for file in path.iterdir() if file.is_file())
-        of_scans = [file for file in inside if _looks_like_a_scan(file)]
+        kinds = set(READERS) - set(NO_SCANS)
+        of_scans = [f for f in inside if f.suffix.lower() in kinds and not f.name.startswith(".")]
         if not of_scans:
-            kinds = listed(set(READERS) - set(NO_SCANS))
-            raise BadFile(f"the folder {path} holds no scans; scans are files with {kinds}")
+            raise BadFile(f"the folder {path} holds no scans; scans are files with {listed(kinds)}")
         if others := [file.name for file in inside if file not in of_scans]:
             say(console, f"note: not taken for scans: {escape(some_of(others))}")
         found += of_scans
     return list(dict.fromkeys(found))
-
-
-def _looks_like_a_scan(file: Path) -> bool:
-    suffix = file.suffix.lower()
-    return suffix in READERS and suffix not in NO_SCANS and not file.name.startswith(".")
 
 
 def _rows(jobs: tuple[ScanJob, ...], subjects: Path | None) -> dict[str, Row]:

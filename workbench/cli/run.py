@@ -1,7 +1,6 @@
 """`workbench run` and `workbench live`, and what they print."""
 
 import webbrowser
-from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Annotated
@@ -86,25 +85,15 @@ def run(
                 f"no suite is called {name!r}; there are {', '.join(SUITES)}; without a name, "
                 "--list names the experiments"
             )
-        print_list(console, SUITES.get(name))
+        lines = [(one.name, one.summary) for one in SUITES.get(name, EXPERIMENTS.values())]
+        if name not in SUITES:
+            lines.append(("suites", "run SUITE --list names their problems:"))
+            lines += [(s, f"{len(several)} {SUMMARIES[s]}") for s, several in SUITES.items()]
+        width = 2 + max(len(one) for one, _ in lines)
+        for one, text in lines:
+            console.print(f"[bold]{one:{width}}[/]{text}", highlight=False)
         return
     carry_out(console, find(name, settings(setting)), solver_named(solver), compare, out, verbose)
-
-
-def print_list(console: Console, suite: Sequence[Experiment] | None) -> None:
-    """Print the problems of a suite, or else the experiments and the suites."""
-    shown = EXPERIMENTS.values() if suite is None else suite
-    width = 2 + max(len(experiment.name) for experiment in shown)
-    for experiment in shown:
-        console.print(f"[bold]{experiment.name:{width}}[/]{experiment.summary}", highlight=False)
-    if suite is not None:
-        return
-    console.print(
-        "\nsuites, to compare solvers on (workbench run SUITE --list names their problems)"
-    )
-    for name, members in SUITES.items():
-        text = f"{len(members)} {SUMMARIES[name]}"
-        console.print(f"[bold]{name:{width}}[/]{text}", highlight=False)
 
 
 def carry_out(

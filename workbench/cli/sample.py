@@ -1,7 +1,6 @@
 """`workbench sample`: draws from a posterior."""
 
 import re
-from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -97,7 +96,13 @@ def sample(
     if not chosen:
         chosen |= sampling.sampling_blocks(problem.free, problem.trees)
     if conditional:
-        _mind_rests(console, chosen, problem.free.names)
+        for part, names in chosen.items():
+            if callable(names):
+                why = f"with {part}, the other unknowns are never held fixed"
+                warn_without_effect(console, "--conditional", why)
+            elif names is None or set(problem.free.names) <= set(names):
+                why = f"{part} is all that there is to sample"
+                warn_without_effect(console, "--conditional", why)
     file_of = dict(zip(chosen, anchors(chosen), strict=True))
     parts: list[BlockPosterior] = []
     interrupted = False
@@ -166,19 +171,6 @@ def sample(
         raise Interrupted(f"interrupted; the same command continues with what {kept} holds")
     if not all(part.posterior.usable for part in parts):
         raise typer.Exit(NOT_CONVERGED)
-
-
-def _mind_rests(
-    console: Console, chosen: Mapping[str, sampling.Names], free: Iterable[str]
-) -> None:
-    """Where --conditional changes nothing: nothing is left, or directions are sampled."""
-    for part, names in chosen.items():
-        if callable(names):
-            warn_without_effect(
-                console, "--conditional", f"with {part}, the other unknowns are never held fixed"
-            )
-        elif names is None or set(free) <= set(names):
-            warn_without_effect(console, "--conditional", f"{part} is all that there is to sample")
 
 
 def _names(text: str) -> tuple[str, ...]:
