@@ -1,5 +1,6 @@
 """The command line: parsing, progress and printing; no mathematics."""
 
+import atexit
 import errno
 import os
 import signal
@@ -158,6 +159,8 @@ def _listen() -> None:
     def terminate(number: int, frame: FrameType | None) -> None:
         obey(Terminated)
 
+    for number in (signal.SIGINT, signal.SIGTERM):  # last of all, as Python is taken apart
+        atexit.register(signal.signal, number, signal.SIG_IGN)
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
         signal.signal(signal.SIGINT, interrupt)
     signal.signal(signal.SIGTERM, terminate)
