@@ -22,7 +22,7 @@ option. What is in brackets may be left out; what stands after an option is its 
 capitals, what it takes. What a FILE.py may define is in [howto/problem.md](howto/problem.md), and
 which files of data are read in [howto/fit.md](howto/fit.md) and [howto/scan.md](howto/scan.md).
 
-Exit codes: 0 if all is well, 1 if `diagnose` or `check-body` warns, draws cannot be used, an answer
+Exit codes: 0 if all is well, 1 if `diagnose` or `body check` warns, draws cannot be used, an answer
 is wrong or a part of the work failed, 2 if a command could not do what it was told, 130 after
 Ctrl-C.
 """

@@ -20,7 +20,7 @@ from typing import Any
 from rich.console import Console
 from rich.markup import escape
 
-from workbench.cli.streams import explain
+from workbench.cli import explain
 from workbench.course.notebooks import code_cell, notebook, without_results, write_notebook
 from workbench.course.outline import Lecture, course
 from workbench.environment import DISTRIBUTION

@@ -95,7 +95,7 @@ def test_commands_that_are_named_exist(page: Path) -> None:
     options = options_of_commands()
     for line, quoted in TYPED.findall(page.read_text(encoding="utf-8")):
         words = shlex.split(line or quoted, comments=True)[1:]
-        verb = " ".join(words[: 2 if words[0] == "lecture" else 1])
+        verb = " ".join(words[: 2 if words[0] in ("lecture", "body") else 1])
         assert verb in options, line or quoted
         assert {word for word in words if word.startswith("--")} <= options[verb], line or quoted
 

@@ -22,7 +22,7 @@ from workbench.course.grading import CheckState
 from workbench.course.outline import lecture
 from workbench.course.process import grade
 from workbench.environment import SAMPLING, MissingLibrary
-from workbench.plots import plot_corner
+from workbench.plots.posterior import plot_corner
 from workbench.processes import NoProcesses
 from workbench.training.registrations import over_halves
 

@@ -172,7 +172,7 @@ def test_arguments_of_wrong_kinds_get_errors_of_the_workbench() -> None:
 
 def test_pages_of_bodies_refuse_other_objects(tmp_path: Path) -> None:
     body = scape(BODY)
-    with pytest.raises(BadArgument, match="the page of sliders is made of a SkinnedBody"):
+    with pytest.raises(BadArgument, match="a page that poses it is made of a SkinnedBody"):
         sliders_page("small")  # type: ignore[arg-type]
     with pytest.raises(BadFile, match="made of a SkinnedBody, not of something of type str"):
         wb.save_body("small", tmp_path / "a.npz")  # type: ignore[arg-type]

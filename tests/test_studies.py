@@ -1,5 +1,6 @@
 """The studies of a checkout: the laws of what they measure with, and a small run of each."""
 
+import csv
 import json
 import sys
 from collections.abc import Callable
@@ -12,14 +13,21 @@ import pytest
 from numpy.testing import assert_allclose
 
 import workbench as wb
-from examples.studies import blend_shapes, coregistration, output, spin_loop, triangles
+from examples.studies import (
+    blend_shapes,
+    coregistration,
+    icp_basins,
+    output,
+    spin_loop,
+    triangles,
+)
 from examples.studies.simulated_scans import errors, ratio, scanned_set
 from tests.bodies_made_up import random_body
 from tests.training.test_triangles import many_people
 from workbench.bodies.forward.features import count_features, rotation_vectors
 from workbench.bodies.forward.skinning import unskinned
 from workbench.bodies.triangles import TriangleBody, blend_scape
-from workbench.errors import BadArgument, BadFile
+from workbench.errors import BadArgument, BadFile, UnknownName
 from workbench.geometry.solids import along_edges, vertex_normals
 from workbench.lectures.material.blend_shapes import (
     Correctives,
@@ -364,3 +372,28 @@ def test_study_reads_its_options_and_writes_a_folder(
     with pytest.raises(SystemExit):
         output.arguments(coregistration.TogetherPlan, "")
     assert "two people" in capsys.readouterr().err
+
+
+def test_basins_say_which_starts_end_at_the_truth(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    small = ["--body", "small", "--points", "80", "--step", "90", "--noise", "0"]
+    asked = ["study", *small, "--axes", "y", "x,z", "--out", str(tmp_path)]
+    monkeypatch.setattr(sys, "argv", asked)
+    icp_basins.main()
+    folder = tmp_path / "icp-basins"
+    assert {path.name for path in folder.glob("*.png")} == {"basins.png", "basins-x-z.png"}
+    with (folder / "starts-y.csv").open() as file:
+        rows = {row["y_deg"]: row for row in csv.DictReader(file)}
+    assert [*rows] == ["-90", "0", "90", "180"]
+    assert rows["0"]["found"] == "yes"
+    assert float(rows["0"]["off_mm"]) < 0.1
+    assert len((folder / "starts-x-z.csv").read_text().splitlines()) == 17
+    plan = icp_basins.BasinPlan("small", ("x,z",), 90.0, points=80)
+    (one,) = icp_basins.basin_maps(plan)
+    x, y, errors = icp_basins.error_grid(one)
+    assert errors.shape == (len(x), len(y)) == (4, 4)
+    assert errors[1, 1] == one.turned[(one.angles == 0).all(axis=1)][0]
+    for axes, said in (("w", "no axis is called 'w'"), ("x,y,z", "one axis or two")):
+        with pytest.raises((BadArgument, UnknownName), match=said):
+            icp_basins.BasinPlan(axes=(axes,))

@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from builder.site import write_site
-from workbench.cli.streams import explain, tell
+from workbench.cli import explain, tell
 from workbench.errors import WorkbenchError
 
 

@@ -6,7 +6,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any, TypeVar
 
-from workbench.errors import BadArgument
+from workbench.errors import WorkbenchError
 from workbench.plots.style import drawn, png
 from workbench.reports.folder import Content, write_folder
 from workbench.reports.page import Table
@@ -47,7 +47,7 @@ def arguments(plan: type[Plan], about: str, *paths: str) -> tuple[Plan, argparse
     values = {f.name: getattr(chosen, f.name) for f in fields(plan)}  # type: ignore[arg-type]
     try:
         made = plan(**{k: tuple(v) if isinstance(v, list) else v for k, v in values.items()})
-    except BadArgument as error:
+    except WorkbenchError as error:
         parser.error(str(error))
     return made, chosen
 

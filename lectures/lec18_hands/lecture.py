@@ -170,7 +170,7 @@ Picture(
 # %% [markdown]
 # Who leaves the mean out is off by {{ off['the mean left out']:.0f}} mm at a finger tip, and who adds it twice by
 # {{ off['the mean added twice']:.0f}} mm. All three are hands,
-# so that nothing reports an error. The command `workbench check-body FILE` says which convention a file seems
+# so that nothing reports an error. The command `workbench body check FILE` says which convention a file seems
 # to follow.
 #
 # ## Left and right

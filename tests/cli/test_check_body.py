@@ -1,4 +1,4 @@
-"""`workbench check-body`: a card and a doctor for model files."""
+"""`workbench body check`: a card and a doctor for model files."""
 
 import json
 from pathlib import Path
@@ -11,12 +11,12 @@ from tests.cli.conftest import Run
 
 def test_a_file_without_faults_has_exit_code_0(tmp_path: Path, workbench: Run) -> None:
     written(foreign("hand"), tmp_path / "MANO_RIGHT.pkl")
-    code, out, _ = workbench("check-body", "MANO_RIGHT.pkl")
+    code, out, _ = workbench("body", "check", "MANO_RIGHT.pkl")
     assert code == 0
     for said in ("in the layout of MANO", "778", "a right hand", "kept, and saved again", "pickle"):
         assert said in out
     assert out.rstrip().endswith("nothing was found to be wrong")
-    code, out, _ = workbench("check-body", "small")
+    code, out, _ = workbench("body", "check", "small")
     assert code == 0
     assert "left is x, up is y, front is z" in out
     assert "CC0" in out
@@ -26,7 +26,7 @@ def test_a_file_with_faults_has_exit_code_1(tmp_path: Path, workbench: Run) -> N
     raw = foreign("small")
     raw["weights"] *= 0.98
     written(raw | {"licence": np.array("Only for tests.")}, tmp_path / "model.npz")
-    code, out, _ = workbench("check-body", "model.npz")
+    code, out, _ = workbench("body", "check", "model.npz")
     assert code == 1
     assert "warning: weights: The weights of 369 of 369 vertices do not sum to 1" in out
     assert "Only for tests." in out
@@ -47,7 +47,7 @@ def test_what_cannot_be_read_has_exit_code_2(tmp_path: Path, workbench: Run) -> 
         ("a.json", "is neither an .npz nor a .pkl file; a body is one of these"),
         ("missing.npz", "there is no file"),
     ):
-        code, _, wrong = workbench("check-body", name)
+        code, _, wrong = workbench("body", "check", name)
         assert code == 2, name
         assert said in " ".join(wrong.split()), wrong
     assert not (tmp_path / "ran").exists()

@@ -81,14 +81,6 @@ def test_compare_calls_a_lone_run_not_the_lowest(workbench: Run) -> None:
     assert "There is nothing to compare" in out
 
 
-@pytest.mark.thorough
-def test_compare_says_that_no_cluster_answers(workbench: Run) -> None:
-    pytest.importorskip("distributed")
-    code, _, err = workbench("compare", "balance", "--dask", "tcp://127.0.0.1:1")
-    assert code == 2
-    assert "no Dask scheduler answers at" in " ".join(err.split())
-
-
 SLOW = (
     LINE
     + """

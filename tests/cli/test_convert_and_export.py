@@ -1,4 +1,4 @@
-"""`workbench convert` and `workbench export`."""
+"""`workbench convert`, `workbench motion --out` as glTF, and `workbench body code`."""
 
 import json
 from functools import cache
@@ -56,30 +56,26 @@ def test_convert_fits_a_body_to_named_points(tmp_path: Path, workbench: Run) -> 
 
 
 @pytest.mark.thorough
-def test_export_says_the_error_of_correctives(tmp_path: Path, workbench: Run) -> None:
+def test_motion_says_the_error_of_correctives(tmp_path: Path, workbench: Run) -> None:
     motion_file(tmp_path)
     for correctives, count in (("1", 1), ("exact", 3), ("0", 0)):
         options = "--body", "small", "--out", "walk.glb", "--correctives", correctives
-        code, out, _ = workbench("export", "walk.npz", *options)
+        code, out, _ = workbench("motion", "walk.npz", *options, "--shapes", "10")
         assert code == 0
         assert f"10 shape directions, {count} correctives: vertices are off by" in out
         raw = (tmp_path / "walk.glb").read_bytes()
         document = json.loads(raw[20 : 20 + int.from_bytes(raw[12:16], "little")])
         assert document["asset"]["extras"]["correctives"] == count
-    for name in ("walk.bvh", "again.npz"):
-        options = "--body", "small", "--fps", "60", "--out", name
-        assert workbench("export", "walk.npz", *options)[0] == 0
-        assert len(wb.read_motion(tmp_path / name)) == 5
 
 
-def test_export_writes_code(tmp_path: Path, workbench: Run) -> None:
-    code, out, _ = workbench("export", "--body", "hand", "--points", "tips", "--out", "tips.c")
+def test_body_code_writes_a_function(tmp_path: Path, workbench: Run) -> None:
+    code, out, _ = workbench("body", "code", "hand", "--points", "tips", "--out", "tips.c")
     assert code == 0
-    assert "code: tips.c and tips.h" in out
+    assert "code: tips.c" in out
     assert "int tips(" in (tmp_path / "tips.h").read_text()
 
 
-def test_convert_and_export_refuse_what_they_cannot_do(tmp_path: Path, workbench: Run) -> None:
+def test_convert_and_code_refuse_what_they_cannot_do(tmp_path: Path, workbench: Run) -> None:
     motion_file(tmp_path)
     places = np.random.default_rng(0).normal(scale=0.4, size=(2, 23, 3))
     write_trc(tmp_path / "points.trc", Trajectories(places, points(), 30.0, "m"))
@@ -91,10 +87,9 @@ def test_convert_and_export_refuse_what_they_cannot_do(tmp_path: Path, workbench
         ),
         ("convert walk.npz --from small --to small --out a.fbx", "and not as a.fbx"),
         ("convert points.trc --to small --out a.npz --points face", "there are coco, joints"),
-        ("export --out a.glb", "name the motion that becomes a.glb"),
-        ("export walk.npz --out a.glb --correctives many", "a whole number from 0, not 'many'"),
-        ("export walk.npz --out a.fbx", "can be written as .bvh or .npz or .glb or .smpl or .c"),
-        ("export --points face --out a.c", "no landmark set is called 'face'"),
+        ("motion walk.npz --out a.glb --correctives many", "a whole number from 0, not 'many'"),
+        ("body code --points face --out a.c", "no landmark set is called 'face'"),
+        ("body code --out a.cpp", "--out takes a file that ends in .c"),
     ):
         code, _, wrong = workbench(*arguments.split())
         assert code == 2

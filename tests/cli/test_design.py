@@ -84,17 +84,3 @@ def test_design_refuses_candidates_that_are_no_residuals(workbench: Run, line: P
     code, _, err = workbench("design", "wrong.py")
     assert code == 2
     assert "`candidates` of a setup must be a dict of residuals by name" in " ".join(err.split())
-
-
-@pytest.mark.thorough
-def test_design_ranks_views_and_markers_of_a_person(workbench: Run, line: Path) -> None:
-    asked = ("design", "balance-monocular", "--candidates")
-    code, said, _ = workbench(*asked, "views", "--sd-of", "depth")
-    assert code == 0
-    data = json.loads((line / "runs" / "balance-monocular-design" / "design.json").read_text())
-    assert {one["name"] for one in data["ranking"]} == {"cam02", "cam03", "cam04"}
-    assert data["gain"] > 5
-    code, said, _ = workbench(*asked, "markers", "--sd-of", "stature")
-    assert code == 0
-    assert "1 of 41 candidates" in said
-    assert "the standard deviation of stature" in said

@@ -36,14 +36,6 @@ def test_diagnose_exits_with_1_and_names_what_is_not_known(workbench: Run) -> No
 
 
 @pytest.mark.thorough
-def test_diagnose_compares_two_files(workbench: Run) -> None:
-    for name in ("a.py", "b.py"):
-        Path(name).write_text(PARABOLA.format(n=3, columns=3))
-    assert workbench("diagnose", "a.py", "--against", "b.py")[0] == 0
-    assert "COMPARISON" in Path("runs/a-diagnosis/diagnosis.txt").read_text()
-
-
-@pytest.mark.thorough
 def test_data_alone_leaves_the_priors_of_a_file_out(workbench: Run) -> None:
     Path("held.py").write_text(PARABOLA.format(n=3, columns=2) + "priors = 'hold'\n")
     out = workbench("diagnose", "held.py", "--at-start", "--data-alone")[1]

@@ -74,7 +74,7 @@ def test_fit_takes_a_mesh_of_the_bodys_topology(workbench: Run) -> None:
 def test_triangle_body_of_a_file_is_drawn_and_fitted(workbench: Run) -> None:
     body = wb.load_body("small")
     wb.save_body(scape(body), "scape.npz")
-    code, out, err = workbench("body", "scape.npz")
+    code, out, err = workbench("body", "card", "scape.npz")
     assert code == 0, err
     assert "TriangleBody, each triangle with one part, then stitched" in out
     assert Path("runs/body-scape/index.html").is_file()
@@ -82,7 +82,7 @@ def test_triangle_body_of_a_file_is_drawn_and_fitted(workbench: Run) -> None:
     code, out, err = workbench("fit", "me.obj", "--body", "scape.npz", "--no-compare")
     assert code == 0, err
     assert "vertex to observation, rms" in out
-    assert workbench("sliders", "scape.npz")[0] == 0
+    assert workbench("body", "sliders", "scape.npz")[0] == 0
 
 
 @pytest.fixture

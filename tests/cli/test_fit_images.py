@@ -13,8 +13,8 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from workbench import Camera, LevenbergMarquardt, load_body
+from workbench.cli import Interrupted
 from workbench.cli.app import app
-from workbench.cli.leaving import Interrupted
 from workbench.fitting.images import INTERVAL_NOTE, ByHeight, WithStature
 from workbench.fitting.jobs import ImageReading, ImageWork
 from workbench.fitting.observations import COCO

@@ -37,7 +37,7 @@ from tests.cli.own_files import LINE, write_keypoints
         ("fit kp.json --cameras 3.json", "3.json holds no cameras"),
         ("fit kp.json --size 9x9 --focal 9 --height 172", "metres"),
         ("fit kp.json --size 9x9 --focal 9 --hypotheses 0", "1 to 8 starts"),
-        ("body huge", "default-blend-scape, default-female"),
+        ("body card huge", "default-blend-scape, default-female"),
         ("compare balance --solver newtons", "no solver is called 'newtons'"),
         ("compare balance --out mine", "mine exists and holds no comparison"),
         ("design nobody", "no experiment is called 'nobody'"),

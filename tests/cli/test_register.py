@@ -1,11 +1,6 @@
 """`workbench register`, as typed."""
 
 import json
-import os
-import signal
-import subprocess
-import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,14 +14,6 @@ from workbench.bodies.body import Body
 from workbench.registration import FitStage, Recipe, usual_recipe
 
 QUICK = (FitStage(200, 0.05, 0.1, 4, 8),)
-PAUSE = 0.1  # s
-SHORTER = """
-import workbench.cli.register as command
-from tests.cli.test_register import quickly
-from workbench.cli import main
-command.usual_recipe = quickly
-main()
-"""
 
 
 def quickly(body: Body) -> Recipe:
@@ -133,44 +120,6 @@ def test_register_refuses_folders_without_scans(workbench: Run, tmp_path: Path) 
     (tmp_path / "nothing").mkdir()
     assert "holds no scans" in workbench("register", str(tmp_path / "nothing"))[2]
     assert "there is no" in workbench("register", str(tmp_path / "missing.ply"))[2]
-
-
-@pytest.mark.thorough
-def test_killed_register_goes_on(scans: Path, tmp_path: Path) -> None:
-    """Killed after its first scan, it registers only the other one when it is called again."""
-    (scans / "empty.ply").unlink()
-    write_scan(str(scans / "straight.xyz"), 0.0)
-    given = ["register", str(scans), "--body", "small", "--model-only"]
-    command = [sys.executable, "-c", SHORTER, *given, "--out", str(tmp_path / "runs")]
-    first = tmp_path / "runs" / "register-scans" / "left" / "summary.json"
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    for _ in range(int(120 / PAUSE)):
-        if first.exists():
-            break
-        time.sleep(PAUSE)
-    os.kill(process.pid, signal.SIGKILL)
-    process.wait()
-    assert first.exists()
-    before = first.stat().st_mtime_ns
-    again = subprocess.run(command, capture_output=True, text=True, check=True)
-    assert "of 3 scans are registered already" in again.stdout
-    assert first.stat().st_mtime_ns == before
-    assert (tmp_path / "runs" / "register-scans" / "right" / "registration.npz").exists()
-
-
-@pytest.mark.thorough
-@pytest.mark.usefixtures("quick")
-def test_register_on_a_cluster(workbench: Run, scans: Path) -> None:
-    distributed = pytest.importorskip("distributed")
-    with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=True, dashboard_address=None
-    ) as cluster:
-        address = cluster.scheduler_address
-        given = ("register", str(scans), "--body", "small", "--model-only", "--dask", address)
-        code, out, err = workbench(*given)
-    assert code == 1, err
-    assert "1 of 3 scans could not be registered" in out
-    assert Path("runs/register-scans/left/index.html").exists()
 
 
 @pytest.mark.thorough

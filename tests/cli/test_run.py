@@ -1,11 +1,8 @@
-"""`workbench run` and `workbench body`: what they list, write and keep."""
+"""`workbench run` and `workbench body card`: what they list, write and keep."""
 
 import json
-import os
 import re
 import signal
-import subprocess
-import sys
 from io import StringIO
 from pathlib import Path
 
@@ -71,14 +68,6 @@ def test_run_lists_experiments_and_suites(workbench: Run) -> None:
     assert "nist" in err
 
 
-@pytest.mark.thorough
-def test_run_reports_a_problem_of_a_suite(workbench: Run) -> None:
-    code, out, _ = workbench("run", "nist-misra1a", "--set", "start=2")
-    assert code == 0
-    assert "agreement with NIST, worst parameter" in out
-    assert Path("runs/nist-misra1a/index.html").is_file()
-
-
 def test_run_solves_a_file_and_keeps_its_folder(workbench: Run) -> None:
     for folder in ("a", "b"):
         Path(folder).mkdir()
@@ -103,14 +92,6 @@ def test_run_says_what_the_priors_of_a_file_make_up(workbench: Run) -> None:
     _, out, _ = workbench("run", "held.py", "--no-compare")
     assert "The prior, hold, makes up" in out
     assert "without the priors: 9 x 3" in out
-
-
-@pytest.mark.thorough
-def test_body_prints_a_card_and_draws_it(workbench: Run) -> None:
-    code, out, err = workbench("body", "small")
-    assert code == 0, err
-    assert "369" in out
-    assert Path("runs/body-small/index.html").is_file()
 
 
 class Interrupting:
@@ -159,45 +140,3 @@ def test_signal_says_what_is_on_disk(
     assert code == {"SIGINT": 130, "SIGTERM": 143}[number]
     assert err.startswith(f"{word} while")
     assert "what was finished is stored in kept, and the same command continues" in err
-
-
-@pytest.mark.thorough
-def test_signal_while_the_report_is_written_leaves_nothing(
-    workbench: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def terminated(*_: object) -> None:
-        signal.raise_signal(signal.SIGTERM)
-
-    monkeypatch.setattr("workbench.reports.run.run_page", terminated)
-    Path("line.py").write_text(LINE)
-    code, _, err = workbench("run", "line.py", "--no-compare")
-    assert (code, err) == (143, "terminated; every file that was written is whole\n")
-    assert list(Path("runs").iterdir()) == []
-
-
-EARLY = """
-import os, signal, sys
-signal.signal(signal.SIGINT, signal.default_int_handler)  # the background of a shell ignores it
-class Early:  # when the solvers begin to be imported, the interrupt comes
-    def find_spec(self, name, path=None, target=None):
-        if name == "workbench.problem":
-            os.kill(os.getpid(), signal.SIGINT)
-sys.meta_path.insert(0, Early())
-from workbench.cli import main
-main()
-"""
-
-
-@pytest.mark.thorough
-@pytest.mark.skipif(os.name != "posix", reason="signals")
-def test_interrupt_while_importing_is_a_sentence() -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", EARLY, "run", "--list"],
-        capture_output=True,
-        text=True,
-        timeout=600,
-        check=False,
-    )
-    assert done.returncode == 130
-    assert done.stderr == "interrupted; every file that was written is whole\n"
-    assert done.stdout == ""

@@ -12,8 +12,6 @@ import pytest
 
 import workbench as wb
 from tests.cli.conftest import Run
-from workbench.cli.train import train
-from workbench.errors import BadArgument, BadFile
 from workbench.synthetic.made_up import (
     CorruptedRegistrations,
     draw_registrations,
@@ -94,26 +92,24 @@ def test_train_says_what_is_wrong_before_anything_is_done(workbench: Run, tmp_pa
     assert not (tmp_path / "runs").exists()
 
 
-def test_train_refuses_options_that_make_no_sense(tmp_path: Path) -> None:
-    folder, out = made_folder(tmp_path / "mine"), tmp_path / "runs"
-    with pytest.raises(BadFile, match=r"\(35, 3\), but the topology has \(369, 3\)"):
-        train(folder, start="small", out=out)
-    with pytest.raises(BadArgument, match="female, male, neutral"):
-        train(folder, gender="cat", out=out)
-    with pytest.raises(BadFile, match="subject table"):
-        train(folder, held_out=tmp_path / "nowhere", out=out)
+def test_train_refuses_options_that_make_no_sense(workbench: Run, tmp_path: Path) -> None:
+    made_folder(tmp_path / "mine")
     others = made_folder(tmp_path / "others")
     table = (others / "registrations.csv").read_text().splitlines()
     (others / "registrations.csv").write_text("\n".join(table[:8]))  # six of p0, and one of p1
-    with pytest.raises(BadArgument, match=r"there is only one of p1$"):
-        train(folder, held_out=others, start=str(folder / "start.npz"), out=out)
-    with pytest.raises(BadArgument, match="1 or more"):
-        train(folder, betas=0, out=out)
-    with pytest.raises(BadFile, match="subject table"):
-        train(tmp_path / "nowhere", out=out)
-    with pytest.raises(BadArgument, match="neutral"):
-        train(folder, gender="neutral", out=out)
-    assert not out.exists()
+    for options, said in (
+        ("mine --start small", "(35, 3), but the topology has (369, 3)"),
+        ("mine --gender cat", "female, male, neutral"),
+        ("mine --held-out nowhere", "subject table"),
+        ("mine --held-out others --start mine/start.npz", "there is only one of p1"),
+        ("mine --betas 0", "1 or more"),
+        ("nowhere", "subject table"),
+        ("mine --gender neutral", "neutral"),
+    ):
+        code, _, err = workbench("train", *options.split())
+        assert code == 2
+        assert said in err
+    assert not (tmp_path / "runs").exists()
 
 
 HEARD = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"

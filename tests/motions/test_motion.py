@@ -20,7 +20,7 @@ from workbench.fitting.setup import Moving
 from workbench.geometry.guesses import UP_TO_Y
 from workbench.motions import Bones, Motion, bones_of, read_motion
 from workbench.motions.motion import without_gaps
-from workbench.plots import caption_motion, plot_motion
+from workbench.plots import plot_motion
 from workbench.plots.style import drawn
 from workbench.priors.recordings import recorded_motions
 
@@ -267,7 +267,6 @@ def test_plot_of_a_motion_is_a_strip() -> None:
     heights = np.concatenate(ax.collections[0].get_segments())[:, 1]  # type: ignore[attr-defined]
     assert heights.max() == pytest.approx(places[0, :, 1].max())
     assert ax.texts[-1].get_text() == "1.90 s"
-    assert caption_motion(20, 10.0) == "8 of 20 frames at 10 frames a second, seen from the front."
 
 
 BODY_JOINTS = load_body("small").joint_names

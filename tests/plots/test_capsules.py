@@ -1,14 +1,13 @@
 """A body with its capsules, on paper and in words."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from matplotlib.patches import Polygon
 
 from workbench import load_body
 from workbench.bodies.capsules import posed_capsules
-from workbench.plots import caption_capsules, plot_capsules, sheet
+from workbench.plots import caption_capsules, sheet
+from workbench.plots.body import plot_capsules
 
 
 def test_every_capsule_is_drawn_twice_and_the_deepest_pair_is_marked() -> None:
@@ -36,21 +35,3 @@ def test_every_capsule_is_drawn_twice_and_the_deepest_pair_is_marked() -> None:
     tall = np.concatenate([np.asarray(patch.get_xy()) for patch in outlines])
     top = (posed.ends[..., 1] + posed.radii[:, None]).max()
     assert tall[:, 1].max() == pytest.approx(top, abs=1e-3)
-
-
-@pytest.mark.thorough
-def test_bodies_apart_and_bodies_without_pairs_say_so() -> None:
-    body = load_body("small")
-    pose = np.zeros((24, 3))
-    pose[body.joint_names.index("left_hip"), 2] = 0.3
-    pose[body.joint_names.index("right_hip"), 2] = -0.3
-    posed = posed_capsules(body, pose)
-    near = posed.gaps.min()
-    assert ("overlap" if near < 0 else "are nearest") in caption_capsules(posed)
-    none = replace(body, capsules=replace(body.capsules, pairs=np.zeros((0, 2), dtype=np.int64)))
-    posed = posed_capsules(none)
-    assert posed.deepest is None
-    assert "No pair" in caption_capsules(posed)
-    _, (ax,) = sheet(8, 6)
-    plot_capsules(none.template, none.faces, posed, ax=ax)
-    assert not ax.lines

@@ -1,5 +1,7 @@
 """Figures of a comparison: what they draw is what the numbers say."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
@@ -7,22 +9,22 @@ from matplotlib.axes import Axes
 from tests.comparison.made_up import comparison
 from tests.tiers import few
 from workbench.comparison import Comparison
-from workbench.plots import comparison_sheets as sheets
-from workbench.plots.cost_traces import (
+from workbench.plots.comparison import (
+    EFFORT,
     LOWEST,
-    UNITS,
     caption_cost_traces,
-    plot_cost_traces,
-)
-from workbench.plots.pairwise_wins import caption_pairwise_wins, plot_pairwise_wins
-from workbench.plots.profiles import (
     caption_data_profile,
     caption_performance_profile,
+    caption_verdicts,
+    cost_traces_sheet,
+    curves_sheet,
+    plot_cost_traces,
     plot_data_profile,
     plot_performance_profile,
+    plot_verdicts,
+    verdicts_sheet,
 )
 from workbench.plots.style import sheet
-from workbench.plots.verdicts import caption_basins, caption_verdicts, plot_basins, plot_verdicts
 
 RUNS = {
     ("p", "good"): [50.0, 9.0, 0.0],
@@ -62,7 +64,7 @@ def test_data_profile_rises_where_a_target_is_met(found: Comparison, ax: Axes) -
 
 
 def test_cost_traces_begin_at_the_first_point_and_never_rise(found: Comparison, ax: Axes) -> None:
-    plot_cost_traces(found, "p", ax=ax, against=UNITS)
+    plot_cost_traces(found, "p", ax=ax, against=EFFORT)
     y = np.asarray(ax.get_lines()[0].get_ydata(), dtype=float)
     assert y[0] == pytest.approx(0.5)
     assert y[-1] == LOWEST
@@ -70,15 +72,12 @@ def test_cost_traces_begin_at_the_first_point_and_never_rise(found: Comparison, 
     assert "one run of each solver" in caption_cost_traces(found, "p")
 
 
-def test_bars_are_as_long_as_there_are_runs(found: Comparison) -> None:
-    for plot in (plot_verdicts, lambda c, ax: plot_basins(c, "p", ax=ax)):
-        ax = sheet(4, 3)[1][0]
-        plot(found, ax=ax)
-        length: dict[float, float] = {}
-        for bar in ax.patches:
-            length[bar.get_y()] = length.get(bar.get_y(), 0) + bar.get_width()
-        assert len(set(length.values())) == 1
-    assert "basin" in caption_basins(found, "p")
+def test_bars_are_as_long_as_there_are_runs(found: Comparison, ax: Axes) -> None:
+    plot_verdicts(found, ax=ax)
+    length: dict[float, float] = {}
+    for bar in ax.patches:
+        length[bar.get_y()] = length.get(bar.get_y(), 0) + bar.get_width()
+    assert len(set(length.values())) == 1
 
 
 def test_caption_of_verdicts_explains_the_colours_that_are_there() -> None:
@@ -99,15 +98,6 @@ def test_caption_of_verdicts_explains_the_colours_that_are_there() -> None:
         assert ("no run claims" in said) == ("false claim" not in there)
 
 
-def test_pairwise_wins_are_of_rows_against_columns(found: Comparison, ax: Axes) -> None:
-    plot_pairwise_wins(found, 1e-3, ax=ax)
-    said = {text.get_position(): text.get_text() for text in ax.texts}
-    assert said[1, 0] == "1:1\np 1"  # on q the other one was first
-    assert said[2, 0] == "2:0\np 1"  # two problems: p = 0.5, of three pairs
-    assert said[0, 2] == "0:2\np 1"
-    assert "same starts" in caption_pairwise_wins(found)
-
-
 WHATEVER = {
     "all": RUNS,
     "alone": {("p", "alone"): [3.0]},
@@ -120,14 +110,14 @@ WHATEVER = {
 @pytest.mark.parametrize("name", few(WHATEVER, 0))
 def test_sheets_are_drawn_of_whatever_runs_there_are(name: str) -> None:
     found = comparison(WHATEVER[name])
+    profiles = [
+        partial(plot, found, tau)
+        for plot in (plot_performance_profile, plot_data_profile)
+        for tau in found.taus[:2]
+    ]
     for figure in (
-        sheets.verdicts_sheet(found),
-        sheets.basins_sheet(found, "p"),
-        sheets.performance_profile_sheet(found, found.taus[:2]),
-        sheets.data_profile_sheet(found, found.taus[:2]),
-        sheets.cost_traces_sheet(found, "p"),
-        sheets.waterfall_sheet(found, "p"),
-        sheets.pairwise_wins_sheet(found),
-        sheets.accuracy_sheet(found),
+        verdicts_sheet(found),
+        curves_sheet(found, profiles),
+        cost_traces_sheet(found, "p"),
     ):
         figure.draw_without_rendering()

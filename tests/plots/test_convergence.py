@@ -7,9 +7,9 @@ import pytest
 
 from tests.outcomes_made_up import outcome_made_up
 from workbench.fitting.setup import MANY
-from workbench.plots import SECONDS, caption_convergence, plot_convergence, png, sheet
+from workbench.plots import caption_convergence, png, sheet
 from workbench.plots.palette import solver_styles
-from workbench.plots.solutions import best_cost, convergence_sheet, gap
+from workbench.plots.solutions import best_cost, convergence_sheet, gap, plot_convergence
 from workbench.reports.page import page
 from workbench.reports.replay import Recording
 from workbench.reports.run import solvers_table
@@ -112,22 +112,6 @@ def test_solver_without_a_trace_has_only_a_name() -> None:
     (legend,) = figure.legends
     assert [t.get_text() for t in legend.get_texts()] == ["a: converged", "never: raised"]
     assert "No solver found" in caption_convergence({"never": never})
-
-
-def test_time_starts_above_zero() -> None:
-    _, (ax,) = sheet(4, 4)
-    plot_convergence(outcome_made_up().compared, ax=ax, against=SECONDS)
-    assert ax.get_xscale() == "log"
-    assert min(line.get_xdata()[0] for line in ax.get_lines()[:2]) > 0
-
-
-def test_caption_explains_only_what_is_drawn() -> None:
-    """Hollow marks where there are some; and one solver alone is first at nothing."""
-    a, b = solution([11.0, 3.0, 1.0]), solution([11.0, 6.0], Status.STALLED)
-    assert "hollow" not in caption_convergence({"a": a}).lower()
-    assert "hollow" in caption_convergence({"a": a, "b": b}).lower()
-    assert "solvers end" not in caption_convergence({"a": a})
-    assert "1 of 2 solvers end" in caption_convergence({"a": a, "b": b})
 
 
 def test_caption_ranks_no_solver_by_the_clock() -> None:

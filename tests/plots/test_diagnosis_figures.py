@@ -7,17 +7,15 @@ from tests.bodies_made_up import smpl_like_body
 from tests.diagnostics import cases
 from workbench import Block, Problem, Residual, diagnose, load_body
 from workbench.plots import (
-    caption_direction,
     caption_sigmas,
     caption_taylor,
     plot_data_share,
-    plot_direction,
     plot_sigmas,
     plot_sparsity,
     plot_taylor,
     sheet,
 )
-from workbench.plots.body import close_up
+from workbench.plots.body import close_up, plot_direction
 
 pytestmark = pytest.mark.browser
 
@@ -79,18 +77,6 @@ def test_taylor_error_goes_like_the_square() -> None:
     assert np.log(e[0] / e[2]) / np.log(h[0] / h[2]) == pytest.approx(2, abs=0.2)
     assert "as it must" in caption_taylor(found)
     assert "sigmas" in ax.get_ylabel()
-
-
-def test_direction_is_drawn_three_times() -> None:
-    body = smpl_like_body()
-    here = body.vertices()
-    there = here.copy()
-    there[5] += [0.0, 0.3, 0.0]
-    moved = {"-": here, "here": here, "+": there}
-    _, (ax,) = sheet(8, 4)
-    plot_direction(moved, body.faces, ax=ax)
-    assert len(ax.collections) == 3
-    assert "30 cm" in caption_direction("a shift", moved, 0.5, "m")
 
 
 @pytest.mark.thorough

@@ -25,7 +25,6 @@ from workbench.plots.diagnosis import (
     unseen,
 )
 from workbench.plots.palette import VERMILLION
-from workbench.plots.style import apart
 
 pytestmark = pytest.mark.browser
 
@@ -77,18 +76,6 @@ def test_large_pattern_is_squeezed_and_says_so() -> None:
     assert "Several rows share a line" in caption_sparsity(diagnosis)
     assert "taller than to scale" in caption_sparsity(diagnosis)
     assert png(sparsity_sheet(diagnosis)).startswith(b"\x89PNG")
-
-
-@pytest.mark.thorough
-def test_many_blocks_get_as_many_labels_as_fit() -> None:
-    assert apart([0.0, 0.5, 1.0, 3.0], [1, 5, 1, 1], 0.8) == [1, 3]
-    blocks = [Block(f"scan {i}/pose", (3,)) for i in range(60)]
-    terms = [residuals.gaussian(b.symbol, name=f"prior {b.name}") for b in blocks]
-    at = {b.name: np.zeros(3) for b in blocks}
-    diagnosis = diagnose(Problem(terms, tuple(at)), at)
-    _, (ax,) = sheet(6, 4)
-    plot_sparsity(diagnosis, ax=ax)
-    assert 5 < len(ax.get_xticklabels()) < 60
 
 
 def test_singular_values_are_drawn_beside_the_rank() -> None:

@@ -8,7 +8,7 @@ from matplotlib.collections import LineCollection, PathCollection, PolyCollectio
 
 from tests.outcomes_made_up import outcome_made_up
 from workbench.plots import caption_overlay, plot_overlay, png, sheet, svg
-from workbench.plots.views import reprojection, window
+from workbench.plots.views import reprojection
 
 
 def test_overlay_draws_points_where_they_are() -> None:
@@ -59,19 +59,6 @@ def test_reprojection_counts_confident_keypoints() -> None:
     error, count = reprojection(moved)
     assert error == pytest.approx(3.0)
     assert count == int(np.sum(overlay.view.confidence > 0.2))
-
-
-def test_overlay_window_holds_everything_drawn() -> None:
-    overlay = outcome_made_up().overlays[0]
-    (left, right), (top, bottom) = window(overlay, 1.25)
-    assert bottom - top == pytest.approx(1.25 * (right - left))
-    for points in (
-        overlay.surface,
-        overlay.projected,
-        overlay.view.observed[overlay.view.confidence > 0],
-    ):
-        assert (points > [left, top]).all()
-        assert (points < [right, bottom]).all()
 
 
 @pytest.mark.thorough

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from tests.sampling.densities import gaussian
-from workbench import laplace, load_body
-from workbench.plots.posterior import corner_sheet, silhouette, spray_sheet, traces_sheet
+from workbench import laplace
+from workbench.plots.posterior import silhouette, traces_sheet
 
 
 @pytest.fixture(scope="module")
@@ -27,22 +27,7 @@ def test_silhouette_leaves_out_what_is_not_finite() -> None:
     assert not silhouette(corners, np.array([[0, 1, 2]]), np.zeros(2), 1.0, (10, 10)).any()
 
 
-@pytest.mark.thorough
-def test_corner_names_entries_and_units(posterior: object) -> None:
-    figure = corner_sheet(posterior, [0, 3])  # type: ignore[arg-type]
-    said = [ax.get_xlabel() for ax in figure.axes]
-    assert any("[3]" in text and "(1)" in text for text in said)
-
-
 def test_traces_have_an_axis_for_each_entry(posterior: object) -> None:
     figure = traces_sheet(posterior, [0, 3, 5])  # type: ignore[arg-type]
     assert [ax.get_ylabel() for ax in figure.axes] == [f"x\n[{i}] (1)" for i in (0, 3, 5)]
     assert figure.axes[-1].get_xlabel() == "step of each walker"
-
-
-@pytest.mark.thorough
-def test_spray_of_equal_bodies_is_sharp() -> None:
-    body = load_body("small")
-    figure = spray_sheet(np.stack([body.vertices()] * 3), body.faces)
-    shares = [np.unique(image.get_array()) for image in figure.axes[0].get_images()]
-    assert all(set(one.tolist()) == {0.0, 1.0} for one in shares)

@@ -6,18 +6,18 @@ import pytest
 from tests.solutions_made_up import solution_of
 from workbench.errors import BadArgument
 from workbench.plots import (
-    caption_basin_grid,
     caption_basins,
     caption_minima,
-    plot_basin_grid,
     plot_basins,
     plot_minima,
     png,
     sheet,
 )
+from workbench.plots.scans import plot_joint_cost
 from workbench.registration import BasinMap, Stopped
 from workbench.registration.basins import grid
 from workbench.solvers import Solution
+from workbench.training.execution import LogEntry
 
 THREE = {0.5: (4, 0, 7), 2.0: (1, 2, 3, 5, 6), 30.0: (8,)}
 
@@ -107,20 +107,6 @@ def test_caption_says_how_far_a_basin_reaches() -> None:
     assert "within 20 mm on average" in said
 
 
-def test_basin_grid_is_a_table_of_colours() -> None:
-    one = made_up("x", "z")
-    figure, (ax,) = sheet(6, 5)
-    plot_basin_grid(one, ax=ax)
-    assert png(figure).startswith(b"\x89PNG")
-    colours = np.asarray(ax.collections[0].get_array()).reshape(12, 12)  # z upwards, x across
-    assert colours[4, 4] == 0.1
-    assert colours[11, 4] == colours[4, 11] == 180
-    assert len(ax.get_lines()[0].get_xdata()) == 144 - 25
-    assert ax.get_xlabel() == "start turned about x (degrees)"
-    assert "25 of 144 starts did." in caption_basin_grid(one)
-    assert "about x and then about z" in caption_basin_grid(one)
-
-
 def test_basins_refuse_maps_of_other_axes() -> None:
     _, (ax,) = sheet(4, 3)
     for maps in ([], [made_up("x", "y")]):
@@ -128,5 +114,11 @@ def test_basins_refuse_maps_of_other_axes() -> None:
             plot_basins(maps, ax=ax)
         with pytest.raises(BadArgument, match="maps of one axis"):
             caption_basins(maps)
-    with pytest.raises(BadArgument, match="a map of two axes, not of 1"):
-        plot_basin_grid(made_up("x"), ax=ax)
+
+
+def test_joint_cost_draws_more_terms_than_there_are_marks() -> None:
+    costs = {f"E_{k}": 1.0 + k for k in range(12)}
+    _, (ax,) = sheet(4, 3)
+    plot_joint_cost([LogEntry("model", costs, {name: 0.5 for name in costs}, {}, 0.0)], ax=ax)
+    assert len(ax.get_lines()) == 13
+    assert ax.get_lines()[0].get_ydata().tolist() == [78.0, 6.0]

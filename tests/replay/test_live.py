@@ -6,7 +6,6 @@ import threading
 import time
 from base64 import urlsafe_b64encode
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -27,7 +26,7 @@ from workbench.reports.page import page
 from workbench.reports.replay.live import LiveServer
 from workbench.reports.replay.runs import recorded_start
 from workbench.reports.replays import live_server
-from workbench.solvers import SOLVERS, Spread, Starts
+from workbench.solvers import SOLVERS
 
 
 @cache
@@ -118,7 +117,6 @@ def test_live_server_refuses_bad_queries(server: LiveServer) -> None:
     good = {
         "solve": {"solver": "trust-region", "run": "b"},
         "drag": {"joint": "20", "x": "0", "y": "0", "z": "0"},
-        "ends": {"solver": "trust-region", "count": "4", "spread": "0.5", "run": "x"},
     }
     for what, query in (
         ("solve", {"solver": "no-such"}),
@@ -130,10 +128,6 @@ def test_live_server_refuses_bad_queries(server: LiveServer) -> None:
         ("drag", {"joint": "wrist"}),
         ("drag", {"x": "nan"}),
         ("drag", {"start": "A"}),
-        ("ends", {"count": "1"}),
-        ("ends", {"count": "1000"}),
-        ("ends", {"count": "few"}),
-        ("ends", {"spread": "0"}),
     ):
         response = asked(server, what, None, **({"start": start(server)} | good[what] | query))
         assert response.status == 400, (what, query)
@@ -182,14 +176,6 @@ def test_closed_tab_ends_its_solve(server: LiveServer) -> None:
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("name", ["ipopt", "nlopt-slsqp"])
-def test_solvers_stop_when_they_are_told(name: str) -> None:
-    solver = SOLVERS[name]
-    solution = solver.solve(setup().problem, setup().start, callback=lambda iterate: True)
-    assert solution.status.name == "STOPPED"
-
-
-@pytest.mark.thorough
 def test_dragged_joint_moves_and_the_rest_stays(server: LiveServer) -> None:
     body = setup().body
     assert isinstance(body, wb.SkinnedBody)
@@ -223,39 +209,6 @@ def test_dragged_root_moves_the_whole_body(server: LiveServer) -> None:
     np.testing.assert_allclose(root, [1, 2, 3], atol=1e-8)
 
 
-@pytest.mark.thorough
-def test_live_starts_show_their_basins(server: LiveServer) -> None:
-    count, spread = 4, 1.2
-    query = {"solver": "trust-region", "count": str(count), "spread": str(spread), "run": "many"}
-    response = asked(server, "ends", start=start(server), **query)
-    *ends, (last, ended) = events(response.read().decode())
-    assert [one["start"] for _, one in ends] == list(range(count))
-    drawn = Spread({"pose": spread, "trans": 0.3 * spread})
-    own = Starts(count, SOLVERS["trust-region"], drawn).solve(setup().problem, setup().start)
-    groups = {tuple(sorted(one["ends"])) for one in ends[-1][1]["basins"]}
-    assert groups == {tuple(sorted(one.starts)) for one in own.hypotheses}
-    costs = [one["cost"] for one in ends[-1][1]["basins"]]
-    assert costs == sorted(costs)
-    assert costs[0] == pytest.approx(own.cost, rel=1e-5)
-    assert (last, ended["status"]) == ("ended", "done")
-    assert f"of {count} starts" in ended["message"]
-
-
-@pytest.mark.thorough
-def test_live_starts_can_be_stopped(server: LiveServer) -> None:
-    waiting = Waiting()
-    mapping: Any = server.solvers
-    mapping["waiting"] = waiting
-    query = {"solver": "waiting", "count": "3", "spread": "0.5", "run": "tab 4"}
-    with ThreadPoolExecutor(1) as pool:
-        answer = pool.submit(asked, server, "ends", None, start=start(server), **query)
-        while asked(server, "stop", run="tab 4").read() != b"stopped":
-            time.sleep(0.01)
-        (only,) = events(answer.result(timeout=200).read().decode())
-    assert only[1]["status"] == "stopped"
-    assert waiting.stopped.is_set()
-
-
 DRAGGED = """
   const scene = replay.scene, canvas = scene.canvas, box = canvas.getBoundingClientRect();
   const k = replay.body.joint_names.indexOf("left_wrist");
@@ -281,13 +234,6 @@ DRAGGED = """
   answers.chosen = replay.live.joint.selectedOptions[0].textContent;
   const target = ["x", "y", "z"].map((d, i) => +told.get(d) + replay.byHand.shift[i]);
   answers.off = scene.place(target).map((x, d) => x - [u + 40, v - 30][d]);
-  replay.live.basins.take({ start: 0, of: 2, x: [...replay.hand], cost: 2, status: "converged",
-    basins: [{ cost: 2, ends: [0] }] });
-  replay.live.basins.take({ start: 1, of: 2, x: [...replay.hand], cost: 1, status: "converged",
-    basins: [{ cost: 1, ends: [1] }, { cost: 2, ends: [0] }] });
-  replay.live.show("ends");
-  answers.ends = replay.shown().map(one => one.name);
-  answers.said = replay.sentence.textContent;
 """
 
 
@@ -300,8 +246,6 @@ def test_joint_is_dragged_in_the_browser(tmp_path: Path) -> None:
     assert answers["chosen"] == "left elbow"  # what turns
     assert answers["turned"] == 0  # the camera stands still meanwhile
     np.testing.assert_allclose(answers["off"], 0, atol=0.5)  # px
-    assert answers["ends"] == ["1 (1 of 2)", "2 (1 of 2)"]
-    assert answers["said"].startswith("2 of 2 starts have ended: 1 at the lowest cost, 1; 1 other")
 
 
 def test_live_server_refuses_problems_without_a_body() -> None:

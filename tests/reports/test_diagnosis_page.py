@@ -13,7 +13,7 @@ from tests.bodies_made_up import smpl_like_body
 from tests.diagnostics import cases
 from tests.tiers import few
 from workbench import Block, Constraint, Problem, Residual, diagnose
-from workbench.reports import refuse_foreign, write_diagnosis
+from workbench.reports import write_diagnosis
 
 NAMES = {"index.html", "diagnosis.txt", "diagnosis.json", "summary.json"}
 KNOWN = (cases.joints_only, cases.uneven, cases.scale_against_depth)
@@ -58,15 +58,6 @@ def test_diagnosis_page_compares_two(tmp_path: Path) -> None:
     data = json.loads((page.parent / "diagnosis.json").read_text(encoding="utf-8"))
     assert data["second"]["shape"] == [72, 72]
     assert "COMPARISON" in (page.parent / "diagnosis.txt").read_text(encoding="utf-8")
-
-
-@pytest.mark.thorough
-def test_second_diagnosis_page_replaces_the_first(tmp_path: Path) -> None:
-    found = diagnose(*cases.uneven())
-    for title in ("one", "two"):
-        page = write_diagnosis(found, tmp_path / "d", title=title, source="a.py")
-    assert "Diagnosis of two" in page.read_text(encoding="utf-8")
-    refuse_foreign(tmp_path / "d", "a.py")
 
 
 def _escaped(text: str) -> str:

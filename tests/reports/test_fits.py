@@ -47,7 +47,7 @@ def test_fit_of_a_motion_is_one_frame(tmp_path: Path) -> None:
 
 
 def test_fit_of_another_body_is_refused(run: Path, tmp_path: Path) -> None:
-    with pytest.raises(BadArgument, match=r"name the body of the fit: workbench sliders NAME"):
+    with pytest.raises(BadArgument, match=r"name the body of the fit: workbench body sliders NAME"):
         pose_and_betas(run, wb.load_body("hand"))
     with pytest.raises(BadFile, match=r"holds none of values\.npz"):
         pose_and_betas(tmp_path, BODY)
@@ -57,7 +57,7 @@ def test_fit_of_another_body_is_refused(run: Path, tmp_path: Path) -> None:
 
 
 def test_sliders_open_at_a_fit(run: Path, workbench: Run) -> None:  # noqa: F811
-    code, out, error = workbench("sliders", "small", "--from", "run", "--out", "pages")
+    code, out, error = workbench("body", "sliders", "small", "--from", "run", "--out", "pages")
     assert code == 0, error
     assert "sliders-small.html" in out
     text = Path("pages/sliders-small.html").read_text(encoding="utf-8")
@@ -66,7 +66,7 @@ def test_sliders_open_at_a_fit(run: Path, workbench: Run) -> None:  # noqa: F811
     start = json.loads(found[1])
     assert start["pose"]["left_elbow"][1] == pytest.approx(-85.9437)
     assert "The page opens with the pose and the betas of run" in text
-    code, _, error = workbench("sliders", "small", "--from", "missing", "--out", "pages")
+    code, _, error = workbench("body", "sliders", "small", "--from", "missing", "--out", "pages")
     assert code == 2
     assert "missing" in error
 

@@ -12,9 +12,8 @@ import workbench as wb
 from tests.sampling.densities import conditioned, gaussian
 from workbench.experiments import find
 from workbench.fitting.setup import Setup
-from workbench.plots.palette import INK, VERMILLION
 from workbench.reports import write_posterior
-from workbench.reports.posterior_summary import BlockPosterior, contradictions
+from workbench.reports.posterior import BlockPosterior, anchors, contradictions
 from workbench.reports.replay import recorded_posterior
 from workbench.sampling import fixed, laplace, sample
 
@@ -91,6 +90,10 @@ def test_what_synthetic_data_were_made_of_is_marked(tmp_path: Path) -> None:
     assert "synthetic" not in words((without / "index.html").read_text())
 
 
+def test_blocks_that_differ_in_signs_have_files_of_their_own() -> None:
+    assert anchors(["x[0]", "x(0)", "X-0", "..."]) == ["x-0", "x-0-2", "X-0-3", "block"]
+
+
 def test_truth_against_a_prior_is_said() -> None:
     """Angles of 0.3 rad are far outside of the prior of some joints; draws from it are not."""
     assert contradictions(find("landmarks").setup()) == []
@@ -124,39 +127,6 @@ def test_draws_are_seen_by_held_out_cameras_too() -> None:
     assert len(views) == 4
     for view, one in zip(setup.views, views, strict=True):
         assert one["focal"] == pytest.approx(setup.start[view.camera.focal.name])
-
-
-@pytest.mark.thorough
-def test_a_truth_is_drawn_in_every_figure() -> None:
-    from workbench.plots.posterior import (
-        beside_laplace_sheet,
-        corner_sheet,
-        spray_sheet,
-        traces_sheet,
-    )
-    from workbench.reports.posterior_summary import truth_of
-
-    problem = gaussian(C)
-    p = laplace(problem, {"x": np.zeros(3)}, draws=400)
-    setup = Setup(problem, {"x": np.zeros(3)}, "?", made_of={"x": np.array([0.1, 0.2, 0.3])})
-    truth = truth_of(p, setup)
-    assert truth == pytest.approx([0.1, 0.2, 0.3])
-
-    def lines(figure: object, colour: str) -> int:
-        axes = figure.axes  # type: ignore[attr-defined]
-        return sum(line.get_color() == colour for ax in axes for line in ax.get_lines())
-
-    for colour, sheet in (
-        (INK, lambda t: traces_sheet(p, [0, 1, 2], t)),
-        (VERMILLION, lambda t: corner_sheet(p, [0, 1, 2], t)),
-        (VERMILLION, lambda t: beside_laplace_sheet(p, p, t)),
-    ):
-        assert lines(sheet(truth), colour) > lines(sheet(None), colour) == 0
-    body = wb.load_body("small")
-    bodies = np.stack([body.vertices()] * 2)
-    outlined = spray_sheet(bodies, body.faces, bodies[0])
-    plain = spray_sheet(bodies, body.faces)
-    assert len(outlined.axes[0].collections) == len(plain.axes[0].collections) + 2
 
 
 def test_setup_refuses_a_truth_that_does_not_fit() -> None:

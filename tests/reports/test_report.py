@@ -3,7 +3,6 @@
 import json
 import re
 from dataclasses import replace
-from html import unescape
 from pathlib import Path
 
 import numpy as np
@@ -12,13 +11,11 @@ import pytest
 from tests.outcomes_made_up import NAMES, outcome_made_up
 from tests.solutions_made_up import solution_of
 from workbench.diagnostics import diagnose
-from workbench.experiments import Outcome
 from workbench.geometry import meshes
-from workbench.plots import caption_minima, plot_overlay, sheet
-from workbench.reports import run as report
+from workbench.plots import plot_overlay, sheet
 from workbench.reports import write_report
 from workbench.reports.page import number
-from workbench.reports.run import hypotheses_table, priors_said, residuals_table, run_page
+from workbench.reports.run import hypotheses_table, priors_said, residuals_table
 from workbench.solvers import Solution, Status
 
 pytestmark = pytest.mark.xdist_group("reports of a run")  # which is made once
@@ -204,53 +201,13 @@ def test_the_data_alone_are_in_every_file(tmp_path: Path) -> None:
     }
 
 
-@pytest.mark.thorough
-def test_an_interrupted_comparison_is_said(tmp_path: Path) -> None:
-    cut = replace(outcome_made_up(), skipped=("ipopt",))
-    page = write_report(cut, tmp_path / "cut")
-    said = "The comparison of solvers was cut short from the keyboard; not run: ipopt."
-    assert said in page.read_text(encoding="utf-8")
-    assert json.loads((page.parent / "summary.json").read_text())["skipped"] == ["ipopt"]
-
-
 def test_report_mesh_is_the_posed_surface(folder: Path) -> None:
     found = meshes.read_mesh(folder / "body.glb")
     np.testing.assert_allclose(found.vertices, outcome_made_up().surface, atol=1e-5)
 
 
-@pytest.mark.parametrize("error", [RuntimeError("in the middle"), KeyboardInterrupt()])
-def test_interrupted_report_leaves_the_previous_one_or_none(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: BaseException
-) -> None:
-    outcome, folder = outcome_made_up(), tmp_path / "run"
-
-    def fail(*_: object) -> str:
-        raise error
-
-    monkeypatch.setattr(report, "run_page", fail)
-    with pytest.raises(type(error)):
-        write_report(outcome, folder)
-    assert list(tmp_path.iterdir()) == []
-    monkeypatch.setattr(report, "run_page", lambda *_: "the first page")
-    write_report(outcome, folder)
-    monkeypatch.setattr(report, "run_page", fail)
-    with pytest.raises(type(error)):
-        write_report(outcome, folder)
-    assert {path.name for path in folder.iterdir()} == FILES
-    assert (folder / "index.html").read_text() == "the first page"
-    assert [path.name for path in tmp_path.iterdir()] == ["run"]
-
-
 MINIMA = {0.25: (4, 0, 7), 2.123456789: tuple(range(19, 7, -1)) + (3, 5), np.inf: (1,)}
 ENDED = Status.CONVERGED, Status.MAX_ITERATIONS, Status.NOT_FINITE
-
-
-@pytest.fixture(scope="module")
-def outcome() -> Outcome:
-    """A run of several starts."""
-    made_up = outcome_made_up()
-    found = solution_of(MINIMA, ENDED).hypotheses
-    return replace(made_up, solution=replace(made_up.solution, hypotheses=found))
 
 
 def test_the_table_has_a_row_for_each_minimum() -> None:
@@ -264,22 +221,3 @@ def test_the_table_has_a_row_for_each_minimum() -> None:
     )  # fmt: skip
     assert table.numbers == (0, 1, 2)
     assert hypotheses_table(solution_of({})).rows == ()
-
-
-@pytest.mark.thorough
-def test_the_page_has_a_section_with_the_figure_and_the_table(outcome: Outcome) -> None:
-    page = run_page(outcome, {})
-    assert '<a href="#minima">Minima</a>' in page
-    section = re.search(r'<h2 id="minima">Minima</h2>(.*?)<h2 ', page, re.DOTALL)
-    assert section
-    text = " ".join(unescape(re.sub(r"<[^>]*>", " ", section[1])).split())
-    assert caption_minima(outcome.solution) in text
-    assert section[1].count("<figure") == 1
-    for row in hypotheses_table(outcome.solution).rows:
-        assert " ".join(row) in text
-    assert "Start 0 is the start of the problem." in text
-
-
-@pytest.mark.thorough
-def test_the_page_of_one_start_has_no_such_section() -> None:
-    assert "inima</" not in run_page(outcome_made_up(), {})

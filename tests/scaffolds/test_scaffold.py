@@ -13,7 +13,7 @@ from workbench.errors import BadArgument, BadFile, UnknownName
 
 def test_templates_are_the_kinds_of_scaffolds() -> None:
     there = {path.name for path in TEMPLATES.iterdir() if not path.name.startswith("__")}
-    assert there == {scaffold.template for scaffold in SCAFFOLDS.values()}
+    assert {name.removesuffix(".py") for name in there} == {*SCAFFOLDS}
 
 
 def test_scaffolds_take_the_name_and_public_names_are_enough(tmp_path: Path) -> None:

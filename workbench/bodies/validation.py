@@ -203,7 +203,7 @@ def _check_sizes(refuse: Refuse, body: Body, names: Iterable[str]) -> None:
             vertex = int(np.unravel_index(int(array.argmax()), array.shape)[0])
             refuse(
                 f"{name} of vertex {vertex} has an entry of {largest:.3g} m, and a body has none "
-                f"beyond {FARTHEST:,.0f} m; `workbench check-body` says which unit the file is in"
+                f"beyond {FARTHEST:,.0f} m; `workbench body check` says which unit the file is in"
             )
 
 

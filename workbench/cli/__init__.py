@@ -1,12 +1,32 @@
 """The command line: parsing, progress and printing; no mathematics."""
 
+import atexit
+import errno
+import os
+import signal
 import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from io import TextIOWrapper
+from types import FrameType
 
-from workbench.cli.leaving import INTERRUPTED, Interrupted, Signals, Terminated, held
-from workbench.cli.streams import explain, failure, nowhere, prepare, tell, unprinted
+from workbench.interrupts import caused_by
 
 CLOSED = 1  # the exit code if nobody reads on, as after `| head -1`
-TERMINATED = INTERRUPTED.replace("interrupted", "terminated")
+INTERRUPTED = "interrupted; every file that was written is whole"
+ONE_PRESS = 1.0  # s; signals of one kind within that time are one: the first is being obeyed
+
+
+class Interrupted(BaseException):
+    """Ctrl-C; says what became of the work.
+
+    Typer gives an interrupt an exit code of its own choice and no sentence; this passes it by.
+    """
+
+
+class Terminated(BaseException):
+    """SIGTERM: leave at once, cleaning up on the way; may say what became of the work."""
 
 
 def main() -> None:
@@ -14,48 +34,133 @@ def main() -> None:
     request to terminate 143. An output that cannot be written is a sentence and exit code 2. If the
     reader of a pipe has closed it, nothing is said and the exit code is 1.
     """
-    prepare()
-    if nowhere():
-        tell("error: the folder that this command was started in is gone; change to another one")
-        sys.exit(2)
-    signals, mistake = Signals(), None
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # it was closed
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
+        if isinstance(stream := getattr(sys, name), TextIOWrapper):
+            stream.reconfigure(errors="replace")
+    _listen()
+    code, sentence, unprinted = 0, "", None
     try:
-        code, sentence = _run(signals)
+        with held():
+            from workbench.cli.app import app
+        app()
+    except Interrupted as leaving:
+        code, sentence = 130, str(leaving)
+    except KeyboardInterrupt:
+        code, sentence = 130, INTERRUPTED
+    except Terminated as leaving:
+        code, sentence = 143, str(leaving) or INTERRUPTED.replace("interrupted", "terminated")
+    except SystemExit as leaving:  # Typer's, also of an interrupt while it reads the arguments
+        code = leaving.code if isinstance(leaving.code, int) else int(leaving.code is not None)
+        sentence = INTERRUPTED if code == 130 else ""
     except Exception as error:
-        code, sentence, mistake = 1, "", error
-    wrong = failure(sys.stdout) or unprinted(mistake)
-    if isinstance(wrong, BrokenPipeError):
+        if isinstance(error, OSError) and error.errno in (errno.EPIPE, errno.ENOSPC):
+            unprinted = error
+        elif explain(error):
+            code = 2
+        else:
+            raise
+    for number in (signal.SIGINT, signal.SIGTERM):  # what is left to do can be left
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, lambda number, frame: os._exit(128 + number))
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        unprinted = error
+        with suppress(OSError):  # what is left is printed nowhere, or Python stumbles as it ends
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    if isinstance(unprinted, BrokenPipeError):
         code, sentence = code or CLOSED, ""
-    elif wrong is not None:
-        code = code if code > 1 else 2
-        sentence = f"cannot write to the standard output: {wrong.strerror or wrong}"
-    elif mistake is not None and signals.asked is KeyboardInterrupt:
-        code, sentence = 130, INTERRUPTED  # C code made another error of the interrupt
-    elif mistake is not None:
-        raise mistake
+    elif unprinted is not None:
+        code, sentence = 2, f"cannot write to the standard output: {unprinted.strerror}"
     if sentence:
         tell(sentence)
     sys.exit(code)
 
 
-def _run(signals: Signals) -> tuple[int, str]:
-    """The exit code, and what is left to be said. Raises what is a mistake in the workbench."""
+def tell(sentence: str) -> None:
+    """Print to the standard error; if that fails as well, only the exit code says what happened."""
+    with suppress(OSError):
+        print(sentence, file=sys.stderr, flush=True)
+
+
+def explain(error: Exception) -> bool:
+    """Print the sentence of an error of ours, and return True.
+
+    Return False for any other error, which is a mistake in the workbench.
+    """
+    from rich.console import Console
+    from rich.markup import escape
+
+    from workbench.errors import WorkbenchError
+
+    if not isinstance(error, WorkbenchError):
+        return False
+    with suppress(OSError):
+        Console(stderr=True).print(
+            f"[bold red]error:[/] {escape(str(error))}", highlight=False, soft_wrap=True
+        )
+    return True
+
+
+@contextmanager
+def interrupts_say(text: Callable[[], str]) -> Iterator[None]:
+    """Inside, an interrupt from the keyboard raises Interrupted with a text, also out of C code.
+
+    A request to terminate raises Terminated with the same text, in which `terminated` stands for
+    `interrupted`.
+    """
     try:
-        with signals:
-            with held():
-                from workbench.cli.app import app
-            app()
-    except Interrupted as leaving:
-        return 130, str(leaving)
-    except KeyboardInterrupt:
-        return 130, INTERRUPTED
-    except Terminated as leaving:
-        return 143, str(leaving) or TERMINATED
-    except SystemExit as leaving:  # Typer's, also of an interrupt while it reads the arguments
-        code = leaving.code if isinstance(leaving.code, int) else int(leaving.code is not None)
-        return code, INTERRUPTED if code == 130 else ""
-    except Exception as error:
-        if not explain(error):
-            raise
-        return 2, ""
-    return 0, ""
+        yield
+    except (KeyboardInterrupt, Terminated, SystemError) as error:
+        if caused_by(error, KeyboardInterrupt):
+            raise Interrupted(text()) from error
+        if caused_by(error, Terminated) and not (isinstance(error, Terminated) and error.args):
+            raise Terminated(text().replace("interrupted", "terminated", 1)) from error
+        raise
+
+
+@contextmanager
+def held() -> Iterator[None]:
+    """Defer Ctrl-C and SIGTERM until the block ends.
+
+    Some modules swallow every exception while they are imported.
+    """
+    arrived: list[int] = []
+    asked = [s for s in (signal.SIGINT, signal.SIGTERM) if callable(signal.getsignal(s))]
+    before = {s: signal.signal(s, lambda number, frame: arrived.append(number)) for s in asked}
+    try:
+        yield
+    finally:
+        for each, handler in before.items():
+            signal.signal(each, handler)
+    if arrived:
+        signal.raise_signal(max(arrived))  # SIGTERM before SIGINT, by the handler that is there
+        raise Terminated if signal.SIGTERM in arrived else KeyboardInterrupt
+
+
+def _listen() -> None:
+    """From now on Ctrl-C raises KeyboardInterrupt and SIGTERM raises Terminated.
+
+    Where Ctrl-C is ignored, as in the background of a shell, it stays so.
+    """
+    obeyed: dict[type[BaseException], float] = {}
+
+    def obey(kind: type[BaseException]) -> None:
+        now = time.monotonic()
+        if now - obeyed.get(kind, -ONE_PRESS) >= ONE_PRESS:
+            obeyed[kind] = now
+            raise kind
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        obey(KeyboardInterrupt)
+
+    def terminate(number: int, frame: FrameType | None) -> None:
+        obey(Terminated)
+
+    for number in (signal.SIGINT, signal.SIGTERM):  # last of all, as Python is taken apart
+        atexit.register(signal.signal, number, signal.SIG_IGN)
+    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+        signal.signal(signal.SIGINT, interrupt)
+    signal.signal(signal.SIGTERM, terminate)

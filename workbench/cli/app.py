@@ -6,15 +6,15 @@ from importlib import import_module
 from typing import Annotated, Any, NamedTuple, ParamSpec
 
 import typer
-from typer.core import TyperCommand
+from typer.core import TyperCommand, TyperGroup
 
-from workbench.cli.leaving import INTERRUPTED, Interrupted, Terminated, held
+from workbench.cli import INTERRUPTED, held, interrupts_say
 from workbench.environment import DISTRIBUTION, VERSION
-from workbench.interrupts import caused_by
+from workbench.errors import BadArgument
 
 P = ParamSpec("P")
 FIT, UNDERSTAND, COMPARE = "Fit", "Understand a fit", "Compare solvers"
-MODELS, FILES, COURSE, ELSE = "Models", "Motions and files", "Course", "Others"
+MODELS, FILES, ELSE = "Models", "Motions and files", "Course and others"
 
 
 class Verb(NamedTuple):
@@ -38,20 +38,36 @@ VERBS = {
     "live": Verb("run", UNDERSTAND, "Move a body by hand in the browser, and watch solvers."),
     "compare": Verb("compare", COMPARE, "Compare solvers on problems; it continues after a stop."),
     "solvers": Verb("compare", COMPARE, "List the solvers, what they can do, and their sources."),
-    "basins": Verb("basins", COMPARE, "Map the starts from which rigid ICP finds its place."),
-    "body": Verb("body", MODELS, "Print a body's model card, and draw it."),
-    "check-body": Verb("body", MODELS, "What a model file is, and what is wrong with it."),
+    "body": Verb("body", MODELS, "A body's card, sliders and C code; what is wrong with a file."),
     "measure": Verb("measure", MODELS, "Stature, lengths and girths of a body, in metres."),
-    "sliders": Verb("body", MODELS, "Write a page with sliders for pose and shape."),
     "train": Verb("train", MODELS, "Train a body from registrations; it continues after a stop."),
     "rig": Verb("train", MODELS, "Find skeleton and skinning weights of meshes in motion."),
     "motion": Verb("motion", FILES, "What a file of a motion or of markers holds; convert it."),
     "convert": Verb("motion", FILES, "Turn the motion of one body into that of another."),
-    "export": Verb("motion", FILES, "Write a motion as glTF, BVH or .npz, or a body as C code."),
-    "lecture": Verb("lecture", COURSE, "Lectures that can be run, and exercises that are graded."),
+    "lecture": Verb("lecture", ELSE, "Lectures that can be run, and exercises that are graded."),
     "new": Verb("new", ELSE, "Write a commented file of your own that works as it is."),
     "info": Verb("info", ELSE, "Print versions, threads, the compiler and the cache."),
 }
+RENAMED = {  # verbs of before
+    "check-body": "workbench body check FILE",
+    "sliders": "workbench body sliders",
+    "export": "workbench motion FILE --out, or workbench body code",
+    "basins": "python -m examples.studies.icp_basins, in a checkout",
+    "blendshapes": "python -m examples.studies.blend_shapes, in a checkout",
+    "triangles": "python -m examples.studies.triangles, in a checkout",
+    "together": "python -m examples.studies.coregistration, in a checkout",
+    "loop": "python -m examples.studies.spin_loop, in a checkout",
+}
+
+
+class Verbs(TyperGroup):
+    """All commands; the names of before are answered with those of today."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """The command that is asked for. Raises BadArgument for a name of before."""
+        if args[0] in RENAMED:
+            raise BadArgument(f"`workbench {args[0]}` is now `{RENAMED[args[0]]}`")
+        return super().resolve_command(ctx, args)
 
 
 class Later(TyperCommand):
@@ -64,11 +80,13 @@ class Later(TyperCommand):
             file = import_module(f"{__package__}.{VERBS[str(self.name)].file}")
         several = getattr(file, "COMMANDS", None)
         if several is None:
-            own = typer.Typer(add_completion=False)
+            own = typer.Typer(add_completion=False, rich_markup_mode=None)
             function = getattr(file, str(self.name).replace("-", "_"))
             own.command(self.name)(interruptible(function))
         else:
-            own = typer.Typer(help=file.HELP, no_args_is_help=True, add_completion=False)
+            own = typer.Typer(
+                help=file.HELP, no_args_is_help=True, add_completion=False, rich_markup_mode=None
+            )
             for name, command in several.items():
                 own.command(name)(interruptible(command))
         return typer.main.get_command(own)
@@ -83,23 +101,19 @@ class Later(TyperCommand):
 
 
 def interruptible(command: Callable[P, None]) -> Callable[P, None]:
-    """A command that raises Interrupted for an interrupt from the keyboard, wherever it occurs."""
+    """A command in which an interrupt, wherever it occurs, ends in a sentence."""
 
     @wraps(command)
     def run_it(*arguments: P.args, **options: P.kwargs) -> None:
-        try:
+        with interrupts_say(lambda: INTERRUPTED):
             command(*arguments, **options)
-        except (KeyboardInterrupt, SystemError) as error:
-            if caused_by(error, KeyboardInterrupt):
-                raise Interrupted(INTERRUPTED) from error
-            if caused_by(error, Terminated):
-                raise Terminated from error
-            raise
 
     return run_it
 
 
-app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
+app = typer.Typer(
+    cls=Verbs, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False
+)
 
 
 def tell_version(wanted: bool) -> None:

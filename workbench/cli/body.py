@@ -1,5 +1,7 @@
-"""`workbench body`, `check-body` and `sliders`: what a body is, whether a file is right."""
+"""`workbench body`: what a body is, whether a file of one is right, sliders and C code."""
 
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -8,36 +10,39 @@ from rich.console import Console
 from rich.markup import escape
 
 from workbench.bodies.catalogue import BODIES, load_body
-from workbench.bodies.checking.check_file import FileCheck, check_body_file, check_contents
+from workbench.bodies.checking.check_file import check_body_file, check_contents
+from workbench.bodies.files.c_code import JOINTS, write_c
 from workbench.bodies.files.saving import arrays_of
 from workbench.cli.console import folder_to_write, make_folder, print_page, rich_table, say
 from workbench.cli.run import Out
 from workbench.environment import expanded
+from workbench.errors import BadArgument
 from workbench.reports import card_text, write_card
 from workbench.reports.page import Table
 from workbench.reports.sliders import pose_and_betas, settings_of, write_sliders
 
+Name = Annotated[
+    str, typer.Argument(help=f"An embedded body ({', '.join(BODIES)}), or a file of your own.")
+]
+WARNED = 1  # the exit code of `check` if there are warnings
+HEAD = ("key", "shape and type", "what becomes of it")
 
-def body(
-    name: Annotated[
-        str, typer.Argument(help=f"An embedded body ({', '.join(BODIES)}), or a file of your own.")
-    ] = "default",
+
+def card(
+    name: Name = "default",
     out: Out = Path("runs"),
 ) -> None:
-    """Print a body's model card, and draw it from two sides and in several shapes."""
+    """Print a body's model card, and write its page, with figures."""
     console = Console()
     model = load_body(name)
-    say(console, escape(card_text(model)))
+    texts = {name: text for name, text in model.card.items() if not isinstance(text, dict)}
+    say(console, escape(card_text(replace(model, card=texts))))
     source = "" if name in BODIES else str(expanded(name).resolve())
     folder = folder_to_write(out, f"body-{Path(name).stem}", source)
     print_page(console, "card", write_card(model, folder, source))
 
 
-WARNED = 1  # the exit code if there are warnings
-HEAD = ("key", "shape and type", "what becomes of it")
-
-
-def check_body(
+def check(
     file: Annotated[
         str,
         typer.Argument(
@@ -46,22 +51,16 @@ def check_body(
         ),
     ],
 ) -> None:
-    """Say what a model file is, which of its keys are used and kept, and what is wrong with it.
+    """Say what a model file is, and what is wrong with it.
 
-    Each warning says what to do. The exit code is 0 if there are none, 1 if there are, and 2 if the
-    file cannot be read.
+    It also says which of the file's keys are used and kept. Each warning says what to do. The exit
+    code is 0 if there are none, 1 if there are, and 2 if the file cannot be read.
     """
     console = Console()
     if file in BODIES:
         found = check_contents(dict(arrays_of(load_body(file))), file)
     else:
         found = check_body_file(file)
-    _print(console, found)
-    if found.warnings:
-        raise typer.Exit(WARNED)
-
-
-def _print(console: Console, found: FileCheck) -> None:
     widest = max(map(len, found.facts))
     say(console, f"[bold]{escape(found.path)}[/]")
     for name, text in found.facts.items():
@@ -72,12 +71,12 @@ def _print(console: Console, found: FileCheck) -> None:
     for finding, line in zip(found.findings or [None], found.lines(), strict=True):
         warned = finding is not None and finding.warning
         say(console, f"[bold yellow]{escape(line)}[/]" if warned else escape(line))
+    if found.warnings:
+        raise typer.Exit(WARNED)
 
 
 def sliders(
-    name: Annotated[
-        str, typer.Argument(help=f"An embedded body ({', '.join(BODIES)}), or a file of your own.")
-    ] = "default",
+    name: Name = "default",
     place: Annotated[
         Path | None,
         typer.Option(
@@ -91,15 +90,40 @@ def sliders(
     ] = 0,
     out: Annotated[Path, typer.Option(help="Folder that the page is written to.")] = Path("runs"),
 ) -> None:
-    """Write a page with sliders for pose and shape, and switches for the parts of its model."""
+    """Write a page with sliders for pose and shape.
+
+    Switches turn the parts of the model off and on.
+    """
     model = load_body(name)
     path = out / f"sliders-{Path(name).stem}.html"
-    if place is None:
-        make_folder(out)
-        page = write_sliders(model, path)
-    else:
-        fit = expanded(place)
-        start = settings_of(*pose_and_betas(fit, model, frame), model)
-        make_folder(out)
-        page = write_sliders(model, path, start, str(place))
-    print_page(Console(), "page", page)
+    start = None
+    if place is not None:
+        start = settings_of(*pose_and_betas(expanded(place), model, frame), model)
+    make_folder(out)
+    print_page(Console(), "page", write_sliders(model, path, start, str(place or "")))
+
+
+def code(
+    out: Annotated[Path, typer.Option(help="The file, .c; a header, .h, is written beside it.")],
+    name: Name = "default",
+    points: Annotated[
+        str, typer.Option(help="What it computes: joints, or a landmark set such as coco.")
+    ] = JOINTS,
+) -> None:
+    """Write a function of pose, betas and trans as C code.
+
+    It computes joints or landmarks.
+    """
+    if out.suffix.lower() != ".c":
+        raise BadArgument(f"--out takes a file that ends in .c, not {out}")
+    write_c(out, load_body(name), points)
+    print_page(Console(), "code", out)
+
+
+COMMANDS: dict[str, Callable[..., None]] = {
+    "card": card,
+    "check": check,
+    "sliders": sliders,
+    "code": code,
+}
+HELP = "Bodies: their cards, files, sliders and code."

@@ -1,7 +1,7 @@
 """`workbench compare` and `workbench solvers`."""
 
 from collections import Counter
-from math import inf, isnan
+from math import isnan
 from pathlib import Path
 from typing import Annotated
 
@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from workbench import comparison
+from workbench.cli import interrupts_say
 from workbench.cli.console import (
     Bars,
     print_page,
@@ -17,7 +18,6 @@ from workbench.cli.console import (
     solver_table,
     warn_without_effect,
 )
-from workbench.cli.leaving import interrupts_say
 from workbench.cli.options import Dask, Workers, executing
 from workbench.cli.run import Setting, settings
 from workbench.comparison.advice import advice, prices_sentence
@@ -25,10 +25,10 @@ from workbench.comparison.comparison import MAIN
 from workbench.comparison.design import chosen, numbering
 from workbench.comparison.tables import seconds_of_runs
 from workbench.comparison.targets import TargetOutcome, tau_text
-from workbench.experiments import EXPERIMENTS, SUITES, find
+from workbench.experiments import SUITES, find
 from workbench.experiments.experiment import ENOUGH
 from workbench.reports import write_comparison
-from workbench.reports.page import Columns, Table
+from workbench.reports.page import Columns, Table, number
 from workbench.solvers import DEFAULT, SOLVERS, Abilities, Boxes, Derivative
 from workbench.solvers.choice import recommend
 from workbench.solvers.nlopt import ALGORITHMS
@@ -37,8 +37,8 @@ USUAL = (DEFAULT, "gauss-newton", "levenberg-marquardt", "ipopt", "nlopt-lbfgs")
 Names = Annotated[
     list[str],
     typer.Argument(
-        help=f"Experiments ({', '.join(EXPERIMENTS)}), suites ({', '.join(SUITES)}), problems of a "
-        "suite, and Python files, each of which defines " + ENOUGH + "."
+        help=f"Experiments, suites ({', '.join(SUITES)}), problems of a suite (`run --list` names "
+        f"them), and Python files, each of which defines {ENOUGH}."
     ),
 ]
 Limits = comparison.Budget()
@@ -66,8 +66,8 @@ def compare(
         list[str] | None,
         typer.Option(
             "--solver",
-            help=f"One of {', '.join(SOLVERS)}, or a Python file that defines one or more "
-            "solvers; repeat the option for each solver.",
+            help="A solver (`solvers` lists them), or a Python file that defines some; may be "
+            "repeated.",
         ),
     ] = None,
     setting: Setting = None,
@@ -139,21 +139,18 @@ def _table(found: comparison.Comparison) -> Table:
     for solver in found.solvers:
         counts = Counter(found.outcomes[i.name, solver] for i in runs)
         met = sum(found.solved(i.name, solver, MAIN) for i in runs)
-        reached = counts[TargetOutcome.REACHED]
+        reached, effort = counts[TargetOutcome.REACHED], found.effort(solver, MAIN).value
         others = [sum(counts[outcome] for outcome in some) for some in TOLD.values()]
         failed = len(runs) - reached - sum(others)
-        shares = f"{met}/{len(runs)}", f"{reached}/{len(runs)}", _effort(found, solver)
+        shares = (
+            f"{met}/{len(runs)}",
+            f"{reached}/{len(runs)}",
+            "unknown" if isnan(effort) else number(effort),
+        )
         cells = *shares, *map(str, others), str(failed)
         rows.append((solver, *(cells if runs else ("–",) * len(head))))
     broken = (name.replace(" ", "\n") for name in head)  # so that 80 letters hold all columns
     return Table(("solver", *broken), tuple(rows), tuple(range(1, len(head) + 1)))
-
-
-def _effort(found: comparison.Comparison, solver: str) -> str:
-    effort = found.effort(solver, MAIN).value
-    if isnan(effort):
-        return "unknown"
-    return "∞" if effort == inf else f"{effort:.4g}"
 
 
 def _times(found: comparison.Comparison) -> Table:
@@ -193,43 +190,30 @@ def solvers(
     """
     if problem is not None:
         setup = find(problem).setup()
-        print(recommend(setup.problem, setup.start))
+        say(Console(), escape(str(recommend(setup.problem, setup.start))))
         return
     listed = ALGORITHMS if nlopt else {name: s.abilities for name, s in SOLVERS.items()}
     console, heads = Console(), [*COLUMNS]
-    wide = console.width >= WIDE
-    tables = [heads] if wide else [heads[:-2], [heads[0], *heads[-2:]]]
-    for i, shown in enumerate(tables):
-        if i:
-            console.print()
+    for shown in [heads] if console.width >= WIDE else [heads[:-2], [heads[0], *heads[-2:]]]:
         table = Table.of(listed.items(), {head: COLUMNS[head] for head in shown}, ())
         console.print(solver_table(table), highlight=False)
+        console.print()
     console.print("constraints: = equations, < inequalities", highlight=False)
     if nlopt:
         console.print('In Python: Nlopt("LD_LBFGS").', highlight=False)
-
-
-def _constraints(a: Abilities) -> str:
-    """`=` equations, `<` inequalities."""
-    return " ".join(sign for sign, can in (("=", a.equations), ("<", a.inequalities)) if can) or "-"
-
-
-def _looks(a: Abilities) -> str:
-    where = "everywhere" if a.is_global else "downhill"
-    return f"{where}, at random" if a.stochastic else where
-
-
-def _described(a: Abilities) -> str:
-    notes = [a.source, "for teaching" if a.teaching else "", a.note]
-    return "; ".join(note for note in notes if note)
 
 
 COLUMNS: Columns[tuple[str, Abilities]] = {
     "solver": lambda of: of[0],
     "evaluates": lambda of: ASKED[of[1].derivative],
     "bounds": lambda of: BOUNDS[of[1].bounds],
-    "constraints": lambda of: _constraints(of[1]),
-    "searches": lambda of: _looks(of[1]),
+    "constraints": lambda of: " ".join("=" * of[1].equations + "<" * of[1].inequalities) or "-",
+    "searches": lambda of: (
+        ("everywhere" if of[1].is_global else "downhill")
+        + (", at random" if of[1].stochastic else "")
+    ),
     "first step": lambda of: of[1].first_step,
-    "described in": lambda of: _described(of[1]),
+    "described in": lambda of: "; ".join(
+        filter(None, (of[1].source, "for teaching" if of[1].teaching else "", of[1].note))
+    ),
 }

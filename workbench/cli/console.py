@@ -1,7 +1,7 @@
 """What a command prints: notes, tables, pages written, progress by parts, a waiting line."""
 
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Annotated
@@ -106,6 +106,17 @@ def warn_without_effect(
     """Say that an option changes nothing, or nothing for the names `among`; the command goes on."""
     whom = f" for {escape(', '.join(among))}" if among else ""
     say(console, f"[bold yellow]{option} changes nothing{whom}:[/] {escape(because)}")
+
+
+def warn_unused(
+    console: Console, ctx: typer.Context, options: Collection[str], because: str
+) -> None:
+    """Say that those of the options that were typed, be it with their defaults, change nothing."""
+    for one in ctx.command.params:
+        source = ctx.get_parameter_source(one.name or "")
+        for option in one.opts if source and source.name == "COMMANDLINE" else ():
+            if option in options:
+                warn_without_effect(console, option, because)
 
 
 def warn_of(console: Console, doubts: Iterable[str], of: str = "") -> None:

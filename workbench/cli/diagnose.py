@@ -9,7 +9,14 @@ from rich.console import Console
 from rich.markup import escape
 
 from workbench import diagnostics
-from workbench.cli.console import Bars, folder_to_write, print_page, say, warn_without_effect
+from workbench.cli.console import (
+    Bars,
+    folder_to_write,
+    print_page,
+    say,
+    warn_unused,
+    warn_without_effect,
+)
 from workbench.cli.run import Name, Out, Setting, SolverName, settings, solved, solver_named
 from workbench.diagnostics.design import CRITERIA, with_candidates
 from workbench.errors import BadArgument, check_known
@@ -23,12 +30,13 @@ from workbench.fitting.refits import (
 )
 from workbench.fitting.setup import Setup
 from workbench.reports import write_design, write_diagnosis
-from workbench.solvers import DEFAULT, SOLVERS, Solver
+from workbench.solvers import DEFAULT, Solver
 
 WARNED = 1  # the exit code if there are warnings
 
 
 def diagnose(
+    ctx: typer.Context,
     name: Name = "balance",
     setting: Setting = None,
     against: Annotated[
@@ -54,7 +62,7 @@ def diagnose(
         list[str] | None,
         typer.Option(
             help="Follow the lowest cost as this entry is held away from its value, such as "
-            r"betas\[0] or pose\[left_knee, x]; give it again for more."
+            "betas[0] or pose[left_knee, x]; may be repeated."
         ),
     ] = None,
     minima: Annotated[
@@ -83,17 +91,17 @@ def diagnose(
     experiment = find(name, settings(setting))
     other = find(against) if against is not None else None
     by = solver_named(solver)
-    if at_start and by != SOLVERS[DEFAULT]:
-        warn_without_effect(console, "--solver", "with --at-start nothing is solved")
+    if at_start:
+        warn_unused(console, ctx, ["--solver"], "with --at-start nothing is solved")
     folder = folder_to_write(out, f"{experiment.name}-diagnosis", experiment.source)
     solving = None if at_start else by
-    first, setup = _looked_at(console, experiment, solving, data_alone)
+    first, setup = _diagnosed(console, experiment, solving, data_alone)
     if draws and not setup.priors:
         raise BadArgument(
             f"--draws takes its points from the priors, and {experiment.name} names no residual as "
             "one; name them in `priors` of the file or its Setup"
         )
-    second = _looked_at(console, other, solving, data_alone)[0] if other else None
+    second = _diagnosed(console, other, solving, data_alone)[0] if other else None
     say(console, escape(first.report()))
     if draws:
         say(console, escape(_over_draws(console, first, setup, draws)))
@@ -123,7 +131,7 @@ def diagnose(
         raise typer.Exit(WARNED)
 
 
-def _looked_at(
+def _diagnosed(
     console: Console, experiment: Experiment, solver: Solver | None, data_alone: bool
 ) -> tuple[diagnostics.Diagnosis | diagnostics.SequenceDiagnosis, Setup]:
     """At the end of the solver, or at the start if there is none."""
@@ -147,11 +155,10 @@ def _over_draws(
 ) -> str:
     """The problem of a diagnosis at draws of the setup's priors, in words."""
     console.print(f"[dim]diagnosing at {draws} draws of the priors[/]")
-    kept = [name for name in setup.priors if name in found.problem.rows]
     over = diagnostics.diagnose_over(
         found.problem,
         diagnostics.prior_draws(setup.problem, setup.start, setup.priors, draws),
-        priors=kept,
+        priors=[name for name in setup.priors if name in found.problem.rows],
         gauges=setup.gauges,
     )
     return f"\nAt draws of the priors ({', '.join(setup.priors)}):\n{over.report()}"
@@ -195,7 +202,7 @@ def design(
         typer.Option(
             "--sd-of",
             help="Instead, the standard deviation of this: "
-            f"{', '.join(QUANTITIES)}, or an entry such as trans\\[z].",
+            f"{', '.join(QUANTITIES)}, or an entry such as trans[z].",
         ),
     ] = None,
     over: Annotated[

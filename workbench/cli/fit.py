@@ -19,6 +19,7 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body, why_not_skinned
 from workbench.bodies.catalogue import load_body
 from workbench.bodies.triangles import TriangleBody
+from workbench.cli import Interrupted, interrupts_say
 from workbench.cli.console import (
     folder_to_write,
     print_page,
@@ -27,7 +28,6 @@ from workbench.cli.console import (
     warn_of,
     warn_without_effect,
 )
-from workbench.cli.leaving import Interrupted, interrupts_say
 from workbench.cli.options import Dask, Workers, executing
 from workbench.cli.register import do_missing_jobs
 from workbench.cli.run import Compare, LiveTrace, Out, carry_out, solver_named
@@ -52,8 +52,9 @@ from workbench.fitting.videos import video_fit, video_mean
 from workbench.geometry.guesses import sizes_of
 from workbench.geometry.meshes import READERS, WITH_VERTEX_ORDER
 from workbench.reports.many import ImageFolder
+from workbench.reports.page import unit_text
 from workbench.reports.run import motion_arrays, write_video
-from workbench.solvers import DEFAULT, SOLVERS, LevenbergMarquardt, Solver, Status
+from workbench.solvers import DEFAULT, LevenbergMarquardt, Solver, Status
 from workbench.writing import write_arrays
 
 FPS = 30.0  # frames per second of a clip that does not say
@@ -114,7 +115,7 @@ def fit(
             help="Calibration with the cameras in the order of the files, or named as they are: "
             "TOML of Pose2Sim or Anipose, EasyMocap's intri.yml beside extri.yml, OpenCV's "
             "FileStorage, COLMAP's text, CMU Panoptic's JSON, or JSON "
-            r'{"name": {"K": 3x3, "R": 3x3, "t": 3, "distortion": \[...], "size": \[w, h]}}. '
+            '{"name": {"K": 3x3, "R": 3x3, "t": 3, "distortion": [...], "size": [w, h]}}. '
             "All formats are in howto/formats.md."
         ),
     ] = None,
@@ -136,31 +137,25 @@ def fit(
     ] = None,
     height: Annotated[
         float | None,
-        typer.Option(
-            help="Stature of the person in one image in metres, if it is known; it tells how far "
-            "away they are."
-        ),
+        typer.Option(help="Stature of the person in one image in m, if it is known."),
     ] = None,
     hypotheses: Annotated[
         int,
-        typer.Option(
-            help="Number of starts for one image: how many bodies are tried that may look alike, "
-            "such as one that faces the other way."
-        ),
+        typer.Option(help="Number of starts for one image, for bodies that may look alike."),
     ] = 1,
     mean: Annotated[
         bool,
         typer.Option(
             "--mean",
-            help="For keypoints of one moment or a video: also write the mean of the posterior, "
-            "which on average is nearer to the truth than the likeliest body.",
+            help="Also write the mean of the posterior of keypoints, which on average is nearer to "
+            "the truth than the likeliest body.",
         ),
     ] = False,
     video: Annotated[
         bool,
         typer.Option(
-            help="The argument is a clip: a folder with a keypoint file for each frame, or with "
-            "such a folder for each camera."
+            help="FILES is a clip: a folder with a file for each frame, or such a folder for each "
+            "camera."
         ),
     ] = False,
     fps: Annotated[
@@ -184,24 +179,23 @@ def fit(
     across: Annotated[
         float | None,
         typer.Option(
-            help="How well this height is known: its standard deviation in m, such as 0.001. "
-            "Places of markers are then uncertain along the skin only; without it, in all "
-            "directions alike."
+            help="Standard deviation of this height in m, such as 0.001: places of markers are "
+            "then uncertain along the skin only."
         ),
     ] = None,
     body: Annotated[str, typer.Option(help="An embedded body, or a file of your own.")] = "default",
     sigma: Annotated[
         float | None,
         typer.Option(
-            help="Standard deviation of the data; by default 0.4 % of the person's height in "
-            "an image or a clip, in px, or 0.002 m in space."
+            help="Standard deviation of the data; else 0.4 % of the person's height in px, or "
+            "0.002 m in space."
         ),
     ] = None,
     solver: Annotated[
         str | None,
         typer.Option(
             "--solver",
-            help=f"One of {', '.join(SOLVERS)}; by default {DEFAULT}, and for one image "
+            help=f"A solver (`solvers` lists them); else {DEFAULT}, and for one image "
             "levenberg-marquardt.",
         ),
     ] = None,
@@ -481,7 +475,8 @@ def fit_video(
     warn_of(console, doubts(setup, values, solution))
     console.print(f"{solution.status.name}: {escape(solution.message)}", highlight=False)
     for one in setup.measures(values):
-        console.print(f"{escape(one.name)}: {one.value:.4g} {one.unit}", highlight=False)
+        unit = unit_text(one.unit)
+        console.print(f"{escape(one.name)}: {one.value:.4g} {unit}".rstrip(), highlight=False)
     title = source.resolve().name
     page = write_video(setup, solution, folder, title, str(source.resolve()))
     (folder / MEAN_FILE).unlink(missing_ok=True)  # of an earlier fit

@@ -16,10 +16,9 @@ from workbench.bodies.forward.posed_points import WORTH_COMPILING
 from workbench.bodies.triangles import TriangleBody
 from workbench.comparison.record import processor
 from workbench.compiling import NoLibrary, cache_folder, find_compiler
-from workbench.environment import DISTRIBUTION, version_of
+from workbench.reports.page import versions
 from workbench.threads import blas_libraries, thread_count
 
-PACKAGES = (DISTRIBUTION, "casadi", "numpy", "scipy", "nlopt", "emcee", "trimesh", "matplotlib")
 VARIABLES = (
     "WORKBENCH_COMPILE",
     "WORKBENCH_CACHE",
@@ -56,8 +55,7 @@ def _facts(name: str) -> list[tuple[str, str]]:
         *(("BLAS", text) for text in blas_libraries()),
         ("processor", f"{processor()}, {os.cpu_count()} cores"),
         ("system", f"{platform.system()} {platform.release()}, {platform.machine()}"),
-        ("python", platform.python_version()),
-        *((package, version_of(package) or "not installed") for package in PACKAGES),
+        *((package, number or "not installed") for package, number in versions().items()),
         *((name, os.environ[name]) for name in VARIABLES if name in os.environ),
     ]
 

@@ -50,7 +50,7 @@ def list_(
         typer.Argument(metavar="FOLDER", help="Folders of lectures of your own, listed as well."),
     ] = None,
 ) -> None:
-    """List the lectures with their minutes, and their exercises' points and minutes (estimated)."""
+    """List the lectures, and their exercises' points and minutes."""
     table = Table(box=None, padding=(0, 2, 0, 0))
     for title in ("", "lecture", "minutes", "points", "minutes of exercises"):
         table.add_column(title, justify="left" if title == "lecture" else "right")
@@ -69,7 +69,7 @@ def list_(
 
 
 def show(number: Number) -> None:
-    """Show a lecture's question, what it assumes and teaches, its exercises, and its file."""
+    """Show a lecture's question, aims, exercises and file."""
     one, console = lecture_named(number), Console()
     console.print(f"[bold]{one.number} {escape(one.title)}[/]\n{escape(one.question)}\n")
     for title, text in (
@@ -100,7 +100,7 @@ def run(
     out: Annotated[Path, typer.Option(help="Folder that figures are written into.")] = Path("runs"),
     code: Annotated[bool, typer.Option("--code", help="Show the code of each cell too.")] = False,
 ) -> None:
-    """Run a lecture from top to bottom: its text and results here, its figures as files."""
+    """Run a lecture: text and results here, figures as files."""
     one, console = lecture_named(number), Console()
     make_folder(out / one.folder_name)
     pictures = 0
@@ -166,7 +166,10 @@ def begin(
         Path, typer.Argument(help="Folder for the file; it is made if it does not exist.")
     ],
 ) -> None:
-    """Copy the exercises of a lecture into a folder of yours. No file there is overwritten."""
+    """Copy the exercises of a lecture into a folder of yours.
+
+    No file there is overwritten.
+    """
     one = lecture_named(number)
     path = hand_out(one, folder)
     console = Console()
@@ -192,9 +195,10 @@ def check(
     ] = LIMITS.seconds,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON, for a grade book.")] = False,
 ) -> None:
-    """Check answers, each file in its own process; print points, and hints for wrong answers.
+    """Check answers, and print points and hints.
 
-    Exits with 1 unless every check passed. In a browser, files run in the process that checks.
+    Each file runs in its own process; in a browser, in the process that checks. Exits with 1
+    unless every check passed.
     """
     limits, one, console = ProcessLimits(seconds), lecture_named(number), Console()
     paths = [
@@ -215,7 +219,10 @@ def check(
 
 
 def notebooks(folder: Folder) -> None:
-    """Write all lectures as notebooks, with the results of every cell. No file is overwritten."""
+    """Write all lectures as notebooks, with their results.
+
+    No file there is overwritten.
+    """
     console = Console()
     paths = {folder / f"{one.folder_name}.ipynb": one for one in outline() if one.there}
     for path in paths:
@@ -229,7 +236,10 @@ def notebooks(folder: Folder) -> None:
 
 
 def slides(number: Number, folder: Folder) -> None:
-    """Write a lecture as slides for a browser, which need no network. Needs the extra `course`."""
+    """Write a lecture as slides for a browser.
+
+    They need no network. Needs the extra `course`.
+    """
     one, console = lecture_named(number), Console()
     with waiting(f"running lecture {one.number}"):
         page = write_slides(one, folder)
@@ -237,7 +247,10 @@ def slides(number: Number, folder: Folder) -> None:
 
 
 def site(folder: Folder) -> None:
-    """Write the course as a static site, with every lecture run. Needs the extra `course`."""
+    """Write the course as a static site, with every lecture run.
+
+    Needs the extra `course`.
+    """
     console = Console()
     page = write_course_site(folder, lambda said: console.print(f"[dim]{escape(said)}[/]"))
     print_page(console, "site", page)

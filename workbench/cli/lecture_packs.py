@@ -10,8 +10,8 @@ import typer
 from rich.console import Console
 from rich.markup import escape
 
+from workbench.cli import interrupts_say
 from workbench.cli.console import print_page, say, waiting
-from workbench.cli.leaving import interrupts_say
 from workbench.course.packs.handing_out import read_students, write_pack
 from workbench.course.packs.keys import KEYS, QUESTIONS, read_keys
 from workbench.course.packs.marking import (
@@ -72,7 +72,10 @@ def pack(
         typer.Option(help="A number from which all others are drawn; else one nobody can guess."),
     ] = None,
 ) -> None:
-    """Write exercises for a class: other numbers for each student, and the keys kept apart."""
+    """Write exercises for a class, each student's with own numbers.
+
+    The keys are kept apart.
+    """
     console = Console()
     hidden = keys or to.with_name(f"{to.name}-keys")
     listed = read_students(students, column)
@@ -117,9 +120,10 @@ def attempt(
     seconds: Seconds = LIMITS.seconds,
     memory: Memory = LIMITS.memory,
 ) -> None:
-    """Try answers to a pack on the examples that came with it. Exits with 1 unless all are right.
+    """Try answers to a pack on the examples that came with it.
 
-    They run as they will when they are marked; then other arguments are tried, too.
+    They run as they will when they are marked; then other arguments are tried, too. Exits with 1
+    unless all are right.
     """
     console, wrong = Console(), 0
     for path in files:
@@ -165,7 +169,7 @@ def mark(
         ),
     ] = None,
 ) -> None:
-    """Mark submissions of a class, and write points and remarks as CSV.
+    """Mark submissions of a class, and write the marks as CSV.
 
     Each file answers in a process of its own. If it is interrupted, the same command goes on.
     """

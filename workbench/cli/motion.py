@@ -1,4 +1,4 @@
-"""`workbench motion`, `export` and `convert`: motions read, written and moved to other bodies."""
+"""`workbench motion` and `convert`: motions read, written and moved to other bodies."""
 
 from pathlib import Path
 from typing import Annotated
@@ -14,7 +14,6 @@ from workbench.arrays import Array, Index, Mask
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body, why_not_skinned
 from workbench.bodies.catalogue import BODIES, load_body
-from workbench.bodies.files.c_code import JOINTS, write_c
 from workbench.cli.console import (
     Up,
     print_page,
@@ -60,6 +59,8 @@ from workbench.reports.replays import motion_page
 from workbench.writing import write_file
 
 MARKERS = (".npz", ".trc")  # what is written of markers
+MOTIONS = (".bvh", ".npz", ".glb", ".smpl")  # and of a motion
+EXACT = "exact"
 Person = Annotated[
     str | None,
     typer.Option(help="Which of several people in a file; else who is in most frames."),
@@ -100,6 +101,16 @@ def motion(
         Path | None,
         typer.Option(help="Write a page (.html) on which a body plays the motion."),
     ] = None,
+    correctives: Annotated[
+        str,
+        typer.Option(
+            help="Morph targets of a .glb for what pose adds to the surface: a number, or "
+            f"{EXACT}. Their error is printed, and kept in the file."
+        ),
+    ] = "0",
+    shapes: Annotated[
+        int, typer.Option(help="Shape directions that a .glb has as morph targets.", min=0)
+    ] = 0,
     body: Annotated[
         str | None,
         typer.Option(
@@ -138,6 +149,7 @@ def motion(
     for option, number in (("--fps", fps), ("--rate", rate)):
         if number is not None and not 0 < number < np.inf:
             raise BadArgument(f"{option} takes a number above 0, not {number:g}")
+    count = number_of_correctives(correctives)
     if strip is not None and strip.suffix.lower() != ".png":
         raise BadArgument(f"--strip takes a file that ends in .png, not {strip}")
     if page is not None and page.suffix.lower() != ".html":
@@ -194,7 +206,7 @@ def motion(
         made = motion_page(found, model, path.name, betas, [f"{told}."] if told else ())
         print_page(console, "page", made.save(page))
     if out is not None:
-        write_motion(console, out, found, model, betas=betas, layout=layout)
+        write_motion(console, out, found, model, count, shapes, betas, layout)
 
 
 def _with_tissue(
@@ -280,11 +292,6 @@ def _draw(path: Path, places: Array, pairs: Index, fps: float | None) -> None:
     write_file(path, png(figure))
 
 
-MOTIONS = (".bvh", ".npz", ".glb", ".smpl")  # what is written
-SHAPES = 10  # shape directions that become morph targets
-EXACT = "exact"
-
-
 def refuse_suffix(out: Path | None, suffixes: tuple[str, ...], what: str) -> None:
     """Raise BadArgument for an output that ends in none of the suffixes."""
     if out is not None and out.suffix.lower() not in suffixes:
@@ -307,7 +314,7 @@ def write_motion(
     out: Path,
     motion: Motion,
     body: Body | None,
-    correctives: int | None = None,
+    correctives: int | None = 0,
     shapes: int = 0,
     betas: Array | None = None,
     layout: str = LAYOUTS[0],
@@ -326,7 +333,7 @@ def write_motion(
             raise BadBody(
                 why_not_skinned(body, "a .glb", "write .npz or .bvh, or take another body")
             )
-        if correctives is not None or shapes:
+        if correctives != 0 or shapes:
             used = min(shapes, body.n_betas)
             found = write_glb(out, motion, body, correctives=correctives, shapes=used)
             say(console, f"{used} shape directions, {found}")
@@ -334,66 +341,6 @@ def write_motion(
         else:
             write_glb(out, motion, body, betas=betas)
     say(console, f"motion: {escape(str(out))}")
-
-
-CODE = ".c"
-
-
-def export(
-    out: Annotated[
-        Path,
-        typer.Option(
-            help=".glb: an animated skinned surface; .bvh: the skeleton; .npz: AMASS's layout; "
-            ".c: C code of joints or landmarks, with a header."
-        ),
-    ],
-    motion: Annotated[
-        Path | None,
-        typer.Argument(help="A motion: .bvh, .glb, .gltf, or .npz as of AMASS; none for .c."),
-    ] = None,
-    body: Annotated[
-        str, typer.Option(help=f"The body ({', '.join(BODIES)}, or a file of your own).")
-    ] = "default",
-    correctives: Annotated[
-        str,
-        typer.Option(
-            help="Morph targets of a .glb for what pose adds to the surface: a number, 0, or "
-            f"{EXACT}. The error is printed, and kept in the file."
-        ),
-    ] = "32",
-    shapes: Annotated[
-        int, typer.Option(help="Shape directions that a .glb has as morph targets.", min=0)
-    ] = SHAPES,
-    fps: Annotated[
-        float | None, typer.Option(help="Frames a second to which the motion is resampled.")
-    ] = None,
-    points: Annotated[
-        str, typer.Option(help="What C code computes: joints, or a landmark set such as coco.")
-    ] = JOINTS,
-    person: Person = None,
-) -> None:
-    """Write a motion as glTF, BVH or AMASS's .npz, or a function of a body as C code."""
-    console = Console()
-    count = number_of_correctives(correctives)
-    refuse_suffix(out, (*MOTIONS, CODE), "a motion or C code")
-    model = load_body(body)
-    if out.suffix.lower() == CODE:
-        if motion is not None:
-            warn_without_effect(console, str(motion), "C code takes the pose as an argument")
-        write_c(out, model, points)
-        say(console, f"code: {escape(str(out))} and {escape(str(out.with_suffix('.h')))}")
-        return
-    if motion is None:
-        raise BadArgument(f"name the motion that becomes {out}, such as a .bvh or an .npz of AMASS")
-    if fps is not None and not 0 < fps < float("inf"):
-        raise BadArgument(f"--fps takes a number above 0, not {fps:g}")
-    found = read_motion(expanded(motion), body=model, person=person)
-    if fps is not None:
-        found = found.resampled(fps)
-    found = found.named(model)
-    say_notes(console, found.notes)
-    say(console, f"{len(found)} frames at {found.fps:g} frames a second on body {model.name}")
-    write_motion(console, out, found, model, count, shapes)
 
 
 TIMES = 10  # how often progress is told

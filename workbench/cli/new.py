@@ -4,11 +4,10 @@ import re
 import shutil
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
 from importlib.util import find_spec
 from keyword import iskeyword
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import typer
 from rich.console import Console
@@ -22,34 +21,23 @@ TEMPLATES = Path(__file__).parent / "templates"
 LONGEST = 40  # characters of a name, which folders of results repeat
 
 
-@dataclass(frozen=True)
-class Scaffold:
+class Scaffold(NamedTuple):
     """A kind of file to begin with.
 
     Attributes:
-        template: the name of its file or folder among the templates.
         what: what it holds, in a line.
         tries: commands that it works with as written; FILE stands for what was written.
     """
 
-    template: str
     what: str
     tries: tuple[str, ...]
 
 
-SCAFFOLDS: Mapping[str, Scaffold] = {
-    "problem": Scaffold(
-        "problem.py",
-        "blocks, residuals, the names that are free, and a start",
-        ("run FILE", "diagnose FILE", "compare FILE", "sample FILE"),
-    ),
-    "residual": Scaffold(
-        "residual.py",
-        "an error term of points, with a problem to try it on",
-        ("run FILE", "diagnose FILE", "compare FILE", "sample FILE"),
-    ),
+USUAL = "run FILE", "diagnose FILE", "compare FILE", "sample FILE"
+SCAFFOLDS = {
+    "problem": Scaffold("blocks, residuals, the names that are free, and a start", USUAL),
+    "residual": Scaffold("an error term of points, with a problem to try it on", USUAL),
     "solver": Scaffold(
-        "solver.py",
         "an algorithm that stops, counts and reports as all solvers do",
         (
             "run FILE --solver FILE",
@@ -59,12 +47,10 @@ SCAFFOLDS: Mapping[str, Scaffold] = {
         ),
     ),
     "experiment": Scaffold(
-        "experiment.py",
         "a problem with arguments, made-up data, and numbers by which it is judged",
         ("run FILE --set noise=0.1", "diagnose FILE", "compare FILE --seeds 3", "sample FILE"),
     ),
     "lecture": Scaffold(
-        "lecture",
         "a folder: text and code, exercises, solutions, checks, its line in the outline",
         ("lecture list FILE", "lecture run FILE", "lecture start FILE .", "lecture check FILE"),
     ),
@@ -80,34 +66,49 @@ def write_scaffold(kind: str, name: str, folder: str | Path = ".") -> Path:
     """
     check_known("kind of file", kind, SCAFFOLDS)
     check_name(name)
-    template, folder = TEMPLATES / SCAFFOLDS[kind].template, Path(folder)
-    words = {"NAME": name}
-    called = f"{name}.py"
-    if template.is_dir():
+    template, words = TEMPLATES / f"{kind}.py", {"NAME": name}
+    path = Path(folder) / f"{name}.py"
+    if kind == "lecture":
         number = 1 + max(one.number for one in course())
-        called = f"lec{number:02}_{name}"
+        template, path = TEMPLATES / kind, Path(folder) / f"lec{number:02}_{name}"
         words = {
-            "lec00_NAME": called,
+            "lec00_NAME": path.name,
             "lecture 0": f"lecture {number}",
             "    0,  #": f"    {number},  #",
         } | words
-    path, texts = folder / called, _texts(template, words)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        Path(folder).mkdir(parents=True, exist_ok=True)
         if template.is_dir():
-            _write_folder(path, texts)
+            path.mkdir()
+            for source in template.glob("*.py"):
+                _write_new(path / source.name, source, words)
         else:
-            _write_file(path, texts[template.name])
+            _write_new(path, template, words)
     except FileExistsError as error:
         raise BadFile(
             f"{error.filename or path} exists already and was left as it is; give another name or "
             "folder"
         ) from error
     except OSError as error:
+        if path.is_dir():
+            shutil.rmtree(path)
         raise BadFile(
             f"cannot write {path}: {error.strerror or error}; give another folder"
         ) from error
     return path
+
+
+def _write_new(path: Path, template: Path, words: Mapping[str, str]) -> None:
+    """Write a file that is new, its words replaced. Raises OSError, and leaves nothing then."""
+    text = template.read_text(encoding="utf-8")
+    for word, instead in words.items():
+        text = text.replace(word, instead)
+    with path.open("x", encoding="utf-8") as file:
+        try:
+            file.write(text)
+        except OSError:
+            path.unlink()
+            raise
 
 
 def check_name(name: str) -> None:
@@ -134,38 +135,6 @@ def _installed(name: str) -> bool:
         return False
     places = Path(spec.origin or "").parts
     return name == "workbench" or bool({"site-packages", "dist-packages"} & {*places})
-
-
-def _texts(template: Path, words: Mapping[str, str]) -> dict[str, str]:
-    """The text of each file of a template by its name, with some words replaced."""
-    found = {}
-    for source in [template] if template.is_file() else sorted(template.glob("*.py")):
-        text = source.read_text(encoding="utf-8")
-        for word, instead in words.items():
-            text = text.replace(word, instead)
-        found[source.name] = text
-    return found
-
-
-def _write_file(path: Path, text: str) -> None:
-    """Write a file that is new. Raises OSError, and leaves nothing then."""
-    with path.open("x", encoding="utf-8") as file:
-        try:
-            file.write(text)
-        except OSError:
-            path.unlink()
-            raise
-
-
-def _write_folder(path: Path, texts: Mapping[str, str]) -> None:
-    """Write a folder that is new. Raises OSError, and leaves nothing then."""
-    path.mkdir()
-    try:
-        for name, text in texts.items():
-            _write_file(path / name, text)
-    except OSError:
-        shutil.rmtree(path)
-        raise
 
 
 KINDS = "; ".join(f"{kind}: {scaffold.what}" for kind, scaffold in SCAFFOLDS.items())

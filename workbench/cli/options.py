@@ -22,8 +22,7 @@ Workers = Annotated[
 Dask = Annotated[
     str | None,
     typer.Option(
-        help="Address of a Dask scheduler, to work on its workers instead, which read files at "
-        "the same paths."
+        help="Work on the workers of this Dask scheduler, which read files at the same paths."
     ),
 ]
 

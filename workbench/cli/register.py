@@ -5,14 +5,15 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Protocol, TypeVar
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
 from rich.markup import escape
 
 from workbench.bodies.body import Body
-from workbench.bodies.catalogue import BODIES, load_body
+from workbench.bodies.catalogue import load_body
+from workbench.cli import interrupts_say
 from workbench.cli.console import (
     Bars,
     Up,
@@ -22,20 +23,18 @@ from workbench.cli.console import (
     rich_table,
     say,
     warn_of,
-    warn_without_effect,
+    warn_unused,
 )
-from workbench.cli.leaving import interrupts_say
 from workbench.cli.options import Dask, Workers, executing
 from workbench.cli.run import Out
 from workbench.cli.train import Lines
 from workbench.environment import expanded
 from workbench.errors import BadArgument, BadFile, listed, some_of
-from workbench.fitting.jobs import FailedFile, FileJob
+from workbench.fitting.jobs import FailedFile
 from workbench.fitting.scans.files import READERS
 from workbench.geometry.guesses import UNITS
 from workbench.registration import (
     FailedScan,
-    Progress,
     Reading,
     Recipe,
     ScanJob,
@@ -49,11 +48,10 @@ from workbench.registration.coregistration.coregistering import EDGES, FILE
 from workbench.registration.coregistration.folder import open_registered
 from workbench.registration.scan_jobs import MOST
 from workbench.reports.folder import own_folder
-from workbench.reports.many import RegistrationFolder
+from workbench.reports.many import ImageFolder, RegistrationFolder
 from workbench.reports.page import Entry
 from workbench.reports.registration import (
     ARRAYS,
-    Coregistered,
     begin_folder,
     stages_table,
     write_coregistration,
@@ -66,15 +64,14 @@ NO_SCANS = (".txt", ".csv")  # in a folder these are taken for notes and tables
 
 
 def register(
+    ctx: typer.Context,
     scans: Annotated[
         list[Path],
         typer.Argument(
             help=f"Scans of one person each ({', '.join(READERS)}), or folders of scans."
         ),
     ],
-    body: Annotated[
-        str, typer.Option(help=f"An embedded body ({', '.join(BODIES)}), or a file of your own.")
-    ] = "default",
+    body: Annotated[str, typer.Option(help="An embedded body, or a file of your own.")] = "default",
     unit: Annotated[
         str | None,
         typer.Option(
@@ -86,8 +83,7 @@ def register(
         str | None,
         typer.Option(
             help="Place x,y,z from which each scan was taken, in the file's unit and axes, if it "
-            "was one place; 0,0,0 for most depth cameras. It tells on which side the surface is, "
-            "and what space is empty."
+            "was one; 0,0,0 for most depth cameras."
         ),
     ] = None,
     array: Annotated[
@@ -99,8 +95,7 @@ def register(
     boundary: Annotated[
         float,
         typer.Option(
-            help="Leave out points within so many metres of the boundary of a scan, where depth "
-            "cameras err most; 0.02 suits a Kinect."
+            help="Leave out points within so many metres of a scan's boundary; 0.02 suits a Kinect."
         ),
     ] = 0.0,
     model: Annotated[
@@ -109,8 +104,8 @@ def register(
     subjects: Annotated[
         Path | None,
         typer.Option(
-            help="Table (.csv) with the columns file and subject, and maybe gender and set, for "
-            "training; without it each scan is of another person."
+            help="Table (.csv): file, subject, and maybe gender and set; without it each scan is "
+            "of another person."
         ),
     ] = None,
     workers: Workers = 1,
@@ -119,9 +114,8 @@ def register(
 ) -> None:
     """Register scans: fit a body to each from many starts, then free its vertices.
 
-    Writes runs/register-NAME/ with a page, the vertices (.npz) and the surface (.ply). For several
-    scans it has a folder for each, and `workbench train` takes it as it is. If it is interrupted
-    or killed, the same command continues with the scans that are missing.
+    Writes runs/register-NAME/ with a page, the vertices (.npz) and the surface (.ply); of several
+    scans, a folder for each, for `workbench train`. After an interrupt the same command goes on.
     """
     console = Console()
     if not 0 <= boundary < math.inf:
@@ -133,7 +127,8 @@ def register(
     if model:
         recipe = replace(recipe, vertex_stages=model_alone)
     if len(jobs) == 1 and not scans[0].is_dir():
-        _mind_unused(console, subjects, workers, dask)
+        for_several = ("--subjects", "--workers", "--dask")
+        warn_unused(console, ctx, for_several, "it is for several scans, and there is one")
         _one(console, template, body, recipe, reading, jobs[0], out)
         return
     rows = _rows(jobs, subjects)
@@ -171,7 +166,13 @@ def _one(
     """Register one scan and write its folder."""
     folder = folder_to_write(out, f"register-{job.name}", str(job.path.resolve()))
     with Bars(console) as bars:
-        found = registered(body, recipe, reading, job, partial(_tell, bars))
+        found = registered(
+            body,
+            recipe,
+            reading,
+            job,
+            lambda at: bars(f"stage {at.stage} of {at.stages}, starts", at.start - 1, at.starts),
+        )
     if isinstance(found, FailedScan):
         raise BadFile(found.reason)
     for note in found.notes:
@@ -180,10 +181,6 @@ def _one(
     console.print(rich_table(stages_table(found.registration)))
     source = str(job.path.resolve())
     print_page(console, "report", write_registration(found, folder, body=name, source=source))
-
-
-def _tell(bars: Bars, at: Progress) -> None:
-    bars(f"stage {at.stage} of {at.stages}, starts", at.start - 1, at.starts)
 
 
 def _place(text: str | None) -> tuple[float, float, float] | None:
@@ -206,19 +203,14 @@ def _files(console: Console, given: list[Path]) -> list[Path]:
             found.append(path)
             continue
         inside = sorted(file for file in path.iterdir() if file.is_file())
-        of_scans = [file for file in inside if _looks_like_a_scan(file)]
+        kinds = set(READERS) - set(NO_SCANS)
+        of_scans = [f for f in inside if f.suffix.lower() in kinds and not f.name.startswith(".")]
         if not of_scans:
-            kinds = listed(set(READERS) - set(NO_SCANS))
-            raise BadFile(f"the folder {path} holds no scans; scans are files with {kinds}")
+            raise BadFile(f"the folder {path} holds no scans; scans are files with {listed(kinds)}")
         if others := [file.name for file in inside if file not in of_scans]:
             say(console, f"note: not taken for scans: {escape(some_of(others))}")
         found += of_scans
     return list(dict.fromkeys(found))
-
-
-def _looks_like_a_scan(file: Path) -> bool:
-    suffix = file.suffix.lower()
-    return suffix in READERS and suffix not in NO_SCANS and not file.name.startswith(".")
 
 
 def _rows(jobs: tuple[ScanJob, ...], subjects: Path | None) -> dict[str, Row]:
@@ -239,56 +231,20 @@ def _rows(jobs: tuple[ScanJob, ...], subjects: Path | None) -> dict[str, Row]:
     return {job.name: row(job) for job in jobs}
 
 
-def _mind_unused(console: Console, subjects: Path | None, workers: int, dask: str | None) -> None:
-    """Name the options that have no effect on a single scan."""
-    for option, has in (
-        ("--subjects", subjects is not None),
-        ("--workers", workers > 1),
-        ("--dask", dask is not None),
-    ):
-        if has:
-            warn_without_effect(console, option, "it is for several scans, and there is one")
-
-
-class Found(Protocol):
-    """What was found of a file."""
-
-    @property
-    def job(self) -> FileJob:
-        """The file, and its name."""
-
-
-Done = TypeVar("Done", bound=Found, contravariant=True)
-
-
-class Folder(Protocol[Done]):
-    """A folder in which what was found is kept, under the name of each job."""
-
-    @property
-    def place(self) -> Path:
-        """The path of the folder, which must exist when the first entry is kept."""
-
-    def kept(self, job: FileJob, key: str) -> Entry | None:
-        """The entry of a job that is done already under this key; None if it is not."""
-
-    def keep(self, found: Done, key: str) -> Entry:
-        """Write what was found, and return its entry."""
-
-
 def do_missing_jobs(
     console: Console,
-    folder: Folder[Done],
-    keys: Mapping[FileJob, str],
-    work: Callable[[Sequence[FileJob]], Iterable[Sequence[Done | FailedFile]]],
+    folder: ImageFolder | RegistrationFolder,
+    keys: Mapping[Any, str],
+    work: Callable[[Sequence[Any]], Iterable[Sequence[Any]]],
     finish: Callable[[Sequence[Entry], Sequence[FailedFile]], Path],
     files: str,
     done: str,
 ) -> None:
     """Do the jobs that the folder does not hold under their keys, and finish it.
 
-    `work` yields what it found of some jobs at a time, and `finish` writes what is over all and
-    returns the page. In sentences, the `files` are `done`: scans are registered. Exits with 1 if
-    a file failed, and raises Interrupted after Ctrl-C.
+    `work` yields what it found of some jobs at a time, or why a file failed; `finish` writes what
+    is over all and returns the page. In sentences, the `files` are `done`: scans are registered.
+    Exits with 1 if a file failed, and raises Interrupted after Ctrl-C.
     """
     kept = {job.name: folder.kept(job, key) for job, key in keys.items()}
     entries = {name: entry for name, entry in kept.items() if entry is not None}
@@ -390,7 +346,7 @@ def coregister(
         with executing(console, workers, dask) as executor:
             state = problem.run(fits, folder=place, execution=Execution(executor, Lines(console)))
         learned = problem.learned(state, betas)
-        page = write_coregistration(Coregistered(problem, scans, state, learned), place, source)
+        page = write_coregistration(problem, scans, state, learned, place, source)
     for scan, told_before in scans.doubts().items():
         warn_of(console, told_before, f"{scan}, by itself: ")
     print_page(console, "body", place / "body.npz")

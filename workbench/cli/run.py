@@ -1,7 +1,6 @@
 """`workbench run` and `workbench live`, and what they print."""
 
 import webbrowser
-from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Annotated
@@ -13,15 +12,15 @@ from rich.markup import escape
 from rich.table import Table as RichTable
 
 from workbench.blocks import Values
+from workbench.cli import Interrupted
 from workbench.cli.console import folder_to_write, print_page, rich_table, warn_of
-from workbench.cli.leaving import Interrupted
 from workbench.comparison.design import named_solvers
 from workbench.diagnostics import Diagnosis
 from workbench.errors import BadArgument, BadFile, joined
 from workbench.experiments import EXPERIMENTS, SUITES, Experiment, find
 from workbench.experiments import run as run_experiment
 from workbench.experiments.catalogue import SUMMARIES
-from workbench.experiments.experiment import BESIDE, ENOUGH
+from workbench.experiments.experiment import ENOUGH
 from workbench.experiments.running import Outcome
 from workbench.fitting.setup import Setup
 from workbench.reports import write_report
@@ -35,14 +34,14 @@ from workbench.reports.run import (
     residuals_table,
     status_said,
 )
-from workbench.solvers import DEFAULT, SOLVERS, Iterate, Solution, Solver
+from workbench.solvers import DEFAULT, Iterate, Solution, Solver
 from workbench.solvers.starts import AS_GOOD
 
 Name = Annotated[
     str,
     typer.Argument(
-        help=f"One of {', '.join(EXPERIMENTS)}, a problem of a suite (run --list), or a Python "
-        f"file that defines {ENOUGH}; {BESIDE}."
+        help="An experiment, a problem of a suite (`run --list` names them), or a Python file that "
+        f"defines {ENOUGH}."
     ),
 ]
 Setting = Annotated[
@@ -52,20 +51,16 @@ Setting = Annotated[
         help="An argument of the experiment, such as frame=60 or noise=0.001; may be repeated.",
     ),
 ]
-Out = Annotated[
-    Path, typer.Option(help="Folder in which the command makes a folder for its results.")
-]
+Out = Annotated[Path, typer.Option(help="Folder in which the results get a folder.")]
 SolverName = Annotated[
     str,
     typer.Option(
-        "--solver", help=f"One of {', '.join(SOLVERS)}, or a Python file that defines one solver."
+        "--solver", help="A solver (`solvers` lists them), or a Python file that defines one."
     ),
 ]
 Compare = Annotated[
     bool,
-    typer.Option(
-        help="Also solve with other solvers that are named for this problem, and compare."
-    ),
+    typer.Option(help="Also solve with the other solvers that the problem names, and compare."),
 ]
 
 
@@ -77,9 +72,7 @@ def run(
     out: Out = Path("runs"),
     listing: Annotated[
         bool,
-        typer.Option(
-            "--list", help="List the experiments, or the problems of a suite, and run nothing."
-        ),
+        typer.Option("--list", help="Only list the experiments, or the problems of a suite."),
     ] = False,
     verbose: Annotated[
         bool, typer.Option("--verbose", "-v", help="Print a line for each iterate.")
@@ -93,25 +86,15 @@ def run(
                 f"no suite is called {name!r}; there are {', '.join(SUITES)}; without a name, "
                 "--list names the experiments"
             )
-        print_list(console, SUITES.get(name))
+        lines = [(one.name, one.summary) for one in SUITES.get(name, EXPERIMENTS.values())]
+        if name not in SUITES:
+            lines.append(("suites", "run SUITE --list names their problems:"))
+            lines += [(s, f"{len(several)} {SUMMARIES[s]}") for s, several in SUITES.items()]
+        width = 2 + max(len(one) for one, _ in lines)
+        for one, text in lines:
+            console.print(f"[bold]{one:{width}}[/]{text}", highlight=False)
         return
     carry_out(console, find(name, settings(setting)), solver_named(solver), compare, out, verbose)
-
-
-def print_list(console: Console, suite: Sequence[Experiment] | None) -> None:
-    """Print the problems of a suite, or else the experiments and the suites."""
-    shown = EXPERIMENTS.values() if suite is None else suite
-    width = 2 + max(len(experiment.name) for experiment in shown)
-    for experiment in shown:
-        console.print(f"[bold]{experiment.name:{width}}[/]{experiment.summary}", highlight=False)
-    if suite is not None:
-        return
-    console.print(
-        "\nsuites, to compare solvers on (workbench run SUITE --list names their problems)"
-    )
-    for name, members in SUITES.items():
-        text = f"{len(members)} {SUMMARIES[name]}"
-        console.print(f"[bold]{name:{width}}[/]{text}", highlight=False)
 
 
 def carry_out(
@@ -248,7 +231,7 @@ def print_outcome(console: Console, outcome: Outcome) -> None:
 
 
 def _print_residuals(console: Console, outcome: Outcome) -> None:
-    """Print the cost of each residual; if there are many, only of those with the highest cost."""
+    """Print the residuals with the highest costs."""
     found = residuals_table(outcome)
     rows = sorted(zip(outcome.costs.values(), found.rows, strict=True), key=lambda row: -row[0])
     shown = {row for _, row in rows[:ROWS]}
@@ -305,7 +288,7 @@ def live(
     ] = 0,
     browser: Annotated[bool, typer.Option(help="Open the page in the browser.")] = True,
 ) -> None:
-    """Move a body by hand, press a solver, and watch its iterates come in; until Ctrl-C."""
+    """Move a body by hand, pick a solver, and watch its iterates come in; until Ctrl-C."""
     console = Console()
     experiment = find(name, settings(setting))
     console.print(f"[dim]building {experiment.name}[/]", highlight=False)

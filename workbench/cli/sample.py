@@ -1,7 +1,6 @@
 """`workbench sample`: draws from a posterior."""
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -14,6 +13,7 @@ from rich.progress import Progress as Bar
 
 from workbench import sampling
 from workbench.blocks.layout import entries
+from workbench.cli import Interrupted, interrupts_say
 from workbench.cli.console import (
     folder_to_write,
     make_folder,
@@ -23,7 +23,6 @@ from workbench.cli.console import (
     warn_of,
     warn_without_effect,
 )
-from workbench.cli.leaving import Interrupted, interrupts_say
 from workbench.cli.run import Name, Out, Setting, SolverName, settings, solved, solver_named
 from workbench.errors import check_known
 from workbench.experiments import find
@@ -31,11 +30,11 @@ from workbench.fitting.measures import measured_in, person_of
 from workbench.fitting.setup import Setup
 from workbench.reports import write_posterior
 from workbench.reports.page import Table
-from workbench.reports.posterior_summary import (
+from workbench.reports.posterior import (
     BlockPosterior,
-    blocks_table,
+    anchors,
     contradictions,
-    truth_of,
+    posterior_text,
 )
 from workbench.sampling import MOVES
 from workbench.solvers import DEFAULT
@@ -50,7 +49,7 @@ def sample(
     block: Annotated[
         list[str] | None,
         typer.Option(
-            help=r"What to sample together, such as betas,trans,pose\[left_elbow], or everything. "
+            help="What to sample together, such as betas,trans,pose[left_elbow], or everything. "
             "May be repeated; without it, parts of up to 21 entries are chosen."
         ),
     ] = None,
@@ -104,7 +103,14 @@ def sample(
     if not chosen:
         chosen |= sampling.sampling_blocks(problem.free, problem.trees)
     if conditional:
-        _mind_rests(console, chosen, problem.free.names)
+        for part, names in chosen.items():
+            if callable(names):
+                why = f"with {part}, the other unknowns are never held fixed"
+                warn_without_effect(console, "--conditional", why)
+            elif names is None or set(problem.free.names) <= set(names):
+                why = f"{part} is all that there is to sample"
+                warn_without_effect(console, "--conditional", why)
+    file_of = dict(zip(chosen, anchors(chosen), strict=True))
     parts: list[BlockPosterior] = []
     interrupted = False
 
@@ -115,7 +121,7 @@ def sample(
 
     with interrupts_say(left):
         for part, names in chosen.items():
-            path = kept / (re.sub(r"[^A-Za-z0-9]+", "-", part).strip("-") + ".npz")
+            path = kept / f"{file_of[part]}.npz"
             if fresh:
                 path.unlink(missing_ok=True)
             elif (before := path.with_suffix(".h5")).exists() and not path.exists():
@@ -155,7 +161,10 @@ def sample(
             if posterior.interrupted:
                 interrupted = True
                 break
-        print_posteriors(console, parts, setup)
+        console.print()
+        warn_of(console, contradictions(setup, [part.posterior for part in parts]))
+        say(console, escape(posterior_text(parts, setup)))
+        _print_measurements(console, [part.posterior for part in parts], setup)
         console.print("[dim]writing the page[/]")
         page = write_posterior(
             parts, folder, title=experiment.name, setup=setup, source=experiment.source
@@ -170,19 +179,6 @@ def sample(
         raise Interrupted(f"interrupted; the same command continues with what {kept} holds")
     if not all(part.posterior.usable for part in parts):
         raise typer.Exit(NOT_CONVERGED)
-
-
-def _mind_rests(
-    console: Console, chosen: Mapping[str, sampling.Names], free: Iterable[str]
-) -> None:
-    """Where --conditional changes nothing: nothing is left, or directions are sampled."""
-    for part, names in chosen.items():
-        if callable(names):
-            warn_without_effect(
-                console, "--conditional", f"with {part}, the other unknowns are never held fixed"
-            )
-        elif names is None or set(free) <= set(names):
-            warn_without_effect(console, "--conditional", f"{part} is all that there is to sample")
 
 
 def _names(text: str) -> tuple[str, ...]:
@@ -204,22 +200,8 @@ def _bar(console: Console) -> Bar:
     )
 
 
-def print_posteriors(console: Console, parts: Sequence[BlockPosterior], setup: Setup) -> None:
-    """One line for every block, and then all that is known of each."""
-    console.print()
-    warn_of(console, contradictions(setup, [part.posterior for part in parts]))
-    for line in blocks_table(parts, setup).lines():
-        say(console, escape(line))
-    for part in parts:
-        console.print(f"\n[bold]{escape(part.name)}[/]")
-        posterior = part.posterior
-        say(console, escape(posterior.summary(truth_of(posterior, setup), setup.priors)))
-        _print_beside(console, posterior, part.approximation)
-    _print_measurements(console, [part.posterior for part in parts], setup)
-
-
 def _print_measurements(
-    console: Console, posteriors: Sequence[sampling.Posterior], setup: Setup
+    console: Console, posteriors: list[sampling.Posterior], setup: Setup
 ) -> None:
     """The measurements of the person, from the first usable draws that have all betas in them."""
     body, free = person_of(setup), setup.problem.free
@@ -236,20 +218,3 @@ def _print_measurements(
             console.print("\n[bold]measurements[/]")
             console.print(rich_table(Table(("measurement", "median, m", "90 %, m"), rows)))
             return
-
-
-def _print_beside(
-    console: Console, posterior: sampling.Posterior, approximation: sampling.Posterior
-) -> None:
-    """How good Laplace's approximation is, and the entries for which it is not good enough."""
-    say(console, f"Laplace's approximation: {escape(approximation.verdict)}")
-    rows = sampling.compared_with_laplace(posterior, approximation)
-    unlike = [row for row in rows if row.remark != "agrees"]
-    if not posterior.mixed:
-        return
-    given = f", conditional too ({posterior.rest})," if posterior.conditional else ""
-    agree = f"{len(rows) - len(unlike)} of {len(rows)} entries"
-    say(console, escape(f"Laplace's approximation{given} agrees in {agree}"))
-    for row in unlike:
-        off = f"sd {row.ratio:.2f} times Laplace's, mean off by {row.shift:+.2f} of its sd"
-        say(console, f"  {escape(row.label)}: {row.remark} ({off})")

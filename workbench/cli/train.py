@@ -11,15 +11,15 @@ from rich.console import Console
 from rich.markup import escape
 
 from workbench.bodies.files.saving import save_body
+from workbench.cli import interrupts_say
 from workbench.cli.console import (
     Bars,
     make_folder,
     print_page,
     rich_table,
     say,
-    warn_without_effect,
+    warn_unused,
 )
-from workbench.cli.leaving import interrupts_say
 from workbench.cli.options import Workers
 from workbench.cli.run import Out
 from workbench.errors import BadArgument, BadFile
@@ -55,6 +55,7 @@ EVERY = 5.0  # s
 
 
 def train(
+    ctx: typer.Context,
     folder: Annotated[
         Path | None,
         typer.Argument(
@@ -109,7 +110,13 @@ def train(
     if gender is not None and gender not in GENDERS:
         raise BadArgument(f"--gender takes {', '.join(GENDERS)}, not {gender!r}")
     if folder is None:
-        _mind_unused(console, start, gender, reach)
+        unused = {
+            "--start": "the synthetic tube has its own template",
+            "--gender": "the synthetic tubes have no gender",
+            "--reach": "every joint of the synthetic tube changes its whole surface",
+        }
+        for option, because in unused.items():
+            warn_unused(console, ctx, [option], because)
         gender = None
     name, guess, poses, shapes = _data(console, folder, start, gender)
     people = None
@@ -125,8 +132,8 @@ def train(
     plan = without_blend_shapes(rounds=rounds)
     if blend_shapes:
         plan = alternation(rounds=rounds, reach=None if folder is None else reach)
-    elif reach != REACH:
-        warn_without_effect(console, "--reach", "there are no blend shapes to reach anywhere")
+    else:
+        warn_unused(console, ctx, ["--reach"], "there are no blend shapes to reach anywhere")
     make_folder(out)
     place = out / f"train-{name}{f'-{gender}' if gender else ''}"
     make_folder(place)
@@ -167,18 +174,6 @@ def train(
         page = write_card(body, place / "card", str((place / "body.npz").resolve()))
     print_page(console, "body", place / "body.npz")
     print_page(console, "card", page)
-
-
-def _mind_unused(console: Console, start: str | None, gender: str | None, reach: int) -> None:
-    """Name the options that have no effect on synthetic registrations."""
-    if start is not None:
-        warn_without_effect(console, "--start", "the synthetic tube has its own template")
-    if gender is not None:
-        warn_without_effect(console, "--gender", "the synthetic tubes have no gender")
-    if reach != REACH:
-        warn_without_effect(
-            console, "--reach", "every joint of the synthetic tube changes its whole surface"
-        )
 
 
 def _data(

@@ -13,7 +13,6 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import Normalize, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
-from matplotlib.textpath import TextPath
 from matplotlib.ticker import MultipleLocator
 from numpy.typing import ArrayLike
 
@@ -24,11 +23,7 @@ from workbench.geometry.solids import face_vectors, sums_over_faces
 from workbench.plots.palette import AMOUNT, BLUE, FAINT, INK, SKIN, VERMILLION
 from workbench.plots.style import height_to_scale, house_style, plain, to_scale
 
-LETTERS = 9.0  # points, of labels
-NARROW = 0.6  # of the axes' width: names that take more in all go on more lines
-WHOLE = 0.9  # of it: more than all names together get
-MOST_LINES = 4
-ROUNDS = 30
+LETTERS = 10  # of a line of a label: what is longer goes on more lines
 Look = Callable[[Array], Array]  # vertices (N, 3) m -> right, up, towards the viewer (N, 3) m
 LIGHT = np.array([-0.35, 0.55, 0.76])  # from the upper left, behind the viewer; right, up, towards
 
@@ -108,61 +103,29 @@ def line_up(
     ax: Axes,
     contrast: float = 0.5,
 ) -> Axes:
-    """Draw bodies from left to right, named below, heights in metres on one scale.
-
-    Each has at least the room that its name takes, so that no name runs into the next.
-    """
+    """Draw bodies from left to right, named below, heights in metres on one scale."""
     solids = [f.look(f.vertices) for f in figurines]
     gap = 0.12 * max(float(np.ptp(s[:, 1])) for s in solids)
     extents = [float(np.ptp(s[:, 0])) for s in solids]
-    inches = ax.bbox.width / ax.figure.dpi
-    labels, slots = _room([plain(f.label) for f in figurines], extents, gap, inches)
+    labels = [fill(plain(f.label), LETTERS, break_long_words=False) for f in figurines]
     at, places = 0.0, []
-    for figurine, solid, extent, slot in zip(figurines, solids, extents, slots, strict=True):
-        flat = solid[:, :2] + [at + (slot - extent) / 2 - float(solid[:, 0].min()), 0.0]
+    for figurine, solid, extent in zip(figurines, solids, extents, strict=True):
+        flat = solid[:, :2] + [at - float(solid[:, 0].min()), 0.0]
         own = faces if figurine.faces is None else figurine.faces
         ax.add_collection(painted(flat, solid, own, figurine.colours, contrast))
-        places.append(at + slot / 2)
-        at += slot + gap
+        places.append(at + extent / 2)
+        at += extent + gap
     low = min(float(s[:, 1].min()) for s in solids)
     high = max(float(s[:, 1].max()) for s in solids)
     ax.set(xlim=(-gap, at), ylim=(low - gap / 2, high + gap / 2))
     ax.set_aspect("equal")
     ax.set_xticks(places, labels)
-    ax.tick_params(axis="x", length=0)
+    ax.tick_params(axis="x", length=0, labelsize=8)
     ax.yaxis.set_major_locator(MultipleLocator(_step(high - low)))
     ax.grid(axis="y", color=FAINT, alpha=0.25, linewidth=0.6)
     ax.set(ylabel="y (m)", xlabel="the horizontal scale is the same as the vertical one")
     ax.spines["bottom"].set_visible(False)
     return ax
-
-
-def _room(
-    names: list[str], extents: list[float], gap: float, across: float
-) -> tuple[list[str], list[float]]:
-    """The names, long ones on several lines, and the width of each place (m) along `across` inches.
-
-    Names that do not fit on any number of lines share the width as they need it.
-    """
-    labels = names
-    for lines in range(2, MOST_LINES + 1):
-        if sum(_inches(label) for label in labels) <= NARROW * across:
-            break
-        width = [-(-len(name) // lines) + 2 for name in names]
-        labels = [fill(n, w, break_long_words=False) for n, w in zip(names, width, strict=True)]
-    wide = np.array([_inches(label) for label in labels])
-    wide *= min(1.0, WHOLE * across / max(wide.sum(), 1e-9))
-    slots = np.array(extents)
-    for _ in range(ROUNDS):  # a wider place makes the scale smaller, and labels wider on it
-        total = slots.sum() + gap * (len(slots) + 1)
-        slots = np.maximum(extents, wide / across * total - gap / 2)
-    return labels, slots.tolist()
-
-
-def _inches(label: str) -> float:
-    """How wide the longest line of a label is drawn, and the space to the next one."""
-    lines = [TextPath((0, 0), line, size=LETTERS) for line in (label + " x").split("\n")]
-    return max(float(line.get_extents().width) for line in lines) / 72
 
 
 def _step(extent: float) -> float:
@@ -487,15 +450,3 @@ def plot_stitching(stages: Mapping[str, Array], *, ax: Axes) -> Axes:
     triangles = np.arange(3 * len(next(iter(stages.values())))).reshape(-1, 3)
     shown = [Figurine(name, corners.reshape(-1, 3)) for name, corners in stages.items()]
     return line_up(shown, triangles, ax=ax, contrast=0.7)
-
-
-def caption_stitching(torn: Array, stitched: Array) -> str:
-    """What `plot_stitching` shows, of the last two stages (F, 3, 3) m."""
-    wanted, got = (corners[:, 1:] - corners[:, :1] for corners in (torn, stitched))
-    apart = 1e3 * np.linalg.norm(wanted - got, axis=-1)
-    return (
-        "Every triangle is deformed by itself, about its own centre, and does not meet its "
-        "neighbours; stitching finds the vertices whose edges are nearest to those of the torn "
-        f"triangles. Edges differ by {apart.mean():.1f} mm on average, and by at most "
-        f"{apart.max():.0f} mm, where one part meets another."
-    )

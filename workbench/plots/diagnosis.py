@@ -30,7 +30,7 @@ def plot_sparsity(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
     Where several rows share a line, the line shows every column that any of them reads.
     """
     m, n = diagnosis.shape
-    terms = term_names(diagnosis)
+    terms = list(dict.fromkeys(term.residual for term in diagnosis.terms))
     heights = lines(np.diff(diagnosis.row_edges))
     drawn = [
         squeezed(diagnosis.pattern[top:bottom], height)
@@ -70,11 +70,6 @@ def caption_sparsity(diagnosis: Diagnosis) -> str:
     if (sizes < THINNEST * m).any():
         text += " Small terms are drawn taller than to scale."
     return text
-
-
-def term_names(diagnosis: Diagnosis) -> list[str]:
-    """The residuals, from the top down."""
-    return list(dict.fromkeys(term.residual for term in diagnosis.terms))
 
 
 def lines(sizes: Sequence[int] | Index) -> list[int]:
@@ -308,6 +303,7 @@ def plot_sigmas(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
         drawn = numbers[np.isfinite(numbers) & (numbers > 0)]
         ax.set_ylim(drawn.min() / 2, drawn.max() * 60)  # room for the legend
         ax.set_yscale("log")
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     ax.set_xlabel("entry, in the order of the table below")
     ax.set_ylabel("standard deviation (the entry's unit)")
     ax.grid(axis="y", color=FAINT, alpha=0.25, linewidth=0.6)
@@ -365,6 +361,7 @@ def plot_data_share(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
     ax.axhline(0.5, color=VERMILLION, linewidth=1.0, linestyle="--")
     note_at(ax, "half from the data", 0.99, 0.5, VERMILLION)
     ax.set(ylim=(0, 1.04), xlim=(0.5, share.size + 0.5))
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
     ax.set(xlabel="direction, those that the data know best first")
     ax.set(ylabel="share from the data (0 to 1)")
     ax.set_title(

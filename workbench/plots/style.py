@@ -89,12 +89,10 @@ def png(figure: Figure) -> bytes:
 
 
 def smallest(figure: Figure) -> tuple[bytes, str]:
-    """The figure as SVG or PNG, whichever is shorter, and its media type."""
-    pixels = png(figure), "image/png"
+    """The figure as SVG, or as PNG where it is painted, and its media type."""
     if any(artist.get_rasterized() for artist in figure.findobj()):
-        return pixels  # paint inside an SVG is a PNG in itself
-    lines = svg(figure), "image/svg+xml"
-    return lines if len(lines[0]) < len(pixels[0]) else pixels
+        return png(figure), "image/png"
+    return svg(figure), "image/svg+xml"
 
 
 def _saved(figure: Figure, format: str, metadata: dict[str, None]) -> bytes:

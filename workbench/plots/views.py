@@ -311,13 +311,6 @@ def plot_motion(places: Array, pairs: Index, fps: float | None, *, ax: Axes) -> 
     return ax
 
 
-def caption_motion(frames: int, fps: float | None) -> str:
-    """What `plot_motion` shows."""
-    shown = len(frames_of_strip(frames))
-    rate = "" if fps is None else f" at {fps:g} frames a second"
-    return f"{shown} of {frames} frames{rate}, seen from the front."
-
-
 def frames_of_strip(frames: int) -> list[int]:
     """The frames that are drawn, evenly spread, the first and the last among them."""
     return sorted({int(t) for t in np.linspace(0, frames - 1, min(frames, MOST)).round()})

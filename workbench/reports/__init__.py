@@ -1,11 +1,10 @@
 """A run as one page with its numbers beside it, and a body as a card."""
 
 from workbench.reports.card import card_text, write_card
-from workbench.reports.comparison_page import write_comparison
-from workbench.reports.design_page import write_design
-from workbench.reports.diagnosis_page import write_diagnosis
+from workbench.reports.comparison import write_comparison
+from workbench.reports.diagnosis import write_design, write_diagnosis
 from workbench.reports.folder import refuse_foreign
-from workbench.reports.posterior_page import write_posterior
+from workbench.reports.posterior import write_posterior
 from workbench.reports.registration import write_registration
 from workbench.reports.replays import ReplayPage, show
 from workbench.reports.run import write_report

@@ -45,7 +45,10 @@ def card_page(body: SkinnedBody | TriangleBody) -> str:
         facts=facts(body),
         portrait=shown(
             body_sheet(body.template, body.faces),
-            caption_body(body.template, f"The {template_called(body)}"),
+            caption_body(
+                body.template,
+                "The synthetic template" if "synthetic" in body.card else "The template",
+            ),
         ),
         gallery=shown(
             shape_gallery_sheet(gallery, body.faces),
@@ -64,13 +67,10 @@ def card_text(body: SkinnedBody | TriangleBody) -> str:
     known = facts(body)
     widest = max(map(len, known))
     lines = [body.name, *(f"  {name:{widest}}  {text}" for name, text in known.items()), ""]
-    lines += [f"  {line}" for line in joint_table(body).lines()]
+    table = joint_table(body)
+    short = Table(table.head[:6], tuple(row[:6] for row in table.rows), table.numbers[:4])
+    lines += [f"  {line}" for line in short.lines()]
     return "\n".join([*lines, "", *_nested(body.card, 1)]).rstrip()
-
-
-def template_called(body: SkinnedBody | TriangleBody) -> str:
-    """The words for the template in a caption."""
-    return "synthetic template" if "synthetic" in body.card else "template"
 
 
 def check_kind(body: object) -> None:
@@ -193,13 +193,9 @@ def directions_drawn(body: SkinnedBody | TriangleBody) -> str:
     return f"Each of the first {DRAWN} of {body.n_betas} shape directions"
 
 
-def _unbound(body: SkinnedBody | TriangleBody) -> bool:
-    return isinstance(body, TriangleBody) or body.bound_in is None
-
-
 def _arms_down(body: SkinnedBody | TriangleBody) -> Array:
     pose = body.bind_pose.copy()
     for name, turn in (("left_shoulder", -LOWERED), ("right_shoulder", LOWERED)):
-        if name in body.joint_names and _unbound(body):
+        if name in body.joint_names and (isinstance(body, TriangleBody) or body.bound_in is None):
             pose[body.joint_names.index(name), 2] = turn
     return pose

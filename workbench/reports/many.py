@@ -14,7 +14,7 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.bodies.files.saving import save_body
 from workbench.fitting.body_priors import stature
-from workbench.fitting.images import INTERVAL_NOTE, DepthInterval
+from workbench.fitting.images import INTERVAL_NOTE
 from workbench.fitting.jobs import FailedFile, FileJob, FittedImage, ImageWork, Picture
 from workbench.fitting.pose_regressor import shipped_regressor
 from workbench.identity import code_version, digest, file_digest
@@ -76,15 +76,8 @@ class ImageFolder:
         """
         work, calibration = self.work, self.work.reading.calibration
         lens = "" if calibration is None else file_digest(str(calibration))
-        about = (
-            FITS_FORMAT,
-            work.body,
-            work.recipe,
-            work.reading,
-            work.hypotheses,
-            shipped_regressor(),
-        )
-        return digest([digest(about), lens, code_version()])
+        how = work.body, work.recipe, work.reading, work.hypotheses, shipped_regressor()
+        return digest([digest((FITS_FORMAT, *how)), lens, code_version()])
 
     def key(self, job: FileJob, of_work: str) -> str:
         """16 letters that differ when anything does on which the fit of an image depends."""
@@ -116,7 +109,9 @@ class ImageFolder:
             "costs": found.costs,
             "error_px": None if np.isnan(found.error) else found.error,
             "depth_m": found.depth,
-            "depth_90_m": None if found.interval is None else ends_of(found.interval),
+            "depth_90_m": None
+            if found.interval is None
+            else (found.interval.low, found.interval.high),
             "height_m": height,
             "seconds": found.seconds,
             "warnings": found.doubts,
@@ -130,12 +125,13 @@ class ImageFolder:
         """Write the page, the table and `poses.npz` of all images; returns the page."""
         write_file(self.place / FITS_TABLE, fits_csv(entries))
         self._write_poses(entries)
+        several = [entry.facts["costs"] for entry in entries if len(entry.facts["costs"]) > 1]
         text = page(
             "images.html",
             title=f"{self.body_name} in {len(entries)} images",
             rows=[_fit_row(entry) for entry in entries],
             failed=failed,
-            ambiguous=sum(_ambiguous(entry) for entry in entries),
+            ambiguous=sum(costs[1] - costs[0] < CLOSE for costs in several),
             hypotheses=self.work.hypotheses,
             doubted=sum(bool(entry.facts["warnings"]) for entry in entries),
             found=INTERVAL_NOTE,
@@ -184,16 +180,6 @@ def fits_csv(entries: Sequence[Entry]) -> str:
         row = (entry.name, told["status"], *costs[:2], told["error_px"], told["depth_m"], *ends)
         rows.append((*row, told["height_m"], told["seconds"], "; ".join(told["warnings"])))
     return csv_text(FITS_COLUMNS, rows)
-
-
-def ends_of(interval: DepthInterval) -> tuple[float, float]:
-    """The ends of the 90 % interval, m."""
-    return interval.low, interval.high
-
-
-def _ambiguous(entry: Entry) -> bool:
-    costs = entry.facts["costs"]
-    return len(costs) > 1 and costs[1] - costs[0] < CLOSE
 
 
 def _fit_row(entry: Entry) -> dict[str, Any]:

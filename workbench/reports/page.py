@@ -8,7 +8,7 @@ import platform
 from base64 import b64encode
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
@@ -26,7 +26,7 @@ from workbench.plots.style import drawn as figure_of
 from workbench.reading.facts import json_in
 from workbench.solvers import SOLVERS
 
-PACKAGES = (DISTRIBUTION, "casadi", "numpy", "scipy", "nlopt", "emcee", "matplotlib")
+PACKAGES = (DISTRIBUTION, "casadi", "numpy", "scipy", "nlopt", "emcee", "trimesh", "matplotlib")
 
 
 def page(template: str, **content: Any) -> str:
@@ -36,6 +36,11 @@ def page(template: str, **content: Any) -> str:
 
     Templates may include the scripts of `workbench/reports/replay/scripts`.
     """
+    return _templates().get_template(template).render(versions=versions(), **content)
+
+
+@cache
+def _templates() -> Environment:
     environment = Environment(
         loader=ChoiceLoader(
             [
@@ -50,7 +55,7 @@ def page(template: str, **content: Any) -> str:
     )
     colours = {name: style.color for name, style in solver_styles(SOLVERS).items()}
     environment.globals["solver_colours"] = colours  # which macros see as well
-    return environment.get_template(template).render(versions=versions(), **content)
+    return environment
 
 
 def versions() -> dict[str, str | None]:

@@ -1,7 +1,6 @@
 """The page of a registered scan, and of a coregistration."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -198,51 +197,49 @@ TOGETHER = {
 DRAWN = 6  # people in the figure
 
 
-@dataclass(frozen=True, eq=False)
-class Coregistered:
-    """A coregistration that has ended, with what is written of it.
+def write_coregistration(
+    problem: Coregistration,
+    scans: RegisteredScans,
+    state: State,
+    learned: SkinnedBody,
+    place: Path,
+    source: str,
+) -> Path:
+    """Write the end of a coregistration into `place`, which exists, and return its page.
 
-    Attributes:
-        problem: the joint problem.
-        scans: where its scans are from.
-        state: how it ended.
-        body: the body that was learned.
+    `learned` is the body that was learned. Raises BadFile.
     """
-
-    problem: Coregistration
-    scans: RegisteredScans
-    state: State
-    body: SkinnedBody
-
-
-def write_coregistration(found: Coregistered, place: Path, source: str) -> Path:
-    """Write everything into `place`, which exists, and return its page. Raises BadFile."""
     registrations = place / REGISTRATIONS
     registrations.mkdir(exist_ok=True)
-    names, start = found.scans.names, found.problem.body
+    names, start = scans.names, problem.body
     # about 1 where a surface was scanned: a scan is sure across its surface, and not along it
-    trust = np.trace(found.state.confidence, axis1=2, axis2=3)
-    for name, vertices, seen in zip(names, found.state.vertices, trust, strict=True):
+    trust = np.trace(state.confidence, axis1=2, axis2=3)
+    for name, vertices, seen in zip(names, state.vertices, trust, strict=True):
         arrays = {"vertices": vertices, "faces": start.faces, "confidence": seen.clip(0, 1)}
         write_arrays(registrations / f"{name}.npz", arrays)
     rows = [
         Row(f"{name}.npz", row.subject, row.gender, row.set)
-        for name, row in zip(names, found.scans.rows, strict=True)
+        for name, row in zip(names, scans.rows, strict=True)
     ]
     write_file(registrations / TABLE, subjects_csv(rows))
-    for path, body in ((registrations / BODY, start), (place / LEARNED, found.body)):
+    for path, body in ((registrations / BODY, start), (place / LEARNED, learned)):
         save_body(body, path)
-    scans, state = found.scans, found.state
     measured = distances(scans, start, state.vertices)
     away = beyond_betas(start, state.estimate.templates)
-    for name, text in (
-        ("index.html", coregistration_page(found, measured, away, str(place))),
-        (
-            SUMMARY,
-            summary_text(source, _summary_of_all(found, measured, away), list(TOGETHER)),
-        ),
-    ):
-        write_file(place / name, text)
+    html = coregistration_page(problem, scans, state, measured, away, str(place))
+    write_file(place / "index.html", html)
+    numbers = {  # of the page, for programs: lengths in m, times in s
+        "kind": "coregistration",
+        "scans": list(scans.names),
+        "warnings": scans.doubts(),
+        "subjects": list(scans.subjects),
+        "costs": [state.log[0].before, *(entry.after for entry in state.log)],
+        "blocks": [entry.block for entry in state.log],
+        "seconds": sum(entry.seconds for entry in state.log),
+        "median_m": {name: each.tolist() for name, each in measured.items()},
+        "beyond_betas_m": away.mean(axis=1).tolist(),
+    }
+    write_file(place / SUMMARY, summary_text(source, numbers, list(TOGETHER)))
     return place / "index.html"
 
 
@@ -253,28 +250,29 @@ def subjects_csv(rows: Sequence[Row]) -> str:
 
 def begin_folder(place: Path, source: str) -> None:
     """Mark a folder as that of a coregistration of `source`, before there is a result."""
-    write_file(
-        place / SUMMARY,
-        summary_text(source, {"kind": "coregistration"}, list(TOGETHER)),
-    )
+    write_file(place / SUMMARY, summary_text(source, {"kind": "coregistration"}, list(TOGETHER)))
 
 
 def coregistration_page(
-    found: Coregistered, measured: Mapping[str, Array], beyond: Array, place: str
+    problem: Coregistration,
+    scans: RegisteredScans,
+    state: State,
+    measured: Mapping[str, Array],
+    beyond: Array,
+    place: str,
 ) -> str:
     """The page of a coregistration; `beyond` (S, N) m is what `beyond_betas` says of templates."""
-    log, away = found.state.log, MM * beyond
-    subjects, counts = found.scans.subjects, np.bincount(found.scans.subject)
+    away, subjects, counts = MM * beyond, scans.subjects, np.bincount(scans.subject)
     return page(
         "coregistration.html",
-        title=f"{len(found.scans.rows)} scans of {len(subjects)} people, together",
-        rows=len(found.scans.rows),
+        title=f"{len(scans.rows)} scans of {len(subjects)} people, together",
+        rows=len(scans.rows),
         people=len(subjects),
-        rounds=found.problem.plan.rounds,
-        doubted=[f"{n}, by itself: {d}" for n, told in found.scans.doubts().items() for d in told],
+        rounds=problem.plan.rounds,
+        doubted=[f"{n}, by itself: {d}" for n, told in scans.doubts().items() for d in told],
         folder=place,
-        cost=plotted(9.0, 4.4, plot_joint_cost, caption_joint_cost, log),
-        templates=_templates(found, away),
+        cost=plotted(9.0, 4.4, plot_joint_cost, caption_joint_cost, state.log),
+        templates=_templates(problem, state, subjects, away),
         subjects=Table(
             ("person", "scans", "beyond betas, mean (mm)", "at most (mm)"),
             tuple(
@@ -287,9 +285,7 @@ def coregistration_page(
             ("scan", "person", "apart (mm)", "together (mm)", "moved (mm)"),
             tuple(
                 (name, row.subject, *(number(MM * measured[k][j], 3) for k in measured))
-                for j, (name, row) in enumerate(
-                    zip(found.scans.names, found.scans.rows, strict=True)
-                )
+                for j, (name, row) in enumerate(zip(scans.names, scans.rows, strict=True))
             ),
             (2, 3, 4),
         ),
@@ -297,16 +293,13 @@ def coregistration_page(
     )
 
 
-def _templates(found: Coregistered, away: Array) -> Shown:
+def _templates(problem: Coregistration, state: State, names: Sequence[str], away: Array) -> Shown:
     """The first people's templates, coloured by what betas do not reach."""
-    each = found.state.estimate.templates[:DRAWN]
-    names = found.scans.subjects
-    coloured = [
-        (Figurine(name, T, front), d) for name, T, d in zip(names, each, away, strict=False)
-    ]
+    each = zip(names, state.estimate.templates[:DRAWN], away, strict=False)
+    coloured = [(Figurine(name, T, front), d) for name, T, d in each]
     end = float(np.percentile(away, 98))
     label = "from the nearest shape of the starting body (mm)"
-    draw = partial(line_up_coloured, coloured, found.problem.body.faces, end, label)
+    draw = partial(line_up_coloured, coloured, problem.body.faces, end, label)
     more = "" if len(names) <= DRAWN else f" of the first {DRAWN} people"
     caption = (
         f"The templates{more}, coloured by their distance from the nearest shape that betas of the "
@@ -314,21 +307,3 @@ def _templates(found: Coregistered, away: Array) -> Shown:
         "for whole regions of one colour, such as a belly; scattered spots are noise."
     )
     return shown(figure_of(draw, 2.0 + 1.6 * len(coloured), 3.2), caption)
-
-
-def _summary_of_all(
-    found: Coregistered, measured: Mapping[str, Array], beyond: Array
-) -> dict[str, Any]:
-    """The numbers of the page, for programs: lengths in m, times in s."""
-    log = found.state.log
-    return {
-        "kind": "coregistration",
-        "scans": list(found.scans.names),
-        "warnings": found.scans.doubts(),
-        "subjects": list(found.scans.subjects),
-        "costs": [log[0].before, *(entry.after for entry in log)],
-        "blocks": [entry.block for entry in log],
-        "seconds": sum(entry.seconds for entry in log),
-        "median_m": {name: each.tolist() for name, each in measured.items()},
-        "beyond_betas_m": beyond.mean(axis=1).tolist(),
-    }

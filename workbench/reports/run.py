@@ -28,7 +28,7 @@ from workbench.geometry.meshes import write_mesh
 from workbench.plots.body import capsules_sheet, distances_sheet
 from workbench.plots.diagnosis import sparsity_sheet
 from workbench.plots.solutions import convergence_sheet
-from workbench.reports.diagnosis_tables import (
+from workbench.reports.diagnosis import (
     directions_table,
     gathered_directions_table,
     terms_table,
@@ -116,7 +116,10 @@ def run_page(outcome: Outcome, files: dict[str, str]) -> str:
         priors=priors_said(outcome),
         cost=number(solution.cost, 6),
         optimality=number(solution.optimality, 2),
-        overlays=overlay_figures(outcome),
+        overlays=[
+            plotted(4.8, 6.2, plots.plot_overlay, plots.caption_overlay, outcome, i)
+            for i in range(len(outcome.overlays))
+        ],
         stages=numbered_figures(
             outcome, len(outcome.stages), plots.plot_stage, plots.caption_stage
         ),
@@ -132,7 +135,9 @@ def run_page(outcome: Outcome, files: dict[str, str]) -> str:
         ),
         solvers=solvers_table(outcome),
         evaluations=evaluations_table(outcome),
-        minima=minima_figure(solution),
+        minima=plotted(8.0, 3.6, plots.plot_minima, plots.caption_minima, solution)
+        if solution.hypotheses
+        else None,
         hypotheses=hypotheses_table(solution),
         condition=number(diagnosis.condition, 3),
         sparsity=drawn(sparsity_sheet, plots.caption_sparsity, diagnosis),
@@ -148,13 +153,6 @@ def run_page(outcome: Outcome, files: dict[str, str]) -> str:
     )
 
 
-def minima_figure(solution: Solution) -> Shown | None:
-    """Where several starts ended, or None if there was one."""
-    if not solution.hypotheses:
-        return None
-    return plotted(8.0, 3.6, plots.plot_minima, plots.caption_minima, solution)
-
-
 def data_alone(outcome: Outcome) -> dict[str, object] | None:
     """The diagnosis of the data alone, or None if there are no priors."""
     found = outcome.data_alone
@@ -167,12 +165,6 @@ def data_alone(outcome: Outcome) -> dict[str, object] | None:
         "directions": directions_table(found),
         "weak": gathered_directions_table(found.weak_directions, "characteristic scale"),
     }
-
-
-def overlay_figures(outcome: Outcome) -> list[Shown]:
-    """The fitted body over the keypoints, one figure per view."""
-    views = range(len(outcome.overlays))
-    return [plotted(4.8, 6.2, plots.plot_overlay, plots.caption_overlay, outcome, i) for i in views]
 
 
 def numbered_figures(

@@ -26,7 +26,7 @@ NOTE = (
 
 
 @dataclass(frozen=True)
-class Part:
+class Switch:
     """A switch of the page.
 
     Attributes:
@@ -41,17 +41,17 @@ class Part:
 
 
 SKINNED = (
-    Part("weights", "blend weights"),
-    Part("pose_shapes", "pose blend shapes"),
-    Part("shape_shapes", "shape blend shapes"),
-    Part("dual", "dual quaternions instead of linear blending", on=False),
+    Switch("weights", "blend weights"),
+    Switch("pose_shapes", "pose blend shapes"),
+    Switch("shape_shapes", "shape blend shapes"),
+    Switch("dual", "dual quaternions instead of linear blending", on=False),
 )
 STITCHED = (
-    Part("pose_shapes", "Q, what the pose does to each triangle"),
-    Part("shape_shapes", "D, what the shape does to each triangle"),
-    Part("stitched", "stitching; without it, each triangle is deformed about its own centre"),
+    Switch("pose_shapes", "Q, what the pose does to each triangle"),
+    Switch("shape_shapes", "D, what the shape does to each triangle"),
+    Switch("stitched", "stitching; without it, each triangle is deformed about its own centre"),
 )
-BLENDED = Part("weights", "blending of the parts' rotations, of which each triangle has several")
+BLENDED = Switch("weights", "blending of the parts' rotations, of which each triangle has several")
 
 
 def write_sliders(
@@ -126,7 +126,7 @@ def pose_and_betas(place: str | Path, body: Body, frame: int = 0) -> tuple[Array
             if found not in (row, (*found[:1], *row), (*found[:1], int(np.prod(row)))):
                 raise BadArgument(
                     f"{name} of {path} has the shape {found}, and body {body.name!r} has {row}; "
-                    "name the body of the fit: workbench sliders NAME --from PLACE"
+                    "name the body of the fit: workbench body sliders NAME --from PLACE"
                 )
         expected = {name: reals(*shapes.get(name, row)) for name, row in rows.items()}
         arrays = read_expected(archive, expected)

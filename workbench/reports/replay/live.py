@@ -1,10 +1,10 @@
-"""The live page's server: solves, drags and many starts."""
+"""The live page's server: solves and drags."""
 
 import json
 import secrets
 import threading
 from base64 import urlsafe_b64decode
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
@@ -20,17 +20,14 @@ from workbench.bodies.body import Body
 from workbench.errors import BadArgument, WorkbenchError
 from workbench.fitting.setup import Setup
 from workbench.problem import Problem
-from workbench.reports.replay.recording import Row, row_of_body
+from workbench.reports.replay.recording import BodyNumbers, row_of_body
 from workbench.reports.replay.runs import as_numbers
 from workbench.residuals import Residual
-from workbench.solvers import Iterate, Solution, Solver, Spread, Starts, TrustRegion
-from workbench.solvers.starts import clusters, further_minima
+from workbench.solvers import Iterate, Solver, TrustRegion
 
 ADDRESS = "127.0.0.1"  # of this machine alone
 PATIENCE = 30.0  # s that a connection may say nothing, or take nothing
 LONGEST_NAME = 64  # letters of the name that a page gives to a run
-Ended = dict[str, str] | None  # how it ended; None if nobody listens any more
-Stream = Callable[[BaseHTTPRequestHandler, Solver, Sequence[Values], threading.Event], Ended]
 
 
 class LiveServer:
@@ -132,9 +129,7 @@ class LiveServer:
         elif asked.path == f"/{self._token}/":
             say(request, 200, self._page, "text/html; charset=utf-8")
         elif asked.path == f"/{self._token}/solve":
-            self._solve(request, given, self._stream)
-        elif asked.path == f"/{self._token}/ends":
-            self._solve(request, given, self._stream_ends)
+            self._solve(request, given)
         elif asked.path == f"/{self._token}/drag":
             self._drag(request, given)
         elif asked.path == f"/{self._token}/stop":
@@ -158,12 +153,11 @@ class LiveServer:
         row = np.concatenate([pose.ravel(), betas, trans])
         say(request, 200, json.dumps({"x": as_numbers(row)}), "application/json")
 
-    def _solve(
-        self, request: BaseHTTPRequestHandler, given: Mapping[str, str], stream: Stream
-    ) -> None:
+    def _solve(self, request: BaseHTTPRequestHandler, given: Mapping[str, str]) -> None:
+        """Send every iterate as an event, and at last how it ended."""
         name, run = given.get("solver", ""), given.get("run", "")[:LONGEST_NAME]
         try:
-            starts = self._starts(given)
+            start = self.start_of(given.get("start", ""))
             if name not in self.solvers or not run or run in self._stops:
                 raise BadArgument(f"no solver {name!r}, or no new name for its run")
         except BadArgument as error:
@@ -172,72 +166,30 @@ class LiveServer:
             return say(request, 409, "another solve is running; stop it first")
         try:
             stop = self._stops[run] = threading.Event()
-            begin_events(request)
-            ended = stream(request, self.solvers[name], starts, stop)
-            if ended is not None:
-                sent(request, "ended", ended)
+            request.send_response(200)
+            request.send_header("Content-Type", "text/event-stream")
+            request.send_header("Cache-Control", "no-store")
+            request.end_headers()
+            told = 0
+
+            def tell(iterate: Iterate) -> bool:
+                nonlocal told
+                x = self.row(dict(start) | dict(iterate.values))
+                one = {"iterate": told, "x": as_numbers(x), **_numbers(iterate)}
+                told += 1
+                return not sent(request, "iterate", one) or stop.is_set()
+
+            solution = self.solvers[name].solve(self.setup.problem, start, callback=tell)
+            status = solution.status.name.lower().replace("_", " ")
+            sent(request, "ended", {"status": status, "message": solution.message})
         except WorkbenchError as error:
             sent(request, "ended", {"status": "refused", "message": str(error)})
         finally:
             del self._stops[run]
             self._solving.release()
 
-    def _starts(self, given: Mapping[str, str]) -> list[Values]:
-        """The start that was set by hand, and those about it that are asked for."""
-        start = self.start_of(given.get("start", ""))
-        if "count" not in given:
-            return [start]
-        pose, _, trans = (block.name for block in self.body.blocks())
-        try:
-            count, spread = int(given["count"]), float(given.get("spread", ""))
-        except ValueError as error:
-            raise BadArgument("`count` is a whole number, and `spread` one in rad") from error
-        return starts_about(self.setup.problem, start, pose, trans, spread, count)
 
-    def _stream(
-        self,
-        request: BaseHTTPRequestHandler,
-        solver: Solver,
-        starts: Sequence[Values],
-        stop: threading.Event,
-    ) -> Ended:
-        """Send every iterate as an event, and return how it ended."""
-        told, (start,) = [0], starts[:1]
-
-        def tell(iterate: Iterate) -> bool:
-            x = self.row(dict(start) | dict(iterate.values))
-            one = {"iterate": told[0], "x": as_numbers(x), **_numbers(iterate)}
-            told[0] += 1
-            return not sent(request, "iterate", one) or stop.is_set()
-
-        solution = solver.solve(self.setup.problem, start, callback=tell)
-        return {"status": _status(solution), "message": solution.message}
-
-    def _stream_ends(
-        self,
-        request: BaseHTTPRequestHandler,
-        solver: Solver,
-        starts: Sequence[Values],
-        stop: threading.Event,
-    ) -> Ended:
-        """Send the end of each start with the basins known by then, and return a summary."""
-        problem, ends = self.setup.problem, list[Solution]()
-        found: list[dict[str, Any]] = []
-        for k, start in enumerate(starts):
-            end = solver.solve(problem, start, callback=lambda _: stop.is_set())
-            if stop.is_set():
-                break
-            ends.append(end)
-            found = basins(problem, starts[0], ends)
-            x = as_numbers(self.row(dict(start) | dict(end.values)))
-            one = {"start": k, "of": len(starts), "x": x, "cost": as_numbers(end.cost)}
-            if not sent(request, "end", {**one, "status": _status(end), "basins": found}):
-                return None
-        status = "stopped" if stop.is_set() else "done"
-        return {"status": status, "message": in_words(found, len(ends))}
-
-
-def moved_by_hand(setup: Setup) -> tuple[Body, Row]:
+def moved_by_hand(setup: Setup) -> tuple[Body, BodyNumbers]:
     """The body of a setup, and its numbers from values. Raises BadArgument where there is none."""
     body = setup.body
     if body is None:
@@ -273,10 +225,6 @@ def _joint_and_place(given: Mapping[str, str]) -> tuple[int, Array]:
     return joint, np.array(place)
 
 
-def _status(solution: Solution) -> str:
-    return solution.status.name.lower().replace("_", " ")
-
-
 def say(
     request: BaseHTTPRequestHandler, code: int, text: str | bytes, kind: str = "text/plain"
 ) -> None:
@@ -288,14 +236,6 @@ def say(
     request.send_header("Cache-Control", "no-store")
     request.end_headers()
     request.wfile.write(content)
-
-
-def begin_events(request: BaseHTTPRequestHandler) -> None:
-    """Announce events, which `sent` sends."""
-    request.send_response(200)
-    request.send_header("Content-Type", "text/event-stream")
-    request.send_header("Cache-Control", "no-store")
-    request.end_headers()
 
 
 def sent(request: BaseHTTPRequestHandler, name: str, data: Mapping[str, Any]) -> bool:
@@ -368,52 +308,3 @@ class Puppet:
         with self._one_at_a_time:
             found = ROUGHLY.solve(self._problem, given)
         return np.asarray(found.values[self._names[0]]), trans
-
-
-MOST_STARTS = 64
-WIDEST = 3.2  # rad: half a turn and a bit
-PLACE = 0.3  # m of trans for each rad of pose
-
-
-def starts_about(
-    problem: Problem, start: Values, pose: str, trans: str, spread: float, count: int
-) -> list[Values]:
-    """`count` starts, the first of which is the given one; the others are drawn about it.
-
-    Rotation vectors are drawn with the standard deviation `spread` in rad, and places with 0.3 m
-    for each rad. Raises BadArgument for a count or a spread that is out of range.
-    """
-    if not 1 < count <= MOST_STARTS or not 0 < spread <= WIDEST:
-        raise BadArgument(
-            f"a live page takes 2 to {MOST_STARTS} starts, spread by up to {WIDEST} rad, "
-            f"not {count} spread by {spread}"
-        )
-    free = set(problem.free.names)
-    sigmas = {name: s for name, s in ((pose, spread), (trans, PLACE * spread)) if name in free}
-    return Starts(count, draw=Spread(sigmas)).drawn(problem, start)
-
-
-def basins(problem: Problem, start: Values, ends: Sequence[Solution]) -> list[dict[str, Any]]:
-    """Which ends are one minimum: the lowest cost and the numbers of the ends, lowest first."""
-    finite = [k for k, end in enumerate(ends) if np.isfinite(end.cost)]
-    fixed = problem.split(start)[1]
-    points = [problem.free.pack(dict(start) | dict(ends[k].values)) for k in finite]
-    groups = [[finite[i] for i in some] for some in clusters(problem, fixed, points)]
-    found = []
-    for members in groups:
-        members.sort(key=lambda k: ends[k].cost)
-        cost = float(f"{ends[members[0]].cost:.6g}")
-        found.append({"cost": cost, "ends": members})
-    return sorted(found, key=lambda one: float(one["cost"]))
-
-
-def in_words(found: Sequence[Mapping[str, Any]], count: int) -> str:
-    """How many starts led to the lowest end, and how sure it is that there is no other minimum."""
-    if not found:
-        return "no start led to an end with a cost"
-    here, others = len(found[0]["ends"]), len(found) - 1
-    said = f"{here} of {count} starts led to the lowest cost, {found[0]['cost']:.4g}"
-    if not others:
-        return f"{said}, and none elsewhere"
-    said += f", the others to {others} other end{'s' * (others > 1)}"
-    return f"{said}; {further_minima(count, len(found))}"

@@ -23,7 +23,7 @@ MOST = 300  # points of one residual to which lines are drawn
 
 
 @dataclass(frozen=True, eq=False)
-class Observed:
+class ObservedPoints:
     """Points in space with which a residual compares points of a body.
 
     Attributes:
@@ -41,7 +41,7 @@ class Observed:
     count: int
 
 
-def observed_points(residuals: Iterable[Residual], values: Values) -> list[Observed]:
+def observed_points(residuals: Iterable[Residual], values: Values) -> list[ObservedPoints]:
     """The points in space that residuals compare with points of a body.
 
     A residual p_k - o_k in metres is known by its expression: where all points p are moved by the
@@ -52,7 +52,7 @@ def observed_points(residuals: Iterable[Residual], values: Values) -> list[Obser
     return [one for one in found if one is not None]
 
 
-def _observed(residual: Residual, values: Values) -> Observed | None:
+def _observed(residual: Residual, values: Values) -> ObservedPoints | None:
     if residual.unit != "m" or residual.rows_per_point != 3 or len(residual.points) != 1:
         return None
     (points,) = residual.points
@@ -76,7 +76,7 @@ def _observed(residual: Residual, values: Values) -> Observed | None:
     some = spread(points.count, MOST)
     labels = points.source.labels
     names = None if labels is None else tuple(labels[i] for i in some)
-    return Observed(residual.name, body_points[some], places[some], names, points.count)
+    return ObservedPoints(residual.name, body_points[some], places[some], names, points.count)
 
 
 def spread(count: int, most: int) -> Index:
@@ -114,7 +114,7 @@ def observed_data(problem: Problem, values: Values, body: SkinnedBody) -> dict[s
     return None
 
 
-def _on_body(one: Observed, body: SkinnedBody) -> dict[str, Any] | None:
+def _on_body(one: ObservedPoints, body: SkinnedBody) -> dict[str, Any] | None:
     """Where the points lie on the body: joints, or means of vertices."""
     if one.labels is None:
         if one.count != body.n_vertices:

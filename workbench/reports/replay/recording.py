@@ -26,7 +26,7 @@ from workbench.fitting.keypoints import LEAST_CONFIDENCE
 from workbench.geometry.triangles import Stitching
 from workbench.problem import Problem
 
-Row = Callable[[Values], Array]  # values of blocks -> 3 K + B + 3 numbers of a body
+BodyNumbers = Callable[[Values], Array]  # values of blocks -> 3 K + B + 3 numbers of a body
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +84,7 @@ def shown_body(body: Body | None) -> ShownBody | None:
 
 def shown_with_row(
     body: Body | None, problem: Problem, known: Values
-) -> tuple[ShownBody, Row] | None:
+) -> tuple[ShownBody, BodyNumbers] | None:
     """The body, and how values of the problem's blocks become a row of its numbers.
 
     None if the values do not determine them, and for a body that a page cannot pose.
@@ -214,12 +214,7 @@ def recording(
     return Recording(shown.arrays if isinstance(shown, ShownBody) else shown, data, caption)
 
 
-KINDS = {
-    "f4": "<f4",
-    "f8": "<f8",
-    "u2": "<u2",
-    "u4": "<u4",
-}  # as `unpacked` in arrays.js knows them
+KINDS = {kind: f"<{kind}" for kind in ("f4", "f8", "u2", "u4")}  # as `unpacked` in arrays.js
 
 
 def packed(array: ArrayLike, kind: str) -> dict[str, str]:
@@ -243,7 +238,7 @@ def skinned_data(body: SkinnedBody, kind: str = "f8") -> dict[str, Any]:
     Raises BadArgument for a body that is not SMPL's, is not bound in the pose zero, has free arrays
     or more than four weights in a vertex, or more than 65,536 vertices.
     """
-    if other := why_not_skinned(body, "the page of sliders", "body.vertices(pose) moves it"):
+    if other := why_not_skinned(body, "a page that poses it", "body.vertices(pose) moves it"):
         raise BadArgument(other)
     most = int(np.count_nonzero(body.weights, axis=1).max())
     for wrong, why in (
@@ -323,7 +318,7 @@ def _bulge(body: SkinnedBody, joint: int) -> dict[str, Any]:
     }
 
 
-def row_of_body(body: Body, problem: Problem, known: Values) -> Row | None:
+def row_of_body(body: Body, problem: Problem, known: Values) -> BodyNumbers | None:
     """A function from values to 3 K + B + 3 numbers; None if the problem does not determine them.
 
     `known` are the values of blocks that the given values lack.

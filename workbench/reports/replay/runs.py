@@ -15,8 +15,8 @@ from workbench.fitting.setup import Setup, View
 from workbench.problem import Problem
 from workbench.reports.replay.observations import landmarks_of_views, observed_data, view_data
 from workbench.reports.replay.recording import (
+    BodyNumbers,
     Recording,
-    Row,
     Series,
     ShownBody,
     packed,
@@ -42,8 +42,7 @@ OF_MOVES = (
 OF_DRAWS = "Bodies drawn from the posterior. "
 OF_LIVE = (
     "The grey body is the start: drag its joints (the blue dots), or turn them by the sliders, and "
-    "press a solver. Every iterate is shown as soon as it is there. To find basins, a solver goes "
-    "from many starts about this one; ends that the residuals cannot tell apart have one colour. "
+    "pick a solver. Every iterate is shown as soon as it is there. "
 )
 
 
@@ -56,8 +55,9 @@ def recorded_run(outcome: Outcome) -> Recording | None:
     setup, values = outcome.setup, outcome.values
     solution = outcome.solution
 
-    def parts(shown: ShownBody, row: Row) -> dict[str, Any]:
-        known, alone = outcome.data_alone or outcome.diagnosis, _data_alone(outcome)
+    def parts(shown: ShownBody, row: BodyNumbers) -> dict[str, Any]:
+        known = outcome.data_alone or outcome.diagnosis
+        alone = None if outcome.data_alone is None else known.problem
         return {
             "runs": tracks(outcome.compared, setup.problem, row, setup.start, alone),
             "directions": moves(known, row, shown.surface),
@@ -69,11 +69,6 @@ def recorded_run(outcome: Outcome) -> Recording | None:
     return recorded_frames(setup, values) if found is None else found
 
 
-def _data_alone(outcome: Outcome) -> Problem | None:
-    """The problem of an outcome without its priors; None if it has none."""
-    return None if outcome.data_alone is None else outcome.data_alone.problem
-
-
 def recorded_solution(
     solution: Solution, problem: Problem, start: Values, body: Body
 ) -> Recording | None:
@@ -83,7 +78,7 @@ def recorded_solution(
     """
     values = dict(start) | dict(solution.values)
 
-    def parts(shown: ShownBody, row: Row) -> dict[str, Any]:
+    def parts(shown: ShownBody, row: BodyNumbers) -> dict[str, Any]:
         runs = tracks({solution.solver: solution}, problem, row, start)
         return {"runs": runs, "series": [*_stages(solution, row), *_ends(solution, row)]}
 
@@ -108,7 +103,7 @@ def recorded_diagnosis(
     None if no body moves along them, or one that a page cannot pose.
     """
 
-    def parts(shown: ShownBody, row: Row) -> dict[str, Any] | None:
+    def parts(shown: ShownBody, row: BodyNumbers) -> dict[str, Any] | None:
         directions = moves(d, row, shown.surface)
         return {"directions": directions} if directions else None
 
@@ -129,7 +124,7 @@ def recorded_posterior(
     """
     problem, at = posterior.problem, dict(cameras or {}) | dict(posterior.given)
 
-    def parts(shown: ShownBody, row: Row) -> dict[str, Any]:
+    def parts(shown: ShownBody, row: BodyNumbers) -> dict[str, Any]:
         drawn = [row(values) for values in posterior.values(DRAWS)]
         if posterior.method == "laplace":
             return {"draws": (OF_LAPLACE, f"Laplace's approximation of {name}", drawn)}
@@ -144,7 +139,7 @@ def _recording(
     at: Values,
     caption: str,
     views: Sequence[View],
-    parts: Callable[[ShownBody, Row], dict[str, Any] | None],
+    parts: Callable[[ShownBody, BodyNumbers], dict[str, Any] | None],
 ) -> Recording | None:
     """The replay of `parts` with the cameras, and with the points in space that were observed.
 
@@ -170,7 +165,7 @@ def _recording(
     )
 
 
-def _stages(solution: Solution, row: Row) -> list[Series]:
+def _stages(solution: Solution, row: BodyNumbers) -> list[Series]:
     """The body where a solve in stages began, and at the end of each stage."""
     if len(solution.stages) < 2:
         return []
@@ -188,7 +183,7 @@ def _stages(solution: Solution, row: Row) -> list[Series]:
     return [Series("stages", labels, said, rows=rows, opens=count)]
 
 
-def _ends(solution: Solution, row: Row) -> list[Series]:
+def _ends(solution: Solution, row: BodyNumbers) -> list[Series]:
     """The body at each of the ends to which several starts led."""
     ends = solution.hypotheses[:MOST_ENDS]
     if len(ends) < 2:
@@ -202,7 +197,7 @@ def _ends(solution: Solution, row: Row) -> list[Series]:
     return [Series("hypotheses", labels, said, rows=_rows(row, [one.values for one in ends]))]
 
 
-def _rows(row: Row, each: Sequence[Values]) -> Array:
+def _rows(row: BodyNumbers, each: Sequence[Values]) -> Array:
     return np.array([row(values) for values in each])[:, None]
 
 
@@ -224,7 +219,7 @@ def kept(count: int, most: int = MOST_ITERATES) -> Index:
 def tracks(
     solutions: Mapping[str, Solution],
     problem: Problem,
-    row: Row,
+    row: BodyNumbers,
     start: Mapping[str, Any],
     data: Problem | None = None,
 ) -> list[dict[str, Any]]:
@@ -240,7 +235,7 @@ def _track(
     name: str,
     solution: Solution,
     problem: Problem,
-    row: Row,
+    row: BodyNumbers,
     start: Mapping[str, Any],
     data: Problem | None,
 ) -> dict[str, Any]:
@@ -315,7 +310,7 @@ def reach_along(direction: Direction, tolerance: float) -> float:
     return min(2 / direction.change, FARTHEST)
 
 
-def moves(diagnosis: Diagnosis, row: Row, surface: Surface) -> list[dict[str, Any]]:
+def moves(diagnosis: Diagnosis, row: BodyNumbers, surface: Surface) -> list[dict[str, Any]]:
     """Null and weak directions of a diagnosis that move the body, the unseen ones first.
 
     `surface` takes the body's numbers to its vertices (N, 3) m.
@@ -326,7 +321,7 @@ def moves(diagnosis: Diagnosis, row: Row, surface: Surface) -> list[dict[str, An
 
 
 def _moves(
-    d: Diagnosis, row: Row, surface: Surface, directions: Iterable[tuple[Direction, str]]
+    d: Diagnosis, row: BodyNumbers, surface: Surface, directions: Iterable[tuple[Direction, str]]
 ) -> Iterable[dict[str, Any]]:
     x, fixed = d.problem.split(d.values)
     residual, known = d.problem.residual(x, fixed), row(d.values)
@@ -353,7 +348,7 @@ def _moves(
 
 
 def gaussian_draws(
-    diagnosis: Diagnosis, row: Row, count: int = DRAWS, seed: int = 0
+    diagnosis: Diagnosis, row: BodyNumbers, count: int = DRAWS, seed: int = 0
 ) -> list[Array]:
     """Rows of numbers drawn from N(x, (J'J)^-1) about the solution; none where J'J is singular."""
     d = diagnosis

@@ -55,7 +55,8 @@ def recorded_frames(setup: Setup, values: Values) -> Recording | None:
     some = spread(len(rows), MOST_FRAMES)
     views = () if setup.moving is None else setup.moving.views
     landmarks = landmarks_of_views(shown.body, views)
-    usable = landmarks["names"] and all(_one_camera(v.camera.focal.name, values) for v in views)
+    lenses = [v.camera.focal.name for v in views]  # a camera is the same in all frames
+    usable = landmarks["names"] and all(np.size(values.get(name, ())) == 2 for name in lenses)
     seen = [view_data(view, values) for view in views] if usable else []
     links = links_of_frames(setup.problem, values, some)
     pixels = np.array([view.observed[some] for view in views]).swapaxes(0, 1) if seen else None
@@ -154,11 +155,6 @@ def _of_frame(values: Values, residual: Residual, t: int, count: int) -> Values:
     return found
 
 
-def _one_camera(name: str, values: Values) -> bool:
-    """Whether a camera is the same in all frames."""
-    return name in values and np.size(values[name]) == 2
-
-
 def _series(
     rows: Array,
     some: Index,
@@ -233,10 +229,7 @@ def _row(values: Values, blocks: Sequence[str]) -> np.ndarray:
     return np.concatenate([np.ravel(values[name]) for name in blocks])
 
 
-MOST_POINTS, LINKS = (
-    6_000,
-    400,
-)  # points of the scan that are shown, and that are joined to the surface
+MOST_POINTS, LINKS = 6_000, 400  # points of the scan: shown, and joined to the surface
 MM = 1e3
 OF_REGISTRATION = (
     "The points of the scan, and the surface on its way to them: the start that led to the result, "

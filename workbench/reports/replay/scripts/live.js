@@ -1,60 +1,6 @@
 // The controls of a live page: a start set by hand, solvers to press, and iterates that stream in.
 
 const REACH = 16; // px: how near to a joint a press takes hold of it
-const SPREADS = [0.3, 0.6, 1.2]; // rad
-const MOST_SHOWN = 8; // ends
-const COUNTS = [8, 16, 32]; // starts
-
-class Basins { // the ends of many starts, the ends of one minimum in one colour
-  constructor(replay, parent) {
-    Object.assign(this, { replay, ends: [], found: [], on: new Set(), of: 0, parent });
-  }
-
-  clear() {
-    Object.assign(this, { ends: [], found: [], of: 0 });
-    this.on.clear();
-    this.list();
-  }
-
-  take({ start, of, x, cost, status, basins }) {
-    const before = this.found;
-    this.ends[start] = { x: Float64Array.from(x), cost, status };
-    Object.assign(this, { of, found: basins });
-    this.on = new Set(basins.map(one => one.ends[0]).filter(first => // hidden ones stay hidden
-      !before.some(one => one.ends.includes(first)) || before.some(one => this.on.has(one.ends[0]) && one.ends.includes(first))));
-    this.list();
-  }
-
-  list() { // a button for each minimum
-    this.parent.replaceChildren();
-    this.parent.style.display = this.found.length ? "" : "none";
-    Object.assign(this.parent.appendChild(document.createElement("span")), { className: "name", textContent: "ends" });
-    this.found.forEach(({ cost, ends }, i) => {
-      const chip = this.parent.appendChild(document.createElement("button")), first = ends[0];
-      Object.assign(chip, { type: "button", textContent: `cost ${short(cost)}: ${ends.length} of ${this.of}` });
-      chip.style.setProperty("--colour", COLOURS[i % COLOURS.length]);
-      chip.setAttribute("aria-pressed", this.on.has(first));
-      chip.addEventListener("click", () => {
-        if (!this.on.delete(first)) this.on.add(first);
-        chip.setAttribute("aria-pressed", this.on.has(first));
-        this.replay.live.show("ends");
-      });
-    });
-  }
-
-  shown() {
-    return this.found.map(({ cost, ends }, i) => ({ first: ends[0], name: `${short(cost)} (${ends.length} of ${this.of})`, paint: pale(rgb(COLOURS[i % COLOURS.length])) }))
-      .filter(({ first }) => this.on.has(first)).slice(0, MOST_SHOWN)
-      .map(one => ({ ...one, surface: this.replay.kept(`end/${this.ends[one.first].x.join()}`, () => this.replay.surface(this.ends[one.first].x)) }));
-  }
-
-  get text() {
-    const known = this.ends.filter(end => end).length, { found } = this;
-    if (!found.length) return "No start has ended yet.";
-    const lowest = found[0], more = found.length > 1 ? `; ${found.length - 1} other end${found.length > 2 ? "s" : ""}` : "";
-    return `${known} of ${this.of} starts have ended: ${lowest.ends.length} at the lowest cost, ${short(lowest.cost)}${more}. Ends whose residuals cannot be told apart have one colour; one of them is shown.`;
-  }
-}
 
 class Live {
   constructor(replay, root, solvers) {
@@ -81,7 +27,7 @@ class Live {
       slider.setAttribute("aria-label", `rotation vector, ${"xyz"[d]}, in degrees`);
       slider.addEventListener("input", () => {
         replay.hand[3 * this.joint.value + d] = slider.value * Math.PI / 180;
-        this.show("runs");
+        this.show();
       });
       return slider;
     });
@@ -93,19 +39,7 @@ class Live {
     const solve = row("solve");
     solvers.forEach(name => this.button(solve, name, () => this.solve(name)));
     this.stopper = this.button(solve, "stop", () => this.stop());
-    const many = row("basins"), choose = (name, options, chosen, said) => {
-      const select = make("select", many);
-      select.setAttribute("aria-label", name);
-      options.forEach(one => select.add(new Option(said(one), one)));
-      select.value = chosen;
-      return select;
-    };
-    const by = choose("solver", solvers, solvers[0], name => name), count = choose("how many starts", COUNTS, 16, n => `${n} starts`);
-    const spread = choose("how far apart", SPREADS, 0.6, s => `spread by ${s} rad`);
-    this.button(many, "find basins", () => this.many(by.value, count.value, spread.value));
     replay.live = this; // it was true so far
-    this.basins = new Basins(replay, make("div", root, { className: "replay-row" }));
-    this.basins.list();
     this.said = make("p", root, { className: "replay-said" });
     this.said.setAttribute("aria-live", "polite");
     this.refresh();
@@ -162,66 +96,44 @@ class Live {
   take(numbers) {
     this.replay.hand.set(numbers);
     this.refresh();
-    this.show("runs");
+    this.show();
   }
 
-  show(mode) { // the start and the runs, or the ends of many starts
-    const { replay } = this;
-    if (replay.mode !== mode) {
-      replay.mode = mode;
-      if (mode === "ends") replay.anywhere?.click();
-      replay.sync();
+  show() {
+    if (this.replay.mode !== "runs") {
+      this.replay.mode = "runs";
+      this.replay.sync();
     }
-    replay.paint();
+    this.replay.paint();
   }
 
   async solve(solver) {
-    if (this.busy) return;
-    const { replay } = this, name = `${solver} ${++this.count}`;
-    this.show("runs");
+    if (this.running) {
+      this.said.textContent = `${this.running.name} is running; stop it first.`;
+      return;
+    }
+    const name = `${solver} ${++this.count}`;
+    this.show();
     const run = this.running = { name, status: "running", iterations: 0, iterates: [], x: new Float32Array(0),
       cost: [], optimality: [], damping: [], condition: [], seconds: [], evaluations: [] };
-    await this.stream("solve", name, { solver }, event => this.event(run, event));
-  }
-
-  async many(solver, count, spread) { // from many starts
-    if (this.busy) return;
-    const name = `${solver} from ${count} starts`;
-    this.running = { name };
-    this.basins.clear();
-    this.show("ends");
-    await this.stream("ends", name, { solver, count, spread }, text => {
-      const [event, data] = parsed(text);
-      if (event === "ended") { this.said.textContent = `${name}, ${data.status}: ${data.message}.`; return; }
-      this.basins.take(data);
-      this.show("ends");
-    });
-  }
-
-  get busy() {
-    if (this.running) this.said.textContent = `${this.running.name} is running; stop it first.`;
-    return this.running !== null;
-  }
-
-  async stream(what, name, asked, take) { // take: is called with each event
     this.key = `${name}/${crypto.getRandomValues(new Uint32Array(2)).join("")}`;
     this.said.textContent = `${name} begins.`;
     try {
-      const response = await fetch(`${what}?` + new URLSearchParams({ ...asked, start: encoded(this.replay.hand), run: this.key }));
+      const response = await fetch("solve?" + new URLSearchParams({ solver, start: encoded(this.replay.hand), run: this.key }));
       if (!response.ok) throw new Error(await response.text());
       const reader = response.body.pipeThrough(new TextDecoderStream()).getReader();
       let text = "";
       for (let part = await reader.read(); !part.done; part = await reader.read()) {
         const events = (text + part.value).split("\n\n");
         text = events.pop();
-        events.forEach(take);
+        events.forEach(event => this.event(run, event));
       }
     } catch (error) { this.said.textContent = `${name}: ${error.message}`; }
     this.running = null;
   }
 
   event(run, text) {
-    const [name, one] = parsed(text), { replay } = this;
+    const [, name, data] = /^event: (.*)\ndata: (.*)$/.exec(text), one = JSON.parse(data), { replay } = this;
     if (name === "ended") {
       run.status = one.status;
       this.said.textContent = `${run.name} ${one.status}: ${one.message}.`;
@@ -248,11 +160,6 @@ class Live {
   stop() {
     if (this.running) fetch("stop?" + new URLSearchParams({ run: this.key }));
   }
-}
-
-function parsed(text) { // an event's name and its data
-  const [, name, data] = /^event: (.*)\ndata: (.*)$/.exec(text);
-  return [name, JSON.parse(data)];
 }
 
 function encoded(numbers) { // as the server reads them

@@ -137,7 +137,6 @@ class Replay {
 
   shown() { // surfaces with their paint, and the runs they belong to
     if (this.one) return this.one.shown();
-    if (this.mode === "ends") return this.live.basins.shown();
     if (this.mode === "runs") {
       const found = this.chosen.map(run => ({ name: run.name, surface: this.iterate(run, this.now(run)), paint: pale(rgb(run.colour)) }));
       if (!this.live || (this.lens && found.length)) return found;
@@ -297,7 +296,6 @@ class Replay {
 
   said() {
     if (this.one) return this.one.text + this.offInImage;
-    if (this.mode === "ends") return this.live.basins.text;
     if (this.mode === "draws")
       return `Draw ${this.draw + 1} of ${this.draws.count} from ${this.draws.by}. The farther a point is from the solution, the more orange it is, up to 5 cm.`;
     if (this.mode === "directions") {
@@ -448,7 +446,7 @@ class Replay {
     this.caption.hidden = this.mode !== this.captioned && !series; // it is about what the page opens with
     one?.states.forEach((state, i) => state.setAttribute("aria-pressed", i === one.at));
     one?.chips.forEach((chip, i) => chip.setAttribute("aria-pressed", one.on[i]));
-    this.sliding.style.display = (one && one.count < 2) || this.mode === "ends" ? "none" : "";
+    this.sliding.style.display = one && one.count < 2 ? "none" : "";
     this.slider.step = one && one.count > 1 ? 1000 / (one.count - 1) : 1;
     this.side.hidden = this.mode !== "runs";
     this.columns.classList.toggle("alone", this.side.hidden);
@@ -460,7 +458,7 @@ class Replay {
   }
 
   get given() { // the slider's place, from 0 to 1
-    if (this.mode === "runs" || this.mode === "ends") return this.share;
+    if (this.mode === "runs") return this.share;
     if (this.mode === "directions") return (this.amount + 1) / 2;
     if (this.one) return this.one.count > 1 ? this.one.at / (this.one.count - 1) : 0;
     return this.draws.count > 1 ? this.draw / (this.draws.count - 1) : 0;

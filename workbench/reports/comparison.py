@@ -1,0 +1,481 @@
+"""A comparison of solvers as a folder: its page, the tidy table, and how it was made."""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from workbench.comparison import Comparison, EndAnalysis, Record, TargetOutcome
+from workbench.comparison.advice import advice, basin_sentence, percent, reliable
+from workbench.comparison.comparison import MAIN
+from workbench.comparison.design import Instance
+from workbench.comparison.record import KINDS, LIMITED
+from workbench.comparison.statistics import FEWEST, Interval, median
+from workbench.comparison.store import MARK, RUNS
+from workbench.comparison.tables import (
+    Seconds,
+    evaluation_seconds,
+    ratios,
+    seconds_of_runs,
+    seconds_to,
+    write_csv,
+)
+from workbench.comparison.targets import PRICES, SOURCE, ended_by_clock, tau_text
+from workbench.identity import code_version, identity
+from workbench.plots import comparison as figures
+from workbench.reports.folder import MAKER
+from workbench.reports.page import (
+    Columns,
+    Shown,
+    Table,
+    TextRow,
+    as_json,
+    drawn,
+    number,
+    of_solvers,
+    page,
+    shown,
+    versions,
+)
+from workbench.writing import write_file
+
+RESULTS = "results.csv"
+FILES = {
+    "index.html": "this page",
+    RESULTS: "one row per run: costs, evaluations, times, verdict, and each target",
+    MARK: "machine, versions, options, fixed and measured prices, targets and basins, for programs",
+}
+
+
+def write_comparison(comparison: Comparison, folder: str | Path) -> Path:
+    """Write page, table and JSON into the folder of a comparison, each whole or not at all.
+
+    Returns the page. Raises BadFile if the folder cannot be written.
+    """
+    folder = Path(folder)
+    write_csv(comparison, folder / RESULTS)
+    texts = {
+        MARK: as_json(comparison_data(comparison)),
+        "index.html": comparison_page(comparison, (folder / RUNS).is_dir()),
+    }
+    for name, text in texts.items():
+        write_file(folder / name, text)
+    return folder / "index.html"
+
+
+def comparison_data(comparison: Comparison) -> dict[str, Any]:
+    """Everything but the runs, as plain data."""
+    design = comparison.design
+    return {
+        "made_by": MAKER,
+        "kind": "comparison",
+        "problems": comparison.problems,
+        "solvers": {
+            e.name: identity(design.budget.given(e.solver)) | {"file": e.source}
+            for e in comparison.design.named_solvers
+        },
+        "budget": asdict(design.budget),
+        "seeds": design.seeds,
+        "targets": comparison.taus,
+        "prices": comparison.prices,
+        "measured_prices": {p: ratios(comparison, p) for p in comparison.problems},
+        "starts": {name: asdict(costs) for name, costs in comparison.references.items()},
+        "basins": [
+            {
+                "starts": group,
+                "costs": end_analysis.costs,
+                "optimality": end_analysis.optimality,
+                "curvatures": end_analysis.curvatures,
+                "explanations": {k + 1: asdict(e) for k, e in end_analysis.explanations.items()},
+                "message": end_analysis.message,
+            }
+            for group, end_analysis in zip(comparison.groups, comparison.end_analyses, strict=True)
+        ],
+        "unbuilt": comparison.unbuilt,
+        "machines": machines(comparison),
+        "code": code_version(),
+        "versions": versions(),
+        "files": list(FILES),
+    }
+
+
+def machines(comparison: Comparison) -> list[str]:
+    """The machines on which the runs were measured, each listed once."""
+    return sorted({record.machine for record in comparison.records.values()})
+
+
+def comparison_page(comparison: Comparison, kept: bool) -> str:
+    """The page; `kept` if the runs themselves are beside it."""
+    taus = comparison.taus[1], comparison.taus[-1]
+    files = FILES | (
+        {f"{RUNS}/": "every run with its trace; the same command continues from them"}
+        if kept
+        else {}
+    )
+    pairs = len(comparison.solvers) > 1 and len(comparison.comparable) > 0
+    return page(
+        "comparison.html",
+        title="Solvers compared",
+        comparison=comparison,
+        advice=advice(comparison),
+        main=tau_text(MAIN),
+        verdicts=drawn(figures.verdicts_sheet, figures.caption_verdicts, comparison),
+        outcomes=verdicts_table(comparison),
+        meanings={words_of(v): v.value for v in TargetOutcome},
+        success=success_table(comparison),
+        effort=effort_table(comparison),
+        prices=Table(
+            ("evaluation of", "price"),
+            tuple((PRICES[kind].name, PRICES[kind].formula) for kind in KINDS),
+        ),
+        price_source=SOURCE,
+        seconds=seconds_table(comparison),
+        fewest=FEWEST,
+        sure=bool(reliable(comparison, comparison.compared)) and bool(comparison.compared),
+        data_profile=_profiles(
+            comparison, taus, figures.plot_data_profile, figures.caption_data_profile
+        ),
+        performance_profile=_profiles(
+            comparison, taus, figures.plot_performance_profile, figures.caption_performance_profile
+        )
+        if pairs
+        else None,
+        each=[_of(comparison, problem) for problem in comparison.problems],
+        table=problems_table(comparison),
+        ends=ends_table(comparison),
+        failures=failures_table(comparison),
+        options=options_table(comparison),
+        budget=comparison.design.budget,
+        taus=", ".join(tau_text(tau) for tau in comparison.taus),
+        machines=machines(comparison),
+        by_clock=sum(ended_by_clock(r) for r in comparison.records.values()),
+        files=files,
+    )
+
+
+def _profiles(
+    comparison: Comparison,
+    taus: Sequence[float],
+    plot: Callable[..., object],
+    caption: Callable[[Comparison], str],
+) -> Shown:
+    """The profiles at several targets, side by side."""
+    plots = [partial(plot, comparison, tau) for tau in taus]
+    return of_solvers(shown(figures.curves_sheet(comparison, plots), caption(comparison)))
+
+
+def _of(comparison: Comparison, problem: str) -> dict[str, Any]:
+    """What the page says of one problem."""
+    instances = comparison.instances_of(problem)
+    analyses = end_analyses(comparison, problem)
+    several = any(len(analysis.costs) > 1 for _, analysis in analyses)
+    own = len(analyses) > 1  # data for each start
+    explained = {
+        (f"{group[0]}, basin {k + 1}" if own else f"basin {k + 1}"): str(e)
+        for group, analysis in analyses
+        for k, e in analysis.explanations.items()
+    }
+    return {
+        "name": problem,
+        "question": comparison.described[instances[0].name].question,
+        "table": problem_table(comparison, problem),
+        "traces": of_solvers(
+            drawn(figures.cost_traces_sheet, figures.caption_cost_traces, comparison, problem)
+        ),
+        "sentence": basin_sentence(comparison, problem).removeprefix(f"{problem}: "),
+        "basins": basins_table(comparison, problem) if several else None,
+        "explained": explained,
+        "unjudged": [analysis.message for _, analysis in analyses if analysis.message],
+    }
+
+
+PLURAL = {
+    "residual": "residuals",
+    "gradient": "gradients",
+    "jacobian": "Jacobians",
+    "hessian": "Hessians",
+    "constraint": "constraints",
+    "constraint_jacobian": "Jacobians of constraints",
+    "constraint_hessian": "Hessians of constraints",
+}
+
+
+def success_table(comparison: Comparison) -> Table:
+    """How often each solver met each target, and returned a point at the lowest cost; of several
+    problems, on how many it met the target from every start.
+    """
+    head = [*(f"τ = {tau_text(tau)}" for tau in comparison.taus), "ended at the lowest cost"]
+    several = len(comparison.compared) > 1
+    if several:
+        head.append(f"problems, τ = {tau_text(MAIN)}")
+
+    def shares(solver: str) -> Iterator[Interval]:
+        yield from (comparison.success(solver, tau) for tau in comparison.taus)
+        yield comparison.reached(solver)
+        if several:
+            yield comparison.solved_problems(solver, MAIN)
+
+    return _by_solver(comparison, head, lambda solver: map(percent, shares(solver)))
+
+
+def verdicts_table(comparison: Comparison) -> Table:
+    """How many runs got each verdict; verdicts that no run got are left out."""
+    counts = {solver: comparison.outcome_counts(solver) for solver in comparison.solvers}
+    there = [v for v in TargetOutcome if any(c[v] for c in counts.values())]
+    head = [words_of(v) for v in there]
+    return _by_solver(comparison, head, lambda solver: (str(counts[solver][v]) for v in there))
+
+
+def effort_table(comparison: Comparison, tau: float = MAIN) -> Table:
+    """The evaluations until a target was met: medians, in which failures count as infinite."""
+    kinds = _asked(comparison)
+    runs = comparison.comparable
+
+    def cells(solver: str) -> TextRow:
+        met = sum(comparison.solved(i.name, solver, tau) for i in runs)
+        counts = _counts(comparison, solver, tau, kinds)
+        return f"{met} of {len(runs)}", *counts, _effort(comparison, solver, tau)
+
+    return _by_solver(comparison, ["met", *(PLURAL[kind] for kind in kinds), "effort"], cells)
+
+
+def seconds_table(comparison: Comparison, tau: float = MAIN) -> Table:
+    """Seconds as they were measured, with their spread."""
+
+    def cells(solver: str) -> TextRow:
+        until = _spread(seconds_to(comparison, solver, tau))
+        return *until, *_spread(seconds_of_runs(comparison, solver))
+
+    spans = f"until τ = {tau_text(tau)}", "whole run"
+    head = [f"{span}, {s}" for span in spans for s in ("least", "median", "most")]
+    return _by_solver(comparison, head, cells)
+
+
+def _by_solver(
+    comparison: Comparison, head: Sequence[str], cells: Callable[[str], Iterable[str]]
+) -> Table:
+    """A row for each solver: its name, and the cells below the headings, which are numbers."""
+    rows = tuple((solver, *cells(solver)) for solver in comparison.solvers)
+    return Table(("solver", *head), rows, tuple(range(1, len(head) + 1)))
+
+
+def problem_table(comparison: Comparison, problem: str, tau: float = MAIN) -> Table:
+    """Success, effort and ends of every solver on one problem; the last column has seconds."""
+    chosen, kinds = comparison.instances_of(problem), _asked(comparison)
+    rows = []
+    for solver in comparison.solvers:
+        ends = [comparison.records[i.name, solver] for i in chosen]
+        lowest = min((r.cost for r in ends if r.finite), default=np.nan)
+        rows.append(
+            (
+                solver,
+                percent(comparison.success(solver, tau, problem)),
+                *_counts(comparison, solver, tau, kinds, problem),
+                _effort(comparison, solver, tau, problem),
+                number(lowest, 7),
+                _verdicts(comparison, chosen, solver),
+                " / ".join(_spread(seconds_to(comparison, solver, tau, problem))),
+            )
+        )
+    head = (
+        "solver",
+        f"met τ = {tau_text(tau)}",
+        *(PLURAL[kind] for kind in kinds),
+        "effort",
+        "lowest end",
+        "how its runs ended",
+        "measured seconds",
+    )
+    return Table(head, tuple(rows), (*range(1, len(head) - 2), len(head) - 1))
+
+
+def problems_table(comparison: Comparison) -> Table:
+    """Sizes, prices beside the ratios that were measured, and the lowest cost known with its
+    origin.
+    """
+    kinds = _asked(comparison)[1:]
+    rows = []
+    for problem in comparison.problems:
+        chosen = comparison.instances_of(problem)
+        about = [comparison.described[i.name] for i in chosen]
+        prices, measured = comparison.prices[problem], ratios(comparison, problem)
+        known = [comparison.references[i.name] for i in chosen]
+        best = sorted({k.best for k in known})
+        told = number(best[0], 7) + (f" to {number(best[-1], 7)}" if len(best) > 1 else "")
+        residual = 1e6 * evaluation_seconds(comparison, problem)["residual"]
+        rows.append(
+            (
+                problem,
+                str(len(chosen)),
+                f"{about[0].rows:,}",
+                str(about[0].unknowns),
+                *(f"{number(prices[k], 4)} ({number(measured[k], 2)})" for k in kinds),
+                number(residual, 3),
+                told,
+                ", ".join(dict.fromkeys(k.origin for k in known)),
+            )
+        )
+    head = (
+        "problem",
+        "starts",
+        "m",
+        "n",
+        *(PRICES[kind].name for kind in kinds),
+        "residual, µs",
+        "lowest cost known, f*",
+        "from",
+    )
+    return Table(head, tuple(rows), tuple(range(1, len(head) - 1)))
+
+
+def options_table(comparison: Comparison) -> Table:
+    """The solvers with all their options, as they ran."""
+    rows = []
+    for each in comparison.design.named_solvers:
+        told = identity(comparison.design.budget.given(each.solver))
+        options = ", ".join(f"{k}={v}" for k, v in told.items() if k != "type")
+        rows.append((each.name, str(told["type"]).split()[0], options, each.source))
+    return Table(("solver", "class", "options", "file"), tuple(rows), ())
+
+
+def _verdicts(comparison: Comparison, chosen: tuple[Instance, ...], solver: str) -> str:
+    found = [comparison.outcomes[i.name, solver] for i in chosen]
+    names = dict.fromkeys(found)
+    if len(chosen) == 1:
+        return words_of(found[0])
+    return ", ".join(f"{found.count(v)} {words_of(v)}" for v in names)
+
+
+def _asked(comparison: Comparison) -> tuple[str, ...]:
+    """The kinds of evaluations to tell of: the problem's, and those of constraints if there are."""
+    seen = [record.observed for record in comparison.records.values()]
+    asked = [any(s.counts[k] for s in seen) for k in range(len(KINDS))]
+    return tuple(
+        kind for kind, there in zip(KINDS, asked, strict=True) if there or kind in KINDS[:LIMITED]
+    )
+
+
+def _counts(
+    comparison: Comparison, solver: str, tau: float, kinds: TextRow, problem: str | None = None
+) -> tuple[str, ...]:
+    """Medians of evaluations until a target; dashes if not everything was counted."""
+    chosen = comparison.starts(problem)
+    if any(comparison.uncounted(i.name, solver, tau) for i in chosen):
+        return ("–",) * len(kinds)
+    met = [comparison.reached_at(i.name, solver, tau) for i in chosen]
+    return tuple(
+        _amount(median([np.inf if row is None else row[KINDS.index(k)] for row in met]).value)
+        for k in kinds
+    )
+
+
+def _spread(spread: Seconds) -> tuple[str, str, str]:
+    return number(spread.minimum, 2), number(spread.median, 2), number(spread.maximum, 2)
+
+
+def _effort(comparison: Comparison, solver: str, tau: float, problem: str | None = None) -> str:
+    """`23.4 (20.1–31)`, the interval where there is one."""
+    interval = comparison.effort(solver, tau, problem)
+    if np.isnan(interval.value):
+        return "not counted" if comparison.starts(problem) else "–"
+    if not interval.given or np.isinf(interval.low):
+        return _amount(interval.value)
+    return f"{_amount(interval.value)} ({_amount(interval.low)}–{_amount(interval.high)})"
+
+
+def _amount(value: float) -> str:
+    """Three digits, and no powers of ten up to a million."""
+    return f"{value:,.0f}" if 1000 <= value < 1e6 else number(value, 3)
+
+
+GOOD = TargetOutcome.REACHED, TargetOutcome.ALONE
+
+
+def ends_table(comparison: Comparison) -> Table:
+    """Where the runs of each solver on each problem ended."""
+    columns: dict[str, Callable[[str], str]] = {"problem": str}
+    for solver in comparison.solvers:
+        columns[solver] = partial(_ends, comparison, solver)
+    return Table.of(comparison.problems, columns, ())
+
+
+def _ends(comparison: Comparison, solver: str, problem: str) -> str:
+    """`1 of 3 at f*; 2.13 f* other basin; refused`: how many are at f*, and the others."""
+    chosen = comparison.instances_of(problem)
+    there, others = 0, list[str]()
+    for instance in chosen:
+        key = (instance.name, solver)
+        record, best = comparison.records[key], comparison.references[instance.name].best
+        outcome = comparison.outcomes[key]
+        if outcome in GOOD:
+            there += 1
+        elif key in comparison.basins:
+            ratio = f"{number(record.cost / best, 3)} f*" if best > 0 else number(record.cost, 3)
+            others.append(f"{ratio} {words_of(outcome)}")
+        else:
+            others.append(words_of(outcome))
+    first = [f"{there} of {len(chosen)} at f*"] if there or len(chosen) > 1 else []
+    counted = {text: others.count(text) for text in others}
+    return "; ".join(first + [t if n == 1 else f"{n} times {t}" for t, n in counted.items()])
+
+
+def failures_table(comparison: Comparison) -> Table:
+    """Every run that did not end at the lowest cost, and what it said."""
+    runs = [(i.name, solver) for i in comparison.instances for solver in comparison.solvers]
+    failed = [run for run in runs if comparison.outcomes[run] not in GOOD]
+
+    def said(record: Record) -> str:
+        claim = f"{record.claim.lower().replace('_', ' ')}: " if record.claim else ""
+        return claim + record.message
+
+    columns: Columns[tuple[str, str]] = {
+        "start": lambda run: run[0],
+        "solver": lambda run: run[1],
+        "the run": lambda run: comparison.outcomes[run].value,
+        "cost at its end": lambda run: number(comparison.records[run].cost, 6),
+        "optimality": lambda run: number(comparison.records[run].optimality, 2),
+        "its message": lambda run: said(comparison.records[run]),
+    }
+    return Table.of(failed, columns, (3, 4))
+
+
+def end_analyses(comparison: Comparison, problem: str) -> list[tuple[tuple[str, ...], EndAnalysis]]:
+    """The analyses of a problem's ends, one for each data set, with the names of its instances."""
+    names = {i.name for i in comparison.instances_of(problem)}
+    found = zip(comparison.groups, comparison.end_analyses, strict=True)
+    return [(group, analysis) for group, analysis in found if group[0] in names]
+
+
+def basins_table(comparison: Comparison, problem: str) -> Table:
+    """The basins that ends of a problem lead to, of each data set by itself."""
+    rows: list[TextRow] = []
+    analyses = end_analyses(comparison, problem)
+    for names, end_analysis in analyses:
+        best = comparison.references[names[0]].best
+        of = problem if len(names) > 1 else names[0]
+        for k, cost in enumerate(end_analysis.costs):
+            who = [s for (name, s), b in comparison.basins.items() if b == k and name in names]
+            each = ", ".join(f"{s} {who.count(s)}" for s in dict.fromkeys(who))
+            rows.append(
+                (
+                    of,
+                    str(k + 1),
+                    number(cost, 8),
+                    number(cost - best, 3),
+                    number(end_analysis.optimality[k], 2),
+                    str(len(who)),
+                    each,
+                )
+            )
+    head = ("start", "basin", "cost", "above f*", "optimality", "ends", "whose")
+    if len(analyses) == 1:  # of the problem as a whole
+        return Table(head[1:], tuple(row[1:] for row in rows), (0, 1, 2, 3, 4))
+    return Table(head, tuple(rows), (1, 2, 3, 4, 5))
+
+
+def words_of(outcome: TargetOutcome) -> str:
+    """The name of an outcome in words."""
+    return outcome.name.lower().replace("_", " ")
