@@ -44,6 +44,7 @@ from workbench.fitting.marker_files import read_markers
 from workbench.fitting.scans.files import read_scan
 from workbench.geometry.meshes import read_mesh, write_mesh
 from workbench.motions import SoftTissue, load_tissue, read_motion, save_tissue
+from workbench.motions.skeleton_names import read_names, renamed
 from workbench.priors.poses import read_pose_gaussian, read_pose_mixture, read_pose_student
 from workbench.priors.recordings import read_recording
 from workbench.sampling.checkpoint import SavedEnsemble, load, save
@@ -567,6 +568,17 @@ def _sound_markers(found: list[Any]) -> None:
         finite(recording.markers[~np.isnan(recording.markers)])
 
 
+NAMED = {"Root": "pelvis", "Arm_L": "left_shoulder", "Leg_L": "left_hip", "Neck": "neck"}
+
+
+def _names(folder: Path) -> None:
+    (folder / "names.csv").write_text("\n".join(map(",".join, NAMED.items())))
+
+
+def _read_names(folder: Path) -> object:
+    return renamed([*NAMED], read_names(folder / "names.csv"), joint_names(24))
+
+
 def _tissue(folder: Path) -> None:
     rng = np.random.default_rng(3)
     directions, response = rng.random((5, 3, 2)), rng.random((2, 22))
@@ -647,6 +659,7 @@ FORMATS: dict[str, Format] = {
         lambda folder: [read_markers(folder / name) for name in MARKER_FILES],
         _sound_markers,
     ),
+    "names.csv": Format(_names, _read_names),
     "soft-tissue": Format(_tissue, lambda folder: load_tissue(folder / "tissue.npz")),
     "pose-priors": Format(
         _priors, lambda folder: [read(folder / name) for name, read in PRIORS.items()]

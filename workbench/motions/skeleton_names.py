@@ -1,0 +1,171 @@
+"""What joints are called: names of many skeletons as those of SMPL, whatever their spelling.
+
+The names are a table (`data/motions/joints.csv`): a line for each kind of skeleton, a column for
+each joint of SMPL, and where the names are from. Names in one cell are alternatives. A joint that
+lies elsewhere than SMPL's, as the collars of CMU's BVH files do, has none.
+"""
+
+import csv
+import re
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+
+from workbench.errors import BadArgument, BadFile, check_known, shown, some_of
+from workbench.reading.arrays import taken_for
+from workbench.reading.facts import bounded
+
+SIDES = {"left": "left", "right": "right", "l": "left", "r": "right"}
+SIDED = ("hip", "knee", "ankle", "foot", "collar", "shoulder", "elbow", "wrist")
+LIMBS = ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")  # where all skeletons have them
+FINGERS = ("thumb", "index", "middle", "ring", "pinky")
+WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[0-9]+")
+MOST_BYTES, LONGEST = 2**20, 300  # of a table of names, and of its lines
+
+
+@dataclass(frozen=True)
+class SkeletonNames:
+    """What one kind of skeleton calls the joints of SMPL.
+
+    Attributes:
+        name: of the kind.
+        signs: readings of names that only this kind has; none if others tell it.
+        joints: the readings of the names that a joint of SMPL may have, the first one preferred.
+        source: where the names are from.
+    """
+
+    name: str
+    signs: tuple[str, ...]
+    joints: Mapping[str, tuple[str, ...]]
+    source: str
+
+    def matched(self, there: Mapping[str, Sequence[int]]) -> dict[str, int]:
+        """Which of the labels each joint is, by the `readings` of all labels."""
+        if not all(sign in there for sign in self.signs):
+            return {}
+        best = {j: next((n for n in own if n in there), None) for j, own in self.joints.items()}
+        return {joint: there[name][0] for joint, name in best.items() if name is not None}
+
+
+def words_of(label: str) -> list[str]:
+    """The words of a label: `LeftUpLeg`, `left_up_leg` are left, up, leg; `spine_01` is spine, 1.
+
+    A pinky is also called little.
+    """
+    words = [word.lower().lstrip("0") or "0" for word in WORD.findall(label)]
+    return ["pinky" if word == "little" else word for word in words]
+
+
+def reading(words: Sequence[str]) -> list[str]:
+    """How words may be read, the likeliest first: `left upleg` for l, up, leg and for lupleg.
+
+    The side comes first, wherever it is said; L5 has none.
+    """
+    plain, found = "".join(words), []
+    for k, word in enumerate(words):
+        rest = "".join([*words[:k], *words[k + 1 :]])
+        if word in SIDES and not (rest.isdecimal() or not rest):
+            found.append(f"{SIDES[word]} {rest}")
+            break
+    found.append(plain)
+    return found + [f"{SIDES[s]} {plain[len(s) :]}" for s in SIDES if plain.startswith(s)]
+
+
+def readings(labels: Sequence[str]) -> dict[str, list[int]]:
+    """The labels that may be read as a name, those first of which it is the likeliest reading.
+
+    Words with which most labels begin, such as `mixamorig` or `Subject01`, are left out.
+    """
+    words = [words_of(re.split(r"[:|]", label)[-1]) for label in labels]
+    while True:
+        first = Counter(own[0] for own in words if len(own) > 1)
+        word, count = first.most_common(1)[0] if first else ("", 0)
+        if 2 * count <= len(words) or word in SIDES:
+            break
+        words = [own[1:] if len(own) > 1 and own[0] == word else own for own in words]
+    there: dict[str, list[int]] = {}
+    each = [reading(own) for own in words]
+    for rank in range(max(map(len, each), default=0)):
+        for k, own in enumerate(each):
+            if rank < len(own) and (rank == 0 or own[rank] not in there):
+                there.setdefault(own[rank], []).append(k)
+    return there
+
+
+@cache
+def skeletons() -> tuple[SkeletonNames, ...]:
+    """All kinds of skeletons of the table."""
+    text = (files("workbench") / "data" / "motions" / "joints.csv").read_text(encoding="utf-8")
+    found = []
+    for row in csv.DictReader(text.splitlines()):
+        joints = {}
+        for joint in (*row,)[2:-2]:
+            plain = ["".join(words_of(name)) for name in row[joint].split()]
+            for side in ("left", "right") if joint in SIDED else ("",):
+                own = tuple(f"{side} {name}".strip() for name in plain)
+                joints[f"{side}_{joint}".strip("_")] = own
+        for finger in FINGERS if row["fingers"] else ():
+            for n in "123":
+                forms = [form.replace("*", f"{finger}{n}") for form in row["fingers"].split()]
+                for side in ("left", "right"):
+                    own = tuple(f"{side} {''.join(words_of(form))}" for form in forms)
+                    joints[f"{side}_{finger}{n}"] = own
+        signs = tuple(reading(words_of(sign))[0] for sign in row["sign"].split())
+        found.append(SkeletonNames(row["skeleton"], signs, joints, row["source"]))
+    return tuple(found)
+
+
+def is_limb(joint: str) -> bool:
+    """Whether a joint is at the same place in all skeletons: those of arms and legs."""
+    return joint.partition("_")[2] in LIMBS
+
+
+def read_names(path: str | Path) -> dict[str, str]:
+    """The joints of names, from a .csv with lines such as `UpperArm_Left, left_shoulder`.
+
+    A first line `name, joint` and lines that begin with # count for nothing; semicolons and tabs
+    separate as well. Raises BadFile for lines that do not have two words, or a name twice.
+    """
+    with taken_for(path, "table of names", "give lines of a name and a joint: Arm_L,left_shoulder"):
+        try:
+            text = bounded(path, MOST_BYTES).decode("utf-8-sig")
+        except (OSError, UnicodeDecodeError) as error:
+            raise BadFile(str(getattr(error, "strerror", None) or error)) from error
+        found, joints = dict[str, str](), set[str]()
+        for number, line in enumerate(text.splitlines(), start=1):
+            cells = [cell.strip().strip('"') for cell in re.split("[,;\t]", line)]
+            if not any(cells) or line.startswith("#") or (number == 1 and cells[-1] == "joint"):
+                continue
+            if len(cells) != 2 or not all(cells) or len(line) > LONGEST:
+                raise BadFile(f"line {number} is {shown(line)}, and has not a name and a joint")
+            if cells[0] in found or cells[1] in joints:
+                raise BadFile(f"line {number} is {shown(line)}, of which one was there before")
+            found[cells[0]] = cells[1]
+            joints.add(cells[1])
+        if not found:
+            raise BadFile("it has no names")
+    return found
+
+
+def renamed(
+    labels: Sequence[str], table: Mapping[str, str] | None, known: Collection[str]
+) -> tuple[str, ...]:
+    """Labels by a table of names, empty where it has none; as they are if there is no table.
+
+    Case does not matter where no two names differ by it alone. Raises UnknownName for what is none
+    of the `known` points of a body, and BadArgument if a name of the table is no label.
+    """
+    if table is None:
+        return tuple(labels)
+    for joint in table.values():
+        check_known("joint or point", joint, known)
+    plain = {name.lower(): joint for name, joint in table.items()}
+    plain = plain if len(plain) == len(table) else {}
+    found = tuple(table.get(label) or plain.get(label.lower(), "") for label in labels)
+    absent = {*table.values()} - {*found}
+    if missed := [name for name, joint in table.items() if joint in absent]:
+        raise BadArgument(f"no name in the file is {some_of(missed)}; there are {some_of(labels)}")
+    return found
