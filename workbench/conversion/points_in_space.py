@@ -27,7 +27,7 @@ from workbench.problem import sequence
 from workbench.residuals import smooth
 
 SIGMA = 0.01  # m, of a point beside that of the body
-LOOSE = 0.05  # m, of joints of trunk and feet, which each kind of skeleton has in other places
+LOOSE = 0.025  # m, of joints of trunk and feet, which each kind of skeleton has in other places
 WIDE = (0.2, 0.05)  # m, sigmas of a frame by itself in turn: no arm is twisted
 FREELY = 1e3  # rad, of the root's turns: they are not smoothed
 LEAST = 4  # points that place a body
@@ -81,7 +81,7 @@ def motion_from_points(
     `kind` is the set of the body's points that they are (`point_sets`): a joint and a keypoint of
     one name are different places. None takes the set that has most of the names, or the kind of
     skeleton (`skeleton_names.skeletons`) whose names for joints of SMPL they are; those of trunk
-    and feet then only follow within 5 cm, for there skeletons differ. `sigma` is in m.
+    and feet then count less, sigma 2.5 cm, for there skeletons differ. `sigma` is in m.
     One shape is found for all frames, and what the points leave open follows the priors on pose and
     shape. All frames are found together in the end, with joints at nearly constant speed, so that
     points that some frames do not show are where the motion leads. Frames that show fewer than four
