@@ -411,7 +411,7 @@ def convert(
     up: Up = None,
     person: Person = None,
 ) -> None:
-    """Turn the motion of one body, or points in space, into the motion of another body."""
+    """Turn a motion, a skeleton that moves, or points in space into the motion of a body."""
     console, path = Console(), expanded(file)
     refuse_suffix(out, MOTIONS, "a motion")
     if rate is not None and not 0 < rate < np.inf:
