@@ -22,18 +22,21 @@ from workbench.geometry.rigid import procrustes
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 from workbench.motions import Motion
 from workbench.motions.motion import without_gaps
-from workbench.motions.skeleton_names import is_limb, reading, readings, skeletons, words_of
+from workbench.motions.skeleton_names import is_elsewhere, reading, readings, skeletons, words_of
 from workbench.problem import sequence
 from workbench.residuals import smooth
 
 SIGMA = 0.01  # m, of a point beside that of the body
-LOOSE = 0.025  # m, of joints of trunk and feet, which each kind of skeleton has in other places
+LOOSE = 0.025  # m, of joints that each kind of skeleton has in other places
 WIDE = (0.2, 0.05)  # m, sigmas of a frame by itself in turn: no arm is twisted
 FREELY = 1e3  # rad, of the root's turns: they are not smoothed
 LEAST = 4  # points that place a body
 FEWEST = 8  # joints of a skeleton, with which a body is no statue
 JOINTS, HAND = "joints", "hand"
 Placed = Callable[[cs.MX, cs.MX, cs.MX], Points]
+Finish = Callable[
+    [PointTracker, Array, Array, Array, float, Progress], tuple[Array, Array, Array]
+]  # of pose, betas and trans
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +92,20 @@ def motion_from_points(
     body does not have are left out. The motion's `notes` say both. Raises BadArgument for other
     arrays and if no frame shows four points, UnknownName for a set, and NotNumbers.
     """
+    return _from_places(observed, names, body, fps, kind, sigma, progress, _smoothed)
+
+
+def _from_places(
+    observed: ArrayLike,
+    names: Sequence[str],
+    body: Body,
+    fps: float,
+    kind: str | None,
+    sigma: float,
+    progress: Progress,
+    finish: Finish,
+) -> PointFit:
+    """`motion_from_points`, whose poses frame by frame a last function finishes."""
     given = reals("the observed points", observed)
     labels = tuple(map(str, names))
     if given.ndim != 3 or given.shape[1:] != (len(labels), 3):
@@ -108,7 +125,7 @@ def motion_from_points(
     usable = np.flatnonzero(seen.sum(axis=1) >= LEAST)
     if not len(usable):
         raise BadArgument(f"no frame shows {LEAST} of the points {some_of(own)}")
-    counts = [(sigma / LOOSE) ** 2 if loose and not is_limb(name) else 1.0 for name in own]
+    counts = [(sigma / LOOSE) ** 2 if loose and is_elsewhere(name) else 1.0 for name in own]
     pose, betas, trans = (block.symbol for block in body.blocks())
     tracker = PointTracker(
         body,
@@ -126,7 +143,7 @@ def motion_from_points(
     turned, where = _spread(tracker.poses(shape, progress), usable, len(given), body)
     turned, lines, filled = without_gaps(turned, {"trans": where})
     whole = slice(int(usable[0]), int(usable[-1]) + 1)
-    turned, shape, where = _smoothed(
+    turned, shape, where = finish(
         replace(tracker, observed=places[whole]), turned, shape, lines["trans"], fps, progress
     )
     motion = Motion(
@@ -151,14 +168,15 @@ def motion_from_skeleton(
     """The motion of a body whose joints are closest to those of a skeleton with bones of its own.
 
     Only places count, because the rest pose and the axes of joints differ from one kind of skeleton
-    to the next (`motion_from_points`). `names` (K,) take the place of the skeleton's names. Places
+    to the next (`motion_from_points`); each frame stays as it was found, for bones have no noise.
+    `names` (K,) take the place of the skeleton's names. Places
     do not show how the last joints of limbs and the head turn: these turn as the skeleton's do,
     R_body(t) = R_skeleton(t) Q, with Q the mean of R_skeleton' R_body over the frames. Raises
     BadArgument for a motion without bones, or if fewer than eight joints are known.
     """
     labels = skeleton.joint_names if names is None else names
-    fit = motion_from_points(
-        skeleton.joints(), labels, body, skeleton.fps, sigma=sigma, progress=progress
+    fit = _from_places(
+        skeleton.joints(), labels, body, skeleton.fps, None, sigma, progress, _as_found
     )
     if len(fit.names) < FEWEST:
         raise BadArgument(
@@ -167,10 +185,8 @@ def motion_from_skeleton(
         )
     assert skeleton.bones is not None  # for it has joints
     theirs = _worlds(skeleton.pose, skeleton.bones.parents)
-    pose, parents = fit.motion.pose.copy(), tuple(body.parents)
+    pose, parents, turned = fit.motion.pose.copy(), tuple(body.parents), []
     ours = _worlds(pose, parents)
-    first = int(np.flatnonzero(np.isfinite(fit.errors).any(axis=1))[0])
-    theirs, turned = theirs[first : first + len(pose)], []
     above = {name: set(_above(body, name)) for name in fit.names if name in body.joint_names}
     for name, label in zip(fit.names, fit.labels, strict=True):
         if name not in above or any(name in others for others in above.values()):
@@ -200,6 +216,12 @@ def _worlds(pose: Array, parents: Sequence[int]) -> Array:
         if parent >= 0:
             world[:, k] = world[:, parent] @ world[:, k]
     return world
+
+
+def _as_found(
+    tracker: PointTracker, pose: Array, betas: Array, trans: Array, fps: float, progress: Progress
+) -> tuple[Array, Array, Array]:
+    return pose, betas, trans
 
 
 def _smoothed(

@@ -20,7 +20,7 @@ from workbench.reading.facts import bounded
 
 SIDES = {"left": "left", "right": "right", "l": "left", "r": "right"}
 SIDED = ("hip", "knee", "ankle", "foot", "collar", "shoulder", "elbow", "wrist")
-LIMBS = ("hip", "knee", "ankle", "shoulder", "elbow", "wrist")  # where all skeletons have them
+ELSEWHERE = ("pelvis", "spine1", "spine2", "spine3", "neck", "head", "collar", "foot")
 FINGERS = ("thumb", "index", "middle", "ring", "pinky")
 WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[0-9]+")
 MOST_BYTES, LONGEST = 2**20, 300  # of a table of names, and of its lines
@@ -118,9 +118,9 @@ def skeletons() -> tuple[SkeletonNames, ...]:
     return tuple(found)
 
 
-def is_limb(joint: str) -> bool:
-    """Whether a joint is at the same place in all skeletons: those of arms and legs."""
-    return joint.partition("_")[2] in LIMBS
+def is_elsewhere(joint: str) -> bool:
+    """Whether each kind of skeleton has a joint in another place: those of trunk and toes."""
+    return joint.removeprefix("left_").removeprefix("right_") in ELSEWHERE
 
 
 def read_names(path: str | Path) -> dict[str, str]:
