@@ -57,6 +57,7 @@ from workbench.reports.registration import (
     write_coregistration,
     write_registration,
 )
+from workbench.reports.run import measurements_table
 from workbench.training.execution import Execution
 from workbench.training.folder import Row, read_table
 
@@ -179,6 +180,8 @@ def _one(
         say(console, f"note: {escape(note)}")
     warn_of(console, found.registration.doubts)
     console.print(rich_table(stages_table(found.registration)))
+    if found.registration.measurements:
+        console.print(rich_table(measurements_table(found.registration.measurements)))
     source = str(job.path.resolve())
     print_page(console, "report", write_registration(found, folder, body=name, source=source))
 

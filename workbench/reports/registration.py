@@ -35,6 +35,7 @@ from workbench.registration.coregistration.folder import (
 from workbench.reports.folder import SUMMARY, Content, summary_text, write_folder
 from workbench.reports.page import Columns, Shown, Table, csv_text, number, page, plotted, shown
 from workbench.reports.replay import recorded_registration
+from workbench.reports.run import measurements_summary, measurements_table
 from workbench.training.folder import COLUMNS, TABLE, Row
 from workbench.writing import write_arrays, write_file
 
@@ -111,6 +112,7 @@ def summary(found: RegisteredScan, body: str, key: str = "") -> dict[str, Any]:
         "touching": last.touching,
         "seen": float(one.seen.mean()),
         f"{one.size.name}_m": one.size.metres,
+        "measurements": measurements_summary(one.measurements),
         "seconds": sum(stage.seconds for stage in one.stages),
         "warnings": list(one.doubts),
         "notes": list(found.notes),
@@ -136,6 +138,7 @@ def registration_page(found: RegisteredScan, body: str) -> str:
             unseen_sheet(one.vertices, one.faces, one.seen, one.sd, one.facing),
             caption_unseen(one.seen, one.sd),
         ),
+        measurements=measurements_table(one.measurements),
         stages=stages_table(one),
         moved=MM * float(np.linalg.norm(one.vertices - one.model, axis=1).mean()),
         others=others_table(one),
