@@ -76,7 +76,7 @@ def test_person_is_registered() -> None:
     body, whole = BODY, register(BODY, SCAN, recipe=Recipe(FIT_STAGES))
     assert np.linalg.norm(whole.vertices - TRUTH, axis=1).mean() < 0.01  # m
     assert whole.facing == pytest.approx(TURN, abs=0.05)
-    assert [stage.name for stage in whole.stages] == ["model", "free"]
+    assert [stage.name for stage in whole.stages] == ["model", "free", "relaxed"]
     assert whole.stages[0].unknowns == 3 * body.n_joints + body.n_betas + 3
     assert whole.stages[-1].unknowns == whole.stages[0].unknowns + 3 * body.n_vertices
     assert whole.median == np.median(np.abs(whole.distances[whole.touching]))
@@ -301,6 +301,29 @@ def test_a_skeleton_starts_the_fit_and_counts_in_it() -> None:
     ]
     assert len(fit.hypotheses) == 1
     assert errors(fit.values).mean() < 1.5
+
+
+def test_a_skeleton_is_read_in_the_unit_and_the_axes_of_the_scan(tmp_path: Path) -> None:
+    truth, simulated = made()
+    turned = 1e3 * simulated.scan.points[:, [0, 2, 1]] * [1, -1, 1]  # z up, in mm
+    np.save(tmp_path / "scan.npy", turned)
+    known = points_of(HAND, truth)
+    known[4] = np.nan  # which was not seen
+    np.savez(tmp_path / "skeleton.npz", joints=1e3 * known[:, [0, 2, 1]] * [1, -1, 1])
+    one = (FitStage(600, 0.003, 0.009, 1, 8),)
+    recipe = replace(HAND_RECIPE, fit_stages=one, vertex_stages=model_alone)
+    reading = Reading("mm", "z", skeleton=tmp_path / "skeleton.npz")
+    done = registered(HAND, recipe, reading, ScanJob("scan", tmp_path / "scan.npy"))
+    assert isinstance(done, RegisteredScan), done
+    assert errors(done.registration.values).mean() < 1.5
+    (tmp_path / "skeleton.npz").unlink()
+    missing = registered(HAND, recipe, reading, ScanJob("scan", tmp_path / "scan.npy"))
+    assert isinstance(missing, FailedScan)
+    assert "skeleton.npz" in missing.reason
+    reading = Reading("mm", "z", skeleton=tmp_path / "scan.npy")
+    other = registered(HAND, recipe, reading, ScanJob("scan", tmp_path / "scan.npy"))
+    assert isinstance(other, FailedScan)
+    assert "points of a hand have the shape (21, 3)" in other.reason
 
 
 @pytest.mark.thorough
