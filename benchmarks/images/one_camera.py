@@ -34,10 +34,10 @@ from workbench.fitting.body_priors import POSE_PRIOR
 from workbench.fitting.images import (
     ByHeight,
     ImageFits,
+    Smplify,
     WithStature,
     image_mean,
     image_priors,
-    smplify,
 )
 from workbench.fitting.keypoints import KeypointProblem, alike, keypoint_setup
 from workbench.fitting.observations import Observations
@@ -241,7 +241,7 @@ def run(recording: Path | None, only: Sequence[str] | None = None) -> dict[str, 
         "regressed start, all keypoints alike": in_stages(ImageFits(body, in_px(relative=alike))),
         "regressed start, pose prior half": in_stages(ImageFits(body, in_px(priors=half))),
         "regressed start, outliers from 3.5 % on": in_stages(ImageFits(body, in_px(strict=STRICT))),
-        "SMPLify's weights and stages": in_stages(ImageFits(body, smplify)),
+        "SMPLify's weights and stages": in_stages(ImageFits(body, Smplify())),
     }
     cases = list(balance_cases(body))
     on_balance = recipes | {

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import typer
@@ -34,10 +34,23 @@ from workbench.cli.run import Compare, LiveTrace, Out, carry_out, solver_named
 from workbench.environment import expanded
 from workbench.errors import BadArgument, BadFile, NotSupported, some_of
 from workbench.experiments import Experiment
-from workbench.fitting.body_priors import checked_height
+from workbench.fitting.body_priors import (
+    apart_prior,
+    checked_height,
+    mixture_prior,
+    pose_prior,
+)
 from workbench.fitting.doubts import doubts
 from workbench.fitting.files.clips import read_clip
-from workbench.fitting.images import SPREAD, ByHeight, WithStature, image_fit, image_mean
+from workbench.fitting.images import (
+    SPREAD,
+    ByHeight,
+    Smplify,
+    WithPosePrior,
+    WithStature,
+    image_fit,
+    image_mean,
+)
 from workbench.fitting.jobs import ImageReading, ImageWork, image_jobs, in_parts
 from workbench.fitting.keypoints import as_marked, keypoint_fit
 from workbench.fitting.known_points import own_mesh
@@ -80,7 +93,7 @@ class Given:
     body: SkinnedBody | TriangleBody
     body_name: str
     reading: ImageReading
-    recipe: ByHeight
+    recipe: ByHeight | Smplify
     sigma: float | None
     solver: str | None
     compare: bool
@@ -139,6 +152,20 @@ def fit(
         float | None,
         typer.Option(help="Stature of the person in one image in m, if it is known."),
     ] = None,
+    recipe: Annotated[
+        Literal["default", "smplify"],
+        typer.Option(help="Terms and stages for one image: our own, or SMPLify's."),
+    ] = "default",
+    prior: Annotated[
+        Literal["gaussian", "mixture"] | None,
+        typer.Option(
+            help="Prior on the pose for one image; else gaussian, and mixture for smplify."
+        ),
+    ] = None,
+    contact: Annotated[
+        bool,
+        typer.Option("--contact", help="Keep limbs in one image from going through each other."),
+    ] = False,
     hypotheses: Annotated[
         int,
         typer.Option(help="Number of starts for one image, for bodies that may look alike."),
@@ -220,13 +247,19 @@ def fit(
     if solver is not None:
         solver_named(solver)
     reading = ImageReading(size_of(size), focal, cameras, person, camera_to_world)
-    recipe = recipe_of(height, sigma)
+    how = recipe_of(recipe, height, sigma, prior, contact)
     worn = Worn(marker_set, OUT if marker_height is None else marker_height, across)
     model, paths = load_body(body), [expanded(path) for path in files]
-    given = Given(Console(), model, body, reading, recipe, sigma, solver, compare, out)
+    given = Given(Console(), model, body, reading, how, sigma, solver, compare, out)
     first = paths[0]
     many = {"--workers": workers > 1, "--dask": dask is not None}
-    one_image = {"--height": height is not None, "--hypotheses": hypotheses != 1}
+    one_image = {
+        "--recipe": recipe != "default",
+        "--prior": prior is not None,
+        "--contact": contact,
+        "--height": height is not None,
+        "--hypotheses": hypotheses != 1,
+    }
     drawn = {"--mean": mean}
     by_keypoints = {
         "--cameras": cameras is not None,
@@ -271,7 +304,7 @@ def fit(
     elif first.is_dir():
         single = {"--compare": compare, "--solver": solver is not None}
         given.mind(single | drawn | moving | of_markers, "it is not for a folder of images")
-        work = ImageWork(model, recipe, reading, hypotheses)
+        work = ImageWork(model, how, reading, hypotheses)
         fit_folder(given.console, first, work, body=body, out=out, workers=workers, dask=dask)
     elif first.suffix.lower() in MARKERS:
         given.mind(
@@ -335,13 +368,23 @@ def _carry_out(given: Given, file: Path, setup: Setup) -> tuple[Values, Path]:
     return carry_out(given.console, experiment, named, given.compare, given.out)
 
 
-def recipe_of(height: float | None, sigma: float | None) -> ByHeight:
-    """How one image is fitted, with a known stature, and with another sigma of keypoints."""
-    recipe = ByHeight(sigma=sigma)
-    if height is None:
-        return recipe
-    checked_height(height)
-    return replace(recipe, priors=WithStature(height))
+PRIORS = {"gaussian": pose_prior, "mixture": mixture_prior}
+
+
+def recipe_of(
+    kind: str, height: float | None, sigma: float | None, prior: str | None, contact: bool
+) -> ByHeight | Smplify:
+    """How one image is fitted: by which recipe, with what else is known or asked for."""
+    recipe: ByHeight | Smplify = ByHeight(sigma=sigma)
+    if kind == "smplify":
+        recipe = Smplify() if sigma is None else Smplify(sigma)
+    terms, others = recipe.priors, (apart_prior,) if contact else ()
+    if prior is not None or others:
+        terms = WithPosePrior(PRIORS[prior or "gaussian"], others, terms)
+    if height is not None:
+        checked_height(height)
+        terms = WithStature(height, priors=terms)
+    return replace(recipe, priors=terms)
 
 
 def size_of(text: str | None) -> tuple[int, int] | None:

@@ -36,10 +36,10 @@ from workbench.fitting.images import (
     ByHeight,
     ImageFits,
     ImageRecipe,
+    Smplify,
     WithStature,
     image_fit,
     image_priors,
-    smplify,
     wider,
 )
 from workbench.fitting.keypoints import keypoint_fit
@@ -115,6 +115,7 @@ __all__ = [
     "Scan",
     "Setup",
     "Smoothness",
+    "Smplify",
     "View",
     "WithStature",
     "boundary",
@@ -159,7 +160,6 @@ __all__ = [
     "save_regressor",
     "shape_prior",
     "shipped_regressor",
-    "smplify",
     "spread_frames",
     "stature",
     "stature_of",

@@ -16,7 +16,7 @@ these find by touch, such as the lowest rib, are replaced by the narrowest or wi
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import casadi as cs
@@ -139,7 +139,8 @@ def measured_at(
     has a part in the null space of J: nothing determines the quantity.
     """
     s, V = problem.linearize(at).spectrum.determined
-    rows = [q.residual for q in quantities.values()]
+    # a problem may have a residual of the same name, such as that of a known stature
+    rows = [replace(q.residual, name=f"measured {name}") for name, q in quantities.items()]
     here = problem.variant([*problem.residuals, *rows], problem.free.spelled()).linearize(at)
     found = {}
     for name, value, g in zip(
