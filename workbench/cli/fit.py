@@ -21,6 +21,7 @@ from workbench.bodies.catalogue import load_body
 from workbench.bodies.triangles import TriangleBody
 from workbench.cli import Interrupted, interrupts_say
 from workbench.cli.console import (
+    Labels,
     folder_to_write,
     print_page,
     say,
@@ -43,7 +44,7 @@ from workbench.fitting.keypoints import as_marked, keypoint_fit
 from workbench.fitting.known_points import own_mesh
 from workbench.fitting.marker_files import READERS as MARKERS
 from workbench.fitting.marker_files import MarkerRecording, read_markers
-from workbench.fitting.marker_sets import OUT, MarkerSet, default_markers, matched, read_marker_set
+from workbench.fitting.marker_sets import OUT, MarkerSet, known_markers, matched, read_marker_set
 from workbench.fitting.markers import SIGMA, marker_solver, rms_of_markers
 from workbench.fitting.mosh import mosh
 from workbench.fitting.observations import Clip
@@ -167,8 +168,9 @@ def fit(
     ] = None,
     marker_set: Annotated[
         Path | None,
-        typer.Option(help='Markers of an .npz on the body: JSON {"LFHD": number of a vertex}.'),
+        typer.Option(help='Markers on the body: JSON {"LFHD": number of a vertex}.'),
     ] = None,
+    labels: Labels = None,
     marker_height: Annotated[
         float | None,
         typer.Option(
@@ -221,7 +223,7 @@ def fit(
         solver_named(solver)
     reading = ImageReading(size_of(size), focal, cameras, person, camera_to_world)
     recipe = recipe_of(height, sigma)
-    worn = Worn(marker_set, OUT if marker_height is None else marker_height, across)
+    worn = Worn(marker_set, OUT if marker_height is None else marker_height, across, labels)
     model, paths = load_body(body), [expanded(path) for path in files]
     given = Given(Console(), model, body, reading, recipe, sigma, solver, compare, out)
     first = paths[0]
@@ -238,6 +240,7 @@ def fit(
     moving = {"--fps": fps is not None}
     of_markers = {
         "--marker-set": marker_set is not None,
+        "--labels": labels is not None,
         "--marker-height": marker_height is not None,
         "--across": across is not None,
     }
@@ -503,14 +506,16 @@ class Worn:
     """What is known of the markers that a person wears. Raises BadArgument for lengths in mm.
 
     Attributes:
-        file: the marker set, in JSON; None for the body's own 41 markers.
+        file: the marker set, in JSON; None for the markers whose places are known.
         height: of their centres above the skin, in m.
         across: its standard deviation in m, or None where places are uncertain in all directions.
+        labels: a table of what the labels of a recording mean, or None.
     """
 
     file: Path | None = None
     height: float = OUT
     across: float | None = None
+    labels: Path | None = None
 
     def __post_init__(self) -> None:
         for option, length in (("--marker-height", self.height), ("--across", self.across)):
@@ -522,7 +527,7 @@ class Worn:
 
     def on(self, body: SkinnedBody) -> MarkerSet:
         """The markers on a body. Raises BadFile as `read_marker_set` does."""
-        placed = default_markers(body) if self.file is None else read_marker_set(self.file, body)
+        placed = known_markers(body) if self.file is None else read_marker_set(self.file, body)
         vertices = dict(zip(placed.names, placed.vertices, strict=True))
         return MarkerSet.of(body, vertices, self.height)
 
@@ -545,7 +550,8 @@ def fit_markers(
     """
     if not isinstance(body, SkinnedBody):
         raise NotSupported(why_not_skinned(body, "a fit to markers", "take a SkinnedBody"))
-    recording = read_markers(file, sizes=sizes_of(body.joint_names))
+    sizes = sizes_of(body.joint_names)
+    recording = read_markers(file, sizes=sizes, labels=markers_worn.labels)
     worn, places, notes = matched(recording.labels, markers_worn.on(body))
     say_notes(console, (*recording.notes, *notes))
     markers, precision = recording.markers[:, list(places)], SIGMA if sigma is None else sigma
