@@ -45,17 +45,23 @@ def square(**changed: Any) -> bytes:
     return glb({**told, **changed}, VERTICES.tobytes() + FACES.tobytes())
 
 
+SKINNED = {
+    "attributes": {"POSITION": 0, "JOINTS_0": 1, "WEIGHTS_0": 2, "JOINTS_1": 1, "WEIGHTS_1": 3}
+}
+
+
 def skinned(**changed: Any) -> tuple[bytes, np.ndarray]:
     """A .glb whose mesh two joints pose, and where that puts its vertices (5, 3) m.
 
     Joints are in centimetres, z up, below a node that scales and turns them; the mesh's node has a
     scale of its own, which does not count (glTF 2.0, section 3.7.3.3). The upper joint is bent by a
-    quarter turn about x; weights add up to 1 or not, and are listed in two sets.
+    quarter turn about x; weights add up to 1 or not, and are listed in two sets; the second vertex
+    has none, and follows the joint that it lists first.
     """
     places = np.array([[0, 0, 0], [1, 5, 0], [0, 10, 2], [-1, 15, 0], [0, 18, 1]], "<f4") / 10
     joints = np.array([[0, 1, 0, 0]] * 5, "u1")
     weights, more = np.zeros((2, 5, 4), "<f4")
-    weights[:4, :2] = [[1, 0], [3, 0], [0.5, 0.25], [0, 1]]
+    weights[:4, :2] = [[3, 0], [0, 0], [0.5, 0.25], [0, 1]]
     more[2, 1], more[4, 1] = 0.25, 0.1
     faces = np.array([[0, 1, 2], [2, 3, 4]], "<u4")
     binds = np.zeros((2, 4, 4))
@@ -69,7 +75,6 @@ def skinned(**changed: Any) -> tuple[bytes, np.ndarray]:
         views.append({"buffer": 0, "byteOffset": len(content), "byteLength": array.nbytes})
         content += array.tobytes() + b"\0" * (-array.nbytes % 4)
     half = float(np.sqrt(0.5))
-    attributes = {"POSITION": 0, "JOINTS_0": 1, "WEIGHTS_0": 2, "JOINTS_1": 1, "WEIGHTS_1": 3}
     told: dict[str, Any] = {
         "asset": {"version": "2.0"},
         "scenes": [{"nodes": [0]}],
@@ -79,7 +84,7 @@ def skinned(**changed: Any) -> tuple[bytes, np.ndarray]:
             {"name": "up", "translation": [0, 0, 100], "rotation": [half, 0, 0, half]},
             {"mesh": 0, "skin": 0, "scale": [0.01] * 3},
         ],
-        "meshes": [{"primitives": [{"attributes": attributes, "indices": 4}]}],
+        "meshes": [{"primitives": [SKINNED | {"indices": 4}]}],
         "skins": [{"joints": [1, 2], "inverseBindMatrices": 5}],
         "accessors": [
             {"bufferView": k, "componentType": code, "count": n, "type": kind}

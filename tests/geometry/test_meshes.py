@@ -15,6 +15,7 @@ from tests.geometry.mesh_files import (
     LITTLE,
     PART,
     POSITIONS,
+    SKINNED,
     claims,
     glb,
     ply,
@@ -295,6 +296,13 @@ def test_skins_pose_a_mesh_and_its_own_node_does_not_count(tmp_path: Path) -> No
     (tmp_path / "a.glb").write_bytes(content)
     np.testing.assert_allclose(read_mesh(tmp_path / "a.glb").vertices, exact, atol=1e-6)
     np.testing.assert_allclose(contents_of(tmp_path / "a.glb", None).points, exact, atol=1e-6)
+    lines = {"attributes": {"POSITION": 0, "JOINTS_0": 1}, "mode": 1}  # which are left out
+    (tmp_path / "b.glb").write_bytes(
+        skinned(meshes=[{"primitives": [SKINNED | {"indices": 4}, lines]}])[0]
+    )
+    np.testing.assert_array_equal(
+        read_mesh(tmp_path / "b.glb").vertices, read_mesh(tmp_path / "a.glb").vertices
+    )
     for change, said in [
         ({"skins": [{"joints": []}]}, r"skins\[0\] has no joints"),
         ({"skins": [{"joints": [1, 9]}]}, "one that its scene does not show"),
@@ -302,7 +310,8 @@ def test_skins_pose_a_mesh_and_its_own_node_does_not_count(tmp_path: Path) -> No
         ({"skins": [{"joints": [1]}]}, "a joint beyond the 1 of its skin"),
         ({"skins": [{"joints": [1, 2, 3], "inverseBindMatrices": 5}]}, "3 joints, 2 bind matrices"),
         ({"skins": []}, r"there is no skins\[0\]"),
-        ({"meshes": [{"primitives": [PART | {"indices": 4}]}]}, "follows no joint"),
+        ({"meshes": [{"primitives": [PART | {"indices": 4}]}]}, "its vertices follow no joints"),
+        ({"skins": [{}]}, r"skins\[0\] has no joints"),
     ]:
         (tmp_path / "a.glb").write_bytes(skinned(**change)[0])
         with pytest.raises(BadFile, match=said):

@@ -77,7 +77,7 @@ FURTHER_SIDES = {
     "KNI": ("left_knee", "left_knee", 0.0, (-1.0, 0.0, 0.0)),
     "HFI": ("left_knee", "left_ankle", 0.1, (1.0, 0.0, -0.4)),
     "TTC": ("left_knee", "left_ankle", 0.12, (0.0, 0.0, 1.0)),
-    "TIB": ("left_knee", "left_ankle", 0.6, (1.0, 0.0, 0.0)),
+    "TIB": ("left_knee", "left_ankle", 0.45, (1.0, 0.0, 0.0)),
     "MED": ("left_ankle", "left_ankle", 0.0, (-1.0, 0.0, 0.0)),
     "MT1": ("left_ankle", "left_foot", 0.9, (-1.0, 0.0, 0.0)),
 }

@@ -337,7 +337,7 @@ def _places(document: GlbDocument) -> dict[int, list[Array]]:
     for mesh, named in found.items():
         for _, number in sorted(named):
             skin = json["nodes"][number].get("skin")
-            if skin is not None and document.entry("skins", skin) and skin not in skins:
+            if skin is not None and (type(skin) is not int or skin not in skins):
                 skins[skin] = _joint_motions(document, skin, worlds)
             shown_at[mesh].append(worlds[number] if skin is None else skins[skin])
     return shown_at
@@ -368,29 +368,29 @@ def _skinned(
     document: GlbDocument, primitive: dict[str, Any], positions: Array, motions: Array
 ) -> Array:
     """Vertices (N, 3) by linear blend skinning, with weights that are made to add up to one."""
-    attributes, moved, total = primitive["attributes"], np.zeros_like(positions), 0.0
-    for n in range(MOST_SETS):
-        if f"JOINTS_{n}" not in attributes:
-            break
-        joints, weights = (
-            document.values(attributes.get(f"{kind}_{n}"), "VEC4", 4)
-            for kind in ("JOINTS", "WEIGHTS")
-        )
-        if not len(joints) == len(weights) == len(positions):
-            raise ValueError(f"{len(positions):,} vertices have the weights of {len(weights):,}")
-        weights = np.where(weights > 0, weights, 0.0)
-        joints = np.where(weights > 0, joints, 0)
-        if not ((joints >= 0) & (joints < len(motions))).all():
-            raise ValueError(f"a vertex follows a joint beyond the {len(motions)} of its skin")
-        for k, weight in zip(joints.astype(np.int64).T, weights.T, strict=True):
-            with np.errstate(all="ignore"):
-                one = np.einsum("nij,nj->ni", motions[k, :3, :3], positions) + motions[k, :3, 3]
-                moved += weight[:, None] * one
-        total = total + weights.sum(axis=1, keepdims=True)
-    if not np.all(total > 0):
-        raise ValueError("a vertex of a mesh with a skin follows no joint")
+    if not len(positions):
+        return positions
+    attributes = primitive["attributes"]
+    sets = [n for n in range(MOST_SETS) if f"JOINTS_{n}" in attributes]
+    if not sets:
+        raise ValueError("a mesh has a skin, and its vertices follow no joints")
+    joints, weights = (
+        np.hstack([document.values(attributes.get(f"{kind}_{n}"), "VEC4", 4) for n in sets])
+        for kind in ("JOINTS", "WEIGHTS")
+    )
+    if not len(joints) == len(weights) == len(positions):
+        raise ValueError(f"{len(positions):,} vertices have the weights of {len(weights):,}")
+    weights = np.where(weights > 0, weights, 0.0)
+    weights[~weights.any(axis=1), 0] = 1.0  # as three.js has it
+    joints = np.where(weights > 0, joints, 0)
+    if not ((joints >= 0) & (joints < len(motions))).all():
+        raise ValueError(f"a vertex follows a joint beyond the {len(motions)} of its skin")
+    moved = np.zeros_like(positions)
     with np.errstate(all="ignore"):
-        return np.asarray(moved / total)
+        for k, weight in zip(joints.astype(np.int64).T, weights.T, strict=True):
+            one = np.einsum("nij,nj->ni", motions[k, :3, :3], positions) + motions[k, :3, 3]
+            moved += weight[:, None] * one
+        return np.asarray(moved / weights.sum(axis=1, keepdims=True))
 
 
 def _part(document: GlbDocument, primitive: dict[str, Any]) -> tuple[Array, Index]:

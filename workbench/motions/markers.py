@@ -128,15 +128,16 @@ def _c3d(content: bytes) -> Trajectories:
     fps, notes = rate, []
     for name, own in (("SCALE", scale), ("RATE", rate)):
         other = _number(parameters, f"POINT:{name}") or np.nan
-        if not 0 < abs(other) < MOST_RATE or abs(own - other) <= SAME * max(abs(own), abs(other)):
+        if not 0 < abs(other) < 1e6 or abs(own - other) <= SAME * max(abs(own), abs(other)):
             continue
         if name == "SCALE" and (own < 0) != (other < 0):  # floats have a negative one
             raise ValueError(f"its header says scale {own:g}, and POINT:SCALE says {other:g}")
+        if name == "RATE" and other < 0:
+            continue
         scale, fps = (other, fps) if name == "SCALE" else (scale, other)
         notes.append(f"its header says {own:g}, and POINT:{name} {other:g}, which counts")
     if not np.isfinite(scale) or not scale or abs(scale) > 1e6:
         raise ValueError(f"its scale is {scale:g}, which makes no lengths")
-    fps = fps if 0 < fps < MOST_RATE else rate
     T = _frames(first, last, parameters)
     if not M or 3 * T * M > MOST_NUMBERS:
         raise ValueError(f"{T} frames of {M} points are none, or too many to be read")
@@ -145,8 +146,8 @@ def _c3d(content: bytes) -> Trajectories:
     channels = _number(parameters, "ANALOG:USED") or 0.0
     samples = _number(parameters, "ANALOG:RATE") or 0.0
     others = int(channels) * round(samples / fps) if fps > 0 else 0
-    blocks = -(-T * width * (4 * M + others) // BLOCK)
-    if analog != others > 0 and begin + blocks * BLOCK == len(content):  # the frames end with it
+    ends = [begin - (-T * width * (4 * M + n) // BLOCK) * BLOCK for n in (analog, others)]
+    if others > 0 and ends[0] != len(content) == ends[1]:  # the frames end in the file's last block
         notes.append(f"its header says {analog} measurements of other devices, ANALOG {others}")
         analog = others
     row = width * (4 * M + analog)
@@ -307,7 +308,7 @@ def parse_trc(content: bytes) -> Trajectories:
     if not T:
         raise ValueError("it has no frames")
     notes = [
-        f"its header says {cut(said[key])} {what}, and it has {count}, which are read"
+        f"its header says {cut(said[key] or 'no')} {what}, and it has {count}, which are read"
         for key, what, count in (("NumFrames", "frames", T), ("NumMarkers", "markers", M))
         if said.get(key, str(count)) != str(count)
     ]
