@@ -53,13 +53,6 @@ def test_convert_fits_a_body_to_named_points(tmp_path: Path, workbench: Run) -> 
     assert "23 of 23 points are coco of body 'small'" in out
     assert "mm from those of the body on average" in out
     assert len(wb.read_motion(tmp_path / "found.bvh")) == 3
-    other = [f"point {k}" for k in range(23)]
-    write_trc(tmp_path / "others.trc", Trajectories(places, tuple(other), 30.0, "mm"))
-    lines = [",".join(pair) for pair in zip(other, points(), strict=True)]
-    (tmp_path / "map.csv").write_text("\n".join(lines))
-    arguments = "others.trc", "--to", "small", "--out", "again.bvh", "--labels", "map.csv"
-    assert "23 of 23 points are coco of body 'small'" in workbench("convert", *arguments)[1]
-    assert (tmp_path / "again.bvh").read_bytes() == (tmp_path / "found.bvh").read_bytes()
 
 
 @pytest.mark.thorough

@@ -559,15 +559,6 @@ def _markers(folder: Path) -> None:
         make(folder / name)
 
 
-def _sound_markers(found: list[Any]) -> None:
-    for recording in found:
-        T, M, _ = recording.markers.shape
-        assert T > 0
-        assert len({*recording.labels}) == M
-        assert recording.fps is None or 0 < recording.fps < 1e6
-        finite(recording.markers[~np.isnan(recording.markers)])
-
-
 def _labels(folder: Path) -> None:
     MARKER_FILES["walk.trc"](folder / "walk.trc")
     (folder / "labels.csv").write_text("label,marker\nLFHD,ARIEL\nC7,\n\nLHEE,HEEL\n")
@@ -575,6 +566,15 @@ def _labels(folder: Path) -> None:
 
 def _skinned(folder: Path) -> None:
     (folder / "mesh.glb").write_bytes(skinned()[0])
+
+
+def _sound_markers(found: list[Any]) -> None:
+    for recording in found:
+        T, M, _ = recording.markers.shape
+        assert T > 0
+        assert len({*recording.labels}) == M
+        assert recording.fps is None or 0 < recording.fps < 1e6
+        finite(recording.markers[~np.isnan(recording.markers)])
 
 
 def _tissue(folder: Path) -> None:
@@ -653,14 +653,14 @@ FORMATS: dict[str, Format] = {
         _sound_motions,
     ),
     **{name: _result(name) for name in RESULT_FILES},
-    "marker-files": Format(
-        _markers,
-        lambda folder: [read_markers(folder / name) for name in MARKER_FILES],
-        _sound_markers,
-    ),
     "labels.csv": Format(
         _labels,
         lambda folder: [read_markers(folder / "walk.trc", labels=folder / "labels.csv")],
+        _sound_markers,
+    ),
+    "marker-files": Format(
+        _markers,
+        lambda folder: [read_markers(folder / name) for name in MARKER_FILES],
         _sound_markers,
     ),
     "soft-tissue": Format(_tissue, lambda folder: load_tissue(folder / "tissue.npz")),

@@ -23,11 +23,6 @@ Up = Annotated[
     typer.Option(help=f"Axis that points up ({', '.join(UP_TO_Y)}); else it is guessed."),
 ]
 
-Labels = Annotated[
-    Path | None,
-    typer.Option(help="What labels of markers mean: a .csv with lines such as LHeel,LHEE."),
-]
-
 
 def at_least_one(option: typer.CallbackParam, value: int) -> int:
     """The value of an option, of which there must be one or more. Raises BadArgument."""

@@ -21,7 +21,6 @@ from workbench.bodies.catalogue import load_body
 from workbench.bodies.triangles import TriangleBody
 from workbench.cli import Interrupted, interrupts_say
 from workbench.cli.console import (
-    Labels,
     folder_to_write,
     print_page,
     say,
@@ -170,7 +169,10 @@ def fit(
         Path | None,
         typer.Option(help='Markers on the body: JSON {"LFHD": number of a vertex}.'),
     ] = None,
-    labels: Labels = None,
+    labels: Annotated[
+        Path | None,
+        typer.Option(help="What labels of markers mean: a .csv with lines such as LHeel,LHEE."),
+    ] = None,
     marker_height: Annotated[
         float | None,
         typer.Option(

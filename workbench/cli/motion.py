@@ -15,7 +15,6 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body, why_not_skinned
 from workbench.bodies.catalogue import BODIES, load_body
 from workbench.cli.console import (
-    Labels,
     Up,
     print_page,
     say,
@@ -393,7 +392,6 @@ def convert(
     up: Up = None,
     person: Person = None,
     animation: Animation = None,
-    labels: Labels = None,
 ) -> None:
     """Turn the motion of one body, or points in space, into the motion of another body."""
     console, path = Console(), expanded(file)
@@ -404,11 +402,10 @@ def convert(
     if holds_markers(path):
         if source is not None:
             warn_without_effect(console, "--from", f"{path.name} holds points, and no motion")
-        found = _from_points(console, path, target, points, sigma, rate, unit, up, labels)
+        found = _from_points(console, path, target, points, sigma, rate, unit, up)
     else:
-        for option, given in (("--points", points), ("--labels", labels)):
-            if given is not None:
-                warn_without_effect(console, option, f"{path.name} holds a motion")
+        if points is not None:
+            warn_without_effect(console, "--points", f"{path.name} holds a motion")
         if source is None:
             raise BadArgument(f"say with --from which body {path.name} is a motion of: {KNOWN}")
         model = load_body(source)
@@ -466,10 +463,8 @@ def _from_points(
     rate: float | None,
     unit: str | None,
     up: str | None,
-    labels: Path | None,
 ) -> Motion:
-    sizes = sizes_of(target.joint_names)
-    recording = read_markers(path, unit=unit, up=up, sizes=sizes, labels=labels)
+    recording = read_markers(path, unit=unit, up=up, sizes=sizes_of(target.joint_names))
     say_notes(console, recording.notes)
     fps = recording.fps if rate is None else rate
     if fps is None:
