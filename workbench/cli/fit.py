@@ -56,7 +56,7 @@ from workbench.fitting.keypoints import as_marked, keypoint_fit
 from workbench.fitting.known_points import own_mesh
 from workbench.fitting.marker_files import READERS as MARKERS
 from workbench.fitting.marker_files import MarkerRecording, read_markers
-from workbench.fitting.marker_sets import OUT, MarkerSet, default_markers, matched, read_marker_set
+from workbench.fitting.marker_sets import OUT, MarkerSet, known_markers, matched, read_marker_set
 from workbench.fitting.markers import SIGMA, marker_solver, rms_of_markers
 from workbench.fitting.mosh import mosh
 from workbench.fitting.observations import Clip
@@ -125,11 +125,9 @@ def fit(
     cameras: Annotated[
         Path | None,
         typer.Option(
-            help="Calibration with the cameras in the order of the files, or named as they are: "
-            "TOML of Pose2Sim or Anipose, EasyMocap's intri.yml beside extri.yml, OpenCV's "
-            "FileStorage, COLMAP's text, CMU Panoptic's JSON, or JSON "
-            '{"name": {"K": 3x3, "R": 3x3, "t": 3, "distortion": [...], "size": [w, h]}}. '
-            "All formats are in howto/formats.md."
+            help="Calibration, its cameras in the order of the files or named as they are: of "
+            "Pose2Sim, Anipose, EasyMocap, OpenCV, COLMAP or CMU Panoptic (howto/formats.md), or "
+            '{"name": {"K": 3x3, "R": 3x3, "t": 3, "distortion": [...], "size": [w, h]}}.'
         ),
     ] = None,
     camera_to_world: Annotated[
@@ -146,11 +144,11 @@ def fit(
     ] = None,
     person: Annotated[
         int | None,
-        typer.Option(help="Number of the person in the file, from 0; without it, the largest."),
+        typer.Option(help="Which person of a file, from 0; else the largest."),
     ] = None,
     height: Annotated[
         float | None,
-        typer.Option(help="Stature of the person in one image in m, if it is known."),
+        typer.Option(help="Known stature of the person in one image, in m."),
     ] = None,
     recipe: Annotated[
         Literal["default", "smplify"],
@@ -158,13 +156,11 @@ def fit(
     ] = "default",
     prior: Annotated[
         Literal["gaussian", "mixture"] | None,
-        typer.Option(
-            help="Prior on the pose for one image; else gaussian, and mixture for smplify."
-        ),
+        typer.Option(help="Prior on the pose for one image; else the recipe's."),
     ] = None,
     contact: Annotated[
         bool,
-        typer.Option("--contact", help="Keep limbs in one image from going through each other."),
+        typer.Option("--contact", help="In one image, keep limbs out of each other."),
     ] = False,
     hypotheses: Annotated[
         int,
@@ -194,7 +190,11 @@ def fit(
     ] = None,
     marker_set: Annotated[
         Path | None,
-        typer.Option(help='Markers of an .npz on the body: JSON {"LFHD": number of a vertex}.'),
+        typer.Option(help='Markers on the body: JSON {"LFHD": vertex}.'),
+    ] = None,
+    labels: Annotated[
+        Path | None,
+        typer.Option(help="What labels of markers mean: a .csv with lines such as LHeel,LHEE."),
     ] = None,
     marker_height: Annotated[
         float | None,
@@ -248,7 +248,7 @@ def fit(
         solver_named(solver)
     reading = ImageReading(size_of(size), focal, cameras, person, camera_to_world)
     how = recipe_of(recipe, height, sigma, prior, contact)
-    worn = Worn(marker_set, OUT if marker_height is None else marker_height, across)
+    worn = Worn(marker_set, OUT if marker_height is None else marker_height, across, labels)
     model, paths = load_body(body), [expanded(path) for path in files]
     given = Given(Console(), model, body, reading, how, sigma, solver, compare, out)
     first = paths[0]
@@ -271,6 +271,7 @@ def fit(
     moving = {"--fps": fps is not None}
     of_markers = {
         "--marker-set": marker_set is not None,
+        "--labels": labels is not None,
         "--marker-height": marker_height is not None,
         "--across": across is not None,
     }
@@ -546,14 +547,16 @@ class Worn:
     """What is known of the markers that a person wears. Raises BadArgument for lengths in mm.
 
     Attributes:
-        file: the marker set, in JSON; None for the body's own 41 markers.
+        file: the marker set, in JSON; None for the markers whose places are known.
         height: of their centres above the skin, in m.
         across: its standard deviation in m, or None where places are uncertain in all directions.
+        labels: a table of what the labels of a recording mean, or None.
     """
 
     file: Path | None = None
     height: float = OUT
     across: float | None = None
+    labels: Path | None = None
 
     def __post_init__(self) -> None:
         for option, length in (("--marker-height", self.height), ("--across", self.across)):
@@ -565,7 +568,7 @@ class Worn:
 
     def on(self, body: SkinnedBody) -> MarkerSet:
         """The markers on a body. Raises BadFile as `read_marker_set` does."""
-        placed = default_markers(body) if self.file is None else read_marker_set(self.file, body)
+        placed = known_markers(body) if self.file is None else read_marker_set(self.file, body)
         vertices = dict(zip(placed.names, placed.vertices, strict=True))
         return MarkerSet.of(body, vertices, self.height)
 
@@ -588,7 +591,8 @@ def fit_markers(
     """
     if not isinstance(body, SkinnedBody):
         raise NotSupported(why_not_skinned(body, "a fit to markers", "take a SkinnedBody"))
-    recording = read_markers(file, sizes=sizes_of(body.joint_names))
+    sizes = sizes_of(body.joint_names)
+    recording = read_markers(file, sizes=sizes, labels=markers_worn.labels)
     worn, places, notes = matched(recording.labels, markers_worn.on(body))
     say_notes(console, (*recording.notes, *notes))
     markers, precision = recording.markers[:, list(places)], SIGMA if sigma is None else sigma

@@ -51,7 +51,12 @@ from workbench.fitting.known_points import (
     own_mesh,
 )
 from workbench.fitting.marker_files import MarkerRecording, read_markers
-from workbench.fitting.marker_sets import MarkerSet, default_markers, read_marker_set
+from workbench.fitting.marker_sets import (
+    MarkerSet,
+    default_markers,
+    known_markers,
+    read_marker_set,
+)
 from workbench.fitting.markers import marker_fit, marker_solver
 from workbench.fitting.mosh import MarkerFit, mosh
 from workbench.fitting.observations import (
@@ -135,6 +140,7 @@ __all__ = [
     "joint_fit",
     "keypoint_candidates",
     "keypoint_fit",
+    "known_markers",
     "loose_points",
     "marker_candidates",
     "marker_fit",
