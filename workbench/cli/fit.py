@@ -140,7 +140,7 @@ def fit(
     size: Annotated[str | None, typer.Option(help="The image's size, WIDTHxHEIGHT in px.")] = None,
     focal: Annotated[
         float | None,
-        typer.Option(help="Focal length in px; without it, the focal length is estimated too."),
+        typer.Option(help="Focal length in px; else it is estimated too."),
     ] = None,
     person: Annotated[
         int | None,
