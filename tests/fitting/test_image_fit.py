@@ -46,7 +46,9 @@ from workbench.fitting.keypoints import (
     KeypointProblem,
     alike,
     as_marked,
+    height_in_view,
     keypoint_fit,
+    usual_sigma,
 )
 from workbench.fitting.observations import COCO, Observations, photograph
 from workbench.fitting.placing import turned_about
@@ -155,7 +157,7 @@ def test_image_fit_resists_outliers() -> None:
 def test_smplify_stages_have_published_weights() -> None:
     """Relative to the keypoints, which its code does not weight at all."""
     setup = image_fit(seen(person(1)), BODY, "q", recipe=Smplify())
-    stages = Smplify()(Appearance(500.0)).stages_of(setup.problem.rows, None)
+    stages = Smplify()(Appearance(500.0, 1000.0)).stages_of(setup.problem.rows, None)
     parts = [in_stage(setup.problem, None, stage.weights) for stage in stages[1:]]
     here = setup.start | {"pose": np.zeros((24, 3)), "betas": np.full(BODY.n_betas, 0.7)}
     x, fixed = setup.problem.split(here)
@@ -353,6 +355,18 @@ def test_interrupted_image_fit_ends_the_work(
 def test_files_of_the_same_name_are_refused() -> None:
     with pytest.raises(BadArgument, match="same name"):
         image_jobs([Path("a/one.json"), Path("b/One.json")])
+
+
+def test_the_usual_sigma_follows_the_person_and_the_image() -> None:
+    assert usual_sigma(300.0, (400, 900)) == pytest.approx(1.6)  # 0.32 % of 500 px
+    person = Appearance(300.0, 400.0)
+    assert ByHeight()(person).sigma == usual_sigma(300.0, (400, 900))
+    assert ByHeight(sigma=7.0)(person).sigma == 7.0
+    several = keypoint_fit(observations(40)[0], BODY, "q", sigma=None)
+    rows = {residual.name: residual for residual in several.problem.residuals}
+    for view in several.views:
+        expected = usual_sigma(height_in_view(BODY, view, several.start), view.size)
+        assert float(rows[f"keypoints({view.name})"].sigma) == pytest.approx(expected)
 
 
 def test_gross_outliers_in_several_cameras_hardly_move_the_body() -> None:

@@ -51,7 +51,6 @@ from workbench.fitting.body_priors import (
 from workbench.fitting.keypoints import (
     LEAST_CONFIDENCE,
     OUTLIER,
-    SIGMA,
     KeypointProblem,
     Relative,
     Terms,
@@ -59,6 +58,7 @@ from workbench.fitting.keypoints import (
     as_marked,
     height_in_view,
     placed_views,
+    usual_sigma,
 )
 from workbench.fitting.observations import Observations
 from workbench.fitting.placing import image_starts
@@ -81,7 +81,7 @@ RecipeOf = Callable[["Appearance"], "ImageRecipe"]
 ROUGHLY = LevenbergMarquardt(gradient_tolerance=0.01)  # of a stage that is only a start
 NEARLY = LevenbergMarquardt(gradient_tolerance=1e-3)  # beyond, keypoints tell nothing more
 SUSPECT = 1 / 7  # of a person's height in the image
-STEP = 1.25  # heights in an image are rounded to powers of it, so that images share problems
+STEP = 1.25  # heights and sides are rounded to powers of it, so that images share problems
 OFFSET = 0.015  # m, in each direction: how far a detector's landmarks are from the body's
 Z90 = 1.6448536269514722  # 90 % of a normal distribution are within so many standard deviations
 INTERVAL_NOTE = (
@@ -89,13 +89,13 @@ INTERVAL_NOTE = (
     f"{100 * OFFSET:g} cm (standard deviation in each direction) beside those of the body. It was "
     "tested on 100 images of one real person, whose distance was known from four calibrated "
     "cameras: it contained this distance in 100 % of the images, and in 93 % if the stature was "
-    "given. Intervals 0.79 and 0.89 times as wide would have contained it in 90 %"
+    "given. Intervals 0.80 and 0.92 times as wide would have contained it in 90 %"
 )
 DIFFERENCE = 1e-5  # of an unknown, for a central difference
 # by `python -m benchmarks.images.one_camera --spread`; stored in benchmarks/results/images.json
 SPREAD = (
-    "too small: on 52 images of one real person, landmarks were 1.6 times as far from the truth "
-    "(root mean square; 1.0 to 2.0 times, by landmark)"
+    "too small: on 52 images of one real person, landmarks were 1.4 times as far from the truth "
+    "(root mean square; 0.9 to 1.9 times, by landmark)"
 )
 
 
@@ -238,10 +238,12 @@ class Appearance:
 
     Attributes:
         height: how high the person would be in the image if they stood upright, in px.
+        side: the shorter side of the image, in px.
         suspect: whether some keypoints lie far from where the start has them.
     """
 
     height: float
+    side: float
     suspect: bool = False
 
 
@@ -275,9 +277,7 @@ class ByHeight:
     photograph, and half of one in its background.
 
     Attributes:
-        sigma: the standard deviation of a keypoint, in px; without one, SIGMA times the height, as
-            what detectors and people mark spreads in proportion to the person's size (Lin et al.,
-            Microsoft COCO, 2014).
+        sigma: the standard deviation of a keypoint, in px; without one, `usual_sigma`.
         outlier: from which distance on a coordinate counts as an outlier, as a share of the
             person's height in the image.
         strict: the same if some keypoints are suspected to be wrong already at the start.
@@ -298,7 +298,7 @@ class ByHeight:
     def __call__(self, person: Appearance) -> ImageRecipe:
         """The recipe for a person of this appearance."""
         height = person.height
-        sigma = SIGMA * height if self.sigma is None else self.sigma
+        sigma = usual_sigma(height, (person.side,) * 2) if self.sigma is None else self.sigma
         stages = wider(sigma, *(share * height for share in self.wide), solver=ROUGHLY)
         outlier = height * (self.strict if person.suspect else self.outlier)
         return ImageRecipe(sigma, outlier, self.priors, stages, self.solver, self.relative)
@@ -357,8 +357,9 @@ class ImageFits:
 
     def _for(self, person: Appearance) -> tuple[ImageRecipe, KeypointProblem]:
         """The recipe and the problem for a person who looks nearly like this."""
-        step = round(float(np.log(max(person.height, 1.0)) / np.log(STEP)))
-        nearly = Appearance(STEP**step, person.suspect)
+        lengths = np.maximum([person.height, person.side], 1.0)
+        height, side = STEP ** np.round(np.log(lengths) / np.log(STEP))
+        nearly = Appearance(float(height), float(side), person.suspect)
         if nearly not in self._made:
             recipe = self.recipe(nearly)
             kernel = scaled(geman_mcclure, recipe.outlier / recipe.sigma)
@@ -405,7 +406,7 @@ def appearance(body: Body, view: View, values: Values) -> Appearance:
     height = height_in_view(body, view, values)
     off = np.linalg.norm(view.camera.pixels(found, values) - view.observed, axis=1)
     suspect = (off > SUSPECT * height) & (view.confidence > LEAST_CONFIDENCE)
-    return Appearance(height, bool(suspect.any()))
+    return Appearance(height, min(view.size), bool(suspect.any()))
 
 
 @dataclass(frozen=True)
