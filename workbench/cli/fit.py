@@ -183,10 +183,7 @@ def fit(
     ] = False,
     fps: Annotated[
         float | None,
-        typer.Option(
-            help=f"Frames per second of a clip, {FPS:g} if not given; or of markers, if their file "
-            "does not say."
-        ),
+        typer.Option(help=f"Frames per second of a clip (else {FPS:g}) or markers."),
     ] = None,
     marker_set: Annotated[
         Path | None,
