@@ -1,0 +1,3 @@
+"""How accurate fits are, one module a subject."""
+
+NAMES: tuple[str, ...] = ()
