@@ -3,6 +3,7 @@
 import argparse
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -22,12 +23,9 @@ PINNED = ("performance", "performance_large")  # to one core
 def main(arguments: Sequence[str] | None = None) -> None:
     """Measure what is asked for, print its tables, and write the pages."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    parser.add_argument(
-        "what",
-        nargs="*",
-        help="performance, solvers, accuracy [NAME ...], posteriors or page, which writes the pages "
-        f"from the numbers there are; without it all of them; NAME is of {', '.join(accuracy.NAMES)}",
-    )
+    words = "performance, solvers, accuracy [NAME ...], posteriors, or page, which only writes"
+    names = f"all without it; NAME is one of {', '.join(accuracy.NAMES)}"
+    parser.add_argument("what", nargs="*", help=f"{words}; {names}")
     parser.add_argument("--quick", action="store_true", help=f"small and rough; kept in {QUICK}")
     parser.add_argument("--check", action="store_true", help="exit code 1 if a target is missed")
     asked = parser.parse_args(arguments)
@@ -37,14 +35,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
         parser.error(str(error))
     folder = QUICK if asked.quick else measuring.RESULTS
     for name in names:
-        measuring.one_thread(pinned=name in PINNED)
+        module = module_of(name)
         try:
-            found = module_of(name).measured(asked.quick)
+            with measuring.on_one_core() if name in PINNED else nullcontext():
+                found = module.measured(asked.quick)
         except measuring.MissingData as error:
             print(f"{name} is not measured: {error}", file=sys.stderr)
             continue
-        measuring.keep(name, found, folder)
-        print(module_of(name).tables(found), flush=True)
+        measuring.keep(name, found, folder, getattr(module, "PACKAGES", ()))
+        print(module.tables(found), flush=True)
     if not asked.quick:
         write_pages()
 
@@ -86,9 +85,11 @@ def write_pages(
     for page, names in pages.items():
         for name in names:
             if data := measuring.kept(name, here / "results"):
-                text = f"{module(name).tables(data['found'])}\n{measuring.measured_on(data['machine'])}"
+                tables, where = module(name).tables(data["found"]), data["machine"]
+                text = f"{tables}\n{measuring.measured_on(where)}"
                 measuring.write_between(here / page, name, text)
 
 
 if __name__ == "__main__":
+    measuring.one_thread()
     main()

@@ -10,7 +10,8 @@ import resource
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from itertools import cycle, islice
 from pathlib import Path
@@ -45,16 +46,28 @@ class MissingData(Exception):
 # Turns and threads
 
 
-def one_thread(pinned: bool = False) -> None:
-    """Start this command again with one thread for every library, if wanted pinned to a core.
+def one_thread() -> None:
+    """Start this command again with one thread for every library, if it has more.
 
     Libraries read these variables when they are imported, so it has to happen before.
     """
-    if pinned and hasattr(os, "sched_setaffinity"):  # Linux
-        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
     if any(os.environ.get(name) != value for name, value in ONE_THREAD.items()):
         command = [sys.executable, "-m", "benchmarks", *sys.argv[1:]]
         os.execve(sys.executable, command, {**os.environ, **ONE_THREAD})
+
+
+@contextmanager
+def on_one_core() -> Iterator[None]:
+    """This process on its last core, so that it does not wander; nothing but on Linux."""
+    if not hasattr(os, "sched_setaffinity"):
+        yield
+        return
+    before = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {max(before)})
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, before)
 
 
 def side_by_side(
