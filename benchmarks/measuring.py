@@ -204,6 +204,15 @@ def kept(name: str, folder: Path = RESULTS) -> dict[str, Any] | None:
     return data
 
 
+def beside_kept(name: str, found: Mapping[str, Any], folder: Path = RESULTS) -> dict[str, Any]:
+    """Parts that were measured now, and those that were kept before, which get a `machine`."""
+    before = kept(name, folder)
+    if before is None:
+        return dict(found)
+    old = {k: {"machine": before["machine"]} | v for k, v in before["found"].items()}
+    return old | dict(found)
+
+
 def write_json(file: Path, data: Any, digits: int) -> None:
     """Numbers to so many digits, and every list of numbers on a line of its own."""
     rounded = json.loads(
@@ -222,6 +231,21 @@ def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     """A table whose first column stands to the left and whose others stand to the right."""
     lines = [head, ["---", *["--:"] * (len(head) - 1)], *rows]
     return "\n".join(f"| {' | '.join(map(str, line))} |" for line in lines) + "\n"
+
+
+def milliseconds(one: Timing) -> str:
+    """Least / median."""
+    return f"{digits(1e3 * one['least'])} / {digits(1e3 * one['median'])}"
+
+
+def ratio(timings: Mapping[str, Timing], candidate: str, to: str) -> float:
+    """How often the least time of another."""
+    return timings[candidate]["least"] / timings[to]["least"]
+
+
+def digits(number: float) -> str:
+    """Three digits."""
+    return f"{number:,.0f}" if number >= 100 else f"{number:.3g}"
 
 
 def write_between(file: Path, name: str, text: str) -> None:
