@@ -5,13 +5,14 @@ from collections.abc import Callable
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from benchmarks import __main__ as command
 from benchmarks import candidates, measuring, page, performance, performance_large
-from benchmarks.candidates import COMPILED, FLOOR, JAX, NUMPY, Disagreement
-from benchmarks.problems import case_of, random_body
+from benchmarks.candidates import COMPILED, FLOOR, JAX, NUMPY, Candidate, Disagreement
+from benchmarks.problems import Case, case_of, random_body
 
 pytestmark = pytest.mark.thorough
 
@@ -55,12 +56,11 @@ def test_pages_are_those_of_the_kept_numbers(tmp_path: Path) -> None:
     here = tmp_path / "benchmarks"
     here.mkdir()
     shutil.copytree(measuring.RESULTS, here / "results")
-    for file in command.PAGES:
-        if (measuring.HERE / file).exists():
-            shutil.copy(measuring.HERE / file, here)
+    for name in command.PAGES:
+        shutil.copy(measuring.HERE / name, here)
     command.write_pages(here)
-    for file in here.glob("*.md"):
-        assert file.read_text("utf-8") == (measuring.HERE / file.name).read_text("utf-8"), file.name
+    for name in command.PAGES:
+        assert (here / name).read_text("utf-8") == (measuring.HERE / name).read_text("utf-8"), name
 
 
 @pytest.mark.filterwarnings("default")  # peers have warnings of their own
@@ -83,7 +83,9 @@ def test_parts_agree_and_write_their_tables(part: str) -> None:
         (candidates.in_torch, ["torch", "smplx"]),
     ],
 )
-def test_peers_agree_with_the_workbench(make: Callable, packages: list[str]) -> None:
+def test_peers_agree_with_the_workbench(
+    make: Callable[[Case], Candidate], packages: list[str]
+) -> None:
     if any(find_spec(package) is None for package in packages):
         pytest.skip(f"{' and '.join(packages)} needed: pip install '.[bench]'")
     case = case_of("40", random_body(40))
@@ -104,7 +106,7 @@ def seconds(**each: float) -> dict[str, measuring.Timing]:
     return {name: {"least": t, "median": t} for name, t in each.items()}
 
 
-def made_up() -> dict:
+def made_up() -> dict[str, Any]:
     """2 ms for ours, 20 for JAX, 1 s for 100,000 vertices."""
     one = seconds(**{NUMPY: 2e-3, JAX: 20e-3, FLOOR: 1e-3})
     methods = (performance.LM, performance.ALONE, performance.IPOPT)
