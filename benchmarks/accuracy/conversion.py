@@ -20,7 +20,7 @@ import numpy as np
 
 import workbench as wb
 from benchmarks import machine
-from benchmarks.clips_made_up import clip
+from tests.clips_made_up import clip
 from benchmarks.keeping import keep
 from workbench.bodies.files.gltf import correctives_of
 from workbench.conversion import conversion_errors, convert, correspond, motion_from_points
