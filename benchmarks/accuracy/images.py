@@ -1,59 +1,43 @@
-"""The command `python -m benchmarks.images.one_camera [RECORDING]`: one image, against the truth.
+"""Bodies fitted to keypoints of one image and of a video of one camera, against the truth.
 
-The person of `balance`, whom four cameras saw, is fitted to one of them; the truth is the fit to
-all four. With a recording of motion capture, synthetic people in poses that are held out of the
-priors (`held_out_poses`) are fitted as well, with and without gross outliers among
-their keypoints. Numbers go to `results/images.json`, and the tables of IMAGES.md are written from
-them.
+The person of `balance` was seen by four cameras: the truth is the fit to all four. Synthetic people
+in poses that are held out of the priors (`held_out_poses`) are fitted as well, with and without
+gross outliers among their keypoints.
 """
 
-import argparse
-import json
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks import machine
-from benchmarks.images.limbs import limbs, mean_distance, mpjpe
-from benchmarks.keeping import keep, write_between
+from benchmarks.accuracy import RECORDING, is_here, needed
+from benchmarks.measuring import table
 from workbench import load_body, solve
 from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
-from workbench.bodies.triangles import TriangleBody
 from workbench.comparison.statistics import rate
 from workbench.errors import check_known
-from workbench.experiments.balance import observations
+from workbench.experiments.balance import balance, balance_clip, observations, published
 from workbench.fitting import keypoint_fit, photograph
-from workbench.fitting.body_priors import POSE_PRIOR
-from workbench.fitting.images import (
-    ByHeight,
-    ImageFits,
-    WithStature,
-    image_mean,
-    image_priors,
-    smplify,
-)
-from workbench.fitting.keypoints import KeypointProblem, alike, keypoint_setup
-from workbench.fitting.observations import Observations
+from workbench.fitting.images import ByHeight, ImageFits, WithStature, image_mean, smplify
+from workbench.fitting.keypoints import KeypointProblem, keypoint_setup
+from workbench.fitting.observations import LIMBS, SIDES, Observations
 from workbench.fitting.setup import Setup
+from workbench.fitting.videos import EVIDENCE, landmarks_of, video_fit, video_mean
 from workbench.geometry.camera import Camera
 from workbench.geometry.rigid import umeyama
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.priors.recordings import held_out_poses
-from workbench.residuals import Residual
+from workbench.problem import Problem
 from workbench.sampling import posterior_mean
-from workbench.solvers import Solution
+from workbench.solvers import Solution, TrustRegion
 
-HERE = Path(__file__).parent.parent
-RESULTS, PAGE = HERE / "results" / "images.json", HERE / "IMAGES.md"
-BEGIN = "<!-- from here on written by `python -m benchmarks.images.one_camera` -->"
-END = "<!-- up to here -->"
+NAMES = tuple(f"{side}_{part}" for side in SIDES for part in LIMBS)
+HIPS = [NAMES.index(f"{side}_hip") for side in SIDES]
 FAILED = 150.0  # mm: a fit that is farther off on average
 REPORTED = range(0, 100, 4)  # frames of `balance`; recipes were chosen on 2, 10, ..., 98
 SPREAD = range(0, 100, 8)  # frames by which the standard deviations of the mean are judged
@@ -62,13 +46,34 @@ PEOPLE = 200
 NOISE = 5.0  # px
 SIGMA = 4.0  # px, of all rows but one
 BY_HEIGHT = "regressed start, sigma by height"  # what a fit has unless another sigma is given
-STRICT = 0.035  # of the height, from which on keypoints are outliers, in one of the recipes
 OUTLIERS, FAR = 4, 150.0  # how many keypoints are wrong, and by how many px
 TITLES = {
     "balance": "The person of `balance`, one camera",
-    "people": f"{PEOPLE} synthetic people, {NOISE:g} px of noise",
+    "people": f"Synthetic people, {NOISE:g} px of noise",
     "outliers": f"The same people, {OUTLIERS} keypoints {FAR:g} px off",
 }
+UNSEEN = range(55, 100)  # frames of the video; smoothness was chosen on 0 to 44
+SOLVER = TrustRegion(max_iterations=30, gradient_tolerance=1e-3)
+
+
+def limbs(body: SkinnedBody, landmarks: Array) -> Array:
+    """The twelve limb landmarks (..., 12, 3) of all (..., M, 3)."""
+    names = body.landmark_names("coco")
+    return landmarks[..., [names.index(name) for name in NAMES], :]
+
+
+def mean_distance(found: Array, true: Array) -> float:
+    """The mean distance of points (..., 3) m, in mm."""
+    return 1e3 * float(np.linalg.norm(found - true, axis=-1).mean())
+
+
+def mpjpe(found: Array, true: Array) -> float:
+    """The same for limbs (..., 12, 3) m after the middles of the hips were brought together."""
+    found, true = (x - x[..., HIPS, :].mean(axis=-2, keepdims=True) for x in (found, true))
+    return mean_distance(found, true)
+
+
+# One image
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,11 +102,11 @@ def as_before(body: SkinnedBody) -> Fit:
     return fit
 
 
-def in_stages(fits: ImageFits, hypotheses: int = 1) -> Fit:
+def in_stages(fits: ImageFits) -> Fit:
     """The fit by a recipe."""
 
     def fit(case: Case) -> tuple[Solution, Setup]:
-        setup = fits.setup(case.observed, "", hypotheses=hypotheses, held_out=case.held_out)
+        setup = fits.setup(case.observed, "", held_out=case.held_out)
         assert setup.strategy is not None
         return setup.strategy(None).solve(setup.problem, setup.start), setup
 
@@ -129,11 +134,6 @@ def from_the_truth(fits: ImageFits) -> Fit:
         return ByHeight().solver.solve(setup.problem, setup.start | case.made_of), setup
 
     return fit
-
-
-def half(body: SkinnedBody | TriangleBody) -> tuple[Residual, ...]:
-    """The terms of an image with a pose prior that counts half."""
-    return tuple(one.weighed(0.5) if one.name == POSE_PRIOR else one for one in image_priors(body))
 
 
 def balance_cases(body: SkinnedBody, frames: Iterable[int] = REPORTED) -> Iterator[Case]:
@@ -187,8 +187,10 @@ def errors(found: Array, truth: Array) -> dict[str, float]:
     }
 
 
-def measured(body: SkinnedBody, fit: Fit, cases: list[Case]) -> dict[str, Any]:
-    """Errors of all cases and CPU milliseconds; the first case is fitted twice, to warm up."""
+def judged(body: SkinnedBody, fit: Fit, cases: list[Case]) -> dict[str, Any]:
+    """Mean errors in mm, median CPU milliseconds, and how many fits failed; the first case is
+    fitted twice, to warm up.
+    """
     each: dict[str, list[float]] = {"MPJPE": [], "PA": [], "absolute": [], "ms": []}
     for case in [cases[0], *cases]:
         began = time.process_time()
@@ -198,16 +200,22 @@ def measured(body: SkinnedBody, fit: Fit, cases: list[Case]) -> dict[str, Any]:
         told = errors(limbs(body, found), limbs(body, case.truth)) | {"ms": took}
         for name, value in told.items():
             each[name].append(value)
-    return {name: values[1:] for name, values in each.items()}
+    kept = {name: values[1:] for name, values in each.items()}
+    return {
+        "fits": len(cases),
+        **{name: float(np.mean(kept[name])) for name in ("MPJPE", "PA", "absolute")},
+        "failed": sum(value > FAILED for value in kept["MPJPE"]),
+        "ms": float(np.median(kept["ms"])),
+    }
 
 
-def spread(body: SkinnedBody) -> dict[str, float]:
+def spread(body: SkinnedBody, frames: Iterable[int] = SPREAD) -> dict[str, float]:
     """How many times as far landmarks of the mean are from the truth as `image_mean` says, their
     middles brought together: root mean square over the images and landmarks, and the least and the
     largest of a landmark.
     """
     fit, off, said = in_stages(ImageFits(body)), [], []
-    for case in balance_cases(body, SPREAD):
+    for case in balance_cases(body, frames):
         solution, setup = fit(case)
         mean = image_mean(setup, setup.start | solution.values)
         apart = mean.landmarks - case.truth
@@ -219,107 +227,161 @@ def spread(body: SkinnedBody) -> dict[str, float]:
     return {"images": len(off), "ratio": whole, **ends}
 
 
-def run(recording: Path | None, only: Sequence[str] | None = None) -> dict[str, Any]:
-    """All tables, by name and recipe, or some recipes alone."""
-
-    def asked(fits: dict[str, Fit]) -> dict[str, Fit]:
-        return {name: fit for name, fit in fits.items() if only is None or name in only}
-
+def one_image(quick: bool, only: Collection[str] = ()) -> dict[str, Any]:
+    """Every recipe on every scene, or some recipes alone. Raises UnknownName."""
     body = load_body("default")
-    found: dict[str, Any] = {"balance": {}, "people": {}, "outliers": {}}
-    found["machine"] = machine.description()
-    in_px = partial(ByHeight, sigma=SIGMA)  # as when most rows were measured
+    in_px = partial(ByHeight, sigma=SIGMA)
     fits = ImageFits(body, in_px())
-    tall = ImageFits(body, in_px(priors=WithStature(STATURE)))
     recipes: dict[str, Fit] = {
         "as before": as_before(body),
         "regressed start": in_stages(fits),
-        "regressed start and one at rest": in_stages(fits, 2),
         "regressed start, mean of the posterior": averaged(fits),
         BY_HEIGHT: in_stages(ImageFits(body)),
-        "regressed start, a wide stage": in_stages(ImageFits(body, in_px(wide=(0.047,)))),
-        "regressed start, all keypoints alike": in_stages(ImageFits(body, in_px(relative=alike))),
-        "regressed start, pose prior half": in_stages(ImageFits(body, in_px(priors=half))),
-        "regressed start, outliers from 3.5 % on": in_stages(ImageFits(body, in_px(strict=STRICT))),
         "SMPLify's weights and stages": in_stages(ImageFits(body, smplify)),
     }
-    cases = list(balance_cases(body))
-    on_balance = recipes | {
-        "regressed start, stature known": in_stages(tall),
-        "regressed start, stature known, mean": averaged(tall),
+    tall = in_stages(ImageFits(body, in_px(priors=WithStature(STATURE))))
+    further = {
+        "balance": {"regressed start, stature known": tall},
+        "people": (truth := {"from the truth": from_the_truth(fits)}),
+        "outliers": truth,
     }
-    on_people = recipes | {"from the truth": from_the_truth(fits)}
-    for name in only or ():
-        check_known("row", name, on_balance | on_people)
-    for name, fit in asked(on_balance).items():
-        found["balance"][name] = measured(body, fit, cases)
-        print("balance", name, line(found["balance"][name]), flush=True)
-    if recording is None:
-        return found
-    poses = held_out_poses(recording)
-    for scene, outliers in (("people", 0), ("outliers", OUTLIERS)):
-        cases = list(synthetic_cases(body, poses, range(PEOPLE), outliers))
-        for name, fit in asked(on_people).items():
-            found[scene][name] = measured(body, fit, cases)
-            print(scene, name, line(found[scene][name]), flush=True)
+    for name in only:
+        check_known("row", name, recipes | further["balance"] | truth)
+    scenes = {"balance": list(balance_cases(body, (0,) if quick else REPORTED))}
+    if not quick or is_here(RECORDING):
+        poses, seeds = held_out_poses(needed(RECORDING)), range(2 if quick else PEOPLE)
+        for scene, wrong in (("people", 0), ("outliers", OUTLIERS)):
+            scenes[scene] = list(synthetic_cases(body, poses, seeds, wrong))
+    found: dict[str, Any] = {}
+    for scene, cases in scenes.items():
+        for name, fit in (recipes | further[scene]).items():
+            if not only or name in only:
+                found.setdefault(scene, {})[name] = judged(body, fit, cases)
+                print(scene, name, found[scene][name], flush=True)
     return found
 
 
-def line(found: dict[str, list[float]]) -> str:
-    """The cells of a row of a table."""
-    n = len(found["MPJPE"])
-    failed = sum(value > FAILED for value in found["MPJPE"])
-    share = rate(failed, n)
-    cells = [f"{np.mean(found[name]):.1f}" for name in ("MPJPE", "PA", "absolute")]
-    cells.append(f"{100 * failed / n:.1f} % ({100 * share.low:.0f} to {100 * share.high:.0f})")
-    cells.append(f"{np.median(found['ms']):.0f}")
-    return " | ".join(cells)
+# A video
+
+
+def by_four_cameras(body: SkinnedBody, frames: Sequence[int]) -> tuple[Array, float]:
+    """Limb landmarks (T, 12, 3) m and the mean stature in mm of the fits to four cameras."""
+    places, statures = [], []
+    for frame in frames:
+        setup = balance(frame)
+        values = setup.start | TrustRegion().solve(setup.problem, setup.start).values
+        at = [values[block.name] for block in body.blocks()]
+        places.append(limbs(body, body.landmark("coco", *at)))
+        statures.append(stature(body, values["betas"]))
+    return np.array(places), float(np.mean(statures))
+
+
+def stature(body: SkinnedBody, betas: Array) -> float:
+    """The height of the body at rest, mm."""
+    return 1e3 * float(np.ptp(body.vertices(betas=betas)[:, 1]))
+
+
+def sd_of_stature(body: SkinnedBody, problem: Problem, values: Values) -> float:
+    """Laplace's standard deviation of the stature, mm."""
+    free, betas, size = problem.free, values["betas"], 1e-3
+    direction, middle = np.zeros((free.size, 1)), stature(body, betas)
+    steps = size * np.eye(len(betas))
+    direction[free.slices["betas"], 0] = [
+        (stature(body, betas + step) - middle) / size for step in steps
+    ]
+    solved = problem.linearize(values).inverse_times(direction)
+    assert solved is not None  # priors determine everything
+    return float(np.sqrt(np.sum(direction * solved)))
+
+
+def solved(setup: Setup, body: SkinnedBody) -> tuple[Values, Array, float]:
+    """The values at the end, limb landmarks (T, 12, 3) m, and CPU seconds."""
+    begin = time.process_time()
+    values = setup.start | SOLVER.solve(setup.problem, setup.start).values
+    seconds = time.process_time() - begin
+    assert setup.moving is not None
+    return values, limbs(body, landmarks_of(setup.moving, values)), seconds
+
+
+def film(body: SkinnedBody, camera: str, frames: Sequence[int], known: Any) -> dict[str, Any]:
+    """One camera: frame by frame (`apart`), together, its mean, and with independent frames."""
+    true, tall = known
+    begin = time.process_time()
+    apart = [
+        solved(video_fit(balance_clip([frame], (camera,)), body, ""), body)[1][0]
+        for frame in frames
+    ]
+    row: dict[str, Any] = {"camera": camera, "apart": {"mpjpe": mpjpe(np.array(apart), true)}}
+    row["apart"]["CPU seconds"] = time.process_time() - begin
+    begin = time.process_time()
+    setup = video_fit(balance_clip(frames, (camera,)), body, "")
+    started = time.process_time() - begin
+    values, found, seconds = solved(setup, body)
+    row["together"] = {
+        "mpjpe": mpjpe(found, true),
+        "acceleration": 1e3 * float(np.linalg.norm(np.diff(found, 2, axis=0), axis=-1).mean()),
+        "stature": stature(body, values["betas"]) - tall,
+        "stature sd": sd_of_stature(body, setup.problem, values),
+        "CPU seconds": started + seconds,
+    }
+    assert setup.moving is not None
+    begin = time.process_time()
+    mean = limbs(body, landmarks_of(setup.moving, video_mean(setup, values)))
+    row["mean"] = {"mpjpe": mpjpe(mean, true), "CPU seconds": time.process_time() - begin}
+    setup.start[EVIDENCE] = np.ones(1)
+    row["independent"] = {"mpjpe": mpjpe(solved(setup, body)[1], true)}
+    return row
+
+
+def videos(quick: bool) -> list[dict[str, Any]]:
+    """Each of the four cameras alone, on frames on which nothing was chosen."""
+    body, frames = load_body("default"), range(55, 58) if quick else UNSEEN
+    known = by_four_cameras(body, frames)
+    return [film(body, str(name), frames, known) for name in published()["camera"]]
+
+
+def measured(quick: bool) -> dict[str, object]:
+    """Errors of recipes on images, of standard deviations of the mean, and on videos."""
+    return {
+        "images": one_image(quick),
+        "spread": spread(load_body("default"), (0,) if quick else SPREAD),
+        "videos": videos(quick),
+    }
 
 
 def tables(found: dict[str, Any]) -> str:
-    """The tables of the page."""
-    head = "MPJPE, mm | PA, mm | in space, mm | above 150 mm (95 %) | CPU ms"
-    lines = []
-    for scene, title in TITLES.items():
-        if not found[scene]:
-            continue
-        n = len(next(iter(found[scene].values()))["MPJPE"])
-        lines += ["", f"{title} ({n} fits):", "", f"| fit | {head} |"]
-        lines += ["| --- | --: | --: | --: | --: | --: |"]
-        lines += [f"| {name} | {line(each)} |" for name, each in found[scene].items()]
-    if "spread" in found:
-        ratio, least, largest = (f"{found['spread'][n]:.1f}" for n in ("ratio", "least", "largest"))
-        lines += [
-            "",
-            f"On {found['spread']['images']} images of `balance`, landmarks of the mean were "
-            f"{ratio} times as far from the truth as their standard deviations say ({least} to "
-            f"{largest} times, by landmark).",
-        ]
-    return "\n".join(lines) + "\n"
-
-
-def main() -> None:
-    """Run, keep the numbers, and write the tables."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("recording", type=Path, nargs="?", help="motion capture (.npz)")
-    parser.add_argument("--dry", action="store_true", help="print, and write nothing")
-    parser.add_argument("--only", nargs="+", help="some rows alone; the others stay what they were")
-    parser.add_argument("--spread", action="store_true", help="nothing but what the mean's sd say")
-    options = parser.parse_args()
-    before = json.loads(RESULTS.read_text())
-    if options.spread:
-        found = {"spread": spread(load_body("default"))}
-        print(json.dumps(found))
-    else:
-        found = run(options.recording, options.only)
-        if options.only:
-            for scene in TITLES:
-                found[scene] = before[scene] | found[scene]
-            found["machine"], found["of rows alone"] = before["machine"], found["machine"]
-    if not options.dry:
-        keep(RESULTS, before | found, 4)
-        write_between(PAGE, BEGIN, END, tables(json.loads(RESULTS.read_text())))
-
-
-if __name__ == "__main__":
-    main()
+    """All three."""
+    text = ""
+    head = ("fit", "MPJPE, mm", "PA, mm", "in space, mm", f"above {FAILED:g} mm (95 %)", "CPU ms")
+    for scene, recipes in found["images"].items():
+        rows = []
+        for name, one in recipes.items():
+            share = 100 * np.array([(r := rate(one["failed"], one["fits"])).value, r.low, r.high])
+            errors = [f"{one[key]:.1f}" for key in ("MPJPE", "PA", "absolute")]
+            failed = f"{share[0]:.1f} % ({share[1]:.0f} to {share[2]:.0f})"
+            rows.append((name, *errors, failed, f"{one['ms']:.0f}"))
+        fits = next(iter(recipes.values()))["fits"]
+        text += f"{TITLES[scene]} ({fits} fits):\n\n{table(head, rows)}\n"
+    ratio, least, largest = (f"{found['spread'][n]:.1f}" for n in ("ratio", "least", "largest"))
+    text += (
+        f"On {found['spread']['images']} images of `balance`, landmarks of the mean were {ratio} "
+        f"times as far from the truth as their standard deviations say ({least} to {largest} "
+        "times, by landmark).\n\nVideos, MPJPE in mm:\n\n"
+    )
+    head = (
+        *("camera", "frame by frame", "together", "mean", "as if independent"),
+        *("acceleration, mm a frame squared", "stature off, mm (sd)", "CPU s", "CPU s of mean"),
+    )
+    rows = []
+    for row in found["videos"]:
+        one = row["together"]
+        rows.append(
+            (
+                row["camera"],
+                *(f"{row[n]['mpjpe']:.1f}" for n in ("apart", "together", "mean", "independent")),
+                f"{one['acceleration']:.1f}",
+                f"{one['stature']:+.0f} ({one['stature sd']:.0f})",
+                *(f"{row[name]['CPU seconds']:.1f}" for name in ("together", "mean")),
+            )
+        )
+    return text + table(head, rows)
