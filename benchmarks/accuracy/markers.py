@@ -1,47 +1,31 @@
-"""The command `python -m benchmarks.images.markers RECORDING`: shape and offsets from 41 markers.
+"""Shape and offsets from 41 synthetic markers on `default`, in held-out poses.
 
-Synthetic markers on `default`, in poses of clips that are held out of the pose prior
-(`PoseRecording.split`): 60 frames of which 12 are chosen, noise of 1 mm along each axis, 5 %
-missing, and offsets 5 mm along each axis from their nominal places. A second person wears markers
-of the nominal height, displaced by 5 mm along each of two directions of the surface; they are
-fitted as if nothing was known of their heights, and with heights that are known to 1 mm. Numbers go
-to `results/markers.json`. With `--tuning` the poses are those of the other clips, and nothing is
-kept: settings were chosen there.
+60 frames of clips that are held out of the pose prior (`PoseRecording.split`), of which the 12 that
+differ most are fitted; noise of 1 mm along each axis, 5 % missing, and offsets 5 mm along each axis
+from their nominal places. A second person wears markers of the nominal height, displaced by 5 mm
+along each of two directions of the surface; they are fitted as if nothing was known of their
+heights, and with heights that are known to 1 mm. Settings were chosen on poses of the other clips.
 """
 
-import argparse
-import json
 import time
-from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks import machine
-from benchmarks.keeping import keep
+from benchmarks.accuracy import RECORDING, needed
+from benchmarks.measuring import table
 from workbench import load_body
-from workbench.arrays import Array, Index
+from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
-from workbench.experiments.moving_people import (
-    Placed,
-    dressed_person,
-    true_measures,
-)
-from workbench.fitting import (
-    default_markers,
-    marker_fit,
-    marker_solver,
-    spread_frames,
-)
+from workbench.experiments.moving_people import Placed, dressed_person, true_measures
+from workbench.fitting import default_markers, marker_fit, marker_solver, spread_frames
 from workbench.fitting.marker_sets import MarkerSet
 from workbench.fitting.markers import surface_frames
 from workbench.geometry.surface_tree import SurfaceTree
 from workbench.priors.recordings import read_recording
 
-RESULTS = Path(__file__).parent.parent / "results" / "markers.json"
 FRAMES, CHOSEN, NOISE, MISSING, APART = 60, 12, 0.001, 0.05, 0.005
-ACROSS = 0.001  # m: how well heights are known, where they are
+SEEDS = 8
 
 
 def on_the_surface(
@@ -66,69 +50,54 @@ def on_the_surface(
     return np.asarray(places + up - feet)
 
 
+ROWS: dict[str, tuple[Placed | None, float | None]] = {  # placed how, and sd of heights, m
+    "markers anywhere": (None, None),
+    "markers on the surface": (on_the_surface, None),
+    "the same, heights known to 1 mm": (on_the_surface, 0.001),
+}
+
+
 def fitted(
-    body: SkinnedBody,
-    worn: MarkerSet,
-    poses: Array,
-    seed: int,
-    choose: Callable[[Array, int], Index],
-    placed: Placed | None,
-    across: float | None,
+    body: SkinnedBody, worn: MarkerSet, poses: Array, seed: int, placed: Placed | None, across: Any
 ) -> dict[str, float]:
     """One fit to chosen frames: errors in mm at its start and at its end, and CPU seconds."""
     rng = np.random.default_rng((seed, 41))
     some = np.sort(rng.choice(len(poses), FRAMES, replace=False))
     truth, observed = dressed_person(body, worn, poses[some], rng, NOISE, MISSING, APART, placed)
     begin = time.process_time()
-    chosen = choose(observed, CHOSEN)
-    choosing = time.process_time() - begin
-    setup = marker_fit(observed[chosen], body, worn, sigma=NOISE, across=across)
+    chosen = observed[spread_frames(observed, CHOSEN)]
+    setup = marker_fit(chosen, body, worn, sigma=NOISE, across=across)
     solution = marker_solver().solve(setup.problem, setup.start)
-    seconds = time.process_time() - begin - choosing
-    values = setup.start | solution.values
-    before, after = (true_measures(body, at, truth) for at in (setup.start, values))
+    seconds = time.process_time() - begin
+    before, after = (
+        true_measures(body, at, truth) for at in (setup.start, setup.start | solution.values)
+    )
     return {
-        "shape_before": before[0].value,
-        "offsets_before": before[1].value,
+        "shape before": before[0].value,
+        "offsets before": before[1].value,
         "shape": after[0].value,
         "offsets": after[1].value,
-        "choosing_seconds": choosing,
         "seconds": seconds,
     }
 
 
-def main() -> None:
-    """Fit every seed with every choice of frames, print a table, and keep the numbers."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("recording", type=Path)
-    parser.add_argument("--seeds", type=int, default=8)
-    parser.add_argument("--only", nargs="+", help="names of rows, all if not given")
-    parser.add_argument("--tuning", action="store_true")
-    given = parser.parse_args()
-    body = load_body("default")
-    worn = default_markers(body)
-    learned, held_out = read_recording(given.recording).split()
-    poses = (learned if given.tuning else held_out).poses
-    rows: dict[str, list[dict[str, float]]] = {}
-    for seed in range(given.seeds):
-        for name, choose, placed, across in (
-            ("spread", spread_frames, None, None),
-            ("on the surface", spread_frames, on_the_surface, None),
-            ("on the surface, heights known", spread_frames, on_the_surface, ACROSS),
-        ):
-            if given.only and name not in given.only:
-                continue
-            found = fitted(body, worn, poses, seed, choose, placed, across)
-            rows.setdefault(name, []).append(found)
-            print(f"{seed:3} {name:30}", *(f"{found[n]:6.2f}" for n in found), flush=True)
-    for name, several in rows.items():
-        means = {key: float(np.mean([row[key] for row in several])) for key in several[0]}
-        print(f"mean {name:12}", {key: round(value, 2) for key, value in means.items()})
-    if not given.tuning:
-        before = json.loads(RESULTS.read_text())["rows"] if RESULTS.is_file() else {}
-        told: dict[str, Any] = {"rows": before | rows, "machine": machine.description()}
-        keep(RESULTS, told, 4)
+def measured(quick: bool) -> dict[str, object]:
+    """Each row with every seed."""
+    body, (_, held_out) = load_body("default"), read_recording(needed(RECORDING)).split()
+    worn, seeds = default_markers(body), range(1 if quick else SEEDS)
+    return {
+        name: [fitted(body, worn, held_out.poses, seed, *how) for seed in seeds]
+        for name, how in ROWS.items()
+    }
 
 
-if __name__ == "__main__":
-    main()
+def tables(found: dict[str, Any]) -> str:
+    """Means over seeds."""
+    columns = {"shape before": 1, "offsets before": 2, "shape": 2, "offsets": 2, "seconds": 1}
+    rows = [
+        (name, *(f"{np.mean([run[key] for run in runs]):.{n}f}" for key, n in columns.items()))
+        for name, runs in found.items()
+    ]
+    seeds = len(next(iter(found.values())))
+    head = (f"{seeds} people", "shape before, mm", "offsets before, mm", "shape, mm", "offsets, mm")
+    return table((*head, "CPU s"), rows)

@@ -1,51 +1,78 @@
-"""The command `python -m benchmarks.registration`: bodies fitted to simulated scans, against truth.
+"""Bodies on scans that nobody labelled: the model, free vertices beside trimesh, and a Kinect.
 
-`python -m benchmarks.registration RECORDING` fits `default` to scans of people in poses of a
-recording that are held out of the pose prior (`held_out_poses`), with shapes outside
-of the body's shape space, and judges every fit by the truth. Numbers go to `results/`, and the
-tables of REGISTRATION.md are written from them.
+The model is fitted to simulated scans of people in poses that are held out of the pose prior
+(`held_out_poses`), with shapes outside of the body's shape space. Vertices are freed on other
+simulated scans, and compared with trimesh's `nricp_amberg` from the same start. Of real people seen
+by a Kinect, half of the points are held out.
 """
 
-import argparse
-import json
 import time
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import import_module
 from typing import Any
 
 import numpy as np
 
-from benchmarks import machine
-from benchmarks.keeping import keep, write_between
+from benchmarks.accuracy import KINECT, RECORDING, is_here, needed
+from benchmarks.measuring import table
 from workbench import load_body
-from workbench.arrays import Array
+from workbench.arrays import Array, Mask
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.comparison.statistics import rate
-from workbench.fitting import Scan, pose_prior, shape_prior
+from workbench.fitting import boundary, read_scan
+from workbench.geometry.surface_tree import SurfaceTree
+from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.priors.recordings import held_out_poses
-from workbench.problem import Problem
-from workbench.registration import SEEN_STAGES, ModelFit, doubts, fit_model, support
-from workbench.residuals.contacts import Form, distance, offset
-from workbench.residuals.scans import scan_to_model
-from workbench.solvers import TrustRegion
-from workbench.synthetic import Clutter, Holes, Noise, SimulatedScan, people, scan, scanners
+from workbench.registration import (
+    QUICK_VERTEX_STAGES,
+    SEEN_STAGES,
+    VERTEX_STAGES,
+    FreeVertices,
+    VertexStage,
+    doubts,
+    fit_model,
+    support,
+)
+from workbench.registration.free_vertices import MODEL_STAGES
+from workbench.synthetic import (
+    Clutter,
+    Holes,
+    Joining,
+    Noise,
+    ScannedPerson,
+    SimulatedScan,
+    people,
+    scan,
+    scanners,
+)
 
-HERE = Path(__file__).parent
-RESULTS, PAGE = HERE / "results" / "registration.json", HERE / "REGISTRATION.md"
-BEGIN = "<!-- from here on written by `python -m benchmarks.registration` -->"
-END = "<!-- up to here -->"
 GOOD = 20.0  # mm, mean over the vertices: a fit that is not farther off has succeeded
 OWN_SHAPE, NOISE, STEEPEST = 0.005, 0.002, 1.4  # m, m, rad
-SEEN = "1 view, camera known"
-SCENES = {  # the number of views, and whether the fit is told of normals and of the camera
-    "4 views": (4, True, False),
-    "4 views, no normals": (4, False, False),
-    "1 view": (1, True, False),
-    SEEN: (1, True, True),
+SCENES = {  # the number of views, whether the fit is told of the camera, and the seeds
+    "4 views": (4, False, range(60)),
+    "1 view": (1, False, range(60)),
+    "1 view, camera known": (1, True, range(4000, 4060)),
 }
-LIMIT = 1_000  # iterations of one run of a form
-SET = 60  # seeds, which a row of the table has
+SCANS, VIEWS = range(12), (4, 2)  # of free vertices; settings were chosen on seeds 100 to 105
+RIPPLES = 0.006  # m rms, what no betas reach
+GROWTH, CLUTTER = 5e-4, 0.1  # 2 mm of noise at 2 m
+POSE_OFF, TRANS_OFF = 0.05, 0.01  # rad, m: how far from the truth the model fit begins
+MM = 1e3
+PEER = "trimesh nricp_amberg"
+# The peer's settings, chosen on seeds 100 to 102 among stiffness 0.006 to 2 at first, four steps
+# down to a tenth or six down to a thirtieth, weights of normals 0 to 5, and reaches 0.0025 to 0.03
+SMOOTH, NORMAL = 10.0, 2.0
+REACH = 0.0025  # of the body's size
+PEER_STEPS = tuple(0.02 * np.geomspace(1, 1 / 30, 6))  # stiffness of its steps, each times SMOOTH
+EXAMPLE = import_module("examples.26_people_seen_by_a_kinect")
+PEOPLE = ("person_a", "person_b", "person_c")
+BLOCK = 0.05  # m, the edge of the cubes whose points are held out together
+Method = Callable[[Values, Array], Array]  # from the model fit, its values and vertices (N, 3) m
+
+
+# The model
 
 
 def scanned(body: SkinnedBody, poses: Array, seed: int, views: int) -> SimulatedScan:
@@ -66,167 +93,267 @@ def scanned(body: SkinnedBody, poses: Array, seed: int, views: int) -> Simulated
     )
 
 
-def judged(
-    body: SkinnedBody, poses: Array, seed: int, views: int, normals: bool, known_camera: bool
-) -> dict[str, Any]:
-    """One fit, its error against the truth, and what is said about it without the truth."""
+def judged(body: SkinnedBody, poses: Array, seed: int, views: int, known: bool) -> dict[str, Any]:
+    """One fit, its error against the truth in mm, and whether it is warned of."""
     simulated = scanned(body, poses, seed, views)
-    given = simulated.scan
-    if not normals:
-        given = Scan(given.points, weights=given.weights)
     camera = simulated.scanners[0].place if views == 1 else None
     begin = time.process_time()
-    if known_camera:
-        fit = fit_model(body, given, camera=camera, stages=SEEN_STAGES, seed=seed)
+    if known:
+        fit = fit_model(body, simulated.scan, camera=camera, stages=SEEN_STAGES, seed=seed)
     else:
-        fit = fit_model(body, given, seed=seed)
+        fit = fit_model(body, simulated.scan, seed=seed)
     took = time.process_time() - begin
-    known = support(fit)
-    found = doubts(fit, known, camera=camera)
-    error = 1e3 * np.linalg.norm(fit.vertices() - simulated.skin, axis=1)
-    there = simulated.seen
+    warned = bool(doubts(fit, support(fit), camera=camera))
+    error, there = MM * np.linalg.norm(fit.vertices() - simulated.skin, axis=1), simulated.seen
     return {
-        "seed": seed,
         "error": float(error.mean()),
         "seen": float(error[there].mean()),
         "hidden": float(error[~there].mean()) if (~there).any() else None,
         "CPU seconds": took,
-        "iterations": fit.iterations,
-        "warnings": list(found),
-        "expected": 1e3 * float(np.sqrt(np.mean(known.sd**2))),
-        "gap": _gap(fit),
+        "warned": warned,
     }
 
 
-def _gap(fit: ModelFit) -> list[float]:
-    """By which shares the costs of other hypotheses exceed the best, and how far off they are."""
-    best = fit.vertices()
-    return [
-        x
-        for k, one in enumerate(fit.hypotheses[1:], start=1)
-        for x in (
-            (one.cost - fit.cost) / fit.cost,
-            1e3 * float(np.linalg.norm(fit.vertices(k) - best, axis=1).mean()),
+def summary(runs: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Of one scene: counts, means of the fits that succeeded in mm, and CPU seconds."""
+    good = [run for run in runs if run["error"] <= GOOD]
+    bad = [run for run in runs if run["error"] > GOOD]
+    seconds = [run["CPU seconds"] for run in runs]
+
+    def mean(what: str) -> float:
+        return float(np.mean([run[what] for run in good if run[what] is not None]))
+
+    return {
+        "fits": len(runs),
+        "good": len(good),
+        **{what: mean(what) for what in ("error", "seen", "hidden")},
+        "worst": max(run["error"] for run in runs),
+        "CPU seconds": [float(np.median(seconds)), max(seconds)],
+        "warned of bad": sum(run["warned"] for run in bad),
+        "warned of good": sum(run["warned"] for run in good),
+    }
+
+
+# Free vertices
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A person, its scan, and where the model fit begins."""
+
+    body: SkinnedBody
+    person: ScannedPerson
+    simulated: SimulatedScan
+    start: Values
+
+    def errors(self, vertices: Array) -> dict[str, float]:
+        """Mean errors of vertices and of the scan's own points, in mm."""
+        off = MM * np.linalg.norm(vertices - self.person.vertices, axis=1)
+        seen, own = self.simulated.seen, ~self.simulated.clutter
+        tree = SurfaceTree(vertices, self.body.faces)
+        away = tree.closest(self.simulated.scan.points[own]).distances
+        return {
+            "seen": float(off[seen].mean()),
+            "hidden": float(off[~seen].mean()),
+            "all": float(off.mean()),
+            "scan to surface": float(MM * np.abs(away).mean()),
+        }
+
+
+def case(body: SkinnedBody, poses: Array, seed: int, views: int) -> Case:
+    """The person and the scan of one seed."""
+    person = people(body, poses[seed % len(poses)][None], 1, seed, own_shape=RIPPLES)[0]
+    simulated = scan(
+        person.vertices,
+        body.faces,
+        scanners(views, height=0.3, target=person.vertices.mean(axis=0)),
+        seed=seed,
+        noise=Noise(growth=GROWTH),
+        holes=Holes(),
+        clutter=Clutter(CLUTTER),
+        steepest=np.radians(80),
+        joining=Joining(),
+    )
+    rng = np.random.default_rng((seed, 5))
+    pose, betas, trans = (person.values[name] for name in ("pose", "betas", "trans"))
+    start = {
+        "pose": pose + POSE_OFF * rng.standard_normal(pose.shape),
+        "betas": np.zeros_like(betas),
+        "trans": trans + TRANS_OFF * rng.standard_normal(3),
+    }
+    return Case(body, person, simulated, start)
+
+
+def staged(stages: Sequence[VertexStage], fit: FreeVertices) -> Method:
+    """Ours from the model fit."""
+    after = tuple(stages[len(MODEL_STAGES) :])
+    return lambda values, _: fit.register(values, after).vertices
+
+
+def peer(one: Case) -> Method:
+    """trimesh's, from the same model fit onto the same scan, as a mesh: it takes closest places on
+    triangles, in which clutter has no part.
+    """
+    import trimesh.registration
+
+    steps = [[SMOOTH * stiff, 0.0, NORMAL, 10] for stiff in PEER_STEPS]
+
+    def register(_: Values, vertices: Array) -> Array:
+        target = trimesh.Trimesh(one.simulated.scan.points, one.simulated.scan.faces, process=False)
+        source = trimesh.Trimesh(vertices, one.body.faces, process=False)
+        return np.asarray(
+            trimesh.registration.nricp_amberg(source, target, steps=steps, distance_threshold=REACH)
         )
-    ]
+
+    return register
 
 
-def forms(body: SkinnedBody, poses: Array, seeds: Sequence[int]) -> dict[str, list[int]]:
-    """Iterations until convergence of two forms of the same cost, from starts 0.1 rad off."""
-    found: dict[str, list[int]] = {"distance": [], "offset": []}
+def freed(body: SkinnedBody, views: int, seeds: Sequence[int]) -> list[dict[str, Any]]:
+    """Every method on the scan of every seed, in mm and CPU seconds."""
+    poses, rows = draw_poses(shipped_gaussian(), 200, np.random.default_rng(7)), []
     for seed in seeds:
-        simulated = scanned(body, poses, seed, 4)
-        truth = simulated.made_of
-        assert truth is not None
-        rng = np.random.default_rng((seed, 8))
-        start = {**truth, "pose": truth["pose"] + 0.1 * rng.standard_normal(truth["pose"].shape)}
-        some = rng.permutation(np.flatnonzero(~simulated.clutter))[:1000]
-        for form in (distance, offset):
-            found[form.name].append(_run(body, simulated.scan.points[some], form, start))
+        one = case(body, poses, seed, views)
+        free = FreeVertices(body, one.simulated.scan)
+        began = time.process_time()
+        model = free.register(one.start, MODEL_STAGES)
+        row = {"model": one.errors(model.vertices) | {"seconds": time.process_time() - began}}
+        for name, method in {
+            "model follows": staged(VERTEX_STAGES, free),
+            "model held": staged(QUICK_VERTEX_STAGES, free),
+            PEER: peer(one),
+        }.items():
+            began = time.process_time()
+            vertices = method(model.values, model.vertices)
+            row[name] = one.errors(vertices) | {"seconds": time.process_time() - began}
+        rows.append(row)
+    return rows
+
+
+# Kinect
+
+
+def at_random(points: Array, seed: int) -> Mask:
+    """Which of the points (M, 3) are fitted: every other one, by a coin."""
+    return np.asarray(np.random.default_rng(seed).random(len(points)) < 0.5)
+
+
+def in_blocks(points: Array, seed: int) -> Mask:
+    """The same by a coin for each cube of 5 cm, of a grid in a random place."""
+    rng = np.random.default_rng(seed)
+    cells = np.floor((points + rng.uniform(0, BLOCK, 3)) / BLOCK).astype(int)
+    _, block = np.unique(cells, axis=0, return_inverse=True)
+    block = block.ravel()
+    return np.asarray((rng.random(block.max() + 1) < 0.5)[block])
+
+
+def kinect(people: Sequence[str]) -> list[dict[str, Any]]:
+    """Medians over all held-out points of a person, and of all people together, in mm."""
+    body, file, rows = load_body("default"), needed(KINECT), []
+    for way, choose in (("at random", at_random), ("blocks of 5 cm", in_blocks)):
+        every: dict[str, list[Array]] = {"model": [], "registered": []}
+        for name in people:
+            read = read_scan(file, name=name)
+            points = read.scan.points
+            inner, measured = (
+                ~boundary(read.scan, width=width) for width in (EXAMPLE.BORDER, EXAMPLE.MEASURED)
+            )
+            fitted = choose(points, 0)
+            fit = fit_model(body, read.scan, keep=inner & fitted, stages=EXAMPLE.FIT_STAGES)
+            known = read.scan.some(inner & fitted)
+            free = FreeVertices(body, known).register(fit.values, EXAMPLE.VERTEX_STAGES)
+            row: dict[str, Any] = {"people": name, "held out": way}
+            for what, vertices in (("model", fit.vertices()), ("registered", free.vertices)):
+                tree = SurfaceTree(vertices, body.faces)
+                off = np.abs(tree.closest(points[measured & ~fitted]).distances)
+                row |= {"points": len(off), what: MM * float(np.median(off))}
+                every[what].append(off)
+            rows.append(row)
+        together = {what: np.concatenate(off) for what, off in every.items()}
+        medians = {what: MM * float(np.median(off)) for what, off in together.items()}
+        points_of_all = len(together["model"])
+        rows.append({"people": "all", "held out": way, "points": points_of_all} | medians)
+    return rows
+
+
+def measured(quick: bool) -> dict[str, object]:
+    """All three."""
+    body = load_body("default")
+    found: dict[str, Any] = {"models": {}, "vertices": {}}
+    if not quick or is_here(RECORDING):
+        poses = held_out_poses(needed(RECORDING))
+        for name, (views, known, seeds) in SCENES.items():
+            runs = [judged(body, poses, s, views, known) for s in seeds[: 2 if quick else None]]
+            found["models"][name] = summary(runs)
+            print(name, found["models"][name], flush=True)
+    for views in VIEWS:
+        found["vertices"][str(views)] = freed(body, views, SCANS[: 1 if quick else None])
+    if not quick or is_here(KINECT):
+        found["kinect"] = kinect(PEOPLE[: 1 if quick else None])
     return found
 
 
-def _run(body: SkinnedBody, points: Array, form: Form, start: Values) -> int:
-    pose, betas, trans = (block.symbol for block in body.blocks())
-    data = scan_to_model(
-        body.points(pose, betas, trans), body.faces, points, sigma=0.005, form=form, name="scan"
+def tables(found: dict[str, Any]) -> str:
+    """All three."""
+    head = (
+        *("scans", "within 20 mm (95 %)", "mean of these, mm", "seen / hidden, mm", "worst, mm"),
+        *("CPU s, median / most", "warned of those that fail", "warned of the others"),
     )
-    problem = Problem((data, pose_prior(body), shape_prior(body)), ("pose", "betas", "trans"))
-    end = TrustRegion(max_iterations=LIMIT, gradient_tolerance=1e-4).solve(problem, start)
-    return len(end.trace) - 1
-
-
-def table(scenes: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
-    """Successes with exact 95 % intervals, errors, times and warnings of each scene."""
-    lines = [
-        "| scans | within 20 mm (95 %) | mean of these, mm | seen / hidden, mm | worst, mm "
-        "| CPU s, median / most | warned of those that fail | warned of the others |",
-        "| --- | --: | --: | --: | --: | --: | --: | --: |",
+    rows = [
+        (
+            name,
+            _share(one["good"], one["fits"]),
+            f"{one['error']:.1f}",
+            f"{one['seen']:.1f} / {one['hidden']:.1f}",
+            f"{one['worst']:.0f}",
+            f"{one['CPU seconds'][0]:.1f} / {one['CPU seconds'][1]:.1f}",
+            _share(one["warned of bad"], one["fits"] - one["good"]),
+            _share(one["warned of good"], one["good"]),
+        )
+        for name, one in found["models"].items()
     ]
-    for name, runs in scenes.items():
-        good = [run for run in runs if run["error"] <= GOOD]
-        bad = [run for run in runs if run["error"] > GOOD]
-        times = [run["CPU seconds"] for run in runs]
-        mean, seen, hidden = (
-            np.mean([run[what] for run in good if run[what] is not None])
-            for what in ("error", "seen", "hidden")
-        )
-        lines.append(
-            f"| {name} | {_share(len(good), len(runs))} | {mean:.1f} | {seen:.1f} / {hidden:.1f} | "
-            f"{max(run['error'] for run in runs):.0f} | {np.median(times):.1f} / {max(times):.1f} "
-            f"| {_share(_warned(bad), len(bad))} | {_share(_warned(good), len(good))} |"
-        )
-    return "\n".join(lines) + "\n"
+    text = f"Fits of the model:\n\n{table(head, rows)}" if rows else ""
+    head = (
+        *("free vertices", "seen, mm", "hidden, mm", "scan to surface, mm"),
+        *("seen, of the model's", f"nearer than {PEER}", "CPU s"),
+    )
+    for views, scans in found["vertices"].items():
+        text += f"\n{len(scans)} scans by {views} scanners, median (least to largest):\n\n"
+        text += table(head, [_method(name, scans) for name in scans[0]])
+    if "kinect" in found:
+        head = ("Kinect, median distances", "held out", "points", "model, mm", "free vertices, mm")
+        rows = [
+            (
+                *(row["people"].replace("_", " "), row["held out"], f"{row['points']:,}"),
+                *(f"{row['model']:.1f}", f"{row['registered']:.1f}"),
+            )
+            for row in found["kinect"]
+        ]
+        text += f"\n{table(head, rows)}"
+    return text
 
 
-def _warned(runs: Sequence[Mapping[str, Any]]) -> int:
-    return sum(bool(run["warnings"]) for run in runs)
+def _method(name: str, scans: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
+    of = {key: np.array([one[name][key] for one in scans]) for key in scans[0][name]}
+
+    def spread(numbers: Array, digits: int = 1) -> str:
+        middle, least, most = (f"{f(numbers):.{digits}f}" for f in (np.median, np.min, np.max))
+        return f"{middle} ({least} to {most})"
+
+    nearer = sum(one[name]["all"] < one[PEER]["all"] for one in scans)
+    return (
+        name,
+        spread(of["seen"]),
+        spread(of["hidden"]),
+        spread(of["scan to surface"], 2),
+        spread(of["seen"] / [one["model"]["seen"] for one in scans], 2),
+        "" if name == PEER else f"{nearer} of {len(scans)}",
+        spread(of["seconds"]),
+    )
 
 
 def _share(k: int, n: int) -> str:
     """k of n, and between which shares it lies."""
     if not n:
         return "0 of 0"
-    found = rate(k, n)
-    return f"{k} of {n} ({100 * found.low:.0f} to {100 * found.high:.0f} %)"
-
-
-def sets(scenes: Mapping[str, Sequence[Mapping[str, Any]]]) -> dict[str, list[Mapping[str, Any]]]:
-    """The runs of each scene in sets of 60, in the order of their seeds, which have no gaps."""
-    found: dict[str, list[Mapping[str, Any]]] = {}
-    for name, runs in scenes.items():
-        for first in range(0, len(runs), SET):
-            some = list(runs[first : first + SET])
-            found[f"{name}, seeds {some[0]['seed']} to {some[-1]['seed']}"] = some
-    return found
-
-
-def page(results: Mapping[str, Any]) -> str:
-    """The tables, as Markdown."""
-    text = "\n" + table(sets(results["scenes"]))
-    found = results.get("forms")
-    if found:
-        text += (
-            f"\nIterations to convergence, median over {len(found['distance'])} scans: "
-            f"{np.median(found['distance']):g} by the distance, "
-            f"{np.median(found['offset']):g} by the offset "
-            f"(at most {LIMIT:,} were allowed).\n"
-        )
-    return text
-
-
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Measure what was asked for, keep the numbers, and write the page."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.registration", description=__doc__)
-    parser.add_argument("recording", type=Path)
-    parser.add_argument("--scenes", nargs="*", default=list(SCENES), choices=list(SCENES))
-    parser.add_argument("--first", type=int, default=0, help="seed; 200 and more are for tuning")
-    parser.add_argument("--count", type=int, default=60)
-    parser.add_argument("--forms", type=int, default=0, help="number of scans for both forms")
-    parser.add_argument("--dry", action="store_true", help="print, and write nothing")
-    asked = parser.parse_args(arguments)
-    body, poses = load_body("default"), held_out_poses(asked.recording)
-    seeds = range(asked.first, asked.first + asked.count)
-    runs: dict[str, dict[int, dict[str, Any]]] = {}
-    for name in asked.scenes:
-        runs[name] = {}
-        for seed in seeds:
-            runs[name][seed] = judged(body, poses, seed, *SCENES[name])
-            print(name, json.dumps(runs[name][seed]), flush=True)
-    both = forms(body, poses, range(asked.first, asked.first + asked.forms)) if asked.forms else {}
-    known: dict[str, Any] = {"scenes": {}}
-    if RESULTS.exists() and not asked.dry:
-        known = json.loads(RESULTS.read_text())
-    for name, more in runs.items():
-        kept = {run["seed"]: run for run in known["scenes"].get(name, [])} | more
-        known["scenes"][name] = [kept[seed] for seed in sorted(kept)]
-    if both:
-        known["forms"] = both
-    print(page(known))
-    if not asked.dry:
-        keep(RESULTS, known | {"machine": machine.description()}, 5)
-        write_between(PAGE, BEGIN, END, page(known))
-
-
-if __name__ == "__main__":
-    main()
+    share = rate(k, n)
+    return f"{k} of {n} ({100 * share.low:.0f} to {100 * share.high:.0f} %)"
