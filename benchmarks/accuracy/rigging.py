@@ -1,23 +1,16 @@
-"""Rigging of the embedded body `small`, driven by recorded motion, blend shapes off.
+"""Skeletons found in meshes in motion, beside py-dem-bones.
 
-    python -m benchmarks.rigging RECORDING [--dem-bones PYTHON] [--only moved] [--seed 3]
-
-RECORDING is a recording as `workbench.priors.recordings` reads it. In `recorded` the body makes the
-recorded poses, in which feet, collars and hands do not move at all, and elbows and wrists hardly
-about more than one axis. In `moved` every joint is turned by made-up angles as well, of 0.15 rad
+The embedded body `small` is driven by recorded motion, its blend shapes off. In `recorded` it takes
+the recorded poses, in which feet, collars and hands do not move, and elbows and wrists hardly about
+more than one axis. In `moved` every joint is turned by made-up angles as well, of 0.15 rad
 (standard deviation) about each axis, so that each of them can be found. In `placed` the body is
 also put at places of 1 m (standard deviation along each axis) and turned by any angle. Bones,
 weights, joints and tree are compared with those of the body, and the error is measured on poses of
-clips that nothing was learned from. PYTHON is a Python in which py-dem-bones is installed: it
-decomposes the same meshes into as many bones. It begins from clusters that it makes itself, of
-which it may make fewer, and from as many patches of the mesh at rest: of vertices nearest to points
-that are as far from each other as can be.
+clips that nothing was learned from. py-dem-bones is given the number of bones that `rig` found; it
+begins from clusters that it makes itself, of which it may make fewer, and from as many patches of
+the mesh at rest: of vertices nearest to points that are as far from each other as can be.
 """
 
-import argparse
-import json
-import subprocess
-import tempfile
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -27,45 +20,24 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.transform import Rotation
 
+from benchmarks.accuracy import RECORDING, needed
+from benchmarks.measuring import table
 from workbench import SkinnedBody, load_body
 from workbench.arrays import Array
 from workbench.priors.recordings import read_recording
-from workbench.training.rigging.rig import Rigged, pose_rms, rig
+from workbench.training.rigging.rig import pose_rms, rig
 
-RESULTS = Path(__file__).parent / "results" / "rigging.json"
 ADDED = {"moved": 0.15, "recorded": 0.0, "placed": 0.15}  # rad
 FAR = 1.0  # m, of the places in `placed`
 FRAMES, HELD_OUT = 120, 20
-SEED = 3
-PEER = """
-import sys, time, json, numpy as np, py_dem_bones as peer
-given = np.load(sys.argv[1]); rest, V, bones = given["rest"], given["meshes"], int(given["bones"])
-T, N, _ = V.shape
-seeds, away = [0], np.linalg.norm(rest - rest[0], axis=1)
-while len(seeds) < bones:
-    seeds.append(int(away.argmax()))
-    away = np.minimum(away, np.linalg.norm(rest - rest[seeds[-1]], axis=1))
-nearest = np.linalg.norm(rest[:, None] - rest[seeds], axis=2).argmin(axis=1)
-found = []
-for begun in ("clusters of its own", "patches"):
-    for smooth in (0.0, 1e-4):
-        d = peer.DemBones()
-        d.nIters, d.nInitIters, d.nTransIters, d.nWeightsIters = 100, 10, 5, 3
-        d.nnz, d.weightsSmooth = 4, smooth
-        d.nV, d.nB, d.nF, d.nS = N, bones, T, 1
-        d.fStart, d.subjectID = np.array([0, T], np.int32), np.zeros(T, np.int32)
-        d.u = np.asfortranarray(rest.T)
-        d.v = np.asfortranarray(V.transpose(0, 2, 1).reshape(3 * T, N))
-        d.fv = given["faces"].tolist()
-        if begun == "patches":
-            d.set_weights(np.eye(bones)[:, nearest])
-        d.init()
-        began = time.process_time()
-        d.compute()
-        found.append({"begun": begun, "bones": d.nB, "smooth": smooth, "rms_m": d.rmse(),
-                      "cpu_s": time.process_time() - began})
-print(json.dumps(found))
-"""
+ROWS = (
+    ("moved", 21),
+    ("moved", 22),
+    ("moved", 23),
+    ("moved", 24),
+    ("placed", 21),
+    ("recorded", 21),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +52,6 @@ class Driven:
 def driven(recording: Path, kind: str, frames: int, seed: int) -> Driven:
     """The body `small` without blend shapes, in poses of a recording with angles added."""
     whole = load_body("small")
-    assert isinstance(whole, SkinnedBody)
     body = replace(
         whole,
         posedirs=np.zeros_like(whole.posedirs),
@@ -123,52 +94,95 @@ def agreement(found: SkinnedBody, truth: SkinnedBody) -> dict[str, Any]:
     }
 
 
-def ours(given: Driven) -> tuple[Rigged, dict[str, Any]]:
-    """What `rig` finds, and how well."""
-    began = time.process_time()
-    found = rig(given.meshes, given.body.faces, rest=given.body.template)
-    seconds = time.process_time() - began
-    return found, agreement(found.body, given.body) | {
-        "rms_m": found.rms,
-        "held_out_rms_m": pose_rms(found.body, given.held_out),
-        "cpu_s": seconds,
-        "notes": found.notes,
-    }
-
-
-def theirs(given: Driven, bones: int, python: str) -> Any:
-    """What py-dem-bones makes of the same meshes: errors of what it was given."""
-    with tempfile.TemporaryDirectory() as folder:
-        arrays = Path(folder) / "meshes.npz"
-        body = given.body
-        np.savez(arrays, rest=body.template, faces=body.faces, meshes=given.meshes, bones=bones)
-        ran = subprocess.run(
-            [python, "-c", PEER, str(arrays)], capture_output=True, text=True, check=True
+def theirs(driven: Driven, bones: int) -> list[dict[str, Any]]:
+    """py-dem-bones from both beginnings: its number of bones, its error in m, and CPU seconds; none
+    if it is not installed.
+    """
+    try:
+        import py_dem_bones
+    except ImportError:
+        return []
+    rest, meshes = driven.body.template, driven.meshes
+    seeds, away = [0], np.linalg.norm(rest - rest[0], axis=1)
+    while len(seeds) < bones:
+        seeds.append(int(away.argmax()))
+        away = np.minimum(away, np.linalg.norm(rest - rest[seeds[-1]], axis=1))
+    nearest = np.linalg.norm(rest[:, None] - rest[seeds], axis=2).argmin(axis=1)
+    found = []
+    for begun in ("clusters of its own", "patches"):
+        peer = py_dem_bones.DemBones()
+        peer.nIters, peer.nInitIters, peer.nTransIters, peer.nWeightsIters = 100, 10, 5, 3
+        peer.nnz, peer.weightsSmooth = 4, 0.0  # 1e-4, which it takes by itself, leaves more
+        peer.nV, peer.nB, peer.nF, peer.nS = len(rest), bones, len(meshes), 1
+        peer.fStart = np.array([0, len(meshes)], np.int32)
+        peer.subjectID = np.zeros(len(meshes), np.int32)
+        peer.u = np.asfortranarray(rest.T)
+        peer.v = np.asfortranarray(meshes.transpose(0, 2, 1).reshape(3 * len(meshes), -1))
+        peer.fv = driven.body.faces.tolist()
+        if begun == "patches":
+            peer.set_weights(np.eye(bones)[:, nearest])
+        peer.init()
+        began = time.process_time()
+        peer.compute()
+        found.append(
+            {
+                "begun": begun,
+                "bones": peer.nB,
+                "rms_m": peer.rmse(),
+                "cpu_s": time.process_time() - began,
+            }
         )
-    return json.loads(ran.stdout.splitlines()[-1])
+    return found
 
 
-def main() -> None:
-    """Measure, and add to results/rigging.json, under kind and seed."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
-    parser.add_argument("recording", type=Path)
-    parser.add_argument("--dem-bones", metavar="PYTHON")
-    parser.add_argument("--only", choices=ADDED, action="append")
-    parser.add_argument("--frames", type=int, default=FRAMES)
-    parser.add_argument("--seed", type=int, default=SEED)
-    given = parser.parse_args()
-    for kind in given.only or ADDED:
-        data = driven(given.recording, kind, given.frames, given.seed)
-        rigged, found = ours(data)
-        name = f"{kind} {given.seed}"
-        result = {"frames": given.frames, "held_out_frames": HELD_OUT, "ours": found}
-        print(json.dumps({name: result}, indent=1), flush=True)
-        if given.dem_bones:
-            result["py_dem_bones"] = theirs(data, rigged.body.n_joints, given.dem_bones)
-        results = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
-        RESULTS.write_text(json.dumps(results | {name: result}, indent=1) + "\n")
-        print(json.dumps({name: result}, indent=1), flush=True)
+def measured(quick: bool) -> dict[str, object]:
+    """Every row by `rig` and by py-dem-bones; `quick` is the recorded one of 24 frames."""
+    found: dict[str, Any] = {}
+    for kind, seed in ROWS[-1:] if quick else ROWS:
+        data = driven(needed(RECORDING), kind, 24 if quick else FRAMES, seed)
+        began = time.process_time()
+        rigged = rig(data.meshes, data.body.faces, rest=data.body.template)
+        ours = agreement(rigged.body, data.body) | {
+            "held_out_rms_m": pose_rms(rigged.body, data.held_out),
+            "cpu_s": time.process_time() - began,
+        }
+        peer = theirs(data, rigged.body.n_joints)
+        found[f"{kind} {seed}"] = {"rms_m": rigged.rms, "ours": ours, "py-dem-bones": peer}
+        print(f"{kind} {seed}", found[f"{kind} {seed}"], flush=True)
+    return found
 
 
-if __name__ == "__main__":
-    main()
+def tables(found: dict[str, Any]) -> str:
+    """One row for each body in motion, and one for each run of py-dem-bones."""
+    head = (
+        *("motion, seed", "bones", "edges of the tree", "held-out meshes, rms m"),
+        *("weights off by at most", "joints off by at most, m", "CPU s"),
+    )
+    rows = []
+    for name, one in found.items():
+        ours = one["ours"]
+        whole = ours["edges"] == ours["of_edges"]  # else bones are merged, and cannot agree
+        off = ours["largest_weight_error"], ours["largest_joint_error_m"]
+        rows.append(
+            (
+                *(name, ours["bones"], f"{ours['edges']} of {ours['of_edges']}"),
+                f"{ours['held_out_rms_m']:.0e}",
+                *(f"{number:.0e}" if whole else "" for number in off),
+                f"{ours['cpu_s']:.0f}",
+            )
+        )
+    text = table(head, rows)
+    peers = [
+        (
+            f"{name}, {run['begun']}",
+            run["bones"],
+            f"{1e3 * run['rms_m']:.1f}",
+            f"{run['cpu_s']:.1f}",
+        )
+        for name, one in found.items()
+        for run in one["py-dem-bones"]
+    ]
+    if peers:
+        head = ("py-dem-bones, its beginning", "bones", "meshes it was given, rms mm", "CPU s")
+        text += f"\n{table(head, peers)}"
+    return text
