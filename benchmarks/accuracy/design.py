@@ -324,7 +324,8 @@ def tables(found: dict[str, Any]) -> str:
     share, tau = real["best is best, interval"], real["tau, interval"]
     return (
         f"{text}\nOf the real cameras, in {100 * real['best is best']:.0f} % "
-        f"({100 * share[0]:.0f} to {100 * share[1]:.0f}) of {real['cases']} cases ({real['frames']} frames, each camera as "
+        f"({100 * share[0]:.0f} to {100 * share[1]:.0f}) of {real['cases']} cases "
+        f"({real['frames']} frames, each camera as "
         "the first) the predicted best of three second ones has the smallest error, where chance "
         f"has 33 %; Kendall's tau of the two orders is {real['tau']:.2f} ({tau[0]:.2f} to "
         f"{tau[1]:.2f}). Intervals are of 95 %, by a bootstrap over whole frames.\n"

@@ -1,55 +1,43 @@
-"""What each term of training does: the same training without it, and what then goes wrong."""
+"""What each term of training does: the same training without it, and what then goes wrong.
 
-from collections.abc import Callable, Mapping
+People and poses are drawn by `builder.sets`; no body in them was measured. The held-out ones are
+other people, in poses of clips that nothing was learned from.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from math import inf
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 
+from benchmarks.accuracy import RECORDING, WHEEL, needed
+from benchmarks.measuring import table
+from builder.population import gather_sources
+from builder.sets import SetRecipe, make_sets
+from builder.wheel import Wheel
+from workbench import load_body
 from workbench.arrays import Array, Index
 from workbench.bodies import SkinnedBody
 from workbench.bodies.forward.posing import Posing
-from workbench.geometry.mirror import Mirror
 from workbench.geometry.rotation import vector_from_matrix
 from workbench.lectures.material.pose_in_shape import aligned, pose_share
+from workbench.priors.poses import draw_poses, shipped_mixture
+from workbench.priors.recordings import read_recording
+from workbench.synthetic.made_up import draw_registrations, jointed_tube, random_smpl
 from workbench.training.blocks import alternation
 from workbench.training.estimate import Sigmas
-from workbench.training.evaluation import VertexErrors
-from workbench.training.execution import SILENT, Report
-from workbench.training.first_guess import Start, first_estimate, first_poses
-from workbench.training.poses import (
-    DataTerm,
-    EdgeTerm,
-    PoseFit,
-    VertexTerm,
-    poses_of_segments,
-)
-from workbench.training.registrations import InMemory, Registrations, batches
+from workbench.training.evaluation import evaluate_held_out
+from workbench.training.first_guess import Start, first_estimate, first_poses, read_start
+from workbench.training.folder import open_folder
+from workbench.training.poses import DataTerm, EdgeTerm, VertexTerm
+from workbench.training.registrations import InMemory, Registrations
 from workbench.training.training import Trained, train
 
-FIT_STEPS = 60  # of the fit of one registration in `generalization_errors`
-FIT_TOLERANCE = 1e-13
-
-
-@dataclass(frozen=True, eq=False)
-class Ablated:
-    """The numbers of one training.
-
-    Attributes:
-        name: what was switched off.
-        training_rms: in metres per coordinate, the rms distance from the training meshes.
-        held_out_rms: in metres per vertex, the same for other people in other poses.
-        asymmetry: in metres, the rms distance of the subjects' templates from their mirror images.
-        posedirs_rms: the rms of the pose directions, in metres per unit of a feature.
-        pose_in_shape: the share of pose in each of the first shape directions, see `pose_share`.
-    """
-
-    name: str
-    training_rms: float
-    held_out_rms: float
-    asymmetry: float
-    posedirs_rms: float
-    pose_in_shape: tuple[float, ...]
+RECIPE = SetRecipe(people=300, subjects=20, poses=15, held_out=6, others=10)
+PEOPLE = 60  # whose poses are fitted to edges and to vertices
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,93 +57,73 @@ class Sets:
     start: Start
 
 
+def tubes() -> Sets:
+    """People that are bent tubes, which take a second."""
+    start = jointed_tube(7, 5)
+    body = random_smpl(start, 2, seed=3, shape=0.005)
+    poses, shapes, held_out = (
+        draw_registrations(body, *counts, seed=seed, turn=turn)[0]
+        for counts, seed, turn in (((3, 8), 4, 0.5), ((60, 1), 6, 0.3), ((3, 2), 7, 0.5))
+    )
+    return Sets(poses, shapes, held_out, start)
+
+
+def drawn(folder: Path) -> Sets:
+    """People of the artists' shape targets, written to a folder."""
+    sources = gather_sources(Wheel(needed(WHEEL)), RECIPE.everyone, RECIPE.seed, print)
+    recorded = read_recording(needed(RECORDING)).split()[1].poses
+    make_sets(sources, RECIPE, folder, print, recorded)
+    start = read_start(folder / "train" / "start.npz")
+    train_set, held_out = (
+        open_folder(folder / name, len(start.template), start.faces)
+        for name in ("train", "held_out")
+    )
+    return Sets(train_set.only("poses"), train_set.only("shapes"), held_out.only("poses"), start)
+
+
 def without(sigmas: Sigmas, *terms: str) -> Sigmas:
     """The sigmas with some terms switched off, given by the names of their sigmas."""
     return replace(sigmas, **dict.fromkeys(terms, inf))
 
 
-def cases(sigmas: Sigmas) -> dict[str, Sigmas]:
-    """The sigmas with every term on, and with each of two terms switched off, by name."""
-    return {
+def ablated(sets: Sets, sigmas: Sigmas, rounds: int, n_betas: int) -> Iterator[dict[str, Any]]:
+    """Train with all terms and without each of two, and measure the first also without pose
+    normalisation.
+    """
+    for name, held in {
         "all terms": sigmas,
         "no E_P": replace(without(sigmas, "posedirs"), posedirs=1e3 * sigmas.posedirs),
         "no E_Y": without(sigmas, "symmetry", "joint_symmetry"),
-    }
-
-
-def ablate(
-    sets: Sets,
-    sigmas: Sigmas,
-    *,
-    rounds: int = 2,
-    n_betas: int = 10,
-    report: Report = SILENT,
-    done: Callable[[Ablated], None] = lambda _: None,
-) -> list[Ablated]:
-    """Train once for each case, and measure the first also without pose normalisation."""
-    mirror = sets.start.mirror()
-    found = []
-    for name, held in cases(sigmas).items():
+    }.items():
         plan = alternation(held, rounds=rounds)
-        trained = train(
-            sets.poses,
-            sets.start,
-            multi_shape=sets.shapes,
-            plan=plan,
-            n_betas=n_betas,
-            report=report,
-        )
-        found.append(measured(name, trained, sets, mirror))
-        done(found[-1])
+        trained = train(sets.poses, sets.start, multi_shape=sets.shapes, plan=plan, n_betas=n_betas)
+        assert trained.shapes is not None  # there is a multi-shape set
+        share = pose_share(trained.shapes.people, trained.shapes.poses)
+        row = {"name": name} | numbers(trained, sets) | {"pose in shape": share}
+        yield row
         if name == "all terms":
-            assert trained.shapes is not None  # there is a multi-shape set
-            raw = aligned(sets.shapes)
-            share = pose_share(raw, trained.shapes.poses)
-            found.append(replace(found[0], name="not pose-normalised", pose_in_shape=share))
-            done(found[-1])
-    return found
+            raw = pose_share(aligned(sets.shapes), trained.shapes.poses)
+            yield row | {"name": "not pose-normalised", "pose in shape": raw}
 
 
-def measured(name: str, trained: Trained, sets: Sets, mirror: Mirror | None) -> Ablated:
-    """Measure one training."""
-    estimate, asymmetry = trained.poses.estimate, 0.0
+def numbers(trained: Trained, sets: Sets) -> dict[str, float]:
+    """Of one training, in mm: the rms distance from the training meshes (a coordinate), the same
+    for held-out people in other poses (a vertex), the rms distance of the subjects' templates from
+    their mirror images, and the rms of the pose directions by unit of a feature.
+    """
+    estimate, mirror = trained.poses.estimate, sets.start.mirror()
+    asymmetry = 0.0
     if mirror is not None:
         away = estimate.templates - mirror.points(estimate.templates)
         away -= away.mean(axis=1, keepdims=True)
         asymmetry = float(np.sqrt((away**2).sum(axis=2).mean()))
-    share: tuple[float, ...] = ()
-    if trained.shapes is not None:
-        share = pose_share(trained.shapes.people, trained.shapes.poses)
-    return Ablated(
-        name,
-        trained.poses.objective.rms(estimate),
-        generalization_errors(trained.body, sets.held_out, sigma=0.005, betas_sigma=1.0).rms,
-        asymmetry,
-        float(np.sqrt(np.mean(estimate.posedirs**2))),
-        share,
-    )
-
-
-def generalization_errors(
-    body: SkinnedBody,
-    registrations: Registrations,
-    *,
-    sigma: float = 0.001,
-    betas_sigma: float = 1e3,
-) -> VertexErrors:
-    """The errors after fitting pose, betas and trans of a body to each registration.
-
-    `sigma` is the standard deviation of a vertex in metres, `betas_sigma` that of the prior on
-    betas in standard deviations of the population.
-    """
-    fit = PoseFit(body, body.n_vertices, VertexTerm(), sigma, FIT_STEPS, betas_sigma, FIT_TOLERANCE)
-    distances = []
-    for batch in batches(registrations):
-        each = zip(batch.vertices, batch.confidence, strict=True)
-        first = [poses_of_segments(body.template, body.weights, body.parents, *one) for one in each]
-        found = fit.fits(np.stack(first), batch.vertices, confidence=batch.confidence)
-        distances.append(np.linalg.norm(found.surfaces - batch.vertices, axis=2))
-    return VertexErrors(np.concatenate(distances))
+    found = {
+        "training": trained.poses.objective.rms(estimate),
+        "held out": evaluate_held_out(trained.body, sets.held_out).errors.rms,
+        "asymmetry": asymmetry,
+        "posedirs": float(np.sqrt(np.mean(estimate.posedirs**2))),
+    }
+    return {name: 1e3 * metres for name, metres in found.items()}
 
 
 def turn_errors(
@@ -184,3 +152,37 @@ def turn_errors(
         away = vector_from_matrix(found @ true.swapaxes(-1, -2))
         errors[name] = np.linalg.norm(away, axis=2)
     return errors
+
+
+def measured(quick: bool) -> dict[str, object]:
+    """Without each term, and poses by edges and by vertices; `quick` is of tubes."""
+    with TemporaryDirectory() as folder:
+        sets = tubes() if quick else drawn(Path(folder))
+        sigmas = Sigmas(posedirs=0.005) if quick else Sigmas()
+        rows = list(ablated(sets, sigmas, 1 if quick else 2, 2 if quick else 10))
+    poses = draw_poses(shipped_mixture(), 6 if quick else PEOPLE, np.random.default_rng(0))
+    turned = turn_errors(load_body("small"), poses, seed=1)
+    degrees = {name: float(np.degrees(e[:, 1:].mean())) for name, e in turned.items()}
+    return {"terms": rows, "mean error in degrees": degrees}
+
+
+def tables(found: dict[str, Any]) -> str:
+    """Both."""
+    keys = "training", "held out", "asymmetry", "posedirs"
+    rows = [
+        (
+            *(row["name"], *(f"{row[key]:.2f}" for key in keys)),
+            ", ".join(f"{100 * share:.0f}" for share in row["pose in shape"][:3]) + " %",
+        )
+        for row in found["terms"]
+    ]
+    head = (
+        *("mm", "training, a coordinate", "held out, a vertex", "asymmetry of templates"),
+        *("posedirs, a unit of a feature", "pose in the first shape directions"),
+    )
+    degrees = found["mean error in degrees"]
+    return (
+        f"{table(head, rows)}\nPoses of people of other shapes, fitted with the mean template, are "
+        f"off by {degrees['edges']:.1f} degrees a joint on average if edges are compared, and by "
+        f"{degrees['vertices']:.1f} if vertices are.\n"
+    )
