@@ -10,7 +10,8 @@ import resource
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from itertools import cycle, islice
 from pathlib import Path
@@ -45,16 +46,28 @@ class MissingData(Exception):
 # Turns and threads
 
 
-def one_thread(pinned: bool = False) -> None:
-    """Start this command again with one thread for every library, if wanted pinned to a core.
+def one_thread() -> None:
+    """Start this command again with one thread for every library, if it has more.
 
     Libraries read these variables when they are imported, so it has to happen before.
     """
-    if pinned and hasattr(os, "sched_setaffinity"):  # Linux
-        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
     if any(os.environ.get(name) != value for name, value in ONE_THREAD.items()):
         command = [sys.executable, "-m", "benchmarks", *sys.argv[1:]]
         os.execve(sys.executable, command, {**os.environ, **ONE_THREAD})
+
+
+@contextmanager
+def on_one_core() -> Iterator[None]:
+    """This process on its last core, so that it does not wander; nothing but on Linux."""
+    if not hasattr(os, "sched_setaffinity"):
+        yield
+        return
+    before = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {max(before)})
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, before)
 
 
 def side_by_side(
@@ -191,6 +204,15 @@ def kept(name: str, folder: Path = RESULTS) -> dict[str, Any] | None:
     return data
 
 
+def beside_kept(name: str, found: Mapping[str, Any], folder: Path = RESULTS) -> dict[str, Any]:
+    """Parts that were measured now, and those that were kept before, which get a `machine`."""
+    before = kept(name, folder)
+    if before is None:
+        return dict(found)
+    old = {k: {"machine": before["machine"]} | v for k, v in before["found"].items()}
+    return old | dict(found)
+
+
 def write_json(file: Path, data: Any, digits: int) -> None:
     """Numbers to so many digits, and every list of numbers on a line of its own."""
     rounded = json.loads(
@@ -209,6 +231,21 @@ def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     """A table whose first column stands to the left and whose others stand to the right."""
     lines = [head, ["---", *["--:"] * (len(head) - 1)], *rows]
     return "\n".join(f"| {' | '.join(map(str, line))} |" for line in lines) + "\n"
+
+
+def milliseconds(one: Timing) -> str:
+    """Least / median."""
+    return f"{digits(1e3 * one['least'])} / {digits(1e3 * one['median'])}"
+
+
+def ratio(timings: Mapping[str, Timing], candidate: str, to: str) -> float:
+    """How often the least time of another."""
+    return timings[candidate]["least"] / timings[to]["least"]
+
+
+def digits(number: float) -> str:
+    """Three digits."""
+    return f"{number:,.0f}" if number >= 100 else f"{number:.3g}"
 
 
 def write_between(file: Path, name: str, text: str) -> None:

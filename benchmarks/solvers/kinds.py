@@ -1,16 +1,17 @@
-"""Problems by temperament: what makes a problem easy for one solver and hard for another.
+"""Problems by kind: what makes a problem easy for one solver and hard for another.
 
 The problems of bodies and the sums of squares of Moré and Wild come from `workbench.experiments`.
 Made here are what these suites lack: noise, constraints and many unknowns.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import casadi as cs
 import numpy as np
 
 import workbench as wb
+from benchmarks.solvers.sums import FUNCTIONS
 from workbench.blocks import Values
 from workbench.experiments import SUITES, Experiment
 from workbench.experiments.more_wild import more_wild
@@ -30,10 +31,11 @@ GENERAL = ("ipopt", "ipopt-lbfgs", "sqp", "nlopt-lbfgs", "nlopt-slsqp")
 BOUNDED = ("trust-region", "levenberg-marquardt", "scipy-trf", "scipy-dogbox", "nlopt-bobyqa")
 CONSTRAINED = ("ipopt", "ipopt-exact", "ipopt-lbfgs", "sqp", "nlopt-slsqp")
 MANY = 1000  # unknowns
+WITHOUT = "no derivatives"
 
 
 @dataclass(frozen=True)
-class Temperament:
+class Kind:
     """A kind of problem, some problems of that kind, and the solvers that are tried on them."""
 
     name: str
@@ -98,32 +100,14 @@ def standing(seed: int = 0, start: int = 0) -> Setup:
     return Setup(problem, begun | {"observed": seen}, "Who stands on the floor like this?")
 
 
-def chained(start: int = 0) -> Setup:
-    """Rosenbrock's valley once for every pair of neighbours, 1,000 unknowns (extended Rosenbrock).
-
-    Moré, Garbow and Hillstrom, ACM TOMS 7(1), 1981, problem 21.
-    """
+def many(function: str = "mgh-extended-rosenbrock", start: int = 0) -> Setup:
+    """A published sum of squares of 1,000 unknowns, each of which meets a few others."""
+    one = FUNCTIONS[function]
     x = wb.Block("x", (MANY,))
-    odd, even = x.symbol[0::2], x.symbol[1::2]
-    valley = wb.Residual("valley", 10 * (even - odd**2), 1.0)
-    wall = wb.Residual("wall", 1 - odd, 1.0)
-    begin = np.tile([-1.2, 1.0], MANY // 2)
     moved = 0.1 * np.random.default_rng(start).standard_normal(MANY) if start else 0.0
-    problem = wb.Problem([valley, wall], ["x"], blocks=[x])
-    return Setup(problem, {"x": begin + moved}, "Is the end of every valley found?")
-
-
-def tridiagonal(start: int = 0) -> Setup:
-    """Broyden's tridiagonal function of 1,000 unknowns.
-
-    Moré, Garbow and Hillstrom, ACM TOMS 7(1), 1981, problem 30.
-    """
-    x = wb.Block("x", (MANY,))
-    before, after = cs.vertcat(0, x.symbol[:-1]), cs.vertcat(x.symbol[1:], 0)
-    rows = (3 - 2 * x.symbol) * x.symbol - before - 2 * after + 1
-    moved = 0.1 * np.random.default_rng(start).standard_normal(MANY) if start else 0.0
-    problem = wb.Problem([wb.Residual("rows", rows, 1.0)], ["x"], blocks=[x])
-    return Setup(problem, {"x": np.full(MANY, -1.0) + moved}, "Is the root found?")
+    problem = wb.Problem([wb.Residual("rows", one.residual(x.symbol), 1.0)], ["x"], blocks=[x])
+    begin = np.resize(np.array(one.start, dtype=float), MANY)
+    return Setup(problem, {"x": begin + moved}, "Is the least sum of squares found?")
 
 
 def _of(suite: str, *names: str) -> tuple[Experiment, ...]:
@@ -145,24 +129,17 @@ def _small() -> tuple[tuple[str, int], ...]:
     return tuple(found)
 
 
-def _noisy() -> tuple[Experiment, ...]:
+def _experiments(build: Callable[..., Setup], prefix: str = "") -> tuple[Experiment, ...]:
     return tuple(
-        Experiment(f"noisy-{function}-{n}", noisy, "noise of 0.1 %", {"function": function, "n": n})
+        Experiment(f"{prefix}{function}-{n}", build, "", {"function": function, "n": n})
         for function, n in _small()
     )
 
 
-def _near() -> tuple[Experiment, ...]:
-    return tuple(
-        Experiment(f"{function}-{n}", more_wild, "no noise", {"function": function, "n": n})
-        for function, n in _small()
-    )
-
-
-TEMPERAMENTS: Mapping[str, Temperament] = {
+KINDS: Mapping[str, Kind] = {
     one.name: one
     for one in (
-        Temperament(
+        Kind(
             "well-behaved",
             "the start is near, the residuals at the answer are small, and the data determine all "
             "unknowns",
@@ -170,56 +147,56 @@ TEMPERAMENTS: Mapping[str, Temperament] = {
             (*JACOBIAN, *GENERAL),
             3,
         ),
-        Temperament(
+        Kind(
             "far start",
             "the start is ten times as far from the origin as the usual one",
             _far(),
             (*JACOBIAN, *GENERAL, "newton", "ipopt-exact"),
             1,
         ),
-        Temperament(
+        Kind(
             "noisy",
             "the cost is a sum of squares times 1 + 0.001 phi(x), where phi oscillates quickly",
-            _noisy(),
+            _experiments(noisy, "noisy-"),
             (*JACOBIAN, *GENERAL, "nlopt-bobyqa"),
             2,
             1e-3,
         ),
-        Temperament(
+        Kind(
             "bounds",
             "some unknowns end at their bounds",
             _of("bodies", "bounds"),
             (*BOUNDED, *GENERAL),
             8,
         ),
-        Temperament(
+        Kind(
             "constraints",
             "the answer has to satisfy equations and inequalities",
             (Experiment("standing", standing, "feet on the floor, wrists apart"),),
             CONSTRAINED,
             8,
         ),
-        Temperament(
+        Kind(
             "many unknowns",
             "there are hundreds or thousands of unknowns, and each shares residuals with only a "
             "few others",
             (
-                Experiment("chained-valleys", chained, "extended Rosenbrock, 1,000 unknowns"),
-                Experiment("tridiagonal", tridiagonal, "Broyden's, 1,000 unknowns"),
+                Experiment("chained-valleys", many, "extended Rosenbrock, 1,000 unknowns"),
+                Experiment("tridiagonal", many, "", {"function": "mgh-broyden-tridiagonal"}),
                 *_of("bodies", "video"),
             ),
             ("levenberg-marquardt", "gauss-newton", "scipy-trf", *GENERAL),
             3,
         ),
-        Temperament(
-            "no derivatives",
+        Kind(
+            WITHOUT,
             "a program that cannot be differentiated computes the residual, and there are at most "
             "six unknowns",
-            _near(),
+            _experiments(more_wild),
             ("trust-region", "levenberg-marquardt", "scipy-lm", "nlopt-lbfgs", "nlopt-bobyqa"),
             2,
         ),
-        Temperament(
+        Kind(
             "several minima",
             "the cost has several minima, and a start may lead to one that is not the lowest",
             _of("bodies", "one-camera", "outliers-geman-mcclure"),

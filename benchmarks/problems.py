@@ -1,15 +1,18 @@
-"""Bodies in SMPL's shape made of random numbers, and the problems that are timed on them."""
+"""Bodies in SMPL's shape made of random numbers, the problems that are timed on them, and linear
+blend skinning as one would write it, in NumPy or in jax.numpy.
+"""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_array
 
 import workbench as wb
 from workbench.arrays import Array
+from workbench.bodies.catalogue import load_skinned
 
-EMBEDDED = ("small", "default", "full")
-SIZES = (700, 1700, 6890)
+BODIES = ("700", "1700", "6890", "small", "default", "full")
 SIGMA = 0.01  # m, of the observed vertices
 PARENTS = (-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21)
 JOINTS, BETAS, WEIGHTS = len(PARENTS), 10, 4
@@ -79,7 +82,7 @@ def random_body(n_vertices: int, seed: int = 0) -> wb.SkinnedBody:
 
 def body_called(name: str) -> wb.SkinnedBody:
     """An embedded body by its name, or a random one by its number of vertices."""
-    return random_body(int(name)) if name.isdigit() else wb.load_body(name)
+    return random_body(int(name)) if name.isdigit() else load_skinned(name)
 
 
 def _shares(rng: np.random.Generator, rows: int, columns: int, filled: int) -> Array:
@@ -88,3 +91,51 @@ def _shares(rng: np.random.Generator, rows: int, columns: int, filled: int) -> A
     for row in shares:
         row[rng.choice(columns, filled, replace=False)] = rng.dirichlet(np.ones(filled))
     return shares
+
+
+def arrays_of(body: wb.SkinnedBody) -> tuple[Array, ...]:
+    """What `plain_vertices` reads, in the order that matrix products like.
+
+    Template (3 N,), shapedirs (B, 3 N), posedirs (9 (K - 1), 3 N), weights (N, K), and the joints,
+    which follow the betas directly: (3 K,) and (B, 3 K).
+    """
+    N, K, B = body.n_vertices, body.n_joints, body.n_betas
+    moved = body.J_regressor @ body.shapedirs.reshape(N, 3 * B)  # (K, 3 B)
+    return (
+        body.template.ravel(),
+        np.ascontiguousarray(body.shapedirs.reshape(3 * N, B).T),
+        np.ascontiguousarray(body.posedirs.reshape(3 * N, -1).T),
+        body.weights,
+        (body.J_regressor @ body.template).ravel(),
+        np.ascontiguousarray(moved.reshape(3 * K, B).T),
+    )
+
+
+def plain_vertices(xp: Any, arrays: Any, parents: tuple[int, ...], x: Any) -> Any:
+    """(N, 3) m at x = (pose, betas, trans), flat, computed by the module xp; arrays in order."""
+    template, shapedirs, posedirs, weights, joints, joint_shapedirs = arrays
+    K, B = len(parents), len(shapedirs)
+    pose, betas, trans = x[: 3 * K].reshape(K, 3), x[3 * K : 3 * K + B], x[3 * K + B :]
+    R = _rotations(xp, pose)
+    rest = (joints + betas @ joint_shapedirs).reshape(K, 3)
+    turned, at = [R[0]], [rest[0]]
+    for k in range(1, K):
+        parent = parents[k]
+        turned.append(turned[parent] @ R[k])
+        at.append(turned[parent] @ (rest[k] - rest[parent]) + at[parent])
+    Q, t = xp.stack(turned), xp.stack(at)
+    shift = t - xp.einsum("kdc,kc->kd", Q, rest)
+    G = xp.concatenate([Q, shift[:, :, None]], axis=2).reshape(K, 12)
+    features = (R[1:] - xp.eye(3)).reshape(-1)
+    v = (template + betas @ shapedirs + features @ posedirs).reshape(-1, 3)
+    M = (weights @ G).reshape(-1, 3, 4)
+    return xp.einsum("ndc,nc->nd", M[:, :, :3], v) + M[:, :, 3] + trans
+
+
+def _rotations(xp: Any, pose: Any) -> Any:
+    """exp([pose_k]x), (K, 3, 3), by Rodrigues' formula, smooth at zero."""
+    t = xp.sqrt((pose**2).sum(axis=1) + 1e-32)[:, None, None]
+    zero = xp.zeros_like(pose[:, 0])
+    a, b, c = pose[:, 0], pose[:, 1], pose[:, 2]
+    S = xp.stack([zero, -c, b, c, zero, -a, -b, a, zero], axis=1).reshape(-1, 3, 3)
+    return xp.eye(3) + xp.sin(t) / t * S + 2 * (xp.sin(t / 2) / t) ** 2 * (S @ S)
