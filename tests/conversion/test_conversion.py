@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import workbench as wb
-from benchmarks.clips_made_up import clip
+from tests.clips_made_up import clip
 from tests.bodies.model_files import with_fingers, written
 from tests.bodies_made_up import tube_body
 from workbench.bodies.body import Body

@@ -1,23 +1,16 @@
 """Rigid registration beside open3d's: the same partial scans, the same starts, the same target.
 
-    python -m benchmarks.rigid
-
-registers made-up scans of `default` and keeps every error in `results/rigid.json`. The table goes
-to README.md. Without open3d, which is in the extra `bench` and needs the system's libusb-1.0, only
-our rows are measured.
+Without open3d, which is in the extra `bench` and needs the system's libusb-1.0, only our rows are
+measured.
 """
 
-import argparse
-import json
 import time
-from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from benchmarks import machine
-from benchmarks.keeping import keep, write_between
+from benchmarks.measuring import table
 from workbench.arrays import Array
 from workbench.bodies.catalogue import load_body
 from workbench.geometry.rigid import Similarity
@@ -33,9 +26,6 @@ from workbench.registration import (
     random_surface_points,
 )
 
-HERE = Path(__file__).parent
-README = HERE / "README.md"
-BEGIN, END = "<!-- written by `python -m benchmarks.rigid` -->", "<!-- rigid: up to here -->"
 SCANS, POINTS, TARGET = 40, 3000, 20_000
 NOISE, GATE, SCALE = 0.002, 0.2, 0.02  # m
 CLUTTER, AROUND = 0.1, 0.1  # of the points; m beyond the box of the scan
@@ -137,10 +127,10 @@ def theirs(case: Case) -> dict[str, Register]:
     }
 
 
-def measure(scans: int = SCANS) -> dict[str, Any]:
-    """For each row: degrees, mm (mean over the scan's points) and CPU seconds of each scan."""
+def measured(quick: bool) -> dict[str, object]:
+    """For each row: median and largest degrees and mm (mean over the scan's points), median CPU."""
     found: dict[str, Any] = {}
-    for seed in range(scans):
+    for seed in range(1 if quick else SCANS):
         case = Case(seed)
         for name, register in (ours(case) | theirs(case)).items():
             began = time.process_time()
@@ -152,40 +142,28 @@ def measure(scans: int = SCANS) -> dict[str, Any]:
             row["degrees"].append(float(np.degrees(turned)))
             row["mm"].append(float(1e3 * np.linalg.norm(off, axis=1).mean()))
             row["seconds"].append(took)
-    return found
+    return {
+        name: {
+            "scans": len(row["mm"]),
+            "degrees": [float(np.median(row["degrees"])), max(row["degrees"])],
+            "mm": [float(np.median(row["mm"])), max(row["mm"])],
+            "within 20 mm": int(np.sum(np.array(row["mm"]) <= 20)),
+            "ms": 1e3 * float(np.median(row["seconds"])),
+        }
+        for name, row in found.items()
+    }
 
 
-def table(found: Mapping[str, Any]) -> str:
-    """As Markdown: medians and largest errors, and how many scans ended within 20 mm."""
-    count = len(next(iter(found.values()))["mm"])
-    lines = [
-        f"| {count} scans, {POINTS:,} points each | rotation, degrees: median | largest "
-        "| distance, mm: median | largest | within 20 mm | CPU, ms: median |",
-        "| --- |" + " --: |" * 6,
-    ]
+def tables(found: dict[str, Any]) -> str:
+    """Medians and largest errors, and how many scans ended within 20 mm."""
+    rows = []
     for name, row in found.items():
-        turned, off = np.array(row["degrees"]), np.array(row["mm"])
-        cells = [f"{np.median(turned):.3f}", f"{turned.max():.3g}", f"{np.median(off):.2f}"]
-        cells += [f"{off.max():.3g}", str(int(np.sum(off <= 20)))]
-        cells += [f"{1e3 * np.median(row['seconds']):.0f}"]
-        lines.append(f"| {name} | {' | '.join(cells)} |")
-    return "\n".join(lines)
-
-
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Measure, keep the numbers and write the table."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.rigid", description=__doc__)
-    parser.add_argument("--scans", type=int, default=SCANS)
-    parser.add_argument("--out", type=Path, default=HERE, help="where results/ is written")
-    asked = parser.parse_args(arguments)
-    facts = machine.description((*machine.PACKAGES, "open3d"))
-    found = measure(asked.scans)
-    print(table(found))
-    kept = asked.out / "results" / "rigid.json"
-    keep(kept, {"machine": facts | {"load after": machine.load()}, "found": found}, digits=5)
-    if asked.out == HERE:
-        write_between(README, BEGIN, END, table(json.loads(kept.read_text())["found"]))
-
-
-if __name__ == "__main__":
-    main()
+        (turned, most_turned), (off, most_off) = row["degrees"], row["mm"]
+        errors = f"{turned:.3f}", f"{most_turned:.3g}", f"{off:.2f}", f"{most_off:.3g}"
+        rows.append((name, *errors, row["within 20 mm"], f"{row['ms']:.0f}"))
+    scans = next(iter(found.values()))["scans"]
+    head = (
+        *(f"{scans} scans, {POINTS:,} points each", "rotation, degrees: median", "largest"),
+        *("distance, mm: median", "largest", "within 20 mm", "CPU, ms: median"),
+    )
+    return table(head, rows)

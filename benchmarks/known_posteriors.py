@@ -1,11 +1,12 @@
 """Posteriors whose marginals are known: whether intervals that are called usable are right.
 
-Four densities were looked at beforehand (`TUNING`) and are not reported.
+Thresholds of mixing are those that the workbench had before these densities were made up; four
+others (a narrower banana, equal modes, a bound, and a Gaussian of ten numbers) had been looked at
+beforehand, and are not here.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import casadi as cs
@@ -13,14 +14,11 @@ import numpy as np
 import scipy.stats
 
 import workbench as wb
-from benchmarks.posterior.pieces import Pieces
 from workbench.arrays import Array
 from workbench.sampling import sample
 
-LEVEL = 0.9
 OFF = 0.15  # of the width of an interval: more, and it is wrong
 EXACT = 2_000_000  # exact draws, where no formula gives the quantiles
-TUNING = ("banana", "two modes", "bounded", "Gaussian, 10")
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,16 +53,16 @@ def gaussian(k: int, condition: float, names: tuple[str, ...] | None, steps: int
     return Known(problem, {"x": np.zeros(k)}, names, _normal(np.sqrt(np.diag(C))[list(at)]), steps)
 
 
-def banana(variance: float) -> Known:
-    """x ~ N(1, v) and y given x ~ N(x^2, 1/10)."""
+def banana() -> Known:
+    """x ~ N(1, 1) and y given x ~ N(x^2, 1/10)."""
     x = wb.Block("x", (2,))
     first, second = x.symbol[0], x.symbol[1]
     terms = [
         wb.Residual("valley", second - first**2, np.sqrt(0.1)),
-        wb.Residual("along", first - 1, np.sqrt(variance)),
+        wb.Residual("along", first - 1, 1.0),
     ]
     rng = np.random.default_rng(0)
-    one = 1 + np.sqrt(variance) * rng.standard_normal(EXACT)
+    one = 1 + rng.standard_normal(EXACT)
     two = one**2 + np.sqrt(0.1) * rng.standard_normal(EXACT)
     problem = wb.Problem(terms, "x", blocks=[x])
     return Known(problem, {"x": np.ones(2)}, None, _exact(np.column_stack([one, two])))
@@ -112,16 +110,6 @@ def student(freedom: float, k: int) -> Known:
     ends = np.tile(scipy.stats.t(freedom).ppf([0.05, 0.95]), (k, 1))
     problem = wb.Problem([wb.Residual("tails", root, 1.0)], "x", blocks=[x])
     return Known(problem, {"x": np.full(k, 0.01)}, None, ends)
-
-
-def bounded() -> Known:
-    """A standard normal of two, the first above 1."""
-    x = wb.Block("x", (2,))
-    problem = wb.Problem(
-        [wb.residuals.gaussian(x.symbol)], "x", {"x": ([1.0, -np.inf], np.inf)}, [x]
-    )
-    ends = [scipy.stats.truncnorm(1, np.inf).ppf([0.05, 0.95]), scipy.stats.norm.ppf([0.05, 0.95])]
-    return Known(problem, {"x": np.array([1.5, 0.0])}, None, np.array(ends))
 
 
 def leaning() -> Known:
@@ -178,11 +166,7 @@ def wide_funnel() -> Known:
 
 
 DENSITIES: dict[str, Callable[[], Known]] = {
-    "banana": lambda: banana(0.3),
-    "two modes": lambda: two_modes(3.0, 0.5),
-    "bounded": bounded,
-    "Gaussian, 10": lambda: gaussian(10, 1e4, None, 4000),
-    "wide banana": lambda: banana(1.0),
+    "wide banana": banana,
     "funnel": funnel,
     "unequal modes": lambda: two_modes(2.5, 0.3),
     "Student, 4": lambda: student(4.0, 3),
@@ -196,42 +180,34 @@ DENSITIES: dict[str, Callable[[], Known]] = {
 
 
 def judged(known: Known, seed: int) -> dict[str, Any]:
-    """One run: its verdict, by how much the width of its worst interval is off, and its worst end.
+    """One run: its verdict, and whether its intervals are right.
 
-    The distance of an end from where it should be is divided by the width that there should be.
+    An interval is wrong if its width is off by more than OFF, or one of its ends by more than that
+    share of the width.
     """
     posterior = sample(known.problem, known.at, known.names, seed=seed, steps=known.steps)
     found = np.quantile(posterior.flat, [0.05, 0.95], axis=0)
-    off = np.ptp(found, axis=0) / np.ptp(known.ends, axis=1) - 1
-    return {
-        "usable": posterior.usable,
-        "off": float(off[np.argmax(abs(off))]),
-        "end": float(np.max(abs(found - known.ends.T) / np.ptp(known.ends, axis=1))),
-        "verdict": posterior.judgement[0].name,
-        "seconds": round(posterior.seconds, 2),
-    }
-
-
-def of_densities(names: Sequence[str], seeds: Sequence[int], pieces: Pieces) -> dict[str, Any]:
-    """Every density with every seed."""
-    every = {name: DENSITIES[name]() for name in names}
-    found: dict[str, Any] = {name: [] for name in names}
-    for seed in seeds:
-        for name, known in every.items():
-            run = pieces.once(f"{name}, seed {seed}", partial(judged, known, seed))
-            found[name].append(run)
-        wrong = {name: counted(runs) for name, runs in found.items()}
-        print(f"seed {seed}: {wrong}", flush=True)
-    return found
+    width = np.ptp(known.ends, axis=1)
+    off = abs(np.ptp(found, axis=0) / width - 1).max(), (abs(found - known.ends.T) / width).max()
+    return {"usable": posterior.usable, "right": bool(max(off) <= OFF)}
 
 
 def counted(runs: Sequence[dict[str, Any]]) -> dict[str, int]:
-    """How many runs are usable, wrong although usable, and refused although right."""
-    right = [max(abs(run["off"]), run["end"]) <= OFF for run in runs]
+    """How many runs are right, usable, wrong although usable, and refused although right."""
     return {
         "runs": len(runs),
-        "right": sum(right),
+        "right": sum(run["right"] for run in runs),
         "usable": sum(run["usable"] for run in runs),
-        "wrong": sum(run["usable"] and not fine for run, fine in zip(runs, right, strict=True)),
-        "refused": sum(not run["usable"] and fine for run, fine in zip(runs, right, strict=True)),
+        "wrong": sum(run["usable"] and not run["right"] for run in runs),
+        "refused": sum(run["right"] and not run["usable"] for run in runs),
     }
+
+
+def verdicts(names: Sequence[str], seeds: Sequence[int]) -> dict[str, dict[str, int]]:
+    """The counts of some densities, each with every seed."""
+    found = {}
+    for name in names:
+        known = DENSITIES[name]()
+        found[name] = counted([judged(known, seed) for seed in seeds])
+        print(name, found[name], flush=True)
+    return found
