@@ -3,6 +3,7 @@
 import argparse
 import sys
 from collections.abc import Sequence
+from contextlib import nullcontext
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -40,14 +41,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
         options: dict[str, Any] = {"parts": parts} if hasattr(module, "PARTS") else {}
         if name == "solvers":
             options["purpose"] = asked.purpose
-        try:
-            found = module.measured(asked.quick, **options)
-        except measuring.MissingData as error:
-            print(f"{name} is not measured: {error}", file=sys.stderr)
-            continue
-        if hasattr(module, "PARTS"):
-            found = measuring.beside_kept(name, found, folder)
-        measuring.keep(name, found, folder, getattr(module, "PACKAGES", ()))
+        with measuring.on_one_core() if name == "performance" else nullcontext():
+            try:
+                found = module.measured(asked.quick, **options)
+            except measuring.MissingData as error:
+                print(f"{name} is not measured: {error}", file=sys.stderr)
+                continue
+            if hasattr(module, "PARTS"):
+                found = measuring.beside_kept(name, found, folder)
+            measuring.keep(name, found, folder, getattr(module, "PACKAGES", ()))
         print(module.tables(found), flush=True)
     if not asked.quick:
         write_pages()

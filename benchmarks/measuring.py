@@ -214,12 +214,12 @@ def beside_kept(name: str, found: Mapping[str, Any], folder: Path = RESULTS) -> 
 
 
 def write_json(file: Path, data: Any, digits: int) -> None:
-    """Numbers to so many digits, and every list of numbers on a line of its own."""
+    """Numbers to so many digits, and what holds nothing but numbers and texts on one line."""
     rounded = json.loads(
         json.dumps(data), parse_float=lambda said: float(f"{float(said):.{digits}g}")
     )
     text = json.dumps(rounded, indent=1, ensure_ascii=False)
-    text = re.sub(r"\[[^][{}]*\]", lambda match: " ".join(match[0].split()), text)
+    text = re.sub(r"\[[^][{}]*\]|{[^][{}]*}", lambda match: " ".join(match[0].split()), text)
     file.parent.mkdir(parents=True, exist_ok=True)
     file.write_text(text + "\n", encoding="utf-8")
 

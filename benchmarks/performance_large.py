@@ -24,6 +24,7 @@ from typing import Any
 import casadi as cs
 import nlopt
 import numpy as np
+import trimesh
 from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import lsmr, spsolve
 
@@ -42,6 +43,7 @@ from benchmarks.measuring import (
 )
 from benchmarks.problems import SIGMA, Case, body_called, case_of
 from workbench.arrays import Array, Index
+from workbench.bodies.catalogue import load_skinned
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.geometry.surface_search import IN_NUMPY, SearchBackend
 from workbench.geometry.surface_tree import SurfaceTree, compiled, quickest
@@ -52,26 +54,30 @@ BODY = "default"
 # Meshes to parameters
 
 NOISES = {"exact": 0.0, "5 mm": 0.005}  # m, standard deviation
-ITERATIONS = (1, 4)  # of smplfitter: its default, and the most that it calls reasonable
+ITERATIONS = (1, 4, 20)  # of smplfitter: its default, the most that it calls reasonable, and more
 PEOPLE = 20
 
 
 def meshes(quick: bool) -> dict[str, Any]:
     """By noise and method: the mean distance of vertices from the truth, mm, and seconds a fit."""
-    case = case_of(BODY, wb.load_body(BODY))
-    methods = {NUMPY: partial(_fitted, case), **_smplfitter(case.body)}
+    case = case_of(BODY, load_skinned(BODY))
+    methods: dict[str, Callable[[Array, Array], Array]] = {
+        NUMPY: lambda seen, _: _fitted(case, seen),
+        **_smplfitter(case.body),
+    }
     rng, found = np.random.default_rng(0), dict[str, Any]()
     people = case.people(2 if quick else PEOPLE)
+    joints = [case.body.joints(*case.problem.free.unpack(x).values()) for x in people]
     for noise, sigma in NOISES.items():
         truths = [case.vertices(x) for x in people]
         seen = [v + sigma * rng.standard_normal(v.shape) for v in truths]
         found[noise] = {}
         for name, fit in methods.items():
-            fit(seen[0])  # compiles
+            fit(seen[0], joints[0])  # compiles
             away, seconds = [], []
-            for v, truth in zip(seen, truths, strict=True):
+            for v, J, truth in zip(seen, joints, truths, strict=True):
                 began = time.perf_counter()
-                fitted = fit(v)
+                fitted = fit(v, J)
                 seconds.append(time.perf_counter() - began)
                 away.append(1e3 * float(np.linalg.norm(fitted - truth, axis=1).mean()))
             found[noise][name] = {"mm": float(np.mean(away)), **timing(seconds)}
@@ -84,8 +90,10 @@ def _fitted(case: Case, seen: Array) -> Array:
     return case.body.vertices(*(solution.values[name] for name in ("pose", "betas", "trans")))
 
 
-def _smplfitter(body: wb.SkinnedBody) -> dict[str, Callable[[Array], Array]]:
-    """smplfitter's NumPy, which reads a body from a file in the form of SMPL-H's."""
+def _smplfitter(body: wb.SkinnedBody) -> dict[str, Callable[[Array, Array], Array]]:
+    """smplfitter with NumPy, of vertices alone and with the true joints; it reads a body from a
+    file in the form of SMPL-H's.
+    """
     if find_spec("smplfitter") is None:
         print("skipped smplfitter: not installed")
         return {}
@@ -107,16 +115,18 @@ def _smplfitter(body: wb.SkinnedBody) -> dict[str, Callable[[Array], Array]]:
         model = BodyModel("smplh16", "neutral", model_root=folder)
     fitter = BodyFitter(model)
 
-    def fit(iterations: int, seen: Array) -> Array:
+    def fit(iterations: int, with_joints: bool, seen: Array, joints: Array) -> Array:
         found = fitter.fit(
             seen[None].astype(np.float32),
+            joints[None].astype(np.float32) if with_joints else None,
             num_iter=iterations,
-            beta_regularizer=0,
+            beta_regularizer=0,  # its default, 1, is farther from the truth
             requested_keys=["vertices"],
         )
         return np.asarray(found["vertices"][0], dtype=float)
 
-    return {f"smplfitter, num_iter {n}": partial(fit, n) for n in ITERATIONS}
+    each = {f"smplfitter, num_iter {n}": partial(fit, n, False) for n in ITERATIONS}
+    return {**each, "smplfitter, num_iter 4, true joints": partial(fit, 4, True)}
 
 
 def table_of_meshes(found: Mapping[str, Any]) -> str:
@@ -248,44 +258,31 @@ def registration(name: str) -> tuple[wb.Problem, Array, Array]:
     return problem, *problem.split({"vertices": body.template})
 
 
-@dataclass(frozen=True, eq=False)
-class FreeVertices:
-    """Three ways to one step (3 N,) at x, of a problem whose Jacobian is J everywhere."""
-
-    problem: wb.Problem
-    fixed: Array
-    J: csc_array
-
-    def ours(self, x: Array) -> Array:
-        """As a solver takes it."""
-        return self.problem.linearize_at(x, self.fixed).step()
-
-    def direct(self, x: Array) -> Array:
-        """The normal equations, solved by SuperLU as it is."""
-        return spsolve(self.J.T @ self.J, -self.J.T @ self.problem.residual(x, self.fixed))
-
-    def krylov(self, x: Array) -> Array:
-        """By products with the Jacobian."""
-        return lsmr(self.J, -self.problem.residual(x, self.fixed), atol=DIGITS, btol=DIGITS)[0]
-
-
 def vertices(quick: bool) -> dict[str, Any]:
     """By body: unknowns, rows, seconds by candidate, bytes of a process that does one step."""
-    found: dict[str, Any] = {}
-    for name in ("small",) if quick else ("small", "default", "full"):
-        problem, x, fixed = registration(name)
-        each = FreeVertices(problem, fixed, csc_array(problem.linearize_at(x, fixed).jacobian))
-        ways = {OURS: each.ours, DIRECT: each.direct, KRYLOV: each.krylov}
-        inputs = [x + 1e-3 * k for k in range(4)]
-        for one in ways.values():
-            np.testing.assert_allclose(one(inputs[1]), each.ours(inputs[1]), rtol=0, atol=AGREE)
-        found[name] = {
-            "unknowns": problem.free.size,
-            "rows": problem.size,
-            "seconds": side_by_side(ways, inputs, 1 if quick else 12),
-            "bytes": in_a_process_of_its_own(memory_of_a_step, name),
-        }
-    return found
+    bodies = ("small",) if quick else ("small", "default", "full")
+    return {name: _vertices(name, 1 if quick else 12) for name in bodies}
+
+
+def _vertices(name: str, rounds: int) -> dict[str, Any]:
+    """Three ways to one step, of a problem whose Jacobian J is the same everywhere."""
+    problem, start, fixed = registration(name)
+    J: Any = problem.linearize_at(start, fixed).jacobian
+    steps: dict[str, Callable[[Array], Array]] = {
+        OURS: lambda x: problem.linearize_at(x, fixed).step(),
+        DIRECT: lambda x: spsolve(J.T @ J, -J.T @ problem.residual(x, fixed)),
+        KRYLOV: lambda x: lsmr(J, -problem.residual(x, fixed), atol=DIGITS, btol=DIGITS)[0],
+    }
+    inputs = [start + 1e-3 * k for k in range(4)]
+    expected = steps[OURS](inputs[1])
+    for step in steps.values():
+        np.testing.assert_allclose(step(inputs[1]), expected, rtol=0, atol=AGREE)
+    return {
+        "unknowns": problem.free.size,
+        "rows": problem.size,
+        "seconds": side_by_side(steps, inputs, rounds),
+        "bytes": in_a_process_of_its_own(memory_of_a_step, name),
+    }
 
 
 def memory_of_a_step(name: str) -> dict[str, int]:
@@ -320,26 +317,63 @@ PIXEL, DAMPING = 1.0, 1e-3  # px; of the steps that are compared
 
 @dataclass(frozen=True, eq=False)
 class Film:
-    """A sequence of so many frames, where a fit begins, and the same frames apart."""
+    """A video, where a fit of it begins, and a frame of it.
+
+    What is timed begins at points that differ from call to call by a number.
+    """
 
     frame: wb.Problem
     video: wb.Problem
     values: wb.Values
 
     @cached_property
-    def split(self) -> tuple[Array, Array]:
-        """The free and the fixed numbers."""
+    def start(self) -> tuple[Array, Array]:
+        """The free and the fixed numbers of the video."""
         return self.video.split(self.values)
 
     @cached_property
-    def apart(self) -> list[tuple[Array, Array]]:
-        """Those of every frame."""
+    def frames(self) -> list[tuple[Array, Array]]:
+        """Those of every frame alone."""
         own = {name for name, block in self.video.known.items() if block.framed}
-        count = len(self.values["trans"])
         return [
             self.frame.split({n: v[t] if n in own else v for n, v in self.values.items()})
-            for t in range(count)
+            for t in range(len(self.values["trans"]))
         ]
+
+    @cached_property
+    def here(self) -> wb.Linearization:
+        """The video where a fit begins."""
+        return self.video.linearize_at(*self.start)
+
+    @cached_property
+    def J(self) -> csc_array:
+        """Its Jacobian, for whoever solves by hand."""
+        J: Any = self.here.jacobian
+        return csc_array(J if isinstance(J, np.ndarray) else by_nonzeros(J))
+
+    def one_by_one(self, shift: float) -> None:
+        """Residual and Jacobian of every frame alone."""
+        for x, fixed in self.frames:
+            self.frame.linearize_at(x + shift, fixed)
+
+    def linearize(self, shift: float) -> None:
+        """Those of the video."""
+        x, fixed = self.start
+        self.video.linearize_at(x + shift, fixed)
+
+    def step(self, shift: float) -> Array:
+        """Normal equations and a damped step, of a Jacobian that is there."""
+        return wb.Linearization(self.here.residual + shift, self.here.jacobian).step(DAMPING)
+
+    def step_by_hand(self, shift: float) -> Array:
+        """The same by SciPy's SuperLU as it is."""
+        N = self.J.T @ self.J + DAMPING * diags_array(np.ones(self.J.shape[1]))
+        return np.asarray(spsolve(csc_array(N), -self.J.T @ (self.here.residual + shift)))
+
+    def iterations(self) -> list[float]:
+        """Seconds of each of a few iterations of a solve: linearize, step, judge, record."""
+        found = wb.LevenbergMarquardt(max_iterations=6).solve(self.video, self.values)
+        return [float(s) for s in np.diff([iterate.seconds for iterate in found.trace])]
 
 
 def film(frames: int, seen: str = JOINTS) -> Film:
@@ -358,7 +392,8 @@ def film(frames: int, seen: str = JOINTS) -> Film:
     way = np.stack([0.1 * np.sin(times[:, 0, 0] + k) for k in range(3)], axis=1)
     place = body.joints if of_joints else lambda *at: body.landmark("coco", *at)
     where = [place(one, shape, t) for one, t in zip(turns, way, strict=True)]
-    terms, numbers, cameras = [], {}, []
+    terms, cameras = [], list[str]()
+    numbers: dict[str, Array] = {}
     for i in range(4):
         camera = wb.Camera(f"camera {i + 1}/")
         K = np.array([[1000.0, 0, 500], [0, 1000.0, 500], [0, 0, 1]])  # px
@@ -386,43 +421,6 @@ def film(frames: int, seen: str = JOINTS) -> Film:
     return Film(frame, video, begin | numbers | start)
 
 
-@dataclass(frozen=True, eq=False)
-class VideoCandidates:
-    """What is timed, at points that differ from call to call by a number."""
-
-    film: Film
-
-    @cached_property
-    def here(self) -> wb.Linearization:
-        """The sequence where the fit begins."""
-        return self.film.video.linearize_at(*self.film.split)
-
-    @cached_property
-    def J(self) -> csc_array:
-        """Its Jacobian, for whoever solves by hand."""
-        J = self.here.jacobian
-        return csc_array(J if isinstance(J, np.ndarray) else by_nonzeros(J))
-
-    def apart(self, shift: float) -> None:
-        """Residual and Jacobian of every frame alone."""
-        for x, fixed in self.film.apart:
-            self.film.frame.linearize_at(x + shift, fixed)
-
-    def whole(self, shift: float) -> None:
-        """Those of the sequence."""
-        x, fixed = self.film.split
-        self.film.video.linearize_at(x + shift, fixed)
-
-    def step(self, shift: float) -> Array:
-        """Normal equations and a damped step, of a Jacobian that is there."""
-        return wb.Linearization(self.here.residual + shift, self.here.jacobian).step(DAMPING)
-
-    def direct(self, shift: float) -> Array:
-        """The same by SciPy's SuperLU as it is."""
-        N = self.J.T @ self.J + DAMPING * diags_array(np.ones(self.J.shape[1]))
-        return np.asarray(spsolve(csc_array(N), -self.J.T @ (self.here.residual + shift)))
-
-
 def videos(quick: bool) -> dict[str, Any]:
     """By what is seen: unknowns, rows and seconds by candidate; by the number of frames, seconds
     and bytes of a process of its own.
@@ -430,30 +428,26 @@ def videos(quick: bool) -> dict[str, Any]:
     frames, rounds = (4, 1) if quick else (200, 6)
     found: dict[str, Any] = {"seen": {}, "frames": {}}
     for name in (JOINTS, COCO):
-        each = VideoCandidates(film(frames, name))
-        expected = each.direct(1e-3)
+        made = film(frames, name)
+        expected = made.step_by_hand(1e-3)
         near = 1e-8 * np.abs(expected).max()
-        np.testing.assert_allclose(each.step(1e-3), expected, rtol=0, atol=near)
-        ways = {APART: each.apart, WHOLE: each.whole, STEP: each.step, STEP_BY_HAND: each.direct}
+        np.testing.assert_allclose(made.step(1e-3), expected, rtol=0, atol=near)
+        ways: dict[str, Callable[[float], object]] = {
+            APART: made.one_by_one,
+            WHOLE: made.linearize,
+            STEP: made.step,
+            STEP_BY_HAND: made.step_by_hand,
+        }
         seconds = side_by_side(ways, [1e-4 * k for k in range(1, 5)], rounds)
         # alternately, so that a disturbance meets both
-        both = [(_timed(each.apart, 1e-5 * k), iterations(each.film)) for k in range(rounds)]
+        both = [(_timed(made.one_by_one, 1e-5 * k), made.iterations()) for k in range(rounds)]
         seconds[APART] = timing([one for one, _ in both])
-        found["seen"][name] = {
-            "frames": frames,
-            "unknowns": each.film.video.free.size,
-            "rows": each.film.video.size,
-            "seconds": {**seconds, ITERATION: timing([s for _, several in both for s in several])},
-        }
+        seconds[ITERATION] = timing([s for _, several in both for s in several])
+        sizes = {"unknowns": made.video.free.size, "rows": made.video.size}
+        found["seen"][name] = {"frames": frames, **sizes, "seconds": seconds}
     for count in (3,) if quick else (200, 500, 1000, 2000):
         found["frames"][str(count)] = in_a_process_of_its_own(memory_of_a_video, count)
     return found
-
-
-def iterations(made: Film) -> list[float]:
-    """Seconds of each of a few iterations, as a solve has them: linearize, step, judge, record."""
-    found = wb.LevenbergMarquardt(max_iterations=6).solve(made.video, made.values)
-    return [float(s) for s in np.diff([iterate.seconds for iterate in found.trace])]
 
 
 def memory_of_a_video(frames: int) -> dict[str, Any]:
@@ -463,8 +457,7 @@ def memory_of_a_video(frames: int) -> dict[str, Any]:
     before = peak()
     made = film(frames)
     made.video.prepare()
-    each = iterations(made)
-    unknowns = made.video.free.size
+    each, unknowns = made.iterations(), made.video.free.size
     return {"unknowns": unknowns, "before": before, "peak": peak(), ITERATION: timing(each)}
 
 
@@ -507,80 +500,61 @@ PLACES = {"near": "near", "clutter": "20 % clutter", "off": "15 cm off"}
 REFIT = "refit"
 
 
-@dataclass(frozen=True, eq=False)
-class Surface:
-    """A mesh, (N, 3) m and (F, 3)."""
-
-    vertices: Array
-    faces: Index
-
-    @staticmethod
-    def of(name: str) -> "Surface":
-        """An embedded body at rest."""
-        body = wb.load_body(name)
-        return Surface(np.ascontiguousarray(body.template), np.ascontiguousarray(body.faces))
-
-    def points(self, kind: str, count: int, seed: int) -> Array:
-        """Points (count, 3) m, in no order: near the surface, with clutter, or all of them off."""
-        rng = np.random.default_rng(seed)
-        corners = self.vertices[self.faces[rng.integers(len(self.faces), size=count)]]
-        found = np.einsum("ik,ikj->ij", rng.dirichlet(np.ones(3), count), corners)
-        found += NOISE * rng.standard_normal(found.shape)
-        if kind == "clutter":
-            low, high = self.vertices.min(axis=0) - ROOM, self.vertices.max(axis=0) + ROOM
-            some = rng.random(count) < CLUTTER
-            found[some] = rng.uniform(low, high, (int(some.sum()), 3))
-        return np.asarray(found + [OFF if kind == "off" else 0, 0, 0])
+def points_about(mesh: trimesh.Trimesh, kind: str, count: int, seed: int) -> Array:
+    """Points (count, 3) m, in no order: near the surface, with clutter, or all of them off."""
+    rng = np.random.default_rng(seed)
+    corners = mesh.vertices[mesh.faces[rng.integers(len(mesh.faces), size=count)]]
+    found = np.einsum("ik,ikj->ij", rng.dirichlet(np.ones(3), count), corners)
+    found += NOISE * rng.standard_normal(found.shape)
+    if kind == "clutter":
+        low, high = mesh.bounds + [[-ROOM], [ROOM]]
+        some = rng.random(count) < CLUTTER
+        found[some] = rng.uniform(low, high, (int(some.sum()), 3))
+    return np.asarray(found + [OFF if kind == "off" else 0, 0, 0])
 
 
 def closest(quick: bool) -> dict[str, Any]:
     """By kind of points: seconds by candidate; and those of a refit. All agree on distances."""
-    body, count, rounds = ("small", 200, 1) if quick else ("full", 40_000, 12)
-    surface = Surface.of(body)
-    searches = _searches(surface)
+    name, count, rounds = ("small", 200, 1) if quick else ("full", 40_000, 12)
+    body = wb.load_body(name)
+    mesh = trimesh.Trimesh(body.template, body.faces, process=False)
+    V, F = np.array(mesh.vertices), np.array(mesh.faces)
+    backends: dict[str, Callable[[], SearchBackend]] = {NUMPY: lambda: IN_NUMPY}
+    if compiled():
+        backends = {COMPILED: quickest, **backends}
+    trees = {way: SurfaceTree(V, F, backend) for way, backend in backends.items()}
+    searches: dict[str, Callable[[Array], Array]] = {
+        way: partial(_distances, tree) for way, tree in trees.items()
+    } | _libigl(V, F)
     seconds: dict[str, Any] = {}
     for kind in PLACES:
-        inputs = [surface.points(kind, count, seed) for seed in range(DIFFERENT)]
-        answers = {name: run(inputs[0]) for name, run in searches.items()}
-        for found in answers.values():
-            np.testing.assert_allclose(found, answers[NUMPY], rtol=0, atol=AGREE_CLOSEST)
+        inputs = [points_about(mesh, kind, count, seed) for seed in range(DIFFERENT)]
+        expected = searches[NUMPY](inputs[0])
+        for search in searches.values():
+            np.testing.assert_allclose(search(inputs[0]), expected, rtol=0, atol=AGREE_CLOSEST)
         slow = {NUMPY: searches[NUMPY]}  # not among the others, whose turns would be far apart
-        quick_ones = {name: run for name, run in searches.items() if name not in slow}
-        seconds[kind] = side_by_side(quick_ones, inputs, rounds)
+        others = {way: run for way, run in searches.items() if way not in slow}
+        seconds[kind] = side_by_side(others, inputs, rounds)
         seconds[kind] |= side_by_side(slow, inputs, min(rounds, FEW))
-    moved = [surface.vertices * (1 + 0.01 * k) for k in range(DIFFERENT)]
-    refits = {name: tree.moved for name, tree in _trees(surface).items()}
-    seconds[REFIT] = side_by_side(refits, moved, rounds)
-    return {"body": body, "faces": len(surface.faces), "points": count, "seconds": seconds}
+    moved = [V * (1 + 0.01 * k) for k in range(DIFFERENT)]
+    seconds[REFIT] = side_by_side({way: t.moved for way, t in trees.items()}, moved, rounds)
+    return {"body": name, "faces": len(F), "points": count, "seconds": seconds}
 
 
-def _trees(surface: Surface) -> dict[str, SurfaceTree]:
-    ways: dict[str, Callable[[], SearchBackend]] = {NUMPY: lambda: IN_NUMPY}
-    if compiled():
-        ways = {COMPILED: quickest, **ways}
-    return {name: SurfaceTree(surface.vertices, surface.faces, way) for name, way in ways.items()}
+def _distances(tree: SurfaceTree, points: Array) -> Array:
+    """(M,) m, never negative."""
+    return np.abs(tree.closest(points).distances)
 
 
-def _searches(surface: Surface) -> Mapping[str, Callable[[Array], Array]]:
-    """What takes points (M, 3) m to distances (M,) m, never negative."""
-
-    def by_tree(tree: SurfaceTree, points: Array) -> Array:
-        return np.abs(tree.closest(points).distances)
-
-    found = {name: partial(by_tree, tree) for name, tree in _trees(surface).items()}
+def _libigl(V: Array, F: Index) -> dict[str, Callable[[Array], Array]]:
     if find_spec("igl") is None:
         print("skipped libigl: igl not installed")
-        return found
+        return {}
     import igl
 
     tree = igl.AABB()
-    tree.init(surface.vertices, surface.faces)
-
-    def by_igl(points: Array) -> Array:
-        squares, _, _ = tree.squared_distance(surface.vertices, surface.faces, points)
-        return np.sqrt(squares)
-
-    return {**found, IGL: by_igl}
+    tree.init(V, F)
+    return {IGL: lambda points: np.sqrt(tree.squared_distance(V, F, points)[0])}
 
 
 def table_of_closest(found: Mapping[str, Any]) -> str:

@@ -12,7 +12,7 @@ import workbench as wb
 from workbench.arrays import Array
 from workbench.bodies.catalogue import load_skinned
 
-BODIES = ("700", "1700", "6890", "small", "default", "full")
+BODIES = ("6890", "small", "default", "full")
 SIGMA = 0.01  # m, of the observed vertices
 PARENTS = (-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21)
 JOINTS, BETAS, WEIGHTS = len(PARENTS), 10, 4
