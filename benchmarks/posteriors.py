@@ -35,6 +35,7 @@ from workbench.sampling import fixed, laplace, sample
 from workbench.sampling.modes import Mode
 from workbench.threads import limited_threads
 
+PACKAGES = ("emcee", "nutpie", "arviz")
 LEVEL = 0.9
 SEEDS, FITS = 20, 200  # of each known density, and of each simulated problem
 UNLIKELY = 1e-3  # over all entries of a problem together

@@ -48,6 +48,7 @@ from workbench.synthetic import (
     scanners,
 )
 
+PACKAGES = ("trimesh",)
 GOOD = 20.0  # mm, mean over the vertices: a fit that is not farther off has succeeded
 OWN_SHAPE, NOISE, STEEPEST = 0.005, 0.002, 1.4  # m, m, rad
 SCENES = {  # the number of views, whether the fit is told of the camera, and the seeds
