@@ -22,12 +22,12 @@ import numpy as np
 import scipy.stats
 
 import workbench as wb
+from benchmarks.accuracy import share
 from benchmarks.known_posteriors import DENSITIES, verdicts
 from benchmarks.measuring import table
 from benchmarks.problems import random_body
 from workbench.arrays import Array, Index
 from workbench.blocks.layout import entries
-from workbench.comparison.statistics import rate
 from workbench.errors import WorkbenchError
 from workbench.experiments import find
 from workbench.problem.costs import compiled, interpreted
@@ -386,9 +386,8 @@ def tables(found: dict[str, Any]) -> str:
     head = ("density", "runs", "right", "called usable", "usable, but wrong", "refused, but right")
     right, usable, wrong, refused = (sum(one[key] for one in counts.values()) for key in keys[1:])
     text += (
-        f"\n{table(head, rows)}\nOf {usable} runs called usable, {wrong} are wrong "
-        f"({_share(wrong, usable)}); of {right} runs that are right, {refused} are refused "
-        f"({_share(refused, right)}).\n\n"
+        f"\n{table(head, rows)}\nWrong of those called usable: {share(wrong, usable)}. Refused of "
+        f"those that are right: {share(refused, right)}.\n\n"
     )
     rows = []
     for name, one in found["coverage"].items():
@@ -406,8 +405,3 @@ def tables(found: dict[str, Any]) -> str:
         *("band", "of all entries"),
     )
     return text + table(head, rows)
-
-
-def _share(count: int, of: int) -> str:
-    share = rate(count, of)
-    return f"95 % interval {share.low:.1%} to {share.high:.1%}"
