@@ -22,12 +22,12 @@ import numpy as np
 import scipy.stats
 
 import workbench as wb
+from benchmarks.accuracy import share
 from benchmarks.known_posteriors import DENSITIES, verdicts
 from benchmarks.measuring import table
 from benchmarks.problems import random_body
 from workbench.arrays import Array, Index
 from workbench.blocks.layout import entries
-from workbench.comparison.statistics import rate
 from workbench.errors import WorkbenchError
 from workbench.experiments import find
 from workbench.problem.costs import compiled, interpreted
@@ -35,6 +35,7 @@ from workbench.sampling import fixed, laplace, sample
 from workbench.sampling.modes import Mode
 from workbench.threads import limited_threads
 
+PACKAGES = ("emcee", "nutpie", "arviz")
 LEVEL = 0.9
 SEEDS, FITS = 20, 200  # of each known density, and of each simulated problem
 UNLIKELY = 1e-3  # over all entries of a problem together
@@ -385,9 +386,8 @@ def tables(found: dict[str, Any]) -> str:
     head = ("density", "runs", "right", "called usable", "usable, but wrong", "refused, but right")
     right, usable, wrong, refused = (sum(one[key] for one in counts.values()) for key in keys[1:])
     text += (
-        f"\n{table(head, rows)}\nOf {usable} runs called usable, {wrong} are wrong "
-        f"({_share(wrong, usable)}); of {right} runs that are right, {refused} are refused "
-        f"({_share(refused, right)}).\n\n"
+        f"\n{table(head, rows)}\nWrong of those called usable: {share(wrong, usable)}. Refused of "
+        f"those that are right: {share(refused, right)}.\n\n"
     )
     rows = []
     for name, one in found["coverage"].items():
@@ -405,8 +405,3 @@ def tables(found: dict[str, Any]) -> str:
         *("band", "of all entries"),
     )
     return text + table(head, rows)
-
-
-def _share(count: int, of: int) -> str:
-    share = rate(count, of)
-    return f"95 % interval {share.low:.1%} to {share.high:.1%}"

@@ -9,6 +9,7 @@ import os
 from pathlib import Path
 
 from benchmarks.measuring import MissingData
+from workbench.comparison.statistics import rate
 
 NAMES = (
     *("images", "markers", "scans", "rigid", "hands"),
@@ -37,3 +38,11 @@ def needed(variable: str) -> Path:
 def is_here(variable: str) -> bool:
     """Whether that file is there."""
     return bool(os.environ.get(variable)) and Path(os.environ[variable]).exists()
+
+
+def share(k: int, n: int) -> str:
+    """`k of n`, and between which shares it lies with a confidence of 95 %."""
+    if not n:
+        return "0 of 0"
+    found = rate(k, n)
+    return f"{k} of {n} ({100 * found.low:.0f} to {100 * found.high:.0f} %)"

@@ -17,7 +17,7 @@ import trimesh
 from scipy.sparse import csr_array
 from scipy.spatial.transform import Rotation
 
-from benchmarks.accuracy import HAND, WHEEL, is_here, needed
+from benchmarks.accuracy import HAND, WHEEL, is_here, needed, share
 from benchmarks.measuring import table
 from builder.base_mesh import read_base_mesh
 from builder.hands.mesh import PARENTS, read_hand
@@ -29,7 +29,6 @@ from workbench.arrays import Array, Mask
 from workbench.bodies import HAND_POINTS, SkinnedBody
 from workbench.bodies.catalogue import load_skinned
 from workbench.bodies.forward.posing import Posing
-from workbench.comparison.statistics import rate
 from workbench.fitting import Scan, hand_problem, hand_start, pose_prior, read_scan, shape_prior
 from workbench.fitting.hands import points_of
 from workbench.geometry.surface_tree import SurfaceTree
@@ -256,10 +255,9 @@ def tables(found: dict[str, Any]) -> str:
     text += table(head, rows)
     rows = []
     for name, one in found["scans"].items():
-        r = rate(one["good"], one["hands"])
-        share = f"{one['good']} of {one['hands']} ({100 * r.low:.0f} to {100 * r.high:.0f} %)"
+        good = share(one["good"], one["hands"])
         errors = (one[key] for key in ("mean", "seen", "free", "worst", "seconds"))
-        rows.append((name, share, *("" if x is None else f"{x:.2f}" for x in errors)))
+        rows.append((name, good, *("" if x is None else f"{x:.2f}" for x in errors)))
     head = (
         *("simulated scans, mm", f"mean below {GOOD:g} mm", "mean", "mean where seen"),
         *("mean, vertices free", "worst mean", "CPU s"),

@@ -13,13 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.accuracy import RECORDING, is_here, needed
+from benchmarks.accuracy import RECORDING, is_here, needed, share
 from benchmarks.measuring import table
 from workbench import load_body, solve
 from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
-from workbench.comparison.statistics import rate
 from workbench.errors import check_known
 from workbench.experiments.balance import balance, balance_clip, observations, published
 from workbench.fitting import keypoint_fit, photograph
@@ -356,10 +355,8 @@ def tables(found: dict[str, Any]) -> str:
     for scene, recipes in found["images"].items():
         rows = []
         for name, one in recipes.items():
-            share = 100 * np.array([(r := rate(one["failed"], one["fits"])).value, r.low, r.high])
             errors = [f"{one[key]:.1f}" for key in ("MPJPE", "PA", "absolute")]
-            failed = f"{share[0]:.1f} % ({share[1]:.0f} to {share[2]:.0f})"
-            rows.append((name, *errors, failed, f"{one['ms']:.0f}"))
+            rows.append((name, *errors, share(one["failed"], one["fits"]), f"{one['ms']:.0f}"))
         fits = next(iter(recipes.values()))["fits"]
         text += f"{TITLES[scene]} ({fits} fits):\n\n{table(head, rows)}\n"
     ratio, least, largest = (f"{found['spread'][n]:.1f}" for n in ("ratio", "least", "largest"))

@@ -27,6 +27,7 @@ from workbench.arrays import Array
 from workbench.priors.recordings import read_recording
 from workbench.training.rigging.rig import pose_rms, rig
 
+PACKAGES = ("py-dem-bones",)
 ADDED = {"moved": 0.15, "recorded": 0.0, "placed": 0.15}  # rad
 FAR = 1.0  # m, of the places in `placed`
 FRAMES, HELD_OUT = 120, 20

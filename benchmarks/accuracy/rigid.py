@@ -26,6 +26,7 @@ from workbench.registration import (
     random_surface_points,
 )
 
+PACKAGES = ("open3d",)
 SCANS, POINTS, TARGET = 40, 3000, 20_000
 NOISE, GATE, SCALE = 0.002, 0.2, 0.02  # m
 CLUTTER, AROUND = 0.1, 0.1  # of the points; m beyond the box of the scan

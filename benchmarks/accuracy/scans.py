@@ -14,13 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.accuracy import KINECT, RECORDING, is_here, needed
+from benchmarks.accuracy import KINECT, RECORDING, is_here, needed, share
 from benchmarks.measuring import table
 from workbench import load_body
 from workbench.arrays import Array, Mask
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
-from workbench.comparison.statistics import rate
 from workbench.fitting import boundary, read_scan
 from workbench.geometry.surface_tree import SurfaceTree
 from workbench.priors.poses import draw_poses, shipped_gaussian
@@ -48,6 +47,7 @@ from workbench.synthetic import (
     scanners,
 )
 
+PACKAGES = ("trimesh",)
 GOOD = 20.0  # mm, mean over the vertices: a fit that is not farther off has succeeded
 OWN_SHAPE, NOISE, STEEPEST = 0.005, 0.002, 1.4  # m, m, rad
 SCENES = {  # the number of views, whether the fit is told of the camera, and the seeds
@@ -301,13 +301,13 @@ def tables(found: dict[str, Any]) -> str:
     rows = [
         (
             name,
-            _share(one["good"], one["fits"]),
+            share(one["good"], one["fits"]),
             f"{one['error']:.1f}",
             f"{one['seen']:.1f} / {one['hidden']:.1f}",
             f"{one['worst']:.0f}",
             f"{one['CPU seconds'][0]:.1f} / {one['CPU seconds'][1]:.1f}",
-            _share(one["warned of bad"], one["fits"] - one["good"]),
-            _share(one["warned of good"], one["good"]),
+            share(one["warned of bad"], one["fits"] - one["good"]),
+            share(one["warned of good"], one["good"]),
         )
         for name, one in found["models"].items()
     ]
@@ -349,11 +349,3 @@ def _method(name: str, scans: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
         "" if name == PEER else f"{nearer} of {len(scans)}",
         spread(of["seconds"]),
     )
-
-
-def _share(k: int, n: int) -> str:
-    """k of n, and between which shares it lies."""
-    if not n:
-        return "0 of 0"
-    share = rate(k, n)
-    return f"{k} of {n} ({100 * share.low:.0f} to {100 * share.high:.0f} %)"
