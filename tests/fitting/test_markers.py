@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 
 import workbench as wb
-from benchmarks.images.markers import on_the_surface
+from benchmarks.accuracy.markers import on_the_surface
 from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.cli.fit import Worn, fit_markers

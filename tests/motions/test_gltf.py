@@ -14,8 +14,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import workbench as wb
-from benchmarks.clips_made_up import clip
 from tests.bodies.model_files import flame, with_fingers, written
+from tests.clips_made_up import clip
 from tests.motions.made_glb import NAMES, TRANS, made, places_of, turns, write_text
 from tests.tiers import few
 from workbench.errors import BadArgument, BadFile, UnknownName

@@ -92,7 +92,7 @@ INTERVAL_NOTE = (
     "given. Intervals 0.80 and 0.92 times as wide would have contained it in 90 %"
 )
 DIFFERENCE = 1e-5  # of an unknown, for a central difference
-# by `python -m benchmarks.images.one_camera --spread`; stored in benchmarks/results/images.json
+# by `python -m benchmarks accuracy images`; `spread` in benchmarks/results/accuracy_images.json
 SPREAD = (
     "too small: on 52 images of one real person, landmarks were 1.4 times as far from the truth "
     "(root mean square; 0.9 to 1.9 times, by landmark)"

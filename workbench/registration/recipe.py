@@ -48,7 +48,7 @@ def coupled(body: Body) -> tuple[VertexStage, ...]:
     """The stages of free vertices for a body: none for triangle bodies, which have no such term.
 
     The model follows the vertices of bodies of up to 3,000 vertices. For larger ones it is held,
-    because following takes three times as long, and twice the memory (benchmarks/REGISTRATION.md).
+    because following takes three times as long, and twice the memory (`benchmarks/DECISIONS.md`).
     """
     if not isinstance(body, SkinnedBody):
         return ()
