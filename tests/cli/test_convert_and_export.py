@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from benchmarks.clips_made_up import clip
 from tests.cli.conftest import Run
+from tests.clips_made_up import clip
 from tests.conversion.made_skeletons import KINDS, write_skeleton
 from workbench.motions import Trajectories, write_trc
 
@@ -64,10 +64,10 @@ def test_convert_fits_a_body_to_a_skeleton(tmp_path: Path, workbench: Run) -> No
     assert "22 of 22 points are joints of body 'small' by the names of LAFAN1" in out
     assert any(line.split()[:2] == ["left_knee", "LeftLeg"] for line in out.splitlines())
     assert len(wb.read_motion(tmp_path / "walk-small.npz")) == 3
-    text, lines = (tmp_path / "walk.bvh").read_text(), ["name;joint", "# of our own rig"]
+    text, lines = (tmp_path / "walk.bvh").read_text(), ["name;joint"]
     for k, (name, _, joint) in enumerate(kind.tree()):
         text = text.replace(f" {name}\n", f" Bone{k:02}\n")
-        lines += [f"bone{k:02};{joint}"] * ("spine" not in joint)
+        lines += [f"Bone{k:02};{joint}"] * ("spine" not in joint)
     (tmp_path / "walk.bvh").write_text(text)
     (tmp_path / "names.csv").write_text("\n".join(lines))
     code, _, wrong = workbench("convert", "walk.bvh", "--to", "small")

@@ -9,20 +9,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import workbench as wb
-from benchmarks.clips_made_up import clip
+from tests.clips_made_up import clip
 from tests.conversion.made_skeletons import KINDS, Kind, still, write_skeleton
 from workbench.bodies.files.joint_names import BODY, HANDS
 from workbench.conversion import PointFit, motion_from_points, motion_from_skeleton
-from workbench.errors import BadArgument, BadFile, UnknownName
+from workbench.errors import BadArgument
 from workbench.motions import Motion, read_bvh
-from workbench.motions.skeleton_names import (
-    read_names,
-    reading,
-    readings,
-    renamed,
-    skeletons,
-    words_of,
-)
+from workbench.motions.skeleton_names import reading, readings, skeletons, words_of
 from workbench.priors.recordings import recorded_motions
 
 SMALL, MALE = wb.load_body("small"), wb.load_body("default-male")
@@ -196,27 +189,3 @@ def test_skeletons_of_unknown_names_are_refused(tmp_path: Path) -> None:
     few = ["left_hip", "left_knee", "right_hip", "neck", *unknown[4:]]
     with pytest.raises(BadArgument, match="the body would be a statue"):
         motion_from_skeleton(found, SMALL, names=few)
-    with pytest.raises(BadArgument, match="no name in the file is Hip; there are Bone00"):
-        renamed(unknown, {"Hip": "pelvis"}, BODY)
-    with pytest.raises(UnknownName, match="no joint or point is called 'hips'; there are"):
-        renamed(unknown, {"Bone00": "hips"}, BODY)
-    assert renamed(["Bone", "arm"], {"bone": "pelvis"}, BODY) == ("pelvis", "")
-
-
-def test_bad_tables_of_names_are_refused(tmp_path: Path) -> None:
-    path = tmp_path / "names.csv"
-    path.write_bytes("\ufeffname,joint\nArm_L, left_shoulder\n\n".encode())
-    assert read_names(path) == {"Arm_L": "left_shoulder"}
-    for text, said in [
-        ("", "it has no names"),
-        ("Arm_L", "line 1 is 'Arm_L', and has not a name and a joint"),
-        ("a,b,c", "has not a name and a joint"),
-        ("a,pelvis\na,neck", "line 2 is 'a,neck', of which one was there"),
-        ("a,pelvis\nb,pelvis", "line 2 is 'b,pelvis', of which one was there"),
-    ]:
-        path.write_text(text)
-        with pytest.raises(BadFile, match=said):
-            read_names(path)
-    path.write_bytes(b"\xff\xfe")
-    with pytest.raises(BadFile, match="is no table of names"):
-        read_names(path)

@@ -25,6 +25,7 @@ from tests.bodies.random_bodies import decorated, entries
 from tests.fitting.mediapipe_made import mediapipe_results
 from tests.fitting.test_cameras import CALIBRATIONS, colmap, put, stored
 from tests.fitting.test_detector_files import READ
+from tests.geometry.mesh_files import skinned
 from tests.motions.made_files import MARKER_FILES, MOTION_FILES
 from tests.motions.made_results import RESULTS, truth
 from workbench import Block, Problem, Residual, load_body, save_body, solve
@@ -44,7 +45,6 @@ from workbench.fitting.marker_files import read_markers
 from workbench.fitting.scans.files import read_scan
 from workbench.geometry.meshes import read_mesh, write_mesh
 from workbench.motions import SoftTissue, load_tissue, read_motion, save_tissue
-from workbench.motions.skeleton_names import read_names, renamed
 from workbench.priors.poses import read_pose_gaussian, read_pose_mixture, read_pose_student
 from workbench.priors.recordings import read_recording
 from workbench.sampling.checkpoint import SavedEnsemble, load, save
@@ -559,6 +559,15 @@ def _markers(folder: Path) -> None:
         make(folder / name)
 
 
+def _labels(folder: Path) -> None:
+    MARKER_FILES["walk.trc"](folder / "walk.trc")
+    (folder / "labels.csv").write_text("label,marker\nLFHD,ARIEL\nC7,\n\nLHEE,HEEL\n")
+
+
+def _skinned(folder: Path) -> None:
+    (folder / "mesh.glb").write_bytes(skinned()[0])
+
+
 def _sound_markers(found: list[Any]) -> None:
     for recording in found:
         T, M, _ = recording.markers.shape
@@ -566,17 +575,6 @@ def _sound_markers(found: list[Any]) -> None:
         assert len({*recording.labels}) == M
         assert recording.fps is None or 0 < recording.fps < 1e6
         finite(recording.markers[~np.isnan(recording.markers)])
-
-
-NAMED = {"Root": "pelvis", "Arm_L": "left_shoulder", "Leg_L": "left_hip", "Neck": "neck"}
-
-
-def _names(folder: Path) -> None:
-    (folder / "names.csv").write_text("\n".join(map(",".join, NAMED.items())))
-
-
-def _read_names(folder: Path) -> object:
-    return renamed([*NAMED], read_names(folder / "names.csv"), joint_names(24))
 
 
 def _tissue(folder: Path) -> None:
@@ -639,6 +637,7 @@ FORMATS: dict[str, Format] = {
     "mesh.off": _mesh(".off"),
     "mesh.stl": _mesh(".stl"),
     "mesh.glb": _mesh(".glb"),
+    "skinned.glb": Format(_skinned, lambda folder: vars(read_mesh(folder / "mesh.glb"))),
     "polygons.ply": Format(_polygons, _read_polygons),
     "scan-files": Format(_scans, _read_scans),
     "openpose.json": Format(_people, _observations((1000, 1000))),
@@ -654,12 +653,16 @@ FORMATS: dict[str, Format] = {
         _sound_motions,
     ),
     **{name: _result(name) for name in RESULT_FILES},
+    "labels.csv": Format(
+        _labels,
+        lambda folder: [read_markers(folder / "walk.trc", labels=folder / "labels.csv")],
+        _sound_markers,
+    ),
     "marker-files": Format(
         _markers,
         lambda folder: [read_markers(folder / name) for name in MARKER_FILES],
         _sound_markers,
     ),
-    "names.csv": Format(_names, _read_names),
     "soft-tissue": Format(_tissue, lambda folder: load_tissue(folder / "tissue.npz")),
     "pose-priors": Format(
         _priors, lambda folder: [read(folder / name) for name, read in PRIORS.items()]

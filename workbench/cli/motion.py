@@ -52,7 +52,7 @@ from workbench.motions import (
     write_bvh,
     write_glb,
 )
-from workbench.motions.skeleton_names import read_names, renamed
+from workbench.motions.skeleton_names import renamed
 from workbench.motions.smpl_files import LAYOUTS
 from workbench.motions.soft_tissue import (
     betas_with_tissue,
@@ -71,6 +71,10 @@ EXACT = "exact"
 Person = Annotated[
     str | None,
     typer.Option(help="Which of several people in a file; else who is in most frames."),
+]
+Animation = Annotated[
+    str | None,
+    typer.Option(help="Animation of a .glb, by its name or number."),
 ]
 NO_PAIRS = np.zeros((0, 2), dtype=np.int64)
 
@@ -91,7 +95,7 @@ def motion(
         ),
     ] = None,
     fps: Annotated[
-        float | None, typer.Option(help="Frames a second to which a motion is resampled.")
+        float | None, typer.Option(help="Resample a motion to so many frames a second.")
     ] = None,
     rate: Annotated[
         float | None,
@@ -112,7 +116,7 @@ def motion(
         str,
         typer.Option(
             help="Morph targets of a .glb for what pose adds to the surface: a number, or "
-            f"{EXACT}. Their error is printed, and kept in the file."
+            f"{EXACT}; their error is printed."
         ),
     ] = "0",
     shapes: Annotated[
@@ -150,6 +154,7 @@ def motion(
     ] = None,
     up: Up = None,
     person: Person = None,
+    animation: Animation = None,
 ) -> None:
     """Say what a file of a motion or of markers holds, draw it, and convert it."""
     console, path = Console(), expanded(file)
@@ -164,14 +169,16 @@ def motion(
     if holds_markers(path):
         refuse_suffix(out, MARKERS, "markers")
         others = ("--fps", fps), ("--rate", rate), ("--body", body), ("--page", page)
-        for option, given in (*others, ("--tissue", tissue or None)):
+        for option, given in (*others, ("--tissue", tissue or None), ("--animation", animation)):
             if given is not None:
                 warn_without_effect(console, option, f"{path.name} holds markers, and no motion")
         _markers(console, read_markers(path, unit=unit, up=up), path, out, strip)
         return
     refuse_suffix(out, MOTIONS, "a motion")
     model = None if body is None else load_body(body)
-    found = read_motion(path, unit=unit, up=up, fps=rate, body=model, person=person)
+    found = read_motion(
+        path, unit=unit, up=up, fps=rate, body=model, person=person, animation=animation
+    )
     _say_motion(console, found, path)
     if fps is not None:
         found = found.resampled(fps)
@@ -410,6 +417,7 @@ def convert(
     ] = None,
     up: Up = None,
     person: Person = None,
+    animation: Animation = None,
 ) -> None:
     """Turn a motion, a skeleton that moves, or points in space into the motion of a body."""
     console, path = Console(), expanded(file)
@@ -418,19 +426,19 @@ def convert(
         raise BadArgument(f"--rate takes a number above 0, not {rate:g}")
     target = load_body(to)
     written = out or Path(f"{path.stem}-{target.name}.npz")
-    table = None if names is None else read_names(expanded(names))
-    known = {point for own in conversion.point_sets(target).values() for point in own}
+    table = None if names is None else expanded(names)
     if holds_markers(path):
         if source is not None:
             warn_without_effect(console, "--from", f"{path.name} holds points, and no motion")
-        recording = read_markers(path, unit=unit, up=up, sizes=sizes_of(target.joint_names))
+        sizes = sizes_of(target.joint_names)
+        recording = read_markers(path, unit=unit, up=up, sizes=sizes, labels=table)
         say_notes(console, recording.notes)
         fps = recording.fps if rate is None else rate
         if fps is None:
             raise BadArgument(f"{path.name} does not say its rate; give it with --rate")
         fit = motion_from_points(
             recording.markers,
-            renamed(recording.labels, table, known),
+            recording.labels,
             target,
             fps,
             kind=points,
@@ -443,14 +451,19 @@ def convert(
     if points is not None:
         warn_without_effect(console, "--points", f"{path.name} holds a motion")
     model = None if source is None else load_body(source)
-    motion = read_motion(path, unit=unit, up=up, fps=rate, body=model, person=person)
+    motion = read_motion(
+        path, unit=unit, up=up, fps=rate, body=model, person=person, animation=animation
+    )
     if model is not None:
         if names is not None:
             warn_without_effect(console, "--names", "with --from, joints have the body's names")
         found = _from_body(console, motion, model, target)
     elif motion.bones is not None:
         say_notes(console, motion.notes)
-        labels = renamed(motion.joint_names, table, known)
+        labels = motion.joint_names
+        if table is not None:
+            labels, notes = renamed(labels, table)
+            say_notes(console, notes)
         fit = motion_from_skeleton(
             motion, target, names=labels, sigma=1e-3 * sigma, progress=_told(console)
         )

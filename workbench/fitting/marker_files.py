@@ -4,7 +4,7 @@ An .npz holds `markers` (T, M, 3), `labels` (M,) and, if it is known, `fps`.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +22,7 @@ from workbench.geometry.guesses import (
     up_of,
 )
 from workbench.motions.markers import Trajectories, checked_places, read_c3d, read_trc, write_trc
+from workbench.motions.skeleton_names import renamed
 from workbench.reading.arrays import any_reals, opened, optional, read_expected, taken_for, texts
 from workbench.writing import write_arrays
 
@@ -52,7 +53,12 @@ class MarkerRecording:
 
 
 def read_markers(
-    path: Path, *, unit: str | None = None, up: str | None = None, sizes: Sizes | None = None
+    path: Path,
+    *,
+    unit: str | None = None,
+    up: str | None = None,
+    sizes: Sizes | None = None,
+    labels: Path | None = None,
 ) -> MarkerRecording:
     """Read markers from an .npz, .trc or .c3d file, in metres, y up.
 
@@ -60,14 +66,24 @@ def read_markers(
     from the size of a body: `sizes`, or what the labels say it is, a hand or a person. So is the
     axis that points up, y or z; `notes` say both.
     A marker that was not seen is NaN, or zero in all coordinates, as some systems write it. `unit`
-    is `m`, `cm`, `mm` or `in`, and `up` an axis, such as `z`. Raises BadFile for a damaged file, or
-    one of another layout, and for markers that are no body's in any unit; UnknownName for a unit
-    or an axis.
+    is `m`, `cm`, `mm` or `in`, and `up` an axis, such as `z`; `labels` is a table of other labels
+    (`skeleton_names.renamed`). Raises BadFile for a damaged file, or one of another layout, and for
+    markers that are no body's in any unit; UnknownName for a unit or an axis.
     """
     check_given(unit, up)
     suffix = Path(path).suffix.lower()
     read = READERS.get(suffix, read_marker_arrays)
-    return upright(path, read(path), unit, up, sizes)
+    found = read(path)
+    if labels is not None:
+        new, notes = renamed(found.labels, labels)
+        kept = [m for m, label in enumerate(new) if label]
+        found = replace(
+            found,
+            places=found.places[:, kept],
+            labels=tuple(new[m] for m in kept),
+            notes=(*found.notes, *notes),
+        )
+    return upright(path, found, unit, up, sizes)
 
 
 def upright(

@@ -8,14 +8,13 @@ lies elsewhere than SMPL's, as the collars of CMU's BVH files do, has none.
 import csv
 import re
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
 
-from workbench.errors import BadArgument, BadFile, check_known, shown, some_of
-from workbench.reading.arrays import taken_for
+from workbench.errors import BadFile, cut, shown, some
 from workbench.reading.facts import bounded
 
 SIDES = {"left": "left", "right": "right", "l": "left", "r": "right"}
@@ -23,7 +22,8 @@ SIDED = ("hip", "knee", "ankle", "foot", "collar", "shoulder", "elbow", "wrist")
 ELSEWHERE = ("pelvis", "spine1", "spine2", "spine3", "neck", "head", "collar", "foot")
 FINGERS = ("thumb", "index", "middle", "ring", "pinky")
 WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[0-9]+")
-MOST_BYTES, LONGEST = 2**20, 300  # of a table of names, and of its lines
+MOST_TABLE = 2**20  # bytes of a table of names
+HEADS = (["name", "joint"], ["label", "marker"])
 
 
 @dataclass(frozen=True)
@@ -123,49 +123,34 @@ def is_elsewhere(joint: str) -> bool:
     return joint.removeprefix("left_").removeprefix("right_") in ELSEWHERE
 
 
-def read_names(path: str | Path) -> dict[str, str]:
-    """The joints of names, from a .csv with lines such as `UpperArm_Left, left_shoulder`.
+def renamed(labels: Sequence[str], table: Path) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Joints or markers under other names, empty for those to leave out, and notes.
 
-    A first line `name, joint` and lines that begin with # count for nothing; semicolons and tabs
-    separate as well. Raises BadFile for lines that do not have two words, or a name twice.
+    The table is text with a line for each: its name in the file, a comma, semicolon or tab, and its
+    new name, or nothing. Names that it does not have stay. A line `name,joint` or `label,marker` is
+    its head. Raises BadFile for another table, and for names of which none is in the file.
     """
-    with taken_for(path, "table of names", "give lines of a name and a joint: Arm_L,left_shoulder"):
-        try:
-            text = bounded(path, MOST_BYTES).decode("utf-8-sig")
-        except (OSError, UnicodeDecodeError) as error:
-            raise BadFile(str(getattr(error, "strerror", None) or error)) from error
-        found, joints = dict[str, str](), set[str]()
-        for number, line in enumerate(text.splitlines(), start=1):
-            cells = [cell.strip().strip('"') for cell in re.split("[,;\t]", line)]
-            if not any(cells) or line.startswith("#") or (number == 1 and cells[-1] == "joint"):
+    names: dict[str, str] = {}
+    try:
+        text = bounded(table, MOST_TABLE).decode("utf-8-sig")
+        mark = next((mark for mark in "\t;" if mark in text), ",")
+        for n, row in enumerate(csv.reader(text.splitlines(), delimiter=mark), start=1):
+            cells = [cell.strip() for cell in row]
+            if not any(cells) or [cell.lower() for cell in cells] in HEADS:
                 continue
-            if len(cells) != 2 or not all(cells) or len(line) > LONGEST:
-                raise BadFile(f"line {number} is {shown(line)}, and has not a name and a joint")
-            if cells[0] in found or cells[1] in joints:
-                raise BadFile(f"line {number} is {shown(line)}, of which one was there before")
-            found[cells[0]] = cells[1]
-            joints.add(cells[1])
-        if not found:
-            raise BadFile("it has no names")
-    return found
-
-
-def renamed(
-    labels: Sequence[str], table: Mapping[str, str] | None, known: Collection[str]
-) -> tuple[str, ...]:
-    """Labels by a table of names, empty where it has none; as they are if there is no table.
-
-    Case does not matter where no two names differ by it alone. Raises UnknownName for what is none
-    of the `known` points of a body, and BadArgument if a name of the table is no label.
-    """
-    if table is None:
-        return tuple(labels)
-    for joint in table.values():
-        check_known("joint or point", joint, known)
-    plain = {name.lower(): joint for name, joint in table.items()}
-    plain = plain if len(plain) == len(table) else {}
-    found = tuple(table.get(label) or plain.get(label.lower(), "") for label in labels)
-    absent = {*table.values()} - {*found}
-    if missed := [name for name, joint in table.items() if joint in absent]:
-        raise BadArgument(f"no name in the file is {some_of(missed)}; there are {some_of(labels)}")
-    return found
+            if len(cells) != 2 or not cells[0]:
+                raise BadFile(f"line {n} is {shown(row)}, but must be a name and its new one")
+            if cells[0] in names:
+                raise BadFile(f"line {n} names {shown(cells[0])} a second time")
+            names[cells[0]] = cells[1]
+        if not {*names} & {*labels}:
+            raise BadFile(f"it names {some(names)}, and the file has {some(labels)}")
+        new = tuple(names.get(label, label) for label in labels)
+        twice = [name for name, count in Counter(new).items() if name and count > 1]
+        if twice:
+            raise BadFile(f"several would be called {some(sorted(twice))}")
+    except (OSError, UnicodeDecodeError, csv.Error, BadFile) as error:
+        raise BadFile(f"{table} is no table of names, such as `LASI,LFWT`: {cut(error)}") from error
+    lost = sorted({*names} - {*labels})
+    note = f"{table.name} names {some(lost)}, which the file does not have"
+    return new, (note,) * bool(lost)
