@@ -140,6 +140,7 @@ KINDS = {
         "Spine2 *_Clavicle=collar *_UpperArm=shoulder *_Forearm=elbow *_Hand=wrist",
         sides=("L", "R"),
         prefix="Bip01_",
+        unit="in",
     ),
     "MHR": Kind(
         "body_world root=pelvis c_spine0=spine1 c_spine1=spine2 c_spine2 c_spine3=spine3 "

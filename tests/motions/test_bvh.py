@@ -125,9 +125,8 @@ def test_limbs_at_gimbal_lock_are_written(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.joints()[:, order], motion.joints(SMALL), atol=1e-6)
 
 
-@pytest.mark.parametrize(("scale", "name"), [(0.01, "m"), (0.45 / 2.54, "cmu"), (1 / 2.54, "in")])
-def test_unit_of_bvh_is_guessed(tmp_path: Path, scale: float, name: str) -> None:
-    motion = walk()
+def scaled_bvh(tmp_path: Path, motion: Motion, scale: float) -> Path:
+    """A file of the motion whose lengths are in cm / scale."""
     write_bvh(tmp_path / "walk.bvh", motion, SMALL)
     lines = []
     text, _, rows = (tmp_path / "walk.bvh").read_text().partition("Frame Time")
@@ -141,16 +140,37 @@ def test_unit_of_bvh_is_guessed(tmp_path: Path, scale: float, name: str) -> None
     numbers = np.array([line.split() for line in frames], dtype=float)
     numbers[:, :3] *= scale
     body = [" ".join(f"{x:.9f}" for x in row) for row in numbers]
-    path = saved(tmp_path, "\n".join([*lines, f"Frame Time{time}", *body]))
+    return saved(tmp_path, "\n".join([*lines, f"Frame Time{time}", *body]))
+
+
+@pytest.mark.parametrize(("scale", "name"), [(0.01, "m"), (0.45 / 2.54, "cmu"), (1 / 2.54, "in")])
+def test_unit_of_bvh_is_guessed(tmp_path: Path, scale: float, name: str) -> None:
+    motion = walk()
+    path = scaled_bvh(tmp_path, motion, scale)
     found = read_bvh(path)
     assert f"the unit is taken to be {name}, " in found.notes[0]
     order = [found.joint_names.index(n) for n in SMALL.joint_names]
     np.testing.assert_allclose(found.joints()[:, order], motion.joints(SMALL), atol=2e-6)
     given = read_bvh(path, unit=name, up="y")
-    assert given.notes[0].startswith(f"the unit {name} was given; the joints of a frame reach 1.")
+    assert given.notes[0].startswith(f"the unit {name} was given; the skeleton would stand 1.")
     assert given.notes[1] == "the axis y was given as up"
     with pytest.raises(UnknownName, match="no unit is called 'ell'"):
         read_bvh(path, unit="ell")
+
+
+@pytest.mark.parametrize(("scale", "name"), [(1.0, "cm"), (1 / 2.54, "in"), (0.45 / 2.54, "cmu")])
+def test_unit_of_a_person_who_crouches_is_told_by_the_bones(
+    tmp_path: Path, scale: float, name: str
+) -> None:
+    pose = np.zeros((3, 24, 3))
+    for joint, bend in (("hip", -2.0), ("knee", 2.2)):
+        for side in ("left", "right"):
+            pose[:, SMALL.joint_names.index(f"{side}_{joint}"), 0] = bend
+    for side, down in (("left", -1.3), ("right", 1.3)):
+        pose[:, SMALL.joint_names.index(f"{side}_shoulder"), 2] = down
+    motion = Motion(pose, np.zeros((3, 3)), 30.0, SMALL.joint_names)
+    found = read_bvh(scaled_bvh(tmp_path, motion, scale))
+    assert f"taken to be {name}, in which the skeleton would stand 1.6" in found.notes[0]
 
 
 def test_bvh_with_z_up_is_turned(tmp_path: Path) -> None:

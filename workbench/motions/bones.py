@@ -67,6 +67,20 @@ class Bones:
             places[k] += places[parent]
         return places
 
+    @property
+    def span(self) -> float:
+        """The longest way along bones from one joint or end to another, in m, in whatever pose."""
+        far, longest = np.zeros(len(self.parents)), 0.0
+        ends = zip(self.end_parents, np.linalg.norm(self.end_offsets, axis=1), strict=True)
+        lengths = np.linalg.norm(self.offsets, axis=1)
+        below = ((k, lengths[k]) for k in range(len(far) - 1, 0, -1))
+        for k, length in ends:
+            longest, far[k] = max(longest, far[k] + length), max(far[k], length)
+        for k, length in below:
+            parent, reach = self.parents[k], far[k] + length
+            longest, far[parent] = max(longest, far[parent] + reach), max(far[parent], reach)
+        return float(longest)
+
     def joints(self, pose: ArrayLike, trans: ArrayLike) -> Array:
         """The joints (T, K, 3) m of poses (T, K, 3) rad, with the root at its rest place + trans.
 

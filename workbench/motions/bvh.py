@@ -18,6 +18,7 @@ from workbench.bodies.body import Body
 from workbench.errors import BadArgument, BadFile, shown, some_of
 from workbench.geometry.guesses import (
     FRAMES,
+    PERSON,
     UNITS,
     UP_TO_Y,
     check_given,
@@ -198,7 +199,8 @@ SCALED = 1e-3  # by which a scale may differ from one
 STRETCH = 0.01  # m, by which the place of a joint at its parent may change from frame to frame
 CENTIMETRES = 1 / UNITS["cm"]  # the unit that is written
 ROTATIONS: Literal["ZXY"] = "ZXY"  # as written; each turns about the axes turned so far
-REACH = "the joints of a frame reach {}"
+REACH, STRETCHED = "the joints of a frame reach {}", "the skeleton would stand {} tall"
+SPAN = 1.5  # times as long as a person is tall is the way along bones from toes to fingers
 SAID = 1e-6  # frames a second: a rate that is rounded by more is said
 
 
@@ -258,8 +260,10 @@ def _motion_of(
     shown_places = np.concatenate(
         [f(pose[some], trans[some]) for f in (bones.joints, bones.ends)], axis=1
     )
-    size = float(extents(shown_places).max())
-    unit, why = unit_of(size, unit, sizes=sizes_of(names), units=tuple(UNITS), what=REACH)
+    reach, sizes, what = float(extents(shown_places).max()), sizes_of(names), REACH
+    if sizes is PERSON and bones.span / SPAN > reach:  # who crouches or sits
+        reach, what = bones.span / SPAN, STRETCHED
+    unit, why = unit_of(reach, unit, sizes=sizes, units=tuple(UNITS), what=what)
     metres = UNITS[unit]
     axis, pointing = up_of(metres * shown_places, up, names=names, what="the skeleton")
     if stretch * metres > STRETCH:
