@@ -65,11 +65,11 @@ def reading(words: Sequence[str]) -> list[str]:
     The side comes first, wherever it is said; L5 has none.
     """
     plain, found = "".join(words), []
-    for k, word in enumerate(words):
-        rest = "".join([*words[:k], *words[k + 1 :]])
-        if word in SIDES and not (rest.isdecimal() or not rest):
-            found.append(f"{SIDES[word]} {rest}")
-            break
+    side = next((k for k, word in enumerate(words) if word in SIDES), None)
+    if side is not None:
+        rest = "".join([*words[:side], *words[side + 1 :]])
+        if rest and not rest.isdecimal():
+            found.append(f"{SIDES[words[side]]} {rest}")
     found.append(plain)
     return found + [f"{SIDES[s]} {plain[len(s) :]}" for s in SIDES if plain.startswith(s)]
 
