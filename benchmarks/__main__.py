@@ -1,136 +1,110 @@
-"""The command `python -m benchmarks`: how fast the workbench is, against peers and hardware."""
+"""How fast and how accurate the workbench is, beside its peers: measured, kept, and written."""
 
 import argparse
-import json
 import sys
 from collections.abc import Sequence
+from contextlib import nullcontext
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from benchmarks.keeping import keep
-from benchmarks.timing import alone_on_one_core
+from benchmarks import accuracy, measuring, page
 
-HERE = Path(__file__).parent
-DIGITS = 5  # of times in the files
-PARTS = (
-    "derivatives",
-    "fits",
-    "scaling",
-    "overhead",
-    "vertices",
-    "sequences",
-    "closest",
-    "fingers",
-)
+QUICK = Path("runs") / "quick"  # where numbers of --quick are kept: they are no results
+PAGES = {  # page -> what has a place in it
+    "README.md": ("performance",),
+    "SOLVERS.md": ("solvers",),
+    "ACCURACY.md": tuple(f"accuracy_{name}" for name in accuracy.NAMES),
+    "POSTERIOR.md": ("posteriors",),
+}
+EVERY = tuple(name for names in PAGES.values() for name in names)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Measure the parts asked for, print their tables, write numbers, figure and README."""
+    """Measure what is asked for, print its tables, and write the pages."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    parser.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}; or page")
-    parser.add_argument("--bodies", nargs="+", metavar="NAME", help="numbers of vertices or names")
-    parser.add_argument("--sizes", nargs="+", type=int, metavar="N", help="of scaling")
-    parser.add_argument("--rounds", type=int, default=12)
-    parser.add_argument("--out", type=Path, default=HERE, help="where results/ is written")
-    parser.add_argument("--no-peers", action="store_true", help="the workbench and the floor only")
-    parser.add_argument("--check", action="store_true", help="exit code 1 if a target is missed")
-    asked = parser.parse_args(arguments)
-    if asked.parts[:1] == ["memory"]:  # scaling asks this of processes of their own
-        print(json.dumps(_memory(*asked.parts[1:3])))
-        return
-    unknown = set(asked.parts) - {*PARTS, "page"}
-    if unknown:
-        known = ", ".join(PARTS)
-        parser.error(f"no part is called {', '.join(sorted(unknown))}; there are {known}")
-    for part in asked.parts or PARTS:
-        if part != "page":
-            _measure(part, asked)
-    missed = _write_page(asked.out)
-    if asked.check and missed:
-        sys.exit(1)
-
-
-def _memory(what: str, way: str) -> dict[str, Any]:
-    """What a process that does nothing else takes."""
-    from benchmarks import scaling, sequences, vertices
-
-    if way == "vertices":
-        return vertices.memory_of(what)
-    if way == "sequences":
-        return sequences.memory_of(int(what))
-    return scaling.memory_of(int(what), way)
-
-
-def _measure(part: str, asked: argparse.Namespace) -> None:
-    """One part, to `results/<part>.json`."""
-    from benchmarks import (
-        bodies_made_up,
-        closest,
-        derivatives,
-        fingers,
-        fits,
-        machine,
-        overhead,
-        scaling,
-        sequences,
-        table,
-        vertices,
+    words = "performance [PART ...], solvers [PART ...], accuracy [NAME ...], posteriors, or page"
+    parser.add_argument(
+        "what", nargs="*", help=f"{words}, which only writes; all of them, if nothing is named"
     )
-
-    names = asked.bodies or [*map(str, bodies_made_up.SIZES), *bodies_made_up.EMBEDDED]
-    peers, rounds, facts = not asked.no_peers, asked.rounds, machine.description()
-    found: dict[str, Any] = {}
-    if part == "scaling":
-        sizes = tuple(asked.sizes or scaling.UP_TO_100_000)
-        found = scaling.measure(sizes, max(3, rounds // 2))
-        print(table.scaling(found), flush=True)
-    if part == "overhead":
-        names = [asked.bodies[0]] if asked.bodies else [overhead.BODY]
-        found = overhead.measure(max(3, rounds // 2), body=names[0])
-        print(table.overhead(found), flush=True)
-    if part == "vertices":
-        found = vertices.measure(rounds, [name for name in vertices.BODIES if name in names])
-        print(table.vertices(found), flush=True)
-    if part == "sequences":
-        wanted = sequences.BODY in names
-        lengths = sequences.LENGTHS if wanted else ()
-        seen = (sequences.JOINTS, sequences.COCO) if wanted else ()
-        found = sequences.measure(max(3, rounds // 2), seen, lengths=lengths)
-        print(table.sequences(found), flush=True)
-    if part == "closest":
-        found = closest.measure(rounds, peers) if closest.BODY in names else {}
-        print(table.closest(found), flush=True)
-    if part == "fingers":
-        found = fingers.measure(rounds) if fingers.HANDS in names or not asked.bodies else {}
-        print(table.fingers(found), flush=True)
-    for name in names if part in ("derivatives", "fits") else ():
-        if part == "derivatives":
-            found[name] = derivatives.measure(name, rounds, peers)
-            print(table.derivatives({name: found[name]}), flush=True)
-        else:
-            found[name] = fits.measure(name, max(3, rounds // 2), with_peers=peers)
-            print(table.fits({name: found[name]}), flush=True)
-    options = {"bodies": names, "rounds": rounds, "peers": peers}
-    facts["load after"] = machine.load()
-    data = {"machine": facts, "options": options, "found": found}
-    keep(asked.out / "results" / f"{part}.json", data, DIGITS)
+    parser.add_argument("--quick", action="store_true", help=f"small and rough; kept in {QUICK}")
+    parser.add_argument("--check", action="store_true", help="exit code 1 if a target is missed")
+    parser.add_argument("--purpose", default="", help="of a look at `solvers held-out`")
+    parser.add_argument("--workers", type=int, default=1, help="runs of solvers, side by side")
+    asked = parser.parse_args(arguments)
+    try:
+        wanted = chosen(asked.what)
+    except ValueError as error:
+        parser.error(str(error))
+    if "held-out" in wanted.get("solvers", ()) and (asked.quick or not asked.purpose.strip()):
+        parser.error("a look at the held-out cases needs --purpose WORDS, and is never --quick")
+    folder = QUICK if asked.quick else measuring.RESULTS
+    for name, parts in wanted.items():
+        module = module_of(name)
+        options: dict[str, Any] = {"parts": parts} if hasattr(module, "PARTS") else {}
+        if name == "solvers":
+            options |= {"purpose": asked.purpose, "workers": asked.workers}
+        with measuring.on_one_core() if name == "performance" else nullcontext():
+            try:
+                found = module.measured(asked.quick, **options)
+            except measuring.MissingData as error:
+                print(f"{name} is not measured: {error}", file=sys.stderr)
+                continue
+            if hasattr(module, "PARTS"):
+                found = measuring.beside_kept(name, found, folder)
+            measuring.keep(name, found, folder, getattr(module, "PACKAGES", ()))
+        print(module.tables(found), flush=True)
+    if not asked.quick:
+        write_pages()
+    if asked.check:
+        kept = measuring.kept("performance", folder)
+        sys.exit(any(not target.holds for target in page.targets(kept["found"])) if kept else 1)
 
 
-def _write_page(out: Path) -> bool:
-    """Targets, README and figure from the numbers there are; whether a target is missed."""
-    from benchmarks import figure, page, table, targets
+def chosen(words: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    """The results that are asked for, by the names of their files, with the parts of them.
 
-    files = {part: out / "results" / f"{part}.json" for part in PARTS}
-    results = {part: json.loads(f.read_text()) for part, f in files.items() if f.exists()}
-    promised = targets.all_of(results)
-    print(table.promises(promised))
-    if set(PARTS) <= set(results) and figure.SIZE in results["derivatives"]["found"]:
-        figure.draw(results, out / "results" / "performance.svg")
-    if (out / "README.md").exists():
-        page.rewrite(out / "README.md", results)
-    return not all(target.holds for target in promised)
+    Raises ValueError for words that nothing is called.
+    """
+    if not words:
+        return dict.fromkeys(EVERY, ())
+    first, *rest = words
+    if first == "accuracy":
+        _known("accuracy", rest, accuracy.NAMES)
+        return {f"accuracy_{name}": () for name in rest or accuracy.NAMES}
+    _known("measurement", [first], ("performance", "solvers", "accuracy", "posteriors", "page"))
+    if first == "page":
+        _known("part of page", rest, ())
+        return {}
+    _known(f"part of {first}", rest, getattr(module_of(first), "PARTS", ()))
+    return {first: tuple(rest)}
+
+
+def _known(what: str, words: Sequence[str], there: Sequence[str]) -> None:
+    unknown = [word for word in words if word not in there]
+    if unknown:
+        instead = f"there are {', '.join(there)}" if there else "there is none"
+        raise ValueError(f"no {what} is called {', '.join(unknown)}; {instead}")
+
+
+def module_of(name: str) -> Any:
+    """The module that measures a result, with `measured(quick)` and `tables(found)`."""
+    return import_module(f"benchmarks.{name.replace('accuracy_', 'accuracy.')}")
+
+
+def write_pages(here: Path = measuring.HERE) -> None:
+    """Put the tables of all kept numbers into their places, and draw the figure."""
+    for file, names in PAGES.items():
+        for name in names:
+            if data := measuring.kept(name, here / "results"):
+                where = measuring.measured_on(data["machine"])
+                text = f"{module_of(name).tables(data['found'])}\n{where}"
+                measuring.write_between(here / file, name, text)
+    if data := measuring.kept("performance", here / "results"):
+        measuring.write_between(here / "README.md", "targets", page.table_of_targets(data["found"]))
+        page.draw(data["found"], here / "results" / "performance.svg")
 
 
 if __name__ == "__main__":
-    alone_on_one_core()
+    measuring.one_thread()
     main()

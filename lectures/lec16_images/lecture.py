@@ -14,7 +14,7 @@
 # only one person.) The others are **made up**: their poses are drawn from a mixture of Gaussians that was
 # learned from motion capture, the same body model made them and is fitted to them, and their keypoints have
 # an error of 5 px. Of these we know the truth. Twelve real images and sixteen made-up people are enough to
-# see how a fit fails, and too few to rank recipes; `benchmarks/IMAGES.md` has more of both. Lengths are in
+# see how a fit fails, and too few to rank recipes; `benchmarks/ACCURACY.md` has more of both. Lengths are in
 # metres, errors in millimetres, places in images in pixels (px), angles in radians.
 #
 # What SMPLify minimizes is a sum of five terms, with weights $\lambda$:
@@ -496,7 +496,7 @@ Picture(
 # weights of the priors fall from {{ 404 }} to {{ 4.78 }}. The lines below divide all weights by those of the last
 # stage, and square
 # them, because a weight of a residual is squared in the cost. They weigh the keypoints down where SMPLify weighs the
-# priors up, which is the same but for a factor:
+# priors up, which is the same but for a factor; `workbench fit --recipe smplify` goes through them:
 
 # %%
 source(smplify_stages)
@@ -628,7 +628,7 @@ Picture(
 # it.
 #
 # (The network has learned from draws of the mixture, and our made-up people are such draws.
-# `benchmarks/IMAGES.md` has 200 people in recorded poses that it never saw, and the order is the same: {{ 139.7 }} mm
+# `benchmarks/ACCURACY.md` has 200 people in recorded poses that it never saw, and the order is the same: {{ 139.7 }} mm
 # with squares and from rest, {{ 59.2 }} mm with the robust loss and the learned start, {{ 55.6 }} mm with it and from
 # the truth. With four wrong keypoints these are {{ 404.4 }}, {{ 97.3 }} and {{ 87.8 }} mm.)
 #

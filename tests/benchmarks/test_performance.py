@@ -1,179 +1,142 @@
 """The benchmarks run at tiny sizes and agree; how fast they are is not asked here."""
 
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from benchmarks import (
-    closest,
-    figure,
-    fits,
-    ours,
-    overhead,
-    page,
-    peers,
-    sequences,
-    table,
-    targets,
-    vertices,
-)
-from benchmarks.__main__ import main
-from benchmarks.bodies_made_up import case_of, random_body
-from benchmarks.candidates import Disagreement, check
-from benchmarks.derivatives import KINDS
-from benchmarks.floor import FLOOR
+from benchmarks import __main__ as command
+from benchmarks import candidates, measuring, page, performance, performance_large
+from benchmarks.candidates import COMPILED, FLOOR, JAX, NUMPY, Candidate, Disagreement
+from benchmarks.problems import Case, case_of, random_body
 
 pytestmark = pytest.mark.thorough
 
-TINY = "40"
+
+def test_candidates_take_turns_on_changing_inputs() -> None:
+    seen: dict[str, list[int]] = {"a": [], "b": []}
+    calls = {name: each.append for name, each in seen.items()}
+    seconds = measuring.side_by_side(calls, [1, 2, 3], 2)
+    for each in seen.values():  # the points of the last two are remembered
+        assert all(len({*some}) == 3 for some in zip(each, each[1:], each[2:], strict=False))
+    assert 0 < seconds["a"]["least"] <= seconds["a"]["median"]
 
 
-@pytest.fixture(scope="module")
-def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("out")
-    (out / "README.md").write_text(f"before\n{page.BEGIN}\n{page.END}\nafter\n")
-    options = ["--bodies", TINY, "--rounds", "1", "--sizes", TINY, "--out", str(out), "--no-peers"]
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(overhead, "OFTEN", {})  # no times are asserted here
-        main(options)
-    return out
+def test_words_of_the_command_name_results_and_parts() -> None:
+    assert command.chosen(["performance", "fits"]) == {"performance": ("fits",)}
+    assert command.chosen(["page"]) == {}
+    assert list(command.chosen([]))[:2] == ["performance", "solvers"]
+    with pytest.raises(ValueError, match="no part of performance is called fit; there are deriv"):
+        command.chosen(["performance", "fit"])
+    with pytest.raises(ValueError, match="no measurement is called speed; there are performance"):
+        command.chosen(["speed"])
 
 
-def test_page_is_written_between_its_marks(written: Path) -> None:
-    text = (written / "README.md").read_text()
-    assert text.startswith("before\n")
-    assert text.endswith("after\n")
-    assert "| workbench |" in text
-    assert "µs per vertex" in text
+def test_numbers_are_kept_beside_those_of_other_parts(tmp_path: Path) -> None:
+    assert measuring.kept("a", tmp_path) is None
+    measuring.keep("a", {"x": {"n": 1 / 3}, "y": {"n": 2}}, tmp_path)
+    found = measuring.beside_kept("a", {"y": {"n": 3}}, tmp_path)
+    assert found["x"]["n"] == 0.33333
+    assert "processor" in found["x"]["machine"]
+    assert found["y"] == {"n": 3}
+    file = tmp_path / "page.md"
+    file.write_text("before\n<!-- a -->\nold\n<!-- end of a -->\nafter\n")
+    measuring.write_between(file, "a", measuring.table(("name", "n"), [("y", 3)]))
+    middle = "| name | n |\n| --- | --: |\n| y | 3 |"
+    assert file.read_text() == f"before\n<!-- a -->\n{middle}\n<!-- end of a -->\nafter\n"
+    with pytest.raises(ValueError, match="no place for b"):
+        measuring.write_between(file, "b", "")
 
 
-def test_differences_agree_with_the_workbench() -> None:
-    case = case_of(TINY, random_body(40))
-    x, y = case.people(2)
-    apart = check(peers.by_differences(case.seeing(x)), case.seeing(x), y)
-    assert apart["value"] < 1e-12
-    assert apart["jacobian"] < 1e-6
+def test_pages_are_those_of_the_kept_numbers(tmp_path: Path) -> None:
+    here = tmp_path / "benchmarks"
+    here.mkdir()
+    shutil.copytree(measuring.RESULTS, here / "results")
+    for name in command.PAGES:
+        shutil.copy(measuring.HERE / name, here)
+    command.write_pages(here)
+    for name in command.PAGES:
+        assert (here / name).read_text("utf-8") == (measuring.HERE / name).read_text("utf-8"), name
+
+
+@pytest.mark.filterwarnings("default")  # peers have warnings of their own
+@pytest.mark.parametrize("part", performance.PARTS)
+def test_parts_agree_and_write_their_tables(part: str) -> None:
+    """Each compares what its candidates compute before it times them."""
+    found = performance.measured(True, (part,))
+    text = performance.tables(found)
+    assert text.startswith(f"## {performance.PARTS[part].heading}\n\n| ")
+    assert NUMPY in text or part in ("vertices", "videos")
+    page.targets(found)  # can be judged
 
 
 @pytest.mark.filterwarnings("default")  # they have warnings of their own
 @pytest.mark.parametrize(
-    ("make", "packages"), [(peers.in_jax, ["jax"]), (peers.in_torch, ["torch", "smplx"])]
+    ("make", "packages"),
+    [
+        (candidates.by_differences, []),
+        (candidates.in_jax, ["jax"]),
+        (candidates.in_torch, ["torch", "smplx"]),
+    ],
 )
-def test_peers_agree_with_the_workbench(make: Callable, packages: list[str]) -> None:
+def test_peers_agree_with_the_workbench(
+    make: Callable[[Case], Candidate], packages: list[str]
+) -> None:
     if any(find_spec(package) is None for package in packages):
         pytest.skip(f"{' and '.join(packages)} needed: pip install '.[bench]'")
-    case = case_of(TINY, random_body(40))
+    case = case_of("40", random_body(40))
     x, y = case.people(2)
-    check(make(case.seeing(x)), case.seeing(x), y)
+    candidates.check(make(case.seeing(x)), case.seeing(x), y)
 
 
 def test_candidates_that_disagree_are_refused() -> None:
-    case = case_of(TINY, random_body(40))
+    case = case_of("40", random_body(40))
     (x,) = case.people(1)
-    right = ours.candidate("wrong", case)
+    right = candidates.ours("wrong", case)
     wrong = replace(right, forward=lambda x: right.forward(x) + 1e-6)
     with pytest.raises(Disagreement, match="wrong on 40: its value is"):
-        check(wrong, case, x)
+        candidates.check(wrong, case, x)
 
 
-def made_up_results() -> dict:
-    """All parts in round numbers: 2 ms, 20 for JAX and torch, 1 s for 100,000 vertices."""
-    machine = {
-        "processor": "P",
-        "cores": 2,
-        "cores used": 1,
-        "system": "S",
-        "python": "3",
-        "versions": {"numpy": "2"},
-        "date": "2026-01-31T00:00:00",
-    }
-    times = {ours.NUMPY: [2e-3], peers.JAX: [20e-3], peers.TORCH: [20e-3], FLOOR: [1e-3]}
-    body = {"vertices": 6890, "unknowns": 85, "seconds": {kind: times for kind in KINDS}}
-    labels = [f"{ours.NUMPY}: {m}" for m in (fits.LM, fits.ALONE, fits.IPOPT, fits.SCIPY_LM)]
-    fit = {
-        "vertices": 6890,
-        "evaluations": {label: [{"jacobian": 7}] for label in labels},
-        "seconds": {label: [0.1] for label in labels},
-    }
-    by_size = {"6890": [2e-3], "100000": [1.0]}
-    memory = {size: dict.fromkeys(table.MEMORY, 10**6) for size in by_size}
-    scale = {
-        "sizes": [6890, 100000],
-        "bytes": {ours.NUMPY: memory},
-        "seconds": {kind: {ours.NUMPY: by_size, FLOOR: by_size} for kind in KINDS},
-    }
-    around = {
-        "body": "default",
-        "vertices": 1229,
-        "seconds": {
-            "A": [1.2],
-            f"A{overhead.HAND}": [1.0],
-            f"A{overhead.DECIDING}": [1.15],
-            "B": [1.0],
-            f"B{overhead.HAND}": [1.0],
+def seconds(**each: float) -> dict[str, measuring.Timing]:
+    return {name: {"least": t, "median": t} for name, t in each.items()}
+
+
+def made_up() -> dict[str, Any]:
+    """2 ms for ours, 20 for JAX, 1 s for 100,000 vertices."""
+    one = seconds(**{NUMPY: 2e-3, JAX: 20e-3, FLOOR: 1e-3})
+    methods = (performance.LM, performance.ALONE, performance.IPOPT)
+    labels = [f"{NUMPY}: {m}" for m in (*methods, performance.SCIPY_LM, performance.SCIPY_TRF)]
+    by_size = seconds(**{"6890": 2e-3, "100000": 1.0})
+    return {
+        "derivatives": {"6890": {"seconds": dict.fromkeys(performance.KINDS, one)}},
+        "fits": {"6890": {"seconds": seconds(**dict.fromkeys(labels, 0.1))}},
+        "scaling": {"seconds": {k: {NUMPY: by_size, FLOOR: by_size} for k in performance.KINDS}},
+        "closest": {
+            "seconds": {
+                "near": seconds(**{COMPILED: 0.01, NUMPY: 0.4, performance_large.IGL: 0.02})
+            }
         },
     }
-    found = {
-        "derivatives": {"6890": body},
-        "fits": {"6890": fit},
-        "scaling": scale,
-        "overhead": around,
-    }
-    return {part: {"machine": machine, "found": one} for part, one in found.items()}
+
+
+def test_targets_are_ratios_of_least_times() -> None:
+    judged = {one.name: one for one in page.targets(made_up())}
+    assert judged["workbench: JAX / Jacobian"].measured == pytest.approx(10)
+    assert judged["workbench: JAX / Jacobian"].holds
+    assert judged["workbench: IPOPT / LM"].measured == pytest.approx(1)
+    assert not judged["workbench: forward per vertex, 100,000 / 6,890"].holds
+    assert judged["closest places, near: compiled / libigl"].holds
+    assert not judged["closest places, near: NumPy / compiled"].holds
+    assert "| at most 30 | 40.00 | **missed** |" in page.table_of_targets(made_up())
 
 
 def test_figure_is_drawn_from_the_numbers(tmp_path: Path) -> None:
-    caption = figure.draw(made_up_results(), tmp_path / "figure.svg")
-    assert (tmp_path / "figure.svg").read_text().startswith("<?xml")
-    assert "1 of 2 cores of P" in caption
-
-
-def test_steps_of_free_vertices_agree() -> None:
-    """`measure` compares the steps before it times them."""
-    found = vertices.measure(1, ("small",))
-    one = found["small"]
-    assert (one["unknowns"], one["rows"]) == (3 * 369, 5517)
-    assert set(one["seconds"]) == {vertices.OURS, vertices.DIRECT, vertices.KRYLOV}
-    assert one["bytes"]["peak"] > one["bytes"]["before"]
-    assert "| small | 1,107 | 5,517 |" in table.vertices(found)
-    assert vertices.registration("small")[0].sparse
-
-
-def test_videos_are_timed_beside_their_frames() -> None:
-    """`measure` compares the steps, and solutions of six frames, before it tells anything."""
-    found = sequences.measure(1, (sequences.JOINTS,), frames=4, lengths=(3,))
-    one = found["seen"][sequences.JOINTS]
-    assert one["unknowns"] == 4 * 75 + 10
-    assert one["rows"] == 4 * (4 * 48 + 72) + 10 + 3 * 75
-    assert one["off"] < sequences.SAME
-    assert len(one["seconds"][sequences.ITERATION]) > 2
-    alone = found["frames"]["3"]
-    assert alone["unknowns"] == 235
-    assert alone["peak"] >= alone["problem"] > alone["before"]
-    said = table.sequences(found)
-    assert "| 24 joints, 4 frames | 310 |" in said
-    assert "| 3 | 235 |" in said
-    fast = {sequences.ITERATION: [1.0], sequences.APART: [2.0]}
-    made_up = {
-        "seen": {"joints": {"frames": 200, "seconds": fast}},
-        "frames": {str(n): {"seconds": {sequences.ITERATION: [1e-3 * n**1.5]}} for n in (4, 16)},
-    }
-    judged = targets.all_of({"sequences": {"found": made_up}})
-    assert [target.measured for target in judged] == pytest.approx([0.5, 2.0])
-    assert [target.holds for target in judged] == [True, False]
-
-
-def test_closest_places_agree() -> None:
-    found = closest.measure(1, peers=False, body="small", count=200)
-    assert set(found["seconds"]) == {*closest.KINDS, closest.REFIT}
-    assert "200 points, 734 triangles" in table.closest(found)
-    made_up = {closest.COMPILED: [0.01], closest.NUMPY: [0.4], closest.IGL: [0.02]}
-    told = {**found, "seconds": {"near": made_up, "clutter": {}, "off": {}, closest.REFIT: {}}}
-    assert "| libigl | 20 / 20 | 2 |" in table.closest(told)
-    judged = {target.name: target for target in targets.all_of({"closest": {"found": told}})}
-    assert judged["closest places, near: compiled / libigl"].measured == 0.5
-    assert judged["closest places, near: compiled / libigl"].holds
-    assert not judged["closest places, near: NumPy / compiled"].holds
+    page.draw({}, tmp_path / "none.svg")
+    assert not (tmp_path / "none.svg").exists()
+    page.draw(made_up(), tmp_path / "figure.svg")
+    assert "Gauss-Newton step" in (tmp_path / "figure.svg").read_text()

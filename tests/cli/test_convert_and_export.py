@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from benchmarks.clips_made_up import clip
 from tests.cli.conftest import Run
+from tests.clips_made_up import clip
 from workbench.motions import Trajectories, write_trc
 
 

@@ -8,9 +8,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import workbench as wb
-from benchmarks.clips_made_up import clip
 from tests.bodies.model_files import with_fingers, written
 from tests.bodies_made_up import tube_body
+from tests.clips_made_up import clip
 from workbench.bodies.body import Body
 from workbench.bodies.hands import HAND_POINTS
 from workbench.bodies.spaces import pose_space

@@ -194,15 +194,15 @@ def test_paragraphs_are_short_and_minutes_follow_their_length() -> None:
 
 def test_numbers_of_benchmarks_are_those_that_are_stored() -> None:
     """Those that lectures 16, 17 and 19 quote; they cannot run what took hours."""
-    images, videos, tissue = (
-        json.loads((RESULTS / f"{name}.json").read_text())
-        for name in ("images", "images-video", "soft-tissue")
+    images, tissue = (
+        json.loads((RESULTS / f"accuracy_{name}.json").read_text())["found"]
+        for name in ("images", "soft_tissue")
     )
     ways = ("as before", "regressed start", "from the truth")
     quoted = {
-        16: [np.mean(images[of][way]["MPJPE"]) for of in ("people", "outliers") for way in ways],
+        16: [images["images"][of][way]["MPJPE"] for of in ("people", "outliers") for way in ways],
         17: [
-            np.mean([one[way]["mpjpe"] for one in videos["report"]])
+            np.mean([one[way]["mpjpe"] for one in images["videos"]])
             for way in ("together", "apart", "independent")
         ],
         19: [

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.ablations.study import generalization_errors
 from workbench import SkinnedBody, load_body, save_body
 from workbench.errors import BadArgument, BadFile, UnknownName
 from workbench.synthetic.made_up import (
@@ -100,7 +99,7 @@ def test_trained_body_explains_others_better() -> None:
     found = train(DATA, START, plan=short_plan(), n_betas=2).body
     others, _ = draw_registrations(BODY, 3, 2, seed=9)
     plain = replace(found, posedirs=0 * found.posedirs)
-    trained, without = (generalization_errors(b, others).rms for b in (found, plain))
+    trained, without = (evaluate_held_out(b, others).errors.rms for b in (found, plain))
     assert trained < 0.9 * without
 
 

@@ -68,13 +68,19 @@ def certified() -> Mapping[str, Mapping[str, Any]]:
 def nist(problem: str = "Misra1a", start: int = 1) -> Setup:
     """The regression with this name in NIST's collection, from NIST's start 1 (far) or 2 (near)."""
     check_known("NIST problem", problem, MODELS)
-    facts = certified()[problem]
     if start not in (1, 2):
         raise UnknownName("start", str(start), hint="1 and 2")
+    return regression(problem, certified()[problem], MODELS[problem], start)
+
+
+def regression(name: str, facts: Mapping[str, Any], model: Model, start: int) -> Setup:
+    """A regression of NIST's from what is certified of it, with the keys of the file, and its
+    model: y (m, 1) from the parameters and the other columns of the data (m, k).
+    """
     n, p = facts["n_obs"], facts["n_params"]
-    y, x = np.array(facts["data"]).T
+    y, *columns = np.array(facts["data"]).T
     b = Block("b", (p,), labels=tuple(f"b{i + 1}" for i in range(p)))
-    model = MODELS[problem](cs.vertsplit(b.symbol), cs.DM(x))
+    fitted = model(cs.vertsplit(b.symbol), cs.DM(np.column_stack(columns)))
     answer = {"b": np.array(facts["certified"])}
 
     def measures(values: Values) -> tuple[Measure, ...]:
@@ -82,9 +88,9 @@ def nist(problem: str = "Misra1a", start: int = 1) -> Setup:
         return (Measure("agreement with NIST, worst parameter", agree, "digits"),)
 
     return Setup(
-        problem=Problem((Residual("regression", model - cs.DM(y), 1.0),), ("b",), blocks=(b,)),
+        problem=Problem((Residual("regression", fitted - cs.DM(y), 1.0),), ("b",), blocks=(b,)),
         start={"b": np.array(facts["starts"][start - 1])},
-        question=f"NIST's regression {problem} ({facts['level']} difficulty, start {start} of 2): "
+        question=f"NIST's regression {name} ({facts['level']} difficulty, start {start} of 2): "
         f"do the {p} parameters come out of {n} observations as NIST certified them?",
         known=KnownAnswer(
             source="NIST StRD, certified to 11 digits",

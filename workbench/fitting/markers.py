@@ -60,7 +60,7 @@ def offset_prior(
     perpendicular to it. A surface is curved: on a limb of radius R, a marker at the distance t from
     its vertex lies t^2 / 2R below the tangent plane in which the prior expects it, though its
     height above the skin is right; that is 0.3 mm for t = 5 mm and R = 4 cm. A coarse mesh and the
-    shapes of other people add to it (`benchmarks/MARKERS.md`). Raises BadArgument for standard
+    shapes of other people add to it (`benchmarks/ACCURACY.md`). Raises BadArgument for standard
     deviations that are not above 0, and where heights are known for a marker on a vertex that
     belongs to no face.
     """

@@ -1,1 +1,0 @@
-"""What each term of training does: the same training without it."""

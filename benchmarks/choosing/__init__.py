@@ -1,1 +1,0 @@
-"""Which solver for which problem: comparisons behind the advice of `workbench solvers --for`."""

@@ -1,1 +1,0 @@
-"""What to measure next: how true the predictions of `workbench.diagnostics.design` are."""

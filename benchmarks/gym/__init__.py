@@ -1,1 +1,0 @@
-"""The gym: problems with known answers, split into those for tuning and those left untouched."""

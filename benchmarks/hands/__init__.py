@@ -1,1 +1,0 @@
-"""Fits of the embedded hand to points, skeletons and scans, against the truth."""

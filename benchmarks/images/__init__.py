@@ -1,1 +1,0 @@
-"""Benchmarks of fits to images, videos and markers."""

@@ -1,1 +1,0 @@
-"""Posteriors measured: beside NUTS, held-out truth, simulated truth, and how many a second."""
