@@ -364,7 +364,7 @@ def obj_text(mesh: Mesh) -> str:
 
 def text_lines(content: bytes) -> Iterator[str]:
     """The lines of a text. Raises ValueError for a line that is too long for a mesh file."""
-    text = TextIOWrapper(BytesIO(content), encoding="utf-8", errors="replace")
+    text = TextIOWrapper(BytesIO(content), encoding="utf-8-sig", errors="replace")
     number = 0
     while line := text.readline(LONGEST_LINE + 1):
         number += 1
