@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.accuracy import RECORDING, is_here, needed, share
+from benchmarks.accuracy import RECORDING, needed, share, taken
 from benchmarks.measuring import table
 from workbench import load_body, solve
 from workbench.arrays import Array
@@ -228,7 +228,7 @@ def spread(body: SkinnedBody, frames: Iterable[int] = SPREAD) -> dict[str, float
 
 def one_image(quick: bool, only: Collection[str] = ()) -> dict[str, Any]:
     """Every recipe on every scene, or some recipes alone. Raises UnknownName."""
-    body = load_body("default")
+    body, recorded = load_body("default"), taken(quick, RECORDING)
     in_px = partial(ByHeight, sigma=SIGMA)
     fits = ImageFits(body, in_px())
     recipes: dict[str, Fit] = {
@@ -247,7 +247,7 @@ def one_image(quick: bool, only: Collection[str] = ()) -> dict[str, Any]:
     for name in only:
         check_known("row", name, recipes | further["balance"] | truth)
     scenes = {"balance": list(balance_cases(body, (0,) if quick else REPORTED))}
-    if not quick or is_here(RECORDING):
+    if recorded:
         poses, seeds = held_out_poses(needed(RECORDING)), range(2 if quick else PEOPLE)
         for scene, wrong in (("people", 0), ("outliers", OUTLIERS)):
             scenes[scene] = list(synthetic_cases(body, poses, seeds, wrong))
