@@ -30,17 +30,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--quick", action="store_true", help=f"small and rough; kept in {QUICK}")
     parser.add_argument("--check", action="store_true", help="exit code 1 if a target is missed")
     parser.add_argument("--purpose", default="", help="of a look at `solvers held-out`")
+    parser.add_argument("--workers", type=int, default=1, help="runs of solvers, side by side")
     asked = parser.parse_args(arguments)
     try:
         wanted = chosen(asked.what)
     except ValueError as error:
         parser.error(str(error))
+    if "held-out" in wanted.get("solvers", ()) and (asked.quick or not asked.purpose.strip()):
+        parser.error("a look at the held-out cases needs --purpose WORDS, and is never --quick")
     folder = QUICK if asked.quick else measuring.RESULTS
     for name, parts in wanted.items():
         module = module_of(name)
         options: dict[str, Any] = {"parts": parts} if hasattr(module, "PARTS") else {}
         if name == "solvers":
-            options["purpose"] = asked.purpose
+            options |= {"purpose": asked.purpose, "workers": asked.workers}
         with measuring.on_one_core() if name == "performance" else nullcontext():
             try:
                 found = module.measured(asked.quick, **options)

@@ -114,27 +114,29 @@ ENTRANTS: dict[str, Any] = {
 }
 
 
-def measured(quick: bool, parts: Sequence[str] = (), purpose: str = "") -> dict[str, Any]:
+def measured(
+    quick: bool, parts: Sequence[str] = (), purpose: str = "", workers: int = 1
+) -> dict[str, Any]:
     """The parts that are asked for; those for tuning and by kind if none is."""
     asked = parts or PARTS[:2]
     if quick and "held-out" in asked:
         raise ValueError("the held-out cases are not for a quick look")
     found: dict[str, Any] = {}
     if "kinds" in asked:
-        found["kinds"] = {name: of_kind(one, quick) for name, one in KINDS.items()}
+        found["kinds"] = {name: of_kind(one, quick, workers) for name, one in KINDS.items()}
     if "tuning" in asked:
         cases = tuning()[::EVERY] if quick else tuning()
-        found["tuning"] = of_cases(cases, ENTRANTS, quick)
+        found["tuning"] = of_cases(cases, quick, workers)
     if "held-out" in asked:
-        found["held-out"] = of_cases(look(purpose), ENTRANTS, quick)
+        found["held-out"] = of_cases(look(purpose), quick, workers)
     return found
 
 
-def compared(quick: bool, what: str, budget: Budget, *arguments: Any, seeds: int = 1) -> Comparison:
+def compared(what: str, quick: bool, budget: Budget, *arguments: Any, **options: Any) -> Comparison:
     """Compare, and tell how far it is."""
     return compare(
         *arguments,
-        seeds=seeds,
+        **options,
         budget=ROUGH if quick else budget,
         folder=None if quick else RUNS / what.replace(" ", "-"),
         progress=lambda doing, done, of: print(f"{what}: {doing} {done}/{of}", flush=True),
@@ -144,12 +146,14 @@ def compared(quick: bool, what: str, budget: Budget, *arguments: Any, seeds: int
 # Cases with known answers
 
 
-def of_cases(cases: Sequence[Case], entrants: Mapping[str, Any], quick: bool) -> dict[str, Any]:
+def of_cases(cases: Sequence[Case], quick: bool, workers: int) -> dict[str, Any]:
     """By solver what was solved, claimed and evaluated, in all and by family; and the profiles."""
-    if quick:
-        entrants = {name: entrants[name] for name in (DEFAULT, "peer trf", "peer lm")}
+    names = (DEFAULT, "peer trf", "peer lm") if quick else tuple(ENTRANTS)
+    entrants = {name: ENTRANTS[name] for name in names}
     experiments = [one.experiment for one in cases]
-    return counted(cases, compared(quick, "cases", OF_CASES, experiments, entrants))
+    return counted(
+        cases, compared("cases", quick, OF_CASES, experiments, entrants, workers=workers)
+    )
 
 
 def counted(cases: Sequence[Case], comparison: Comparison) -> dict[str, Any]:
@@ -237,11 +241,12 @@ def tabulated(
 # Problems by kind
 
 
-def of_kind(kind: Kind, quick: bool) -> dict[str, Any]:
+def of_kind(kind: Kind, quick: bool, workers: int) -> dict[str, Any]:
     """By solver: starts solved, all starts, and the median effort, null where most are unsolved."""
     if quick:
         kind = replace(kind, problems=kind.problems[:1], solvers=kind.solvers[:2], seeds=1)
-    comparison = compared(quick, kind.name, OF_KINDS, kind.problems, kind.solvers, seeds=kind.seeds)
+    options = {"seeds": kind.seeds, "workers": workers}
+    comparison = compared(kind.name, quick, OF_KINDS, kind.problems, kind.solvers, **options)
     starts, rows = comparison.starts(), {}
     for solver in comparison.solvers:
         median = float(np.median(efforts(kind, comparison, solver)))

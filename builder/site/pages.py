@@ -32,6 +32,8 @@ DOCUMENTS = (
     "howto/experiment.md",
     "howto/diagnose.md",
     "howto/fit.md",
+    "howto/formats.md",
+    "howto/markers.md",
     "howto/motions.md",
     "howto/scan.md",
     "howto/train.md",

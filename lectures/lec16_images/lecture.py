@@ -496,7 +496,7 @@ Picture(
 # weights of the priors fall from {{ 404 }} to {{ 4.78 }}. The lines below divide all weights by those of the last
 # stage, and square
 # them, because a weight of a residual is squared in the cost. They weigh the keypoints down where SMPLify weighs the
-# priors up, which is the same but for a factor:
+# priors up, which is the same but for a factor; `workbench fit --recipe smplify` goes through them:
 
 # %%
 source(smplify_stages)

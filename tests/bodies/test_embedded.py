@@ -62,7 +62,7 @@ def test_a_function_and_a_line_make_a_body(tmp_path: Path, monkeypatch: pytest.M
     assert load_skinned("mine").n_joints == 4
     with pytest.raises(BadFile, match=r"the bodies are default, .*mine"):
         load_body("yours")
-    found = CliRunner().invoke(app, ["body", "mine", "--out", str(tmp_path)])
+    found = CliRunner().invoke(app, ["body", "card", "mine", "--out", str(tmp_path)])
     assert found.exit_code == 0, found.output
     assert (tmp_path / "body-mine").is_dir()
 

@@ -12,6 +12,7 @@ from tests.cli.conftest import Run
 from workbench import load_body
 from workbench.bodies import SkinnedBody
 from workbench.bodies.files.saving import save_body
+from workbench.bodies.triangles import TriangleBody
 from workbench.registration.coregistration.folder import BODY, SCAN
 from workbench.synthetic.made_up import jointed_tube, random_smpl
 from workbench.training.folder import TABLE, open_folder
@@ -114,3 +115,33 @@ def test_coregister_names_a_damaged_file(workbench: Run, tmp_path: Path, name: s
     code, _, err = workbench("coregister", str(tmp_path / "given"))
     assert code == 2
     assert Path(name).name in err
+
+
+@pytest.mark.thorough
+def test_coregister_with_a_model_of_triangles_goes_on_where_it_was(
+    workbench: Run, tmp_path: Path
+) -> None:
+    place, made = tmp_path / "register-some", Path("runs/coregister-some")
+    write_registered(place)
+    typed = ("coregister", str(place), "--model", "blend-scape", "--edges", "0.01")
+    code, out, err = workbench(*typed, "--rounds", "1")
+    assert code == 0, err
+    assert "--edges changes nothing" in err + out
+    costs = [float(x) for pair in re.findall(r"cost (\S+) -> (\S+)", out) for x in pair]
+    assert costs == sorted(costs, reverse=True)
+    told = json.loads((made / "summary.json").read_text())
+    assert told["blocks"] == ["persons", "bends", "registrations"]
+    learned = load_body(made / "body.npz")
+    assert isinstance(learned, TriangleBody)
+    assert learned.n_betas == 1
+    people = learned.vertices(betas=[1.0]), learned.vertices(betas=[-1.0])
+    assert np.abs(people[0] - people[1]).max() > 0.01  # m
+    assert open_folder(made / "registrations", tube().n_vertices, tube().faces).subjects
+    whole = load_body(made / "body.npz").template
+    code, again, err = workbench(*typed, "--rounds", "1")
+    assert code == 0, err
+    assert "continuing after the last block" in again
+    np.testing.assert_array_equal(load_body(made / "body.npz").template, whole)
+    code, _, err = workbench("coregister", str(place), "--rounds", "1")
+    assert code == 2
+    assert "remove it to start anew" in err

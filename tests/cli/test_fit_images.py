@@ -188,3 +188,17 @@ def test_a_cluster_fits_a_folder(tmp_path: Path) -> None:
     assert told.exit_code == 0, told.output
     with np.load(tmp_path / "runs" / "fit-images" / "poses.npz") as poses:
         assert poses["pose"].shape == (2, 24, 3)
+
+
+def test_one_image_by_other_terms(tmp_path: Path) -> None:
+    (file,) = written(tmp_path, 1)
+    for options in (
+        ("--recipe", "smplify", "--height", "1.7"),
+        ("--recipe", "smplify", "--prior", "gaussian"),
+        ("--prior", "mixture", "--contact"),
+    ):
+        done = fit(str(file), *OPTIONS, *options, "--out", str(tmp_path))
+        assert done.exit_code == 0, done.output
+        told = json.loads((tmp_path / "frame0" / "summary.json").read_text())
+        assert told["measurements"][0]["name"] == "stature"
+        assert {"pose prior", "contact"} <= set(told["costs"])

@@ -103,6 +103,7 @@ def test_motion_writes_markers(tmp_path: Path, workbench: Run) -> None:
 def test_motion_refuses_what_it_cannot_read_or_write(tmp_path: Path, workbench: Run) -> None:
     FILES["walk.bvh"](tmp_path / "walk.bvh")
     FILES["floats.c3d"](tmp_path / "walk.c3d")
+    FILES["walk.glb"](tmp_path / "walk.glb")
     (tmp_path / "walk.npz").write_bytes(b"PK nothing")
     for arguments, said in (
         ("walk.fbx", "a motion is a file that ends in .bvh, .glb"),
@@ -114,6 +115,11 @@ def test_motion_refuses_what_it_cannot_read_or_write(tmp_path: Path, workbench: 
         ("walk.bvh --up w", "no axis is called 'w'"),
         ("walk.npz", "walk.npz is no file of a motion or of markers"),
         ("walk.bvh --body small", "of the motion (Hips, Left Leg"),
+        (
+            "walk.bvh --animation 0",
+            "an animation is one of a .glb or .gltf, and walk.bvh is neither",
+        ),
+        ("walk.glb --animation run", "no animation is called 'run'; there are walk (0)"),
     ):
         code, _, wrong = workbench("motion", *arguments.split())
         assert code == 2

@@ -59,8 +59,10 @@ def test_fit_passes_on_what_is_known_of_markers(
         0,
         "",
     )
-    assert workbench("fit", "walk.c3d", "--marker-set", "own.json")[:2] == (0, "")
-    assert asked == [Worn(None, 0.007, 0.001), Worn(Path("own.json"), 0.0095, None)]
+    others = "--marker-set", "own.json", "--labels", "map.csv"
+    assert workbench("fit", "walk.c3d", *others)[:2] == (0, "")
+    own = Worn(Path("own.json"), 0.0095, None, Path("map.csv"))
+    assert asked == [Worn(None, 0.007, 0.001), own]
 
 
 def test_fit_prefers_the_focal_length_of_a_calibration(

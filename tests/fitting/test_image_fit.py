@@ -10,10 +10,11 @@ from rich.console import Console
 
 from workbench import LevenbergMarquardt, Problem, Solution, Status, Values, load_body
 from workbench.arrays import Array
+from workbench.bodies.capsules import capsule_gaps, capsule_points
 from workbench.cli.fit import Given, of_keypoints
-from workbench.errors import BadArgument
+from workbench.errors import BadArgument, BadBody
 from workbench.experiments.balance import observations
-from workbench.fitting.body_priors import stature, stature_prior
+from workbench.fitting.body_priors import apart_prior, mixture_prior, stature, stature_prior
 from workbench.fitting.images import (
     INTERVAL_NOTE,
     LAMBDA_POSE,
@@ -22,12 +23,13 @@ from workbench.fitting.images import (
     Z90,
     Appearance,
     ByHeight,
+    Smplify,
+    WithPosePrior,
     WithStature,
     depth_interval,
     depth_spread,
     image_fit,
     image_priors,
-    smplify,
     smplify_stages,
 )
 from workbench.fitting.jobs import (
@@ -44,16 +46,18 @@ from workbench.fitting.keypoints import (
     KeypointProblem,
     alike,
     as_marked,
+    height_in_view,
     keypoint_fit,
+    usual_sigma,
 )
 from workbench.fitting.observations import COCO, Observations, photograph
 from workbench.fitting.placing import turned_about
 from workbench.fitting.setup import Setup
 from workbench.geometry.camera import Camera
 from workbench.geometry.rotation import matrix_from_vector
-from workbench.priors.poses import draw_poses, shipped_gaussian
+from workbench.priors.poses import draw_poses, shipped_gaussian, shipped_mixture
 from workbench.problem.problem import in_stage
-from workbench.residuals import gaussian
+from workbench.residuals import gaussian, spheres
 from workbench.residuals.kernels import Scaled, geman_mcclure, quadratic, scaled
 from workbench.solvers import Staged, Starts, TrustRegion
 
@@ -152,12 +156,11 @@ def test_image_fit_resists_outliers() -> None:
 
 def test_smplify_stages_have_published_weights() -> None:
     """Relative to the keypoints, which its code does not weight at all."""
-    setup = image_fit(seen(person(1)), BODY, "q", recipe=smplify)
-    stages = smplify(Appearance(500.0)).stages_of(["keypoints(one)"], None)
+    setup = image_fit(seen(person(1)), BODY, "q", recipe=Smplify())
+    stages = Smplify()(Appearance(500.0, 1000.0)).stages_of(setup.problem.rows, None)
     parts = [in_stage(setup.problem, None, stage.weights) for stage in stages[1:]]
-    x, fixed = setup.problem.split(
-        setup.start | {"pose": np.zeros((24, 3)), "betas": np.full(BODY.n_betas, 0.7)}
-    )
+    here = setup.start | {"pose": np.zeros((24, 3)), "betas": np.full(BODY.n_betas, 0.7)}
+    x, fixed = setup.problem.split(here)
     plain = Problem(
         KeypointProblem(BODY, 1.0, scaled(geman_mcclure, 100.0))
         .of(setup_photographs(), (), "coco")[0]
@@ -167,6 +170,10 @@ def test_smplify_stages_have_published_weights() -> None:
     )
     wide = plain.residual(x, fixed)
     keypoints = float(wide[plain.rows["keypoints(one)"]] @ wide[plain.rows["keypoints(one)"]])
+    ends = capsule_points(BODY, *(block.symbol for block in BODY.blocks()))
+    each = spheres(ends, BODY.capsules.radii, BODY.capsules.pairs, sigma=1.0)
+    overlap = 2 * Problem([each], ("pose", "betas", "trans")).linearize(here).cost
+    assert overlap > 0  # E_sp
     for (pose, shape), part in zip(
         zip(LAMBDA_POSE, LAMBDA_SHAPE, strict=True), [*parts, setup.problem], strict=True
     ):
@@ -177,6 +184,7 @@ def test_smplify_stages_have_published_weights() -> None:
         at_rest = 4 * (3.17 * pose) ** 2  # all four hinges are straight
         assert square["bending"] / scale == pytest.approx(at_rest)
         assert scale == pytest.approx(2 / pose**2)
+        assert square["contact"] / scale == pytest.approx(1e6 * overlap)
     assert pytest.approx(4.78 / np.sqrt(2)) == SMPLIFY_SIGMA
 
 
@@ -187,6 +195,39 @@ def test_smplify_places_the_root_of_any_body_first(name: str, root: str) -> None
     problem = Problem((*image_priors(body), place), ("pose", "trans"), blocks=body.blocks())
     first = in_stage(problem, smplify_stages()[0].free, {}).free.single_labels
     assert {*first} == {f"pose[{root}, {axis}]" for axis in "xyz"} | {f"trans[{x}]" for x in "xyz"}
+
+
+def test_the_mixture_is_the_prior_of_its_likeliest_component() -> None:
+    mixture, rng = shipped_mixture(), np.random.default_rng(0)
+    problem = Problem([mixture_prior(BODY)], ("pose",))
+    assert list(problem.rows) == ["pose prior"]
+    for pose in draw_poses(mixture, 5, rng):
+        likeliest = mixture.log_density(pose[1:].reshape(1, -1)).max()
+        best = max(mixture.log_density(mean[None])[0, c] for c, mean in enumerate(mixture.means))
+        cost = problem.linearize({"pose": pose}).cost
+        assert cost == pytest.approx(best - likeliest, rel=1e-9)
+    with pytest.raises(BadArgument, match="mixture of poses is one of SMPL's 24 joints"):
+        mixture_prior(load_body("hand"))
+
+
+def crossed() -> Observations:
+    """One image of a drawn pose in which the body goes 3 cm through itself."""
+    poses = draw_poses(shipped_mixture(), 200, np.random.default_rng(3))
+    overlap = -capsule_gaps(BODY, poses).min(axis=1)
+    pose = poses[np.argmin(abs(overlap - 0.03))]
+    return seen({"pose": pose, "betas": np.zeros(BODY.n_betas), "trans": np.array([0, 0, 0.2])})
+
+
+def test_contact_keeps_limbs_out_of_each_other() -> None:
+    deepest = {}
+    for name, terms in (("plain", image_priors), ("contact", WithPosePrior(others=(apart_prior,)))):
+        values = solved(image_fit(crossed(), BODY, "q", recipe=ByHeight(priors=terms))).values
+        at = (values[block.name] for block in BODY.blocks())
+        deepest[name] = -capsule_gaps(BODY, *at).min()
+    assert deepest["plain"] > 0.02  # m
+    assert deepest["contact"] < 0.005
+    with pytest.raises(BadBody, match="has no capsules"):
+        apart_prior(replace(BODY, capsules=None))
 
 
 def setup_photographs() -> tuple:
@@ -314,6 +355,18 @@ def test_interrupted_image_fit_ends_the_work(
 def test_files_of_the_same_name_are_refused() -> None:
     with pytest.raises(BadArgument, match="same name"):
         image_jobs([Path("a/one.json"), Path("b/One.json")])
+
+
+def test_the_usual_sigma_follows_the_person_and_the_image() -> None:
+    assert usual_sigma(300.0, (400, 900)) == pytest.approx(1.6)  # 0.32 % of 500 px
+    person = Appearance(300.0, 400.0)
+    assert ByHeight()(person).sigma == usual_sigma(300.0, (400, 900))
+    assert ByHeight(sigma=7.0)(person).sigma == 7.0
+    several = keypoint_fit(observations(40)[0], BODY, "q", sigma=None)
+    rows = {residual.name: residual for residual in several.problem.residuals}
+    for view in several.views:
+        expected = usual_sigma(height_in_view(BODY, view, several.start), view.size)
+        assert float(rows[f"keypoints({view.name})"].sigma) == pytest.approx(expected)
 
 
 def test_gross_outliers_in_several_cameras_hardly_move_the_body() -> None:

@@ -1,6 +1,7 @@
 """Bodies fitted to markers: what is found again, what is refused, and what files may hold."""
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -28,7 +29,7 @@ from workbench.fitting import (
     read_markers,
     spread_frames,
 )
-from workbench.fitting.marker_sets import matched
+from workbench.fitting.marker_sets import known_labels, known_markers, matched
 from workbench.fitting.markers import marker_errors, offset_prior, surface_frames
 from workbench.geometry.guesses import UP_TO_Y
 from workbench.geometry.solids import vertex_normals
@@ -183,8 +184,82 @@ def test_marker_labels_are_matched_by_name() -> None:
     assert worn.names == ("LFHD", "C7")
     assert places == (0, 1)
     assert "*12" in notes[0]
-    with pytest.raises(BadArgument, match="none of the labels"):
+    with pytest.raises(BadArgument, match=r"none of the labels.*--labels MAP\.csv"):
         matched(["*1"], WORN)
+
+
+@pytest.mark.parametrize("change", [str.lower, "s01_{}".format, "Anna B:{}".format])
+def test_labels_of_any_case_and_prefix_are_understood(change: Callable[[str], str]) -> None:
+    worn, places, notes = matched(["x", *map(change, WORN.names)], WORN)
+    assert worn.names == WORN.names
+    assert places == tuple(range(1, 42))
+    assert notes[0] == "not fitted are x, which the marker set does not have"
+    assert notes[1].startswith(f"41 of 41 labels are understood: {change('C7')} as C7")
+
+
+@pytest.mark.parametrize(
+    ("labels", "meant"),
+    [
+        ("LASI RPSI SACR LKNE LKNM RTIB LANK LHEE RTOE RBAK LFRA", "Plug-in Gait"),
+        ("L.ASIS V.Sacral R.Knee R.Knee.Medial L.Ankle R.Heel L.Toe R.Shoulder", "Helen Hayes"),
+        ("LASIS RGT LLE RME LHF RTT LLM RMM LCA RFM LSM RVM", "Rizzoli"),
+        ("LIAS R_IPS L_FLE RFME L_FAX RTTC LFAL R_TAM LFCC R_FM1 L_FM2 RFM5 CV7", "CAST"),
+        ("C7 CLAV LIWR ROWR RBAK LFRM RSHN", "CMU 41"),
+        ("ARIEL LFSH RBSH LIEL ROWR LIHAND ROHAND MFWT MBWT LKNI RHEL LMT1 RMT5", "Vicon 53"),
+        (
+            "HeadTop BackTop WaistLFront RShoulderTop LWristIn RKneeOut LToeIn",
+            "OptiTrack",
+        ),
+    ],
+)
+def test_labels_of_usual_marker_sets_are_understood(labels: str, meant: str) -> None:
+    given = labels.split()
+    everywhere = known_markers(BODY)
+    for prefix in ("", "Subject:"):
+        worn, places, notes = matched([prefix + label for label in given], everywhere)
+        assert places == tuple(range(len(given))), meant
+        assert not any("not fitted" in note for note in notes)
+        x = BODY.template[worn.vertices, 0]
+        sides = [label.upper().removeprefix("WAIST")[0] for label in given]
+        assert (x[[side == "L" for side in sides]] > 0).all()
+        assert (x[[side == "R" for side in sides]] < 0).all()
+
+
+def test_of_several_subjects_the_one_with_most_markers_is_taken() -> None:
+    labels = ["a_LHEE", "b_LHEE", "b_C7", "b_CV7", "B_RHEE", "*3", "T10"]
+    worn, places, notes = matched(labels, WORN)
+    assert worn.names == ("LHEE", "C7", "RHEE", "T10")
+    assert places == (1, 2, 4, 6)
+    said = "not fitted are a_LHEE, b_CV7, *3, which the marker set does not have"
+    assert notes[0] == f"{said}, or that are not of 'B_'"
+
+
+def test_known_labels_are_of_known_markers() -> None:
+    names = known_markers(BODY).names
+    assert len({*names}) == 72
+    assert {*known_labels().values()} <= {*names}
+    assert all(name == label for label, name in known_labels().items() if label in names)
+    assert not {"LKNEE", "RANKLE", "LSHOULDER", "RELBOW"} & {*known_labels()}  # joints of others
+
+
+def test_further_markers_are_where_they_are_called() -> None:
+    """x to the left, y up, z to the front, on the body at rest with its arms stretched."""
+    for name in ("small", "default"):
+        body = wb.load_body(name)
+        known = known_markers(body)
+        assert known.names[:41] == WORN.names
+        np.testing.assert_array_equal(known.vertices[:41], default_markers(body).vertices)
+        at = dict(zip(known.names, body.template[known.vertices], strict=True))
+        assert at["LKNE"][0] > at["LKNI"][0] > 0 > at["RKNI"][0] > at["RKNE"][0]
+        assert at["LANK"][0] > at["LMED"][0] > 0
+        assert at["LMT5"][0] > at["LMT1"][0] > 0
+        assert at["C7"][1] > at["T2"][1] > at["T7"][1] > at["T10"][1]
+        assert at["LFSH"][2] > at["LBSH"][2]
+        assert at["MFWT"][2] > 0 > at["MBWT"][2]
+        assert at["LIHA"][2] > at["LOHA"][2]  # palms down
+        assert at["LKNE"][1] > at["LTIB"][1] > at["LANK"][1]
+        assert at["ARIEL"][1] > body.template[:, 1].max() - 0.03
+        assert np.abs([at["MFHD"][0], at["T2"][0], at["MBWT"][0]]).max() < 0.06
 
 
 def written(path: Path, **arrays: object) -> Path:

@@ -94,13 +94,12 @@ def test_sd_is_that_of_the_linear_problem_and_infinite_where_nothing_is_seen() -
 
 def test_measurements_of_a_fit_say_what_the_data_determine() -> None:
     setup = body_cameras()
-    found = {
-        m.name: m
-        for m in measurements(setup, setup.start | wb.solve(setup.problem, setup.start).values)
-    }
+    problem, priors = setup.problem, setup.priors
+    values = setup.start | wb.solve(problem, setup.start).values
+    found = {m.name: m for m in measurements(setup.body, problem, values, priors)}
     assert found["stature"].contraction > 0.7 > 0.5 > found["waist"].contraction > 0
     assert found["stature"].interval[1] - found["stature"].interval[0] < 0.08
-    assert measurements(replace(setup, body=wb.load_body("hand")), setup.start) == ()
+    assert measurements(wb.load_body("hand"), problem, setup.start, priors) == ()
 
 
 def test_draws_have_the_spread_of_laplace_where_the_problem_is_linear() -> None:
@@ -127,7 +126,7 @@ def test_intervals_of_measurements_hold_the_truth() -> None:
         assert setup.made_of is not None
         truth = wb.measured(BODY, setup.made_of["betas"])
         values = setup.start | wb.solve(setup.problem, setup.start).values
-        for one in measurements(setup, values):
+        for one in measurements(setup.body, setup.problem, values, setup.priors):
             if one.name in inside:
                 inside[one.name] += one.interval[0] <= truth[one.name] <= one.interval[1]
     assert all(22 <= count <= 30 for count in inside.values()), inside

@@ -45,6 +45,61 @@ def square(**changed: Any) -> bytes:
     return glb({**told, **changed}, VERTICES.tobytes() + FACES.tobytes())
 
 
+SKINNED = {
+    "attributes": {"POSITION": 0, "JOINTS_0": 1, "WEIGHTS_0": 2, "JOINTS_1": 1, "WEIGHTS_1": 3}
+}
+
+
+def skinned(**changed: Any) -> tuple[bytes, np.ndarray]:
+    """A .glb whose mesh two joints pose, and where that puts its vertices (5, 3) m.
+
+    Joints are in centimetres, z up, below a node that scales and turns them; the mesh's node has a
+    scale of its own, which does not count (glTF 2.0, section 3.7.3.3). The upper joint is bent by a
+    quarter turn about x; weights add up to 1 or not, and are listed in two sets; the second vertex
+    has none, and follows the joint that it lists first.
+    """
+    places = np.array([[0, 0, 0], [1, 5, 0], [0, 10, 2], [-1, 15, 0], [0, 18, 1]], "<f4") / 10
+    joints = np.array([[0, 1, 0, 0]] * 5, "u1")
+    weights, more = np.zeros((2, 5, 4), "<f4")
+    weights[:4, :2] = [[3, 0], [0, 0], [0.5, 0.25], [0, 1]]
+    more[2, 1], more[4, 1] = 0.25, 0.1
+    faces = np.array([[0, 1, 2], [2, 3, 4]], "<u4")
+    binds = np.zeros((2, 4, 4))
+    for bind, height in zip(binds, (0.0, 100.0), strict=True):  # from metres, y up, to a joint
+        bind[:3, :3] = 100 * np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+        bind[:, 3] = 0, 0, -height, 1
+    arrays = [places, joints, weights, more, faces, binds.swapaxes(1, 2).astype("<f4")]
+    kinds = [(5126, "VEC3"), (5121, "VEC4"), (5126, "VEC4"), (5126, "VEC4"), (5125, "SCALAR")]
+    views, content = [], b""
+    for array in arrays:
+        views.append({"buffer": 0, "byteOffset": len(content), "byteLength": array.nbytes})
+        content += array.tobytes() + b"\0" * (-array.nbytes % 4)
+    half = float(np.sqrt(0.5))
+    told: dict[str, Any] = {
+        "asset": {"version": "2.0"},
+        "scenes": [{"nodes": [0]}],
+        "nodes": [
+            {"rotation": [-half, 0, 0, half], "scale": [0.01] * 3, "children": [1, 3]},
+            {"name": "low", "children": [2]},
+            {"name": "up", "translation": [0, 0, 100], "rotation": [half, 0, 0, half]},
+            {"mesh": 0, "skin": 0, "scale": [0.01] * 3},
+        ],
+        "meshes": [{"primitives": [SKINNED | {"indices": 4}]}],
+        "skins": [{"joints": [1, 2], "inverseBindMatrices": 5}],
+        "accessors": [
+            {"bufferView": k, "componentType": code, "count": n, "type": kind}
+            for k, ((code, kind), n) in enumerate(
+                zip([*kinds, (5126, "MAT4")], (5, 5, 5, 5, 6, 2), strict=True)
+            )
+        ],
+        "bufferViews": views,
+        "buffers": [{"byteLength": len(content)}],
+    }
+    bent = np.stack([places[:, 0], 1 - places[:, 2], places[:, 1] - 1], axis=1)
+    share = np.array([0, 0, 0.5, 1, 1])[:, None]
+    return glb(told | changed, content), (1 - share) * places + share * bent
+
+
 def positions(**changed: Any) -> bytes:
     """The same with the accessor of its positions changed."""
     kept = {key: value for key, value in (POSITIONS | changed).items() if value is not None}

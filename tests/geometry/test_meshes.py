@@ -15,15 +15,18 @@ from tests.geometry.mesh_files import (
     LITTLE,
     PART,
     POSITIONS,
+    SKINNED,
     claims,
     glb,
     ply,
+    skinned,
     square,
 )
 from tests.geometry.mesh_files import FACES as TWO
 from tests.geometry.mesh_files import VERTICES as SQUARE_PLACES
 from tests.tiers import few
 from workbench.errors import BadFile, BadMesh
+from workbench.fitting.scans.files import contents_of
 from workbench.geometry.meshes import Mesh, read_mesh, same_faces, write_mesh
 
 VERTICES = np.random.default_rng(0).normal(size=(8, 3))
@@ -285,6 +288,34 @@ def test_glb_accessors_may_be_bytes_or_sparse_but_not_compressed(tmp_path: Path)
     (tmp_path / "a.glb").write_bytes(glb({**told, "accessors": [kind]}, content))
     with pytest.raises(BadFile, match="has no bytes for them; of a file that is compressed"):
         read_mesh(tmp_path / "a.glb")
+
+
+def test_skins_pose_a_mesh_and_its_own_node_does_not_count(tmp_path: Path) -> None:
+    """As in three.js's Xbot, whose mesh is read 0.018 m long where its node's scale counts."""
+    content, exact = skinned()
+    (tmp_path / "a.glb").write_bytes(content)
+    np.testing.assert_allclose(read_mesh(tmp_path / "a.glb").vertices, exact, atol=1e-6)
+    np.testing.assert_allclose(contents_of(tmp_path / "a.glb", None).points, exact, atol=1e-6)
+    lines = {"attributes": {"POSITION": 0, "JOINTS_0": 1}, "mode": 1}  # which are left out
+    (tmp_path / "b.glb").write_bytes(
+        skinned(meshes=[{"primitives": [SKINNED | {"indices": 4}, lines]}])[0]
+    )
+    np.testing.assert_array_equal(
+        read_mesh(tmp_path / "b.glb").vertices, read_mesh(tmp_path / "a.glb").vertices
+    )
+    for change, said in [
+        ({"skins": [{"joints": []}]}, r"skins\[0\] has no joints"),
+        ({"skins": [{"joints": [1, 9]}]}, "one that its scene does not show"),
+        ({"skins": [{"joints": [1, 1]}]}, "the same joint twice"),
+        ({"skins": [{"joints": [1]}]}, "a joint beyond the 1 of its skin"),
+        ({"skins": [{"joints": [1, 2, 3], "inverseBindMatrices": 5}]}, "3 joints, 2 bind matrices"),
+        ({"skins": []}, r"there is no skins\[0\]"),
+        ({"meshes": [{"primitives": [PART | {"indices": 4}]}]}, "its vertices follow no joints"),
+        ({"skins": [{}]}, r"skins\[0\] has no joints"),
+    ]:
+        (tmp_path / "a.glb").write_bytes(skinned(**change)[0])
+        with pytest.raises(BadFile, match=said):
+            read_mesh(tmp_path / "a.glb")
 
 
 def test_glb_strips_turn_every_other_triangle_and_points_have_none(tmp_path: Path) -> None:

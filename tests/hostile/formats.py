@@ -25,6 +25,7 @@ from tests.bodies.random_bodies import decorated, entries
 from tests.fitting.mediapipe_made import mediapipe_results
 from tests.fitting.test_cameras import CALIBRATIONS, colmap, put, stored
 from tests.fitting.test_detector_files import READ
+from tests.geometry.mesh_files import skinned
 from tests.motions.made_files import MARKER_FILES, MOTION_FILES
 from tests.motions.made_results import RESULTS, truth
 from workbench import Block, Problem, Residual, load_body, save_body, solve
@@ -558,6 +559,15 @@ def _markers(folder: Path) -> None:
         make(folder / name)
 
 
+def _labels(folder: Path) -> None:
+    MARKER_FILES["walk.trc"](folder / "walk.trc")
+    (folder / "labels.csv").write_text("label,marker\nLFHD,ARIEL\nC7,\n\nLHEE,HEEL\n")
+
+
+def _skinned(folder: Path) -> None:
+    (folder / "mesh.glb").write_bytes(skinned()[0])
+
+
 def _sound_markers(found: list[Any]) -> None:
     for recording in found:
         T, M, _ = recording.markers.shape
@@ -627,6 +637,7 @@ FORMATS: dict[str, Format] = {
     "mesh.off": _mesh(".off"),
     "mesh.stl": _mesh(".stl"),
     "mesh.glb": _mesh(".glb"),
+    "skinned.glb": Format(_skinned, lambda folder: vars(read_mesh(folder / "mesh.glb"))),
     "polygons.ply": Format(_polygons, _read_polygons),
     "scan-files": Format(_scans, _read_scans),
     "openpose.json": Format(_people, _observations((1000, 1000))),
@@ -642,6 +653,11 @@ FORMATS: dict[str, Format] = {
         _sound_motions,
     ),
     **{name: _result(name) for name in RESULT_FILES},
+    "labels.csv": Format(
+        _labels,
+        lambda folder: [read_markers(folder / "walk.trc", labels=folder / "labels.csv")],
+        _sound_markers,
+    ),
     "marker-files": Format(
         _markers,
         lambda folder: [read_markers(folder / name) for name in MARKER_FILES],

@@ -134,11 +134,20 @@ def marker_places() -> Array:
 
 
 def c3d_bytes(
-    places: Array, labels: Sequence[str], *, kind: str = "<", scale: float = -1.0, analog: int = 0
+    places: Array,
+    labels: Sequence[str],
+    *,
+    kind: str = "<",
+    scale: float = -1.0,
+    analog: int = 0,
+    channels: int = 0,
+    rate: float = 100.0,
 ) -> bytes:
     """A C3D of places (T, M, 3) in mm at 100 frames a second: floats, or whole numbers times scale.
 
-    `kind` is `<` for Intel, `>` for MIPS, and `dec`, whose floats are those of a VAX.
+    `kind` is `<` for Intel, `>` for MIPS, and `dec`, whose floats are those of a VAX. With
+    `channels`, the `analog` measurements of a frame are samples of these in an ANALOG group. `rate`
+    is what the header says.
     """
     order, (frames, M, _) = ">" if kind == ">" else "<", places.shape
 
@@ -154,9 +163,11 @@ def c3d_bytes(
     def group(name: str, number: int) -> bytes:
         return struct.pack("bb", len(name), -number) + name.encode() + word(3) + b"\0"
 
-    def parameter(name: str, type_: int, dims: Sequence[int], data: bytes) -> bytes:
+    def parameter(
+        name: str, type_: int, dims: Sequence[int], data: bytes, number: int = 1
+    ) -> bytes:
         rest = struct.pack("bB", type_, len(dims)) + bytes(dims) + data + b"\0"
-        return struct.pack("bb", len(name), 1) + name.encode() + word(len(rest) + 2) + rest
+        return struct.pack("bb", len(name), number) + name.encode() + word(len(rest) + 2) + rest
 
     wide = max(map(len, labels))
     text = "".join(label.ljust(wide) for label in labels).encode()
@@ -164,15 +175,28 @@ def c3d_bytes(
     body += parameter("USED", 2, (), word(M)) + parameter("FRAMES", 2, (), word(frames))
     body += parameter("SCALE", 4, (), real(scale)) + parameter("RATE", 4, (), real(100.0))
     body += parameter("UNITS", -1, (4,), b"mm  ")
-    body += parameter("DATA_START", 2, (), word(3))
-    body += parameter("LABELS", -1, (wide, len(labels)), text) + b"\0\0"
+    start = len(body) + len(parameter("DATA_START", 2, (), b"")) - 1
+    body += parameter("DATA_START", 2, (), word(0))
+    body += parameter("LABELS", -1, (wide, len(labels)), text)
+    if channels:
+        body += group("ANALOG", 2) + parameter("USED", 2, (), word(channels), 2)
+        body += parameter("RATE", 4, (), real(100.0 * analog / channels), 2)
+        body += parameter("GEN_SCALE", 4, (), real(1.0), 2)
+        body += parameter("SCALE", 4, (channels,), real(1.0) * channels, 2)
+        body += parameter("OFFSET", 2, (channels,), word(0) * channels, 2)
+        names = "".join(f"Fz{k}" for k in range(channels)).encode()
+        body += parameter("LABELS", -1, (3, channels), names, 2)
+        body += parameter("UNITS", -1, (1, channels), b"N" * channels, 2)
+        body += parameter("FORMAT", -1, (6,), b"SIGNED", 2)
+    body += b"\0\0"
     blocks = -(-(len(body) + 4) // 512)
+    body = body[:start] + word(2 + blocks) + body[start + 2 :]
     number = {"<": 84, "dec": 85, ">": 86}[kind]
     parameters = (bytes((1, 80, blocks, number)) + body).ljust(512 * blocks, b"\0")
     head = bytes((2, 80)) + word(M) + word(analog) + word(1) + word(frames) + word(10) + real(scale)
-    head += word(2 + blocks) + word(analog) + real(100.0)
+    head += word(2 + blocks) + word(analog // channels if channels else analog) + real(rate)
     data = b""
-    for frame in places:
+    for t, frame in enumerate(places):
         for place in frame:
             lost = not np.isfinite(place).all()
             numbers = [0.0, 0.0, 0.0, -1.0] if lost else [*place, 0.0]
@@ -182,13 +206,14 @@ def c3d_bytes(
                 data += b"".join(word(round(x / scale)) for x in numbers[:3]) + word(
                     int(numbers[3])
                 )
-        data += (real(0.5) if scale < 0 else word(5)) * analog
+        data += b"".join(real(t + a / 2) if scale < 0 else word(t - a) for a in range(analog))
     return head.ljust(512, b"\0") + parameters + data.ljust(-(-len(data) // 512) * 512, b"\0")
 
 
-def _c3d(scale: float, kind: str) -> Callable[[Path], None]:
+def _c3d(scale: float, kind: str, channels: int = 0) -> Callable[[Path], None]:
     def write(path: Path) -> None:
-        content = c3d_bytes(marker_places(), LABELS, kind=kind, scale=scale, analog=2)
+        told = {"kind": kind, "scale": scale, "analog": 2, "channels": channels}
+        content = c3d_bytes(marker_places(), LABELS, **told)  # type: ignore[arg-type]
         path.write_bytes(content)
 
     return write
@@ -239,6 +264,7 @@ MARKER_FILES: dict[str, Callable[[Path], None]] = {
     "floats.c3d": _c3d(-1.0, "<"),
     "integers.c3d": _c3d(0.1, ">"),
     "vax.c3d": _c3d(-1.0, "dec"),
+    "analog.c3d": _c3d(-1.0, "<", 2),
     "walk.trc": _trc,
     "markers.npz": _arrays,
 }

@@ -18,7 +18,7 @@ from tests.bodies.model_files import flame, with_fingers, written
 from tests.clips_made_up import clip
 from tests.motions.made_glb import NAMES, TRANS, made, places_of, turns, write_text
 from tests.tiers import few
-from workbench.errors import BadArgument, BadFile
+from workbench.errors import BadArgument, BadFile, UnknownName
 from workbench.geometry import gltf
 from workbench.geometry.gltf import GlbDocument, document_of
 from workbench.motions import gltf as motion_files
@@ -61,6 +61,30 @@ def test_glb_survives_its_file(tmp_path: Path, name: str) -> None:
     np.testing.assert_allclose(found.joints(), motion.joints(body), atol=1e-5)
     np.testing.assert_allclose(found.betas, motion.betas)
     np.testing.assert_allclose(found.vertices(body), motion.vertices(body), atol=1e-5)
+
+
+def test_one_of_several_animations_is_read_by_name_or_number(tmp_path: Path) -> None:
+    content = made()
+    told = json.loads(content[20 : 20 + int.from_bytes(content[12:16], "little")])
+    walk = told["animations"][0]
+    rest = {"samplers": walk["samplers"], "channels": walk["channels"][3:4]}  # of the hips alone
+    face = walk | {"name": "face", "channels": walk["channels"][4:]}
+    (tmp_path / "a.glb").write_bytes(made({"animations": [walk, rest, face]}))
+    (tmp_path / "b.glb").write_bytes(content)
+    whole = read_glb(tmp_path / "b.glb")
+    for name in (None, "walk", "0"):
+        found = wb.read_motion(tmp_path / "a.glb", animation=name)
+        np.testing.assert_array_equal(found.pose, whole.pose)
+        np.testing.assert_array_equal(found.trans, whole.trans)
+        assert "the animation walk is read, and not 1, face" in found.notes
+    found = read_glb(tmp_path / "a.glb", animation="1")
+    moved, way = (motion.trans - motion.trans[0] for motion in (found, whole))
+    np.testing.assert_allclose(moved, way, atol=1e-9)
+    assert np.abs(found.pose - found.pose[0]).max() < 1e-9
+    with pytest.raises(UnknownName, match=r"'run'; there are walk \(0\), 1 \(1\), face \(2\)"):
+        read_glb(tmp_path / "a.glb", animation="run")
+    with pytest.raises(BadFile, match="an animation 'face', but not one of the joints of its skin"):
+        read_glb(tmp_path / "a.glb", animation="face")
 
 
 def test_damaged_glb_is_refused(tmp_path: Path) -> None:

@@ -25,7 +25,7 @@ from workbench.errors import BadArgument, BadBody, UnknownName
 from workbench.fitting import BadScan, Scan
 from workbench.fitting.hands import mean_hand, points_of
 from workbench.geometry.surface_tree import SurfaceTree
-from workbench.priors.poses import draw_poses, shipped_gaussian
+from workbench.priors.poses import draw_poses, shipped_gaussian, shipped_mixture
 from workbench.registration import (
     HAND_RECIPE,
     PERSON_RECIPE,
@@ -76,7 +76,7 @@ def test_person_is_registered() -> None:
     body, whole = BODY, register(BODY, SCAN, recipe=Recipe(FIT_STAGES))
     assert np.linalg.norm(whole.vertices - TRUTH, axis=1).mean() < 0.01  # m
     assert whole.facing == pytest.approx(TURN, abs=0.05)
-    assert [stage.name for stage in whole.stages] == ["model", "free"]
+    assert [stage.name for stage in whole.stages] == ["model", "free", "relaxed"]
     assert whole.stages[0].unknowns == 3 * body.n_joints + body.n_betas + 3
     assert whole.stages[-1].unknowns == whole.stages[0].unknowns + 3 * body.n_vertices
     assert whole.median == np.median(np.abs(whole.distances[whole.touching]))
@@ -84,6 +84,11 @@ def test_person_is_registered() -> None:
     assert whole.size.name == "height"
     assert whole.size.metres == pytest.approx(np.ptp(body.template[:, 1]), rel=0.02)
     assert not whole.doubts
+    stature = whole.measurements[0]
+    assert stature.name == "stature"
+    assert stature.value == pytest.approx(whole.size.metres, abs=1e-9)
+    assert 0.0005 < stature.sd < 0.01  # m
+    assert stature.contraction > 0.9
     medians = [stage.median for stage in whole.stages]
     assert medians == sorted(medians, reverse=True)
     again = pickle.loads(pickle.dumps(whole))
@@ -112,6 +117,27 @@ def test_hidden_side_is_less_certain() -> None:
     found = register(BODY, HALF, recipe=QUICK)
     assert 0.2 < found.seen.mean() < 0.8
     assert found.sd[~found.seen].mean() > found.sd[found.seen].mean()
+
+
+@pytest.mark.thorough
+def test_intervals_of_measurements_hold_the_truth() -> None:
+    """Ten synthetic people in poses of the prior, seen all round with noise of 3 mm."""
+    rng = np.random.default_rng(3)
+    inside = []
+    for pose in draw_poses(shipped_mixture(), 10, rng):
+        betas = rng.standard_normal(BODY.n_betas)
+        vertices = BODY.vertices(np.vstack([np.zeros((1, 3)), pose[1:]]), betas)
+        points = cloud(BODY, vertices, 6000).points
+        found = register(
+            BODY,
+            Scan(points + 0.003 * rng.standard_normal(points.shape)),
+            recipe=Recipe(vertex_stages=model_alone),
+        )
+        truth = wb.measured(BODY, betas)
+        inside += [
+            one.interval[0] <= truth[one.name] <= one.interval[1] for one in found.measurements
+        ]
+    assert np.mean(inside) >= 0.8
 
 
 @pytest.mark.thorough
@@ -275,6 +301,29 @@ def test_a_skeleton_starts_the_fit_and_counts_in_it() -> None:
     ]
     assert len(fit.hypotheses) == 1
     assert errors(fit.values).mean() < 1.5
+
+
+def test_a_skeleton_is_read_in_the_unit_and_the_axes_of_the_scan(tmp_path: Path) -> None:
+    truth, simulated = made()
+    turned = 1e3 * simulated.scan.points[:, [0, 2, 1]] * [1, -1, 1]  # z up, in mm
+    np.save(tmp_path / "scan.npy", turned)
+    known = points_of(HAND, truth)
+    known[4] = np.nan  # which was not seen
+    np.savez(tmp_path / "skeleton.npz", joints=1e3 * known[:, [0, 2, 1]] * [1, -1, 1])
+    one = (FitStage(600, 0.003, 0.009, 1, 8),)
+    recipe = replace(HAND_RECIPE, fit_stages=one, vertex_stages=model_alone)
+    reading = Reading("mm", "z", skeleton=tmp_path / "skeleton.npz")
+    done = registered(HAND, recipe, reading, ScanJob("scan", tmp_path / "scan.npy"))
+    assert isinstance(done, RegisteredScan), done
+    assert errors(done.registration.values).mean() < 1.5
+    (tmp_path / "skeleton.npz").unlink()
+    missing = registered(HAND, recipe, reading, ScanJob("scan", tmp_path / "scan.npy"))
+    assert isinstance(missing, FailedScan)
+    assert "skeleton.npz" in missing.reason
+    reading = Reading("mm", "z", skeleton=tmp_path / "scan.npy")
+    other = registered(HAND, recipe, reading, ScanJob("scan", tmp_path / "scan.npy"))
+    assert isinstance(other, FailedScan)
+    assert "points of a hand have the shape (21, 3)" in other.reason
 
 
 @pytest.mark.thorough

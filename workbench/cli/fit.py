@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import typer
@@ -34,16 +34,29 @@ from workbench.cli.run import Compare, LiveTrace, Out, carry_out, solver_named
 from workbench.environment import expanded
 from workbench.errors import BadArgument, BadFile, NotSupported, some_of
 from workbench.experiments import Experiment
-from workbench.fitting.body_priors import checked_height
+from workbench.fitting.body_priors import (
+    apart_prior,
+    checked_height,
+    mixture_prior,
+    pose_prior,
+)
 from workbench.fitting.doubts import doubts
 from workbench.fitting.files.clips import read_clip
-from workbench.fitting.images import SPREAD, ByHeight, WithStature, image_fit, image_mean
+from workbench.fitting.images import (
+    SPREAD,
+    ByHeight,
+    Smplify,
+    WithPosePrior,
+    WithStature,
+    image_fit,
+    image_mean,
+)
 from workbench.fitting.jobs import ImageReading, ImageWork, image_jobs, in_parts
 from workbench.fitting.keypoints import as_marked, keypoint_fit
 from workbench.fitting.known_points import own_mesh
 from workbench.fitting.marker_files import READERS as MARKERS
 from workbench.fitting.marker_files import MarkerRecording, read_markers
-from workbench.fitting.marker_sets import OUT, MarkerSet, default_markers, matched, read_marker_set
+from workbench.fitting.marker_sets import OUT, MarkerSet, known_markers, matched, read_marker_set
 from workbench.fitting.markers import SIGMA, marker_solver, rms_of_markers
 from workbench.fitting.mosh import mosh
 from workbench.fitting.observations import Clip
@@ -80,7 +93,7 @@ class Given:
     body: SkinnedBody | TriangleBody
     body_name: str
     reading: ImageReading
-    recipe: ByHeight
+    recipe: ByHeight | Smplify
     sigma: float | None
     solver: str | None
     compare: bool
@@ -112,11 +125,9 @@ def fit(
     cameras: Annotated[
         Path | None,
         typer.Option(
-            help="Calibration with the cameras in the order of the files, or named as they are: "
-            "TOML of Pose2Sim or Anipose, EasyMocap's intri.yml beside extri.yml, OpenCV's "
-            "FileStorage, COLMAP's text, CMU Panoptic's JSON, or JSON "
-            '{"name": {"K": 3x3, "R": 3x3, "t": 3, "distortion": [...], "size": [w, h]}}. '
-            "All formats are in howto/formats.md."
+            help="Calibration, its cameras in the order of the files or named as they are: of "
+            "Pose2Sim, Anipose, EasyMocap, OpenCV, COLMAP or CMU Panoptic (howto/formats.md), or "
+            '{"name": {"K": 3x3, "R": 3x3, "t": 3, "distortion": [...], "size": [w, h]}}.'
         ),
     ] = None,
     camera_to_world: Annotated[
@@ -129,16 +140,28 @@ def fit(
     size: Annotated[str | None, typer.Option(help="The image's size, WIDTHxHEIGHT in px.")] = None,
     focal: Annotated[
         float | None,
-        typer.Option(help="Focal length in px; without it, the focal length is estimated too."),
+        typer.Option(help="Focal length in px; else it is estimated too."),
     ] = None,
     person: Annotated[
         int | None,
-        typer.Option(help="Number of the person in the file, from 0; without it, the largest."),
+        typer.Option(help="Which person of a file, from 0; else the largest."),
     ] = None,
     height: Annotated[
         float | None,
-        typer.Option(help="Stature of the person in one image in m, if it is known."),
+        typer.Option(help="Known stature of the person in one image, in m."),
     ] = None,
+    recipe: Annotated[
+        Literal["default", "smplify"],
+        typer.Option(help="Terms and stages for one image: our own, or SMPLify's."),
+    ] = "default",
+    prior: Annotated[
+        Literal["gaussian", "mixture"] | None,
+        typer.Option(help="Prior on the pose for one image; else the recipe's."),
+    ] = None,
+    contact: Annotated[
+        bool,
+        typer.Option("--contact", help="In one image, keep limbs out of each other."),
+    ] = False,
     hypotheses: Annotated[
         int,
         typer.Option(help="Number of starts for one image, for bodies that may look alike."),
@@ -160,14 +183,15 @@ def fit(
     ] = False,
     fps: Annotated[
         float | None,
-        typer.Option(
-            help=f"Frames per second of a clip, {FPS:g} if not given; or of markers, if their file "
-            "does not say."
-        ),
+        typer.Option(help=f"Frames per second of a clip (else {FPS:g}) or markers."),
     ] = None,
     marker_set: Annotated[
         Path | None,
-        typer.Option(help='Markers of an .npz on the body: JSON {"LFHD": number of a vertex}.'),
+        typer.Option(help='Markers on the body: JSON {"LFHD": vertex}.'),
+    ] = None,
+    labels: Annotated[
+        Path | None,
+        typer.Option(help="What labels of markers mean: a .csv with lines such as LHeel,LHEE."),
     ] = None,
     marker_height: Annotated[
         float | None,
@@ -187,8 +211,8 @@ def fit(
     sigma: Annotated[
         float | None,
         typer.Option(
-            help="Standard deviation of the data; else 0.4 % of the person's height in px, or "
-            "0.002 m in space."
+            help="Standard deviation of the data; else of keypoints 4 px for a person of 750 px "
+            "in an image of 1000 px, and in proportion; or 0.002 m in space."
         ),
     ] = None,
     solver: Annotated[
@@ -220,13 +244,19 @@ def fit(
     if solver is not None:
         solver_named(solver)
     reading = ImageReading(size_of(size), focal, cameras, person, camera_to_world)
-    recipe = recipe_of(height, sigma)
-    worn = Worn(marker_set, OUT if marker_height is None else marker_height, across)
+    how = recipe_of(recipe, height, sigma, prior, contact)
+    worn = Worn(marker_set, OUT if marker_height is None else marker_height, across, labels)
     model, paths = load_body(body), [expanded(path) for path in files]
-    given = Given(Console(), model, body, reading, recipe, sigma, solver, compare, out)
+    given = Given(Console(), model, body, reading, how, sigma, solver, compare, out)
     first = paths[0]
     many = {"--workers": workers > 1, "--dask": dask is not None}
-    one_image = {"--height": height is not None, "--hypotheses": hypotheses != 1}
+    one_image = {
+        "--recipe": recipe != "default",
+        "--prior": prior is not None,
+        "--contact": contact,
+        "--height": height is not None,
+        "--hypotheses": hypotheses != 1,
+    }
     drawn = {"--mean": mean}
     by_keypoints = {
         "--cameras": cameras is not None,
@@ -238,6 +268,7 @@ def fit(
     moving = {"--fps": fps is not None}
     of_markers = {
         "--marker-set": marker_set is not None,
+        "--labels": labels is not None,
         "--marker-height": marker_height is not None,
         "--across": across is not None,
     }
@@ -271,7 +302,7 @@ def fit(
     elif first.is_dir():
         single = {"--compare": compare, "--solver": solver is not None}
         given.mind(single | drawn | moving | of_markers, "it is not for a folder of images")
-        work = ImageWork(model, recipe, reading, hypotheses)
+        work = ImageWork(model, how, reading, hypotheses)
         fit_folder(given.console, first, work, body=body, out=out, workers=workers, dask=dask)
     elif first.suffix.lower() in MARKERS:
         given.mind(
@@ -335,13 +366,23 @@ def _carry_out(given: Given, file: Path, setup: Setup) -> tuple[Values, Path]:
     return carry_out(given.console, experiment, named, given.compare, given.out)
 
 
-def recipe_of(height: float | None, sigma: float | None) -> ByHeight:
-    """How one image is fitted, with a known stature, and with another sigma of keypoints."""
-    recipe = ByHeight(sigma=sigma)
-    if height is None:
-        return recipe
-    checked_height(height)
-    return replace(recipe, priors=WithStature(height))
+PRIORS = {"gaussian": pose_prior, "mixture": mixture_prior}
+
+
+def recipe_of(
+    kind: str, height: float | None, sigma: float | None, prior: str | None, contact: bool
+) -> ByHeight | Smplify:
+    """How one image is fitted: by which recipe, with what else is known or asked for."""
+    recipe: ByHeight | Smplify = ByHeight(sigma=sigma)
+    if kind == "smplify":
+        recipe = Smplify() if sigma is None else Smplify(sigma)
+    terms, others = recipe.priors, (apart_prior,) if contact else ()
+    if prior is not None or others:
+        terms = WithPosePrior(PRIORS[prior or "gaussian"], others, terms)
+    if height is not None:
+        checked_height(height)
+        terms = WithStature(height, priors=terms)
+    return replace(recipe, priors=terms)
 
 
 def size_of(text: str | None) -> tuple[int, int] | None:
@@ -503,14 +544,16 @@ class Worn:
     """What is known of the markers that a person wears. Raises BadArgument for lengths in mm.
 
     Attributes:
-        file: the marker set, in JSON; None for the body's own 41 markers.
+        file: the marker set, in JSON; None for the markers whose places are known.
         height: of their centres above the skin, in m.
         across: its standard deviation in m, or None where places are uncertain in all directions.
+        labels: a table of what the labels of a recording mean, or None.
     """
 
     file: Path | None = None
     height: float = OUT
     across: float | None = None
+    labels: Path | None = None
 
     def __post_init__(self) -> None:
         for option, length in (("--marker-height", self.height), ("--across", self.across)):
@@ -522,7 +565,7 @@ class Worn:
 
     def on(self, body: SkinnedBody) -> MarkerSet:
         """The markers on a body. Raises BadFile as `read_marker_set` does."""
-        placed = default_markers(body) if self.file is None else read_marker_set(self.file, body)
+        placed = known_markers(body) if self.file is None else read_marker_set(self.file, body)
         vertices = dict(zip(placed.names, placed.vertices, strict=True))
         return MarkerSet.of(body, vertices, self.height)
 
@@ -545,7 +588,8 @@ def fit_markers(
     """
     if not isinstance(body, SkinnedBody):
         raise NotSupported(why_not_skinned(body, "a fit to markers", "take a SkinnedBody"))
-    recording = read_markers(file, sizes=sizes_of(body.joint_names))
+    sizes = sizes_of(body.joint_names)
+    recording = read_markers(file, sizes=sizes, labels=markers_worn.labels)
     worn, places, notes = matched(recording.labels, markers_worn.on(body))
     say_notes(console, (*recording.notes, *notes))
     markers, precision = recording.markers[:, list(places)], SIGMA if sigma is None else sigma

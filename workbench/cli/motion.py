@@ -65,6 +65,10 @@ Person = Annotated[
     str | None,
     typer.Option(help="Which of several people in a file; else who is in most frames."),
 ]
+Animation = Annotated[
+    str | None,
+    typer.Option(help="Animation of a .glb, by its name or number."),
+]
 NO_PAIRS = np.zeros((0, 2), dtype=np.int64)
 
 
@@ -84,7 +88,7 @@ def motion(
         ),
     ] = None,
     fps: Annotated[
-        float | None, typer.Option(help="Frames a second to which a motion is resampled.")
+        float | None, typer.Option(help="Resample a motion to so many frames a second.")
     ] = None,
     rate: Annotated[
         float | None,
@@ -105,7 +109,7 @@ def motion(
         str,
         typer.Option(
             help="Morph targets of a .glb for what pose adds to the surface: a number, or "
-            f"{EXACT}. Their error is printed, and kept in the file."
+            f"{EXACT}; their error is printed."
         ),
     ] = "0",
     shapes: Annotated[
@@ -143,6 +147,7 @@ def motion(
     ] = None,
     up: Up = None,
     person: Person = None,
+    animation: Animation = None,
 ) -> None:
     """Say what a file of a motion or of markers holds, draw it, and convert it."""
     console, path = Console(), expanded(file)
@@ -157,14 +162,16 @@ def motion(
     if holds_markers(path):
         refuse_suffix(out, MARKERS, "markers")
         others = ("--fps", fps), ("--rate", rate), ("--body", body), ("--page", page)
-        for option, given in (*others, ("--tissue", tissue or None)):
+        for option, given in (*others, ("--tissue", tissue or None), ("--animation", animation)):
             if given is not None:
                 warn_without_effect(console, option, f"{path.name} holds markers, and no motion")
         _markers(console, read_markers(path, unit=unit, up=up), path, out, strip)
         return
     refuse_suffix(out, MOTIONS, "a motion")
     model = None if body is None else load_body(body)
-    found = read_motion(path, unit=unit, up=up, fps=rate, body=model, person=person)
+    found = read_motion(
+        path, unit=unit, up=up, fps=rate, body=model, person=person, animation=animation
+    )
     _say_motion(console, found, path)
     if fps is not None:
         found = found.resampled(fps)
@@ -384,6 +391,7 @@ def convert(
     ] = None,
     up: Up = None,
     person: Person = None,
+    animation: Animation = None,
 ) -> None:
     """Turn the motion of one body, or points in space, into the motion of another body."""
     console, path = Console(), expanded(file)
@@ -401,7 +409,9 @@ def convert(
         if source is None:
             raise BadArgument(f"say with --from which body {path.name} is a motion of: {KNOWN}")
         model = load_body(source)
-        motion = read_motion(path, unit=unit, up=up, fps=rate, body=model, person=person)
+        motion = read_motion(
+            path, unit=unit, up=up, fps=rate, body=model, person=person, animation=animation
+        )
         found = _from_body(console, motion, model, target)
     write_motion(console, out, found, target)
 

@@ -5,8 +5,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
+import numpy as np
 import typer
 from rich.console import Console
 from rich.markup import escape
@@ -43,7 +44,13 @@ from workbench.registration import (
     registered,
     usual_recipe,
 )
-from workbench.registration.coregistration import Coregistration, CoregistrationPlan
+from workbench.registration.coregistration import (
+    Coregistration,
+    CoregistrationPlan,
+    TriangleCoregistration,
+    TrianglePlan,
+    bent_as,
+)
 from workbench.registration.coregistration.coregistering import EDGES, FILE
 from workbench.registration.coregistration.folder import open_registered
 from workbench.registration.scan_jobs import MOST
@@ -52,11 +59,13 @@ from workbench.reports.many import ImageFolder, RegistrationFolder
 from workbench.reports.page import Entry
 from workbench.reports.registration import (
     ARRAYS,
+    CoregistrationEnd,
     begin_folder,
     stages_table,
     write_coregistration,
     write_registration,
 )
+from workbench.reports.run import measurements_table
 from workbench.training.execution import Execution
 from workbench.training.folder import Row, read_table
 
@@ -89,6 +98,13 @@ def register(
     array: Annotated[
         str | None, typer.Option(help="Name of the array of points, for .npz files.")
     ] = None,
+    skeleton: Annotated[
+        Path | None,
+        typer.Option(
+            help="Points (16 or 21, 3) of the joints of a scanned hand (.npz, .npy, .csv), in the "
+            "scan's unit and axes; without a scan, use `convert --points hand`."
+        ),
+    ] = None,
     points: Annotated[
         int, typer.Option(help="Number of points that are used of a larger scan, at random.")
     ] = MOST,
@@ -120,7 +136,8 @@ def register(
     console = Console()
     if not 0 <= boundary < math.inf:
         raise BadArgument(f"--boundary takes a width of 0 m or more, not {boundary:g}")
-    reading = Reading(unit, up, array, _place(camera), points)
+    skeleton = None if skeleton is None else expanded(skeleton)
+    reading = Reading(unit, up, array, _place(camera), points, skeleton)
     scans = [expanded(path) for path in scans]
     template, jobs = load_body(body), jobs_of(_files(console, scans), array)
     recipe = replace(usual_recipe(template), boundary=boundary)
@@ -131,6 +148,8 @@ def register(
         warn_unused(console, ctx, for_several, "it is for several scans, and there is one")
         _one(console, template, body, recipe, reading, jobs[0], out)
         return
+    if skeleton is not None:
+        raise BadArgument("--skeleton is of one scan; register the scans one by one with it")
     rows = _rows(jobs, subjects)
     source = scans[0].resolve() if len(scans) == 1 else scans[0].resolve().parent
     folder = RegistrationFolder(
@@ -179,6 +198,8 @@ def _one(
         say(console, f"note: {escape(note)}")
     warn_of(console, found.registration.doubts)
     console.print(rich_table(stages_table(found.registration)))
+    if found.registration.measurements:
+        console.print(rich_table(measurements_table(found.registration.measurements)))
     source = str(job.path.resolve())
     print_page(console, "report", write_registration(found, folder, body=name, source=source))
 
@@ -281,6 +302,7 @@ def do_missing_jobs(
 
 
 def coregister(
+    ctx: typer.Context,
     folder: Annotated[
         Path,
         typer.Argument(help="Folder that `workbench register SCANS/ --subjects TABLE.csv` wrote."),
@@ -289,10 +311,18 @@ def coregister(
         int,
         typer.Option(callback=at_least_one, help="Number of rounds of registrations and model."),
     ] = CoregistrationPlan().rounds,
+    model: Annotated[
+        Literal["smpl", "blend-scape"],
+        typer.Option(help="The model that couples the scans; blend-scape acts on triangles."),
+    ] = "smpl",
     coupling: Annotated[
-        float,
-        typer.Option(help="Sigma of a registered vertex from the model's, per coordinate, in m."),
-    ] = CoregistrationPlan().sigmas.data,
+        float | None,
+        typer.Option(
+            help="Sigma of a registered vertex (smpl) or edge (blend-scape) from the model's, per "
+            f"coordinate, in m; else {CoregistrationPlan().sigmas.data:g} or "
+            f"{TrianglePlan().coupling:g}."
+        ),
+    ] = None,
     edges: Annotated[
         float,
         typer.Option(
@@ -319,20 +349,31 @@ def coregister(
     """
     console = Console()
     for option, length in (("--coupling", coupling), ("--edges", edges)):
-        if not 0 < length < 1:
+        if length is not None and not 0 < length < 1:
             raise BadArgument(f"{option} takes a length in m above 0 and below 1, not {length:g}")
     given = expanded(folder)
     body, scans = open_registered(given)
-    plan = CoregistrationPlan()
-    plan = replace(plan, rounds=rounds, edges=edges, sigmas=replace(plan.sigmas, data=coupling))
-    problem = Coregistration(body, scans, plan)
+    fits = [scans.fitted(j, body) for j in range(len(scans.rows))]
+    problem: Coregistration | TriangleCoregistration
+    run: Callable[..., Any]
+    if model == "blend-scape":
+        warn_unused(console, ctx, ("--edges",), "it is of vertices, and the model of triangles")
+        triangles = TrianglePlan(rounds)
+        triangles = replace(triangles, coupling=coupling or triangles.coupling)
+        problem = TriangleCoregistration(bent_as(body, fits, triangles), scans, triangles)
+        alone = np.stack([scans.registration(j, body) for j in range(len(fits))])
+        run = partial(problem.run, fits, alone)
+    else:
+        plan = CoregistrationPlan(rounds, edges=edges)
+        sigmas = replace(plan.sigmas, data=coupling or plan.sigmas.data)
+        problem = Coregistration(body, scans, replace(plan, sigmas=sigmas))
+        run = partial(problem.run, fits)
     name = given.resolve().name.removeprefix("register-")
     place, source = out / f"coregister-{name}", str(given.resolve())
     own_folder(place, source)
     begin_folder(place, source)
     if (place / FILE).exists():
         say(console, "continuing after the last block that ended")
-    fits = [scans.fitted(j, body) for j in range(len(scans.rows))]
 
     def told() -> str:
         if not (place / FILE).exists():
@@ -344,9 +385,9 @@ def coregister(
 
     with interrupts_say(told):
         with executing(console, workers, dask) as executor:
-            state = problem.run(fits, folder=place, execution=Execution(executor, Lines(console)))
-        learned = problem.learned(state, betas)
-        page = write_coregistration(problem, scans, state, learned, place, source)
+            state = run(folder=place, execution=Execution(executor, Lines(console)))
+        end = CoregistrationEnd.of(problem, state, betas)
+        page = write_coregistration(body, scans, end, place, source)
     for scan, told_before in scans.doubts().items():
         warn_of(console, told_before, f"{scan}, by itself: ")
     print_page(console, "body", place / "body.npz")

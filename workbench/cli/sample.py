@@ -204,7 +204,7 @@ def _print_measurements(
     console: Console, posteriors: list[sampling.Posterior], setup: Setup
 ) -> None:
     """The measurements of the person, from the first usable draws that have all betas in them."""
-    body, free = person_of(setup), setup.problem.free
+    body, free = person_of(setup.body, setup.problem), setup.problem.free
     if body is None:
         return
     betas = free.labels_of(entries(free, body.blocks()[1].name))

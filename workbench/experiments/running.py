@@ -229,7 +229,7 @@ def run(
         compared=compared,
         skipped=skipped,
         measures=_measured(experiment, setup, values),
-        measurements=measurements(setup, values),
+        measurements=measurements(setup.body, setup.problem, values, setup.priors),
         overlays=tuple(overlay(body, view, values, arguments) for view in setup.views)
         if body and arguments
         else (),

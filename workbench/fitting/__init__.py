@@ -36,10 +36,10 @@ from workbench.fitting.images import (
     ByHeight,
     ImageFits,
     ImageRecipe,
+    Smplify,
     WithStature,
     image_fit,
     image_priors,
-    smplify,
     wider,
 )
 from workbench.fitting.keypoints import keypoint_fit
@@ -51,7 +51,12 @@ from workbench.fitting.known_points import (
     own_mesh,
 )
 from workbench.fitting.marker_files import MarkerRecording, read_markers
-from workbench.fitting.marker_sets import MarkerSet, default_markers, read_marker_set
+from workbench.fitting.marker_sets import (
+    MarkerSet,
+    default_markers,
+    known_markers,
+    read_marker_set,
+)
 from workbench.fitting.markers import marker_fit, marker_solver
 from workbench.fitting.mosh import MarkerFit, mosh
 from workbench.fitting.observations import (
@@ -115,6 +120,7 @@ __all__ = [
     "Scan",
     "Setup",
     "Smoothness",
+    "Smplify",
     "View",
     "WithStature",
     "boundary",
@@ -134,6 +140,7 @@ __all__ = [
     "joint_fit",
     "keypoint_candidates",
     "keypoint_fit",
+    "known_markers",
     "loose_points",
     "marker_candidates",
     "marker_fit",
@@ -159,7 +166,6 @@ __all__ = [
     "save_regressor",
     "shape_prior",
     "shipped_regressor",
-    "smplify",
     "spread_frames",
     "stature",
     "stature_of",

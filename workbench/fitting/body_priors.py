@@ -10,20 +10,22 @@ from workbench.arrays import Array
 from workbench.blocks import Block
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body, why_not_skinned
+from workbench.bodies.capsules import capsule_points, capsules_of
 from workbench.bodies.hands import hands_of
 from workbench.bodies.spaces import PoseSpace, has_pose_space, pose_space
-from workbench.errors import BadArgument
+from workbench.errors import BadArgument, BadBody
 from workbench.priors.joint_limits import hand_limits
-from workbench.priors.poses import numbers_of, shipped_gaussian
-from workbench.residuals import Residual, gaussian
+from workbench.priors.poses import numbers_of, shipped_gaussian, shipped_mixture
+from workbench.residuals import Residual, apart, gaussian, max_mixture
 
-POSE_PRIOR = "pose prior"
+POSE_PRIOR, CONTACT = "pose prior", "contact"
 SMPL_JOINTS = 24  # of the bodies for which the pose prior was learned
 TO_THE_WRISTS = 21  # of them, without the root; what is left are fingers as a whole
 OTHERS = 0.5  # rad: joints of which nothing is known
 BESIDE = 0.05  # rad, beside what a pose space says: nobody's poses are exactly in it
 BESIDE_ON_A_BODY = 0.1  # rad, the same for the hands of a whole body
 SHORTEST, TALLEST = 0.4, 2.8  # m
+OVERLAP = 0.005  # m, of capsules, which are only about as wide as the limbs
 MEASURED = 0.01  # m, the usual standard deviation of a stature that was measured
 
 
@@ -35,6 +37,46 @@ def pose_prior(body: Body, pose: cs.MX | None = None) -> Residual:
     pose = body.blocks()[0].symbol if pose is None else pose
     mean, covariance = pose_gaussian(body)
     return gaussian(pose[:, 1:], mean=mean, covariance=covariance, unit="rad", name=POSE_PRIOR)
+
+
+def mixture_prior(body: Body) -> Residual:
+    """-log of the likeliest of eight Gaussians of all joint rotations but the root's: the pose
+    prior of SMPLify (Bogo et al., Keep it SMPL, 2016, eq. 4 and the sentence after it).
+
+    The mixture is `shipped_mixture`, which was learned from motion capture as the Gaussian of
+    `pose_prior` was. Raises BadArgument for a body without SMPL's 24 joints.
+    """
+    learned = shipped_mixture()
+    if tuple(body.joint_names[1:]) != tuple(learned.joint_names):
+        raise BadArgument(
+            f"the mixture of poses is one of SMPL's {SMPL_JOINTS} joints, and body {body.name!r} "
+            "has others; take the Gaussian prior, `pose_prior`"
+        )
+    return max_mixture(
+        body.blocks()[0].symbol[:, 1:],
+        shares=learned.shares,
+        means=learned.means,
+        covariances=learned.covariances,
+        name=POSE_PRIOR,
+    )
+
+
+def apart_prior(body: Body) -> Residual:
+    """How deep the capsules of a body overlap, where they do, with sigma OVERLAP: see `apart`.
+
+    The radii follow the betas. Raises BadBody for a body without capsules.
+    """
+    if not isinstance(body, SkinnedBody):
+        raise BadBody(why_not_skinned(body, "capsules", "take one"))
+    pose, betas, trans = (block.symbol for block in body.blocks())
+    capsules = capsules_of(body)
+    return apart(
+        capsule_points(body, pose, betas, trans),
+        capsules.radii_in(betas),
+        capsules.pairs,
+        sigma=OVERLAP,
+        name=CONTACT,
+    )
 
 
 def pose_gaussian(body: Body) -> tuple[Array, Array]:

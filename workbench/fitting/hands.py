@@ -137,13 +137,14 @@ def mean_hand(body: Body) -> Values:
     return body.start() | {body.blocks()[0].name: pose}
 
 
-def checked_hand(body: SkinnedBody) -> None:
-    """Raise BadBody for a body that is no hand."""
-    if not is_hand(body):
+def checked_hand(body: Body) -> SkinnedBody:
+    """The body itself. Raises BadBody for one that is no hand."""
+    if not isinstance(body, SkinnedBody) or not is_hand(body):
         raise BadBody(
             f"body {body.name!r} is no hand, whose joints are wrist and index1 to thumb3; take the "
             "embedded body 'hand' or 'hand-left', or one of MANO's"
         )
+    return body
 
 
 def points_of(body: SkinnedBody, values: Values) -> Array:

@@ -27,7 +27,7 @@ typical keypoint of confidence 1 (`as_marked`). The estimate stays what it is: f
 keypoints have this larger variance from the outset have larger errors (`benchmarks/DECISIONS.md`).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -35,14 +35,22 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
-from workbench.bodies.body import Body
+from workbench.bodies.body import Body, why_not_skinned
+from workbench.bodies.capsules import capsule_points, capsules_of
 from workbench.bodies.triangles import TriangleBody
-from workbench.errors import BadArgument
-from workbench.fitting.body_priors import MEASURED, stature_prior, usual_priors
+from workbench.errors import BadArgument, BadBody
+from workbench.fitting.body_priors import (
+    CONTACT,
+    MEASURED,
+    POSE_PRIOR,
+    mixture_prior,
+    pose_prior,
+    stature_prior,
+    usual_priors,
+)
 from workbench.fitting.keypoints import (
     LEAST_CONFIDENCE,
     OUTLIER,
-    SIGMA,
     KeypointProblem,
     Relative,
     Terms,
@@ -50,12 +58,13 @@ from workbench.fitting.keypoints import (
     as_marked,
     height_in_view,
     placed_views,
+    usual_sigma,
 )
 from workbench.fitting.observations import Observations
 from workbench.fitting.placing import image_starts
 from workbench.fitting.setup import Measure, Setup, View
 from workbench.geometry.rotation import matrix_from_vector
-from workbench.residuals import Residual, bending
+from workbench.residuals import Residual, bending, spheres
 from workbench.residuals.kernels import geman_mcclure, scaled
 from workbench.residuals.numbers import HINGES
 from workbench.sampling.posterior_mean import posterior_mean
@@ -65,13 +74,14 @@ KEYPOINTS = "keypoints"  # in the weights of a stage: those of every camera
 LAMBDA_POSE = 404.0, 404.0, 57.4, 4.78
 LAMBDA_SHAPE = 100.0, 50.0, 10.0, 5.0
 ANGLES = 3.17  # SMPLify's weight of the term of elbows and knees, in lambda_theta
+LAMBDA_SPHERES = 1e3  # in each stage
 SMPLIFY_SIGMA = LAMBDA_POSE[-1] / float(np.sqrt(2))  # px
 
 RecipeOf = Callable[["Appearance"], "ImageRecipe"]
 ROUGHLY = LevenbergMarquardt(gradient_tolerance=0.01)  # of a stage that is only a start
 NEARLY = LevenbergMarquardt(gradient_tolerance=1e-3)  # beyond, keypoints tell nothing more
 SUSPECT = 1 / 7  # of a person's height in the image
-STEP = 1.25  # heights in an image are rounded to powers of it, so that images share problems
+STEP = 1.25  # heights and sides are rounded to powers of it, so that images share problems
 OFFSET = 0.015  # m, in each direction: how far a detector's landmarks are from the body's
 Z90 = 1.6448536269514722  # 90 % of a normal distribution are within so many standard deviations
 INTERVAL_NOTE = (
@@ -79,13 +89,13 @@ INTERVAL_NOTE = (
     f"{100 * OFFSET:g} cm (standard deviation in each direction) beside those of the body. It was "
     "tested on 100 images of one real person, whose distance was known from four calibrated "
     "cameras: it contained this distance in 100 % of the images, and in 93 % if the stature was "
-    "given. Intervals 0.79 and 0.89 times as wide would have contained it in 90 %"
+    "given. Intervals 0.80 and 0.92 times as wide would have contained it in 90 %"
 )
 DIFFERENCE = 1e-5  # of an unknown, for a central difference
 # by `python -m benchmarks accuracy images`; `spread` in benchmarks/results/accuracy_images.json
 SPREAD = (
-    "too small: on 52 images of one real person, landmarks were 1.6 times as far from the truth "
-    "(root mean square; 1.0 to 2.0 times, by landmark)"
+    "too small: on 52 images of one real person, landmarks were 1.4 times as far from the truth "
+    "(root mean square; 0.9 to 1.9 times, by landmark)"
 )
 
 
@@ -96,14 +106,47 @@ def image_priors(body: SkinnedBody | TriangleBody) -> tuple[Residual, ...]:
     return (*usual_priors(body), *([bending(pose)] if hinged else []))
 
 
+@dataclass(frozen=True)
+class WithPosePrior:
+    """The priors of an image, with another one on the pose, and with others beside them.
+
+    Attributes:
+        pose: from a body to the prior on its pose, such as `mixture_prior`.
+        others: from a body to further terms, such as `apart_prior`.
+        priors: the priors of which that on the pose is replaced.
+    """
+
+    pose: Callable[[Body], Residual] = pose_prior
+    others: tuple[Callable[[Body], Residual], ...] = ()
+    priors: Terms = image_priors
+
+    def __call__(self, body: SkinnedBody | TriangleBody) -> tuple[Residual, ...]:
+        """The terms of this body. Raises what `pose` and `others` raise."""
+        kept = (self.pose(body) if p.name == POSE_PRIOR else p for p in self.priors(body))
+        return (*kept, *(other(body) for other in self.others))
+
+
+def spheres_prior(body: Body) -> Residual:
+    """E_sp of SMPLify, whose radii are those of the mean person: see `spheres`."""
+    if not isinstance(body, SkinnedBody):
+        raise BadBody(why_not_skinned(body, "capsules", "take one"))
+    ends = capsule_points(body, *(block.symbol for block in body.blocks()))
+    capsules = capsules_of(body)
+    sigma = LAMBDA_POSE[-1] / (LAMBDA_SPHERES * float(np.sqrt(2)))
+    return spheres(ends, capsules.radii, capsules.pairs, sigma=sigma, name=CONTACT)
+
+
 def smplify_priors(body: SkinnedBody | TriangleBody) -> tuple[Residual, ...]:
-    """The same with the weights that SMPLify's code has in its last stage."""
+    """The mixture of poses, shape, elbows and knees, and for bodies with capsules E_sp, with the
+    weights that SMPLify's code has in its last stage.
+    """
     counts = {
         "shape prior": 2 * (LAMBDA_SHAPE[-1] / LAMBDA_POSE[-1]) ** 2,
         "bending": 2 * ANGLES**2,
     }
-    priors = image_priors(body)
-    return tuple(p.weighed(counts[p.name]) if p.name in counts else p for p in priors)
+    capsules = isinstance(body, SkinnedBody) and body.capsules is not None
+    terms = WithPosePrior(mixture_prior, (spheres_prior,) if capsules else ())(body)
+    return tuple(p.weighed(counts[p.name]) if p.name in counts else p for p in terms)
 
 
 def wider(sigma: float, *wide: float, solver: Solver | None = None) -> tuple[SolveStage, ...]:
@@ -115,7 +158,10 @@ def smplify_stages() -> tuple[SolveStage, ...]:
     """SMPLify's schedule: the place first, and then three stages before the last one."""
     last = LAMBDA_SHAPE[-1] / LAMBDA_POSE[-1]
     weights = [
-        {KEYPOINTS: (LAMBDA_POSE[-1] / pose) ** 2, "shape prior": (shape / pose / last) ** 2}
+        {
+            **dict.fromkeys((KEYPOINTS, CONTACT), (LAMBDA_POSE[-1] / pose) ** 2),
+            "shape prior": (shape / pose / last) ** 2,
+        }
         for pose, shape in zip(LAMBDA_POSE[:-1], LAMBDA_SHAPE[:-1], strict=True)
     ]
     root = SolveStage(("trans", "pose[0]"))
@@ -175,14 +221,13 @@ class ImageRecipe:
             if not 0 < getattr(self, name) < np.inf:
                 raise BadArgument(f"{name} is a length in px above 0, not {getattr(self, name)!r}")
 
-    def stages_of(self, cameras: Sequence[str], solver: Solver | None) -> tuple[SolveStage, ...]:
-        """The stages of a problem with these residuals of cameras, by `solver` if there is one."""
+    def stages_of(self, residuals: Iterable[str], solver: Solver | None) -> tuple[SolveStage, ...]:
+        """The stages of a problem with residuals of these names, by `solver` if there is one."""
 
         def spelled(stage: SolveStage) -> SolveStage:
-            weights = dict(stage.weights)
-            weight = weights.pop(KEYPOINTS, None)
-            each = {} if weight is None else dict.fromkeys(cameras, weight)
-            return replace(stage, weights=each | weights, solver=solver or stage.solver)
+            of = {name: KEYPOINTS if name.startswith("keypoints(") else name for name in residuals}
+            weights = {n: stage.weights[kind] for n, kind in of.items() if kind in stage.weights}
+            return replace(stage, weights=weights, solver=solver or stage.solver)
 
         return tuple(map(spelled, self.stages))
 
@@ -193,17 +238,34 @@ class Appearance:
 
     Attributes:
         height: how high the person would be in the image if they stood upright, in px.
+        side: the shorter side of the image, in px.
         suspect: whether some keypoints lie far from where the start has them.
     """
 
     height: float
+    side: float
     suspect: bool = False
 
 
-def smplify(person: Appearance) -> ImageRecipe:
-    """SMPLify's own terms, weights and stages, whatever the person looks like."""
-    stages = smplify_stages()
-    return ImageRecipe(SMPLIFY_SIGMA, 100.0, smplify_priors, stages, LevenbergMarquardt())
+@dataclass(frozen=True)
+class Smplify:
+    """SMPLify's own terms, weights and stages, whatever the person looks like.
+
+    Attributes:
+        sigma: the standard deviation of a keypoint, in px.
+        outlier: the scale of Geman and McClure's kernel, in px.
+        priors: the residuals of a body beside its keypoints.
+        solver: what solves each stage.
+    """
+
+    sigma: float = SMPLIFY_SIGMA
+    outlier: float = 100.0
+    priors: Terms = smplify_priors
+    solver: Solver = field(default_factory=LevenbergMarquardt)
+
+    def __call__(self, person: Appearance) -> ImageRecipe:
+        """The recipe, which is the same for every person."""
+        return ImageRecipe(self.sigma, self.outlier, self.priors, smplify_stages(), self.solver)
 
 
 @dataclass(frozen=True)
@@ -215,9 +277,7 @@ class ByHeight:
     photograph, and half of one in its background.
 
     Attributes:
-        sigma: the standard deviation of a keypoint, in px; without one, SIGMA times the height, as
-            what detectors and people mark spreads in proportion to the person's size (Lin et al.,
-            Microsoft COCO, 2014).
+        sigma: the standard deviation of a keypoint, in px; without one, `usual_sigma`.
         outlier: from which distance on a coordinate counts as an outlier, as a share of the
             person's height in the image.
         strict: the same if some keypoints are suspected to be wrong already at the start.
@@ -238,7 +298,7 @@ class ByHeight:
     def __call__(self, person: Appearance) -> ImageRecipe:
         """The recipe for a person of this appearance."""
         height = person.height
-        sigma = SIGMA * height if self.sigma is None else self.sigma
+        sigma = usual_sigma(height, (person.side,) * 2) if self.sigma is None else self.sigma
         stages = wider(sigma, *(share * height for share in self.wide), solver=ROUGHLY)
         outlier = height * (self.strict if person.suspect else self.outlier)
         return ImageRecipe(sigma, outlier, self.priors, stages, self.solver, self.relative)
@@ -281,10 +341,9 @@ class ImageFits:
         shown = replace(shown, start={**shown.start, **starts[0]})
         recipe, of = self._for(appearance(self.body, view, shown.start))
         setup = shown.setup(of, question, reference, compared)
-        cameras = [name for name in setup.problem.rows if name.startswith("keypoints(")]
 
         def strategy(solver: Solver | None) -> Solver:
-            staged = Staged(recipe.stages_of(cameras, solver), solver or recipe.solver)
+            staged = Staged(recipe.stages_of(setup.problem.rows, solver), solver or recipe.solver)
             return staged if len(starts) == 1 else Starts(starts, staged)
 
         if sum(not view.held_out for view in setup.views) != 1:
@@ -298,8 +357,9 @@ class ImageFits:
 
     def _for(self, person: Appearance) -> tuple[ImageRecipe, KeypointProblem]:
         """The recipe and the problem for a person who looks nearly like this."""
-        step = round(float(np.log(max(person.height, 1.0)) / np.log(STEP)))
-        nearly = Appearance(STEP**step, person.suspect)
+        lengths = np.maximum([person.height, person.side], 1.0)
+        height, side = STEP ** np.round(np.log(lengths) / np.log(STEP))
+        nearly = Appearance(float(height), float(side), person.suspect)
         if nearly not in self._made:
             recipe = self.recipe(nearly)
             kernel = scaled(geman_mcclure, recipe.outlier / recipe.sigma)
@@ -346,7 +406,7 @@ def appearance(body: Body, view: View, values: Values) -> Appearance:
     height = height_in_view(body, view, values)
     off = np.linalg.norm(view.camera.pixels(found, values) - view.observed, axis=1)
     suspect = (off > SUSPECT * height) & (view.confidence > LEAST_CONFIDENCE)
-    return Appearance(height, bool(suspect.any()))
+    return Appearance(height, min(view.size), bool(suspect.any()))
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from workbench.fitting.images import (
     ByHeight,
     DepthInterval,
     ImageFits,
+    Smplify,
     depth_interval,
 )
 from workbench.fitting.keypoints import reprojection_errors
@@ -161,7 +162,7 @@ class ImageWork:
     """
 
     body: SkinnedBody | TriangleBody
-    recipe: ByHeight = field(default_factory=ByHeight)
+    recipe: ByHeight | Smplify = field(default_factory=ByHeight)
     reading: ImageReading = field(default_factory=ImageReading)
     hypotheses: int = 1
 

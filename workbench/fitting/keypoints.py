@@ -47,7 +47,7 @@ MARKED = {
 }
 TYPICAL = 0.080  # the median of COCO's 17 keypoints and 6 of the feet, both sides counted
 PLAIN, WITH_HANDS = "coco", "coco_with_hands"  # sets of landmarks
-SIGMA = 0.004  # of a person's height in an image: 3 px in the recording on which it was chosen
+SIGMA = 0.0032  # of a person's height in an image and of the image's shorter side: `usual_sigma`
 OUTLIER = 0.08  # of that height, from which on a coordinate counts as an outlier
 FOCAL_SIGMA = 0.3  # of log f, for a camera of unknown focal length
 LEAST_CONFIDENCE = 0.2  # above which a keypoint counts in a mean
@@ -69,6 +69,18 @@ def as_marked(names: Sequence[str]) -> Array:
     """
     ends = [next((s for end, s in MARKED.items() if name.endswith(end)), TYPICAL) for name in names]
     return np.asarray(np.sqrt((np.array(ends) ** 2 + TYPICAL**2) / (2 * TYPICAL**2)))
+
+
+def usual_sigma(height: float, size: tuple[float, float]) -> float:
+    """The standard deviation in px of a keypoint of a person `height` px high in an image.
+
+    `SIGMA sqrt(height^2 + side^2)` with the shorter side of the image of this `size` (width and
+    height, px). What detectors and people mark spreads with the person's size (Lin et al., 2014);
+    and detectors see an image at a size of their own, such as 800 px (He et al., Mask R-CNN, 2017),
+    so that they know a person in its background less well. SIGMA was chosen on images of one real
+    person and on synthetic people (`benchmarks/DECISIONS.md`).
+    """
+    return SIGMA * float(np.hypot(height, min(size)))
 
 
 Kind = tuple[tuple[str, tuple[int, int] | None, bool], ...]  # of the photographs of one person
@@ -217,10 +229,10 @@ def keypoint_fit(
 ) -> Setup:
     """Pose, betas and trans of a body from its keypoints in photographs; `sigma` in px.
 
-    Without a sigma, it is SIGMA times the height of the person in each image. Without a kernel, it
-    is Geman and McClure's, with outliers from OUTLIER times that height on; as such a kernel needs
-    a start that is near, the fit then begins in the pose that a regressor reads off the view that
-    shows most (`regressed_start`), where the body is of its kind.
+    Without a sigma, it follows the person's height in each image (`usual_sigma`). Without a kernel,
+    it is Geman and McClure's, with outliers from OUTLIER times that height on; as such a kernel
+    needs a start that is near, the fit then begins in the pose that a regressor reads off the view
+    that shows most (`regressed_start`), where the body is of its kind.
 
     A detector's confidence c enters as the weight c^2, outside of the kernel, as in SPIN
     (Kolotouros et al. 2019): without a robust kernel, that keypoint has the standard deviation
@@ -233,7 +245,10 @@ def keypoint_fit(
     """
     shown = placed_views(body, observations, held_out)
     heights = [max(height_in_view(body, view, shown.start), 1.0) for view in shown.views]
-    sigmas = tuple(SIGMA * height if sigma is None else sigma for height in heights)
+    sigmas = tuple(
+        usual_sigma(height, view.size) if sigma is None else sigma
+        for height, view in zip(heights, shown.views, strict=True)
+    )
     kernels = tuple(
         kernel or scaled(geman_mcclure, OUTLIER * height / own)
         for height, own in zip(heights, sigmas, strict=True)

@@ -5,8 +5,13 @@ offset, which is not known exactly (Loper, Mahmood and Black, MoSh: Motion and S
 Sparse Markers, 2014).
 """
 
+import csv
+import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +19,7 @@ from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
 from workbench.bodies import Landmarks, SkinnedBody
-from workbench.errors import BadArgument, BadFile, check_known, some
+from workbench.errors import BadArgument, BadFile, check_known, some, some_of
 from workbench.geometry.solids import vertex_normals
 from workbench.reading.facts import facts, json_in, whole
 
@@ -51,6 +56,32 @@ SIDES = {
     "TOE": ("left_ankle", "left_foot", 1.1, (-0.1, 1.0, 0.3)),
     "MT5": ("left_ankle", "left_foot", 0.9, (1.0, 0.0, 0.0)),
 }
+
+# Places of markers that other marker sets have, `data/markers/labels.csv` says under which labels.
+FURTHER_MIDDLE = {
+    "ARIEL": ("head", "head", 0.0, (0.0, 1.0, 0.0)),
+    "MFHD": ("neck", "head", 1.8, (0.0, 0.2, 1.0)),
+    "T2": ("spine3", "neck", 0.7, (0.0, 0.0, -1.0)),
+    "T7": ("spine2", "spine3", 0.8, (0.0, 0.0, -1.0)),
+    "LBAC": ("spine3", "left_shoulder", 0.6, (0.0, -0.5, -1.0)),
+    "MFWT": ("pelvis", "pelvis", 0.0, (0.0, 0.6, 1.0)),
+    "MBWT": ("pelvis", "pelvis", 0.0, (0.0, 0.6, -1.0)),
+}
+FURTHER_SIDES = {
+    "FSH": ("left_collar", "left_shoulder", 0.9, (0.0, 0.3, 1.0)),
+    "BSH": ("left_collar", "left_shoulder", 0.9, (0.0, 0.3, -1.0)),
+    "IEL": ("left_elbow", "left_elbow", 0.0, (0.0, -1.0, 0.3)),
+    "IHA": ("left_wrist", "left_hand", 0.9, (0.0, 0.3, 1.0)),
+    "OHA": ("left_wrist", "left_hand", 0.9, (0.0, 0.3, -1.0)),
+    "TRO": ("left_hip", "left_hip", 0.0, (1.0, 0.0, 0.0)),
+    "KNI": ("left_knee", "left_knee", 0.0, (-1.0, 0.0, 0.0)),
+    "HFI": ("left_knee", "left_ankle", 0.1, (1.0, 0.0, -0.4)),
+    "TTC": ("left_knee", "left_ankle", 0.12, (0.0, 0.0, 1.0)),
+    "TIB": ("left_knee", "left_ankle", 0.45, (1.0, 0.0, 0.0)),
+    "MED": ("left_ankle", "left_ankle", 0.0, (-1.0, 0.0, 0.0)),
+    "MT1": ("left_ankle", "left_foot", 0.9, (-1.0, 0.0, 0.0)),
+}
+Ray = tuple[str, str, float, tuple[float, float, float]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,14 +168,30 @@ def default_markers(body: SkinnedBody) -> MarkerSet:
     rest. Names are in the style of motion capture, such as LFHD, C7 or RANK; the places are our
     own, and no marker protocol's. Raises UnknownName for a body without these joints.
     """
-    rays = dict(MIDDLE)
-    for name, (a, b, share, towards) in SIDES.items():
-        rays["L" + name] = a, b, share, towards
+    return MarkerSet.of(body, _placed(body, _both_sides(MIDDLE, SIDES)))
+
+
+def known_markers(body: SkinnedBody) -> MarkerSet:
+    """All 72 markers whose places are known: the 41, and those that other marker sets have."""
+    rays = _both_sides(MIDDLE, SIDES) | _both_sides(FURTHER_MIDDLE, FURTHER_SIDES)
+    return MarkerSet.of(body, _placed(body, rays))
+
+
+def _both_sides(middle: Mapping[str, Ray], sides: Mapping[str, Ray]) -> dict[str, tuple[Ray, int]]:
+    """Rays by the names of markers, and the side on which each must end, as the sign of x."""
+    rays = {name: (ray, 0) for name, ray in middle.items()}
+    for name, ray in sides.items():
+        a, b, share, (x, y, z) = ray
         c, d = (joint.replace("left", "right") for joint in (a, b))
-        rays["R" + name] = c, d, share, (-towards[0], *towards[1:])
+        rays |= {"L" + name: (ray, 1), "R" + name: ((c, d, share, (-x, y, z)), -1)}
+    return rays
+
+
+def _placed(body: SkinnedBody, rays: Mapping[str, tuple[Ray, int]]) -> dict[str, int]:
+    """The vertex nearest to each ray, none of them twice. Raises UnknownName for a joint."""
     joints, normals = body.joints(), vertex_normals(body.template, body.faces)
     found: dict[str, int] = {}
-    for name, (a, b, share, towards) in rays.items():
+    for name, ((a, b, share, towards), side) in rays.items():
         for joint in (a, b):
             check_known("joint", joint, body.joint_names)
         start, end = (joints[body.joint_names.index(joint)] for joint in (a, b))
@@ -152,26 +199,71 @@ def default_markers(body: SkinnedBody) -> MarkerSet:
         direction = np.array(towards) / np.linalg.norm(towards)
         along = offset @ direction
         off = np.linalg.norm(offset - along[:, None] * direction, axis=1) - FAR * along
-        out = (along > 0) & (normals @ direction > FACING)
+        out = (along > 0) & (normals @ direction > FACING) & (side * body.template[:, 0] >= 0)
         off[~out | np.isin(np.arange(len(off)), list(found.values()))] = np.inf
         found[name] = int(np.argmin(off))
-    return MarkerSet.of(body, found)
+    return found
+
+
+@cache
+def known_labels() -> dict[str, str]:
+    """What the labels of usual marker sets, in capitals, mean: `LASI` is LFWT, `L_FCC` LHEE.
+
+    `data/markers/labels.csv` names the set of each label, and where it is described.
+    """
+    text = (files("workbench") / "data" / "markers" / "labels.csv").read_text(encoding="utf-8")
+    rows = [row[:2] for row in csv.reader(text.splitlines())][1:]
+    return {
+        label.replace("*", side).upper(): marker.replace("*", side)
+        for marker, label in rows
+        for side in ("LR" if "*" in marker else " ")
+    }
+
+
+def _meaning(label: str, names: Mapping[str, str]) -> tuple[str, str] | None:
+    """What precedes a label, such as a subject's name, and which marker the rest of it means."""
+    ends = [0, *(m.end() for m in re.finditer(r"[:_. -]", label))]
+    for end in ends:
+        rest = label[end:].strip().upper()
+        if rest in names:
+            return label[:end].upper(), names[rest]
+    return None
 
 
 def matched(
     labels: Sequence[str], markers: MarkerSet
 ) -> tuple[MarkerSet, tuple[int, ...], tuple[str, ...]]:
-    """The markers that were observed, their places among the labels, and a note on other labels.
+    """The markers that were observed, their places among the labels, and notes on other labels.
 
-    Labels may begin with a subject's name and a colon. Raises BadArgument if none is known.
+    Labels may be in small letters, begin with a subject's name (`Anna:LHEE`, `s01_LHEE`), or be
+    those of usual marker sets (`known_labels`). Of several subjects that with most markers is
+    taken, and of labels with the same meaning the first. Raises BadArgument if none is known.
     """
-    plain = [label.rpartition(":")[2].strip() for label in labels]
-    places = tuple(i for i, label in enumerate(plain) if label in markers.names)
-    if not places:
+    names = {k: v for k, v in known_labels().items() if v in markers.names}
+    names |= {name.upper(): name for name in markers.names}
+    meanings = [
+        ("", label) if label in markers.names else _meaning(label, names) for label in labels
+    ]
+    subjects = Counter(meaning[0] for meaning in meanings if meaning)
+    if not subjects:
         raise BadArgument(
             f"none of the labels {some(labels)} is one of the marker set's {some(markers.names)}; "
-            "give a marker set with the names of your labels (--marker-set FILE.json)"
+            "say which marker each one is (--labels MAP.csv), or give a marker set with the names "
+            "of your labels (--marker-set FILE.json)"
         )
-    others = [labels[i] for i in range(len(labels)) if i not in places]
-    note = f"not fitted are {some(others)}, which the marker set does not have"
-    return markers.only([plain[i] for i in places]), places, (note,) if others else ()
+    named, best = [one for one in subjects if one], max(subjects, key=lambda one: subjects[one])
+    found: dict[str, int] = {}
+    for subject in (best, *(named if len(named) == 1 else ()), ""):
+        for place, meaning in enumerate(meanings):
+            if meaning is not None and meaning[0] == subject:
+                found.setdefault(meaning[1], place)
+    order = sorted(found, key=lambda name: found[name])
+    places = tuple(found[name] for name in order)
+    notes = []
+    if others := [label for place, label in enumerate(labels) if place not in places]:
+        also = f", or that are not of {best!r}" if len(named) > 1 else ""
+        notes.append(f"not fitted are {some(others)}, which the marker set does not have{also}")
+    pairs = zip(order, places, strict=True)
+    if meant := [f"{labels[i]} as {name}" for name, i in pairs if labels[i] != name]:
+        notes.append(f"{len(meant)} of {len(order)} labels are understood: {some_of(meant)}")
+    return markers.only(order), places, tuple(notes)

@@ -15,8 +15,8 @@ and levels are those of ISO 8559-1:2017 and ISO 7250-1:2017 as far as a mesh sho
 these find by touch, such as the lowest rib, are replaced by the narrowest or widest place.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import casadi as cs
@@ -33,7 +33,6 @@ from workbench.bodies.body import why_not_skinned
 from workbench.bodies.forward.kinematics import ancestors
 from workbench.diagnostics.design import Quantity
 from workbench.errors import BadArgument, NotFinite, TooLarge
-from workbench.fitting.setup import Setup
 from workbench.problem import Problem
 from workbench.sampling import Posterior, contraction
 
@@ -140,7 +139,8 @@ def measured_at(
     has a part in the null space of J: nothing determines the quantity.
     """
     s, V = problem.linearize(at).spectrum.determined
-    rows = [q.residual for q in quantities.values()]
+    # a problem may have a residual of the same name, such as that of a known stature
+    rows = [replace(q.residual, name=f"measured {name}") for name, q in quantities.items()]
     here = problem.variant([*problem.residuals, *rows], problem.free.spelled()).linearize(at)
     found = {}
     for name, value, g in zip(
@@ -153,16 +153,22 @@ def measured_at(
     return found
 
 
-def measurements(setup: Setup, values: Values) -> tuple[Measurement, ...]:
-    """Those of the person that a setup fits, at a solution; none of other bodies and of clips."""
-    body, problem = person_of(setup), setup.problem
-    if body is None:
+def measurements(
+    body: object, problem: Problem, values: Values, priors: Sequence[str]
+) -> tuple[Measurement, ...]:
+    """Those of the body that a problem fits, at its solution.
+
+    `priors` names the residuals that are no data. There are none of what is not a person's body,
+    and none where its betas are not free.
+    """
+    person = person_of(body, problem)
+    if person is None:
         return ()
-    data = [r.name for r in problem.residuals if r.name not in setup.priors]
+    data = [r.name for r in problem.residuals if r.name not in priors]
     try:
-        quantities = measures(body)
+        quantities = measures(person)
         found = measured_at(problem, values, quantities)
-        before = measured_at(problem.without(*data), values, quantities) if setup.priors else {}
+        before = measured_at(problem.without(*data), values, quantities) if priors else {}
     except (BadArgument, TooLarge, NotFinite):  # a surface of no person, or free vertices
         return ()
     return tuple(
@@ -171,13 +177,11 @@ def measurements(setup: Setup, values: Values) -> tuple[Measurement, ...]:
     )
 
 
-def person_of(setup: Setup) -> SkinnedBody | None:
-    """The body that a setup fits, if it is a person's, in one frame, and its betas are free."""
-    body = setup.body
+def person_of(body: object, problem: Problem) -> SkinnedBody | None:
+    """The body that a problem fits, if it is a person's and its betas are free."""
     if not isinstance(body, SkinnedBody) or not set(JOINTS) <= set(body.joint_names):
         return None
-    free = body.blocks()[1].name in setup.problem.free.names
-    return body if free and setup.moving is None else None
+    return body if body.blocks()[1].name in problem.free.names else None
 
 
 def measured_in(posterior: Posterior, body: SkinnedBody, count: int = 4000) -> dict[str, Array]:

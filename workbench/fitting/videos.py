@@ -31,12 +31,12 @@ from workbench.fitting.body_priors import pose_prior, shape_prior
 from workbench.fitting.keypoints import (
     COUNTED,
     LEAST_CONFIDENCE,
-    SIGMA,
     camera_residual,
     camera_values,
     focal_prior,
     height_in_view,
     landmark_set,
+    usual_sigma,
 )
 from workbench.fitting.observations import PLACING, BadObservation, Clip, Film
 from workbench.fitting.placing import place_body
@@ -151,9 +151,9 @@ def video_fit(
 ) -> Setup:
     """Poses and places in T frames, and one shape, from the keypoints of one or several cameras.
 
-    `sigma` is in px; without one, it is SIGMA times the height of the person in each film, as for
-    images. The kernel is Geman and McClure's, with outliers from 12 % of the height on, unless
-    another is given. Cameras without K share a free focal length. Blocks of the body named
+    `sigma` is in px; without one, it follows the person's height in each film (`usual_sigma`).
+    The kernel is Geman and McClure's, with outliers from 12 % of the height on, unless another is
+    given. Cameras without K share a free focal length. Blocks of the body named
     in `shared` are one for all frames. The start is found frame by frame, and `told` is called
     with the number of frames that are done and of all.
 
@@ -186,7 +186,7 @@ def video_fit(
     shares: dict[str, float] = {}
     for film, height in zip(films, heights, strict=True):
         camera = Camera(film.name + "/")
-        own_sigma = SIGMA * height if sigma is None else sigma
+        own_sigma = usual_sigma(height, film.size) if sigma is None else sigma
         chosen = scaled(geman_mcclure, FAR * height / own_sigma) if kernel is None else kernel
         residual, blocks = camera_residual(points, camera, landmarks, own_sigma, chosen)
         shares[residual.name] = own_sigma / height

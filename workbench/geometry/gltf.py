@@ -282,7 +282,8 @@ LEAST = 2**14  # bytes that a part counts as at least, for placing one takes tim
 def parse_glb(content: bytes) -> tuple[Array, Index]:
     """Vertices (N, 3) in m and triangles (F, 3) of all parts, one after the other.
 
-    Raises ValueError (BadFile of its JSON) with what is wrong.
+    What has a skin is posed by its joints, wherever its own node is (section 3.7.3.3). Raises
+    ValueError (BadFile of its JSON) with what is wrong.
     """
     document = document_of(content)
     places = _places(document)
@@ -299,37 +300,97 @@ def parse_glb(content: bytes) -> tuple[Array, Index]:
                     f"than {PER_BYTE} times the file's {len(content):,} bytes"
                 )
             for motion in motions:
-                vertices.append(_moved(positions, motion))
+                if motion.ndim == 2:
+                    vertices.append(_moved(positions, motion))
+                else:
+                    vertices.append(_skinned(document, primitive, positions, motion))
                 faces.append(triangles + count)
                 count += len(positions)
     return np.concatenate(vertices), np.concatenate(faces)
 
 
 def _places(document: GlbDocument) -> dict[int, list[Array]]:
-    """The motions (4, 4) to where the scene shows each mesh, in the order of the nodes' names."""
+    """The motions to where the scene shows each mesh, in the order of the nodes' names.
+
+    They are (4, 4), or those of the joints (K, 4, 4) of the skin that a node has.
+    """
     json = document.json
     scene = document.entry("scenes", json.get("scene", 0)) if "scenes" in json else {}
     waiting = [(child, np.eye(4)) for child in children(scene, "nodes")]
-    seen: set[int] = set()
-    found: dict[int, list[tuple[str, int, Array]]] = {}
+    worlds: dict[int, Array] = {}
+    found: dict[int, list[tuple[str, int]]] = {}
     while waiting:
         number, motion = waiting.pop()
         node = document.entry("nodes", number)
-        if number in seen:
+        if number in worlds:
             raise ValueError(f"nodes[{number}] hangs on two others, or on itself")
-        seen.add(number)
         if not node.keys().isdisjoint(LOCAL):
             with np.errstate(all="ignore"):  # what is not finite then is refused as a vertex
                 motion = motion @ local_motion(node)
+        worlds[number] = motion
         waiting += [(child, motion) for child in children(node, "children")]
         if "mesh" in node:
             document.entry("meshes", node["mesh"])
-            key = (str(node.get("name", number))[:100], number)
-            found.setdefault(node["mesh"], []).append((*key, motion))
-    return {
-        mesh: [motion for *_, motion in sorted(shown_at, key=lambda place: place[:2])]
-        for mesh, shown_at in found.items()
-    }
+            found.setdefault(node["mesh"], []).append((str(node.get("name", number))[:100], number))
+    skins: dict[int, Array] = {}
+    shown_at: dict[int, list[Array]] = {mesh: [] for mesh in found}
+    for mesh, named in found.items():
+        for _, number in sorted(named):
+            skin = json["nodes"][number].get("skin")
+            if skin is not None and (type(skin) is not int or skin not in skins):
+                skins[skin] = _joint_motions(document, skin, worlds)
+            shown_at[mesh].append(worlds[number] if skin is None else skins[skin])
+    return shown_at
+
+
+def _joint_motions(document: GlbDocument, number: int, worlds: dict[int, Array]) -> Array:
+    """What the joints of a skin do to a mesh, (K, 4, 4): from its space to the scene."""
+    skin = document.entry("skins", number)
+    joints = children(skin, "joints")[::-1]
+    if not joints or any(type(joint) is not int or joint not in worlds for joint in joints):
+        raise ValueError(f"skins[{number}] has no joints, or one that its scene does not show")
+    if len({*joints}) < len(joints):
+        raise ValueError(f"skins[{number}] lists the same joint twice")
+    world = np.stack([worlds[joint] for joint in joints])
+    if "inverseBindMatrices" not in skin:
+        return world
+    inverse = document.values(skin["inverseBindMatrices"], "MAT4", 16)[: len(joints)]
+    if len(inverse) < len(joints):
+        raise ValueError(f"skins[{number}] has {len(joints)} joints, {len(inverse)} bind matrices")
+    with np.errstate(all="ignore"):
+        return np.asarray(world @ inverse.reshape(-1, 4, 4).swapaxes(1, 2))
+
+
+MOST_SETS = 8  # of four joints that a vertex follows
+
+
+def _skinned(
+    document: GlbDocument, primitive: dict[str, Any], positions: Array, motions: Array
+) -> Array:
+    """Vertices (N, 3) by linear blend skinning, with weights that are made to add up to one."""
+    if not len(positions):
+        return positions
+    attributes = primitive["attributes"]
+    sets = [n for n in range(MOST_SETS) if f"JOINTS_{n}" in attributes]
+    if not sets:
+        raise ValueError("a mesh has a skin, and its vertices follow no joints")
+    joints, weights = (
+        np.hstack([document.values(attributes.get(f"{kind}_{n}"), "VEC4", 4) for n in sets])
+        for kind in ("JOINTS", "WEIGHTS")
+    )
+    if not len(joints) == len(weights) == len(positions):
+        raise ValueError(f"{len(positions):,} vertices have the weights of {len(weights):,}")
+    weights = np.where(weights > 0, weights, 0.0)
+    weights[~weights.any(axis=1), 0] = 1.0  # as three.js has it
+    joints = np.where(weights > 0, joints, 0)
+    if not ((joints >= 0) & (joints < len(motions))).all():
+        raise ValueError(f"a vertex follows a joint beyond the {len(motions)} of its skin")
+    moved = np.zeros_like(positions)
+    with np.errstate(all="ignore"):
+        for k, weight in zip(joints.astype(np.int64).T, weights.T, strict=True):
+            one = np.einsum("nij,nj->ni", motions[k, :3, :3], positions) + motions[k, :3, 3]
+            moved += weight[:, None] * one
+        return np.asarray(moved / weights.sum(axis=1, keepdims=True))
 
 
 def _part(document: GlbDocument, primitive: dict[str, Any]) -> tuple[Array, Index]:

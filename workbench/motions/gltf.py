@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
 from workbench.bodies.files.gltf import Correctives, write_gltf
-from workbench.errors import BadArgument, BadFile, shown, some_of
+from workbench.errors import BadArgument, BadFile, UnknownName, cut, shown, some, some_of
 from workbench.geometry.gltf import GlbDocument, children, document_of, local_motion, several
 from workbench.geometry.guesses import (
     UNITS,
@@ -343,7 +343,12 @@ DO = "export a skin with its animation as .glb or .gltf, without compression"
 
 
 def read_glb(
-    path: str | Path, *, unit: str | None = None, up: str | None = None, fps: float | None = None
+    path: str | Path,
+    *,
+    unit: str | None = None,
+    up: str | None = None,
+    fps: float | None = None,
+    animation: str | None = None,
 ) -> Motion:
     """Read the motion of the skin with most joints in a .glb or .gltf: names, tree, rotations.
 
@@ -353,26 +358,33 @@ def read_glb(
     file is in metres, y up; `unit` and `up` say otherwise, and a skeleton of more than 3 m is taken
     to be in cm or mm. The betas of a file that the workbench wrote are read too; morph targets and
     scales are not. `notes` say all of this. A root joint from which its only child
-    moves away, such as a marker on the floor, is left out.
+    moves away, such as a marker on the floor, is left out. Of several animations the first that
+    moves the skin is read, or the one whose name or number, from 0, is `animation`.
 
     Raises BadFile for a file that is damaged, has no skin or no animation of it, whose bones change
-    their length by more than a centimetre, or are mirrored; UnknownName for a unit or an axis.
+    their length by more than a centimetre, or are mirrored; UnknownName for a unit, an axis or an
+    animation.
     """
     check_given(unit, up)
     with taken_for(path, "motion as glTF", DO), damage():
         document = document_of(bounded(path, MOST_BYTES), Path(path).parent)
         try:
-            return _motion_of(document, unit, up, fps, Path(path).name)
+            return _motion_of(document, unit, up, fps, Path(path).name, animation)
         except BadArgument as error:
             raise BadFile(str(error)) from error
 
 
 def _motion_of(
-    document: GlbDocument, unit: str | None, up: str | None, fps: float | None, name: str
+    document: GlbDocument,
+    unit: str | None,
+    up: str | None,
+    fps: float | None,
+    name: str,
+    animation: str | None,
 ) -> Motion:
     nodes = Nodes.of(document)
     skin, notes = skin_of(document, nodes)
-    tracks, more = _animation(document, nodes, skin)
+    tracks, more = _animation(document, nodes, skin, animation)
     times, rate, said = _times(tracks, fps)
     if len(times) * len(skin.names) > MOST_PLACES:
         raise ValueError(f"{len(times):,} frames of {len(skin.names)} joints are too many")
@@ -414,23 +426,34 @@ def _motion_of(
 
 
 def _animation(
-    document: GlbDocument, nodes: Nodes, skin: Skin
+    document: GlbDocument, nodes: Nodes, skin: Skin, wanted: str | None
 ) -> tuple[dict[tuple[int, str], Track], tuple[str, ...]]:
-    """The tracks of the first animation that moves the skin, and sentences on the others."""
+    """The tracks of one animation, the first that moves the skin unless one is wanted; sentences.
+
+    Raises UnknownName for one that is not there.
+    """
     animations = several(document.json, "animations")
+    given = [one.get("name") for one in animations]
+    names = [name if isinstance(name, str) else str(n) for n, name in enumerate(given)]
     own = {*nodes.above({*skin.nodes})}
-    for number, animation in enumerate(animations):
+    chosen = [n for n, name in enumerate(names) if wanted in (None, name, str(n))]
+    if wanted is not None and not chosen:
+        known = some(f"{name} ({n})" for n, name in enumerate(names))
+        raise UnknownName("animation", wanted, hint=known)
+    for number in chosen[: None if wanted is None else 1]:
+        animation = animations[number]
         tracks = {k: t for k, t in tracks_of(document, animation).items() if k[0] in own}
         if tracks:
             notes = []
             if len(animations) > 1:
-                called = shown(animation.get("name", number))
-                notes.append(f"of {len(animations)} animations, {called} is read")
+                others = some(name for n, name in enumerate(names) if n != number)
+                notes.append(f"the animation {cut(names[number], 100)} is read, and not {others}")
             paths = [c.get("target") for c in several(animation, "channels")]
             if any(isinstance(p, dict) and p.get("path") == "weights" for p in paths):
                 notes.append("the weights of morph targets are not read")
             return tracks, tuple(notes)
-    raise ValueError("it has no animation of the joints of its skin")
+    which = "no animation" if wanted is None else f"an animation {shown(wanted)}, but not one"
+    raise ValueError(f"it has {which} of the joints of its skin")
 
 
 def _times(

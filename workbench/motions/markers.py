@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.arrays import Array
-from workbench.errors import BadArgument, shown, some
+from workbench.errors import BadArgument, cut, shown, some
 from workbench.geometry.meshes import text_lines
 from workbench.motions.bones import different_names
 from workbench.reading.arrays import damage, taken_for
@@ -69,6 +69,7 @@ BLOCK = 512  # bytes
 PROCESSORS = {84: "<", 85: "dec", 86: ">"}
 MOST_PARAMETERS = 10_000
 COMPUTED = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS")  # points that are no places
+MOST_RATE = 1e6  # frames a second
 SAME = 1e-5  # how far two statements of a scale or a rate may differ, relative to either
 Parameter = NDArray[np.float64] | tuple[str, ...]
 
@@ -78,8 +79,9 @@ def read_c3d(path: str | Path) -> Trajectories:
 
     Whole numbers or floats, of all three kinds of processors. Points that the file says are
     computed (angles, forces, moments, powers, scalars) are left out, and measurements of other
-    devices are not read; `notes` say so. Raises BadFile for a file that is damaged, or whose header
-    and parameters disagree on what its frames hold.
+    devices are passed over; `notes` say so. Where the header states another rate or scale than the
+    parameters, these count, and a note says so. Raises BadFile for a file that is damaged, or whose
+    header and parameters disagree on how many points a frame has, or of which kind of numbers.
     """
     with taken_for(path, "C3D file of markers", "export it again"), damage():
         return _c3d(bounded(path, MOST_BYTES))
@@ -119,21 +121,36 @@ def _c3d(content: bytes) -> Trajectories:
     # far as they fit into two bytes, and the block in which the frames begin, counted from 1
     head = [int(word) % 65536 for word in numbers.words(content[:BLOCK])]
     M, analog, first, last, start = head[1], head[2], head[3], head[4], head[8]
+    used = _number(parameters, "POINT:USED")
+    if used is not None and used % 65536 != M:
+        raise ValueError(f"its header says {M} points, and POINT:USED says {used:g}")
     scale, rate = (float(numbers.floats(content[i : i + 4])[0]) for i in (12, 20))
-    for name, said in (("USED", float(M)), ("SCALE", scale), ("RATE", rate)):
-        other = _number(parameters, f"POINT:{name}")
-        if other is None or (name == "USED" and said == other % 65536):
+    fps, notes = rate, []
+    for name, own in (("SCALE", scale), ("RATE", rate)):
+        other = _number(parameters, f"POINT:{name}") or np.nan
+        if not 0 < abs(other) < 1e6 or abs(own - other) <= SAME * max(abs(own), abs(other)):
             continue
-        if not abs(said - other) <= SAME * max(abs(said), abs(other)):
-            raise ValueError(f"its header says {said:g}, and POINT:{name} says {other:g}")
+        if name == "SCALE" and (own < 0) != (other < 0):  # floats have a negative one
+            raise ValueError(f"its header says scale {own:g}, and POINT:SCALE says {other:g}")
+        if name == "RATE" and other < 0:
+            continue
+        scale, fps = (other, fps) if name == "SCALE" else (scale, other)
+        notes.append(f"its header says {own:g}, and POINT:{name} {other:g}, which counts")
     if not np.isfinite(scale) or not scale or abs(scale) > 1e6:
         raise ValueError(f"its scale is {scale:g}, which makes no lengths")
     T = _frames(first, last, parameters)
     if not M or 3 * T * M > MOST_NUMBERS:
         raise ValueError(f"{T} frames of {M} points are none, or too many to be read")
     width = 4 if scale < 0 else 2  # floats, or whole numbers
-    row = width * (4 * M + analog)
     begin = ((start or int(_number(parameters, "POINT:DATA_START") or 0)) - 1) * BLOCK
+    channels = _number(parameters, "ANALOG:USED") or 0.0
+    samples = _number(parameters, "ANALOG:RATE") or 0.0
+    others = int(channels) * round(samples / fps) if fps > 0 else 0
+    ends = [begin - (-T * width * (4 * M + n) // BLOCK) * BLOCK for n in (analog, others)]
+    if others > 0 and ends[0] != len(content) == ends[1]:  # the frames end in the file's last block
+        notes.append(f"its header says {analog} measurements of other devices, ANALOG {others}")
+        analog = others
+    row = width * (4 * M + analog)
     if begin < BLOCK or begin + T * row > len(content):
         raise ValueError(f"it ends before {T:,} frames of {M} points, which it says it has")
     each = np.frombuffer(content, np.uint8, T * row, begin).reshape(T, row)[:, : 4 * width * M]
@@ -143,7 +160,7 @@ def _c3d(content: bytes) -> Trajectories:
     places[~(table[..., 3] >= 0)] = np.nan
     names = [*_texts(parameters, "POINT:LABELS"), *[""] * M][:M]
     computed = {text for kind in COMPUTED for text in _texts(parameters, f"POINT:{kind}") if text}
-    kept, notes = [m for m, name in enumerate(names) if name not in computed], []
+    kept = [m for m, name in enumerate(names) if name not in computed]
     if len(kept) < M:
         notes.append(f"left out are {some(n for n in names if n in computed)}, which are computed")
     if not kept:
@@ -151,11 +168,10 @@ def _c3d(content: bytes) -> Trajectories:
     if analog:
         notes.append(f"{analog} measurements a frame of other devices are not read")
     labels, renamed = different_names([names[m] for m in kept], "point")
-    fps = _number(parameters, "POINT:RATE") or rate
-    fps = fps if fps > 0 else rate
     unit = next((unit_named(text) for text in _texts(parameters, "POINT:UNITS")), None)
     places = checked_places(places)[:, kept]
-    return Trajectories(places, labels, fps if 0 < fps < 1e6 else None, unit, (*notes, *renamed))
+    known = fps if 0 < fps < MOST_RATE else None
+    return Trajectories(places, labels, known, unit, (*notes, *renamed))
 
 
 def _frames(first: int, last: int, parameters: Mapping[str, Parameter]) -> int:
@@ -251,7 +267,9 @@ OFF = 0.01  # of the rate, by which the times of frames may be off it before thi
 def read_trc(path: str | Path) -> Trajectories:
     """Read the markers of a .trc file. Empty cells and NaN are markers that were not seen.
 
-    Raises BadFile for a file whose header and rows do not fit together.
+    Cells are separated by tabs, semicolons, commas or spaces; where commas do not separate, they
+    may stand for decimal points. A header that is wrong about its frames, its markers or its rate
+    is noted. Raises BadFile for one whose header and rows do not fit together.
     """
     with taken_for(path, "TRC file of markers", "export it again"), damage():
         return parse_trc(bounded(path, MOST_BYTES))
@@ -259,72 +277,76 @@ def read_trc(path: str | Path) -> Trajectories:
 
 def parse_trc(content: bytes) -> Trajectories:
     """The markers in the text of a .trc file. Raises ValueError with what is wrong."""
-    lines = text_lines(content)
-    head = [line.rstrip("\r\n") for _, line in zip(range(5), lines, strict=False)]
-    if len(head) < 5 or not head[0].startswith("PathFileType"):
+    lines = text_lines(content.removeprefix(b"\xef\xbb\xbf"))
+    head = [line.rstrip("\r\n") for _, line in zip(range(4), lines, strict=False)]
+    if len(head) < 4 or not head[0].startswith("PathFileType"):
         raise ValueError(f"it begins with {shown(head[0] if head else '')}, and not PathFileType")
-    said = dict(zip(head[1].split(), head[2].split(), strict=False))
-    names = [cell.strip() for cell in _cells(head[3])[2:] if cell.strip()]
+    mark = next((mark for mark in "\t;," if mark in head[3]), None)
+    said = dict(zip(_cells(head[1], mark), _cells(head[2], mark), strict=False))
+    names = [cell for cell in _cells(head[3], mark)[2:] if cell]
     M, wide = len(names), 3 * len(names) + 2
-    if _whole(said, "NumMarkers") != M or not M:
-        raise ValueError(f"it names {M} markers, and says {said.get('NumMarkers', 'nothing')}")
+    if not M:
+        raise ValueError("it names no markers")
     numbers, times = array("d"), array("d")
-    for n, line in enumerate(lines, start=6):
-        row = line.rstrip("\r\n")
-        if not row.strip():
-            continue
-        cells = _cells(row)
-        if any(cell.strip() for cell in cells[wide:]):
+    for n, line in enumerate(lines, start=5):
+        cells = _cells(line, mark)
+        first = next(filter(None, cells), "")
+        if not first or first.upper() == "X1" or (n == 5 and not first.isdecimal()):
+            continue  # the names of the axes
+        if any(cells[wide:]):
             raise ValueError(f"line {n} has more than {M} markers")
         if len(numbers) > MOST_NUMBERS:
             raise ValueError(f"it has more than {len(times):,} frames, too many to be read")
         try:
-            found = [float(cell) if cell.strip() else np.nan for cell in cells[:wide]]
+            found = [float(cell.replace(",", ".")) if cell else np.nan for cell in cells[:wide]]
         except ValueError as error:
             raise ValueError(f"line {n}: {shown(str(error))}") from error
         found += [np.nan] * (wide - len(found))
         times.append(found[1])
         numbers.extend(found[2:])
-    T, fps = len(times), _rate(said)
+    T = len(times)
     if not T:
         raise ValueError("it has no frames")
-    notes = _off_times(np.array(times), fps)
-    if (told := _whole(said, "NumFrames")) != T:
-        notes += (f"its header says {told} frames, and it has {T}, which are read",)
+    notes = [
+        f"its header says {cut(said[key] or 'no')} {what}, and it has {count}, which are read"
+        for key, what, count in (("NumFrames", "frames", T), ("NumMarkers", "markers", M))
+        if said.get(key, str(count)) != str(count)
+    ]
+    fps, more = _rate(said, np.array(times))
     labels, renamed = different_names(names, "point")
     places = checked_places(np.array(numbers).reshape(T, M, 3))
-    return Trajectories(places, labels, fps, unit_named(said.get("Units", "")), notes + renamed)
+    unit = unit_named(said.get("Units", ""))
+    return Trajectories(places, labels, fps, unit, (*more, *notes, *renamed))
 
 
-def _cells(line: str) -> list[str]:
-    return line.split("\t") if "\t" in line else line.split()
+def _cells(line: str, mark: str | None) -> list[str]:
+    """The cells of a line, which stand between marks, or spaces where the line has none."""
+    return [cell.strip() for cell in line.split(mark if mark is None or mark in line else None)]
 
 
-def _whole(said: dict[str, str], name: str) -> int:
-    text = said.get(name, "")
-    if not text.isdecimal() or len(text) > 12:
-        raise ValueError(f"its {name} is {shown(text)}, which is no number")
-    return int(text)
-
-
-def _rate(said: dict[str, str]) -> float:
-    text = said.get("DataRate", "")
-    try:
-        rate = float(text)
-    except ValueError:
-        rate = np.nan
-    if not 0 < rate < 1e6:
-        raise ValueError(f"its DataRate is {shown(text)}, which is no number of frames a second")
-    return rate
-
-
-def _off_times(times: np.ndarray, fps: float) -> tuple[str, ...]:
-    """A note if the column of times says another rate."""
+def _rate(said: dict[str, str], times: np.ndarray) -> tuple[float, tuple[str, ...]]:
+    """Frames a second by DataRate, else by CameraRate, else by the times, and what is doubtful."""
     with np.errstate(all="ignore"):
-        took = (times[-1] - times[0]) / max(1, len(times) - 1)
-        if len(times) < 2 or not np.isfinite(took) or abs(took * fps - 1) <= OFF:
-            return ()
-    return (f"its frames are {took:.6g} s apart by their times, and {1 / fps:.6g} s by DataRate",)
+        took = float(times[-1] - times[0]) / max(1, len(times) - 1)
+        known = {key: said.get(key, "").replace(",", ".") for key in ("DataRate", "CameraRate")}
+        for key, text in known.items():
+            try:
+                fps = float(text)
+            except ValueError:
+                continue
+            if not 0 < fps < MOST_RATE:
+                continue
+            notes = [f"its rate is CameraRate, for DataRate is {shown(said.get('DataRate'))}"]
+            notes = notes if key != "DataRate" else []
+            if len(times) > 1 and np.isfinite(took) and abs(took * fps - 1) > OFF:
+                apart = f"{took:.6g} s apart by their times, and {1 / fps:.6g} s by {key}"
+                notes.append(f"its frames are {apart}")
+            return fps, tuple(notes)
+    if len(times) > 1 and 0 < took < np.inf and 1 / took < MOST_RATE:
+        return 1 / took, (f"its header says no rate; by its times it is {1 / took:.6g}",)
+    raise ValueError(
+        f"its DataRate is {shown(said.get('DataRate'))}, which is no number of frames a second"
+    )
 
 
 def write_trc(path: str | Path, markers: Trajectories) -> None:

@@ -42,6 +42,7 @@ from workbench.registration.recipe import (
     fit_hand,
     model_alone,
     usual_recipe,
+    with_skeleton,
 )
 from workbench.registration.registering import (
     BodySize,
@@ -121,4 +122,5 @@ __all__ = [
     "support",
     "touched",
     "usual_recipe",
+    "with_skeleton",
 ]

@@ -171,6 +171,9 @@ class VertexStage:
             or never.
         limbs: whether arms and legs begin again from their mean pose afterwards, in case one is
             folded the wrong way; the lower cost decides (see `limbs`).
+        prior_scale: by how much the standard deviations of the priors on pose and betas are
+            multiplied. A larger one relaxes the priors, when the vertices have contacts by which
+            the model finds its pose.
     """
 
     name: str
@@ -180,6 +183,7 @@ class VertexStage:
     solver: Solver = OF_VERTICES
     settled: float = SETTLED
     limbs: bool = False
+    prior_scale: float = 1.0
 
     def __post_init__(self) -> None:
         if not self.free or not 0 <= self.coupling < np.inf:
@@ -222,8 +226,10 @@ MODEL_STAGES = (
 VERTEX_STAGES = (
     *MODEL_STAGES,
     VertexStage("free", (*BODY, VERTICES), 0.01, CLOSE, TOGETHER),
+    VertexStage("relaxed", (*BODY, VERTICES), 0.01, CLOSE, TOGETHER, prior_scale=30.0),
 )
-"""Infinite coupling, then a weak one; the model goes on following the vertices."""
+"""Infinite coupling, then a weak one; the model goes on following the vertices, at last almost
+without priors, which have led it there and would hold it back from a rare pose."""
 QUICK_VERTEX_STAGES = (
     *MODEL_STAGES,
     VertexStage("strong", (VERTICES,), 0.002),
@@ -302,7 +308,9 @@ class FreeVertices:
         """The problem of a stage. Raises UnknownName for a name that nothing reads."""
         pose, betas, trans = (block.symbol for block in self.body.blocks())
         model = self.body.points(pose, betas, trans)
-        priors = usual_priors(self.body)
+        pose_term, shape_term, *limits = usual_priors(self.body)
+        relaxed = [replace(r, sigma=stage.prior_scale * r.sigma) for r in (pose_term, shape_term)]
+        priors = (*relaxed, *limits)
         if stage.coupling == 0:
             return Problem((self._scan(model, stage.term), *priors), stage.free)
         block = Block(VERTICES, (self.body.n_vertices, 3), "m")

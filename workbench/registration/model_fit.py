@@ -180,6 +180,7 @@ class ModelFit:
         body: the body.
         scan: the points that were fitted.
         problem: the problem of the last stage.
+        priors: the names of its residuals that are priors.
         reach: in m, where bad points begin in it.
         hypotheses: the ends of the last stage that differ, the lowest cost first. `starts` are
             their numbers among the ends of the stage before.
@@ -200,6 +201,7 @@ class ModelFit:
     body: Body
     scan: Scan
     problem: Problem
+    priors: tuple[str, ...]
     reach: float
     hypotheses: tuple[Hypothesis, ...]
     iterations: int
@@ -332,6 +334,7 @@ def fit_model(
         body,
         seen,
         problem,
+        tuple(prior.name for prior in given),
         stage.reach,
         tuple(hypotheses),
         iterations,

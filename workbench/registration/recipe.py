@@ -82,6 +82,7 @@ class Recipe:
             else only the doubts look at it.
         seen_stages: the stages of the fit of the body where the camera is known; None for those of
             every fit.
+        others: further residuals of the fit of the body, such as those of a skeleton.
     """
 
     fit_stages: tuple[FitStage, ...] = FIT_STAGES
@@ -95,6 +96,7 @@ class Recipe:
     doubts: Doubts = PERSON
     empty: bool = True
     seen_stages: tuple[FitStage, ...] | None = None
+    others: tuple[Residual, ...] = ()
 
     def stages(self, seen: bool) -> tuple[FitStage, ...]:
         """The stages of the fit of the body; `seen` says whether the camera is known to it."""
@@ -118,7 +120,6 @@ class Recipe:
         *,
         keep: Mask | None = None,
         camera: ArrayLike | None = None,
-        others: Sequence[Residual] = (),
         progress: Callable[[Progress], object] | None = None,
     ) -> ModelFit:
         """The body fitted to a scan by this recipe; see `fit_model`, also for what it raises."""
@@ -131,7 +132,7 @@ class Recipe:
             stages=self.stages(seen=camera is not None),
             within=self.within,
             same=self.same,
-            others=others,
+            others=self.others,
             seed=self.seed,
             progress=progress,
         )
@@ -172,6 +173,29 @@ def usual_recipe(body: Body) -> Recipe:
     return HAND_RECIPE if is_hand(body) else PERSON_RECIPE
 
 
+def with_skeleton(
+    recipe: Recipe,
+    body: Body,
+    points: ArrayLike,
+    *,
+    sigma: float = SIGMA,
+    kernel: Kernel = quadratic,
+) -> Recipe:
+    """The recipe for the scan of a hand of which points of the skeleton are known too.
+
+    The fit begins where the hand is that fits the skeleton alone, and the points count in it.
+    `points` (m) are (16, 3) in the order of the body's joints or (21, 3) in that of `HAND_POINTS`,
+    NaN where one was not seen; `sigma` in m and `kernel` are theirs, along each axis. Raises
+    BadBody for a body that is no hand, and BadObservation for other points.
+    """
+    hand = checked_hand(body)
+    skeleton = hand_problem(hand, sigma=sigma, kernel=kernel)
+    end = TrustRegion().solve(skeleton, hand_start(hand, points)).values
+    own = {block.name: end[block.name] for block in hand.blocks()}
+    term = hand_landmarks(hand, points, sigma=sigma, kernel=kernel)
+    return replace(recipe, starts=lambda body, scan: (own,), others=(*recipe.others, term))
+
+
 def fit_hand(
     body: SkinnedBody,
     scan: Scan,
@@ -188,18 +212,12 @@ def fit_hand(
     weighted by its area, squared distances of the skeleton's points, the priors on pose and shape,
     and what is beyond the limits of joints. The stages of the recipe lead from few points of the
     scan and a wide kernel to many and a narrow one. Without a skeleton the fit begins from all
-    starts of the recipe, and with one where the hand is that fits the skeleton alone.
+    starts of the recipe, and with one as `with_skeleton` says, which the points are for.
 
-    `points` are (16, 3) in the order of the body's joints or (21, 3) in that of `HAND_POINTS`, NaN
-    where one was not seen; `sigma` and `kernel` are theirs, along each axis. Raises BadBody for a
-    body that is no hand, BadObservation for other points, and what `fit_model` raises.
+    Raises BadBody for a body that is no hand, BadObservation for other points, and what `fit_model`
+    raises.
     """
     checked_hand(body)
-    others = []
     if points is not None:
-        skeleton = hand_problem(body, sigma=sigma, kernel=kernel)
-        end = TrustRegion().solve(skeleton, hand_start(body, points)).values
-        own = {block.name: end[block.name] for block in body.blocks()}
-        recipe = replace(recipe, starts=lambda body, scan: (own,))
-        others = [hand_landmarks(body, points, sigma=sigma, kernel=kernel)]
-    return recipe.fit(body, scan, others=others, progress=progress)
+        recipe = with_skeleton(recipe, body, points, sigma=sigma, kernel=kernel)
+    return recipe.fit(body, scan, progress=progress)

@@ -20,6 +20,7 @@ from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.bodies.hands import is_hand
+from workbench.fitting.measures import Measurement, measurements
 from workbench.fitting.scans.scan import BadScan, Scan
 from workbench.fitting.scans.surface import boundary
 from workbench.geometry.meshes import Mesh
@@ -132,6 +133,7 @@ class Registration:
         size: of the fitted body at rest: the height of a person, the length of a hand.
         facing: rad, the angle about the vertical by which the body is turned from +z.
         reach: in m, the reach of the fit's last stage: where bad points begin.
+        measurements: of a person with these betas at rest, with standard deviations as for `sd`.
         surfaces: (N, 3) m each, by name and in order: the surface at the start that led to the
             result, and at the end of each stage.
     """
@@ -151,6 +153,7 @@ class Registration:
     size: BodySize
     facing: float
     reach: float
+    measurements: tuple[Measurement, ...]
     surfaces: Mapping[str, Array] = field(default_factory=dict)
 
     @property
@@ -256,6 +259,7 @@ def register(
         body_size(body, kept[names[1]]),
         float(np.arctan2(x, z)),
         fit.reach,
+        measurements(body, fit.problem, kept, fit.priors),
         surfaces,
     )
 

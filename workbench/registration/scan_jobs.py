@@ -9,10 +9,10 @@ from workbench.arrays import Array
 from workbench.bodies.body import Body
 from workbench.errors import BadArgument
 from workbench.fitting.jobs import FailedFile, FileJob, check_names_differ, reason_of
-from workbench.fitting.scans.files import FEWEST, read_scan
-from workbench.geometry.guesses import check_given, sizes_of
+from workbench.fitting.scans.files import FEWEST, contents_of, read_scan
+from workbench.geometry.guesses import UNITS, UP_TO_Y, check_given, sizes_of
 from workbench.registration.model_fit import Progress
-from workbench.registration.recipe import Recipe
+from workbench.registration.recipe import Recipe, with_skeleton
 from workbench.registration.registering import Registration, register
 
 MOST = 40_000  # points of a scan that are registered
@@ -33,6 +33,8 @@ class Reading:
         array: the name of the array of points, for .npz files.
         camera: where the scans were taken from, in the unit and the axes of the file.
         most: the number of points, drawn at random, that are used of a larger scan.
+        skeleton: of a scanned hand, a file of 16 or 21 points as `with_skeleton` takes them, in
+            the unit and the axes of the scan's file.
     """
 
     unit: str | None = None
@@ -40,6 +42,7 @@ class Reading:
     array: str | None = None
     camera: tuple[float, float, float] | None = None
     most: int = MOST
+    skeleton: Path | None = None
 
     def __post_init__(self) -> None:
         check_given(self.unit, self.up)
@@ -84,6 +87,9 @@ def registered(
             most=reading.most,
             sizes=sizes_of(body.joint_names),
         )
+        if reading.skeleton is not None:
+            points = contents_of(reading.skeleton).points @ UP_TO_Y[read.up].T * UNITS[read.unit]
+            recipe = with_skeleton(recipe, body, points)
         found = register(
             body, read.scan, recipe=recipe, camera=read.camera_position, progress=progress
         )

@@ -1,6 +1,7 @@
 """The page of a registered scan, and of a coregistration."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
 from workbench.bodies.files.saving import save_body
+from workbench.bodies.triangles import TriangleBody
 from workbench.fitting.scans.scan import Scan
 from workbench.geometry.meshes import write_mesh
 from workbench.plots.body import Figurine, front, line_up_coloured
@@ -24,7 +26,7 @@ from workbench.plots.scans import (
 )
 from workbench.plots.style import drawn as figure_of
 from workbench.registration import OtherEnd, RegisteredScan, Registration, StageOutcome
-from workbench.registration.coregistration import Coregistration, State
+from workbench.registration.coregistration import Coregistration, TriangleCoregistration
 from workbench.registration.coregistration.folder import (
     BODY,
     SCAN,
@@ -35,6 +37,8 @@ from workbench.registration.coregistration.folder import (
 from workbench.reports.folder import SUMMARY, Content, summary_text, write_folder
 from workbench.reports.page import Columns, Shown, Table, csv_text, number, page, plotted, shown
 from workbench.reports.replay import recorded_registration
+from workbench.reports.run import measurements_summary, measurements_table
+from workbench.training.execution import LogEntry
 from workbench.training.folder import COLUMNS, TABLE, Row
 from workbench.writing import write_arrays, write_file
 
@@ -111,6 +115,7 @@ def summary(found: RegisteredScan, body: str, key: str = "") -> dict[str, Any]:
         "touching": last.touching,
         "seen": float(one.seen.mean()),
         f"{one.size.name}_m": one.size.metres,
+        "measurements": measurements_summary(one.measurements),
         "seconds": sum(stage.seconds for stage in one.stages),
         "warnings": list(one.doubts),
         "notes": list(found.notes),
@@ -136,6 +141,7 @@ def registration_page(found: RegisteredScan, body: str) -> str:
             unseen_sheet(one.vertices, one.faces, one.seen, one.sd, one.facing),
             caption_unseen(one.seen, one.sd),
         ),
+        measurements=measurements_table(one.measurements),
         stages=stages_table(one),
         moved=MM * float(np.linalg.norm(one.vertices - one.model, axis=1).mean()),
         others=others_table(one),
@@ -197,45 +203,77 @@ TOGETHER = {
 DRAWN = 6  # people in the figure
 
 
+@dataclass(frozen=True, eq=False)
+class CoregistrationEnd:
+    """What a coregistration of J scans of S subjects found, with whichever model.
+
+    Attributes:
+        learned: the body.
+        templates: (S, N, 3) m, the subjects at rest.
+        vertices: (J, N, 3) m, the registrations.
+        seen: (J, N) from 0 to 1, how surely the scans say where each vertex is.
+        rounds: how often registrations and the model were found in turn.
+        log: the blocks that have run, in order.
+    """
+
+    learned: SkinnedBody | TriangleBody
+    templates: Array
+    vertices: Array
+    seen: Array
+    rounds: int
+    log: Sequence[LogEntry]
+
+    @staticmethod
+    def of(
+        problem: Coregistration | TriangleCoregistration, state: Any, betas: int
+    ) -> "CoregistrationEnd":
+        """From the end of a problem's run; the learned body has at most `betas` directions."""
+        return CoregistrationEnd(
+            problem.learned(state, betas),
+            state.templates,
+            state.vertices,
+            problem.seen(state),
+            problem.plan.rounds,
+            state.log,
+        )
+
+
 def write_coregistration(
-    problem: Coregistration,
+    start: SkinnedBody,
     scans: RegisteredScans,
-    state: State,
-    learned: SkinnedBody,
+    end: CoregistrationEnd,
     place: Path,
     source: str,
 ) -> Path:
     """Write the end of a coregistration into `place`, which exists, and return its page.
 
-    `learned` is the body that was learned. Raises BadFile.
+    `start` is the body that was registered to each scan by itself. Raises BadFile.
     """
     registrations = place / REGISTRATIONS
     registrations.mkdir(exist_ok=True)
-    names, start = scans.names, problem.body
-    # about 1 where a surface was scanned: a scan is sure across its surface, and not along it
-    trust = np.trace(state.confidence, axis1=2, axis2=3)
-    for name, vertices, seen in zip(names, state.vertices, trust, strict=True):
-        arrays = {"vertices": vertices, "faces": start.faces, "confidence": seen.clip(0, 1)}
+    names = scans.names
+    for name, vertices, seen in zip(names, end.vertices, end.seen, strict=True):
+        arrays = {"vertices": vertices, "faces": start.faces, "confidence": seen}
         write_arrays(registrations / f"{name}.npz", arrays)
     rows = [
         Row(f"{name}.npz", row.subject, row.gender, row.set)
         for name, row in zip(names, scans.rows, strict=True)
     ]
     write_file(registrations / TABLE, subjects_csv(rows))
-    for path, body in ((registrations / BODY, start), (place / LEARNED, learned)):
+    for path, body in ((registrations / BODY, start), (place / LEARNED, end.learned)):
         save_body(body, path)
-    measured = distances(scans, start, state.vertices)
-    away = beyond_betas(start, state.estimate.templates)
-    html = coregistration_page(problem, scans, state, measured, away, str(place))
+    measured = distances(scans, start, end.vertices)
+    away = beyond_betas(start, end.templates)
+    html = coregistration_page(start, scans, end, measured, away, str(place))
     write_file(place / "index.html", html)
     numbers = {  # of the page, for programs: lengths in m, times in s
         "kind": "coregistration",
         "scans": list(scans.names),
         "warnings": scans.doubts(),
         "subjects": list(scans.subjects),
-        "costs": [state.log[0].before, *(entry.after for entry in state.log)],
-        "blocks": [entry.block for entry in state.log],
-        "seconds": sum(entry.seconds for entry in state.log),
+        "costs": [end.log[0].before, *(entry.after for entry in end.log)],
+        "blocks": [entry.block for entry in end.log],
+        "seconds": sum(entry.seconds for entry in end.log),
         "median_m": {name: each.tolist() for name, each in measured.items()},
         "beyond_betas_m": away.mean(axis=1).tolist(),
     }
@@ -254,9 +292,9 @@ def begin_folder(place: Path, source: str) -> None:
 
 
 def coregistration_page(
-    problem: Coregistration,
+    start: SkinnedBody,
     scans: RegisteredScans,
-    state: State,
+    end: CoregistrationEnd,
     measured: Mapping[str, Array],
     beyond: Array,
     place: str,
@@ -268,11 +306,11 @@ def coregistration_page(
         title=f"{len(scans.rows)} scans of {len(subjects)} people, together",
         rows=len(scans.rows),
         people=len(subjects),
-        rounds=problem.plan.rounds,
+        rounds=end.rounds,
         doubted=[f"{n}, by itself: {d}" for n, told in scans.doubts().items() for d in told],
         folder=place,
-        cost=plotted(9.0, 4.4, plot_joint_cost, caption_joint_cost, state.log),
-        templates=_templates(problem, state, subjects, away),
+        cost=plotted(9.0, 4.4, plot_joint_cost, caption_joint_cost, end.log),
+        templates=_templates(start, end.templates, subjects, away),
         subjects=Table(
             ("person", "scans", "beyond betas, mean (mm)", "at most (mm)"),
             tuple(
@@ -293,13 +331,13 @@ def coregistration_page(
     )
 
 
-def _templates(problem: Coregistration, state: State, names: Sequence[str], away: Array) -> Shown:
+def _templates(start: SkinnedBody, templates: Array, names: Sequence[str], away: Array) -> Shown:
     """The first people's templates, coloured by what betas do not reach."""
-    each = zip(names, state.estimate.templates[:DRAWN], away, strict=False)
+    each = zip(names, templates[:DRAWN], away, strict=False)
     coloured = [(Figurine(name, T, front), d) for name, T, d in each]
     end = float(np.percentile(away, 98))
     label = "from the nearest shape of the starting body (mm)"
-    draw = partial(line_up_coloured, coloured, problem.body.faces, end, label)
+    draw = partial(line_up_coloured, coloured, start.faces, end, label)
     more = "" if len(names) <= DRAWN else f" of the first {DRAWN} people"
     caption = (
         f"The templates{more}, coloured by their distance from the nearest shape that betas of the "

@@ -240,9 +240,7 @@ def run_summary(outcome: Outcome) -> dict[str, Any]:
         "costs": dict(outcome.costs),
         "priors": priors,
         "measures": [asdict(measure) for measure in outcome.measures],
-        "measurements": [
-            asdict(one) | {"contraction": one.contraction} for one in outcome.measurements
-        ],
+        "measurements": measurements_summary(outcome.measurements),
         "compared": {
             name: _ending(solution) | {"excess": outcome.excess(name)}
             for name, solution in outcome.compared.items()
@@ -292,6 +290,11 @@ def measurements_table(measurements: Sequence[Measurement]) -> Table:
     if any(np.isfinite(m.prior_sd) for m in measurements):
         columns["contraction"] = lambda m: f"{m.contraction:.2f}"
     return Table.of(measurements, columns, (1, 2, 3))
+
+
+def measurements_summary(measurements: Sequence[Measurement]) -> list[dict[str, Any]]:
+    """The same for programs, in m."""
+    return [asdict(one) | {"contraction": one.contraction} for one in measurements]
 
 
 def _between(low: float, high: float) -> str:

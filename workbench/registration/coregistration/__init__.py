@@ -23,6 +23,7 @@ from workbench.registration.coregistration.triangles import (
     TriangleCoregistration,
     TrianglePlan,
     TriangleState,
+    bent_as,
 )
 
 __all__ = [
@@ -35,6 +36,7 @@ __all__ = [
     "TriangleCoregistration",
     "TrianglePlan",
     "TriangleState",
+    "bent_as",
     "hard",
     "learned_bends",
     "soft",

@@ -14,7 +14,7 @@ and `template_prior` why templates are held by edges.
 import hashlib
 import json
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from math import inf
@@ -30,7 +30,7 @@ from workbench.errors import BadArgument, BadFile
 from workbench.fitting.body_priors import pose_gaussian
 from workbench.geometry.solids import area
 from workbench.interrupts import Interrupts
-from workbench.reading.arrays import doubles, nothing_else, opened, read_expected, texts
+from workbench.reading.arrays import Expected, doubles, nothing_else, opened, read_expected, texts
 from workbench.reading.facts import facts_in
 from workbench.registration.coregistration.scan_block import (
     OnScan,
@@ -83,19 +83,32 @@ class State:
     scan_costs: Array
     log: tuple[LogEntry, ...] = ()
 
+    @property
+    def templates(self) -> Array:
+        """(S, N, 3) m, every subject at rest."""
+        return self.estimate.templates
+
     def arrays(self) -> dict[str, Array]:
         """All arrays by name, as they are stored."""
         return self.estimate.arrays() | {name: getattr(self, name) for name in OWN}
 
-    def save(self, folder: Path, fingerprint: str) -> None:
-        """Write the checkpoint, completely or not at all."""
-        told = {"fingerprint": fingerprint, "log": [asdict(entry) for entry in self.log]}
-        stored: dict[str, Any] = {FACTS: np.array(json.dumps(told)), **self.arrays()}
-        with replacing(folder / FILE) as temporary, temporary.open("wb") as file:
-            np.savez(file, **stored)
+    def of(self, arrays: Mapping[str, Array], log: tuple[LogEntry, ...]) -> "State":
+        """The state of these arrays, named and shaped as `arrays`, and this log."""
+        own = {name: arrays[name] for name in OWN}
+        rest: dict[str, Any] = {n: a for n, a in arrays.items() if n not in {*OWN, "regressor"}}
+        regressor = csr_array(arrays["regressor"])
+        return State(replace(self.estimate, **rest, regressor=regressor), **own, log=log)
 
 
-def read_state(folder: Path, fingerprint: str, first: State) -> State | None:
+def save_state(state: "AnyState", folder: Path, fingerprint: str) -> None:
+    """Write the checkpoint, completely or not at all."""
+    told = {"fingerprint": fingerprint, "log": [asdict(entry) for entry in state.log]}
+    stored: dict[str, Any] = {FACTS: np.array(json.dumps(told)), **state.arrays()}
+    with replacing(folder / FILE) as temporary, temporary.open("wb") as file:
+        np.savez(file, **stored)
+
+
+def read_state(folder: Path, fingerprint: str, first: "AnyState") -> "AnyState | None":
     """The state of an earlier run in `folder`, or None if there is no file.
 
     `first` is the state that the run began with, whose sizes do not change. Raises BadFile if the
@@ -112,17 +125,16 @@ def read_state(folder: Path, fingerprint: str, first: State) -> State | None:
                 if digest.startswith(VERSION)
                 else "another version of the workbench wrote it, which cannot be continued"
             )
-        expected = {name: doubles(*array.shape) for name, array in first.arrays().items()}
+        expected: dict[str, Expected] = {
+            name: doubles(*array.shape) for name, array in first.arrays().items()
+        }
         nothing_else(archive, (*expected, FACTS))
         found = read_expected(archive, expected)
         log = told.several("log", log_entry)
-    regressor = csr_array(found.pop("regressor"))
-    own = {name: found.pop(name) for name in OWN}
-    given: dict[str, Any] = dict(found)
-    return State(replace(first.estimate, **given, regressor=regressor), **own, log=log)
+    return first.of(found, log)
 
 
-def fingerprint(scans: Scans, first: State, settings: str) -> str:
+def fingerprint(scans: Scans, first: "State | TriangleState", settings: str) -> str:
     """A digest of all that determines a coregistration. It reads every scan once."""
     digest = hashlib.sha256(settings.encode())
     arrays = [*first.arrays().values(), scans.subject]
@@ -198,6 +210,18 @@ def _named(value: object) -> object:
     if isinstance(value, Form):
         return value.numbers
     return getattr(value, "__qualname__", value)
+
+
+def coregistration_card(start: str, subject: Index, log: Sequence[LogEntry]) -> dict[str, Any]:
+    """What a coregistered body is made of: the starting body, scans of subjects (J,), costs."""
+    return {
+        "coregistered_from": {
+            "scans": len(subject),
+            "subjects": len(np.unique(subject)),
+            "starting_body": start,
+        },
+        "final_costs": {k: float(f"{v:.6g}") for k, v in log[-1].after.items()},
+    }
 
 
 AnyState = TypeVar("AnyState", "State", "TriangleState")
@@ -304,16 +328,16 @@ class Coregistration:
         objective = self.objective(InMemory(state.vertices, self.scans.subject))
         model = PoseModel(state.estimate, objective, state.log)
         body, regressor = start_shape(model, Start.of(self.body), n_betas)
-        card = {
-            "coregistered_from": {
-                "scans": len(self.scans.subject),
-                "subjects": len(state.estimate.templates),
-                "starting_body": self.body.name,
-            },
-            "final_costs": {k: float(f"{v:.6g}") for k, v in state.log[-1].after.items()},
-            "J_regressor_rms_mm": [round(1e3 * float(r), 4) for r in regressor.rms],
-        }
+        card = coregistration_card(self.body.name, self.scans.subject, state.log)
+        card["J_regressor_rms_mm"] = [round(1e3 * float(r), 4) for r in regressor.rms]
         return replace(body, name="coregistered", card=card)
+
+    def seen(self, state: State) -> Array:
+        """(J, N) from 0 to 1, how surely the scans say where each vertex is.
+
+        It is about 1 where a surface was scanned: a scan is sure across its surface, and not along.
+        """
+        return np.asarray(np.trace(state.confidence, axis1=2, axis2=3).clip(0, 1))
 
     def run(
         self,
@@ -344,7 +368,9 @@ class Coregistration:
                 self.costs,
                 self._step,
                 execution,
-                lambda state: keep(partial(state.save, folder, identity)) if folder else None,
+                lambda state: (
+                    keep(partial(save_state, state, folder, identity)) if folder else None
+                ),
             )
 
     def _step(

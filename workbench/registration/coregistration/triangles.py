@@ -18,17 +18,19 @@ Black, Embodied Hands, 2017, and the notes on its alignments), so that only the 
 against everything else. `TrianglePlan.symmetric` chooses; at lambda_C = 1 both are the same.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from math import sqrt
+from pathlib import Path
 
 import numpy as np
 from scipy.sparse import csc_array
 
 from workbench.arrays import Array, Index
 from workbench.blocks import Block, Values
-from workbench.bodies.triangles import TriangleBody
+from workbench.bodies import SkinnedBody
+from workbench.bodies.triangles import TriangleBody, blend_scape
 from workbench.bodies.triangles.numbers import TriangleSurface
 from workbench.errors import BadArgument
 from workbench.fitting.body_priors import pose_prior
@@ -38,9 +40,13 @@ from workbench.problem import Linearization, Problem
 from workbench.problem.storage import unblocked
 from workbench.registration.coregistration.coregistering import (
     Fitted,
+    coregistration_card,
+    fingerprint,
     in_turn,
     lowered,
     median_betas,
+    read_state,
+    save_state,
 )
 from workbench.registration.coregistration.scan_block import JOB_SIZE, Scans, cost_of_scan
 from workbench.registration.coregistration.triangle_steps import (
@@ -50,6 +56,7 @@ from workbench.registration.coregistration.triangle_steps import (
     PoseDeformations,
     Unknown,
     differing,
+    learned_bends,
 )
 from workbench.registration.free_vertices import (
     CLOSE,
@@ -58,9 +65,12 @@ from workbench.registration.free_vertices import (
     VERTICES,
     ScanTerm,
     Settled,
+    touched,
 )
-from workbench.residuals import stitching
+from workbench.residuals import Residual, stitching
 from workbench.training.execution import SERIAL, Execution, LogEntry
+from workbench.training.triangles.learning import learn_gradient_shapes
+from workbench.writing import Keeping
 
 
 @dataclass(frozen=True)
@@ -131,6 +141,23 @@ class TriangleState:
     scan_costs: Array
     log: tuple[LogEntry, ...] = ()
 
+    @property
+    def templates(self) -> Array:
+        """(S, N, 3) m, every subject at rest."""
+        rest = np.zeros((self.body.n_joints, 3))
+        return np.stack([self.body.vertices(rest, one) for one in np.eye(self.body.n_betas)])
+
+    def arrays(self) -> dict[str, Array]:
+        """All arrays by name, as they are stored."""
+        own = {name: getattr(self, name) for name in ("poses", "vertices", "scan_costs")}
+        return {"shapedirs": self.body.shapedirs, "posedirs": self.body.posedirs, **own}
+
+    def of(self, arrays: Mapping[str, Array], log: tuple[LogEntry, ...]) -> "TriangleState":
+        """The state of these arrays, named and shaped as `arrays`, and this log."""
+        shapedirs, posedirs, poses, vertices, costs = (arrays[name] for name in self.arrays())
+        body = replace(self.body, shapedirs=shapedirs, posedirs=posedirs)
+        return TriangleState(body, poses, vertices, costs, log)
+
 
 @dataclass(frozen=True, eq=False)
 class TriangleCoregistration:
@@ -165,16 +192,48 @@ class TriangleCoregistration:
         poses = np.stack([fit.pose for fit in fits])
         return TriangleState(body, poses, vertices, np.zeros(len(fits)))
 
+    def learned(self, state: TriangleState, n_betas: int) -> TriangleBody:
+        """The body of a state, whose shape directions are those of its subjects."""
+        people = state.templates
+        shapes = learn_gradient_shapes(people, self.body.faces, min(n_betas, len(people) - 1))
+        return replace(
+            state.body,
+            name="coregistered",
+            template=shapes.template,
+            shapedirs=shapes.shapedirs,
+            card=coregistration_card(self.body.name, self.scans.subject, state.log),
+        )
+
+    def seen(self, state: TriangleState) -> Array:
+        """(J, N) 1 where a scan touches a triangle of a vertex, and 0 elsewhere."""
+        outlier = self.plan.term.outlier
+        each = [
+            touched(self._scan_term(j)[0], {VERTICES: vertices}, outlier)
+            for j, vertices in enumerate(state.vertices)
+        ]
+        return np.stack(each).astype(np.float64)
+
     def run(
-        self, fits: Sequence[Fitted], vertices: Array, execution: Execution = SERIAL
+        self,
+        fits: Sequence[Fitted],
+        vertices: Array,
+        *,
+        folder: Path | None = None,
+        execution: Execution = SERIAL,
     ) -> TriangleState:
         """Carry out the plan from fits of the body to every scan, and their registrations.
 
         `vertices` (J, N, 3) m are registrations of each scan by itself. The model moves first:
         edges add up, and a limb whose edges are 2 mm off here and there ends 100 mm from its
-        scan, where nothing draws it back. Raises NotLowered if a block raises the joint cost.
+        scan, where nothing draws it back. With a `folder`, the state is kept there after every
+        block, from which the same call continues, as `Coregistration.run` does. Raises NotLowered
+        if a block raises the joint cost, and BadFile for a checkpoint of something else.
         """
         first = self.first(fits, vertices)
+        identity, keep, state = "", Keeping(), None
+        if folder is not None:
+            identity = fingerprint(self.scans, first, repr(self.plan))
+            state = read_state(folder, identity, first)
 
         def costs(state: TriangleState) -> dict[str, float]:
             return self.costs(state, first.body)
@@ -188,7 +247,14 @@ class TriangleCoregistration:
             return lowered(state, part, costs, cost, SHARES)
 
         steps = [*self.plan.blocks, "registrations"] * self.plan.rounds
-        return in_turn(self._measured(first), steps, costs, step, execution)
+        return in_turn(
+            self._measured(first) if state is None else state,
+            steps,
+            costs,
+            step,
+            execution,
+            lambda state: keep(partial(save_state, state, folder, identity)) if folder else None,
+        )
 
     def costs(self, state: TriangleState, first: TriangleBody) -> dict[str, float]:
         """The joint cost of a state, by term; E_D and E_Q count from the body `first`."""
@@ -232,10 +298,14 @@ class TriangleCoregistration:
         return replace(state, scan_costs=np.array(each))
 
     def _scan(self, j: int, vertices: Array) -> Linearization:
+        term, block = self._scan_term(j)
+        return Problem((term,), (VERTICES,), blocks=(block,)).linearize({VERTICES: vertices})
+
+    def _scan_term(self, j: int) -> tuple[Residual, Block]:
         block = Block(VERTICES, (self.body.n_vertices, 3), "m")
         whole = area(self.body.template, self.body.faces)
-        term = self.plan.term.residual(block.symbol, self.body.faces, self.scans.read(j), whole)
-        return Problem((term,), (VERTICES,), blocks=(block,)).linearize({VERTICES: vertices})
+        scan = self.scans.read(j)
+        return self.plan.term.residual(block.symbol, self.body.faces, scan, whole), block
 
     def _step(
         self, state: TriangleState, first: TriangleBody, block: str
@@ -279,6 +349,16 @@ class TriangleCoregistration:
             posedirs=state.body.posedirs + share * Q,
         )
         return self._measured(replace(state, body=body, vertices=state.vertices + share * vertices))
+
+
+def bent_as(body: SkinnedBody, fits: Sequence[Fitted], plan: TrianglePlan) -> TriangleBody:
+    """BlendSCAPE of a skinned body, whose Q makes the mean person's meshes in the fitted poses.
+
+    It is where a coregistration of triangles begins; see `learned_bends`.
+    """
+    poses = np.stack([fit.pose for fit in fits])
+    poses[:, 0] = 0
+    return learned_bends(blend_scape(body), poses, body.vertices(poses), plan.coupling / plan.bends)
 
 
 def _edges_of(body: TriangleBody, at: TriangleSurface) -> Array:
