@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.accuracy import RECORDING, is_here, needed, share
+from benchmarks.accuracy import RECORDING, needed, share, taken
 from benchmarks.measuring import table
 from workbench import load_body, solve
 from workbench.arrays import Array
@@ -242,7 +242,7 @@ def by_terms(quick: bool) -> dict[str, Any]:
         "SMPLify": Smplify(),
     }
     scenes = {"balance": list(balance_cases(body, (0,) if quick else REPORTED))}
-    if not quick or is_here(RECORDING):
+    if taken(quick, RECORDING):
         poses = held_out_poses(needed(RECORDING))
         drawn = synthetic_cases(body, poses, range(20_000, 30_000), 0)
         whole = (c for c in drawn if c.made_of and deepest(body, [*c.made_of.values()]) < TOUCHING)
@@ -276,7 +276,7 @@ def spread(body: SkinnedBody, frames: Iterable[int] = SPREAD) -> dict[str, float
 
 def one_image(quick: bool, only: Collection[str] = ()) -> dict[str, Any]:
     """Every recipe on every scene, or some recipes alone. Raises UnknownName."""
-    body = load_body("default")
+    body, recorded = load_body("default"), taken(quick, RECORDING)
     in_px = partial(ByHeight, sigma=SIGMA)
     fits = ImageFits(body, in_px())
     recipes: dict[str, Fit] = {
@@ -294,7 +294,7 @@ def one_image(quick: bool, only: Collection[str] = ()) -> dict[str, Any]:
     for name in only:
         check_known("row", name, recipes | further["balance"] | truth)
     scenes = {"balance": list(balance_cases(body, (0,) if quick else REPORTED))}
-    if not quick or is_here(RECORDING):
+    if recorded:
         poses, seeds = held_out_poses(needed(RECORDING)), range(2 if quick else PEOPLE)
         for scene, wrong in (("people", 0), ("outliers", OUTLIERS)):
             scenes[scene] = list(synthetic_cases(body, poses, seeds, wrong))
@@ -408,7 +408,7 @@ def tables(found: dict[str, Any]) -> str:
         fits = next(iter(recipes.values()))["fits"]
         text += f"{TITLES[scene]} ({fits} fits):\n\n{table(head, rows)}\n"
     head = ("terms", "MPJPE, mm", "PA, mm", "overlap, mm", f"over {THROUGH:g} mm (95 %)", "CPU ms")
-    for scene, recipes in found["terms"].items():
+    for scene, recipes in found.get("terms", {}).items():
         rows = []
         for name, one in recipes.items():
             errors = [f"{one[key]:.1f}" for key in ("MPJPE", "PA", "overlap")]

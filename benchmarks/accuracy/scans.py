@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.accuracy import KINECT, RECORDING, is_here, needed, share
+from benchmarks.accuracy import KINECT, RECORDING, needed, share, taken
 from benchmarks.measuring import table
 from workbench import load_body
 from workbench.arrays import Array, Mask
@@ -304,9 +304,9 @@ def kinect(people: Sequence[str]) -> list[dict[str, Any]]:
 
 def measured(quick: bool) -> dict[str, object]:
     """All four."""
-    body = load_body("default")
+    body, there = load_body("default"), taken(quick, KINECT, RECORDING)
     found: dict[str, Any] = {"models": {}, "vertices": {}}
-    if not quick or is_here(RECORDING):
+    if RECORDING in there:
         poses = held_out_poses(needed(RECORDING))
         for name, (views, known, seeds) in SCENES.items():
             runs = [judged(body, poses, s, views, known) for s in seeds[: 2 if quick else None]]
@@ -322,7 +322,7 @@ def measured(quick: bool) -> dict[str, object]:
         }
     for views in VIEWS:
         found["vertices"][str(views)] = freed(body, views, SCANS[: 1 if quick else None])
-    if not quick or is_here(KINECT):
+    if KINECT in there:
         found["kinect"] = kinect(PEOPLE[: 1 if quick else None])
     return found
 
