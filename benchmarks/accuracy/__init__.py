@@ -35,9 +35,17 @@ def needed(variable: str) -> Path:
     return path
 
 
-def is_here(variable: str) -> bool:
-    """Whether that file is there."""
-    return bool(os.environ.get(variable)) and Path(os.environ[variable]).exists()
+def taken(quick: bool, *variables: str) -> set[str]:
+    """Those of `DATA` that are there. Raises MissingData for one that is not, unless `quick`."""
+    there = set()
+    for variable in variables:
+        try:
+            needed(variable)
+            there.add(variable)
+        except MissingData:
+            if not quick:
+                raise
+    return there
 
 
 def share(k: int, n: int) -> str:

@@ -17,7 +17,7 @@ import trimesh
 from scipy.sparse import csr_array
 from scipy.spatial.transform import Rotation
 
-from benchmarks.accuracy import HAND, WHEEL, is_here, needed, share
+from benchmarks.accuracy import HAND, WHEEL, needed, share, taken
 from benchmarks.measuring import table
 from builder.base_mesh import read_base_mesh
 from builder.hands.mesh import PARENTS, read_hand
@@ -222,8 +222,8 @@ def skeleton_of(file: Path) -> Array:
 def measured(quick: bool) -> dict[str, object]:
     """Ranks, points, scans and the artist's hand."""
     body, points, scans = load_skinned("hand"), 2 if quick else POINTS, 1 if quick else SCANS
-    hands = {"the body's": of_the_body(body, points)}
-    if not quick or is_here(WHEEL):
+    hands, there = {"the body's": of_the_body(body, points)}, taken(quick, HAND, WHEEL)
+    if WHEEL in there:
         hands["strangers'"] = strangers(Wheel(needed(WHEEL)), body, points)
     found: dict[str, Any] = {"ranks": ranks(body, hands["the body's"][0])}
     found["points"] = {
@@ -237,7 +237,7 @@ def measured(quick: bool) -> dict[str, object]:
         "1 view": to_scans(body, some, 1, points=False),
         "1 view and 21 points": to_scans(body, some, 1, points=True),
     }
-    if not quick or is_here(HAND):
+    if HAND in there:
         found["modelled"] = modelled(body, needed(HAND))
     return found
 

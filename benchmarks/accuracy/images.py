@@ -9,20 +9,31 @@ import time
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import islice
 from typing import Any
 
 import numpy as np
 
-from benchmarks.accuracy import RECORDING, is_here, needed, share
+from benchmarks.accuracy import RECORDING, needed, share, taken
 from benchmarks.measuring import table
 from workbench import load_body, solve
 from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
+from workbench.bodies.capsules import capsule_gaps
 from workbench.errors import check_known
 from workbench.experiments.balance import balance, balance_clip, observations, published
 from workbench.fitting import keypoint_fit, photograph
-from workbench.fitting.images import ByHeight, ImageFits, Smplify, WithStature, image_mean
+from workbench.fitting.body_priors import apart_prior, mixture_prior
+from workbench.fitting.images import (
+    ByHeight,
+    ImageFits,
+    RecipeOf,
+    Smplify,
+    WithPosePrior,
+    WithStature,
+    image_mean,
+)
 from workbench.fitting.keypoints import KeypointProblem, keypoint_setup
 from workbench.fitting.observations import LIMBS, SIDES, Observations
 from workbench.fitting.setup import Setup
@@ -50,7 +61,10 @@ TITLES = {
     "balance": "The person of `balance`, one camera",
     "people": f"Synthetic people, {NOISE:g} px of noise",
     "outliers": f"The same people, {OUTLIERS} keypoints {FAR:g} px off",
+    "apart": "Synthetic people who do not go through themselves",
 }
+THROUGH, TOUCHING = 10.0, 5.0  # mm: two capsules that overlap more go through each other
+APART = 100  # people
 UNSEEN = range(55, 100)  # frames of the video; smoothness was chosen on 0 to 44
 SOLVER = TrustRegion(max_iterations=30, gradient_tolerance=1e-3)
 
@@ -190,13 +204,14 @@ def judged(body: SkinnedBody, fit: Fit, cases: list[Case]) -> dict[str, Any]:
     """Mean errors in mm, median CPU milliseconds, and how many fits failed; the first case is
     fitted twice, to warm up.
     """
-    each: dict[str, list[float]] = {"MPJPE": [], "PA": [], "absolute": [], "ms": []}
+    each: dict[str, list[float]] = {"MPJPE": [], "PA": [], "absolute": [], "ms": [], "overlap": []}
     for case in [cases[0], *cases]:
         began = time.process_time()
         solution, _ = fit(case)
         took = 1e3 * (time.process_time() - began)
-        found = body.landmark("coco", *(solution.values[block.name] for block in body.blocks()))
-        told = errors(limbs(body, found), limbs(body, case.truth)) | {"ms": took}
+        at = [solution.values[block.name] for block in body.blocks()]
+        told = errors(limbs(body, body.landmark("coco", *at)), limbs(body, case.truth))
+        told |= {"ms": took, "overlap": deepest(body, at)}
         for name, value in told.items():
             each[name].append(value)
     kept = {name: values[1:] for name, values in each.items()}
@@ -205,6 +220,39 @@ def judged(body: SkinnedBody, fit: Fit, cases: list[Case]) -> dict[str, Any]:
         **{name: float(np.mean(kept[name])) for name in ("MPJPE", "PA", "absolute")},
         "failed": sum(value > FAILED for value in kept["MPJPE"]),
         "ms": float(np.median(kept["ms"])),
+        "overlap": float(np.mean(kept["overlap"])),
+        "through": sum(value > THROUGH for value in kept["overlap"]),
+    }
+
+
+def deepest(body: SkinnedBody, at: Sequence[Array]) -> float:
+    """How deep two capsules of a body overlap at most, mm."""
+    return 1e3 * max(0.0, -float(capsule_gaps(body, *at).min()))
+
+
+def by_terms(quick: bool) -> dict[str, Any]:
+    """The default beside the mixture of poses, contact, and SMPLify whole; on `balance`, and on
+    synthetic people who do not go through themselves.
+    """
+    body = load_body("default")
+    recipes: dict[str, RecipeOf] = {
+        "default": ByHeight(),
+        "mixture of poses": ByHeight(priors=WithPosePrior(mixture_prior)),
+        "contact": ByHeight(priors=WithPosePrior(others=(apart_prior,))),
+        "SMPLify": Smplify(),
+    }
+    scenes = {"balance": list(balance_cases(body, (0,) if quick else REPORTED))}
+    if taken(quick, RECORDING):
+        poses = held_out_poses(needed(RECORDING))
+        drawn = synthetic_cases(body, poses, range(20_000, 30_000), 0)
+        whole = (c for c in drawn if c.made_of and deepest(body, [*c.made_of.values()]) < TOUCHING)
+        scenes["apart"] = list(islice(whole, 2 if quick else APART))
+    return {
+        scene: {
+            name: judged(body, in_stages(ImageFits(body, recipe)), cases)
+            for name, recipe in recipes.items()
+        }
+        for scene, cases in scenes.items()
     }
 
 
@@ -228,7 +276,7 @@ def spread(body: SkinnedBody, frames: Iterable[int] = SPREAD) -> dict[str, float
 
 def one_image(quick: bool, only: Collection[str] = ()) -> dict[str, Any]:
     """Every recipe on every scene, or some recipes alone. Raises UnknownName."""
-    body = load_body("default")
+    body, recorded = load_body("default"), taken(quick, RECORDING)
     in_px = partial(ByHeight, sigma=SIGMA)
     fits = ImageFits(body, in_px())
     recipes: dict[str, Fit] = {
@@ -236,7 +284,6 @@ def one_image(quick: bool, only: Collection[str] = ()) -> dict[str, Any]:
         "regressed start": in_stages(fits),
         "regressed start, mean of the posterior": averaged(fits),
         BY_HEIGHT: in_stages(ImageFits(body)),
-        "SMPLify's weights and stages": in_stages(ImageFits(body, Smplify())),
     }
     tall = in_stages(ImageFits(body, in_px(priors=WithStature(STATURE))))
     further = {
@@ -247,7 +294,7 @@ def one_image(quick: bool, only: Collection[str] = ()) -> dict[str, Any]:
     for name in only:
         check_known("row", name, recipes | further["balance"] | truth)
     scenes = {"balance": list(balance_cases(body, (0,) if quick else REPORTED))}
-    if not quick or is_here(RECORDING):
+    if recorded:
         poses, seeds = held_out_poses(needed(RECORDING)), range(2 if quick else PEOPLE)
         for scene, wrong in (("people", 0), ("outliers", OUTLIERS)):
             scenes[scene] = list(synthetic_cases(body, poses, seeds, wrong))
@@ -343,6 +390,7 @@ def measured(quick: bool) -> dict[str, object]:
     """Errors of recipes on images, of standard deviations of the mean, and on videos."""
     return {
         "images": one_image(quick),
+        "terms": by_terms(quick),
         "spread": spread(load_body("default"), (0,) if quick else SPREAD),
         "videos": videos(quick),
     }
@@ -359,6 +407,14 @@ def tables(found: dict[str, Any]) -> str:
             rows.append((name, *errors, share(one["failed"], one["fits"]), f"{one['ms']:.0f}"))
         fits = next(iter(recipes.values()))["fits"]
         text += f"{TITLES[scene]} ({fits} fits):\n\n{table(head, rows)}\n"
+    head = ("terms", "MPJPE, mm", "PA, mm", "overlap, mm", f"over {THROUGH:g} mm (95 %)", "CPU ms")
+    for scene, recipes in found.get("terms", {}).items():
+        rows = []
+        for name, one in recipes.items():
+            errors = [f"{one[key]:.1f}" for key in ("MPJPE", "PA", "overlap")]
+            rows.append((name, *errors, share(one["through"], one["fits"]), f"{one['ms']:.0f}"))
+        fits = next(iter(recipes.values()))["fits"]
+        text += f"{TITLES[scene]}, by terms ({fits} fits):\n\n{table(head, rows)}\n"
     ratio, least, largest = (f"{found['spread'][n]:.1f}" for n in ("ratio", "least", "largest"))
     text += (
         f"On {found['spread']['images']} images of `balance`, landmarks of the mean were {ratio} "

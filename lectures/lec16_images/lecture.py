@@ -628,9 +628,9 @@ Picture(
 # it.
 #
 # (The network has learned from draws of the mixture, and our made-up people are such draws.
-# `benchmarks/ACCURACY.md` has 200 people in recorded poses that it never saw, and the order is the same: {{ 139.7 }} mm
+# `benchmarks/ACCURACY.md` has 200 people in recorded poses that it never saw, and the order is the same: {{ 138.8 }} mm
 # with squares and from rest, {{ 59.2 }} mm with the robust loss and the learned start, {{ 55.6 }} mm with it and from
-# the truth. With four wrong keypoints these are {{ 404.4 }}, {{ 97.3 }} and {{ 87.8 }} mm.)
+# the truth. With four wrong keypoints these are {{ 406.1 }}, {{ 97.3 }} and {{ 87.8 }} mm.)
 #
 # ## Hypotheses
 #

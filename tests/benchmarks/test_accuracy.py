@@ -47,7 +47,9 @@ def test_data_that_are_missing_are_named(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setenv(accuracy.KINECT, "no/such/file.npz")
     with pytest.raises(MissingData, match=r"set WORKBENCH_KINECT to the file that examples/26"):
         accuracy.needed(accuracy.KINECT)
-    assert not accuracy.is_here(accuracy.KINECT)
+    with pytest.raises(MissingData):
+        accuracy.taken(False, accuracy.KINECT)
+    assert accuracy.taken(True, accuracy.KINECT) == set()
 
 
 def test_distances_of_limbs_are_taken_about_the_hips() -> None:
