@@ -163,6 +163,37 @@ def test_gltf_holds_shape_directions_and_normals(tmp_path: Path) -> None:
     assert np.median((normals * rest.vertex_normals).sum(axis=1)) > 0.95
 
 
+def test_texture_of_a_body_goes_where_the_body_goes(tmp_path: Path) -> None:
+    """Two places of the texture for each vertex: every second face takes the other one."""
+    N, corners = SMALL.n_vertices, SMALL.faces.copy()
+    corners[1::2] += N
+    uv = np.random.default_rng(0).uniform(size=(2 * N, 2))
+    body = replace(SMALL, extras={"vt": uv, "ft": corners.astype(np.uint32)})
+    for name in ("body.npz", "body.pkl"):
+        wb.save_body(body, tmp_path / name)
+        found = wb.load_body(tmp_path / name).texture
+        np.testing.assert_array_equal(found[0], uv)
+        np.testing.assert_array_equal(found[1], corners)
+    poses, betas = some_poses()
+    write_mesh(tmp_path / "body.obj", body.mesh(poses[0], betas))
+    mesh = read_mesh(tmp_path / "body.obj")
+    np.testing.assert_array_equal(mesh.vertices, body.vertices(poses[0], betas))
+    assert mesh.uv is not None
+    np.testing.assert_array_equal(mesh.uv[mesh.uv_faces], uv[corners])
+    write_gltf(tmp_path / "body.glb", body, poses, betas, shapes=1)
+    at_rest = read_mesh(tmp_path / "body.glb")
+    assert at_rest.uv is not None
+    np.testing.assert_allclose(at_rest.uv[at_rest.uv_faces], uv[corners], atol=1e-6)
+    rest = body.template + body.shapedirs @ betas
+    np.testing.assert_allclose(at_rest.vertices[at_rest.faces], rest[body.faces], atol=1e-6)
+    document, _ = read(tmp_path / "body.glb")
+    primitive = document["meshes"][0]["primitives"][0]
+    numbers = [*primitive["attributes"].values(), primitive["targets"][0]["POSITION"]]
+    assert {document["accessors"][i]["count"] for i in numbers} == {len(at_rest.vertices)}
+    assert replace(body, extras={"vt": uv, "ft": corners[1:]}).texture == (None, None)
+    assert SMALL.texture == (None, None)
+
+
 def test_quaternions_of_neighbouring_frames_are_on_one_side(tmp_path: Path) -> None:
     """A full turn in ten frames: rotation vectors of at most pi jump to the other side."""
     poses, turn = np.zeros((11, 24, 3)), np.linspace(0, 2 * np.pi, 11)

@@ -10,6 +10,7 @@ import pytest
 import workbench as wb
 from tests.cli.conftest import Run
 from tests.clips_made_up import clip
+from tests.conversion.made_skeletons import KINDS, write_skeleton
 from workbench.motions import Trajectories, write_trc
 
 
@@ -53,6 +54,30 @@ def test_convert_fits_a_body_to_named_points(tmp_path: Path, workbench: Run) -> 
     assert "23 of 23 points are coco of body 'small'" in out
     assert "mm from those of the body on average" in out
     assert len(wb.read_motion(tmp_path / "found.bvh")) == 3
+
+
+def test_convert_fits_a_body_to_a_skeleton(tmp_path: Path, workbench: Run) -> None:
+    body, kind = wb.load_body("default-male"), KINDS["LAFAN1"]
+    write_skeleton(tmp_path / "walk.bvh", clip(body, 3, seed=6), body, kind)
+    code, out, _ = workbench("convert", "walk.bvh", "--to", "small")
+    assert code == 0
+    assert "22 of 22 points are joints of body 'small' by the names of LAFAN1" in out
+    assert any(line.split()[:2] == ["left_knee", "LeftLeg"] for line in out.splitlines())
+    assert len(wb.read_motion(tmp_path / "walk-small.npz")) == 3
+    text, lines = (tmp_path / "walk.bvh").read_text(), ["name;joint"]
+    for k, (name, _, joint) in enumerate(kind.tree()):
+        text = text.replace(f" {name}\n", f" Bone{k:02}\n")
+        lines += [f"Bone{k:02};{joint}"] * ("spine" not in joint)
+    (tmp_path / "walk.bvh").write_text(text)
+    (tmp_path / "names.csv").write_text("\n".join(lines))
+    code, _, wrong = workbench("convert", "walk.bvh", "--to", "small")
+    assert code == 2
+    assert "a table of names says which are which (--names)" in " ".join(wrong.split())
+    code, out, _ = workbench("convert", "walk.bvh", "--to", "small", "--names", "names.csv")
+    assert code == 0
+    assert "19 of 22 points are joints of body 'small'" in out
+    (mean,) = [line for line in out.splitlines() if line.startswith("joints are ")]
+    assert float(mean.split()[2]) < 10
 
 
 @pytest.mark.thorough

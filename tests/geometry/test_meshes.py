@@ -75,6 +75,62 @@ def test_obj_with_seams_keeps_its_vertices(tmp_path: Path) -> None:
     assert mesh.faces.tolist() == [[2, 1, 0], [0, 2, 3], [0, 1, 2], [0, 2, 3], [0, 1, 2]]
 
 
+def textured() -> Mesh:
+    """Two triangles of a square, on an own place of the texture each."""
+    places = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    uv = np.array([[0.0, 0.0], [0.5, 0.0], [0.5, 0.25], [0.75, 0.25], [1.0, 0.75], [0.75, 1.0]])
+    return Mesh(places, np.array([[0, 1, 2], [0, 2, 3]]), uv, np.array([[0, 1, 2], [3, 4, 5]]))
+
+
+@pytest.mark.parametrize("suffix", [".obj", ".glb"])
+def test_texture_coordinates_are_written_and_read(tmp_path: Path, suffix: str) -> None:
+    mesh, path = textured(), tmp_path / f"mesh{suffix}"
+    write_mesh(path, mesh)
+    again = read_mesh(path)
+    assert again.uv is not None
+    assert again.uv_faces is not None
+    assert mesh.uv is not None
+    np.testing.assert_array_equal(again.vertices[:4], mesh.vertices)
+    np.testing.assert_array_equal(again.vertices[again.faces], mesh.vertices[mesh.faces])
+    np.testing.assert_array_equal(again.uv[again.uv_faces], mesh.uv[mesh.uv_faces])
+    if suffix == ".obj":
+        np.testing.assert_array_equal(again.faces, mesh.faces)
+        np.testing.assert_array_equal(again.uv, mesh.uv)
+    else:  # vertices 0 and 2 are on the seam
+        np.testing.assert_array_equal(again.vertices[4:], mesh.vertices[[0, 2]])
+        shown = trimesh.load(path, force="mesh", process=False)  # an independent reader
+        np.testing.assert_allclose(shown.visual.uv[shown.faces], mesh.uv[mesh.uv_faces])
+    write_mesh(tmp_path / "again.obj", again)
+    np.testing.assert_array_equal(read_mesh(tmp_path / "again.obj").vertices, again.vertices)
+
+
+@pytest.mark.parametrize(
+    "line", ["vt nan 0", "vt zero 0", "vt 0", "f 1/9 2/9 3/9", "f 1//1 2//1 3//1", "f 1/-9 2/x 3/0"]
+)
+def test_incomplete_texture_coordinates_are_left_in_the_file(tmp_path: Path, line: str) -> None:
+    write_mesh(tmp_path / "mesh.obj", textured())
+    with (tmp_path / "mesh.obj").open("a") as file:
+        file.write(f"{line}\n")
+    mesh = read_mesh(tmp_path / "mesh.obj")
+    assert (mesh.uv, mesh.uv_faces) == (None, None)
+    assert len(mesh.vertices) == 4
+
+
+def test_texture_coordinates_that_do_not_fit_are_refused() -> None:
+    mesh = textured()
+    assert mesh.uv is not None
+    assert mesh.uv_faces is not None
+    for uv, corners in (
+        (mesh.uv, None),
+        (None, mesh.uv_faces),
+        (mesh.uv[:4], mesh.uv_faces),
+        (mesh.uv, mesh.uv_faces[:1]),
+        (np.full_like(mesh.uv, np.nan), mesh.uv_faces),
+    ):
+        with pytest.raises(BadMesh, match="texture coordinates are"):
+            Mesh(mesh.vertices, mesh.faces, uv, corners)
+
+
 def test_parts_of_a_scene_are_placed(tmp_path: Path) -> None:
     part = trimesh.Trimesh(VERTICES, FACES, process=False)
     scene = trimesh.Scene()

@@ -66,8 +66,43 @@ def bvh_rows() -> Array:
     return rows
 
 
+# A root that stands still and hips that move below it, a prop, scales, comments, decimal commas.
+ODD = """﻿HIERARCHY  # exported
+ROOT Prop
+{
+	OFFSET 5,0 0,0 0,0
+	CHANNELS 0
+	End Site
+	{
+		OFFSET 0,0 9,5 0,0
+	}
+}
+ROOT Reference
+{
+	OFFSET 0,0 0,0 4,0
+	CHANNELS 6 Xposition Yposition Zposition Zrotation Yrotation Xrotation
+""" + HIERARCHY[HIERARCHY.index("ROOT Hips") :].replace("ROOT", "JOINT").replace(
+    "1.0 2.0 3.0", "0.0 0.0 0.0"
+).replace(".", ",").replace("MOTION", "}\nMOTION // numbers").replace(
+    "CHANNELS 2 Zrotation", "CHANNELS 3 Yscale Zrotation"
+)
+REFERENCE = (10.0, -3.0, 20.0, 5.0, 30.0, -7.0)  # its six channels, in cm and degrees
+
+
+def odd_text() -> str:
+    """The file `ODD` with the rows of `bvh_rows`, below a reference that is turned; one too few."""
+    rows = bvh_rows()
+    scaled = np.column_stack([np.tile(REFERENCE, (T, 1)), rows[:, :-2], np.ones(T), rows[:, -2:]])
+    lines = [" ".join(f"{x:.6f}" for x in row).replace(".", ",") for row in scaled]
+    return f"{ODD}Frames: {T + 1}\nFrame Time: 0,0333333\n" + "\n".join(lines) + "\n"
+
+
 def _bvh(path: Path) -> None:
     path.write_text(bvh_text(bvh_rows()))
+
+
+def _odd(path: Path) -> None:
+    path.write_text(odd_text(), encoding="utf-8")
 
 
 def random_motion(K: int, names: Sequence[str], frames: int = T) -> Motion:
@@ -254,6 +289,7 @@ def _glb(path: Path) -> None:
 
 MOTION_FILES: dict[str, Callable[[Path], None]] = {
     "walk.bvh": _bvh,
+    "odd.bvh": _odd,
     "amass.npz": _amass,
     "newer-amass.npz": _newer,
     "motion.npz": _own,

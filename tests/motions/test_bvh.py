@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from tests.motions.made_files import bvh_rows, bvh_text, random_motion
+from tests.motions.made_files import REFERENCE, bvh_rows, bvh_text, odd_text, random_motion
 from workbench.arrays import Array
 from workbench.errors import BadArgument, BadFile, UnknownName
 from workbench.geometry.guesses import UP_TO_Y
@@ -125,7 +125,7 @@ def test_limbs_at_gimbal_lock_are_written(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.joints()[:, order], motion.joints(SMALL), atol=1e-6)
 
 
-@pytest.mark.parametrize(("scale", "name"), [(0.01, "m"), (0.45 / 2.54, "cmu")])
+@pytest.mark.parametrize(("scale", "name"), [(0.01, "m"), (0.45 / 2.54, "cmu"), (1 / 2.54, "in")])
 def test_unit_of_bvh_is_guessed(tmp_path: Path, scale: float, name: str) -> None:
     motion = walk()
     write_bvh(tmp_path / "walk.bvh", motion, SMALL)
@@ -180,6 +180,89 @@ def test_positions_below_the_root_replace_offsets(tmp_path: Path, whole: bool) -
         read_bvh(saved(tmp_path, f"{head}0.0333333\n{body}\n"))
 
 
+EXPECTED = np.array([by_hand(row) for row in bvh_rows()]) / 100
+TWO = "ROOT Prop { OFFSET 1 2 3 CHANNELS 1 Xposition End Site { OFFSET 0 9 0 } }"
+
+
+def with_two(first: bool) -> str:
+    """With a prop that has a root of its own, before or after the person."""
+    text = bvh_text(bvh_rows())
+    prop = TWO.replace(" OFFSET", "\nOFFSET").replace(" CHANNELS", "\nCHANNELS")
+    prop = prop.replace(" End", "\nEnd")
+    head, _, rows = text.partition("0.0333333\n")
+    rows = "".join(f"7 {row}\n" if first else f"{row} 7\n" for row in rows.splitlines())
+    at, place = ("ROOT Hips", f"{prop}\nROOT Hips") if first else ("MOTION", f"{prop}\nMOTION")
+    return f"{head.replace(at, place)}0.0333333\n{rows}"
+
+
+VARIANTS = {
+    "byte-order mark": ("\ufeff" + bvh_text(bvh_rows()), ""),
+    "lines of Windows": (bvh_text(bvh_rows()).replace("\n", "\r\n"), ""),
+    "decimal commas": (bvh_text(bvh_rows()).replace(".", ","), ""),
+    "commas between numbers": (
+        re.sub(r"(?<=\d) (?=-?\d+\.)", ", ", bvh_text(bvh_rows())),
+        "",
+    ),
+    "comments": (
+        "# made by hand\n" + bvh_text(bvh_rows()).replace("\nMOTION", " // end\n#\nMOTION # now"),
+        "",
+    ),
+    "fewer rows": (
+        bvh_text(bvh_rows()).replace("Frames: 6", "Frames: 9"),
+        "it has 6 frames, and says 9",
+    ),
+    "more rows": (
+        bvh_text(bvh_rows()).replace("Frames: 6", "Frames: 2"),
+        "it has 6 frames, and says 2",
+    ),
+    "a prop before": (with_two(True), "of 2 skeletons that of 'Hips' is read"),
+    "a prop after": (with_two(False), "left out: Prop"),
+}
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_bvh_is_read_as_programs_write_it(tmp_path: Path, name: str) -> None:
+    text, note = VARIANTS[name]
+    path = tmp_path / "walk.bvh"
+    path.write_bytes(text.encode())
+    found = read_bvh(path)
+    assert found.joint_names == NAMES
+    np.testing.assert_allclose(places(found), EXPECTED, atol=1e-6)
+    assert note in " ".join(found.notes)
+    assert found.fps == 30
+
+
+def test_scale_channels_of_one_are_left_out(tmp_path: Path) -> None:
+    head, _, rows = bvh_text(bvh_rows()).partition("0.0333333\n")
+    head = head.replace("CHANNELS 2 Z", "CHANNELS 5 Xscale Yscale Zscale Z")
+    cells = [row.split() for row in rows.splitlines()]
+
+    def scaled(by: str) -> Path:
+        lines = [" ".join([*row[:-2], "1.0", by, "1.0", *row[-2:]]) for row in cells]
+        return saved(tmp_path, "\n".join([f"{head}0.0333333", *lines]))
+
+    found = read_bvh(scaled("1"))
+    np.testing.assert_allclose(places(found), EXPECTED, atol=1e-6)
+    assert "channels of scale are all 1, and are left out" in found.notes
+    with pytest.raises(BadFile, match=r"its bones are scaled, by 1 to 1\.2"):
+        read_bvh(scaled("1.2"))
+
+
+def test_hips_that_move_below_a_root_become_the_root(tmp_path: Path) -> None:
+    """In a file that has everything else that is odd as well."""
+    path = tmp_path / "odd.bvh"
+    path.write_text(odd_text(), encoding="utf-8")
+    found = read_bvh(path)
+    x, y, z, *angles = REFERENCE
+    R = np.linalg.multi_dot([about(axis, a) for axis, a in zip("ZYX", angles, strict=True)])
+    np.testing.assert_allclose(places(found), EXPECTED @ R.T + np.array([x, y, z]) / 100, atol=1e-6)
+    assert found.joint_names == NAMES
+    notes = " ".join(found.notes)
+    assert "left out at the root, because their child moves away: Reference" in notes
+    assert "of 2 skeletons that of 'Reference' is read" in notes
+    assert f"it has {len(found)} frames, and says {len(found) + 1}" in notes
+
+
 WHOLE = bvh_text(bvh_rows())
 
 
@@ -188,7 +271,7 @@ def test_damaged_bvh_is_refused(tmp_path: Path) -> None:
         ("", "begins with '', and not with HIERARCHY"),
         (WHOLE.replace("HIERARCHY", "HIERARCHIES", 1), "begins with 'HIERARCHIES'"),
         (WHOLE.replace("JOINT Chest {", "ROOT Chest {"), "is 'ROOT Chest'"),
-        (WHOLE.replace("\nMOTION", "\nROOT B\n{\nMOTION", 1), "begins a second skeleton"),
+        (WHOLE.replace("\nMOTION", "\nROOT B\n{\nMOTION", 1), "is 'MOTION', which is not exp"),
         (WHOLE.replace("\n}\nMOTION", "\nMOTION"), "is 'MOTION', which is not expected"),
         (WHOLE.replace("OFFSET 0.0 55.0 0.0", "", 1), "'Chest' has no OFFSET or no CHANNELS"),
         (WHOLE.replace("OFFSET 0.0 55.0 0.0", "OFFSET 0 55"), "has 2 numbers, and must have 3"),
@@ -203,16 +286,14 @@ def test_damaged_bvh_is_refused(tmp_path: Path) -> None:
         (WHOLE.replace("2 Zrotation", "3 Zrotation"), "has the channels '3 Zrotation Xrotation'"),
         (WHOLE.replace("2 Zrotation Xrotation", "2 Zrotation Wrotation"), "Wrotation"),
         (WHOLE.replace("2 Zrotation Xrotation", "2 Zrotation Zrotation"), "same channel twice"),
-        (WHOLE.replace("Frames: 6", "Frames: 7"), "has 6 frames, and says 7"),
-        (WHOLE.replace("Frames: 6", "Frames: 5"), "follows the last of 5 frames"),
-        (WHOLE.replace("Frames: 6", "Frames: 0"), "0 frames of 14 channels"),
+        (WHOLE[: WHOLE.index("Time: 0.0333333") + 16], "0 frames of 14 channels"),
         (
             WHOLE.replace("Frames: 6", "Frames: 99999999"),
             "99,999,999 frames of 14 channels are too",
         ),
         (WHOLE.replace("Frames: 6", "Frames: six"), "and not the number of Frames"),
         (WHOLE.replace("Time: 0.0333333", "Time: 0"), "frame time is '0', which is no time"),
-        (WHOLE + "nan " * 14, "follows the last of 6 frames"),
+        (WHOLE + "nan " * 14, "holds nan, which is no length"),
         (WHOLE.replace(".", "x"), "has the channels|could not convert|OFFSET|line 4"),
         (re.sub(r"OFFSET .*", "OFFSET 0 0 0", WHOLE), "is this the size of a body"),
     ]:

@@ -225,15 +225,15 @@ def test_tables_of_labels_rename_and_leave_out(tmp_path: Path) -> None:
     for wrong, said in [
         ("", "it names none, and the file has LFHD"),
         ("ELSE,RHEE", "it names ELSE, and the file has LFHD"),
-        (f"{first}", "line 1 is .'LFHD'., but must be a label and its new one"),
+        (f"{first}", "line 1 is .'LFHD'., but must be a name and its new one"),
         (f"{first},A,B", "line 1 is"),
         (",A", "line 1 is"),
         (f"{first},A\n{first},B", "line 2 names 'LFHD' a second time"),
-        (f"{first},{second}", f"several markers would be called {second}"),
+        (f"{first},{second}", f"several would be called {second}"),
         ("\0" * 2**20 + "\0", "it has more than 1,048,576 bytes"),
     ]:
         table.write_text(wrong)
-        with pytest.raises(BadFile, match=f"map.csv is no table of labels.*{said}"):
+        with pytest.raises(BadFile, match=f"map.csv is no table of names.*{said}"):
             read_markers(tmp_path / "walk.trc", labels=table)
 
 

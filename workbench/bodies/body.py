@@ -19,7 +19,7 @@ from workbench.blocks import Block, Layout, Points, Values
 from workbench.blocks.checks import reals, texts
 from workbench.bodies.readonly import locked, parts_of, readonly_matrix, remade
 from workbench.errors import BadBlock, BadBody, NotSupported, UnknownName
-from workbench.geometry.meshes import Mesh
+from workbench.geometry.meshes import Mesh, fitting_texture
 
 if TYPE_CHECKING:
     import trimesh
@@ -282,10 +282,21 @@ class Body(ABC):
         """The names of the points of a landmark set."""
         return self.joint_names if of_joints(name) else landmark_set(self.landmarks, name).names
 
-    def trimesh(
-        self, pose: Given = None, betas: Given = None, trans: Given = None
-    ) -> trimesh.Trimesh:
-        """The surface in one pose as a `trimesh.Trimesh`, vertices and faces in the body's order.
+    @property
+    def texture(self) -> tuple[Array | None, Index | None]:
+        """Texture coordinates (M, 2), v upwards, and their numbers (F, 3) at the faces' corners.
+
+        They are `vt` and `ft` of the extras, as the files of SMPL and its relatives have them; None
+        twice if the file had none that fit the faces.
+        """
+        vt, ft = self.extras.get("vt"), self.extras.get("ft")
+        if vt is None or ft is None or vt.dtype.kind not in "fiu" or ft.dtype.kind not in "iu":
+            return None, None
+        uv, corners = vt.astype(np.float64), ft.astype(np.int64)
+        return (uv, corners) if fitting_texture(self.faces, uv, corners) else (None, None)
+
+    def mesh(self, pose: Given = None, betas: Given = None, trans: Given = None) -> Mesh:
+        """The surface in one pose with its texture coordinates, in the body's order.
 
         Raises BadBody for several poses.
         """
@@ -294,7 +305,16 @@ class Body(ABC):
             raise BadBody(
                 f"a mesh shows body {self.name!r} in one pose, not in a batch {vertices.shape[:-2]}"
             )
-        return Mesh(vertices, self.faces).trimesh()
+        return Mesh(vertices, self.faces, *self.texture)
+
+    def trimesh(
+        self, pose: Given = None, betas: Given = None, trans: Given = None
+    ) -> trimesh.Trimesh:
+        """The surface in one pose as a `trimesh.Trimesh`, vertices and faces in the body's order.
+
+        Raises BadBody for several poses.
+        """
+        return self.mesh(pose, betas, trans).trimesh()
 
 
 def check_prefix(prefix: object) -> None:

@@ -23,7 +23,13 @@ from workbench.cli.console import (
     warn_of,
     warn_without_effect,
 )
-from workbench.conversion import conversion_errors, correspond, motion_from_points
+from workbench.conversion import (
+    PointFit,
+    conversion_errors,
+    correspond,
+    motion_from_points,
+    motion_from_skeleton,
+)
 from workbench.conversion.converting import Converted, doubts_of, skeleton_errors
 from workbench.conversion.points_in_space import SIGMA
 from workbench.environment import expanded
@@ -46,6 +52,7 @@ from workbench.motions import (
     write_bvh,
     write_glb,
 )
+from workbench.motions.skeleton_names import renamed
 from workbench.motions.smpl_files import LAYOUTS
 from workbench.motions.soft_tissue import (
     betas_with_tissue,
@@ -350,6 +357,7 @@ def write_motion(
     say(console, f"motion: {escape(str(out))}")
 
 
+WORST = 8  # points that are listed
 TIMES = 10  # how often progress is told
 APART = 0.1  # m, of joints from those of a skeleton: proportions explain less
 SKELETON = (
@@ -367,10 +375,28 @@ def convert(
             "or .npz."
         ),
     ],
-    out: Annotated[Path, typer.Option(help="The motion of the other body: .npz, .bvh or .glb.")],
-    to: Annotated[str, typer.Option(help=f"The body that it becomes a motion of ({KNOWN}).")],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="The motion of the other body: .npz, .bvh or .glb; FILE-BODY.npz if not given."
+        ),
+    ] = None,
+    to: Annotated[
+        str, typer.Option(help=f"The body that it becomes a motion of ({KNOWN}).")
+    ] = "default",
     source: Annotated[
-        str | None, typer.Option("--from", help=f"The body that the motion is one of ({KNOWN}).")
+        str | None,
+        typer.Option(
+            "--from",
+            help="The body that the motion is one of; without it a skeleton's joints are fitted.",
+        ),
+    ] = None,
+    names: Annotated[
+        Path | None,
+        typer.Option(
+            help="A .csv with lines such as Arm_L,left_shoulder: which joints or points names of "
+            "the file are, if they are none of Mixamo, CMU, Xsens and others that are known."
+        ),
     ] = None,
     points: Annotated[
         str | None,
@@ -393,27 +419,58 @@ def convert(
     person: Person = None,
     animation: Animation = None,
 ) -> None:
-    """Turn the motion of one body, or points in space, into the motion of another body."""
+    """Turn a motion, a skeleton that moves, or points in space into the motion of a body."""
     console, path = Console(), expanded(file)
     refuse_suffix(out, MOTIONS, "a motion")
     if rate is not None and not 0 < rate < np.inf:
         raise BadArgument(f"--rate takes a number above 0, not {rate:g}")
     target = load_body(to)
+    written = out or Path(f"{path.stem}-{target.name}.npz")
+    table = None if names is None else expanded(names)
     if holds_markers(path):
         if source is not None:
             warn_without_effect(console, "--from", f"{path.name} holds points, and no motion")
-        found = _from_points(console, path, target, points, sigma, rate, unit, up)
-    else:
-        if points is not None:
-            warn_without_effect(console, "--points", f"{path.name} holds a motion")
-        if source is None:
-            raise BadArgument(f"say with --from which body {path.name} is a motion of: {KNOWN}")
-        model = load_body(source)
-        motion = read_motion(
-            path, unit=unit, up=up, fps=rate, body=model, person=person, animation=animation
+        sizes = sizes_of(target.joint_names)
+        recording = read_markers(path, unit=unit, up=up, sizes=sizes, labels=table)
+        say_notes(console, recording.notes)
+        fps = recording.fps if rate is None else rate
+        if fps is None:
+            raise BadArgument(f"{path.name} does not say its rate; give it with --rate")
+        fit = motion_from_points(
+            recording.markers,
+            recording.labels,
+            target,
+            fps,
+            kind=points,
+            sigma=1e-3 * sigma,
+            progress=_told(console),
         )
+        found = _from_points(console, fit, target, "points")
+        write_motion(console, written, found, target)
+        return
+    if points is not None:
+        warn_without_effect(console, "--points", f"{path.name} holds a motion")
+    model = None if source is None else load_body(source)
+    motion = read_motion(
+        path, unit=unit, up=up, fps=rate, body=model, person=person, animation=animation
+    )
+    if model is not None:
+        if names is not None:
+            warn_without_effect(console, "--names", "with --from, joints have the body's names")
         found = _from_body(console, motion, model, target)
-    write_motion(console, out, found, target)
+    elif motion.bones is not None:
+        say_notes(console, motion.notes)
+        labels = motion.joint_names
+        if table is not None:
+            labels, notes = renamed(labels, table)
+            say_notes(console, notes)
+        fit = motion_from_skeleton(
+            motion, target, names=labels, sigma=1e-3 * sigma, progress=_told(console)
+        )
+        found = _from_points(console, fit, target, "joints")
+    else:
+        raise BadArgument(f"say with --from which body {path.name} is a motion of: {KNOWN}")
+    write_motion(console, written, found, target)
 
 
 def _from_body(console: Console, motion: Motion, source: Body, target: Body) -> Motion:
@@ -454,46 +511,22 @@ def _print_errors(console: Console, found: Converted) -> None:
     console.print(table)
 
 
-def _from_points(
-    console: Console,
-    path: Path,
-    target: Body,
-    kind: str | None,
-    sigma: float,
-    rate: float | None,
-    unit: str | None,
-    up: str | None,
-) -> Motion:
-    recording = read_markers(path, unit=unit, up=up, sizes=sizes_of(target.joint_names))
-    say_notes(console, recording.notes)
-    fps = recording.fps if rate is None else rate
-    if fps is None:
-        raise BadArgument(f"{path.name} does not say its rate; give it with --rate")
-    found = motion_from_points(
-        recording.markers,
-        recording.labels,
-        target,
-        fps,
-        kind=kind,
-        sigma=1e-3 * sigma,
-        progress=_told(console),
-    )
-    say_notes(console, found.motion.notes)
+def _from_points(console: Console, fit: PointFit, target: Body, what: str) -> Motion:
+    """Print how far points or joints (`what`) are off, those of joints all; give the motion."""
+    say_notes(console, fit.motion.notes)
     table = Table(box=None, header_style="bold")
-    table.add_column("point")
+    table.add_column(what.removesuffix("s"))
+    table.add_column("in the file")
     table.add_column("mean mm", justify="right")
-    for name, error in _worst(found.names, found.errors):
-        table.add_row(escape(name), f"{error:.1f}")
+    each = 1e3 * np.nanmean(fit.errors, axis=0)
+    order = np.argsort(-each, kind="stable")
+    for i in order if what == "joints" else order[:WORST]:
+        table.add_row(escape(fit.names[i]), escape(fit.labels[i]), f"{each[i]:.1f}")
     console.print(table)
-    warn_of(console, doubts_of(found.motion, target, found.errors, "the points"))
-    mean = 1e3 * float(np.nanmean(found.errors))
-    say(console, f"points are {mean:.2f} mm from those of the body on average")
-    return found.motion
-
-
-def _worst(names: tuple[str, ...], errors: Array) -> list[tuple[str, float]]:
-    each = 1e3 * np.nanmean(errors, axis=0)
-    return [(names[i], float(each[i])) for i in np.argsort(-each, kind="stable")[:8]]
+    warn_of(console, doubts_of(fit.motion, target, fit.errors, f"the {what}"))
+    mean = 1e3 * float(np.nanmean(fit.errors))
+    say(console, f"{what} are {mean:.2f} mm from those of the body on average")
+    return fit.motion
 
 
 def _told(console: Console) -> Progress:

@@ -16,7 +16,12 @@ True
 
 from workbench.conversion.converting import Converted, conversion_errors, convert
 from workbench.conversion.correspondence import Correspondence, correspond
-from workbench.conversion.points_in_space import PointFit, motion_from_points, point_sets
+from workbench.conversion.points_in_space import (
+    PointFit,
+    motion_from_points,
+    motion_from_skeleton,
+    point_sets,
+)
 
 __all__ = [
     "Converted",
@@ -26,5 +31,6 @@ __all__ = [
     "convert",
     "correspond",
     "motion_from_points",
+    "motion_from_skeleton",
     "point_sets",
 ]

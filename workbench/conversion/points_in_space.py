@@ -1,12 +1,12 @@
 """A motion from named points in space, such as triangulated keypoints or joints of a skeleton."""
 
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
 
 from workbench.arrays import Array, Index, Mask
 from workbench.blocks import Points, Values
@@ -19,17 +19,24 @@ from workbench.fitting.placing import moved
 from workbench.fitting.tracking import QUICK, PointTracker, Progress, quiet, solved
 from workbench.fitting.videos import PLACE_SIGMA, POSE_SIGMA
 from workbench.geometry.rigid import procrustes
+from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 from workbench.motions import Motion
 from workbench.motions.motion import without_gaps
+from workbench.motions.skeleton_names import is_elsewhere, reading, readings, skeletons, words_of
 from workbench.problem import sequence
 from workbench.residuals import smooth
 
 SIGMA = 0.01  # m, of a point beside that of the body
+LOOSE = 0.025  # m, of joints that each kind of skeleton has in other places
 WIDE = (0.2, 0.05)  # m, sigmas of a frame by itself in turn: no arm is twisted
 FREELY = 1e3  # rad, of the root's turns: they are not smoothed
 LEAST = 4  # points that place a body
+FEWEST = 8  # joints of a skeleton, with which a body is no statue
 JOINTS, HAND = "joints", "hand"
 Placed = Callable[[cs.MX, cs.MX, cs.MX], Points]
+Finish = Callable[
+    [PointTracker, Array, Array, Array, float, Progress], tuple[Array, Array, Array]
+]  # of pose, betas and trans
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,11 +47,13 @@ class PointFit:
         motion: the motion.
         names: (L,) the body's points that were observed.
         errors: (T, L) m from each to where it was observed; NaN where it was not seen.
+        labels: (L,) what they were called.
     """
 
     motion: Motion
     names: tuple[str, ...]
     errors: Array
+    labels: tuple[str, ...]
 
 
 def point_sets(body: Body) -> dict[str, tuple[str, ...]]:
@@ -60,15 +69,6 @@ def point_sets(body: Body) -> dict[str, tuple[str, ...]]:
     return found
 
 
-def plain_name(label: str) -> str:
-    """A label as bodies spell it: `RBigToe` and `right big toe` are `right_big_toe`."""
-    words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[RL])(?=[A-Z][a-z])", "_", label.strip())
-    plain = re.sub(r"[^a-z0-9]+", "_", words.lower()).strip("_")
-    for short, side in (("r_", "right_"), ("l_", "left_")):
-        plain = side + plain[2:] if plain.startswith(short) else plain
-    return plain
-
-
 def motion_from_points(
     observed: ArrayLike,
     names: Sequence[str],
@@ -82,7 +82,9 @@ def motion_from_points(
     """The motion of a body from points (T, M, 3) m with names (M,), NaN where one was not seen.
 
     `kind` is the set of the body's points that they are (`point_sets`): a joint and a keypoint of
-    one name are different places. None takes the set that has most of the names. `sigma` is in m.
+    one name are different places. None takes the set that has most of the names, or the kind of
+    skeleton (`skeleton_names.skeletons`) whose names for joints of SMPL they are; those of trunk
+    and feet then count less, sigma 2.5 cm, for there skeletons differ. `sigma` is in m.
     One shape is found for all frames, and what the points leave open follows the priors on pose and
     shape. All frames are found together in the end, with joints at nearly constant speed, so that
     points that some frames do not show are where the motion leads. Frames that show fewer than four
@@ -90,8 +92,22 @@ def motion_from_points(
     body does not have are left out. The motion's `notes` say both. Raises BadArgument for other
     arrays and if no frame shows four points, UnknownName for a set, and NotNumbers.
     """
+    return _from_places(observed, names, body, fps, kind, sigma, progress, _smoothed)
+
+
+def _from_places(
+    observed: ArrayLike,
+    names: Sequence[str],
+    body: Body,
+    fps: float,
+    kind: str | None,
+    sigma: float,
+    progress: Progress,
+    finish: Finish,
+) -> PointFit:
+    """`motion_from_points`, whose poses frame by frame a last function finishes."""
     given = reals("the observed points", observed)
-    labels = [plain_name(name) for name in names]
+    labels = tuple(map(str, names))
     if given.ndim != 3 or given.shape[1:] != (len(labels), 3):
         raise BadArgument(
             f"points with {len(labels)} names have the shape (T, {len(labels)}, 3), not "
@@ -99,21 +115,23 @@ def motion_from_points(
         )
     if not 0 < sigma < np.inf:
         raise BadArgument(f"sigma is a standard deviation in m, above 0, not {sigma:g}")
-    kind, own, notes = _matched(labels, names, body, kind)
+    kind, found, loose, notes = _matched(labels, body, kind)
+    own = point_sets(body)[kind]
     places = np.full((len(given), len(own), 3), np.nan)
     for i, name in enumerate(own):
-        if name in labels:
-            places[:, i] = given[:, labels.index(name)]
+        if name in found:
+            places[:, i] = given[:, found[name]]
     seen: Mask = np.asarray(np.isfinite(places).all(axis=2))
     usable = np.flatnonzero(seen.sum(axis=1) >= LEAST)
     if not len(usable):
         raise BadArgument(f"no frame shows {LEAST} of the points {some_of(own)}")
+    counts = [(sigma / LOOSE) ** 2 if loose and is_elsewhere(name) else 1.0 for name in own]
     pose, betas, trans = (block.symbol for block in body.blocks())
     tracker = PointTracker(
         body,
         _points(body, kind)(pose, betas, trans),
         places[usable],
-        np.ones(len(own)),
+        np.minimum(counts, 1.0),
         sigma,
         pose_prior(body),
         lambda t, before: [
@@ -122,11 +140,10 @@ def motion_from_points(
         WIDE,
     )
     shape = tracker.shape(np.zeros(body.n_betas), progress)
-    found = tracker.poses(shape, progress)
-    turned, where = _spread(found, usable, len(given), body)
+    turned, where = _spread(tracker.poses(shape, progress), usable, len(given), body)
     turned, lines, filled = without_gaps(turned, {"trans": where})
     whole = slice(int(usable[0]), int(usable[-1]) + 1)
-    turned, shape, where = _smoothed(
+    turned, shape, where = finish(
         replace(tracker, observed=places[whole]), turned, shape, lines["trans"], fps, progress
     )
     motion = Motion(
@@ -135,8 +152,76 @@ def motion_from_points(
     at = body_points(body, kind, turned, shape, where)
     errors = np.full(places.shape[:2], np.nan)
     errors[whole] = np.linalg.norm(at - places[whole], axis=2)
-    some: Mask = np.asarray(seen.any(axis=0))
-    return PointFit(motion, tuple(n for n, s in zip(own, some, strict=True) if s), errors[:, some])
+    shown = [i for i in range(len(own)) if seen[:, i].any()]
+    called = tuple(labels[found[own[i]]] for i in shown)
+    return PointFit(motion, tuple(own[i] for i in shown), errors[:, shown], called)
+
+
+def motion_from_skeleton(
+    skeleton: Motion,
+    body: Body,
+    *,
+    names: Sequence[str] | None = None,
+    sigma: float = SIGMA,
+    progress: Progress = quiet,
+) -> PointFit:
+    """The motion of a body whose joints are closest to those of a skeleton with bones of its own.
+
+    Only places count, because the rest pose and the axes of joints differ from one kind of skeleton
+    to the next (`motion_from_points`); each frame stays as it was found, for bones have no noise.
+    `names` (K,) take the place of the skeleton's names. Places
+    do not show how the last joints of limbs and the head turn: these turn as the skeleton's do,
+    R_body(t) = R_skeleton(t) Q, with Q the mean of R_skeleton' R_body over the frames. Raises
+    BadArgument for a motion without bones, or if fewer than eight joints are known.
+    """
+    labels = skeleton.joint_names if names is None else names
+    fit = _from_places(
+        skeleton.joints(), labels, body, skeleton.fps, None, sigma, progress, _as_found
+    )
+    if len(fit.names) < FEWEST:
+        raise BadArgument(
+            f"of the {len(labels)} joints only {some_of(fit.names)} are known, and with fewer than "
+            f"{FEWEST} the body would be a statue; a table of names says which are which (--names)"
+        )
+    assert skeleton.bones is not None  # for it has joints
+    theirs = _worlds(skeleton.pose, skeleton.bones.parents)
+    pose, parents, turned = fit.motion.pose.copy(), tuple(body.parents), []
+    ours = _worlds(pose, parents)
+    above = {name: set(_above(body, name)) for name in fit.names if name in body.joint_names}
+    for name, label in zip(fit.names, fit.labels, strict=True):
+        if name not in above or any(name in others for others in above.values()):
+            continue
+        k, j = body.joint_names.index(name), [*labels].index(label)
+        Q = Rotation.from_matrix(theirs[:, j].swapaxes(1, 2) @ ours[:, k]).mean().as_matrix()
+        pose[:, k] = vector_from_matrix(ours[:, parents[k]].swapaxes(1, 2) @ theirs[:, j] @ Q)
+        turned.append(name)
+    note = f"turned as in the skeleton, where places do not tell: {some_of(turned)}"
+    motion = replace(fit.motion, pose=pose, notes=(*fit.motion.notes, *([note] if turned else ())))
+    return replace(fit, motion=motion)
+
+
+def _above(body: Body, joint: str) -> list[str]:
+    """The joints between the root and one."""
+    k, found = body.parents[body.joint_names.index(joint)], []
+    while k >= 0:
+        found.append(body.joint_names[k])
+        k = body.parents[k]
+    return found
+
+
+def _worlds(pose: Array, parents: Sequence[int]) -> Array:
+    """The rotations (T, K, 3, 3) of joints in the world, from poses (T, K, 3) rad."""
+    world = matrix_from_vector(pose)
+    for k, parent in enumerate(parents):
+        if parent >= 0:
+            world[:, k] = world[:, parent] @ world[:, k]
+    return world
+
+
+def _as_found(
+    tracker: PointTracker, pose: Array, betas: Array, trans: Array, fps: float, progress: Progress
+) -> tuple[Array, Array, Array]:
+    return pose, betas, trans
 
 
 def _smoothed(
@@ -192,28 +277,41 @@ def _points(body: Body, kind: str) -> Placed:
 
 
 def _matched(
-    labels: list[str], given: Sequence[str], body: Body, kind: str | None
-) -> tuple[str, tuple[str, ...], tuple[str, ...]]:
-    """The set of the body's points, their names, and what is to be said about them."""
-    sets = point_sets(body)
-    if len({*labels}) < len(labels):
-        twice = [n for n in dict.fromkeys(labels) if labels.count(n) > 1]
-        raise BadArgument(f"two points are called {some_of(twice)}; each needs its own name")
-    if kind is None:
-        kind = max(sets, key=lambda name: len({*sets[name]} & {*labels}))
-    if kind not in sets:
+    labels: Sequence[str], body: Body, kind: str | None
+) -> tuple[str, dict[str, int], bool, tuple[str, ...]]:
+    """The set of the body's points, which label each of them is, whether by a kind of skeleton
+    whose joints are elsewhere, and what is to be said.
+    """
+    sets, there = point_sets(body), readings(labels)
+    if kind is not None and kind not in sets:
         raise UnknownName("set of points", kind, sets)
-    own = sets[kind]
-    known = [name for name in own if name in labels]
-    if len(known) < LEAST:
+    by_set = {}
+    for name in sets if kind is None else (kind,):
+        spelt = {point: reading(words_of(point))[0] for point in sets[name]}
+        by_set[name] = {point: there[read][0] for point, read in spelt.items() if read in there}
+    best = max(by_set, key=lambda name: len(by_set[name]))
+    found, loose, what = by_set[best], False, f"{best} of body {body.name!r}"
+    for skeleton in skeletons() if kind is None and JOINTS in sets else ():
+        joints = {j: k for j, k in skeleton.matched(there).items() if j in sets[JOINTS]}
+        if len(joints) >= FEWEST and len(joints) > len(found):
+            best, found, loose = JOINTS, joints, True
+            what = f"joints of body {body.name!r} by the names of {skeleton.name}"
+            if skeleton.signs:
+                break
+    twice = [ks for ks in there.values() if len(ks) > 1 and {*ks} & {*found.values()}]
+    if twice:
+        name = " and ".join(labels[k] for k in twice[0])
+        raise BadArgument(f"two points are called {name}; each needs its own name")
+    if len(found) < LEAST:
         raise BadArgument(
-            f"of the points {some_of(given)}, body {body.name!r} has {len(known)} among its "
-            f"{kind!r}, and {LEAST} are needed to place it; they are called {some_of(own)}"
+            f"of the points {some_of(labels)}, body {body.name!r} has {len(found)} among its "
+            f"{best!r}, and {LEAST} are needed to place it; they are called "
+            f"{some_of(sets[best])}; a table of names says which are which (--names)"
         )
-    notes = [f"{len(known)} of {len(labels)} points are {kind} of body {body.name!r}"]
-    if lost := [name for name, label in zip(given, labels, strict=True) if label not in own]:
+    notes = [f"{len(found)} of {len(labels)} points are {what}"]
+    if lost := [label for k, label in enumerate(labels) if label and k not in found.values()]:
         notes.append(f"points that are not among them are left out: {some_of(lost)}")
-    return kind, own, tuple(notes)
+    return best, found, loose, tuple(notes)
 
 
 def placed_by_points(body: Body, kind: str, places: Array) -> Values:

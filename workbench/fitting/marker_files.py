@@ -3,7 +3,6 @@
 An .npz holds `markers` (T, M, 3), `labels` (M,) and, if it is known, `fps`.
 """
 
-import csv
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from workbench.arrays import Array, Mask
-from workbench.errors import BadFile, cut, listed, shown, some
+from workbench.errors import BadFile, listed, some
 from workbench.geometry.guesses import (
     UNITS,
     UP_TO_Y,
@@ -23,12 +22,11 @@ from workbench.geometry.guesses import (
     up_of,
 )
 from workbench.motions.markers import Trajectories, checked_places, read_c3d, read_trc, write_trc
+from workbench.motions.skeleton_names import renamed
 from workbench.reading.arrays import any_reals, opened, optional, read_expected, taken_for, texts
-from workbench.reading.facts import bounded
 from workbench.writing import write_arrays
 
 FASTEST = 1e6  # frames a second
-MOST_TABLE = 2**20  # bytes of a table of labels
 RECORDED = {
     "markers": any_reals("T", "M", 3),
     "labels": texts("M"),
@@ -69,52 +67,23 @@ def read_markers(
     axis that points up, y or z; `notes` say both.
     A marker that was not seen is NaN, or zero in all coordinates, as some systems write it. `unit`
     is `m`, `cm`, `mm` or `in`, and `up` an axis, such as `z`; `labels` is a table of other labels
-    (`renamed`). Raises BadFile for a damaged file, or
-    one of another layout, and for markers that are no body's in any unit; UnknownName for a unit
-    or an axis.
+    (`skeleton_names.renamed`). Raises BadFile for a damaged file, or one of another layout, and for
+    markers that are no body's in any unit; UnknownName for a unit or an axis.
     """
     check_given(unit, up)
     suffix = Path(path).suffix.lower()
     read = READERS.get(suffix, read_marker_arrays)
     found = read(path)
-    return upright(path, found if labels is None else renamed(found, labels), unit, up, sizes)
-
-
-def renamed(found: Trajectories, table: Path) -> Trajectories:
-    """Trajectories under other labels; those with none in the table are left out.
-
-    The table is text with a line for each marker: its label in the file, a comma, semicolon or tab,
-    and its new label, or nothing. Labels that it does not name stay. A line `label,marker` is its
-    head. Raises BadFile for another table, and for labels of which none is in the file.
-    """
-    names: dict[str, str] = {}
-    try:
-        text = bounded(table, MOST_TABLE).decode("utf-8-sig")
-        mark = next((mark for mark in "\t;" if mark in text), ",")
-        for n, row in enumerate(csv.reader(text.splitlines(), delimiter=mark), start=1):
-            cells = [cell.strip() for cell in row]
-            if not any(cells) or [cell.lower() for cell in cells] == ["label", "marker"]:
-                continue
-            if len(cells) != 2 or not cells[0]:
-                raise BadFile(f"line {n} is {shown(row)}, but must be a label and its new one")
-            if cells[0] in names:
-                raise BadFile(f"line {n} names {shown(cells[0])} a second time")
-            names[cells[0]] = cells[1]
-        if not {*names} & {*found.labels}:
-            raise BadFile(f"it names {some(names)}, and the file has {some(found.labels)}")
-        new = [names.get(label, label) for label in found.labels]
+    if labels is not None:
+        new, notes = renamed(found.labels, labels)
         kept = [m for m, label in enumerate(new) if label]
-        if twice := {new[m] for m in kept if new.count(new[m]) > 1}:
-            raise BadFile(f"several markers would be called {some(sorted(twice))}")
-    except (OSError, UnicodeDecodeError, csv.Error, BadFile) as error:
-        raise BadFile(
-            f"{table} is no table of labels, such as `LASI,LFWT`: {cut(error)}"
-        ) from error
-    notes = found.notes
-    if lost := [name for name in names if name not in found.labels]:
-        notes += (f"{table.name} names {some(lost)}, which the file does not have",)
-    labels = tuple(new[m] for m in kept)
-    return replace(found, places=found.places[:, kept], labels=labels, notes=notes)
+        found = replace(
+            found,
+            places=found.places[:, kept],
+            labels=tuple(new[m] for m in kept),
+            notes=(*found.notes, *notes),
+        )
+    return upright(path, found, unit, up, sizes)
 
 
 def upright(

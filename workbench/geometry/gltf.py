@@ -279,21 +279,25 @@ PER_BYTE = 16  # further bytes that they may take for each byte of the file
 LEAST = 2**14  # bytes that a part counts as at least, for placing one takes time
 
 
-def parse_glb(content: bytes) -> tuple[Array, Index]:
+def parse_glb(content: bytes) -> tuple[Array, Index, Array | None, Index | None]:
     """Vertices (N, 3) in m and triangles (F, 3) of all parts, one after the other.
 
-    What has a skin is posed by its joints, wherever its own node is (section 3.7.3.3). Raises
-    ValueError (BadFile of its JSON) with what is wrong.
+    And texture coordinates (N, 2), v upwards, and the triangles again, which are theirs too; None
+    twice unless all parts have them. What has a skin is posed by its joints, wherever its own node
+    is (section 3.7.3.3). Raises ValueError (BadFile of its JSON) with what is wrong.
     """
     document = document_of(content)
     places = _places(document)
     vertices, faces = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)]
+    textures = list[Array | None]()
     count, room = 0, FREE_BYTES + PER_BYTE * len(content)
     for number, mesh in enumerate(several(document.json, "meshes")):
         motions = places.get(number, [])
         for primitive in several(mesh, "primitives") if motions else []:
             positions, triangles = _part(document, primitive)
-            room -= len(motions) * max(positions.nbytes + triangles.nbytes, LEAST)
+            uv = _texture(document, primitive, len(positions))
+            taken = positions.nbytes + triangles.nbytes + (0 if uv is None else uv.nbytes)
+            room -= len(motions) * max(taken, LEAST)
             if room < 0:
                 raise ValueError(
                     "its scene shows the same parts again and again, so that all of them take more "
@@ -305,8 +309,22 @@ def parse_glb(content: bytes) -> tuple[Array, Index]:
                 else:
                     vertices.append(_skinned(document, primitive, positions, motion))
                 faces.append(triangles + count)
+                textures.append(uv)
                 count += len(positions)
-    return np.concatenate(vertices), np.concatenate(faces)
+    corners, uv_of = np.concatenate(faces), [uv for uv in textures if uv is not None]
+    if not uv_of or len(uv_of) < len(textures):
+        return np.concatenate(vertices), corners, None, None
+    return np.concatenate(vertices), corners, np.concatenate(uv_of), corners
+
+
+def _texture(document: GlbDocument, primitive: dict[str, Any], count: int) -> Array | None:
+    """The first texture coordinates (count, 2) of a part; None where they cannot be used."""
+    try:
+        uv = document.values(primitive["attributes"]["TEXCOORD_0"], "VEC2", 2)
+    except (KeyError, TypeError, ValueError):
+        return None
+    uv = np.column_stack([uv[:, 0], 1.0 - uv[:, 1]])
+    return uv if len(uv) == count and np.isfinite(uv).all() else None
 
 
 def _places(document: GlbDocument) -> dict[int, list[Array]]:

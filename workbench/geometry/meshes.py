@@ -40,6 +40,7 @@ MOST_SOLIDS = 10_000  # in an .stl of text
 OFF = tuple(f"{st}{c}{n}OFF" for st in ("", "ST") for c in ("", "C") for n in ("", "N"))
 
 T = TypeVar("T")
+Parts = tuple[Array, Index] | tuple[Array, Index, Array | None, Index | None]  # of a mesh
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +50,9 @@ class Mesh:
     What a file or another package has, `Mesh.of` takes, and `trimesh` gives back; the order of
     vertices and faces stays. Raises BadMesh if they do not fit together or a number is not finite.
 
+    Texture coordinates are `uv` (M, 2), u to the right and v upwards, and `uv_faces` (F, 3), which
+    of them the corners of each face have.
+
     >>> import trimesh
     >>> mesh = Mesh.of(trimesh.creation.box())
     >>> mesh.vertices.shape, mesh.trimesh().is_watertight
@@ -57,6 +61,8 @@ class Mesh:
 
     vertices: Array
     faces: Index
+    uv: Array | None = None
+    uv_faces: Index | None = None
 
     def __post_init__(self) -> None:
         for name, rows in (("vertices", self.vertices), ("faces", self.faces)):
@@ -70,6 +76,12 @@ class Mesh:
             face = int(np.argmax(wrong.any(axis=1)))
             raise BadMesh(
                 f"face {face} is {self.faces[face].tolist()}, but there are {N} vertices from 0"
+            )
+        textured = self.uv is not None or self.uv_faces is not None
+        if textured and not fitting_texture(self.faces, self.uv, self.uv_faces):
+            raise BadMesh(
+                f"texture coordinates are finite uv (M, 2) with uv_faces ({len(self.faces)}, 3) "
+                "of their numbers from 0; these are not"
             )
 
     @classmethod
@@ -106,15 +118,42 @@ class Mesh:
 
         return trimesh.Trimesh(self.vertices, self.faces, process=False, validate=False)
 
+    def unwrapped(self) -> tuple[Index, Index, Array | None]:
+        """Rows with one texture coordinate each, as glTF has them.
+
+        Which vertex each row is (R,), faces (F, 3) of rows, and uv (R, 2), if there are any. The
+        first N rows are the vertices; those on a seam have further rows after them.
+        """
+        N = len(self.vertices)
+        if self.uv is None or self.uv_faces is None:
+            return np.arange(N), self.faces, None
+        pairs = np.column_stack([self.faces.ravel(), self.uv_faces.ravel()])
+        used, of_corner = np.unique(pairs, axis=0, return_inverse=True)
+        again = np.diff(used[:, 0], prepend=-1) == 0
+        row = np.where(again, N + np.cumsum(again) - 1, used[:, 0])
+        uv = np.zeros((N + int(again.sum()), 2))
+        uv[row] = self.uv[used[:, 1]]
+        origin = np.concatenate([np.arange(N), used[again, 0]])
+        return origin, row[of_corner.ravel()].reshape(-1, 3), uv
+
+
+def fitting_texture(faces: Index, uv: Array | None, uv_faces: Index | None) -> bool:
+    """Whether these are texture coordinates (M, 2) and their numbers at the corners of faces."""
+    if uv is None or uv_faces is None or uv.ndim != 2 or uv.shape[1] != 2:
+        return False
+    there = uv_faces.shape == faces.shape and not ((uv_faces < 0) | (uv_faces >= len(uv))).any()
+    return there and bool(np.isfinite(uv).all())
+
 
 def read_mesh(path: str | Path, *, points_alone: bool = False) -> Mesh:
     """The mesh in a .glb, .obj, .off, .ply or .stl file, with the file's vertices in its order.
 
     An .stl holds three vertices per triangle and shares none; the parts of a .glb scene come
-    one after the other, each where the scene puts it. Positions and triangles are all that is
-    read: normals, colours, textures, materials, skins, morphs, animations, cameras and lines are
-    left in the file. `points_alone` lets a file without faces pass, as a mesh with faces (0, 3).
-    Raises BadFile if there is nothing to read.
+    one after the other, each where the scene puts it. Positions, triangles and, of an .obj and a
+    .glb, texture coordinates that all faces have, are all that is read: normals, colours, textures,
+    materials, skins, morphs, animations, cameras and lines are left in the file. `points_alone`
+    lets a file without faces pass, as a mesh with faces (0, 3). Raises BadFile if there is nothing
+    to read.
     """
     path = Path(path)
     parts = parsed_mesh(path, _known(path, READERS))
@@ -183,8 +222,9 @@ def write_mesh(
 
     The suffix of `path` says how: .obj, .off and .ply keep every digit (float64), .glb and .stl are
     of single precision by their definition. Whole or not at all. Points without faces go into
-    .obj, .off and .ply. Raises BadFile for another suffix or a place that cannot be written,
-    BadMesh for what is no mesh.
+    .obj, .off and .ply. Texture coordinates go into .obj and .glb; in a .glb, vertices on a seam
+    are repeated after all others. Raises BadFile for another suffix or a place that cannot be
+    written, BadMesh for what is no mesh.
     """
     path = Path(path)
     write = _known(path, WRITERS)
@@ -224,21 +264,29 @@ def _write_off(mesh: Mesh) -> bytes:
 
 def _write_with_trimesh(kind: str) -> Callable[[Mesh], bytes]:
     def write(mesh: Mesh) -> bytes:
-        content = mesh.trimesh().export(file_type=kind)
+        shown, (origin, faces, uv) = mesh.trimesh(), mesh.unwrapped()
+        if kind == "glb" and uv is not None:
+            import trimesh
+
+            visual: Any = trimesh.visual
+            shown = Mesh(mesh.vertices[origin], faces).trimesh()
+            shown.visual = visual.TextureVisuals(uv, visual.material.PBRMaterial())
+        content = shown.export(file_type=kind)
         assert isinstance(content, bytes)  # of one file, that is not text
         return content
 
     return write
 
 
-def parse_obj(lines: Iterable[str]) -> tuple[Array, Index]:
+def parse_obj(lines: Iterable[str]) -> Parts:
     """Vertices (N, 3) and triangles (F, 3), from 0; a polygon is a fan around its first corner.
 
     Readers made for drawing split a vertex wherever its texture or normal changes, and so lose the
-    order that registered meshes agree on. This one reads `v` and `f` and nothing else. Raises
-    ValueError with the number of a line that cannot be read.
+    order that registered meshes agree on. This one reads `v`, `f`, and `vt` where all corners of
+    faces have one. Raises ValueError with the number of a line that cannot be read.
     """
     vertices, faces, so_far = array("d"), array("q"), 0
+    coordinates, at_corners = array("d"), array("q")
     for number, line in enumerate(lines, start=1):
         match line.split():
             case ["v", *numbers]:
@@ -248,7 +296,31 @@ def parse_obj(lines: Iterable[str]) -> tuple[Array, Index]:
                 if len(corners) < 3:
                     raise ValueError(f"line {number}: a face has at least 3 corners")
                 faces.extend(_fan([_corner(c, so_far, number) for c in corners]))
-    return np.array(vertices).reshape(-1, 3), np.array(faces, dtype=np.int64).reshape(-1, 3)
+                if "/" in line:
+                    texture = [_texture_corner(c, len(coordinates) // 2) for c in corners]
+                    at_corners.extend(_fan(texture))
+            case ["vt", *words]:
+                coordinates.extend(_coordinate(words))
+    places, uv = np.array(vertices).reshape(-1, 3), np.array(coordinates).reshape(-1, 2)
+    triangles, uv_faces = (np.array(n, np.int64).reshape(-1, 3) for n in (faces, at_corners))
+    fits = len(uv) and fitting_texture(triangles, uv, uv_faces)
+    return (places, triangles, uv, uv_faces) if fits else (places, triangles)
+
+
+def _coordinate(words: list[str]) -> tuple[float, float]:
+    try:
+        u, v = (float(word) for word in words[:2])
+    except ValueError:
+        return np.nan, np.nan  # which no texture has
+    return u, v
+
+
+def _texture_corner(corner: str, so_far: int) -> int:
+    """The texture coordinate of `vertex/texture/normal`, from 0; -1 where there is none."""
+    number = corner.partition("/")[2].partition("/")[0]
+    if not number.lstrip("-").isdecimal() or len(number) > 15 or int(number) == 0:
+        return -1
+    return int(number) - 1 if number[0] != "-" else max(so_far + int(number), -1)
 
 
 def _fan(polygon: list[int]) -> Iterator[int]:
@@ -278,16 +350,21 @@ def _corner(corner: str, so_far: int, line: int) -> int:
     return index - 1 if index > 0 else so_far + index
 
 
-def obj_text(vertices: Array, faces: Index) -> str:
+def obj_text(mesh: Mesh) -> str:
     """The mesh as an OBJ, every number with all its digits."""
-    positions = (f"v {x!r} {y!r} {z!r}\n" for x, y, z in vertices.tolist())
-    triangles = (f"f {a} {b} {c}\n" for a, b, c in (faces + 1).tolist())
-    return "".join((*positions, *triangles))
+    lines = [f"v {x!r} {y!r} {z!r}\n" for x, y, z in mesh.vertices.tolist()]
+    if mesh.uv is None or mesh.uv_faces is None:
+        lines += (f"f {a} {b} {c}\n" for a, b, c in (mesh.faces + 1).tolist())
+        return "".join(lines)
+    lines += (f"vt {u!r} {v!r}\n" for u, v in mesh.uv.tolist())
+    corners = (np.hstack([mesh.faces, mesh.uv_faces]) + 1).tolist()
+    lines += (f"f {a}/{x} {b}/{y} {c}/{z}\n" for a, b, c, x, y, z in corners)
+    return "".join(lines)
 
 
 def text_lines(content: bytes) -> Iterator[str]:
     """The lines of a text. Raises ValueError for a line that is too long for a mesh file."""
-    text = TextIOWrapper(BytesIO(content), encoding="utf-8", errors="replace")
+    text = TextIOWrapper(BytesIO(content), encoding="utf-8-sig", errors="replace")
     number = 0
     while line := text.readline(LONGEST_LINE + 1):
         number += 1
@@ -477,7 +554,7 @@ def _check_counts(vertices: Array, n_read: int, n_vertices: int, n_faces: int) -
         )
 
 
-READERS: dict[str, Callable[[bytes], tuple[Array, Index]]] = {
+READERS: dict[str, Callable[[bytes], Parts]] = {
     ".obj": lambda content: parse_obj(text_lines(content)),
     ".ply": lambda content: parse_ply_and_normals(content)[:2],
     ".glb": parse_glb,
@@ -485,7 +562,7 @@ READERS: dict[str, Callable[[bytes], tuple[Array, Index]]] = {
     ".off": parse_off,
 }
 WRITERS: dict[str, Callable[[Mesh], bytes]] = {
-    ".obj": lambda mesh: obj_text(mesh.vertices, mesh.faces).encode(),
+    ".obj": lambda mesh: obj_text(mesh).encode(),
     ".ply": _write_ply,
     ".off": _write_off,
     ".glb": _write_with_trimesh("glb"),

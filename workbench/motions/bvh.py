@@ -2,10 +2,11 @@
 
 Meredith and Maddock, Motion Capture File Formats Explained, 2001."""
 
+import re
 import warnings
 from array import array
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
@@ -14,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from workbench.arrays import Array
 from workbench.bodies.body import Body
-from workbench.errors import BadArgument, BadFile, shown
+from workbench.errors import BadArgument, BadFile, shown, some_of
 from workbench.geometry.guesses import (
     FRAMES,
     UNITS,
@@ -32,8 +33,11 @@ from workbench.reading.arrays import taken_for
 from workbench.reading.facts import bounded
 from workbench.writing import replacing
 
-CHANNELS = tuple(f"{axis}{kind}" for kind in ("position", "rotation") for axis in "XYZ")
+KINDS = ("position", "rotation", "scale")
+CHANNELS = tuple(f"{axis}{kind}" for kind in KINDS for axis in "XYZ")
+COMMENT = re.compile(r"(^|\s)(#|//).*")
 MOST_JOINTS = 10_000
+MOST_ROOTS = 5  # one below the other, that are left out
 MOST_NUMBERS = 20_000_000  # of all frames together
 LARGEST = 1e9  # of any length or angle
 
@@ -51,6 +55,7 @@ class BvhText:
         end_offsets: (E, 3).
         frame_time: as written, in s.
         rows: (T, C), a number for each channel.
+        notes: sentences on what is not as it should be.
     """
 
     names: list[str] = field(default_factory=list)
@@ -61,12 +66,17 @@ class BvhText:
     end_offsets: list[list[float]] = field(default_factory=list)
     frame_time: str = ""
     rows: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    notes: list[str] = field(default_factory=list)
 
 
 def _lines(content: bytes) -> Iterator[tuple[int, str]]:
-    """Lines that are not empty, with their numbers; a brace is a line of its own."""
+    """Lines that are not empty, with their numbers; a brace is a line of its own.
+
+    What follows # or // after a space, or at the beginning of a line, is a comment.
+    """
     for number, line in enumerate(text_lines(content), start=1):
-        for part in line.replace("{", "\n{\n").replace("}", "\n}\n").split("\n"):
+        bare = COMMENT.sub("", line)
+        for part in bare.replace("{", "\n{\n").replace("}", "\n}\n").split("\n"):
             if part.strip():
                 yield number, part.strip()
 
@@ -89,10 +99,8 @@ def _hierarchy(lines: Iterator[tuple[int, str]], found: BvhText) -> None:
                 _check_closed(open_now.pop(), found, number)
             case "MOTION" if found.names and not open_now and not waiting:
                 return
-            case "ROOT" if not found.names and not waiting:
+            case "ROOT" if not open_now and not waiting:
                 begun, waiting = _joint(rest, -1, found), True
-            case "ROOT" if not open_now:
-                raise ValueError(f"line {number} begins a second skeleton; split the file")
             case "JOINT" if open_now and open_now[-1] is not None and not waiting:
                 begun, waiting = _joint(rest, open_now[-1], found), True
             case "END" if open_now and open_now[-1] is not None and not waiting:
@@ -103,7 +111,7 @@ def _hierarchy(lines: Iterator[tuple[int, str]], found: BvhText) -> None:
                 count = len(found.end_parents) if open_now[-1] is None else open_now[-1] + 1
                 if len(owner) != count - 1:
                     raise ValueError(f"line {number} gives an offset where none is expected")
-                owner.append(_numbers(rest.split(), 3, number))
+                owner.append(_numbers(rest, 3, number))
             case "CHANNELS" if open_now and open_now[-1] is not None and not waiting:
                 if len(found.channels) != open_now[-1]:
                     raise ValueError(f"line {number} gives channels where none are expected")
@@ -117,7 +125,7 @@ def _joint(name: str, parent: int, found: BvhText) -> int:
     k = len(found.names)
     if k >= MOST_JOINTS:
         raise ValueError(f"it has more than {MOST_JOINTS:,} joints")
-    if parent >= 0 and (len(found.offsets) != k or len(found.channels) != k):
+    if k and (len(found.offsets) != k or len(found.channels) != k):
         raise ValueError(f"the joint {shown(found.names[k - 1])} has no OFFSET or no CHANNELS")
     found.names.append(" ".join(rest for rest in name.split()) or f"joint_{k}")
     found.parents.append(parent)
@@ -134,10 +142,10 @@ def _check_closed(joint: int | None, found: BvhText, number: int) -> None:
 def _channels(words: list[str], number: int) -> tuple[str, ...]:
     by_name = {name.lower(): name for name in CHANNELS}
     known = tuple(by_name.get(word.lower(), "") for word in words[1:])
-    if not words or words[0] != str(len(known)) or not all(known) or len(known) > 6:
+    if not words or words[0] != str(len(known)) or not all(known):
         raise ValueError(
-            f"line {number} has the channels {shown(' '.join(words))}; they are a count of up to "
-            "6 and as many of Xposition, Yposition, Zposition, Xrotation, Yrotation, Zrotation"
+            f"line {number} has the channels {shown(' '.join(words))}; they are a count and as "
+            "many of Xposition, Yposition, Zposition, Xrotation, Yrotation, Zrotation"
         )
     if len({*known}) < len(known):
         raise ValueError(f"line {number} has the same channel twice")
@@ -154,24 +162,25 @@ def _motion(lines: Iterator[tuple[int, str]], found: BvhText) -> None:
     if [part.lower() for part in word.split()] != ["frame", "time"]:
         raise ValueError(f"after the number of frames comes {shown(line)}, and no Frame Time")
     wide, T = sum(map(len, found.channels)), int(count)
-    if not T or not wide:
-        raise ValueError(f"it has {T} frames of {wide} channels; a motion has one or more")
-    if T * wide > MOST_NUMBERS:
-        raise ValueError(f"{T:,} frames of {wide:,} channels are too many to be read")
     numbers, rows = array("d"), 0
     for number, line in lines:
-        if rows == T:
-            raise ValueError(f"line {number} follows the last of {T:,} frames")
-        numbers.extend(_numbers(line.split(), wide, number))
+        if max(T, rows + 1) * wide > MOST_NUMBERS:
+            raise ValueError(f"{max(T, rows):,} frames of {wide:,} channels are too many")
+        numbers.extend(_numbers(line, wide, number))
         rows += 1
-    if rows < T:
-        raise ValueError(f"it has {rows:,} frames, and says {T:,}")
-    found.rows = np.array(numbers).reshape(T, wide)
+    if not rows or not wide:
+        raise ValueError(f"it has {rows} frames of {wide} channels; a motion has one or more")
+    if rows != T:
+        found.notes.append(f"it has {rows:,} frames, and says {T:,}")
+    found.rows = np.array(numbers).reshape(rows, wide)
 
 
-def _numbers(words: Iterable[str], count: int, number: int) -> list[float]:
-    """So many finite numbers of a line."""
-    given = list(words)
+def _numbers(line: str, count: int, number: int) -> list[float]:
+    """So many finite numbers of a line, with points or commas before their decimals.
+
+    Where a line has points, commas separate numbers.
+    """
+    given = line.replace(",", " " if "." in line else ".").split()
     try:
         numbers = [float(word) for word in given]
     except ValueError as error:
@@ -185,6 +194,7 @@ def _numbers(words: Iterable[str], count: int, number: int) -> list[float]:
 
 
 MOST_BYTES = 2**29
+SCALED = 1e-3  # by which a scale may differ from one
 STRETCH = 0.01  # m, by which the place of a joint at its parent may change from frame to frame
 CENTIMETRES = 1 / UNITS["cm"]  # the unit that is written
 ROTATIONS: Literal["ZXY"] = "ZXY"  # as written; each turns about the axes turned so far
@@ -199,11 +209,13 @@ def read_bvh(
 
     A joint's rotations are multiplied in the order of its channels. Positions of the root are its
     place, as in Blender, whatever its OFFSET. Those of other joints are added to their offsets, or
-    take their place, whichever changes the skeleton less. The unit (m, cm, mm, in, cmu) and the
+    take their place, whichever changes the skeleton less. A root whose only child moves away from
+    it, such as hips below a reference on the floor, is left out. Of several skeletons that with
+    most joints is read, and scale channels must be one. The unit (m, cm, mm, in, cmu) and the
     axis that points up are guessed from the size and the form of the skeleton unless they are
     given; `fps` takes the place of the file's rate. `notes` of the motion say all of this. Raises
-    BadFile for a file that is damaged, has several skeletons, or has bones that change their length
-    by more than a centimetre; UnknownName for a unit or an axis.
+    BadFile for a file that is damaged, or has bones that change their length by more than a
+    centimetre; UnknownName for a unit or an axis.
     """
     check_given(unit, up)
     with taken_for(path, "BVH file of one skeleton", "export it again, or give what is missing"):
@@ -211,6 +223,7 @@ def read_bvh(
             text, lines = BvhText(), _lines(bounded(path, MOST_BYTES))
             _hierarchy(lines, text)
             _motion(lines, text)
+            text = _largest(text)
             return _motion_of(text, unit, up, fps, Path(path).name)
         except (ValueError, OSError, BadArgument) as error:
             raise BadFile(str(getattr(error, "strerror", None) or error)) from error
@@ -219,9 +232,8 @@ def read_bvh(
 def _motion_of(
     text: BvhText, unit: str | None, up: str | None, given: float | None, name: str
 ) -> Motion:
-    names, renamed = different_names(text.names)
     rate, said = _rate(text.frame_time) if given is None else (given, "")
-    pose, moved = np.zeros((len(text.rows), len(names), 3)), {}
+    pose, moved = np.zeros((len(text.rows), len(text.names), 3)), {}
     at = 0
     for k, channels in enumerate(text.channels):
         columns = text.rows[:, at : at + len(channels)]
@@ -229,6 +241,14 @@ def _motion_of(
         pose[:, k] = _turned(channels, columns)
         if any(channel.endswith("position") for channel in channels):
             moved[k] = _places(channels, columns)
+        scales = columns[:, [channel.endswith("scale") for channel in channels]]
+        if np.abs(scales - 1).max(initial=0.0) > SCALED:
+            raise BadFile(
+                f"its bones are scaled, by {scales.min():g} to {scales.max():g}, and a skeleton "
+                "here has bones of one length"
+            )
+    text, pose, moved, lost = _rooted(text, pose, moved)
+    names, renamed = different_names(text.names)
     offsets = np.array(text.offsets)
     trans = moved.pop(0, offsets[0]) - np.tile(offsets[0], (len(pose), 1))
     offsets, stretch, replaced = _bones(offsets, moved)
@@ -247,7 +267,9 @@ def _motion_of(
             f"its bones change their length by up to {stretch * metres:.3f} m from frame to "
             "frame, and a skeleton here has bones of one length"
         )
-    notes = [why, pointing, *([said] if said else []), *renamed]
+    notes = [why, pointing, *([said] if said else []), *renamed, *text.notes, *lost]
+    if any(channel.endswith("scale") for own in text.channels for channel in own):
+        notes.append("channels of scale are all 1, and are left out")
     if offsets[0].any() and trans.any():
         notes.append("positions of the root take the place of its OFFSET, which is not zero")
     if moved:
@@ -262,6 +284,60 @@ def _motion_of(
     return Motion(
         pose, metres * trans, rate, names, bones=scaled, origin=name, notes=tuple(notes)
     ).turned(UP_TO_Y[axis])
+
+
+def _only(text: BvhText, first: int) -> BvhText:
+    """The joints from one on that are below it, which is the root then, and their numbers."""
+    K = len(text.names)
+    last = next((k for k in range(first + 1, K) if text.parents[k] < first), K)
+    ends = [e for e, k in enumerate(text.end_parents) if first <= k < last]
+    column = np.cumsum([0, *map(len, text.channels)])
+    return replace(
+        text,
+        names=text.names[first:last],
+        parents=[-1, *(k - first for k in text.parents[first + 1 : last])],
+        offsets=text.offsets[first:last],
+        channels=text.channels[first:last],
+        end_parents=[text.end_parents[e] - first for e in ends],
+        end_offsets=[text.end_offsets[e] for e in ends],
+        rows=text.rows[:, column[first] : column[last]],
+    )
+
+
+def _largest(text: BvhText) -> BvhText:
+    """That of several skeletons which has most joints, with a note on the others."""
+    roots = [k for k, parent in enumerate(text.parents) if parent == -1]
+    if len(roots) == 1:
+        return text
+    sizes = np.diff([*roots, len(text.parents)])
+    largest = roots[int(np.argmax(sizes))]
+    others = [text.names[k] for k in roots if k != largest]
+    note = f"of {len(roots)} skeletons that of {shown(text.names[largest])} is read, which has "
+    note += f"most joints; left out: {some_of(others)}"
+    return replace(_only(text, largest), notes=[*text.notes, note])
+
+
+def _rooted(
+    text: BvhText, pose: Array, moved: dict[int, Array]
+) -> tuple[BvhText, Array, dict[int, Array], tuple[str, ...]]:
+    """The skeleton without roots from which the only child moves away.
+
+    That child has the pose and the places of both: R = R_root R_child, p = p_root + R_root p_child.
+    """
+    lost: list[str] = []
+    while len(lost) < MOST_ROOTS and text.parents.count(0) == 1 and 1 in moved:
+        if not np.ptp(moved[1], axis=0).any():
+            break
+        lost.append(text.names[0])
+        _, _, whole = _bones(np.array(text.offsets), {1: moved[1]})
+        away = moved[1] + (0.0 if whole else np.array(text.offsets[1]))
+        root = Rotation.from_rotvec(pose[:, 0])
+        places = moved.get(0, np.tile(text.offsets[0], (len(pose), 1))) + root.apply(away)
+        pose[:, 1] = (root * Rotation.from_rotvec(pose[:, 1])).as_rotvec()
+        text, pose = _only(text, 1), pose[:, 1:]
+        moved = {k - 1: place for k, place in moved.items() if k} | {0: places}
+    said = f"left out at the root, because their child moves away: {', '.join(lost)}"
+    return text, pose, moved, (said,) if lost else ()
 
 
 def _turned(channels: tuple[str, ...], columns: Array) -> Array:
@@ -301,6 +377,7 @@ def _bones(offsets: Array, moved: dict[int, Array]) -> tuple[Array, float, bool]
 
 def _rate(written: str) -> tuple[float, str]:
     """Frames a second, and what is to be said: 0.033333 is 30 of them, as far as it is written."""
+    written = written.replace(",", ".")
     try:
         seconds = float(written)
     except ValueError:

@@ -24,7 +24,7 @@ from workbench.fitting.keypoints import LEAST_CONFIDENCE
 from workbench.fitting.measures import Measurement
 from workbench.fitting.setup import Measure, Moving, Setup
 from workbench.fitting.videos import autocorrelation, errors_of, worth_of
-from workbench.geometry.meshes import write_mesh
+from workbench.geometry.meshes import Mesh, write_mesh
 from workbench.plots.body import capsules_sheet, distances_sheet
 from workbench.plots.diagnosis import sparsity_sheet
 from workbench.plots.solutions import convergence_sheet
@@ -77,7 +77,8 @@ def write_report(outcome: Outcome, folder: str | Path) -> Path:
         "diagnosis.txt": diagnosis_text(outcome),
     }
     if body is not None and surface is not None:
-        contents["body.glb"] = lambda path: write_mesh(path, surface, body.faces)
+        mesh = Mesh(surface, body.faces, *body.texture)
+        contents["body.glb"] = lambda path: write_mesh(path, mesh)
     present = {*contents, "index.html", SUMMARY}
     files = {name: text for name, text in FILES.items() if name in present}
     contents["index.html"] = run_page(outcome, files)

@@ -30,12 +30,13 @@ from workbench.blocks.checks import reals
 from workbench.bodies.body import arguments
 from workbench.bodies.skinned import SkinnedBody
 from workbench.errors import BadArgument, BadBody
+from workbench.geometry.meshes import Mesh
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.geometry.solids import vertex_normals
 from workbench.writing import write_file
 
 CODES = {"float32": 5126, "uint32": 5125, "uint16": 5123, "uint8": 5121}  # glTF's component types
-KINDS = {1: "SCALAR", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
+KINDS = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 ATTRIBUTES, ELEMENTS = 34962, 34963  # what a buffer view is for
 
 
@@ -167,8 +168,9 @@ def write_gltf(
     betas, such as an expression, whose directions become morph targets. `correctives` is the number
     of morph targets that stand for the pose blend shapes: None for as many as the poses need, which
     is exact, 0 for none. The first `shapes` shape directions are morph targets as well, of one
-    standard deviation, which the file leaves at zero. What is returned says how far the surface is
-    off; the file's `extras` say it too, and the betas. Whole or not at all.
+    standard deviation, which the file leaves at zero. The file has the `texture` of a body, and
+    vertices on a seam once more after all others. What is returned says how far the surface is off;
+    the file's `extras` say it too, and the betas. Whole or not at all.
 
     Raises BadBody for what no skinned glTF can say: other skinnings than linear blending, bodies
     drawn in another pose than zero or without faces, and a TriangleBody; BadBody also for poses,
@@ -227,12 +229,17 @@ def _glb(
 ) -> bytes:
     buffer, K = GltfBuffer(), body.n_joints
     rest = body.template + body.shapedirs @ betas
+    rows, faces, uv = Mesh(rest, body.faces, *body.texture).unwrapped()
     J = body.numeric.skeleton.positions(betas)
     attributes = {
-        "POSITION": buffer.add(rest, "float32", ATTRIBUTES),
-        "NORMAL": buffer.add(_normals(rest, body.faces), "float32", ATTRIBUTES),
+        "POSITION": buffer.add(rest[rows], "float32", ATTRIBUTES),
+        "NORMAL": buffer.add(_normals(rest, body.faces)[rows], "float32", ATTRIBUTES),
     }
-    attributes |= _influences(body.weights, buffer)
+    attributes |= _influences(body.weights[rows], buffer)
+    if uv is not None:  # glTF's v goes downwards
+        attributes["TEXCOORD_0"] = buffer.add(
+            np.column_stack([uv[:, 0], 1.0 - uv[:, 1]]), "float32", ATTRIBUTES
+        )
     used = np.flatnonzero(added.any(axis=0)).tolist()  # betas that move
     directions = np.moveaxis(body.shapedirs, 2, 0)
     morphs = [*directions[:shapes], *directions[used], *correctives.shapes]
@@ -240,14 +247,12 @@ def _glb(
     names += [f"pose corrective {c}" for c in range(len(correctives.shapes))]
     primitive: dict[str, Any] = {
         "attributes": attributes,
-        "indices": buffer.add(
-            body.faces.ravel(), "uint16" if body.n_vertices < SHORT else "uint32", ELEMENTS
-        ),
+        "indices": buffer.add(faces.ravel(), "uint16" if len(rows) < SHORT else "uint32", ELEMENTS),
     }
     mesh: dict[str, Any] = {"primitives": [primitive]}
     if morphs:
         primitive["targets"] = [
-            {"POSITION": buffer.add(moved, "float32", ATTRIBUTES)} for moved in morphs
+            {"POSITION": buffer.add(moved[rows], "float32", ATTRIBUTES)} for moved in morphs
         ]
         mesh |= {"weights": [0.0] * len(morphs), "extras": {"targetNames": names}}
     inverse = np.tile(np.eye(4), (K, 1, 1))

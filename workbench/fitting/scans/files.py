@@ -28,7 +28,7 @@ from workbench.fitting.scans.surface import (
 from workbench.geometry.gltf import parse_glb
 from workbench.geometry.guesses import PERSON, UNITS, UP_TO_Y, Sizes, extents, unit_of, up_of
 from workbench.geometry.meshes import READERS as MESHES
-from workbench.geometry.meshes import parse_ply_and_normals, parsed_mesh
+from workbench.geometry.meshes import Parts, parse_ply_and_normals, parsed_mesh
 from workbench.geometry.point_clouds import parse_pcd, parse_xyz
 from workbench.geometry.solids import face_vectors, volume
 from workbench.reading.arrays import Header, mapped_array, opened, taken_for, widened
@@ -99,9 +99,9 @@ def _parser(parse: Callable[[bytes], Contents]) -> "Reader":
     return lambda path, name: parsed_mesh(path, parse)
 
 
-def _mesh(parse: Callable[[bytes], tuple[Array, Index]]) -> "Reader":
+def _mesh(parse: Callable[[bytes], Parts]) -> "Reader":
     def read(content: bytes) -> Contents:
-        points, faces = parse(content)
+        points, faces = parse(content)[:2]
         return Contents(points, faces=faces)
 
     return _parser(read)
