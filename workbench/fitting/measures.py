@@ -79,6 +79,11 @@ def measures(body: SkinnedBody) -> dict[str, Quantity]:
     thigh, upper arm and neck, limbs on the right. All are of the surface at rest. Raises
     BadArgument for a body that is not skinned, of which joints have other names, or whose surface
     is not a person's.
+
+    >>> from workbench import load_body
+    >>> found = measures(load_body("small"))
+    >>> found["waist"].unit, found["waist"].blocks[0].name
+    ('m', 'betas')
     """
     found, paths, betas = {}, _paths(body), body.blocks()[1]
     shapes = body.shapedirs.reshape(-1, body.n_betas)
@@ -91,7 +96,14 @@ def measures(body: SkinnedBody) -> dict[str, Quantity]:
 
 
 def measured(body: SkinnedBody, betas: ArrayLike) -> dict[str, Array]:
-    """The measurements (...) m of bodies with betas (..., B). Raises what `measures` raises."""
+    """The measurements (...) m of bodies with betas (..., B). Raises what `measures` raises.
+
+    >>> from workbench import load_body
+    >>> body = load_body("small")
+    >>> found = measured(body, np.zeros(body.n_betas))
+    >>> f"{found['stature']:.2f}", f"{found['waist']:.2f}"  # m
+    ('1.68', '0.82')
+    """
     betas = np.asarray(betas, dtype=float)
     quantities = measures(body)
     symbol = body.blocks()[1].symbol
