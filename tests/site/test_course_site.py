@@ -100,7 +100,8 @@ def test_site_is_whole_and_loads_nothing_from_elsewhere(
     out = tmp_path / "new" / "site"
     assert write_course_site(out) == out / "index.html"
     pages = {path.name: links for path, links in pages_of(out).items()}
-    assert {f"{one.folder_name}.html" for one in THERE} | {"GUIDE.html", "sources.html"} <= pages.keys()
+    made = {f"{one.folder_name}.html" for one in THERE}
+    assert made | {"GUIDE.html", "sources.html"} <= pages.keys()
     assert troubles(out) == []
     outside = {to for links in pages.values() for to in links.to if urlparse(to).netloc}
     assert outside == {work["link"] for work in references()} - {""}
