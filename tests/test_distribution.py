@@ -87,6 +87,7 @@ def test_extras_named_in_code_exist() -> None:
 def test_version_of_metadata_is_that_of_code() -> None:
     assert version_of(DISTRIBUTION) == VERSION
     assert version_of("nothing-of-that-name") is None
+    assert f"\nversion: {VERSION}\n" in (ROOT / "CITATION.cff").read_text()
     try:
         assert distribution(DISTRIBUTION).version == VERSION
     except PackageNotFoundError:

@@ -6,7 +6,7 @@
 # A body model takes some numbers for the pose of a person and some for the shape. It returns the positions of
 # the points of a mesh that covers the skin. So it is a function, and the question is which kind of function it
 # should be. Could it be linear, or a polynomial? We fit both to examples, watch them fail, and then see what kind
-# of function SMPL is. Angles are in radians and lengths in metres.
+# of function [SMPL](https://doi.org/10.1145/2816795.2818013) is. Angles are in radians and lengths in metres.
 
 # %%
 from dataclasses import replace

@@ -304,8 +304,8 @@ print(f"(the zone itself holds {1e6 * area * 0.1:.0f} cm^3)")
 # Quaternions are multiplied so that $R p = q\, p\, q^{-1}$ for a point $p$, which is written as the quaternion
 # $(0, p)$. A motion that takes the joint $p$ to $p'$ has the offset $t = p' - R p$, so that its last four numbers are
 # $\tfrac12 t\, q = \tfrac12 (p' q - q\, p)$. That is one linear function of $q$ for all motions that take $p$ to $p'$,
-# and so their average takes it there too (Kavan, Collins, Žára and O'Sullivan, *Geometric Skinning with Approximate
-# Dual Quaternion Blending*, 2008).
+# and so their average takes it there too (Kavan, Collins, Žára and O'Sullivan, [*Geometric Skinning with Approximate
+# Dual Quaternion Blending*](https://doi.org/10.1145/1409625.1409627), 2008).
 #
 # In the library two short functions say this. They call three others:
 # `dual_quaternions` writes each motion as eight numbers, `heaviest` marks the largest weight of each vertex, and

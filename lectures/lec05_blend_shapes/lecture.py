@@ -100,8 +100,8 @@ print(
 #
 # We make several examples. Example $i$ has a pose $\theta^i$ and a blend shape $P_i$ of the whole surface. In another
 # pose $\theta$ we let each of them contribute the more, the nearer its pose is. This is called *scattered data
-# interpolation* (Lewis, Cordner and Fong, *Pose Space Deformation*, 2000). How near it is, a **kernel** $\kappa_i$
-# says, a bump that is one in the pose of the example:
+# interpolation* (Lewis, Cordner and Fong, [*Pose Space Deformation*](https://doi.org/10.1145/344779.344862), 2000). How
+# near it is, a **kernel** $\kappa_i$ says, a bump that is one in the pose of the example:
 #
 # $$
 # B_P(\theta) = \sum_i \lambda_i(\theta)\, P_i, \qquad
@@ -637,9 +637,10 @@ Picture(
 #
 # $$ M(\theta, \beta) = \operatorname{skin}\left( \bar T + B_S(\beta) + B_P(\theta),\; J(\beta),\; \theta,\; w \right) . $$
 #
-# Here $\operatorname{skin}$ is the linear blend skinning of lecture 4 and $w$ are its weights. (The paper on SMPL calls
-# the function $W$ and the weights $\mathcal W$. The notes *SMPL and SMPLify*, which this course uses, have $\beta$ for
-# the third argument. It is the pose.) Step by step, for the tall person of the last figure:
+# Here $\operatorname{skin}$ is the linear blend skinning of lecture 4 and $w$ are its weights. (The [paper on
+# SMPL](https://doi.org/10.1145/2816795.2818013) calls the function $W$ and the weights $\mathcal W$. The notes *SMPL
+# and SMPLify*, which this course uses, have $\beta$ for the third argument. It is the pose.) Step by step, for the tall
+# person of the last figure:
 
 # %%
 f_bend = (matrix_from_vector(bend) - np.eye(3))[1:].ravel()
@@ -716,14 +717,13 @@ source(surface.posed)
 # %% [markdown]
 # ## Hands: few data, many joints
 #
-# SMPL's recipe was used again for hands: MANO (Romero, Tzionas and Black, *Embodied Hands: Modeling and
-# Capturing Hands and Bodies Together*, 2017) was learned from about 1000 scans of the hands of 31 people.
-# A hand has many joints, and there are few data. One problem can be shown here. SMPL lets
-# every vertex depend on every joint; if poses are few, blend shapes learn relations that are due to chance. So
-# we learn blend shapes once more, on the whole body: the truth is what dual quaternions do, seen with 2 mm of
-# noise. We learn two kinds. The first has all 207 features for each vertex; in the second, a vertex depends only
-# on the joints that move it and on their neighbours. The ridge of each is chosen on 50 further poses, and the
-# error is measured on 50 others.
+# SMPL's recipe was used again for hands: MANO (Romero, Tzionas and Black, [*Embodied Hands: Modeling and Capturing
+# Hands and Bodies Together*](https://doi.org/10.1145/3130800.3130883), 2017) was learned from about 1000 scans of the
+# hands of 31 people. A hand has many joints, and there are few data. One problem can be shown here. SMPL lets every
+# vertex depend on every joint; if poses are few, blend shapes learn relations that are due to chance. So we learn blend
+# shapes once more, on the whole body: the truth is what dual quaternions do, seen with 2 mm of noise. We learn two
+# kinds. The first has all 207 features for each vertex; in the second, a vertex depends only on the joints that move it
+# and on their neighbours. The ridge of each is chosen on 50 further poses, and the error is measured on 50 others.
 
 # %%
 plain = without_pose_blend_shapes(body)
@@ -794,7 +794,7 @@ Picture(
 # | in scans of whole bodies hands are small, coarse and often hidden | learn the hand from scans of hands alone, and attach it to SMPL (SMPL+H) | *Embodied Hands* | lecture 18; the bodies of this lecture have one joint for all fingers of a hand |
 # | few scans | mirror the left hands: one set for both sides | *Embodied Hands*, supplement | lectures 13 and 18: a mirror changes the sign of $x$ and exchanges vertices |
 # | 45 angles, more than an image tells | a linear space of few directions, learned from poses | *Embodied Hands* | lecture 18; a Gaussian of poses in lecture 10, and for bodies below |
-# | far joints move a vertex by chance | blend shapes that are local: a penalty that grows with the distance along the skin, or joints that are left out | the notes on MANO that this course uses; Osman, Bolkart and Black, *STAR* (2020) | above; the embedded bodies are local |
+# | far joints move a vertex by chance | blend shapes that are local: a penalty that grows with the distance along the skin, or joints that are left out | the notes on MANO that this course uses; Osman, Bolkart and Black, [*STAR*](https://arxiv.org/abs/2008.08535) (2020) | above; the embedded bodies are local |
 # | skin collapses where a joint bends | blend shapes that are linear in $R - I$ | Loper and others, *SMPL* (2015) | above |
 # | the template is drawn in a pose of its own | binding matrices | the notes on MANO | lecture 3 |
 # | where are the joints of a posed hand? | the offsets of the chain, and not regressed from posed skin | the notes on MANO ask | lecture 3 |

@@ -160,8 +160,9 @@ Picture(
 #
 # ## The idea: pay for length
 #
-# Levenberg (*A Method for the Solution of Certain Non-Linear Problems in Least Squares*, 1944) adds a price
-# for length to the model. The price $\lambda$ is called the **damping**:
+# Levenberg ([*A Method for the Solution of Certain Non-Linear Problems in Least
+# Squares*](https://doi.org/10.1090/qam/10666), 1944) adds a price for length to the model. The price $\lambda$ is
+# called the **damping**:
 #
 # $$ \min_p\; \|e + J p\|^2 + \lambda \|p\|^2
 #    \qquad\Longleftrightarrow\qquad (J^\top J + \lambda I)\, p = -J^\top e . $$
@@ -224,8 +225,8 @@ for damping in (1e-5, 1e-3, 1e-2, 1e-1):
 # further, and $\lambda$ may become smaller. If the gain is below 0 (with $10^{-5}$: {{ gains[1e-5]:.2f}}), the step
 # went uphill: we do not take it, and try again with a larger $\lambda$. That is the
 # whole of the **Levenberg-Marquardt** method. The details differ between programs. The workbench takes those
-# of Nielsen (*Damping Parameter in Marquardt's Method*, 1999): after a step that is taken, $\lambda$ is
-# multiplied by a factor that depends smoothly on the gain,
+# of Nielsen ([*Damping Parameter in Marquardt's Method*](https://www2.imm.dtu.dk/documents/ftp/tr99/tr05_99.pdf),
+# 1999): after a step that is taken, $\lambda$ is multiplied by a factor that depends smoothly on the gain,
 
 # %%
 source(eased)
@@ -395,10 +396,11 @@ Picture(
 # If we name no solver{{ min(kept) > 0.98 }}, `wb.solve` takes Levenberg's step *and* a radius. It does search for the
 # $\lambda$ that
 # belongs to the radius, because another factorization costs little beside the Jacobian of a body. It is also
-# enough if the length is right to a tenth, as Hebden and Moré found (Moré, *The Levenberg-Marquardt Algorithm:
-# Implementation and Theory*, 1978). How does one search for a number whose order of magnitude is unknown? In
-# *logarithms*, the length falls with $\lambda$ along a curve that is nearly straight over long pieces. So the
-# search draws a straight line through the last two trials and tries where that line meets the radius:
+# enough if the length is right to a tenth, as Hebden and Moré found (Moré, [*The Levenberg-Marquardt Algorithm:
+# Implementation and Theory*](https://doi.org/10.1007/BFb0067700), 1978). How does one search for a number whose order
+# of magnitude is unknown? In *logarithms*, the length falls with $\lambda$ along a curve that is nearly straight over
+# long pieces. So the search draws a straight line through the last two trials and tries where that line meets the
+# radius:
 
 # %%
 here = wb.Linearization(wrist(straight) - beyond, jacobian(straight))
@@ -452,9 +454,9 @@ source(next_radius)
 # One more thing helps in narrow valleys that curve. There a straight step can only be as long as the valley is
 # straight, so the cost falls by a little each time. Once a step lowers the cost by less than a tenth, the
 # workbench therefore looks a tenth of the next step ahead and measures how the residual $e$ curves along $p$.
-# From that it computes a correction $a$, which bends the step. Transtrum and Sethna (*Improvements to the
-# Levenberg-Marquardt Algorithm for Nonlinear Least-Squares Minimization*, 2012) derive it from a geodesic,
-# which is the straightest way on the surface of all residuals that the model can produce:
+# From that it computes a correction $a$, which bends the step. Transtrum and Sethna ([*Improvements to the
+# Levenberg-Marquardt Algorithm for Nonlinear Least-Squares Minimization*](https://arxiv.org/abs/1201.5885), 2012)
+# derive it from a geodesic, which is the straightest way on the surface of all residuals that the model can produce:
 #
 # $$ (J^\top J + \lambda I)\, a = -\tfrac12 J^\top e_{pp}, \qquad
 #    e_{pp} = \frac{d^2}{dt^2}\, e(x + t p) \Big|_{t=0} . $$
@@ -493,10 +495,9 @@ for name in ("levenberg-marquardt", "dogleg", "trust-region"):
 # ## What is long?
 #
 # The length $\|p\|$ adds radians to radians here. Had we counted the elbow in degrees, its steps would look
-# {{ 180 / np.pi:.0f}} times longer and be damped as if they were. Marquardt (*An Algorithm for Least-Squares
-# Estimation
-# of Nonlinear
-# Parameters*, 1963) measures length with the Jacobian itself. He takes $\lambda \|D p\|^2$ as the price, where
+# {{ 180 / np.pi:.0f}} times longer and be damped as if they were. Marquardt ([*An Algorithm for Least-Squares
+# Estimation of Nonlinear Parameters*](https://doi.org/10.1137/0111030), 1963) measures length with the Jacobian itself.
+# He takes $\lambda \|D p\|^2$ as the price, where
 # $D$ is diagonal and holds the lengths $\|J_i\|$ of the columns of $J$. A column is a change of the residual
 # *per unit* of its unknown, so in the product $\|J_i\|\, p_i$ the unit cancels:
 

@@ -274,10 +274,10 @@ Picture(
 #
 # $$ Z = f\, \frac{H}{h} . $$
 #
-# SMPLify (Bogo and others, *Keep It SMPL: Automatic Estimation of 3D Human Pose and Shape from a Single Image*,
-# 2016) finds its start in this way, from the trunk. It takes the mean length $H$ of two distances, from the
-# shoulder to the hip on each side, and the mean of their $h$. For a trunk across the line of sight this is exact.
-# How good is it when the person leans towards the camera?
+# SMPLify (Bogo and others, [*Keep It SMPL: Automatic Estimation of 3D Human Pose and Shape from a Single
+# Image*](https://doi.org/10.1007/978-3-319-46454-1_34), 2016) finds its start in this way, from the trunk. It takes the
+# mean length $H$ of two distances, from the shoulder to the hip on each side, and the mean of their $h$. For a trunk
+# across the line of sight this is exact. How good is it when the person leans towards the camera?
 
 # %%
 names = body.joint_names
@@ -424,7 +424,7 @@ for share in (1.05, 1.5):
 # a matrix with two rows for each camera, multiplied by $(x, 1)$, is zero. With noise it cannot be quite zero. The
 # vector of length one for which it is smallest is the last column of $V$ in the singular value decomposition of
 # that matrix, and dividing this vector by its fourth entry gives $(x, 1)$. This is **triangulation** (Hartley and
-# Zisserman, *Multiple View Geometry in Computer Vision*, section 12.2):
+# Zisserman, [*Multiple View Geometry in Computer Vision*](https://doi.org/10.1017/CBO9780511811685), section 12.2):
 
 # %%
 numbers = {key: value for _, values in cameras for key, value in values.items()}

@@ -249,7 +249,8 @@ Picture(
 # }$.{{ 0 < backwards['eight of them'] < backwards['one Gaussian'] }})
 #
 # A **mixture** has $k$ Gaussians with shares $c_j$; its cost is $-\log \sum_j c_j N_j(x)$. That is no
-# sum of squares. SMPLify takes the *least* cost of one component instead of the sum:
+# sum of squares. [SMPLify](https://doi.org/10.1007/978-3-319-46454-1_34) takes the *least* cost of one component
+# instead of the sum:
 #
 # $$ \min_j \left( \tfrac12 \|L_j^{-1} (x - \mu_j)\|^2 + \tfrac12 \log \det C_j - \log c_j \right) + \text{const} , $$
 #

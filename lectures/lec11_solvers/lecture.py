@@ -169,9 +169,9 @@ Picture(
 # ## Targets
 #
 # So no solver is asked whether it has
-# arrived{{ arrived('rosenbrock') == [True] * 4 and arrived('bard-far') == [False, True, False, True] }}. Moré and
-# Wild (2009) take the lowest cost $f^*$ that is
-# known for the problem, from anybody, and the cost $f_0$ at the start. A run meets the **target**
+# arrived{{ arrived('rosenbrock') == [True] * 4 and arrived('bard-far') == [False, True, False, True] }}. [Moré and
+# Wild](https://doi.org/10.1137/080724083) (2009) take the lowest cost $f^*$ that is known for the problem, from
+# anybody, and the cost $f_0$ at the start. A run meets the **target**
 # $\tau$ when it visits a point with
 #
 # $$ f - f^* \le \tau\, (f_0 - f^*) , $$
@@ -233,8 +233,9 @@ for tau in TAUS:
 #
 # ## Performance profiles
 #
-# Problems differ in size. So Dolan and Moré (*Benchmarking Optimization Software with Performance Profiles*, 2002)
-# divide the effort $t_{ps}$ of solver $s$ on problem $p$ by that of the best solver on the same problem,
+# Problems differ in size. So Dolan and Moré ([*Benchmarking Optimization Software with Performance
+# Profiles*](https://doi.org/10.1007/s101070100263), 2002) divide the effort $t_{ps}$ of solver $s$ on problem $p$ by
+# that of the best solver on the same problem,
 # $r_{ps} = t_{ps} / \min_s t_{ps}$. Then
 #
 # $$ \rho_s(\alpha) = \text{share of all problems on which } r_{ps} \le \alpha $$
@@ -280,8 +281,9 @@ Picture(
 # %{{ met.sum(axis=0)[3] == met.sum(axis=0)[2] > met.sum(axis=0)[0] }}. The ratio is taken to the best *of those
 # present*. Take one solver out, and on each problem on which
 # it alone was the best, another one becomes the best. So the order of two solvers can turn because a
-# third one has left (Gould and Scott, *A Note on Performance Profiles for Benchmarking Software*, 2016): a profile
-# of many solvers is no ranking. To learn which of two is better, compare these two alone.
+# third one has left (Gould and Scott, [*A Note on Performance Profiles for Benchmarking
+# Software*](https://doi.org/10.1145/2950048), 2016): a profile of many solvers is no ranking. To learn which of two is
+# better, compare these two alone.
 
 # %%
 quickest = {}
@@ -324,8 +326,8 @@ for price, said in ((1, "1 residual"), (10, "10 residuals")):
 # Sixteen problems are a sample. Had we drawn others, the counts would be others. How sure can we be of a share that
 # was counted? Let $p$ be the true share of successes, and $\hat p = k / n$ the share that we found, with $k$ successes
 # in $n$ trials. The standard deviation of $\hat p$ is $\sqrt{p (1 - p) / n}$. So with a probability of about 95 % it is
-# no further than $z = 1.96$ times that from $p$. Wilson (*Probable Inference, the Law of Succession, and Statistical
-# Inference*, 1927) takes the interval of all $p$ for which this is so,
+# no further than $z = 1.96$ times that from $p$. Wilson ([*Probable Inference, the Law of Succession, and Statistical
+# Inference*](https://doi.org/10.1080/01621459.1927.10502953), 1927) takes the interval of all $p$ for which this is so,
 #
 # $$ (\hat p - p)^2 \le z^2\, \frac{p (1 - p)}{n} . $$
 #
@@ -384,25 +386,26 @@ for interval in (wilson, rate):
     )
 
 # %% [markdown]
-# Wilson's covers it in {{ 100 * worst(wilson, 3):.0f}} % of the cases. `rate` is the interval of Clopper and Pearson
-# (1934), which promises 95 % whatever the share is, and is wider for that reason{{ worst(rate, 3) >= 0.95 }}. And all
-# of this counts *independent* trials. Ten starts of one problem are
+# Wilson's covers it in {{ 100 * worst(wilson, 3):.0f}} % of the cases. `rate` is the interval of [Clopper and
+# Pearson](https://doi.org/10.1093/biomet/26.4.404) (1934), which promises 95 % whatever the share is, and is wider for
+# that reason{{ worst(rate, 3) >= 0.95 }}. And all of this counts *independent* trials. Ten starts of one problem are
 # not ten problems: whoever is good at the problem is good from most of its starts.
 #
 # `workbench compare` does all of this on suites, each run in a process of its own that can be stopped,
 # and writes it as a page. Its intervals are Clopper and Pearson's, its pairs are tested on problems and
 # not on starts, and its prices are printed: 4 for a gradient as here, which is the bound of Griewank and
-# Walther (*Evaluating Derivatives*, 2008) for any program, and n + 1 for residual and Jacobian together,
-# what differences would take. Times rank no solver: seconds stand beside the counts, with their spread.
+# Walther ([*Evaluating Derivatives*](https://doi.org/10.1137/1.9780898717761), 2008) for any program, and n + 1 for
+# residual and Jacobian together, what differences would take. Times rank no solver: seconds stand beside the counts,
+# with their spread.
 #
 # ## When not every point is allowed
 #
 # So far every point was allowed. Now eight markers were turned by 90 degrees, and we look for the turn as a
 # matrix: nine numbers $R$, of which only those with $R^\top R = I$ are rotations. These are six equations.
 # Our four solvers know nothing of equations and refuse the problem. Two others take it: SQP, which puts the
-# linearized equations into each step, and IPOPT, an interior-point method (Waechter and Biegler, *On the
-# implementation of an interior-point filter line-search algorithm*, 2006). The same turn as a rotation vector,
-# three numbers, needs no equations, and all six can be asked.
+# linearized equations into each step, and IPOPT, an interior-point method (Waechter and Biegler, [*On the
+# implementation of an interior-point filter line-search algorithm*](https://doi.org/10.1007/s10107-004-0559-y), 2006).
+# The same turn as a rotation vector, three numbers, needs no equations, and all six can be asked.
 
 # %%
 rng = np.random.default_rng(0)

@@ -218,11 +218,11 @@ print("those of the grid    ", exact_sd.round(2), "rad")
 # pose appears the more often, the more probable it is. Every question then becomes a count. (How probable is it
 # that the arm points away? Count the poses in which it does.)
 #
-# The oldest method to make such a list is that of Metropolis and others (*Equation of State Calculations by Fast
-# Computing Machines*, 1953). It needs the density only up to a constant factor. At each point of the list, it
-# proposes a random step. If the density is higher there, the step is taken. If it is lower, the step is taken with
-# the probability $p(\text{new}) / p(\text{old})$. If the step is not taken, *the old point is counted again*. Such a
-# list is called a **chain**.
+# The oldest method to make such a list is that of Metropolis and others ([*Equation of State Calculations by Fast
+# Computing Machines*](https://doi.org/10.1063/1.1699114), 1953). It needs the density only up to a constant factor. At
+# each point of the list, it proposes a random step. If the density is higher there, the step is taken. If it is lower,
+# the step is taken with the probability $p(\text{new}) / p(\text{old})$. If the step is not taken, *the old point is
+# counted again*. Such a list is called a **chain**.
 
 
 # %%
@@ -281,10 +281,11 @@ Picture(
 #
 # ## Walkers that learn from each other
 #
-# The library emcee (Foreman-Mackey and others, *emcee: The MCMC Hammer*, 2013) lets many **walkers** go at once,
-# and takes the size and the direction of steps from the distances between them. In the **stretch move** (Goodman
-# and Weare, *Ensemble Samplers with Affine Invariance*, 2010) a walker $x$ picks another one, $x_j$, and proposes
-# a point on the line through both,
+# The library emcee (Foreman-Mackey and others, [*emcee: The MCMC Hammer*](https://doi.org/10.1086/670067), 2013) lets
+# many **walkers** go at once, and takes the size and the direction of steps from the distances between them. In the
+# **stretch move** (Goodman and Weare, [*Ensemble Samplers with Affine
+# Invariance*](https://doi.org/10.2140/camcos.2010.5.65), 2010) a walker $x$ picks another one,
+# $x_j$, and proposes a point on the line through both,
 #
 # $$ y = x_j + z\,(x - x_j), \qquad \text{taken with } \min\left(1,\; z^{k-1}\, \frac{p(y)}{p(x)}\right) $$
 #
@@ -471,12 +472,12 @@ Picture(
 # products of draws that are $t$ steps apart, summed over all walkers.
 #
 # And a chain that is too short makes its own
-# memory look short. The estimate can be believed if the chain is at least 50 $\tau$ long (Sokal, *Monte Carlo Methods
-# in Statistical Mechanics*, 1997), or, with several ensembles of walkers, 20 $\tau$ if the estimate no longer grows.
-# Besides, the ensembles must agree: R-hat, the spread of all draws together over that within the ensembles, must be
-# close to one (Gelman and Rubin, *Inference from Iterative Simulation Using Multiple Sequences*, 1992). Until both
-# hold, no number should be read from the draws. So the workbench puts its verdict before the numbers, and refuses an
-# interval if the verdict is bad.
+# memory look short. The estimate can be believed if the chain is at least 50 $\tau$ long (Sokal, [*Monte Carlo Methods
+# in Statistical Mechanics*](https://doi.org/10.1007/978-1-4899-0319-8_6), 1997), or, with several ensembles of walkers,
+# 20 $\tau$ if the estimate no longer grows. Besides, the ensembles must agree: R-hat, the spread of all draws together
+# over that within the ensembles, must be close to one (Gelman and Rubin, [*Inference from Iterative Simulation Using
+# Multiple Sequences*](https://doi.org/10.1214/ss/1177011136), 1992). Until both hold, no number should be read from the
+# draws. So the workbench puts its verdict before the numbers, and refuses an interval if the verdict is bad.
 #
 # We ask a chain of 100 steps for an interval, and then the 3000 steps from above. (The
 # first steps, which still depend on the start, do not count: they are a tenth of all steps, or $5 \tau$ if that is

@@ -38,7 +38,8 @@ from workbench.training.symbolic import SymbolicTraining
 #
 # Scans have no vertices in common: vertex 100 of one scan has nothing to do with vertex 100 of another. So first a
 # template is brought onto each of them. The result is a mesh that has the template's vertices and the scan's form, and
-# is called a **registration** (lecture 15 makes them). SMPL was trained from two sets of registrations:
+# is called a **registration** (lecture 15 makes them). [SMPL](https://doi.org/10.1145/2816795.2818013) was trained from
+# two sets of registrations:
 #
 # - **multi-pose**: few people, each in many poses. They teach what has to do with pose: joints, weights
 #   $\mathcal W$, pose blend shapes $P$.
@@ -403,7 +404,7 @@ for name, R in (("least squares", free), ("shares", as_shares)):
 # behind{{ lag['shares'] < 0.05 and as_shares.min() == 0 and (as_shares[1:] != 0).sum(axis=1).mean() < 33 }}. Shares
 # go along, keep joints inside the hull of the skin,
 # and most of their entries become zero by themselves. The library solves it row by row, by non-negative
-# least squares (NNLS, Lawson and Hanson):
+# least squares (NNLS, [Lawson and Hanson](https://doi.org/10.1137/1.9781611971217)):
 
 # %%
 source(fit_joint_regressor)

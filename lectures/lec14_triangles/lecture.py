@@ -3,11 +3,11 @@
 #
 # **What if we deform triangles, and not vertices?**
 #
-# SMPL moves vertices. Models before it moved triangles: SCAPE (Anguelov and others, *SCAPE: Shape Completion and
-# Animation of People*, 2005) says for every triangle of the mesh how it is turned and stretched. That is a natural
-# way to describe skin, which stretches. But triangles that move one by one do not meet at their corners any more.
-# In this lecture we take a mesh apart, put it together again, and then compare the two ways. Lengths are in metres
-# and angles in radians.
+# SMPL moves vertices. Models before it moved triangles: SCAPE (Anguelov and others, [*SCAPE: Shape Completion and
+# Animation of People*](https://doi.org/10.1145/1073204.1073207), 2005) says for every triangle of the mesh how it is
+# turned and stretched. That is a natural way to describe skin, which stretches. But triangles that move one by one do
+# not meet at their corners any more. In this lecture we take a mesh apart, put it together again, and then compare the
+# two ways. Lengths are in metres and angles in radians.
 
 # %%
 from dataclasses import replace
@@ -186,8 +186,9 @@ Picture(
 # $\ell(f)$ to which the triangle belongs. $Q$ and $D$ are learned by least squares on triangles.
 #
 # Our elbow had neither $D$ nor $Q$, so $X_f = R_{\ell(f)}$, and it has a crease: on one side of the elbow all
-# triangles turn by 1.6 rad, on the other none. **BlendSCAPE** (Hirshberg and others, *Coregistration: Simultaneous
-# Alignment and Modeling of Articulated 3D Shape*, 2012) blends the rotations as skinning does:
+# triangles turn by 1.6 rad, on the other none. **BlendSCAPE** (Hirshberg and others, [*Coregistration: Simultaneous
+# Alignment and Modeling of Articulated 3D Shape*](https://doi.org/10.1007/978-3-642-33783-3_18), 2012) blends the
+# rotations as skinning does:
 #
 # $$ X_f = B_f D_f Q_f, \qquad B_f = \sum_k w_{fk} R_k , $$
 #
@@ -342,10 +343,10 @@ for name, model in (("SMPL", body), ("BlendSCAPE", bending)):
 # model describe people by principal components: SMPL takes those of the vertices, and SCAPE those of the
 # deformations. Which needs fewer? The answer depends on the data, but one thing is a theorem. Among all spaces of
 # $k$ directions, the principal components of the vertices explain the most variance *of the vertices* (Eckart and
-# Young, *The Approximation of One Matrix by Another of Lower Rank*, 1936). And $k$ directions of deformations, once
-# they are stitched, are $k$ directions of vertices, because stitching is linear. So for every $k$, SMPL's way explains
-# at least as much. How much more does it explain? We take 80 people drawn from our shape space, each of whom is also
-# posed a little, as in every registration:
+# Young, [*The Approximation of One Matrix by Another of Lower Rank*](https://doi.org/10.1007/BF02288367), 1936). And
+# $k$ directions of deformations, once they are stitched, are $k$ directions of vertices, because stitching is linear.
+# So for every $k$, SMPL's way explains at least as much. How much more does it explain? We take 80 people drawn from
+# our shape space, each of whom is also posed a little, as in every registration:
 
 # %%
 people = body.vertices(
@@ -447,10 +448,10 @@ for name, model in models.items():
 #
 # To learn a person's shape from registrations, we first need the pose of each of them, and we have to find it with
 # the template of somebody else, because the person's own is not known yet. What should we compare, the vertices, or
-# the edges as SCAPE does? SMPL's own training takes edges (Loper and others, *SMPL: A Skinned Multi-Person Linear
-# Model*, 2015). We ask 12 made-up people whose poses are known. Both fits have the same body with mean shape, the same
-# start at rest, and the same solver with the same stopping rule. A fit to vertices also finds the translation, which
-# edges do not have.
+# the edges as SCAPE does? SMPL's own training takes edges (Loper and others, [*SMPL: A Skinned Multi-Person Linear
+# Model*](https://doi.org/10.1145/2816795.2818013), 2015). We ask 12 made-up people whose poses are known. Both fits
+# have the same body with mean shape, the same start at rest, and the same solver with the same stopping rule. A fit to
+# vertices also finds the translation, which edges do not have.
 
 # %%
 blocks = body.blocks()

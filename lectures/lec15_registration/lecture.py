@@ -79,8 +79,9 @@ def mean_distance(found, truth):
 #
 # $$ \min_{R, t} \sum_i \| R p_i + t - q_i \|^2 , $$
 #
-# and it has a solution in closed form (Umeyama, *Least-squares estimation of transformation parameters between two
-# point patterns*, 1991). For a given $R$ the best $t$ makes the mean of the differences zero, so that
+# and it has a solution in closed form (Umeyama, [*Least-squares estimation of transformation parameters between two
+# point patterns*](https://doi.org/10.1109/34.88573), 1991). For a given $R$ the best $t$ makes the mean of the
+# differences zero, so that
 # $t = \bar q - R \bar p$, where bars are means. Let $p_i' = p_i - \bar p$ and $q_i' = q_i - \bar q$. What is left is
 #
 # $$ \sum_i \| R p_i' - q_i' \|^2 = \sum_i \| p_i' \|^2 + \sum_i \| q_i' \|^2 - 2 \sum_i q_i'^\top R p_i' , $$
@@ -155,7 +156,7 @@ Picture(
 # are). A point with its closest place is a **contact**. `SurfaceTree` finds the contact of a point by a
 # tree of boxes, without asking all triangles. Then alternate: find the contacts, move the points by Procrustes'
 # motion onto them, find the new contacts, and so on. This is the method of **iterated closest points**, ICP (Besl and
-# McKay, *A method for registration of 3-D shapes*, 1992).
+# McKay, [*A method for registration of 3-D shapes*](https://doi.org/10.1109/34.121791), 1992).
 
 
 # %%
@@ -212,12 +213,12 @@ Picture(
 # right below it, and "stay where you are" is what the contact says. All contacts together allow the
 # motion to slide only by a little in every step.
 #
-# The repair is to ask for less. Chen and Medioni (*Object modelling by registration of multiple range
-# images*, 1992) measure the distance from the plane that touches the surface at the contact, $n^\top (p - s)$
-# with the unit normal $n$. This form is called **point to plane**. Along the plane a point may slide as it likes.
-# There is no closed form for the best motion any more, but a small motion takes $p$ to $p + \omega \times p + v$, with a
-# rotation vector $\omega$ and a translation $v$ (lecture 2), and for this the distance from the plane is linear in the
-# six unknowns:
+# The repair is to ask for less. Chen and Medioni ([*Object modelling by registration of multiple range
+# images*](https://doi.org/10.1016/0262-8856%2892%2990066-C), 1992) measure the distance from the plane that touches the
+# surface at the contact, $n^\top (p - s)$ with the unit normal $n$. This form is called **point to plane**. Along the
+# plane a point may slide as it likes. There is no closed form for the best motion any more, but a small motion takes
+# $p$ to $p + \omega \times p + v$, with a rotation vector $\omega$ and a translation $v$ (lecture 2), and for this the
+# distance from the plane is linear in the six unknowns:
 #
 # $$ n^\top (p + \omega \times p + v - s) = n^\top (p - s) + (p \times n)^\top \omega + n^\top v . $$
 #
@@ -297,12 +298,11 @@ Picture(
 # $$ \frac{\partial r}{\partial v_k} = - b_k\, u . $$
 #
 # That is all, and it is exact. (In general it is called the **envelope theorem**; for minima over a set it is due to
-# Danskin, *The theory of max-min* (1967). It fails only where two places are equally close: there the distance has a
-# kink.) So choosing the contacts anew at every linearization is no alternation: it is Gauss-Newton on the true cost.
-# We check it against
-# central differences, for which contacts are chosen anew at both ends. Beside it we put the form `offset`,
-# which has the three coordinates of $p - s$ in place of the distance, as point to point does. Half of its
-# sum of squares is the same cost.
+# Danskin, [*The theory of max-min*](https://doi.org/10.1007/978-3-642-46092-0) (1967). It fails only where two places
+# are equally close: there the distance has a kink.) So choosing the contacts anew at every linearization is no
+# alternation: it is Gauss-Newton on the true cost. We check it against central differences, for which contacts are
+# chosen anew at both ends. Beside it we put the form `offset`, which has the three coordinates of $p - s$ in place of
+# the distance, as point to point does. Half of its sum of squares is the same cost.
 
 # %%
 truth = person.values
@@ -697,10 +697,11 @@ print(f"{unread} of the {J.shape[1]} numbers of all vertices are read by no cont
 # $$ E_C = \frac{1}{\sigma_C^2} \| A V - A M(\theta, \beta) \|^2
 #    = \frac{1}{\sigma_C^2} \sum_{(i, j)} \| (V_i - V_j) - (M_i - M_j) \|^2 . $$
 #
-# (This is the coupling of Hirshberg, Loper, Rachlin and Black, *Coregistration* (2012), who couple
-# triangles, and of Bogo, Romero, Loper and Black, *FAUST* (2014).) It does not see a translation of all
-# vertices, since $A$ takes it away. If the scan moves a vertex outwards, its neighbours are taken along,
-# also those that nobody saw.
+# (This is the coupling of Hirshberg, Loper, Rachlin and Black,
+# [*Coregistration*](https://doi.org/10.1007/978-3-642-33783-3_18) (2012), who couple triangles, and of Bogo, Romero,
+# Loper and Black, [*FAUST*](https://doi.org/10.1109/CVPR.2014.491) (2014).) It does not see a translation of all
+# vertices, since $A$ takes it away. If the scan moves a vertex outwards, its neighbours are taken along, also those
+# that nobody saw.
 
 # %%
 source(by_edges)

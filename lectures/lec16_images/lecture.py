@@ -5,9 +5,10 @@
 #
 # A detector finds the shoulder, the knee and the heel of a person in a photograph. From these few points in
 # two dimensions we want the whole body in three: its pose, its shape, and where it stands. SMPLify (Bogo et
-# al., *Keep it SMPL*, 2016) did this as a least-squares problem, and SPIN (Kolotouros et al., *Learning to
-# Reconstruct 3D Human Pose and Shape via Model-fitting in the Loop*, 2019) let a network learn from such
-# fits. We rebuild both, one term after the other, and take no term before something has failed without it.
+# al., [*Keep it SMPL*](https://doi.org/10.1007/978-3-319-46454-1_34), 2016) did this as a least-squares problem, and
+# SPIN (Kolotouros et al., [*Learning to Reconstruct 3D Human Pose and Shape via Model-fitting in the
+# Loop*](https://doi.org/10.1109/ICCV.2019.00234), 2019) let a network learn from such fits. We rebuild both, one term
+# after the other, and take no term before something has failed without it.
 #
 # There are two kinds of people here. One is real: `balance` is a person on a beam whom four cameras saw. We
 # fit one camera at a time, and what we call the truth is the fit to all four. (It is not exact, and it is

@@ -430,9 +430,9 @@ Picture(
 # person who balances on a beam, with keypoints that a detector found in real images, 45 frames at 60 a
 # second (`data/keypoints/PROVENANCE.md` in the package says where they come from). Four cameras saw the
 # person. We fit one of them, the third, with which it will go worst, and take the fit to all four cameras,
-# frame by frame, for the truth. `video_fit` sets up what we had above, with the robust loss of SMPLify
-# (Bogo et al. (2016); lecture 10). It gives the terms of all frames a common weight, $n / T$, which is one
-# for now, by `worth=45`: every frame counts.
+# frame by frame, for the truth. `video_fit` sets up what we had above, with the robust loss of SMPLify ([Bogo et
+# al.](https://doi.org/10.1007/978-3-319-46454-1_34) (2016); lecture 10). It gives the terms of all frames a common
+# weight, $n / T$, which is one for now, by `worth=45`: every frame counts.
 
 # %%
 FRAMES, CAMERAS = range(55, 100), ("cam01", "cam02", "cam03", "cam04")
@@ -577,8 +577,8 @@ Picture(
 #
 # $$ n = \frac{T}{1 + 2 \sum_{k=1}^{T-1} (1 - k / T)\, r_k} $$
 #
-# independent ones (Bayley and Hammersley, *The "effective" number of independent observations in an
-# autocorrelated time series* (1946); lecture 12 has the same for draws of a chain).
+# independent ones (Bayley and Hammersley, [*The "effective" number of independent observations in an autocorrelated
+# time series*](https://doi.org/10.2307/2983560) (1946); lecture 12 has the same for draws of a chain).
 #
 # Three cases show what the formula
 # says. In white noise all $r_k$ with $k \ge 1$ are zero, and $n = T$. The autoregressive series has $r_k = \rho^k$. In a long
@@ -872,11 +872,11 @@ for name, sigma in (("without offsets", 1e-5), ("with offsets", 0.02)):
 #
 # Motion capture films reflective balls that are glued to the skin or to clothes. Each one gives a point in
 # space, to a millimetre. Somebody glued the marker "left elbow" somewhere near the elbow, and in every
-# frame it is *there*. MoSh (Loper, Mahmood and Black, *MoSh: Motion and shape capture from sparse markers*
-# (2014)) makes its place an unknown: marker $m$ is a vertex of the body at rest plus an offset $o_m$, and
-# it moves with the skin. The offset is known beforehand to 9.5 mm. The unknowns are the pose of each frame,
-# one shape and one set of offsets, which MoSh finds from 12 frames. So a marker set is a detector with
-# unknown offsets, and the problem is a sequence with a wide border.
+# frame it is *there*. MoSh (Loper, Mahmood and Black, [*MoSh: Motion and shape capture from sparse
+# markers*](https://doi.org/10.1145/2661229.2661273) (2014)) makes its place an unknown: marker $m$ is a vertex of the
+# body at rest plus an offset $o_m$, and it moves with the skin. The offset is known beforehand to 9.5 mm. The unknowns
+# are the pose of each frame, one shape and one set of offsets, which MoSh finds from 12 frames. So a marker set is a
+# detector with unknown offsets, and the problem is a sequence with a wide border.
 #
 # In the lines of the library, `landmark_points`
 # with the offsets are the places of the markers on the body, and `landmarks` is how far they are from those observed.

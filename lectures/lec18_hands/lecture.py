@@ -4,11 +4,12 @@
 # **What is different about a body with fingers?**
 #
 # Nothing in SMPL's equations knows what a hand is. MANO is SMPL with the joints of a hand, and SMPL-H is a body with 52
-# joints of which 30 are in the fingers (Romero, Tzionas and Black, *Embodied Hands*, 2017). But what was easy with a
-# body becomes hard with a hand. Its joints turn together, most of their turns cannot be seen from points, it comes in
-# two sides, and its zero pose is one that nobody makes. This lecture goes through these one by one, and ends with a
-# body to which hands were sewn. **No hand was measured**: the embedded hands and their poses are synthetic. Angles are
-# in radians, and lengths in metres; errors are told in millimetres.
+# joints of which 30 are in the fingers (Romero, Tzionas and Black, [*Embodied
+# Hands*](https://doi.org/10.1145/3130800.3130883), 2017). But what was easy with a body becomes hard with a hand. Its
+# joints turn together, most of their turns cannot be seen from points, it comes in two sides, and its zero pose is one
+# that nobody makes. This lecture goes through these one by one, and ends with a body to which hands were sewn. **No
+# hand was measured**: the embedded hands and their poses are synthetic. Angles are in radians, and lengths in metres;
+# errors are told in millimetres.
 
 # %%
 from dataclasses import replace
@@ -137,7 +138,7 @@ Picture(
 # {{ 100 * held[9]:.0f}} %. So ten numbers stand for
 # forty-five. (Only {{ moving}} components vary at all, because the poses are synthetic: rules made them, and were
 # adjusted until two components held about as much as those of measured hands, for which more than 80 % are
-# reported by Santello, Flanders and Soechting, 1998.)
+# reported by [Santello, Flanders and Soechting](https://doi.org/10.1523/JNEUROSCI.18-23-10105.1998), 1998.)
 #
 # ## Which pose is zero?
 #

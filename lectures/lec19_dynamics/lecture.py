@@ -7,9 +7,10 @@
 # moving when the bones have stopped, so that its form is no function of the pose. And the bones themselves
 # were given; somebody found them in meshes that move. This lecture looks at both. The first part makes
 # tissue of springs, fails to predict it from the pose, finds what does predict it, and adds it to the body
-# as Dyna and DMPL do (Pons-Moll et al., 2015; Loper et al., 2015). The second part finds a joint, and shows
-# a motion in which it cannot be found. **No tissue was measured here: all of it is simulated**, and the
-# motions are made up of sines. Lengths are in metres and millimetres, angles in radians.
+# as Dyna and DMPL do ([Pons-Moll et al.](https://doi.org/10.1145/2766993), 2015; [Loper et
+# al.](https://doi.org/10.1145/2816795.2818013), 2015). The second part finds a joint, and shows a motion in which it
+# cannot be found. **No tissue was measured here: all of it is simulated**, and the motions are made up of sines.
+# Lengths are in metres and millimetres, angles in radians.
 
 # %%
 from dataclasses import replace
@@ -413,10 +414,10 @@ print(f"rank {diagnosis.rank} of {fit.free.size}")
 # ## Where bones come from
 #
 # So far the skeleton was given. Suppose that it is not, and that there are only meshes with the same vertices, in
-# motion. `wb.rig` divides them into bones that move rigidly and blend (Le and Deng, 2012). It solves in turn for the
-# weights while the motions of the bones are held, which is a linear problem because of lecture 4's blending, and for
-# these motions while the weights are held. Then it looks for a joint between each two bones. A **joint** is a point
-# that two bones take to the same places:
+# motion. `wb.rig` divides them into bones that move rigidly and blend ([Le and
+# Deng](https://doi.org/10.1145/2366145.2366218), 2012). It solves in turn for the weights while the motions of the
+# bones are held, which is a linear problem because of lecture 4's blending, and for these motions while the weights are
+# held. Then it looks for a joint between each two bones. A **joint** is a point that two bones take to the same places:
 #
 # $$ R^a_t\, p + t^a_t = R^b_t\, p + t^b_t \quad \text{for all frames } t ,
 # \qquad \text{or} \quad (R^a_t - R^b_t)\, p = t^b_t - t^a_t . $$

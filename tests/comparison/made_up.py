@@ -14,7 +14,7 @@ from workbench.comparison import Budget, Comparison, Record, RunEnding, worker
 from workbench.comparison.design import Design, Instance, NamedSolver
 from workbench.comparison.ends import EndAnalysis
 from workbench.comparison.record import KINDS, ROW, Description, ObservedRun, Stored
-from workbench.comparison.workers import Job, JobFailed, Solve
+from workbench.comparison.workers import JobFailed, Solve, SolverJob
 from workbench.errors import UnknownName, WorkbenchError
 from workbench.experiments import Experiment
 from workbench.solvers import LevenbergMarquardt
@@ -122,7 +122,7 @@ def in_this_process() -> Iterator[None]:
         yield
 
 
-def answered_here(job: Job, comparison: str) -> Stored | JobFailed:
+def answered_here(job: SolverJob, comparison: str) -> Stored | JobFailed:
     """What a worker process would answer."""
     with tempfile.TemporaryDirectory() as folder:
         if isinstance(job, Solve):

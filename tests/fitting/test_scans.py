@@ -46,6 +46,9 @@ def test_points_survive_their_files(tmp_path: Path) -> None:
         np.testing.assert_array_equal(read.scan.points, SURFACE)
         assert (read.unit, read.up, read.scan.faces, read.scan.normals) == ("m", "y", None, None)
         assert said(read, "there are no normals")
+    commas = (tmp_path / "scan.csv").read_text().replace(",", ";").replace(".", ",")
+    (tmp_path / "commas.csv").write_text(commas)
+    np.testing.assert_array_equal(read_scan(tmp_path / "commas.csv").scan.points, SURFACE)
 
 
 @pytest.mark.parametrize("kind", ["ascii", "binary_little_endian"])

@@ -20,7 +20,7 @@ from tests.tiers import few
 from workbench import SOLVERS, Block, Problem, Staged, Status
 from workbench.interrupts import SIGNALS
 from workbench.residuals import gaussian
-from workbench.sampling import Progress, sample
+from workbench.sampling import SamplingProgress, sample
 from workbench.solvers import Ipopt, Iterate, LevenbergMarquardt, Solution, Sqp, exact_hessian
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals")
@@ -203,7 +203,7 @@ def test_other_threads_leave_signals_alone() -> None:
 @pytest.mark.thorough
 @pytest.mark.parametrize("times", [1, 2])
 def test_interrupted_sampling_keeps_its_draws(times: int) -> None:
-    def press(progress: Progress) -> None:
+    def press(progress: SamplingProgress) -> None:
         if progress.step >= 100:
             for _ in range(times):
                 with suppress(KeyboardInterrupt):  # as much C code does

@@ -23,7 +23,7 @@ from workbench.geometry import gltf
 from workbench.geometry.gltf import GlbDocument, document_of
 from workbench.motions import gltf as motion_files
 from workbench.motions import read_glb, write_glb
-from workbench.motions.gltf import Track
+from workbench.motions.gltf import AnimationTrack
 
 
 @pytest.mark.parametrize("option", few([{"cubic": True}, {"floor": True}, {}, {"step": True}], 2))
@@ -143,7 +143,7 @@ def test_cubic_tracks_are_exact_for_cubics() -> None:
     values[0, 2, 0], values[1, 0, 0] = -1.0, 11.0  # the slopes after the first and before the last
     at = np.array([0.0, 0.5, 1.0, 1.7, 2.0, 3.0])
     inside = np.minimum(at, 2.0)
-    found = Track(times, values, "CUBICSPLINE", turns=False).at(at)
+    found = AnimationTrack(times, values, "CUBICSPLINE", turns=False).at(at)
     np.testing.assert_allclose(found[:, 0], inside**3 - inside, atol=1e-12)
 
 

@@ -13,10 +13,10 @@ from workbench.errors import BadArgument
 from workbench.fitting import BadScan, Scan, loose_points
 from workbench.fitting.body_priors import pose_gaussian
 from workbench.registration import (
+    FitProgress,
     FitStage,
     FreeVertices,
     ModelFit,
-    Progress,
     Recipe,
     arms_lowered,
     doubts,
@@ -136,9 +136,9 @@ def test_arms_point_below_the_horizontal() -> None:
 
 
 def test_progress_can_stop_a_fit() -> None:
-    told: list[Progress] = []
+    told: list[FitProgress] = []
 
-    def stop(one: Progress) -> bool:
+    def stop(one: FitProgress) -> bool:
         told.append(one)
         return len(told) == 3
 

@@ -5,7 +5,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from workbench.fitting.jobs import Picture
+from workbench.fitting.jobs import FittedPicture
 from workbench.reports.many import MARGIN, TALL, thumbnail
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -16,7 +16,7 @@ def test_bones_and_observed_keypoints_are_drawn_in_their_places() -> None:
     joints = np.array([[100.0, 50], [150, 100], [100, 250]])
     observed = np.array([[100.0, 150], [0, 0], [120, 50]])
     drawn = ElementTree.fromstring(
-        thumbnail(Picture(joints, observed, np.array([1, 0, 0.5])), PARENTS)
+        thumbnail(FittedPicture(joints, observed, np.array([1, 0, 0.5])), PARENTS)
     )
     lines, circles = list(drawn.iter(f"{SVG}line")), list(drawn.iter(f"{SVG}circle"))
     assert len(lines) == 2
@@ -31,7 +31,7 @@ def test_bones_and_observed_keypoints_are_drawn_in_their_places() -> None:
 
 def test_a_body_behind_the_camera_is_left_out() -> None:
     joints = np.full((3, 2), np.nan)
-    text = thumbnail(Picture(joints, np.array([[5.0, 5]]), np.ones(1)), PARENTS)
+    text = thumbnail(FittedPicture(joints, np.array([[5.0, 5]]), np.ones(1)), PARENTS)
     drawn = ElementTree.fromstring(text)
     assert not list(drawn.iter(f"{SVG}line"))
     assert len(list(drawn.iter(f"{SVG}circle"))) == 1

@@ -14,7 +14,7 @@ from tests.sampling.densities import gaussian
 from tests.sampling.interrupted_run import run
 from tests.tiers import few
 from workbench import Problem, WorkbenchError
-from workbench.sampling import MOVES, BiasedMove, Progress, sample
+from workbench.sampling import MOVES, BiasedMove, SamplingProgress, sample
 from workbench.sampling.ensembles import (
     VectorizedMove,
     differential_evolution,
@@ -140,7 +140,7 @@ def test_stopped_runs_are_taken_up(tmp_path: Path) -> None:
 
 
 def test_interrupts_keep_draws() -> None:
-    def interrupt(progress: Progress) -> None:
+    def interrupt(progress: SamplingProgress) -> None:
         if progress.step >= 100:
             raise KeyboardInterrupt
 

@@ -11,7 +11,7 @@ from workbench.errors import BadArgument
 from workbench.residuals import Residual
 from workbench.sampling import (
     Improper,
-    Progress,
+    SamplingProgress,
     Usability,
     fixed,
     integrated,
@@ -152,7 +152,7 @@ def test_progress_ends_at_its_goal_and_numpys_true_stops() -> None:
     seen: list[int] = []
 
     def draw(stop: int) -> HamiltonianRun:
-        def callback(progress: Progress) -> np.bool_:
+        def callback(progress: SamplingProgress) -> np.bool_:
             seen.append(progress.step)
             return np.bool_(len(seen) == stop)
 

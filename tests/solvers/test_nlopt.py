@@ -10,7 +10,7 @@ from tests.tiers import few
 from workbench import Block, Nlopt, Problem, Residual, Status
 from workbench.errors import NotSupported
 from workbench.solvers import Boxes, Derivative
-from workbench.solvers.nlopt import ALGORITHMS, Objective
+from workbench.solvers.nlopt import ALGORITHMS, NloptObjective
 from workbench.solvers.run import Run
 
 EACH = pytest.mark.parametrize("name", few(ALGORITHMS, ("LD_LBFGS", "LN_BOBYQA", "LD_MMA")))
@@ -85,7 +85,7 @@ def test_nlopt_asking_at_nan_ends_the_run() -> None:
     solver = Nlopt("LD_MMA")
     with Run("nlopt LD_MMA", solver, rosenbrock()[0], START, None) as run:
         optimizer = nlopt.opt(nlopt.LD_MMA, 2)
-        objective = Objective(run, run.begin(), np.ones(2), optimizer, solver.abilities)
+        objective = NloptObjective(run, run.begin(), np.ones(2), optimizer, solver.abilities)
         assert np.isfinite(objective.cost(np.full(2, np.nan), np.zeros(2)))
         assert objective.error is not None
         raise objective.error

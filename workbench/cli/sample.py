@@ -134,7 +134,7 @@ def sample(
             with _bar(console) as bar:
                 task = bar.add_task("sampling", total=steps, info="")
 
-                def tell(progress: sampling.Progress, bar: Bar = bar, task: TaskID = task) -> None:
+                def tell(progress: sampling.SamplingProgress, bar: Bar = bar, task: TaskID = task) -> None:
                     info = f"{progress.acceptance:.0%} accepted"
                     if progress.all_free:
                         info += ", all unknowns by Hamiltonian Monte Carlo"

@@ -21,7 +21,7 @@ from workbench.comparison.design import (
 from workbench.comparison.ends import EndAnalysis
 from workbench.comparison.record import Description, Record, Stored, ended
 from workbench.comparison.store import FolderStore, MemoryStore
-from workbench.comparison.workers import AnalyseEnds, Job, JobFailed, Solve, answered, pool
+from workbench.comparison.workers import AnalyseEnds, JobFailed, Solve, SolverJob, answered, pool
 from workbench.errors import BadArgument, WorkbenchError
 from workbench.writing import Keeping
 
@@ -76,7 +76,7 @@ class _Dispatcher:
         self._keep = Keeping()
 
     def do(
-        self, what: str, jobs: Iterable[Job], of: Callable[[Stored], T]
+        self, what: str, jobs: Iterable[SolverJob], of: Callable[[Stored], T]
     ) -> tuple[dict[str, T], dict[str, JobFailed]]:
         """The results by key, and what failed. A job whose result is stored is not sent."""
         from joblib import Parallel, delayed  # which workers, that import this, do not need
@@ -103,7 +103,7 @@ class _Dispatcher:
         return results, failed
 
 
-def _keyed(job: Job, comparison: str) -> tuple[str, Stored | JobFailed]:
+def _keyed(job: SolverJob, comparison: str) -> tuple[str, Stored | JobFailed]:
     return job.key, answered(job, comparison)
 
 
@@ -131,7 +131,7 @@ def _described(
 ) -> tuple[dict[str, Description], dict[str, str]]:
     """What each instance is; where numbers run out (`start=3` of two) there is no instance."""
     jobs = {
-        i.name: Job(
+        i.name: SolverJob(
             key=chosen.key("problem", i.identity()),
             open_experiment=i.sent(),
             instance=i.name,

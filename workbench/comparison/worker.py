@@ -21,7 +21,7 @@ from workbench.blocks import Values
 from workbench.comparison.ends import analyse_ends
 from workbench.comparison.metered import MeteredProblem, RunMeter, feasible, look
 from workbench.comparison.record import Description, Record, RunEnding, RunLog, Stored, machine
-from workbench.comparison.workers import AnalyseEnds, Announce, Job, JobFailed, Solve
+from workbench.comparison.workers import AnalyseEnds, Announce, JobFailed, Solve, SolverJob
 from workbench.errors import NotSupported, UnknownName, WorkbenchError
 from workbench.experiments.experiment import user_errors
 from workbench.experiments.running import warm
@@ -53,7 +53,7 @@ def serve(channel: Channel) -> None:
         channel.send(pickle.dumps((phase, seconds)))
 
     while message := channel.receive():
-        job: Job = pickle.loads(message)
+        job: SolverJob = pickle.loads(message)
         announce("building", job.budget.build_seconds)
         answer: Stored | JobFailed
         try:
@@ -72,7 +72,7 @@ def serve(channel: Channel) -> None:
         channel.send(pickle.dumps(answer))
 
 
-def _answered(job: Job, setup: Setup, announce: Announce) -> Stored:
+def _answered(job: SolverJob, setup: Setup, announce: Announce) -> Stored:
     if isinstance(job, Solve):
         return run_solver(job, setup, announce).stored()
     if isinstance(job, AnalyseEnds):

@@ -28,7 +28,7 @@ ATTEMPTS = 3  # at starting a worker
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Job:
+class SolverJob:
     """What is asked of a worker process: to build an instance, and to describe it.
 
     Attributes:
@@ -45,7 +45,7 @@ class Job:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Solve(Job):
+class Solve(SolverJob):
     """Run a solver once on an instance.
 
     Attributes:
@@ -66,7 +66,7 @@ class Solve(Job):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class AnalyseEnds(Job):
+class AnalyseEnds(SolverJob):
     """Analyse all ends of one problem, (n,) each: where each leads to, and what keeps it there."""
 
     ends: tuple[Array, ...]
@@ -106,7 +106,7 @@ class Worker:
     def __init__(self, process: Started) -> None:
         self._process, self._channel = process, Channel(process.connection)
 
-    def ask(self, job: Job) -> Stored | JobFailed | WorkerLost:
+    def ask(self, job: SolverJob) -> Stored | JobFailed | WorkerLost:
         """Ask for an answer; a worker that was lost is killed, and cannot be asked again."""
         phase, limit = "", STARTING
         try:
@@ -146,7 +146,7 @@ class Pool:
         self._closed: set[str] = set()  # comparisons that have ended
         self._starting = ThreadPoolExecutor(1)  # a process ends with the thread that started it
 
-    def ask(self, job: Job, comparison: str) -> Stored | JobFailed | WorkerLost:
+    def ask(self, job: SolverJob, comparison: str) -> Stored | JobFailed | WorkerLost:
         """Ask an idle worker, or a new one, for a comparison with this name.
 
         A worker that dies before it begins says nothing of the job, and another one is asked.
@@ -164,7 +164,9 @@ class Pool:
             "enough memory, and does `python -c 'import workbench.comparison.worker'` work?"
         )
 
-    def _asked_once(self, job: Job, own: str, comparison: str) -> Stored | JobFailed | WorkerLost:
+    def _asked_once(
+        self, job: SolverJob, own: str, comparison: str
+    ) -> Stored | JobFailed | WorkerLost:
         try:
             with self._lock:
                 idle = self._idle.setdefault(own, [])
@@ -211,7 +213,7 @@ def pool() -> Pool:
     return made
 
 
-def answered(job: Job, comparison: str) -> Stored | JobFailed:
+def answered(job: SolverJob, comparison: str) -> Stored | JobFailed:
     """The answer to a job of a comparison with this name; JobFailed if it could not be done.
 
     A run that gives no answer is recorded by what its log holds when its process has ended.

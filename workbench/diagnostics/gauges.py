@@ -54,7 +54,7 @@ class Gauge:
     change: Callable[[Values], Values]
 
 
-class Motion(NamedTuple):
+class GaugeMotion(NamedTuple):
     """A motion with a name, by its coefficients (d,) in the basis of what is not seen."""
 
     kind: str
@@ -204,7 +204,7 @@ def gauges(
     found: Found,
     pattern: csc_array,
     declared: Sequence[Gauge] = (),
-) -> Iterator[Motion]:
+) -> Iterator[GaugeMotion]:
     """The gauges of a problem at these values, among the motions that are not seen.
 
     `pattern` (m, n) says which unknowns a row reads: points that no row ties together move
@@ -349,7 +349,7 @@ def _inside(Q: Array, wanted: Array) -> Array:
 
 def _of_generator(
     generator: Generator, free: Layout, found: Found, *, again: bool
-) -> Iterator[Motion]:
+) -> Iterator[GaugeMotion]:
     """The motions of a generator that others undo, each by the fewest of them."""
     space, at = found.space, generator.places
     others = generator.others
@@ -378,7 +378,7 @@ def _of_generator(
                 found.told.add(frozenset(blocks))
                 said = segment.words(c / lengths)
                 title = _title(said, generator, c / lengths, w, blocks, free, space)
-                yield Motion(segment.kind, title, a)
+                yield GaugeMotion(segment.kind, title, a)
 
 
 def _chosen(Q: Array, generator: Generator) -> Iterator[tuple[Segment, Array]]:
@@ -477,7 +477,7 @@ def _title(
 
 def _of_groups(
     groups: list[Group], found: Found, of_points: Collection[str] = ()
-) -> Iterator[Motion]:
+) -> Iterator[GaugeMotion]:
     """Offsets and factors of groups of unknowns that cancel: combinations of few, the same ratio
     at all points. Offsets are asked first, then factors, then both together.
 
@@ -499,7 +499,7 @@ def _of_groups(
                 kind, title = named
                 if any(group.factor and group.block in of_points for group, _ in parts):
                     title = title.replace("a common factor", "a scale", 1)
-                yield Motion(kind, title, a)
+                yield GaugeMotion(kind, title, a)
 
 
 def _cancelling(
@@ -594,7 +594,9 @@ def is_gauge(gauge: Gauge, problem: Problem, values: Values, null: Array) -> boo
     return any(True for _ in _declared(gauge, problem.free, values, space))
 
 
-def _declared(gauge: Gauge, free: Layout, values: Values, space: NullSpace) -> Iterator[Motion]:
+def _declared(
+    gauge: Gauge, free: Layout, values: Values, space: NullSpace
+) -> Iterator[GaugeMotion]:
     moved = gauge.change(dict(values))
     at = together(free, list(moved))
     changes = [free[name].taken(change).ravel() for name, change in moved.items()]
@@ -607,7 +609,7 @@ def _declared(gauge: Gauge, free: Layout, values: Values, space: NullSpace) -> I
         a = here.whole(here.moved(one, np.ones(1)), others)
         w = here.basis @ a
         blocks = Found(here).blocks_of(w, free)
-        yield Motion("gauge", _title(gauge.name, one, np.ones(1), w, blocks, free, here), a)
+        yield GaugeMotion("gauge", _title(gauge.name, one, np.ones(1), w, blocks, free, here), a)
 
 
 def _islands(free: Layout, pattern: csc_array) -> list[Index]:

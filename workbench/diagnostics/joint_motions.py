@@ -22,7 +22,7 @@ MOVES = 0.1  # of the largest entry: a motion is not named by joints of a limb t
 
 
 @dataclass(frozen=True, eq=False)
-class JointMotion:
+class JointNullMotion:
     """A subspace of the free numbers with a name: each of its entries may move by itself.
 
     Attributes:
@@ -63,7 +63,7 @@ class JointMotion:
         return (f"{name}, undone by {undone}" if undone else name), names if self.joints else ()
 
 
-def joint_motions(free: Layout, trees: Sequence[Tree]) -> Iterator[JointMotion]:
+def joint_motions(free: Layout, trees: Sequence[Tree]) -> Iterator[JointNullMotion]:
     """All motions of joints; those with few entries come first, and single entries of all."""
     moving = [tree for tree in trees if tree.moves(free)]
     turned: dict[int, tuple[str, ...]] = {}
@@ -101,12 +101,12 @@ def _motion(
     entries: Sequence[int],
     tree: Tree | None = None,
     undone_by: str = "",
-) -> JointMotion:
+) -> JointNullMotion:
     at: NDArray[np.int64] = np.array(entries, dtype=np.int64)
-    return JointMotion(kind, name, joints, at, tree, undone_by)
+    return JointNullMotion(kind, name, joints, at, tree, undone_by)
 
 
-def _pairs(free: Layout, tree: Tree) -> Iterator[JointMotion]:
+def _pairs(free: Layout, tree: Tree) -> Iterator[JointNullMotion]:
     """A joint turns, and one below it turns back: nearest relatives first."""
     related = []
     for k in range(len(tree.parents)):
@@ -122,7 +122,7 @@ def _pairs(free: Layout, tree: Tree) -> Iterator[JointMotion]:
             yield _motion("twist", name, names, turn + back, tree)
 
 
-def _limbs(free: Layout, tree: Tree) -> Iterator[JointMotion]:
+def _limbs(free: Layout, tree: Tree) -> Iterator[JointNullMotion]:
     """Turns of a joint and of all joints below it, small limbs first, the whole tree last."""
     K = len(tree.parents)
     below: list[list[int]] = [[k] for k in range(K)]
@@ -137,7 +137,7 @@ def _limbs(free: Layout, tree: Tree) -> Iterator[JointMotion]:
 
 def _limbs_against_places(
     free: Layout, tree: Tree, places: Sequence[Block]
-) -> Iterator[JointMotion]:
+) -> Iterator[JointNullMotion]:
     """The root moves, and turns of the joints near it undo that at all observed points."""
     depth = [0] * len(tree.parents)
     for k, parent in enumerate(tree.parents[1:], start=1):

@@ -18,9 +18,9 @@ from workbench.blocks import Layout, Tree
 from workbench.blocks.directions import in_units, signed
 from workbench.diagnostics.active_set import ConstrainedJacobian
 from workbench.diagnostics.bases import MANY, beyond, null_basis, sparsest
-from workbench.diagnostics.gauges import PART, SAME, Found, Gauge, Motion, NullSpace, gauges
+from workbench.diagnostics.gauges import PART, SAME, Found, Gauge, GaugeMotion, NullSpace, gauges
 from workbench.diagnostics.generators import together
-from workbench.diagnostics.joint_motions import JointMotion, joint_motions
+from workbench.diagnostics.joint_motions import JointNullMotion, joint_motions
 from workbench.diagnostics.words import listed
 from workbench.problem import Linearization
 from workbench.problem.storage import column_norms, unblocked
@@ -115,7 +115,7 @@ def weak_directions(d: "Diagnosis") -> tuple[Direction, ...]:
     sizes = d.scales.sizes
     space = NullSpace(d.problem.split(d.values)[0], 1 / sizes, weak, NEARLY)
     found = Found(space)
-    motions = [Motion("mixed", "", a) for a in np.eye(weak.shape[1])]
+    motions = [GaugeMotion("mixed", "", a) for a in np.eye(weak.shape[1])]
     if d.sparse is None:
         motions = [*_named(d, found), *_left(d, found)]
     directions = []
@@ -133,7 +133,7 @@ def named_by_joints(
     found = Found(space)
     motions = list(_of_joints(list(joint_motions(free, trees)), free, found))
     rest = _sparse(space, null_basis(found.known.T, 0.5), found.known)
-    motions += [Motion("mixed", "", a) for a in rest.T]
+    motions += [GaugeMotion("mixed", "", a) for a in rest.T]
     return tuple(_direction(m, signed(basis @ m.coefficients), here, here, free) for m in motions)
 
 
@@ -171,7 +171,7 @@ def null_in_units(constrained: ConstrainedJacobian, lengths: Array) -> Array:
     return basis
 
 
-def _named(d: "Diagnosis", found: Found, declared: Sequence[Gauge] = ()) -> Iterator[Motion]:
+def _named(d: "Diagnosis", found: Found, declared: Sequence[Gauge] = ()) -> Iterator[GaugeMotion]:
     """The motions that have a name: single entries, gauges, motions of joints."""
     problem = d.problem
     free = problem.free
@@ -182,7 +182,9 @@ def _named(d: "Diagnosis", found: Found, declared: Sequence[Gauge] = ()) -> Iter
     yield from _of_joints([one for one in motions if one.kind != "entry"], free, found)
 
 
-def _of_joints(motions: Sequence[JointMotion], free: Layout, found: Found) -> Iterator[Motion]:
+def _of_joints(
+    motions: Sequence[JointNullMotion], free: Layout, found: Found
+) -> Iterator[GaugeMotion]:
     """The motions that move the entries of one of these subspaces alone, or nearly so."""
     space = found.space
     parts = np.sum(space.basis**2, axis=1)
@@ -206,7 +208,9 @@ def _of_joints(motions: Sequence[JointMotion], free: Layout, found: Found) -> It
                 continue
             name, joints = motion.called(v / space.lengths, free, max(SAME, space.same))
             whole = motion.kind == "entry" or (motion.kind == "twist" and not several)
-            yield Motion(motion.kind, name if whole and space.exact else f"{name}: ", a, joints)
+            yield GaugeMotion(
+                motion.kind, name if whole and space.exact else f"{name}: ", a, joints
+            )
 
 
 def _sparse(space: NullSpace, new: Array, known: Array) -> Array:
@@ -215,7 +219,7 @@ def _sparse(space: NullSpace, new: Array, known: Array) -> Array:
     return np.asarray(space.basis.T @ vectors)
 
 
-def _left(d: "Diagnosis", found: Found) -> Iterator[Motion]:
+def _left(d: "Diagnosis", found: Found) -> Iterator[GaugeMotion]:
     """What has no other name: a few numbers that undo each other, or many."""
     space = found.space
     if found.all():
@@ -230,7 +234,7 @@ def _left(d: "Diagnosis", found: Found) -> Iterator[Motion]:
         yield _unnamed(d, space, a)
 
 
-def _of_rows(d: "Diagnosis", found: Found) -> Iterator[Motion]:
+def _of_rows(d: "Diagnosis", found: Found) -> Iterator[GaugeMotion]:
     """Motions of one row of a block alone: of a point that one camera sees, along its ray."""
     space, free = found.space, d.problem.free
     for block in free.blocks:
@@ -245,7 +249,7 @@ def _of_rows(d: "Diagnosis", found: Found) -> Iterator[Motion]:
                     yield _unnamed(d, space, a)
 
 
-def _unnamed(d: "Diagnosis", space: NullSpace, a: Array) -> Motion:
+def _unnamed(d: "Diagnosis", space: NullSpace, a: Array) -> GaugeMotion:
     """A trade-off of a few numbers, or a direction that has only its entries for a name.
 
     Numbers that undo each other at points nearby as well, or however far, are a trade-off; not
@@ -269,13 +273,13 @@ def _unnamed(d: "Diagnosis", space: NullSpace, a: Array) -> Motion:
         and own.size > 1
         and _parallel(v[own], (space.x * space.lengths)[own])
     ):
-        return Motion("scale", f"a common factor of {listed(blocks)}", a)
+        return GaugeMotion("scale", f"a common factor of {listed(blocks)}", a)
     if space.exact and len(some) <= FEW and (straight or everywhere):
         among = f"within {blocks[0]}" if len(blocks) == 1 else f"of {listed(blocks)}"
-        return Motion("trade-off", f"a trade-off {among}: ", a)
+        return GaugeMotion("trade-off", f"a trade-off {among}: ", a)
     if straight or everywhere:
-        return Motion("mixed", "", a)
-    return Motion("mixed", f"to first order ({change:.2g} sigma at one scale): ", a)
+        return GaugeMotion("mixed", "", a)
+    return GaugeMotion("mixed", f"to first order ({change:.2g} sigma at one scale): ", a)
 
 
 def _parallel(v: Array, w: Array) -> bool:
@@ -298,7 +302,7 @@ def _one_scale(d: "Diagnosis", v: Array) -> float:
 
 
 def _direction(
-    motion: Motion,
+    motion: GaugeMotion,
     v: Array,
     held: Linearization,
     here: Linearization,

@@ -332,7 +332,7 @@ def _unused(name: str, taken: Iterable[str]) -> str:
 # The fewest things to hold.
 
 
-class Thing(NamedTuple):
+class HeldPlaces(NamedTuple):
     """What can be held as one thing, such as `cam0`: the places of its unknowns."""
 
     what: str
@@ -355,7 +355,7 @@ def _least(d: "Diagnosis") -> list[Suggestion]:
     k = d.shape[1] - d.rank
     if not 0 < k <= MOST or k == d.shape[1]:
         return []
-    entries = [Thing(d.free.label(i), [i]) for i in range(d.free.size)]
+    entries = [HeldPlaces(d.free.label(i), [i]) for i in range(d.free.size)]
     # blocks of one number come before entries: a focal length, and not one point of many
     numbers = [entries[at.start] for at in d.free.slices.values() if at.stop == at.start + 1]
     choices = [_chosen(d.null_in_scales, some, numbers, entries) for some in (_things(d), [])]
@@ -369,16 +369,18 @@ def _least(d: "Diagnosis") -> list[Suggestion]:
     return [one[2] for i, one in enumerate(ranked) if i == 0 or one[0] == k]
 
 
-def _rows(null: Array, things: Sequence[Thing]) -> Array:
+def _rows(null: Array, things: Sequence[HeldPlaces]) -> Array:
     return null[[i for one in things for i in one.places]]
 
 
-def _chosen(null: Array, groups: Sequence[Thing], *singles: Sequence[Thing]) -> list[Thing]:
+def _chosen(
+    null: Array, groups: Sequence[HeldPlaces], *singles: Sequence[HeldPlaces]
+) -> list[HeldPlaces]:
     """Things that together determine the null space (n, d), greedily: the largest first.
 
     `singles` are lists of things of one number, the preferred ones first.
     """
-    chosen: list[Thing] = []
+    chosen: list[HeldPlaces] = []
     left = null
     while left.shape[1]:
         fitting = [(len(one.places), one.volume(left), one) for one in groups]
@@ -395,7 +397,7 @@ def _chosen(null: Array, groups: Sequence[Thing], *singles: Sequence[Thing]) -> 
     return chosen
 
 
-def _left(null: Array, things: Sequence[Thing]) -> Array:
+def _left(null: Array, things: Sequence[HeldPlaces]) -> Array:
     """What of the null space (n, d) is still free when these things are held."""
     if not things:
         return null
@@ -404,7 +406,7 @@ def _left(null: Array, things: Sequence[Thing]) -> Array:
     return np.asarray(null @ Vt[rank:].T)
 
 
-def _pivoted(things: Sequence[Thing], null: Array) -> list[Thing]:
+def _pivoted(things: Sequence[HeldPlaces], null: Array) -> list[HeldPlaces]:
     """As many independent things of one number as there are, up to the dimension of `null`."""
     rows = _rows(null, things)
     first = 1 - TIE * np.arange(len(rows)) / len(rows)  # of equal ones the first one leads
@@ -413,7 +415,7 @@ def _pivoted(things: Sequence[Thing], null: Array) -> list[Thing]:
     return [things[int(p)] for p in np.sort(pivots[:count])]
 
 
-def _things(d: "Diagnosis") -> list[Thing]:
+def _things(d: "Diagnosis") -> list[HeldPlaces]:
     """What can be held as one thing: families of blocks, blocks, rows, and rows of two blocks.
 
     Rows of the same number in two blocks are one thing, unless a residual reads different rows of
@@ -435,7 +437,7 @@ def _things(d: "Diagnosis") -> list[Thing]:
             for some in (*((name,) for name in names), *pairs):
                 entries = [i for n in some for i in np.reshape(at[n], (count, -1))[row].tolist()]
                 named.setdefault(tuple(entries), " and ".join(_row(d, n, row) for n in some))
-    return [Thing(what, list(at)) for at, what in named.items() if 1 < len(at) <= most]
+    return [HeldPlaces(what, list(at)) for at, what in named.items() if 1 < len(at) <= most]
 
 
 def _row_by_row(d: "Diagnosis", pair: tuple[str, str], count: int) -> bool:
@@ -459,7 +461,7 @@ def _row(d: "Diagnosis", name: str, row: int) -> str:
     return f"{name}[{row_label(d.free[name], row, d.free[name].shape[-1])}]"
 
 
-def _held(d: "Diagnosis", things: Sequence[Thing]) -> Iterator[Suggestion]:
+def _held(d: "Diagnosis", things: Sequence[HeldPlaces]) -> Iterator[Suggestion]:
     """What is held is not free any more."""
     left = np.setdiff1d(np.arange(d.free.size), [i for one in things for i in one.places])
     if not left.size:

@@ -13,7 +13,7 @@ from workbench.blocks import Layout
 from workbench.blocks.directions import in_units
 from workbench.diagnostics.bases import FRESH, beyond
 from workbench.diagnostics.gauges import Found, Gauge, NullSpace, gauges
-from workbench.diagnostics.joint_motions import JointMotion, joint_motions
+from workbench.diagnostics.joint_motions import JointNullMotion, joint_motions
 from workbench.diagnostics.words import counted, gathered
 
 if TYPE_CHECKING:
@@ -150,11 +150,11 @@ class Dictionary:
     """
 
     layout: Layout
-    subspaces: Sequence[JointMotion]
+    subspaces: Sequence[JointNullMotion]
     moves: Mask
 
     @staticmethod
-    def of(layout: Layout, found: Iterable[JointMotion]) -> "Dictionary":
+    def of(layout: Layout, found: Iterable[JointNullMotion]) -> "Dictionary":
         """The dictionary of these subspaces."""
         kept = list(found)
         moves = np.zeros((len(kept), layout.size), dtype=bool)
@@ -162,7 +162,7 @@ class Dictionary:
             row[motion.entries] = True
         return Dictionary(layout, kept, moves)
 
-    def names(self, V: Array) -> list[tuple[JointMotion, Array]]:
+    def names(self, V: Array) -> list[tuple[JointNullMotion, Array]]:
         """The motions in the span of V (T, n, d), and for each the directions (T, n, k) of it.
 
         A motion is one of them if some combination (d,) of the vectors moves its entries alone, in
@@ -172,7 +172,7 @@ class Dictionary:
         Q = np.linalg.qr(V.reshape(T * n, d))[0].reshape(T, n, d)
         gram = np.einsum("tei,tej->eij", Q, Q)  # of each entry; they add up to the unit matrix
         parts = self.moves.astype(float) @ np.einsum("eii->e", gram)
-        found: list[tuple[JointMotion, Array]] = []
+        found: list[tuple[JointNullMotion, Array]] = []
         known = np.zeros((d, 0))
         others = (~self.moves).astype(float)
         inside = np.zeros(len(self.subspaces))  # how many of those that are known a motion has
@@ -198,7 +198,7 @@ class Dictionary:
             large = np.linalg.norm(rest, axis=(0, 2)) > TAKES_PART
             blocks = [b for b, at in self.layout.slices.items() if large[at].any()]
             name = f"combinations of {' and '.join(blocks)}"
-            found.append((JointMotion("mixed", name, (), np.flatnonzero(large)), rest))
+            found.append((JointNullMotion("mixed", name, (), np.flatnonzero(large)), rest))
         return found
 
 

@@ -103,7 +103,7 @@ class ImageReading:
 
 
 @dataclass(frozen=True, eq=False)
-class Picture:
+class FittedPicture:
     """What is drawn of a fitted image, in px.
 
     Attributes:
@@ -144,7 +144,7 @@ class FittedImage:
     error: float
     depth: float
     interval: DepthInterval | None
-    picture: Picture
+    picture: FittedPicture
     seconds: float
     notes: tuple[str, ...]
     doubts: tuple[str, ...] = ()
@@ -200,7 +200,7 @@ class ImageWork:
             float(np.mean(off)) if off.size else np.nan,
             float(view.camera.depths(joints[:1], whole)[0]),
             depth_interval(setup, whole),
-            Picture(view.camera.pixels(joints, whole), view.observed, view.confidence),
+            FittedPicture(view.camera.pixels(joints, whole), view.observed, view.confidence),
             solution.seconds,
             tuple(note for note in setup.notes if note != INTERVAL_NOTE),
             doubts(setup, whole, solution, again=False),

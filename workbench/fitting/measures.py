@@ -50,7 +50,7 @@ JOINTS = ("pelvis", "spine3", "neck", "head") + tuple(
 
 
 @dataclass(frozen=True, eq=False)
-class BodyPoints:
+class MeasuredPath:
     """Points of the surface at rest of which a measurement is made.
 
     Attributes:
@@ -206,7 +206,7 @@ def measured_in(posterior: Posterior, body: SkinnedBody, count: int = 4000) -> d
 
 
 @lru_cache(maxsize=8)
-def _paths(body: SkinnedBody) -> dict[str, BodyPoints]:
+def _paths(body: SkinnedBody) -> dict[str, MeasuredPath]:
     """The points of each measurement, found on the template at rest."""
     if reason := why_not_skinned(body, "a measurement", "measure its vertices"):
         raise BadArgument(reason)
@@ -237,11 +237,11 @@ def _paths(body: SkinnedBody) -> dict[str, BodyPoints]:
         "neck": min(necks, key=person.girth),
     }
     return {
-        "stature": BodyPoints(vstack([top, bottom]), vertical=True),
-        "inseam": BodyPoints(vstack([crotch, bottom]), vertical=True),
-        "arm span": BodyPoints(person.span()),
-        "shoulder width": BodyPoints(vstack(shoulders)),
-        **{name: BodyPoints(path, closed=True) for name, path in girths.items()},
+        "stature": MeasuredPath(vstack([top, bottom]), vertical=True),
+        "inseam": MeasuredPath(vstack([crotch, bottom]), vertical=True),
+        "arm span": MeasuredPath(person.span()),
+        "shoulder width": MeasuredPath(vstack(shoulders)),
+        **{name: MeasuredPath(path, closed=True) for name, path in girths.items()},
     }
 
 

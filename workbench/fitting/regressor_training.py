@@ -41,7 +41,7 @@ LEAST_SCALE = 0.03  # m per rad: joints that move no landmark are learned a litt
 
 
 @dataclass(frozen=True, eq=False)
-class People:
+class TrainingPeople:
     """People of whom views are drawn.
 
     Attributes:
@@ -53,11 +53,11 @@ class People:
     landmarks: Array
 
 
-def people_in(body: Body, poses: Array, rng: np.random.Generator) -> People:
+def people_in(body: Body, poses: Array, rng: np.random.Generator) -> TrainingPeople:
     """People in given poses (N, K, 3) rad with betas of the standard normal distribution."""
     betas = rng.standard_normal((len(poses), body.n_betas))
     at = body.joints(poses, betas)[:, :1]
-    return People(poses, body.landmark("coco", poses, betas) - at)
+    return TrainingPeople(poses, body.landmark("coco", poses, betas) - at)
 
 
 def draw_facings(n: int, rng: np.random.Generator) -> Array:
@@ -150,7 +150,7 @@ def neural_networks() -> ModuleType:
 
 def trained(
     body: Body,
-    people: People,
+    people: TrainingPeople,
     passes: int,
     hidden: tuple[int, ...],
     rng: np.random.Generator,

@@ -238,16 +238,16 @@ def _viewpoint(words: list[str]) -> Array | None:
 MOST_HEAD = 20  # lines before the first point: titles of columns, or how many points there are
 MOST_COLUMNS = 6  # that are read; what follows, colours and intensities, is left in the file
 COMMENTS = ("#", "//")
-SEPARATORS = (",", ";")  # otherwise blanks
+SEPARATORS = (";", ",")  # otherwise blanks
 
 
 def parse_xyz(content: bytes) -> tuple[Array, int]:
     """The first columns (N, 3) to (N, 6) of all lines, and how many columns the first line has.
 
-    Lines before the first point that hold no three numbers are passed over, at most 20. Raises
-    ValueError with what is wrong.
+    Lines before the first point that hold no three numbers are passed over, at most 20. Between
+    semicolons, a comma is a decimal point. Raises ValueError with what is wrong.
     """
-    lines = (line for line in text_lines(content) if line.strip())
+    lines = (_with_points(line) for line in text_lines(content) if line.strip())
     head = list(islice(lines, MOST_HEAD + 1))
     start = next((i for i, line in enumerate(head) if len(_leading_numbers(line)) >= 3), None)
     if start is None:
@@ -263,6 +263,10 @@ def parse_xyz(content: bytes) -> tuple[Array, int]:
     except ValueError as error:
         raise ValueError(f"after line {start + 1}: {cut(error)}") from error
     return np.asarray(numbers, dtype=np.float64), len(words)
+
+
+def _with_points(line: str) -> str:
+    return line.replace(",", ".") if line.count(";") > 1 else line
 
 
 def _separator(line: str) -> str | None:

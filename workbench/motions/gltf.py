@@ -38,7 +38,7 @@ LINEAR, STEP, CUBIC = "LINEAR", "STEP", "CUBICSPLINE"
 
 
 @dataclass(frozen=True, eq=False)
-class Track:
+class AnimationTrack:
     """One property of one node in time.
 
     Attributes:
@@ -76,7 +76,9 @@ class Track:
         return np.asarray(_normalised(found) if self.turns else found)
 
 
-def tracks_of(document: GlbDocument, animation: dict[str, Any]) -> dict[tuple[int, str], Track]:
+def tracks_of(
+    document: GlbDocument, animation: dict[str, Any]
+) -> dict[tuple[int, str], AnimationTrack]:
     """The tracks of an animation by node and property; others, as of morph targets, are left out.
 
     Raises ValueError for a track that does not fit together.
@@ -96,7 +98,7 @@ def tracks_of(document: GlbDocument, animation: dict[str, Any]) -> dict[tuple[in
     return found
 
 
-def _track(document: GlbDocument, sampler: dict[str, Any], path: str) -> Track:
+def _track(document: GlbDocument, sampler: dict[str, Any], path: str) -> AnimationTrack:
     way, width = sampler.get("interpolation", LINEAR), WIDTHS[path]
     if way not in (LINEAR, STEP, CUBIC):
         raise ValueError(f"there is no interpolation {shown(way)}")
@@ -111,7 +113,7 @@ def _track(document: GlbDocument, sampler: dict[str, Any], path: str) -> Track:
         values = values.reshape(len(times), 3, width)
     elif turns:
         values = _normalised(values)
-    return Track(times, values, way, turns)
+    return AnimationTrack(times, values, way, turns)
 
 
 def _normalised(q: Array) -> Array:
@@ -196,7 +198,9 @@ class Nodes:
                 number = self.parents[number]
         return tuple(number for number in self.order if number in found)
 
-    def world(self, some: set[int], tracks: dict[tuple[int, str], Track], times: Array) -> Array:
+    def world(
+        self, some: set[int], tracks: dict[tuple[int, str], AnimationTrack], times: Array
+    ) -> Array:
         """The motions (S, len(some), 4, 4) of some nodes, in rising order, at times (S,) s."""
         found: dict[int, Array] = {}
         for number in self.above(some):
@@ -246,7 +250,9 @@ class Skin:
                 found.append(k)
         return found
 
-    def motions(self, nodes: Nodes, tracks: dict[tuple[int, str], Track], times: Array) -> Array:
+    def motions(
+        self, nodes: Nodes, tracks: dict[tuple[int, str], AnimationTrack], times: Array
+    ) -> Array:
         """What takes the joints from rest to where they are, (S, K, 4, 4), at times (S,) s."""
         some = {*self.nodes}
         column = {number: i for i, number in enumerate(sorted(some))}
@@ -427,7 +433,7 @@ def _motion_of(
 
 def _animation(
     document: GlbDocument, nodes: Nodes, skin: Skin, wanted: str | None
-) -> tuple[dict[tuple[int, str], Track], tuple[str, ...]]:
+) -> tuple[dict[tuple[int, str], AnimationTrack], tuple[str, ...]]:
     """The tracks of one animation, the first that moves the skin unless one is wanted; sentences.
 
     Raises UnknownName for one that is not there.
@@ -457,7 +463,7 @@ def _animation(
 
 
 def _times(
-    tracks: dict[tuple[int, str], Track], given: float | None
+    tracks: dict[tuple[int, str], AnimationTrack], given: float | None
 ) -> tuple[Array, float, tuple[str, ...]]:
     """The times (T,) s of frames, their rate, and what is to be said about it."""
     first = min(float(t.times[0]) for t in tracks.values())

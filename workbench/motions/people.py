@@ -43,7 +43,7 @@ MOST_PEOPLE = 30  # in one frame
 DEEPEST = 6  # dictionaries in dictionaries
 
 
-class Line(NamedTuple):
+class PersonLine(NamedTuple):
     """A line of the table: the part of a motion, a key, its form, where it is described."""
 
     part: str
@@ -53,14 +53,14 @@ class Line(NamedTuple):
 
 
 @cache
-def table() -> tuple[Line, ...]:
+def table() -> tuple[PersonLine, ...]:
     """What arrays of motions are called; earlier lines are preferred."""
     text = (files("workbench") / "data" / "motions" / "keys.csv").read_text(encoding="utf-8")
-    return tuple(Line(*row) for row in csv.reader(text.splitlines()))[1:]
+    return tuple(PersonLine(*row) for row in csv.reader(text.splitlines()))[1:]
 
 
 @cache
-def lines_of(part: str) -> tuple[Line, ...]:
+def lines_of(part: str) -> tuple[PersonLine, ...]:
     """The lines of one part; each key of rotations also as that of six numbers."""
     ends = ("", *SIXES) if part in JOINTS else ("",)
     return tuple(
@@ -87,7 +87,7 @@ class Track:
     turns: dict[str, Array]
     numbers: dict[str, Array]
     facts: Mapping[str, Tree]
-    used: dict[str, Line]
+    used: dict[str, PersonLine]
     which: int = 0
     notes: tuple[str, ...] = ()
 
@@ -177,7 +177,7 @@ class People:
                 return tuple(f"{one:g}" for one in array.reshape(-1))
         return ()
 
-    def _arrays(self, value: Mapping[str, Tree], part: str) -> Iterator[tuple[Line, Array]]:
+    def _arrays(self, value: Mapping[str, Tree], part: str) -> Iterator[tuple[PersonLine, Array]]:
         """The arrays that a part may be, frames first, in the order of the table."""
         for line in lines_of(part):
             array = self._contents.numbers(value[line.key]) if line.key in value else None
@@ -238,7 +238,7 @@ class People:
 
     def _mains(
         self, value: Mapping[str, Tree], part: str
-    ) -> Iterator[tuple[Line, tuple[int, ...], Array]]:
+    ) -> Iterator[tuple[PersonLine, tuple[int, ...], Array]]:
         """What can be the pose: its line, the axes before those of a frame, and its vectors."""
         for line, array in self._arrays(value, part):
             if line.key == "poses" and "Rh" in value and array.shape[-1] in EASYMOCAP:
@@ -287,12 +287,12 @@ def _are_places(array: NDArray[Any]) -> bool:
     return bool((legs > 0.03).all() and (np.abs(left - right) < 0.2 * left).all())
 
 
-def _each(line: Line) -> tuple[int, ...]:
+def _each(line: PersonLine) -> tuple[int, ...]:
     """How many numbers a rotation may be."""
     return (3, 9, 6) if "6d" in line.form else (3, 9)
 
 
-def _rows(line: Line, array: Array, lead: tuple[int, ...]) -> Array:
+def _rows(line: PersonLine, array: Array, lead: tuple[int, ...]) -> Array:
     """An array as rows (N, D), one for each frame and person of a pose, or as a single row (1, D).
 
     Raises BadFile for another number of rows.
@@ -309,7 +309,7 @@ def _rows(line: Line, array: Array, lead: tuple[int, ...]) -> Array:
     )
 
 
-def _vectors(line: Line, rows: Array, each: int) -> Array:
+def _vectors(line: PersonLine, rows: Array, each: int) -> Array:
     """Rotation vectors (N, J, 3) of rows of J vectors, matrices or six numbers of a matrix."""
     N, J = len(rows), rows.shape[1] // each
     if each == 3:

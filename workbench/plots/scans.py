@@ -207,7 +207,8 @@ def caption_joint_cost(log: Sequence[LogEntry]) -> str:
         "and no block raised it. If it still falls at the right end, more rounds would change the "
         "result. E_S: scans to registrations; E_C: registrations to the model; E_pose, E_T, E_J, "
         "E_P and E_W: poses, templates, joints, pose blend shapes and weights against their "
-        "priors. Terms that stay below a thousandth of the first sum are left out."
+        "priors; E_D and E_Q: what people and bending do to triangles. Terms that stay below a "
+        "thousandth of the first sum are left out."
     )
 
 

@@ -228,7 +228,7 @@ def check_units(
         return
     for part in parts:
         if not (isinstance(part, Residual) and part.by_frame):  # its frames were looked at
-            Units(known, f"{type(part).__name__.lower()} {part.name!r}").of(part.expression)
+            PartUnits(known, f"{type(part).__name__.lower()} {part.name!r}").of(part.expression)
 
 
 def different(first: str, second: str) -> bool:
@@ -241,7 +241,7 @@ def different(first: str, second: str) -> bool:
 
 
 @dataclass
-class Units:
+class PartUnits:
     """The units of the parts of one expression, each found once.
 
     Attributes:

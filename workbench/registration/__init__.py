@@ -30,9 +30,9 @@ from workbench.registration.icp_steps import (
 from workbench.registration.model_fit import (
     FIT_STAGES,
     SEEN_STAGES,
+    FitProgress,
     FitStage,
     ModelFit,
-    Progress,
     fit_model,
 )
 from workbench.registration.recipe import (
@@ -76,6 +76,7 @@ __all__ = [
     "Coupling",
     "Doubts",
     "FailedScan",
+    "FitProgress",
     "FitStage",
     "FreeVertices",
     "GemanMcClure",
@@ -85,7 +86,6 @@ __all__ = [
     "ModelFit",
     "OtherEnd",
     "PointCloud",
-    "Progress",
     "Reading",
     "Recipe",
     "Registered",

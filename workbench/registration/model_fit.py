@@ -70,7 +70,7 @@ class FitStage:
 
 
 @dataclass(frozen=True)
-class Progress:
+class FitProgress:
     """How far a fit has come; `stage` and `start` count from 1, `cost` is that of its iterate."""
 
     stage: int
@@ -99,7 +99,7 @@ class StageRuns:
 
     problem: Problem
     solver: Solver
-    progress: Callable[[Progress], object] | None
+    progress: Callable[[FitProgress], object] | None
     interrupted: Callable[[], bool]
     stage: tuple[int, int]
     starts: int
@@ -125,7 +125,7 @@ class StageRuns:
         """
         costs: list[float] = []
         self.given_up = False
-        at = Progress(*self.stage, number + 1, self.starts, 0, 0.0)
+        at = FitProgress(*self.stage, number + 1, self.starts, 0, 0.0)
 
         def done(iterate: Iterate) -> bool:
             costs.append(iterate.cost)
@@ -241,7 +241,7 @@ def fit_model(
     others: Sequence[Residual] = (),
     solver: Solver = TrustRegion(gradient_tolerance=1e-4),  # noqa: B008 - it is immutable
     seed: int = 0,
-    progress: Callable[[Progress], object] | None = None,
+    progress: Callable[[FitProgress], object] | None = None,
 ) -> ModelFit:
     """Find pose, betas and trans of a body from a scan alone; y is up, lengths are in m.
 

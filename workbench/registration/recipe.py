@@ -30,9 +30,9 @@ from workbench.registration.model_fit import (
     SAME,
     SEEN_STAGES,
     WITHIN,
+    FitProgress,
     FitStage,
     ModelFit,
-    Progress,
     fit_model,
 )
 from workbench.registration.starts import hand_starts, scan_starts
@@ -120,7 +120,7 @@ class Recipe:
         *,
         keep: Mask | None = None,
         camera: ArrayLike | None = None,
-        progress: Callable[[Progress], object] | None = None,
+        progress: Callable[[FitProgress], object] | None = None,
     ) -> ModelFit:
         """The body fitted to a scan by this recipe; see `fit_model`, also for what it raises."""
         return fit_model(
@@ -204,7 +204,7 @@ def fit_hand(
     sigma: float = SIGMA,
     kernel: Kernel = quadratic,
     recipe: Recipe = HAND_RECIPE,
-    progress: Callable[[Progress], object] | None = None,
+    progress: Callable[[FitProgress], object] | None = None,
 ) -> ModelFit:
     """Find pose, betas and trans of a hand from a scan, with or without a skeleton; lengths in m.
 

@@ -29,7 +29,7 @@ from workbench.interrupts import Interrupts
 from workbench.registration.doubts import FACING, NEAR, doubts, support
 from workbench.registration.free_vertices import FreeVertices
 from workbench.registration.from_a_camera import sees
-from workbench.registration.model_fit import FitStage, ModelFit, Progress
+from workbench.registration.model_fit import FitProgress, FitStage, ModelFit
 from workbench.registration.recipe import Recipe, usual_recipe
 from workbench.registration.starts import facing
 
@@ -173,7 +173,7 @@ def register(
     *,
     recipe: Recipe | None = None,
     camera: ArrayLike | None = None,
-    progress: Callable[[Progress], object] | None = None,
+    progress: Callable[[FitProgress], object] | None = None,
 ) -> Registration:
     """Fit a body to a scan from many starts, free the vertices, and judge the result.
 

@@ -11,7 +11,7 @@ from workbench.errors import BadArgument
 from workbench.fitting.jobs import FailedFile, FileJob, check_names_differ, reason_of
 from workbench.fitting.scans.files import FEWEST, contents_of, read_scan
 from workbench.geometry.guesses import UNITS, UP_TO_Y, check_given, sizes_of
-from workbench.registration.model_fit import Progress
+from workbench.registration.model_fit import FitProgress
 from workbench.registration.recipe import Recipe, with_skeleton
 from workbench.registration.registering import Registration, register
 
@@ -72,7 +72,7 @@ def registered(
     recipe: Recipe,
     reading: Reading,
     job: ScanJob,
-    progress: Callable[[Progress], object] | None = None,
+    progress: Callable[[FitProgress], object] | None = None,
 ) -> RegisteredScan | FailedScan:
     """Read a scan and register it. Whatever is wrong with one scan is in the answer, so that one
     bad file among hundreds does not end the others; only Ctrl-C is raised.

@@ -15,7 +15,7 @@ from workbench.bodies.body import Body
 from workbench.bodies.files.saving import save_body
 from workbench.fitting.body_priors import stature
 from workbench.fitting.images import INTERVAL_NOTE
-from workbench.fitting.jobs import FailedFile, FileJob, FittedImage, ImageWork, Picture
+from workbench.fitting.jobs import FailedFile, FileJob, FittedImage, FittedPicture, ImageWork
 from workbench.fitting.pose_regressor import shipped_regressor
 from workbench.identity import code_version, digest, file_digest
 from workbench.plots.palette import BLUE, VERMILLION
@@ -311,7 +311,7 @@ def _registration_row(entry: Entry) -> dict[str, Any]:
 TALL, MARGIN = 120.0, 8.0  # px of the picture, and of it around the person
 
 
-def thumbnail(picture: Picture, parents: Sequence[int]) -> str:
+def thumbnail(picture: FittedPicture, parents: Sequence[int]) -> str:
     """The body's bones as lines, and the observed keypoints as circles, cropped to both.
 
     The higher the confidence of a keypoint, the more opaque its circle.

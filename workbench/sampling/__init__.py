@@ -16,7 +16,7 @@ from workbench.sampling.conditioning import (
     contraction,
     prior_deviations,
 )
-from workbench.sampling.ensembles import MOVES, BiasedMove, Progress
+from workbench.sampling.ensembles import MOVES, BiasedMove, SamplingProgress
 from workbench.sampling.importance import Importance
 from workbench.sampling.laplace import EntryComparison, compared_with_laplace, laplace
 from workbench.sampling.mixing import Mixing, Usability, integrated_time
@@ -48,7 +48,7 @@ __all__ = [
     "NotConverged",
     "Posterior",
     "PosteriorMean",
-    "Progress",
+    "SamplingProgress",
     "Subspace",
     "Usability",
     "compared_with_laplace",

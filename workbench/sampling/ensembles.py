@@ -122,7 +122,7 @@ def refuse_biased(moves: Moves) -> None:
 
 
 @dataclass(frozen=True)
-class Progress:
+class SamplingProgress:
     """How far a run is.
 
     Attributes:
@@ -140,7 +140,7 @@ class Progress:
     all_free: bool = False
 
 
-Callback = Callable[[Progress], object] | None  # called after each step
+Callback = Callable[[SamplingProgress], object] | None  # called after each step
 
 
 def asks_to_stop(answer: object) -> bool:
@@ -322,7 +322,7 @@ class _Ensembles:
     def _mark(backend: Any) -> tuple[int, Array, Any]:
         return backend.iteration, backend.accepted.copy(), backend.random_state
 
-    def advance(self, began: float, check: Callable[[], None]) -> Iterator[Progress]:
+    def advance(self, began: float, check: Callable[[], None]) -> Iterator[SamplingProgress]:
         """Step by step, the ensembles in turn, until there are enough, or until they have run away.
 
         `check` is called before each of them, and may raise.
@@ -345,9 +345,11 @@ class _Ensembles:
         """How many steps all ensembles have kept."""
         return min(done[0] for done in self._done)
 
-    def _progress(self, began: float) -> Progress:
+    def _progress(self, began: float) -> SamplingProgress:
         step = self._count * self._plan.thin
-        return Progress(step, self._plan.steps, self.acceptance, time.perf_counter() - began)
+        return SamplingProgress(
+            step, self._plan.steps, self.acceptance, time.perf_counter() - began
+        )
 
     @property
     def acceptance(self) -> float:

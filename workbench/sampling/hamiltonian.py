@@ -30,8 +30,8 @@ from workbench.arrays import Array, Mask
 from workbench.interrupts import Interrupts
 from workbench.sampling.ensembles import (
     Callback,
-    Progress,
     SamplerSettings,
+    SamplingProgress,
     asks_to_stop,
     without_burn_in,
 )
@@ -226,7 +226,9 @@ def run_hamiltonian(
                     taken = min(steps, plan.steps)  # the last trajectory may lead beyond
                     seconds = time.perf_counter() - began
                     with interrupts.raised_at_once():
-                        progress = Progress(taken, plan.steps, chance, seconds, all_free=True)
+                        progress = SamplingProgress(
+                            taken, plan.steps, chance, seconds, all_free=True
+                        )
                         stopped = asks_to_stop(callback(progress))
                     if stopped:
                         break

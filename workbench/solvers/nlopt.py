@@ -156,7 +156,7 @@ class Nlopt(Limits):
             self._check_the_step(x0.size)
             scale = np.where(here.column_norms > 0, here.column_norms, 1.0)
             optimizer = self._optimizer(self.algorithm, x0.size)
-            objective = Objective(run, here, scale, optimizer, self.abilities)
+            objective = NloptObjective(run, here, scale, optimizer, self.abilities)
             optimizer.set_min_objective(objective.cost)
             optimizer.set_lower_bounds(problem.lower * scale)
             optimizer.set_upper_bounds(problem.upper * scale)
@@ -237,7 +237,7 @@ def _optimize_quietly(optimizer: nlopt.opt, y: Array) -> None:
             raise
 
 
-class Objective:
+class NloptObjective:
     """The cost and the constraints in NLopt's variables y = scale x.
 
     An exception stops NLopt and is kept as `error`. Where the residual is not finite, NLopt gets

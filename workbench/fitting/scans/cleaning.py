@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from workbench.arrays import Array, Index, Mask
-from workbench.fitting.scans.scan import BadScan, Contents, drawn, faces_between
+from workbench.fitting.scans.scan import BadScan, ScanContents, drawn, faces_between
 from workbench.fitting.scans.surface import least_spread, outline
 
 LARGEST = 1e9  # in the file's unit: farther out is no coordinate but damage
@@ -27,7 +27,7 @@ SHARP = 1.2  # times as many cells within three times the thickness: a body's si
 ONE_SIDE = 0.95  # of the other cells, which are in front of the plane
 
 
-def cleaned(contents: Contents, most: int) -> Contents:
+def cleaned(contents: ScanContents, most: int) -> ScanContents:
     """The points that can be used, at most `most` of a cloud; faces are renumbered with them.
 
     Left out are points that are not finite, missing measurements at the origin of a cloud, points
@@ -75,7 +75,7 @@ def cleaned(contents: Contents, most: int) -> Contents:
     return contents
 
 
-def without_planes(contents: Contents) -> Contents:
+def without_planes(contents: ScanContents) -> ScanContents:
     """The scan without a floor and walls: planes, at one side of all else, that nothing covers.
 
     A body's flat back, or the plane at which a scan was cut, is covered by its front, seen along
@@ -96,7 +96,7 @@ def without_planes(contents: Contents) -> Contents:
     return contents
 
 
-def _plane_beside(contents: Contents) -> tuple[Array, Array, float] | None:
+def _plane_beside(contents: ScanContents) -> tuple[Array, Array, float] | None:
     """The unit normal (3,) towards the rest, a point (3,) and half of the thickness of a plane."""
     points, camera = contents.points, contents.camera_position
     if contents.faces is not None:
@@ -166,7 +166,7 @@ def points_are(count: int) -> str:
     return "1 point is" if count == 1 else f"{count:,} points are"
 
 
-def _kept(contents: Contents, mask: Mask, why: str) -> Contents:
+def _kept(contents: ScanContents, mask: Mask, why: str) -> ScanContents:
     """The points that a mask chooses, and the faces between them."""
     count = int((~mask).sum())
     if not count:
@@ -180,7 +180,7 @@ def _kept(contents: Contents, mask: Mask, why: str) -> Contents:
     )
 
 
-def _merged(contents: Contents) -> Contents:
+def _merged(contents: ScanContents) -> ScanContents:
     """Every place once, with the normal of the first point there; no face is a line or twice."""
     first, place = _unique(contents.points + 0.0)  # so that there is no -0
     count = len(contents.points) - len(first)

@@ -12,7 +12,7 @@ from workbench.arrays import Array, Index
 from workbench.blocks.checks import reals
 from workbench.errors import BadArgument, BadFile, cut, listed, some
 from workbench.fitting.scans.cleaning import cleaned, far_points, points_are, without_planes
-from workbench.fitting.scans.scan import BadScan, Contents, Scan
+from workbench.fitting.scans.scan import BadScan, Scan, ScanContents
 from workbench.fitting.scans.surface import (
     areas_of_faces,
     areas_of_neighbours,
@@ -72,7 +72,7 @@ def _is_of_points(header: Header) -> bool:
     return header.dtype.kind in "iuf" and len(header.shape) == 2 and header.shape[1] == 3
 
 
-def contents_of(path: Path, name: str | None = None) -> Contents:
+def contents_of(path: Path, name: str | None = None) -> ScanContents:
     """Read a file as its suffix says; `name` is the array of points in an .npz file.
 
     Raises BadFile with a sentence, or BadArgument for a name of what has no names.
@@ -95,24 +95,24 @@ def contents_of(path: Path, name: str | None = None) -> Contents:
     return READERS[suffix](path, name)
 
 
-def _parser(parse: Callable[[bytes], Contents]) -> "Reader":
+def _parser(parse: Callable[[bytes], ScanContents]) -> "Reader":
     return lambda path, name: parsed_mesh(path, parse)
 
 
 def _mesh(parse: Callable[[bytes], Parts]) -> "Reader":
-    def read(content: bytes) -> Contents:
+    def read(content: bytes) -> ScanContents:
         points, faces = parse(content)[:2]
-        return Contents(points, faces=faces)
+        return ScanContents(points, faces=faces)
 
     return _parser(read)
 
 
-def _ply(content: bytes) -> Contents:
+def _ply(content: bytes) -> ScanContents:
     points, faces, normals = parse_ply_and_normals(content)
-    return Contents(points, normals, faces)
+    return ScanContents(points, normals, faces)
 
 
-def _pcd(content: bytes) -> Contents:
+def _pcd(content: bytes) -> ScanContents:
     found = parse_pcd(content)
     notes: tuple[str, ...] = ()
     if found.unread:
@@ -122,10 +122,10 @@ def _pcd(content: bytes) -> Contents:
             "the file names no viewpoint, or 0 0 0, which programs write that do not know it; if "
             "the points were seen from there, give the camera's position 0 0 0",
         )
-    return Contents(found.points, found.normals, None, found.viewpoint, notes)
+    return ScanContents(found.points, found.normals, None, found.viewpoint, notes)
 
 
-def _of_columns(numbers: NDArray[Any], columns: int) -> Contents:
+def _of_columns(numbers: NDArray[Any], columns: int) -> ScanContents:
     """Points, and normals if there are six columns and the last three are of unit length."""
     points, further = widened(numbers[:, :3]), widened(numbers[:, 3:6])
     with np.errstate(all="ignore"):
@@ -139,10 +139,10 @@ def _of_columns(numbers: NDArray[Any], columns: int) -> Contents:
         one = columns == read + 1
         which = f"column {columns} is" if one else f"columns {read + 1} to {columns} are"
         notes += (f"{which} not read",)
-    return Contents(points, further if are_normals else None, notes=notes)
+    return ScanContents(points, further if are_normals else None, notes=notes)
 
 
-def _npy(path: Path, name: str | None) -> Contents:
+def _npy(path: Path, name: str | None) -> ScanContents:
     with taken_for(path, "scan", "give an array (N, 3) of points as numpy.save writes it"):
         array = mapped_array(path)
         if array.dtype.kind not in "iuf" or array.ndim < 2:
@@ -153,7 +153,7 @@ def _npy(path: Path, name: str | None) -> Contents:
         return _of_columns(rows[:, :6], rows.shape[1])
 
 
-def _npz(path: Path, name: str | None) -> Contents:
+def _npz(path: Path, name: str | None) -> ScanContents:
     """The points that are called `name`, or the only ones, with what belongs to them."""
     do = "give an .npz file with an array (N, 3) called points, as numpy.savez writes it"
     with opened(path, "scan", do) as archive:
@@ -179,7 +179,7 @@ def _npz(path: Path, name: str | None) -> Contents:
             CAMERA, lambda one: one.dtype.kind in "iuf" and one.shape in ((3,), (1, 3), (3, 1))
         )
         unread = sorted(headers.keys() - read) + list(archive.others)
-        return Contents(
+        return ScanContents(
             widened(archive.array(name)),
             None if normals is None else widened(normals),
             None if faces is None else faces.astype("i8"),
@@ -188,7 +188,7 @@ def _npz(path: Path, name: str | None) -> Contents:
         )
 
 
-Reader = Callable[[Path, str | None], Contents]
+Reader = Callable[[Path, str | None], ScanContents]
 READERS: dict[str, Reader] = {
     ".ply": _parser(_ply),
     ".obj": _mesh(MESHES[".obj"]),
@@ -202,7 +202,7 @@ READERS: dict[str, Reader] = {
 }
 
 
-def with_normals(contents: Contents, camera: Array | None) -> Contents:
+def with_normals(contents: ScanContents, camera: Array | None) -> ScanContents:
     """The scan with unit normals that point outwards, or without any if this is not known.
 
     Faces of a closed mesh that look inwards, and faces that look away from the camera, are turned
@@ -236,7 +236,9 @@ def with_normals(contents: Contents, camera: Array | None) -> Contents:
     return replace(contents, normals=normals, notes=(*notes, source))
 
 
-def _with_faces_outwards(contents: Contents, faces: Index, camera: Array | None) -> Contents:
+def _with_faces_outwards(
+    contents: ScanContents, faces: Index, camera: Array | None
+) -> ScanContents:
     points = contents.points
     if not len(edges_of_one_face(faces)):
         inwards, why = volume(points - points.mean(axis=0), faces) < 0, "look inwards"
@@ -327,7 +329,7 @@ def read_scan(
 
 
 def _read(
-    contents: Contents, suffix: str, unit: str | None, up: str | None, most: int, sizes: Sizes
+    contents: ScanContents, suffix: str, unit: str | None, up: str | None, most: int, sizes: Sizes
 ) -> ReadScan:
     contents = without_planes(cleaned(contents, most))
     cells = outline(contents.points)
@@ -358,7 +360,7 @@ def _read(
     return ReadScan(scan, unit, up, camera, (*contents.notes, *notes))
 
 
-def _weighted(contents: Contents, most: int) -> tuple[Scan, tuple[str, ...]]:
+def _weighted(contents: ScanContents, most: int) -> tuple[Scan, tuple[str, ...]]:
     """The scan with the area of each point, as a cloud if it has too many points; and notes."""
     points, normals, faces = contents.points, contents.normals, contents.faces
     if faces is None:
@@ -375,5 +377,5 @@ def _weighted(contents: Contents, most: int) -> tuple[Scan, tuple[str, ...]]:
     return scan, (f"{note} between them",)
 
 
-def _noted(contents: Contents, *notes: str) -> Contents:
+def _noted(contents: ScanContents, *notes: str) -> ScanContents:
     return replace(contents, notes=(*contents.notes, *notes))

@@ -132,7 +132,7 @@ class Scan:
 
 
 @dataclass(frozen=True, eq=False)
-class Contents:
+class ScanContents:
     """What a file of a scan holds, in the file's own unit and axes; numbers may be NaN.
 
     Attributes:

@@ -175,7 +175,7 @@ class OnScan:
 
 
 @dataclass(frozen=True, eq=False)
-class Job:
+class ScanBatch:
     """Some scans of some subjects, whose arrays alone are in the estimate.
 
     Attributes:
@@ -193,15 +193,15 @@ class Job:
     trans: Array
 
 
-def jobs(estimate: Estimate, subject: Index, vertices: Array, trans: Array) -> Iterator[Job]:
+def jobs(estimate: Estimate, subject: Index, vertices: Array, trans: Array) -> Iterator[ScanBatch]:
     """All scans in jobs of a few."""
     for first in range(0, len(subject), JOB_SIZE):
         rows = np.arange(first, min(first + JOB_SIZE, len(subject)))
         theirs, numbered = estimate.of_rows(rows, subject[rows])
-        yield Job(theirs, tuple(rows.tolist()), numbered, vertices[rows], trans[rows])
+        yield ScanBatch(theirs, tuple(rows.tolist()), numbered, vertices[rows], trans[rows])
 
 
-def on_scans(coupled: ScanCoupling, scans: Scans, solve: bool, job: Job) -> list[OnScan]:
+def on_scans(coupled: ScanCoupling, scans: Scans, solve: bool, job: ScanBatch) -> list[OnScan]:
     """Every scan of a job where its vertices, pose and translation are, or where they end.
 
     With `solve` they are found, and no cost is higher afterwards.
