@@ -84,6 +84,17 @@ def soft_tissue_follows_a_motion(example: Any) -> None:
     assert once == sorted(once), "the heavier, the farther"
 
 
+@claims_of("38_soft_tissue_as_unknowns")
+def tissue_is_found_with_pose_and_shape(example: Any) -> None:
+    assert max(example.errors["with"].values()) < 1e-6
+    assert example.errors["without"]["pose"] > 0.03, "rad: joints bend for what tissue does"
+    assert example.diagnosis.rank == example.whole.free.size
+    known_well, less_well = example.deviations
+    assert example.rms[known_well] < example.rms[less_well] < example.typical
+    for name, deviation in example.deviations.items():
+        assert 0.5 < example.rms[name] / deviation < 1.5
+
+
 @claims_of("05_one_camera")
 def one_camera_sees_across_and_not_along(example: Any) -> None:
     one, two = example.errors["one camera"].mean(axis=0), example.errors["two cameras"].mean(axis=0)

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+import casadi as cs
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -86,23 +87,74 @@ def test_forces_on_points_match_mechanics() -> None:
     np.testing.assert_allclose(spinning.angular_velocities[:, 0], [[0, 2, 0]] * 30, atol=1e-9)
 
 
-def test_symbolic_tissue_is_the_same_surface() -> None:
-    rng = np.random.default_rng(0)
-    phi, N = rng.standard_normal(2), SMALL.n_vertices
-    names = input_names(SMALL.joint_names, 0, 0)
-    none, still = np.zeros((2, 2)), np.full(N, -1)
-    D, B = 0.01 * rng.standard_normal((N, 3, 2)), np.zeros((2, len(names)))
-    tissue = SoftTissue(D, none, none, B, still, 60.0, SMALL.joint_names)
-    known = surface_as_landmarks(SMALL)
-    pose, betas, trans = known.blocks()
-    block = tissue.block()
-    points = tissue.points(known, pose.symbol, betas.symbol, trans.symbol, block.symbol)
-    values = {"pose": MOTION.pose[7], "betas": np.zeros(10), "trans": MOTION.trans[7]}
+def tissue_of_small(power: float) -> SoftTissue:
+    """Two dynamic blend shapes of `small`, and no model of their coefficients."""
+    N, X = SMALL.n_vertices, len(input_names(SMALL.joint_names, 0, 0))
+    D = 0.01 * np.random.default_rng(0).standard_normal((N, 3, 2))
+    none, response = np.zeros((2, 2)), np.zeros((2, X))
+    names = SMALL.joint_names
+    return SoftTissue(D, none, none, response, np.full(N, -1), 60.0, names, power=power)
+
+
+PHI, PERSON = np.array([1.5, -0.7]), np.array([0.5, -1.0, 2.0])
+
+
+@pytest.mark.parametrize("power", [0.0, 1.5])
+def test_symbolic_tissue_is_the_same_surface(power: float) -> None:
+    tissue, betas = tissue_of_small(power), np.pad(PERSON, (0, SMALL.n_betas - 3))
+    pose, _, trans = SMALL.blocks()
+    arguments = pose.symbol, cs.MX(cs.DM(betas)), trans.symbol
+    points = tissue.points(SMALL, *arguments, tissue.block().symbol)
     numeric = points.source.numeric
-    assert numeric is not None
-    came = numeric.evaluate(values | {"tissue": phi}).points
-    right = tissue.surface(SMALL, MOTION[6:9], np.tile(phi, (3, 1)))[1]
-    np.testing.assert_allclose(came, right, atol=1e-12)
+    assert numeric is not None, "betas that are numbers leave the map affine"
+    values = {"pose": MOTION.pose[7], "trans": MOTION.trans[7], "tissue": PHI}
+    here = replace(MOTION[6:9], betas=betas)
+    right = tissue.surface(SMALL, here, np.tile(PHI, (3, 1)))[1]
+    np.testing.assert_allclose(numeric.evaluate(values).points, right, atol=1e-12)
+    with pytest.raises(BadArgument, match=r"expression \(2, 1\), not \(3, 1\)"):
+        tissue.points(SMALL, *arguments, cs.MX(3, 1))
+    with pytest.raises(BadArgument, match="not that of body 'default'"):
+        tissue.points(BODY, *arguments, cs.MX(2, 1))
+
+
+def test_symbolic_gain_is_the_gain_in_numbers() -> None:
+    betas, rng = SMALL.blocks()[1].symbol, np.random.default_rng(1)
+    tissue = tissue_of_small(1.5)
+    gain = tissue.gain_of(SMALL, betas)
+    function = cs.Function("gain", [betas], [gain, cs.gradient(gain, betas)])
+    for person in rng.standard_normal((3, SMALL.n_betas)):
+        number, gradient = function(person)
+        assert float(number) == pytest.approx(tissue.gain(SMALL, person), rel=1e-12)
+        steps = 1e-5 * np.eye(SMALL.n_betas)
+        either = [[tissue.gain(SMALL, person + s * step) for s in (1, -1)] for step in steps]
+        differences = np.array(either) @ [1, -1] / 2e-5
+        np.testing.assert_allclose(gradient.full().ravel(), differences, atol=1e-7)
+
+
+def test_fit_finds_coefficients_of_tissue_and_diagnosis_those_unseen() -> None:
+    """Of the person's own gain: the coefficients are found with the shape that decides it."""
+    tissue, known = tissue_of_small(1.5), surface_as_landmarks(SMALL)
+    truth = {"pose": MOTION.pose[7], "trans": MOTION.trans[7], "tissue": PHI}
+    truth["betas"] = np.pad(PERSON, (0, SMALL.n_betas - 3))
+    here = replace(MOTION[6:9], betas=truth["betas"])
+    seen = tissue.surface(SMALL, here, np.tile(PHI, (3, 1)))[1]
+    pose, betas, trans = (block.symbol for block in SMALL.blocks())
+    block = tissue.block()
+    points = tissue.points(known, pose, betas, trans, block.symbol)
+    whole = wb.residuals.vertices(points, seen, sigma=0.002)
+    problem = wb.Problem([whole], ("pose", "betas", "trans", "tissue"), blocks=[block])
+    found = wb.solve(problem, known.start() | {"tissue": np.zeros(2)})
+    for name, value in truth.items():
+        np.testing.assert_allclose(found.values[name], value, atol=1e-8, err_msg=name)
+    assert wb.diagnose(problem, found.values).rank == problem.free.size
+    D = tissue.directions.copy()
+    D[:100, :, 1] = 0  # the second shape moves none of these
+    elsewhere = replace(tissue, directions=D)
+    points = elsewhere.points(known, pose, betas, trans, block.symbol)
+    off = cs.vec(points.symbol[:, :100] - seen[:100].T)
+    some = wb.Residual("some", off, 0.002, "m", points=[points])
+    unseen = wb.diagnose(wb.Problem([some], ("trans", "tissue"), blocks=[block]), truth)
+    assert [direction.name for direction in unseen.null_directions] == ["tissue[1]"]
 
 
 def test_tissue_survives_its_file(tmp_path: Path) -> None:
@@ -180,12 +232,21 @@ def test_dmpls_move_the_surface_and_its_joints(tmp_path: Path) -> None:
     directions = rng.normal(0, 0.01, (SMALL.n_vertices, 3, 12))
     np.savez(tmp_path / "model.npz", eigvec=directions)
     body, phi = with_dmpls(SMALL, tmp_path / "model.npz"), rng.normal(0, 1, (3, 8))
-    moving = replace(MOTION[:3], betas=rng.normal(0, 1, 2), dmpls=phi)
+    wb.save_motion(tmp_path / "a.npz", replace(MOTION[:3], betas=rng.normal(0, 1, 2), dmpls=phi))
+    moving = wb.read_motion(tmp_path / "a.npz")
     here = moving.named(SMALL)
     for t, surface in enumerate(moving.vertices(body)):
         thick = replace(SMALL, template=SMALL.template + directions[:, :, :8] @ phi[t])
         alone = thick.vertices(here.pose[t], here.betas, here.trans[t])
         np.testing.assert_allclose(surface, alone, atol=1e-12)
+    pose, betas, trans = (block.symbol for block in SMALL.blocks())
+    dmpls = wb.Block("dmpls", (8,))
+    points = body.points(pose, cs.vertcat(betas, dmpls.symbol), trans)
+    last = wb.residuals.vertices(points, moving.vertices(body)[2], sigma=0.002)
+    problem = wb.Problem([last], ("dmpls",), blocks=[dmpls])
+    known = {"pose": here.pose[2], "betas": np.pad(here.betas, (0, 8)), "trans": here.trans[2]}
+    found = wb.solve(problem, known | {"dmpls": np.zeros(8)})
+    np.testing.assert_allclose(found.values["dmpls"], phi[2], atol=1e-9)
     other = replace(SMALL, template=SMALL.template, name="again")
     np.testing.assert_array_equal(moving.vertices(other), here.vertices(SMALL))
     with pytest.raises(BadFile, match="vertices, and the body has"):

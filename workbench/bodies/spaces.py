@@ -14,6 +14,7 @@ from workbench.blocks.checks import reals, texts
 from workbench.bodies.body import Body
 from workbench.bodies.files.joint_names import FINGERS, family
 from workbench.bodies.readonly import readonly
+from workbench.bodies.skinned import SkinnedBody
 from workbench.errors import BadArgument, BadBody, UnknownName
 from workbench.geometry.solids import volume
 
@@ -314,3 +315,18 @@ def body_mass_index(body: Body, betas: ArrayLike | None = None) -> float:
     surface = body.vertices(body.bind_pose, betas)
     height = float(np.ptp(surface[:, 1]))
     return DENSITY * volume(surface, body.faces) / height**2
+
+
+def body_mass_index_of(body: SkinnedBody, betas: cs.MX) -> cs.MX:
+    """`body_mass_index` (1, 1) in symbols, of betas (B, 1).
+
+    The height is from the vertex that is lowest at these betas to the one that is highest, so that
+    its derivatives jump where another vertex becomes one of them.
+    """
+    N = body.n_vertices
+    flat = cs.DM(body.template.ravel()) + cs.DM(body.shapedirs.reshape(3 * N, -1)) @ betas
+    rest = cs.reshape(flat, 3, N)
+    around = rest - cs.sum2(rest) / N @ cs.DM.ones(1, N)
+    a, b, c = (around[:, corner.tolist()] for corner in body.faces.T)
+    inside = cs.dot(a, cs.cross(b, c, 1)) / 6  # m^3
+    return DENSITY * inside / (cs.mmax(rest[1, :]) - cs.mmin(rest[1, :])) ** 2

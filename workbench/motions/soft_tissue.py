@@ -31,7 +31,7 @@ from workbench.blocks.checks import reals as as_reals
 from workbench.bodies import Landmarks, SkinnedBody
 from workbench.bodies.body import why_not_skinned
 from workbench.bodies.readonly import locked
-from workbench.bodies.spaces import body_mass_index
+from workbench.bodies.spaces import body_mass_index, body_mass_index_of
 from workbench.environment import expanded
 from workbench.errors import BadArgument, BadFile
 from workbench.motions.motion import FEWEST, Motion, splined
@@ -174,21 +174,42 @@ class SoftTissue:
         """`tissue` (C,), the coefficients phi as an unknown; they have no unit."""
         return Block(f"{prefix}tissue", (self.n_coefficients,), "1")
 
+    def gain_of(self, body: SkinnedBody, betas: cs.MX) -> cs.MX:
+        """`gain` (1, 1) in symbols, of betas (B, 1): see `body_mass_index_of` for its derivatives.
+
+        It is the number 1 if the power is 0.
+        """
+        if not self.power:
+            return cs.MX(1)
+        return (body_mass_index_of(body, betas) / body_mass_index(body)) ** self.power
+
     def points(
         self, body: SkinnedBody, pose: cs.MX, betas: cs.MX, trans: cs.MX, coefficients: cs.MX
     ) -> Points:
-        """The posed surface (3, N) m, with coefficients (C, 1) that are symbols or numbers.
+        """The posed surface (3, N) m of `surface`, in symbols.
 
-        The gain is that of the mean person, because a body mass index is not linear in betas.
+        Arguments are blocks' symbols, expressions of them, or numbers; coefficients are (C, 1). The
+        gain is that of the person. No gain is an affine map of betas: points whose betas are an
+        unknown are therefore computed by CasADi's graph, and others by the faster arithmetic of
+        `SkinnedBody.points`.
+
         Points of one problem come from one body: pass the same `surface_as_landmarks(body)` to
-        all of them, or let this make one.
+        all of them, or let this make one. Raises BadArgument for another body or number of
+        coefficients.
         """
+        self._check_body(body)
+        if coefficients.shape != (self.n_coefficients, 1):
+            raise BadArgument(
+                f"the coefficients of this tissue are an expression ({self.n_coefficients}, 1), "
+                f"not {coefficients.shape}"
+            )
         whole = body if "surface" in body.landmarks else surface_as_landmarks(body)
         flat = cs.DM(self.directions.reshape(-1, self.n_coefficients))
-        moved = cs.reshape(flat @ coefficients, 3, body.n_vertices)
+        scaled = self.gain_of(body, betas) * coefficients
+        moved = cs.reshape(flat @ scaled, 3, body.n_vertices)
         return whole.landmark_points("surface", pose, betas, trans, offsets=moved)
 
-    def _check(self, body: SkinnedBody, motion: Motion) -> None:
+    def _check_body(self, body: SkinnedBody) -> None:
         if reason := why_not_skinned(body, "soft tissue", "give the skinned body it was made from"):
             raise BadArgument(reason)
         if body.n_vertices != len(self.part) or tuple(body.joint_names) != self.joint_names:
@@ -197,6 +218,9 @@ class SoftTissue:
                 f"{len(self.part)} vertices and {len(self.joint_names)} joints, not that of body "
                 f"{body.name!r} with {body.n_vertices} and {body.n_joints}"
             )
+
+    def _check(self, body: SkinnedBody, motion: Motion) -> None:
+        self._check_body(body)
         if abs(motion.fps / self.fps - 1) > SAME_RATE:
             do = "tissue.prepared(motion) splines it" if len(motion) >= FEWEST else "record it anew"
             raise BadArgument(
