@@ -30,7 +30,7 @@ weights above zero are unknowns; the largest of each vertex is one minus the oth
 alternation after each step lets a weight leave zero, and makes all of them shares again.
 
 A vertex that has four weights of the wrong bones holds them where they are. So each vertex first
-has up to seven weights, and the largest four are kept afterwards (`refined_at_once`).
+has up to five weights, and the largest four are kept afterwards (`refined_at_once`).
 """
 
 from collections.abc import Iterator
@@ -48,11 +48,11 @@ AT_ONCE = 64  # frames in memory at once
 STACKED = 16  # frames whose products by weights are one matrix
 ALONE = 30  # rounds of bones that begin from their weights alone
 LIGHTEST = 1e-9  # the sum of squared weights of a bone that is not moved
-RELAXED = 7  # weights of a vertex on the way
+RELAXED = 5  # weights of a vertex on the way
 STEPS, FLAT = 16, 3  # at most; so many in a row that gain little are the last
 DAMPING, LEAST, MOST = 1e-2, 1e-8, 10.0  # shares of the diagonal: the first, and its bounds
 EASED, RAISED = 0.2, 8.0  # factors on the damping after a step that lowers the cost, or does not
-GAIN = 0.005  # of the rms: a step that lowers it by a smaller share gains little
+GAIN = 0.02  # of the rms: a step that lowers it by a smaller share gains little
 ENOUGH = 1e-9  # m, rms
 FLOOR = 1e-10  # of the largest entry of a diagonal: keeps what nothing determines where it is
 

@@ -200,7 +200,7 @@ def rig(
         if len(v) < len(shape):
             estimate = _on_every_vertex(estimate, still, shape, v)
             estimate = every.refined(estimate, block, ROUNDS, steps)
-        rounding = SINGLE * np.abs(still).max()
+        rounding = SINGLE * np.abs(meshes).max()
         if not free and every.rms(estimate) > rounding:
             estimate = every.refined(estimate, "skinning", LAST_ROUNDS, steps)
         estimate = turned(without_empty(put_back(estimate, shape)), turns)
