@@ -1,5 +1,6 @@
 """`workbench rig`, as a user types it."""
 
+import signal
 from functools import cache
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import pytest
 import workbench as wb
 from tests.cli.conftest import Run
 from tests.training.test_rigging import Driven, compared, driven
+from workbench.cli.console import Bars
 from workbench.geometry.meshes import write_mesh
 
 
@@ -42,6 +44,34 @@ def test_rig_makes_a_body_and_a_motion(tmp_path: Path, workbench: Run) -> None:
     motion = wb.read_motion(tmp_path / "motion.npz")
     assert motion.fps == 25
     np.testing.assert_allclose(motion.vertices(body)[10], given().meshes[10], atol=1e-8)
+
+
+@pytest.mark.thorough
+def test_interrupted_rig_writes_the_body_so_far_and_continues(
+    tmp_path: Path, workbench: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made_folder(tmp_path / "frames")
+    shown, rounds = Bars.__call__, []
+
+    def interrupting(bars: Bars, what: str, done: int, of: int) -> None:
+        shown(bars, what, done, of)
+        rounds.append(what)
+        if rounds.count("skeleton") == 2:
+            signal.raise_signal(signal.SIGINT)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Bars, "__call__", interrupting)
+        code, _, err = workbench("rig", "frames", "--rest", "rest.ply")
+    assert code == 130
+    assert "rigged.npz is the body so far, with 6 bones" in err
+    assert "continues from rigged.checkpoint.npz" in err
+    assert "interrupted" in str(wb.load_body("rigged.npz").card)
+    assert workbench("rig", "frames", "--rest", "rest.ply")[0] == 0
+    assert not Path("rigged.checkpoint.npz").exists()
+    assert workbench("rig", "frames", "--rest", "rest.ply", "--out", "whole.npz")[0] == 0
+    bodies = [wb.load_body(name) for name in ("rigged.npz", "whole.npz")]
+    np.testing.assert_array_equal(*(np.asarray(body.template) for body in bodies))
+    np.testing.assert_array_equal(*(body.joints() for body in bodies))
 
 
 def test_rig_refuses_what_is_no_motion_of_one_person(workbench: Run, tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """Rigging finds the body that moved the meshes, and says what their motion leaves open."""
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
-from workbench.errors import BadArgument
+from workbench.errors import BadArgument, BadFile
 from workbench.geometry.rigid import procrustes
 from workbench.synthetic.made_up import jointed_tube, random_smpl
 from workbench.training.rigging.bones import (
@@ -30,7 +31,8 @@ from workbench.training.rigging.decomposition import (
     without_least,
 )
 from workbench.training.rigging.joints import joint_tree
-from workbench.training.rigging.rig import pose_rms, rig
+from workbench.training.rigging.rig import Rigged, pose_rms, rig
+from workbench.training.rigging.steps import RigProgress, RigSteps, silent
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,6 +226,49 @@ def test_tube_is_rigged_and_explains_held_out_meshes() -> None:
     motion = found.motion(30.0)
     again = found.body.vertices(motion.pose[4], trans=motion.trans[4])
     np.testing.assert_allclose(again, given.meshes[4], atol=1e-8)
+
+
+def test_meshes_of_single_precision_keep_their_rest_pose() -> None:
+    """As meshes of files are rounded: a template that is free would only explain the rounding."""
+    given = driven(12, seed=3)
+    meshes, rest = (x.astype(np.float32).astype(float) for x in (given.meshes, given.body.template))
+    found = rig(meshes, given.body.faces, rest=rest)
+    agreement = compared(found.body, given.body)
+    assert agreement.edges == 5
+    assert agreement.weights < 1e-4
+    assert found.rms < 1e-7
+    np.testing.assert_allclose(found.body.template, rest, atol=1e-12)
+
+
+@pytest.mark.thorough
+def test_interrupted_rig_continues_and_is_the_same(tmp_path: Path) -> None:
+    """A part of the rig as well: it is a body on the true tree, less exact."""
+    given = driven(24, seed=1)
+    place, said = tmp_path / "checkpoint.npz", []
+
+    def interrupting(what: str, done: int, of: int) -> None:
+        said.append(what)
+        if said.count("skeleton") == 2:
+            raise KeyboardInterrupt
+
+    def rigged(steps: RigSteps, report: RigProgress = silent, bones: int | None = None) -> Rigged:
+        rest, faces = given.body.template, given.body.faces
+        return rig(given.meshes, faces, rest=rest, bones=bones, report=report, steps=steps)
+
+    with pytest.raises(KeyboardInterrupt):
+        rigged(steps := RigSteps(place), interrupting)
+    so_far = rigged(steps.so_far())
+    assert so_far.body.n_joints == 6
+    assert "the search was interrupted" in so_far.notes[-1]
+    with pytest.raises(BadFile, match="another number of bones"):
+        rigged(RigSteps(place), bones=7)
+    again: list[str] = []
+    found = rigged(RigSteps(place), lambda what, done, of: again.append(what))
+    assert len(again) < len(said) + 3
+    whole = rigged(RigSteps())
+    np.testing.assert_array_equal(found.body.weights, whole.body.weights)
+    np.testing.assert_array_equal(found.poses, whole.poses)
+    assert found.rms == whole.rms < 1e-8
 
 
 @pytest.mark.thorough

@@ -48,6 +48,7 @@ from workbench.training.registrations import Registrations
 from workbench.training.rigging.joints import in_words
 from workbench.training.rigging.rig import Rigged, pose_rms
 from workbench.training.rigging.rig import rig as find_rig
+from workbench.training.rigging.steps import RigProgress, RigSteps, silent
 from workbench.training.training import train as train_body
 
 START = "start.npz"
@@ -303,7 +304,8 @@ def rig(
     """Find the skeleton and the skinning weights of meshes in motion, and write them as a body.
 
     The last fifth of the meshes is held out, and the body is measured on up to 20 of them. The
-    command says which joints the motion leaves undetermined, and in which direction.
+    command says which joints the motion leaves undetermined, and in which direction. If it is
+    interrupted, it writes the body so far, and the same command continues from a checkpoint.
     """
     console = Console()
     if out.suffix not in (".npz", ".pkl"):
@@ -326,18 +328,35 @@ def rig(
         f"{T // 5} are held out",
     )
     card = {"provenance": [f"Rigged from the meshes in {', '.join(p.name for p in meshes[:3])}."]}
-    bars = Bars(console)
-    with interrupts_say(lambda: f"interrupted at {bars.last}; nothing was written"), bars:
-        found = find_rig(
+    bars, steps = Bars(console), RigSteps(out.with_suffix(".checkpoint.npz"))
+
+    def rigged(steps: RigSteps, report: RigProgress) -> Rigged:
+        return find_rig(
             given.meshes[rows],
             given.faces,
             rest=first,
             bones=bones,
             tolerance=tolerance,
-            report=bars,
+            report=report,
+            steps=steps,
             card=card,
         )
+
+    def told() -> str:
+        if not steps.arrays:
+            return f"interrupted at {bars.last}; nothing was written"
+        so_far = rigged(steps.so_far(), silent)
+        save_body(so_far.body, out)
+        return (
+            f"interrupted at {bars.last}; {out} is the body so far, with {so_far.body.n_joints} "
+            f"bones and {1e3 * so_far.rms:.3g} mm from the meshes (rms), and the same command "
+            f"continues from {steps.path}"
+        )
+
+    with interrupts_say(told), bars:
+        found = rigged(steps, bars)
     save_body(found.body, out)
+    steps.remove()
     if motion is not None:
         step = (rows[-1] - rows[0]) / (len(rows) - 1)  # meshes between two that were learned from
         save_motion(motion, found.motion(fps / float(step)))

@@ -30,7 +30,7 @@ weights above zero are unknowns; the largest of each vertex is one minus the oth
 alternation after each step lets a weight leave zero, and makes all of them shares again.
 
 A vertex that has four weights of the wrong bones holds them where they are. So each vertex first
-has up to seven weights, and the largest four are kept afterwards (`refined_at_once`).
+has up to five weights, and the largest four are kept afterwards (`refined_at_once`).
 """
 
 from collections.abc import Iterator
@@ -45,13 +45,14 @@ from workbench.training.registrations import rows_of_jobs
 from workbench.training.shares import MOST_WEIGHTS, few_shares
 
 AT_ONCE = 64  # frames in memory at once
+STACKED = 16  # frames whose products by weights are one matrix
 ALONE = 30  # rounds of bones that begin from their weights alone
 LIGHTEST = 1e-9  # the sum of squared weights of a bone that is not moved
-RELAXED = 7  # weights of a vertex on the way
+RELAXED = 5  # weights of a vertex on the way
 STEPS, FLAT = 16, 3  # at most; so many in a row that gain little are the last
 DAMPING, LEAST, MOST = 1e-2, 1e-8, 10.0  # shares of the diagonal: the first, and its bounds
 EASED, RAISED = 0.2, 8.0  # factors on the damping after a step that lowers the cost, or does not
-GAIN = 0.005  # of the rms: a step that lowers it by a smaller share gains little
+GAIN = 0.02  # of the rms: a step that lowers it by a smaller share gains little
 ENOUGH = 1e-9  # m, rms
 FLOOR = 1e-10  # of the largest entry of a diagonal: keeps what nothing determines where it is
 
@@ -74,6 +75,10 @@ class RigidBones:
     def count(self) -> int:
         """K, the number of bones."""
         return int(self.weights.shape[1])
+
+    def arrays(self) -> dict[str, Array]:
+        """The arrays by name."""
+        return {name: getattr(self, name) for name in ("rotations", "translations", "weights")}
 
     def moved(self, rest: Array, some: slice = slice(None)) -> Array:
         """Where each bone alone takes the vertices rest (N, 3) m: (T, K, N, 3) m."""
@@ -189,13 +194,18 @@ def alternate_once(
     return fit_bones(fit_bone_weights(bones, rest, meshes, most), rest, meshes)
 
 
-def refined_at_once(bones: RigidBones, rest: Array, meshes: Array) -> RigidBones:
-    """Steps with more weights than a vertex may have, and then with as many; not worse."""
-    many = joint_steps(bones, rest, meshes, RELAXED)
-    fewer = joint_steps(_cut(many), rest, meshes)
+def refined_at_once(
+    bones: RigidBones, rest: Array, meshes: Array, enough: float = ENOUGH
+) -> RigidBones:
+    """Steps with more weights than a vertex may have, and then with as many; not worse.
+
+    An rms of `enough` (m) is not lowered further.
+    """
+    many = joint_steps(bones, rest, meshes, RELAXED, enough)
+    fewer = joint_steps(_cut(many), rest, meshes, enough=enough)
     if fewer.rms(rest, meshes) < bones.rms(rest, meshes):
         return fewer
-    return joint_steps(bones, rest, meshes)
+    return joint_steps(bones, rest, meshes, enough=enough)
 
 
 def _cut(bones: RigidBones) -> RigidBones:
@@ -208,7 +218,11 @@ def _cut(bones: RigidBones) -> RigidBones:
 
 
 def joint_steps(
-    bones: RigidBones, rest: Array, meshes: Array, most: int = MOST_WEIGHTS
+    bones: RigidBones,
+    rest: Array,
+    meshes: Array,
+    most: int = MOST_WEIGHTS,
+    enough: float = ENOUGH,
 ) -> RigidBones:
     """Steps in bones and weights at once, `most` weights a vertex; none of them raises the cost."""
     rms, damping, flat = bones.rms(rest, meshes), DAMPING, 0
@@ -218,7 +232,7 @@ def joint_steps(
         if after < rms:
             bones, rms, damping = tried, after, max(EASED * damping, LEAST)
             flat = flat + 1 if rms > (1 - GAIN) * before else 0
-            if rms < ENOUGH or flat == FLAT:
+            if rms < enough or flat == FLAT:
                 break
         elif (damping := RAISED * damping) > MOST:
             break
@@ -319,17 +333,20 @@ def _change_of_weights(
     pairs = np.nonzero(vertex[:, None] == vertex)  # unknowns of the same vertex
     products = np.zeros(len(pairs[0]))
     factors: list[Array] = []
-    for frame, mesh in enumerate(meshes):
-        one = _Frame.of(bones, unknowns, rest, mesh, frame)
-        H = one.J.T @ one.J
-        _raise_diagonal(H, damping, H.diagonal())
-        L: Array = np.asarray(np.linalg.cholesky(H), dtype=float)
-        X = solve_triangular(L, one.by_bones(vertex), lower=True)
+    for some in rows_of_jobs(len(meshes), STACKED):
+        stacked = []  # one product of many rows is several times faster than one for each frame
+        for frame in range(some.start, some.stop):
+            one = _Frame.of(bones, unknowns, rest, meshes[frame], frame)
+            H = one.J.T @ one.J
+            _raise_diagonal(H, damping, H.diagonal())
+            L: Array = np.asarray(np.linalg.cholesky(H), dtype=float)
+            stacked.append(solve_triangular(L, one.by_bones(vertex), lower=True))
+            moved = solve_triangular(L, one.J.T @ one.c.ravel(), lower=True)
+            pull += np.sum(one.A * one.c[vertex], axis=1) - stacked[-1].T @ moved
+            products += np.sum(one.A[pairs[0]] * one.A[pairs[1]], axis=1)
+            factors.append(L)
+        X = np.concatenate(stacked)
         normal -= X.T @ X
-        moved = solve_triangular(L, one.J.T @ one.c.ravel(), lower=True)
-        pull += np.sum(one.A * one.c[vertex], axis=1) - X.T @ moved
-        products += np.sum(one.A[pairs[0]] * one.A[pairs[1]], axis=1)
-        factors.append(L)
     if not len(vertex):
         return pull, factors
     normal[pairs] += products

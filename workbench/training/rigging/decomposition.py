@@ -10,7 +10,6 @@ bones and weights are then changed at once (see `joint_steps`), and bones are ex
 one is made where the error is largest, and the one is given up that others can best stand for.
 """
 
-from collections.abc import Callable
 from math import ceil, inf
 
 import numpy as np
@@ -25,8 +24,8 @@ from workbench.training.rigging.bones import (
     refined_at_once,
     rigid_motions,
 )
+from workbench.training.rigging.steps import RigSteps
 
-RigProgress = Callable[[str, int, int], None]
 PATCH = 8  # vertices whose motion a new bone begins with
 FEWEST = 3  # vertices of a cluster: two do not determine a rotation
 TURNS = 4  # of Lloyd's algorithm, and of the alternation, between two new bones
@@ -138,7 +137,7 @@ def alternated(bones: RigidBones, rest: Array, meshes: Array) -> RigidBones:
     return bones
 
 
-def decompose(rest: Array, meshes: Array, count: int, report: RigProgress) -> RigidBones:
+def decompose(rest: Array, meshes: Array, count: int, steps: RigSteps) -> RigidBones:
     """`count` bones: from clusters, more than there are to be, and then fewer, as long as it helps.
 
     A new bone may begin where the error only comes from another bone that is not right yet. So a
@@ -150,7 +149,7 @@ def decompose(rest: Array, meshes: Array, count: int, report: RigProgress) -> Ri
     for cycle in range(CYCLES):
         while bones.count < count + spare:
             bones = alternated(with_worst(bones, rest, meshes), rest, meshes)
-            report(f"bones, turn {cycle + 1}", min(bones.count, count), count)
+            steps.report(f"bones, turn {cycle + 1}", min(bones.count, count), count)
         while bones.count > count:
             bones = alternated(without_least(bones, rest), rest, meshes)
         before, rms = lowest, bones.rms(rest, meshes)
@@ -158,28 +157,35 @@ def decompose(rest: Array, meshes: Array, count: int, report: RigProgress) -> Ri
             best, lowest = bones, rms
         if rms > BETTER * before:
             break
-    report("bones and weights at once", 0, 1)
-    return exchanged(refined_at_once(best, rest, meshes), rest, meshes, report)
+    steps.report("bones and weights at once", 0, 1)
+    return exchanged(best, rest, meshes, steps)
 
 
-def one_more(bones: RigidBones, rest: Array, meshes: Array, report: RigProgress) -> RigidBones:
+def one_more(bones: RigidBones, rest: Array, meshes: Array, steps: RigSteps) -> RigidBones:
     """A bone more than these, and all of them improved."""
     more = alternated(with_worst(bones, rest, meshes), rest, meshes)
-    return exchanged(refined_at_once(more, rest, meshes), rest, meshes, report)
+    return exchanged(more, rest, meshes, steps)
 
 
-def exchanged(bones: RigidBones, rest: Array, meshes: Array, report: RigProgress) -> RigidBones:
-    """As many bones, one of which begins anew where the error is largest, again and again."""
+def exchanged(bones: RigidBones, rest: Array, meshes: Array, steps: RigSteps) -> RigidBones:
+    """As many bones, refined, one of which begins anew where the error is largest, again and again.
+
+    Nothing is gained below twice the least rms, which is noise or rounding of the meshes.
+    """
     enough = max(AT_BEST * least_rms(meshes, bones.count), ROUNDED)
+
+    def refined(start: RigidBones) -> RigidBones:
+        return refined_at_once(start, rest, meshes, enough)
+
+    bones = steps(bones, refined)
     lowest = bones.rms(rest, meshes)
     for swap in range(SWAPS):
         if lowest <= enough:
             break
-        report("bones exchanged", swap + 1, SWAPS)
+        steps.report("bones exchanged", swap + 1, SWAPS)
         more = alternated(with_worst(bones, rest, meshes), rest, meshes)
-        more = refined_at_once(more, rest, meshes)
-        fewer = alternated(without_least(more, rest), rest, meshes)
-        tried = refined_at_once(fewer, rest, meshes)
+        more = steps(more, refined)
+        tried = steps(alternated(without_least(more, rest), rest, meshes), refined)
         before, rms = lowest, tried.rms(rest, meshes)
         if rms < lowest:
             bones, lowest = tried, rms

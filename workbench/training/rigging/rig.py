@@ -36,7 +36,6 @@ from workbench.training.rigging.bones import (
 )
 from workbench.training.rigging.decomposition import (
     MOST,
-    RigProgress,
     alternated,
     bones_needed,
     decompose,
@@ -52,6 +51,7 @@ from workbench.training.rigging.joints import (
     joint_tree,
     notes_of,
 )
+from workbench.training.rigging.steps import RigProgress, RigSteps, silent
 from workbench.training.shares import fit_joint_regressor
 from workbench.training.subsampling import subsample
 
@@ -63,6 +63,7 @@ TREES = 4  # how often a tree is looked for again with better bones
 ROUNDS, LAST_ROUNDS = 4, 30  # of the refinement, before the tree is certain and after
 WORTH = 0.05  # of the rms: a bone that lowers it by a smaller share is not kept
 REGRESSED = 1e-9  # m: a joint regressor that is farther off is not used
+SINGLE = 2.0**-24  # of the largest coordinate: what single precision leaves of meshes
 FIT_STEPS, FIT_SIGMA = 40, 1e-3  # of the fits of poses to further meshes; the sigma is in m
 SIGMA = 1e-3  # m, of E_D, the only term: its size changes no minimum
 DATA = Sigmas(SIGMA, inf, inf, inf, inf, inf, inf)
@@ -126,26 +127,27 @@ class Refinement:
         estimate: Estimate,
         block: str,
         rounds: int,
-        report: RigProgress,
+        steps: RigSteps,
         options: BlockOptions = STEPS,
     ) -> Estimate:
         """Rounds of a block, `skeleton` or `skinning`, and of the weights; none raises the cost."""
+        return steps(estimate, lambda start: self._rounds(start, block, rounds, steps, options))
+
+    def _rounds(
+        self, estimate: Estimate, block: str, rounds: int, steps: RigSteps, options: BlockOptions
+    ) -> Estimate:
         objective = self.objective(estimate)
         before = objective.rms(estimate)
         for number in range(rounds):
             for name in (block, "weights"):
                 given = BlockInput(objective, self.faces, options)
                 estimate = BLOCKS[name](given, estimate).estimate
-            report(block, number + 1, rounds)
+            steps.report(block, number + 1, rounds)
             rms = objective.rms(estimate)
             if rms < EXACT or rms > (1 - LITTLE) * before:
                 break
             before = rms
         return estimate
-
-
-def silent(what: str, done: int, of: int) -> None:
-    """A report that shows nothing."""
 
 
 def rig(
@@ -156,6 +158,7 @@ def rig(
     bones: int | None = None,
     tolerance: float | None = None,
     report: RigProgress = silent,
+    steps: RigSteps | None = None,
     card: Mapping[str, Any] | None = None,
 ) -> Rigged:
     """Find a skeleton, its tree and skinning weights in meshes (T, N, 3) m of one topology.
@@ -169,13 +172,17 @@ def rig(
     vertices are refined too. `bones` is how many there are to be; without it, there are as many as
     lower the error to `tolerance` (m, rms), or as lower it notably. The tolerance is what noise
     leaves, which the singular values of the meshes tell (`noise_of`), and 0.1 mm at least. `report`
-    is called with what is going on, and how much of how much of it is done.
+    is called with what is going on, and how much of how much of it is done. `steps` keep what was
+    found on the way, in memory or in a file, so that a rig that was interrupted continues with
+    them: it is the same rig.
 
-    Raises BadArgument for arrays that do not fit together or are too few, and for a motion that
-    needs more than 64 bones.
+    Raises BadFile for steps of another rig, and BadArgument for arrays that do not fit together or
+    are too few, and for a motion that needs more than 64 bones.
     """
     first = meshes[0] if rest is None and len(meshes) else rest
     shape = _checked(meshes, first, bones, tolerance)
+    steps = RigSteps() if steps is None else steps
+    steps.begin(report, (bones, tolerance), meshes, shape, faces)
     with limited_threads():
         turns, still = _without_travel(shape, meshes)
         few = subsample(shape, np.asarray(faces), ENOUGH)
@@ -185,19 +192,20 @@ def rig(
         if tolerance is None:
             tolerance = max(TOLERANCE, ABOVE_NOISE * np.sqrt(3) * (noise or 0))
         near = Refinement(still[:, v], few.faces)
-        estimate, merged = _skeleton(near, shape[v], bones, tolerance, report)
+        estimate, merged = _skeleton(near, shape[v], bones, tolerance, steps)
         free = bool((estimate.templates[0] != shape[v]).any())
         block = "skinning" if free else "skeleton"
-        estimate = near.refined(estimate, block, LAST_ROUNDS, report, LAST)
+        estimate = near.refined(estimate, block, LAST_ROUNDS, steps, LAST)
         every = Refinement(still, np.asarray(faces))
         if len(v) < len(shape):
             estimate = _on_every_vertex(estimate, still, shape, v)
-            estimate = every.refined(estimate, block, ROUNDS, report)
-        if not free and every.rms(estimate) > REGRESSED:
-            estimate = every.refined(estimate, "skinning", LAST_ROUNDS, report)
+            estimate = every.refined(estimate, block, ROUNDS, steps)
+        rounding = SINGLE * np.abs(meshes).max()
+        if not free and every.rms(estimate) > rounding:
+            estimate = every.refined(estimate, "skinning", LAST_ROUNDS, steps)
         estimate = turned(without_empty(put_back(estimate, shape)), turns)
         every = replace(every, meshes=meshes)
-        return _result(every, estimate, merged, untold, dict(card or {}))
+        return _result(every, estimate, merged, untold, steps, dict(card or {}))
 
 
 def pose_rms(body: SkinnedBody, meshes: Array) -> float:
@@ -222,7 +230,7 @@ def _without_travel(rest: Array, meshes: Array) -> tuple[Array, Array]:
 
 
 def _skeleton(
-    given: Refinement, rest: Array, count: int | None, tolerance: float, report: RigProgress
+    given: Refinement, rest: Array, count: int | None, tolerance: float, steps: RigSteps
 ) -> tuple[Estimate, int]:
     """An estimate with enough bones on the right tree, and how many of them were merged.
 
@@ -234,33 +242,38 @@ def _skeleton(
     some = np.unique(np.linspace(0, len(meshes) - 1, LOOKED_AT).round().astype(int))
     looked_at = meshes[some] if len(some) < len(meshes) else meshes
     target = bones_needed(meshes, tolerance) if count is None else count
-    found = decompose(rest, looked_at, target, report)
+    found = decompose(rest, looked_at, target, steps)
     kept: tuple[Estimate, int] | None = None
     while True:
         different = merged_where_alike(found, rest, tolerance)
         merged = found.count - different.count
         if len(some) < len(meshes):
             different = bones_of_weights(different.weights, rest, meshes)
-        settled, tree = _settled(given, rest, different, report)
-        estimate = given.refined(on_tree(settled, tree, rest), "skeleton", ROUNDS, report)
+        settled, tree = _settled(given, rest, different, steps)
+        estimate = given.refined(on_tree(settled, tree, rest), "skeleton", ROUNDS, steps)
         if given.rms(estimate) > tolerance:
-            freed = given.refined(estimate, "skinning", ROUNDS, report)
+            freed = given.refined(estimate, "skinning", ROUNDS, steps)
             estimate = freed if given.rms(freed) < given.rms(estimate) else estimate
         if kept is not None and given.rms(estimate) > (1 - WORTH) * given.rms(kept[0]):
             return kept
-        if count is not None or given.rms(estimate) <= tolerance or found.count >= MOST:
+        if (
+            count is not None
+            or given.rms(estimate) <= tolerance
+            or found.count >= MOST
+            or steps.unfinished
+        ):
             return estimate, merged
         kept = (estimate, merged)
-        found = one_more(merged_where_alike(found, rest, tolerance), rest, looked_at, report)
+        found = one_more(merged_where_alike(found, rest, tolerance), rest, looked_at, steps)
 
 
 def _settled(
-    given: Refinement, rest: Array, bones: RigidBones, report: RigProgress
+    given: Refinement, rest: Array, bones: RigidBones, steps: RigSteps
 ) -> tuple[RigidBones, JointTree]:
     """Refine bones on their tree, free them, and find the tree again, until it stays the same."""
     tree = joint_tree(bones, rest)
     for _ in range(TREES):
-        estimate = given.refined(on_tree(bones, tree, rest), "skeleton", ROUNDS, report)
+        estimate = given.refined(on_tree(bones, tree, rest), "skeleton", ROUNDS, steps)
         freed = alternated(off_tree(estimate, given.meshes), rest, given.meshes)
         again = joint_tree(freed, rest)
         place = np.argsort(tree.order)
@@ -285,7 +298,12 @@ def _on_every_vertex(estimate: Estimate, meshes: Array, rest: Array, some: Index
 
 
 def _result(
-    every: Refinement, estimate: Estimate, merged: int, untold: bool, card: dict[str, Any]
+    every: Refinement,
+    estimate: Estimate,
+    merged: int,
+    untold: bool,
+    steps: RigSteps,
+    card: dict[str, Any],
 ) -> Rigged:
     meshes, template = every.meshes, estimate.templates[0]
     N, K = estimate.weights.shape
@@ -308,6 +326,8 @@ def _result(
             f"looked for until {1e3 * TOLERANCE:g} mm would be left; a tolerance or more meshes "
             "may give fewer bones",
         )
+    if steps.unfinished:
+        notes += ("the search was interrupted: this is what was found until then, not refined",)
     body = SkinnedBody(
         template=template,
         shapedirs=np.zeros((N, 3, 0)),
