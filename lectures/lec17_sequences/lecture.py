@@ -676,8 +676,8 @@ Picture(
 # knows how good it is. So frames that count rightly avoid the loss.
 #
 # Do they gain anything, beside being
-# smooth? On these 45 frames, which were not looked at when the smoothness was chosen, limbs are off by {{ 108.0 }} mm
-# together and by {{ 106.0 }} mm apart, as a mean over the four cameras taken one by one, and by {{ 131.1 }} mm if
+# smooth? On these 45 frames, which were not looked at when the smoothness was chosen, limbs are off by {{ 108.3 }} mm
+# together and by {{ 107.2 }} mm apart, as a mean over the four cameras taken one by one, and by {{ 127.5 }} mm if
 # every frame counts (`benchmarks/ACCURACY.md`, with a body of more vertices). With two of the four cameras,
 # fitting together is better than apart, with two it is worse. *Jointly is not better in every respect*: one
 # camera does not know the depth of a limb, and frames whose errors are alike cannot tell it either.

@@ -194,11 +194,12 @@ def test_one_image_by_other_terms(tmp_path: Path) -> None:
     (file,) = written(tmp_path, 1)
     for options in (
         ("--recipe", "smplify", "--height", "1.7"),
-        ("--recipe", "smplify", "--prior", "gaussian"),
+        ("--recipe", "smplify", "--prior", "gaussian", "--contact"),
         ("--prior", "mixture", "--contact"),
     ):
         done = fit(str(file), *OPTIONS, *options, "--out", str(tmp_path))
         assert done.exit_code == 0, done.output
+        assert ("SMPLify has spheres" in done.output) == ({"smplify", "--contact"} <= {*options})
         told = json.loads((tmp_path / "frame0" / "summary.json").read_text())
         assert told["measurements"][0]["name"] == "stature"
         assert {"pose prior", "contact"} <= set(told["costs"])

@@ -46,13 +46,14 @@ from workbench.fitting.images import (
     SPREAD,
     ByHeight,
     Smplify,
+    SmplifyTerms,
     WithPosePrior,
     WithStature,
     image_fit,
     image_mean,
 )
 from workbench.fitting.jobs import ImageReading, ImageWork, image_jobs, in_parts
-from workbench.fitting.keypoints import as_marked, keypoint_fit
+from workbench.fitting.keypoints import Terms, as_marked, keypoint_fit
 from workbench.fitting.known_points import own_mesh
 from workbench.fitting.marker_files import READERS as MARKERS
 from workbench.fitting.marker_files import MarkerRecording, read_markers
@@ -276,6 +277,7 @@ def fit(
         raise BadFile(
             f"one folder, mesh or file of markers is fitted at a time, not {len(paths)}; give one"
         )
+    given.mind({"--contact": contact and recipe == "smplify"}, "SMPLify has spheres for that")
     if not first.is_dir() or video:
         given.mind(many, "it is for a folder of images")
     if video:
@@ -374,11 +376,10 @@ def recipe_of(
 ) -> ByHeight | Smplify:
     """How one image is fitted: by which recipe, with what else is known or asked for."""
     recipe: ByHeight | Smplify = ByHeight(sigma=sigma)
+    terms: Terms = WithPosePrior(PRIORS[prior or "gaussian"], (apart_prior,) if contact else ())
     if kind == "smplify":
         recipe = Smplify() if sigma is None else Smplify(sigma)
-    terms, others = recipe.priors, (apart_prior,) if contact else ()
-    if prior is not None or others:
-        terms = WithPosePrior(PRIORS[prior or "gaussian"], others, terms)
+        terms = SmplifyTerms(PRIORS[prior or "mixture"])
     if height is not None:
         checked_height(height)
         terms = WithStature(height, priors=terms)

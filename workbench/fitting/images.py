@@ -136,17 +136,26 @@ def spheres_prior(body: Body) -> Residual:
     return spheres(ends, capsules.radii, capsules.pairs, sigma=sigma, name=CONTACT)
 
 
-def smplify_priors(body: SkinnedBody | TriangleBody) -> tuple[Residual, ...]:
-    """The mixture of poses, shape, elbows and knees, and for bodies with capsules E_sp, with the
+@dataclass(frozen=True)
+class SmplifyTerms:
+    """The prior on the pose, shape, elbows and knees, and for bodies with capsules E_sp, with the
     weights that SMPLify's code has in its last stage.
+
+    Attributes:
+        pose: from a body to the prior on its pose.
     """
-    counts = {
-        "shape prior": 2 * (LAMBDA_SHAPE[-1] / LAMBDA_POSE[-1]) ** 2,
-        "bending": 2 * ANGLES**2,
-    }
-    capsules = isinstance(body, SkinnedBody) and body.capsules is not None
-    terms = WithPosePrior(mixture_prior, (spheres_prior,) if capsules else ())(body)
-    return tuple(p.weighed(counts[p.name]) if p.name in counts else p for p in terms)
+
+    pose: Callable[[Body], Residual] = mixture_prior
+
+    def __call__(self, body: SkinnedBody | TriangleBody) -> tuple[Residual, ...]:
+        """The terms of this body. Raises what `pose` raises."""
+        counts = {
+            "shape prior": 2 * (LAMBDA_SHAPE[-1] / LAMBDA_POSE[-1]) ** 2,
+            "bending": 2 * ANGLES**2,
+        }
+        capsules = isinstance(body, SkinnedBody) and body.capsules is not None
+        terms = WithPosePrior(self.pose, (spheres_prior,) if capsules else ())(body)
+        return tuple(p.weighed(counts[p.name]) if p.name in counts else p for p in terms)
 
 
 def wider(sigma: float, *wide: float, solver: Solver | None = None) -> tuple[SolveStage, ...]:
@@ -260,7 +269,7 @@ class Smplify:
 
     sigma: float = SMPLIFY_SIGMA
     outlier: float = 100.0
-    priors: Terms = smplify_priors
+    priors: Terms = SmplifyTerms()
     solver: Solver = field(default_factory=LevenbergMarquardt)
 
     def __call__(self, person: Appearance) -> ImageRecipe:
