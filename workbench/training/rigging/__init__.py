@@ -8,3 +8,7 @@ spanning tree of the smallest sum of gaps. `rig` runs training's own blocks on t
 Blend shapes are left out: free, they would make up for wrong weights and joints. If the error is
 more than twice `least_rms`, the least that any skeleton of so many bones can reach, a note says so.
 """
+
+from workbench.training.rigging.steps import RigSteps
+
+__all__ = ["RigSteps"]
