@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
-from workbench.blocks import Block
+from workbench.blocks import Block, Points
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body, why_not_skinned
-from workbench.bodies.capsules import capsule_points, capsules_of
+from workbench.bodies.capsules import Capsules, capsule_points, capsules_of
 from workbench.bodies.hands import hands_of
 from workbench.bodies.spaces import PoseSpace, has_pose_space, pose_space
 from workbench.errors import BadArgument, BadBody
@@ -66,17 +66,20 @@ def apart_prior(body: Body) -> Residual:
 
     The radii follow the betas. Raises BadBody for a body without capsules.
     """
+    ends, capsules = posed_capsules(body)
+    radii = capsules.radii_in(body.blocks()[1].symbol)
+    return apart(ends, radii, capsules.pairs, sigma=OVERLAP, name=CONTACT)
+
+
+def posed_capsules(body: Body) -> tuple[Points, Capsules]:
+    """The ends (3, 2 C) m of a body's posed capsules, as symbols, and the capsules at rest.
+
+    Raises BadBody for a body without capsules.
+    """
     if not isinstance(body, SkinnedBody):
         raise BadBody(why_not_skinned(body, "capsules", "take one"))
-    pose, betas, trans = (block.symbol for block in body.blocks())
     capsules = capsules_of(body)
-    return apart(
-        capsule_points(body, pose, betas, trans),
-        capsules.radii_in(betas),
-        capsules.pairs,
-        sigma=OVERLAP,
-        name=CONTACT,
-    )
+    return capsule_points(body, *(block.symbol for block in body.blocks())), capsules
 
 
 def pose_gaussian(body: Body) -> tuple[Array, Array]:

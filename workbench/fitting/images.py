@@ -35,16 +35,16 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
-from workbench.bodies.body import Body, why_not_skinned
-from workbench.bodies.capsules import capsule_points, capsules_of
+from workbench.bodies.body import Body
 from workbench.bodies.triangles import TriangleBody
-from workbench.errors import BadArgument, BadBody
+from workbench.errors import BadArgument
 from workbench.fitting.body_priors import (
     CONTACT,
     MEASURED,
     POSE_PRIOR,
     mixture_prior,
     pose_prior,
+    posed_capsules,
     stature_prior,
     usual_priors,
 )
@@ -113,25 +113,20 @@ class WithPosePrior:
     Attributes:
         pose: from a body to the prior on its pose, such as `mixture_prior`.
         others: from a body to further terms, such as `apart_prior`.
-        priors: the priors of which that on the pose is replaced.
     """
 
     pose: Callable[[Body], Residual] = pose_prior
     others: tuple[Callable[[Body], Residual], ...] = ()
-    priors: Terms = image_priors
 
     def __call__(self, body: SkinnedBody | TriangleBody) -> tuple[Residual, ...]:
         """The terms of this body. Raises what `pose` and `others` raise."""
-        kept = (self.pose(body) if p.name == POSE_PRIOR else p for p in self.priors(body))
+        kept = (self.pose(body) if p.name == POSE_PRIOR else p for p in image_priors(body))
         return (*kept, *(other(body) for other in self.others))
 
 
 def spheres_prior(body: Body) -> Residual:
     """E_sp of SMPLify, whose radii are those of the mean person: see `spheres`."""
-    if not isinstance(body, SkinnedBody):
-        raise BadBody(why_not_skinned(body, "capsules", "take one"))
-    ends = capsule_points(body, *(block.symbol for block in body.blocks()))
-    capsules = capsules_of(body)
+    ends, capsules = posed_capsules(body)
     sigma = LAMBDA_POSE[-1] / (LAMBDA_SPHERES * float(np.sqrt(2)))
     return spheres(ends, capsules.radii, capsules.pairs, sigma=sigma, name=CONTACT)
 
