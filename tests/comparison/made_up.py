@@ -84,8 +84,8 @@ def comparison(
             min((r.cost for r, w in zip(ended, where, strict=True) if w == k), default=0.0)
             for k in range(count)
         )
-        flat = (0.0,) * count
-        judged.append(EndAnalysis(where, costs, flat, flat, points=np.zeros((count, 1))))
+        points = np.zeros((count, 1))
+        judged.append(EndAnalysis(where, costs, (0.0,) * count, (False,) * count, points))
     described = {
         p: Description(
             p,

@@ -88,8 +88,7 @@ def comparison_data(comparison: Comparison) -> dict[str, Any]:
                 "starts": group,
                 "costs": end_analysis.costs,
                 "optimality": end_analysis.optimality,
-                "curvatures": end_analysis.curvatures,
-                "explanations": {k + 1: asdict(e) for k, e in end_analysis.explanations.items()},
+                "saddles": end_analysis.saddles,
                 "message": end_analysis.message,
             }
             for group, end_analysis in zip(comparison.groups, comparison.end_analyses, strict=True)
@@ -172,12 +171,6 @@ def _of(comparison: Comparison, problem: str) -> dict[str, Any]:
     instances = comparison.instances_of(problem)
     analyses = end_analyses(comparison, problem)
     several = any(len(analysis.costs) > 1 for _, analysis in analyses)
-    own = len(analyses) > 1  # data for each start
-    explained = {
-        (f"{group[0]}, basin {k + 1}" if own else f"basin {k + 1}"): str(e)
-        for group, analysis in analyses
-        for k, e in analysis.explanations.items()
-    }
     return {
         "name": problem,
         "question": comparison.described[instances[0].name].question,
@@ -187,7 +180,6 @@ def _of(comparison: Comparison, problem: str) -> dict[str, Any]:
         ),
         "sentence": basin_sentence(comparison, problem).removeprefix(f"{problem}: "),
         "basins": basins_table(comparison, problem) if several else None,
-        "explained": explained,
         "unjudged": [analysis.message for _, analysis in analyses if analysis.message],
     }
 
