@@ -14,13 +14,8 @@ from tests.sampling.densities import gaussian
 from tests.sampling.interrupted_run import run
 from tests.tiers import few
 from workbench import Problem, WorkbenchError
-from workbench.sampling import MOVES, BiasedMove, SamplingProgress, sample
-from workbench.sampling.ensembles import (
-    VectorizedMove,
-    differential_evolution,
-    refuse_biased,
-    stretch,
-)
+from workbench.sampling import SamplingProgress, sample
+from workbench.sampling.ensembles import VectorizedMove, differential_evolution
 
 DIMENSIONS = (2, 10)
 
@@ -45,20 +40,8 @@ def z_of_variance(moves: object, k: int, seed: int, steps: int, repeats: int = 1
 
 
 @pytest.mark.parametrize("k", few(DIMENSIONS, 1))
-@pytest.mark.parametrize("name", MOVES)
-def test_moves_are_unbiased(name: str, k: int) -> None:
-    assert abs(z_of_variance(list(MOVES[name]()), k, seed=3, steps=150)) < 4
-
-
-def test_biased_moves_are_refused() -> None:
-    snooker = emcee.moves.DESnookerMove()
-    for wrong in (snooker, VectorizedMove(snooker)):
-        with pytest.raises(BiasedMove, match="differential_evolution"):
-            refuse_biased(((emcee.moves.DEMove(), 0.8), (wrong, 0.2)))
-    with pytest.raises(BiasedMove):
-        sample(gaussian(np.eye(2)), {"x": np.zeros(2)}, steps=20, moves=((snooker, 1.0),))
-    for moves in (differential_evolution(), stretch()):
-        refuse_biased(moves)
+def test_moves_are_unbiased(k: int) -> None:
+    assert abs(z_of_variance(differential_evolution(), k, seed=3, steps=150)) < 4
 
 
 @pytest.mark.parametrize(
@@ -66,7 +49,6 @@ def test_biased_moves_are_refused() -> None:
     [
         (VectorizedMove(emcee.moves.DEMove()), emcee.moves.DEMove()),
         (VectorizedMove(emcee.moves.DEMove(gamma0=1.0)), emcee.moves.DEMove(gamma0=1.0)),
-        (VectorizedMove(emcee.moves.StretchMove()), emcee.moves.StretchMove()),
     ],
 )
 def test_accepting_together_is_emcees_chain(ours: VectorizedMove, theirs: emcee.moves.Move) -> None:
@@ -81,18 +63,6 @@ def test_accepting_together_is_emcees_chain(ours: VectorizedMove, theirs: emcee.
         chains.append((sampler.get_chain(), sampler.get_log_prob(), sampler.acceptance_fraction))
     for mine, other in zip(*chains, strict=True):
         np.testing.assert_array_equal(mine, other)
-
-
-@pytest.mark.parametrize("move", [emcee.moves.DEMove(), emcee.moves.StretchMove()])
-def test_moves_are_invariant_under_affine_maps(move: emcee.moves.Move) -> None:
-    rng = np.random.default_rng(0)
-    s, c = rng.standard_normal((6, 3)), [rng.standard_normal((7, 3))]
-    Q = 4 * np.linalg.qr(rng.standard_normal((3, 3)))[0]
-    move.setup(s)
-    y, factor = move.get_proposal(s, c, np.random.RandomState(5))
-    turned, again = move.get_proposal(s @ Q + 1, [c[0] @ Q + 1], np.random.RandomState(5))
-    np.testing.assert_allclose(turned, y @ Q + 1, atol=1e-12)
-    np.testing.assert_allclose(again, factor, atol=1e-12)
 
 
 @pytest.mark.thorough

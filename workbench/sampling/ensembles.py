@@ -1,16 +1,16 @@
 """Several independent ensembles of emcee's, side by side, that can be stopped and taken up.
 
-By default walkers move by differential evolution (ter Braak 2006; Nelson et al. 2014): a step is
+Walkers move by differential evolution (ter Braak 2006; Nelson et al. 2014): a step is
 the difference of two other walkers times 2.38 / sqrt(2 k), and every tenth time the whole
-difference, which leads from mode to mode. All moves offered are invariant under affine maps, so
-there is nothing to whiten. The proposals are emcee's, accepted for half of the ensemble at once:
+difference, which leads from mode to mode. These moves are invariant under affine maps, so there is
+nothing to whiten. The proposals are emcee's, accepted for half of the ensemble at once:
 emcee's own loop asks one walker after the other, which costs more than a compiled posterior does.
 """
 
 import hashlib
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from types import ModuleType
@@ -20,7 +20,7 @@ import numpy as np
 
 from workbench.arrays import Array, Mask
 from workbench.environment import optional_library
-from workbench.errors import BadFile, WorkbenchError
+from workbench.errors import BadFile
 from workbench.interrupts import Interrupts
 from workbench.sampling.checkpoint import Checkpoint, SavedEnsemble, load, save
 from workbench.sampling.log_density import LogDensity
@@ -41,17 +41,12 @@ def emcee() -> ModuleType:
     return optional_library("emcee", "drawing a posterior by ensembles of walkers")
 
 
-Moves = Sequence[tuple[Any, float]]  # moves of emcee's, or of the same form, with weights
 JUMPS = 0.1  # of the steps
 KEPT = 2e7  # numbers that are kept in memory: 160 MB
 CHECKED = (1 / 16, 1 / 8, 1 / 4, 1 / 2)  # of the steps: when usable then, that is enough
 BURNT = 0.1  # share of the steps that is discarded at least
 BURNT_TIMES = 5.0  # autocorrelation times that are discarded, but no more than half of the steps
 ASKED = 20  # kept steps between two questions whether draws run away
-
-
-class BiasedMove(WorkbenchError):
-    """The error for a move under which the posterior is not the stationary distribution."""
 
 
 @dataclass(frozen=True)
@@ -87,38 +82,11 @@ class VectorizedMove:
         return state, accepted
 
 
-def differential_evolution() -> Moves:
+def differential_evolution() -> list[tuple[VectorizedMove, float]]:
     """Nine steps of differential evolution to a jump."""
     steps = VectorizedMove(emcee().moves.DEMove())
     jumps = VectorizedMove(emcee().moves.DEMove(gamma0=1.0))
-    return ((steps, 1 - JUMPS), (jumps, JUMPS))
-
-
-def stretch() -> Moves:
-    """Goodman and Weare's, emcee's own default: some four times slower to mix."""
-    return ((VectorizedMove(emcee().moves.StretchMove()), 1.0),)
-
-
-MOVES: Mapping[str, Callable[[], Moves]] = {
-    "de": differential_evolution,
-    "stretch": stretch,
-}
-
-
-def refuse_biased(moves: Moves) -> None:
-    """Raise BiasedMove for emcee's snooker, also inside of a VectorizedMove.
-
-    Up to emcee 3.1.6 it divides by the root of the distance and halves the exponent of the factor
-    (github.com/dfm/emcee/pull/531): the variance of a standard normal comes out as 0.89 in 2
-    dimensions and 0.53 in 40.
-    """
-    for move, _ in moves:
-        if isinstance(getattr(move, "proposals", move), emcee().moves.DESnookerMove):
-            raise BiasedMove(
-                "emcee's DESnookerMove does not leave the posterior as it is "
-                "(github.com/dfm/emcee/pull/531): its draws are too narrow. Use "
-                "`differential_evolution()` or `stretch()` of workbench.sampling.ensembles"
-            )
+    return [(steps, 1 - JUMPS), (jumps, JUMPS)]
 
 
 @dataclass(frozen=True)
@@ -161,7 +129,6 @@ class SamplerSettings:
         steps: how many steps, or leapfrog steps, each takes at most.
         thin: every how many steps of a walker one is kept.
         seed: the seed of all random numbers.
-        moves: emcee's moves with their weights.
         whole: whether to take all steps, even if the draws are usable earlier.
     """
 
@@ -170,7 +137,6 @@ class SamplerSettings:
     steps: int
     thin: int = 1
     seed: int = 0
-    moves: Moves = field(default=(), repr=False)
     whole: bool = False
 
     def generator(self, stream: int) -> np.random.Generator:
@@ -249,10 +215,9 @@ def run(
 
     A run that was killed and is taken up ends bit for bit as one that was not. An interrupt from
     the keyboard ends the run; what was drawn is kept. A checkpoint that cannot be written is said
-    in the log, and the run goes on. Raises BiasedMove, Improper, or BadFile for a checkpoint of
+    in the log, and the run goes on. Raises Improper, or BadFile for a checkpoint of
     another run or in a folder that does not exist.
     """
-    refuse_biased(plan.moves)
     if checkpoint is not None and not checkpoint.parent.is_dir():
         raise BadFile(f"cannot write {checkpoint}: there is no such folder; choose another")
     began = time.perf_counter()
@@ -413,7 +378,7 @@ def _saved_state(saved: SavedEnsemble) -> tuple[Any, Any]:
 def _sampler(target: LogDensity, plan: SamplerSettings, backend: Any) -> Any:
     k = target.subspace.size
     sampler = emcee().EnsembleSampler(
-        plan.walkers, k, target, moves=list(plan.moves), backend=backend, vectorize=True
+        plan.walkers, k, target, moves=differential_evolution(), backend=backend, vectorize=True
     )
     # emcee's own way takes each number apart, and prints a traceback of every interrupt
     sampler.compute_log_prob = lambda z: (target(z), None)
@@ -440,7 +405,7 @@ def _settings(target: LogDensity, plan: SamplerSettings) -> dict[str, Any]:
         "thin": plan.thin,
         "seed": plan.seed,
         "entries": list(space.labels),
-        "moves": [f"{type(m).__name__} {weight:.4g}" for m, weight in plan.moves],
+        "moves": ["VectorizedMove 0.9", "VectorizedMove 0.1"],
         "log density at the start": float(target(space.centre[None])[0]).hex(),
         "numbers": digest.hexdigest()[:24],
     }

@@ -263,7 +263,7 @@ def laplace(
     x, given = problem.split(at)
     if draws < CHAINS:
         raise BadArgument(f"{draws} draws are too few to judge by; ask for {CHAINS} or more")
-    wanted = None if callable(names) or rest is not integrated else named(problem, names)
+    wanted = named(problem, names) if rest is integrated else None
     # limits on any number cut off the Gaussian of all numbers
     limited = problem.bounded or problem.stacked_constraints is not None
     most = MOST_LIMITED if limited else MOST

@@ -272,8 +272,7 @@ class Mixing:
         enough = self.steps > FIRST * GAUSSIAN * k  # for a Gaussian: else it is merely too short
         if enough and self.growth > GROWTH and self.times.max() > FAR * GAUSSIAN * k:
             remedy = (
-                f"sample fewer entries (about {MANY}), or the directions that the data "
-                "determine best"
+                f"sample fewer entries (about {MANY})"
                 if k > MANY
                 else "look at the traces: there may be several modes, or a long and bent ridge"
             )

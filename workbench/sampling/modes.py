@@ -12,7 +12,7 @@ from workbench.arrays import Array, Index
 from workbench.errors import WorkbenchError
 from workbench.geometry import rotation
 from workbench.sampling.log_density import LogDensity, violation_in_words
-from workbench.sampling.subspace import Improper, svd_of_full_rank
+from workbench.sampling.subspace import Improper
 
 Vector = Callable[[Array], Array]
 DECREASE = 0.1  # of the cost that the linear model predicts: at a minimum it is less
@@ -135,23 +135,20 @@ def _cut_off(J: Array, r: Array, z: Array, low: Array, high: Array) -> float:
 
 
 def bounds_of(target: LogDensity) -> tuple[Array, Array]:
-    """The bounds of z, (k,) each; infinite if z are directions and not entries."""
+    """The bounds of z, (k,) each."""
     space, problem = target.subspace, target.problem
-    if space.entries is None:
-        return np.full(space.size, -np.inf), np.full(space.size, np.inf)
     return problem.lower[space.entries], problem.upper[space.entries]
 
 
 def dependent_bounds(target: LogDensity) -> tuple[Array, Array, Array]:
     """Bounds on numbers that move with z without being among its entries: low <= A z <= high.
 
-    Such are all numbers where z are directions, and those on the ridge of what is integrated out.
-    A is (c, k), low and high (c,); c is 0 where z are entries and the rest stays where it is.
+    Such are those on the ridge of what is integrated out. A is (c, k), low and high (c,); c is 0
+    where the rest stays where it is.
     """
     space, problem = target.subspace, target.problem
     bounded = np.isfinite(problem.lower) | np.isfinite(problem.upper)
-    if space.entries is not None:
-        bounded[space.entries] = False
+    bounded[space.entries] = False
     size = abs(space.along).max(axis=0, initial=0.0)  # what rounding moves does not move
     bounded &= (abs(space.along) > ROUNDED * size).any(axis=1)
     A = space.along[bounded]
@@ -176,13 +173,24 @@ def rows_between(low: Array, high: Array, scale: float) -> Array:
 
 
 def inverse_half(target: LogDensity, J: Array) -> Array:
-    """A half (k, k) with half half' = (J'J)^-1. Raises Improper if J has no full rank."""
-    labels = target.subspace.labels
+    """A half (k, k) with half half' = (J'J)^-1.
 
-    lengths, s, V = svd_of_full_rank(
-        J, lambda direction: f"a direction with {labels[int(np.argmax(abs(direction)))]}"
-    )
-    return np.asarray(V / s / lengths[:, None])
+    Raises Improper if J has no full rank. That is judged with columns of length 1, so that no unit
+    decides what is seen.
+    """
+    lengths = np.linalg.norm(J, axis=0)
+    lengths = np.where(lengths > 0, lengths, 1.0)
+    _, found, Vt = np.linalg.svd(J / lengths, full_matrices=len(J) < J.shape[1])
+    s = np.zeros(J.shape[1])
+    s[: found.size] = found
+    if (s <= np.finfo(float).eps * max(J.shape) * max(s.max(initial=0), 1e-300)).any():
+        direction = abs(Vt[int(np.argmin(s))] / lengths)
+        raise Improper(
+            f"nothing holds a direction with {target.subspace.labels[int(np.argmax(direction))]}: "
+            "its posterior has no width. Add a prior or bounds, or fix it; `workbench diagnose` "
+            "names all such directions"
+        )
+    return np.asarray(Vt.T / s / lengths[:, None])
 
 
 def _x(target: LogDensity, z: Array) -> Array:
@@ -441,8 +449,6 @@ def shortest_rotations(target: LogDensity, z: Array) -> Array:
     sampled stays as it is, and so does one whose bounds forbid the shorter vector.
     """
     space, problem = target.subspace, target.problem
-    if space.entries is None:
-        return z
     x, sampled = space.points(z[None])[0], np.isin(np.arange(problem.free.size), space.entries)
     for row in problem.rotations:
         length = float(np.linalg.norm(x[row]))
