@@ -11,12 +11,12 @@ import pytest
 
 import workbench as wb
 from tests.comparison import problems
-from tests.comparison.made_up import in_this_process
+from tests.comparison.made_up import deterministic, in_this_process
 from tests.comparison.problems import ANGLE, LINE, NOWHERE, SLIDE
 from workbench.comparison import Budget, Comparison, TargetOutcome, compare
 from workbench.comparison.advice import advice
 from workbench.comparison.comparison import by_effort
-from workbench.comparison.tables import deterministic, rows, write_csv
+from workbench.comparison.tables import rows, write_csv
 from workbench.errors import BadArgument, BadFile, UnknownName, WorkbenchError
 
 SHORT = Budget(max_seconds=2.0, max_evaluations=300, grace=0.5)

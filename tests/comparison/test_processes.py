@@ -14,10 +14,11 @@ import pytest
 
 import workbench as wb
 from tests.comparison import problems
+from tests.comparison.made_up import deterministic
 from tests.comparison.problems import LINE, SLIDE, Forever
 from workbench import GaussNewton, LevenbergMarquardt
 from workbench.comparison import Budget, Comparison, RunEnding, TargetOutcome, compare, workers
-from workbench.comparison.tables import deterministic, rows, write_csv
+from workbench.comparison.tables import rows, write_csv
 from workbench.errors import WorkbenchError
 
 pytestmark = pytest.mark.thorough
@@ -31,7 +32,8 @@ RESUMED = """
 import sys
 from pathlib import Path
 from tests.comparison.test_processes import many
-from workbench.comparison.tables import deterministic, write_csv
+from tests.comparison.made_up import deterministic
+from workbench.comparison.tables import write_csv
 found = many(Path(sys.argv[1]))
 write_csv(found, Path(sys.argv[2]), deterministic(found))
 """

@@ -4,12 +4,13 @@ import math
 from collections.abc import Iterable
 
 from workbench.comparison.comparison import MAIN, Comparison, by_effort
+from workbench.comparison.record import KINDS, LIMITED
 from workbench.comparison.statistics import FEWEST, LEVEL, Interval
 from workbench.comparison.targets import (
+    PRICES,
     SOURCE,
     TargetOutcome,
     ended_by_clock,
-    prices_in_words,
     tau_text,
 )
 from workbench.diagnostics.words import counted
@@ -161,9 +162,10 @@ def _clock(comparison: Comparison) -> list[str]:
 
 def prices_sentence() -> str:
     """At which prices effort is counted."""
+    priced = ", ".join(f"{PRICES[k].name} {PRICES[k].formula}" for k in KINDS[: LIMITED + 1])
     return (
         "Effort is the number of evaluations until the target is met, each kind times a fixed "
-        f"price in units of one evaluation of the residual: {prices_in_words()} "
+        f"price in units of one evaluation of the residual: {priced}, for n free numbers "
         f"(a gradient as {SOURCE}, bound it, a Jacobian as differences would give it, constraints "
         "by convention). It does not depend on any clock."
     )
@@ -171,20 +173,18 @@ def prices_sentence() -> str:
 
 def basin_sentence(comparison: Comparison, problem: str) -> str:
     """How many basins the ends of a problem fall into, and how many runs ended in the lowest."""
-    chosen = [i.name for i in comparison.instances_of(problem)]
-    found = {n: comparison.end_analysis(n) for n in chosen}
-    several = max((len(j.costs) for j in found.values()), default=0)
-    counted = [b for (i, _), b in comparison.basins.items() if i in found]
-    lowest = sum(1 for b in counted if b == 0)
-    if not counted:
+    found = {i.name: comparison.end_analysis(i.name) for i in comparison.instances_of(problem)}
+    basins = [b for (i, _), b in comparison.basins.items() if i in found]
+    several = max((len(analysis.costs) for analysis in found.values()), default=0)
+    if not basins:
         return f"{problem}: no run ended at a point of finite cost."
-    if len(counted) == 1:
+    if len(basins) == 1:
         return f"{problem}: only one run ended, so that no other basin is known."
-    per = "" if len({id(j) for j in found.values()}) == 1 else "up to "
+    own = len({id(analysis) for analysis in found.values()}) > 1  # data for each start
     if several == 1:
-        each = "on each data set " if per else ""
-        return f"{problem}: {each}all {len(counted)} ends lead to one basin."
+        each = "on each data set " if own else ""
+        return f"{problem}: {each}all {len(basins)} ends lead to one basin."
     return (
-        f"{problem}: the ends lead to {per}{several} basins; {lowest} of {len(counted)} ends lead "
-        "to the lowest."
+        f"{problem}: the ends lead to {'up to ' if own else ''}{several} basins; "
+        f"{basins.count(0)} of {len(basins)} ends lead to the lowest."
     )

@@ -16,14 +16,8 @@ from numpy.typing import ArrayLike
 from workbench.comparison.comparison import Comparison
 from workbench.comparison.design import Instance
 from workbench.comparison.record import KINDS
-from workbench.comparison.targets import claims, stationary, tau_text
+from workbench.comparison.targets import claims, tau_text
 from workbench.writing import replacing
-
-
-def deterministic(comparison: Comparison) -> tuple[str, ...]:
-    """The columns that a repetition gives again: all but those with times."""
-    columns = next(rows(comparison))
-    return tuple(c for c in columns if not c.startswith(("seconds", "machine")))
 
 
 def rows(comparison: Comparison) -> Iterator[dict[str, Any]]:
@@ -48,7 +42,8 @@ def write_csv(comparison: Comparison, path: Path, chosen: Sequence[str] | None =
 def _row(comparison: Comparison, instance: Instance, solver: str) -> dict[str, Any]:
     record = comparison.records[instance.name, solver]
     reference = comparison.references[instance.name]
-    holds = stationary(record, comparison.design.budget.stationary) if claims(record) else None
+    budget = comparison.design.budget
+    holds = record.optimality <= budget.stationary if claims(record) else None
     basin = comparison.basins.get((instance.name, solver))
     row: dict[str, Any] = {
         "problem": instance.problem,
