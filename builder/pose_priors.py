@@ -3,7 +3,7 @@
     python -m builder.pose_priors gaussian MOCAP.npz --out workbench/data/poses
 
 writes `cmu_gaussian.npz`, and `mixture` writes `cmu_mixture.npz`.
-The recording is as `workbench.priors.recordings` describes it. `regressor` writes
+The recording is as `builder.recordings` describes it. `regressor` writes
 `regressor.npz`, the regressor of poses; it takes three minutes, and nothing but the
 package and scikit-learn (the extra `learn`)."""
 
@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from scipy.special import logsumexp
 
+from builder.recordings import PoseRecording, read_recording
 from builder.stored import write_arrays
 from workbench import load_body
 from workbench.arrays import Array, Index, Mask
@@ -27,7 +28,6 @@ from workbench.priors.poses import (
     PoseMixture,
     shipped_mixture,
 )
-from workbench.priors.recordings import PoseRecording, read_recording
 
 UNMEASURED_STD = 0.1  # rad, of joints that the recording does not move: a guess
 LEAST_STD = 0.01  # rad, added to every entry, so that the covariance can be inverted

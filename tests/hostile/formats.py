@@ -20,6 +20,7 @@ import casadi as cs
 import numpy as np
 from scipy.sparse import csr_array, issparse
 
+from builder.recordings import read_recording
 from tests.bodies.model_files import MODELS, written
 from tests.bodies.random_bodies import decorated, entries
 from tests.fitting.mediapipe_made import mediapipe_results
@@ -46,7 +47,6 @@ from workbench.fitting.scans.files import read_scan
 from workbench.geometry.meshes import read_mesh, write_mesh
 from workbench.motions import SoftTissue, load_tissue, read_motion, save_tissue
 from workbench.priors.poses import read_pose_gaussian, read_pose_mixture
-from workbench.priors.recordings import read_recording
 from workbench.sampling.checkpoint import SavedEnsemble, load, save
 from workbench.solvers import Solution
 from workbench.training.checkpoint import TrainingCheckpoint, read_checkpoint

@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import workbench as wb
+from builder.recordings import recorded_motions
 from tests.motions.made_files import random_motion
 from tests.tiers import few
 from workbench import load_body
@@ -22,7 +23,6 @@ from workbench.motions import Bones, Motion, bones_of, read_motion
 from workbench.motions.motion import without_gaps
 from workbench.plots import plot_motion
 from workbench.plots.style import drawn
-from workbench.priors.recordings import recorded_motions
 
 SMALL = wb.load_body("small")
 

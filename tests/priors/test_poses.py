@@ -16,6 +16,7 @@ from builder.pose_priors import (
     save_pose_gaussian,
     save_pose_mixture,
 )
+from builder.recordings import ELBOW_LIMIT, PoseRecording, read_recording
 from workbench.errors import BadFile
 from workbench.priors.poses import (
     GAUSSIAN_FILE,
@@ -24,7 +25,6 @@ from workbench.priors.poses import (
     read_pose_gaussian,
     read_pose_mixture,
 )
-from workbench.priors.recordings import ELBOW_LIMIT, PoseRecording, read_recording
 from workbench.synthetic.teacher import JOINT_NAMES, MIRRORED_JOINTS
 
 SHIPPED = Path(workbench.__file__).parent / "data" / "poses" / GAUSSIAN_FILE

@@ -122,10 +122,9 @@ def test_checkpoints_of_other_runs_are_refused(tmp_path: Path) -> None:
         problem = gaussian(np.eye(2))
         with pytest.raises(WorkbenchError, match="draws of another run"):
             draw(Problem(problem.residuals, "x", {"x": limits}, problem.free.blocks))
-    for content, why in ((b"no draws at all", ""), (b"\x89HDF\r\n\x1a\n", "an earlier version")):
-        path.write_bytes(content)
-        with pytest.raises(WorkbenchError, match=f"no checkpoint.*{why}.*remove it to begin anew"):
-            draw(gaussian(np.eye(2)))
+    path.write_bytes(b"no draws at all")
+    with pytest.raises(WorkbenchError, match=r"no checkpoint.*remove it to begin anew"):
+        draw(gaussian(np.eye(2)))
 
 
 def test_missing_folders_are_refused(tmp_path: Path) -> None:

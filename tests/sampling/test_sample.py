@@ -22,7 +22,6 @@ from workbench.sampling import (
     sample,
     sampling_blocks,
 )
-from workbench.sampling.subspace import limbs
 
 COVARIANCE, MEAN = conditioned(4, 30.0, seed=3), np.array([1.0, -2.0, 0.5, 3.0])
 TWO = ("x[1]", "x[3]")
@@ -134,7 +133,6 @@ def test_parts_of_a_body_cover_it() -> None:
     meant = np.concatenate([entries(layout, names) for names in parts.values()])
     assert sorted(meant) == list(range(layout.size))
     assert max(entries(layout, names).size for names in parts.values()) <= 21
-    assert [tree.names[k] for k in limbs(tree)[0]][:2] == ["left_hip", "left_knee"]
 
 
 @pytest.mark.thorough
@@ -146,7 +144,6 @@ def test_draws_are_compared_with_laplace() -> None:
     assert "curved" in rows[1].remark
     both = sample(two_modes(3.0), {"x": [3.0, 0.0]}, steps=2000, walkers=16, seed=4)
     rows = compared_with_laplace(both, laplace(two_modes(3.0), {"x": [3.0, 0.0]}))
-    assert rows[0].remark == "2 modes"
     assert rows[1].remark == "agrees"
     with pytest.raises(wb.WorkbenchError, match="different entries"):
         compared_with_laplace(both, laplace(gaussian(np.eye(3)), {"x": np.zeros(3)}))

@@ -109,12 +109,6 @@ def sample(
             path = kept / f"{file_of[part]}.npz"
             if fresh:
                 path.unlink(missing_ok=True)
-            elif (before := path.with_suffix(".h5")).exists() and not path.exists():
-                say(
-                    console,
-                    f"[yellow]{escape(str(before))} is of an earlier version and is not continued; "
-                    "sampling begins anew[/]",
-                )
             console.print(f"\n[bold]{escape(part)}[/]")
             with _bar(console) as bar:
                 task = bar.add_task("sampling", total=steps, info="")

@@ -18,7 +18,6 @@ Vector = Callable[[Array], Array]
 DECREASE = 0.1  # of the cost that the linear model predicts: at a minimum it is less
 AT_A_BOUND = 1e-6  # of the scale of an entry: it is held there
 INSIDE = 1e-9  # of the scale of a bound: where a search for a minimum stops in front of it
-BISECTIONS = 50  # of the way out of a domain: what is left of it is no more than rounding
 ROUNDED = 1e-12  # of the largest entry of a direction: zero, but for rounding
 APART = 1.0  # standard deviations: minima that are nearer to each other are one
 NEGLIGIBLE = 1e-4  # of the largest mass
@@ -104,7 +103,7 @@ def mode_from(target: LogDensity, start: Array) -> Mode:
     if not limited or target.allows(space.points(z[None]))[0]:
         settled = _predicted_decrease(residual(z), jacobian(z), z, low, high) < DECREASE
     else:
-        z, settled = _constrained(target, start, residual, jacobian)
+        z = _constrained(target, start, residual, jacobian)
     half = covariance_half(target, jacobian(z))
     cost = 0.5 * float(np.sum(residual(z) ** 2))
     log_det = np.linalg.slogdet(half)[1] + _cut_off(jacobian(z), residual(z), z, low, high)
@@ -197,13 +196,10 @@ def _x(target: LogDensity, z: Array) -> Array:
     return np.asarray(target.subspace.points(z[None])[0])
 
 
-def _constrained(
-    target: LogDensity, start: Array, residual: Vector, jacobian: Vector
-) -> tuple[Array, bool]:
+def _constrained(target: LogDensity, start: Array, residual: Vector, jacobian: Vector) -> Array:
     """The minimum from there by SciPy's SLSQP, in units of the Jacobian's columns.
 
-    SLSQP may end outside of the domain of a residual. Then the point is the last one in the domains
-    on the straight way to that end, and False says that it is no minimum.
+    Raises NoMinimum if it ends where constraints are violated or a residual means nothing.
     """
     space, there = target.subspace, target.problem.stacked_constraints
     lengths = np.linalg.norm(jacobian(start), axis=0)
@@ -253,29 +249,14 @@ def _constrained(
         constraints=scipy.optimize.NonlinearConstraint(margins, 0.0, np.inf, jac=margins_jacobian),
         options={"maxiter": 500, "ftol": 1e-10},
     )
-    end = np.asarray(start + scale * ended.x)
-    z = _into_domain(target, start, end)
-    if not target.allows(space.points(z[None]))[0]:
+    z = np.asarray(start + scale * ended.x)
+    if not (target.allows(space.points(z[None]))[0] and target.in_domain(z[None])[0]):
         why = violation_in_words(target.problem, target.fixed, _x(target, z))
         raise NoMinimum(
             f"no point near the start meets the bounds and constraints ({why}); solve the problem "
             "with a solver that takes constraints, and start at its answer"
         )
-    return z, z is end
-
-
-def _into_domain(target: LogDensity, start: Array, end: Array) -> Array:
-    """The end (k,), or the last point in the domains on the way to it from a start in them."""
-    if target.in_domain(end[None])[0]:
-        return end
-    inside, outside = 0.0, 1.0
-    for _ in range(BISECTIONS):
-        middle = 0.5 * (inside + outside)
-        if target.in_domain((start + middle * (end - start))[None])[0]:
-            inside = middle
-        else:
-            outside = middle
-    return np.asarray(start + inside * (end - start))
+    return z
 
 
 def _predicted_decrease(r: Array, J: Array, z: Array, low: Array, high: Array) -> float:

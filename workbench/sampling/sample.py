@@ -37,6 +37,7 @@ from workbench.sampling.modes import (
 )
 from workbench.sampling.posterior import Posterior
 from workbench.sampling.subspace import (
+    MOST,
     Improper,
     Names,
     Rest,
@@ -48,7 +49,6 @@ from workbench.sampling.subspace import (
 )
 from workbench.threads import limited_threads
 
-MOST = 21  # free numbers that ensembles sample well
 SAME = 1.0  # standard deviations between two modes that are one in what is named
 WORTH_COMPILING = 300_000  # evaluations: compiling takes seconds, once
 LEAPFROG = 2  # leapfrog steps that are allowed for each step of an ensemble

@@ -20,6 +20,8 @@ from workbench.blocks.layout import entries, places_named
 from workbench.errors import WorkbenchError
 from workbench.problem import Linearization, Problem
 
+MOST = 21  # numbers that ensembles sample well together
+
 
 class Improper(WorkbenchError):
     """A direction that neither data nor priors nor bounds hold: its posterior has no width."""
@@ -150,36 +152,32 @@ def _entries(layout: Layout, x: Array, named: Index, along: Array, rest: Array) 
     )
 
 
-def sampling_blocks(
-    layout: Layout, trees: Iterable[Tree], most: int = 21
-) -> dict[str, tuple[str, ...]]:
-    """Parts of the unknowns by name, each small enough to be sampled.
+def sampling_blocks(layout: Layout, trees: Iterable[Tree]) -> dict[str, tuple[str, ...]]:
+    """Parts of the unknowns by name, of at most 21 numbers each.
 
     If there are few unknowns, all of them are one part. Otherwise the parts are `shape and place`,
-    with everything but the pose, and with the root's rotation, and the limbs, which are chains of
-    joints between two branchings.
+    with everything but the pose and with the root's rotation, and seven joints after seven.
     """
-    if layout.size <= most:
+    if layout.size <= MOST:
         return {"all": layout.names}
     parts: dict[str, tuple[str, ...]] = {}
     trees = tuple(trees)
-    poses = {name for tree in trees for name in tree.blocks if name in layout.names}
-    others = [b.name for b in layout.blocks if b.name not in poses and b.size <= most]
+    poses = {name for tree in trees for name in tree.blocks}
+    others = [b.name for b in layout.blocks if b.name not in poses and b.size <= MOST]
     roots = [name for tree in trees for name in _of_joint(layout, tree, 0)]
     chosen: list[str] = []
     for name in (*others, *roots):
-        if sum(len(places_named(layout, n)) for n in (*chosen, name)) <= most:
+        if sum(len(places_named(layout, n)) for n in (*chosen, name)) <= MOST:
             chosen.append(name)
     if chosen:
         parts["shape and place" if poses else "the small blocks"] = tuple(chosen)
     for tree in trees:
-        for limb in limbs(tree):
-            joints = [k for k in limb if tree.entries(k, layout)][: most // 3]
-            if joints:
-                names = [tree.names[k] for k in joints]
-                parts[f"{names[0]} to {names[-1]}" if len(names) > 1 else names[0]] = tuple(
-                    name for k in joints for name in _of_joint(layout, tree, k)
-                )
+        joints = [k for k in range(1, len(tree.names)) if tree.entries(k, layout)]
+        for some in (joints[i : i + MOST // 3] for i in range(0, len(joints), MOST // 3)):
+            names = [tree.names[k] for k in some]
+            parts[f"{names[0]} to {names[-1]}" if len(names) > 1 else names[0]] = tuple(
+                name for k in some for name in _of_joint(layout, tree, k)
+            )
     return parts
 
 
@@ -189,16 +187,3 @@ def _of_joint(layout: Layout, tree: Tree, joint: int) -> list[str]:
     labels = layout.labels_of(at)
     rows = {label.rpartition(", ")[0] for label in labels}
     return [f"{rows.pop()}]"] if len(at) == 3 and len(rows) == 1 and "" not in rows else labels
-
-
-def limbs(tree: Tree) -> list[list[int]]:
-    """Joints in a row, each the only child of the one before; the root is in none."""
-    rows: list[list[int]] = []
-    for k, parent in enumerate(tree.parents):
-        if parent < 0:
-            continue
-        if parent > 0 and len(tree.children(parent)) == 1:
-            next(row for row in rows if row[-1] == parent).append(k)
-        else:
-            rows.append([k])
-    return rows
