@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from workbench.arrays import Array
 from workbench.comparison import Comparison, EndAnalysis, Record, TargetOutcome
 from workbench.comparison.advice import advice, basin_sentence, percent, reliable
 from workbench.comparison.comparison import MAIN
@@ -16,7 +17,6 @@ from workbench.comparison.record import KINDS, LIMITED
 from workbench.comparison.statistics import FEWEST, Interval, median
 from workbench.comparison.store import MARK, RUNS
 from workbench.comparison.tables import (
-    Seconds,
     evaluation_seconds,
     ratios,
     seconds_of_runs,
@@ -364,8 +364,8 @@ def _counts(
     )
 
 
-def _spread(spread: Seconds) -> tuple[str, str, str]:
-    return number(spread.minimum, 2), number(spread.median, 2), number(spread.maximum, 2)
+def _spread(seconds: Array) -> tuple[str, ...]:
+    return tuple(number(s, 2) for s in seconds)
 
 
 def _effort(comparison: Comparison, solver: str, tau: float, problem: str | None = None) -> str:
