@@ -158,9 +158,9 @@ def _times(found: comparison.Comparison) -> Table:
     spreads = {solver: seconds_of_runs(found, solver) for solver in found.solvers}
     columns: Columns[str] = {
         "seconds of a run": str,
-        "least": lambda solver: f"{spreads[solver].minimum:.3g}",
-        "median": lambda solver: f"{spreads[solver].median:.3g}",
-        "most": lambda solver: f"{spreads[solver].maximum:.3g}",
+        "least": lambda solver: f"{spreads[solver][0]:.3g}",
+        "median": lambda solver: f"{spreads[solver][1]:.3g}",
+        "most": lambda solver: f"{spreads[solver][2]:.3g}",
     }
     return Table.of(found.solvers, columns, (1, 2, 3))
 

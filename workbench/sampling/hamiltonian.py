@@ -10,14 +10,12 @@ along a bent ridge of many dimensions, where proposals of ensembles are hardly e
 
 Steps are taken in u, with x = centre + half u. `half` is first that of Laplace's approximation, and
 after half of the warm-up a square root of the covariance of all chains, each about the mean of the
-chains at the same mode. The step is adapted during the warm-up until 95 % of the ends are accepted.
-A longer step would suit most places, but in a bent ridge chains would hardly ever leave those where
-the density is narrow, and its tails would be explored slowly. Each chain takes a random fraction of
-the step, and trajectories have random lengths, so that none returns to where it began. Where
-several modes are known, each trajectory is followed by an attempt to jump from one mode to another
-(Pompe, Holmes and Latuszynski 2020, A framework for adaptive MCMC targeting multimodal
-distributions). An end beyond bounds or constraints is refused, so that many active bounds make
-chains slow.
+chains at the same mode. The step is adapted during the warm-up until 95 % of the ends are accepted:
+with a longer one chains would hardly ever leave the narrow places of a bent ridge. Each chain takes
+a random fraction of the step, and trajectories have random lengths, so that none returns to where
+it began. Where several modes are known, each trajectory is followed by an attempt to jump from one
+mode to another (Pompe, Holmes and Latuszynski 2020, A framework for adaptive MCMC targeting
+multimodal distributions). An end beyond bounds or constraints is refused.
 """
 
 import time
@@ -139,9 +137,8 @@ class Chains:
     def whitened(self, seen: Array, found: Sequence[Mode]) -> "Chains":
         """The same chains in coordinates in which the points seen (M, d) have covariance 1.
 
-        The covariance is that around the mean of each mode: how far modes are from each other says
-        nothing of how long a step can be in any of them. The fewer points there are, the more of
-        the covariance is taken from the coordinates as they are.
+        The covariance is that around the mean of each mode. The fewer points there are, the more of
+        it is taken from the coordinates as they are.
         """
         d, worth = seen.shape[1], len(seen) / WORTH
         mean = seen.mean(axis=0)

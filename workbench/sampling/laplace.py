@@ -146,15 +146,13 @@ def draws_in_domain(
     Draws outside of the domains of residuals are replaced by others. Raises NotSupported if nearly
     all are outside.
     """
-    z, log_q = draws_from(gaussian, count, rng)
-    inside = target.in_domain(z)
-    z, log_q = z[inside], log_q[inside]
+    z, log_q = np.empty((0, len(gaussian.mean))), np.empty(0)
     for _ in range(ROUNDS):
-        if len(z) >= count:
-            return z[:count], log_q[:count]
         more, log_more = draws_from(gaussian, count, rng)
         inside = target.in_domain(more)
         z, log_q = np.concatenate([z, more[inside]]), np.concatenate([log_q, log_more[inside]])
+        if len(z) >= count:
+            return z[:count], log_q[:count]
     raise NotSupported(
         "nearly all of Laplace's Gaussian is where a residual means nothing, as behind a camera; "
         "draw with `sample`"
@@ -247,15 +245,13 @@ def laplace(
 ) -> Posterior:
     """Draws of N(z*, (J'J)^-1) at the minimum next to `at`, in what is named (all that is free).
 
-    J'J is Gauss and Newton's Hessian, whitened. What is not named is integrated out, unless `rest`
-    says otherwise, as in `sample`. Bounds and inequality constraints cut the Gaussian off,
-    which is exact where residuals and constraints are linear, and so do the domains of
-    residuals: no draw is behind a camera. The verdict compares the Gaussian with the posterior by
-    importance weights, and looks for other modes, of which the Gaussian knows nothing. Where the
-    weights say that the Gaussian of all free numbers does not fit, the named entries alone are
-    compared with draws: with those of `against`, which `sample` made of the same entries, or with
-    some that are made for this. Raises what `sample` raises, and BadArgument if `against` is of
-    other entries.
+    J'J is the whitened Gauss-Newton Hessian. What is not named is integrated out, unless `rest`
+    says otherwise, as in `sample`. Bounds, inequality constraints and domains of residuals cut the
+    Gaussian off, which is exact where all is linear. The verdict compares the Gaussian with the
+    posterior by importance weights, and looks for other modes. Where the weights say that the
+    Gaussian of all free numbers does not fit, the named entries alone are compared with draws: with
+    those of `against`, which `sample` made of the same entries, or with some that are made for
+    this. Raises what `sample` raises, and BadArgument if `against` is of other entries.
     """
     x, given = problem.split(at)
     if draws < CHAINS:

@@ -80,7 +80,7 @@ def mode_from(target: LogDensity, start: Array) -> Mode:
     problem, space = target.problem, target.subspace
 
     def residual(z: Array) -> Array:
-        return problem.residual(_x(target, z), target.fixed)
+        return problem.residual(space.points(z[None])[0], target.fixed)
 
     def limited_residual(z: Array) -> Array:
         """Infinite outside of a domain, so that no step leads there."""
@@ -88,7 +88,7 @@ def mode_from(target: LogDensity, start: Array) -> Mode:
         return r if target.in_domain(z[None])[0] else np.full_like(r, np.inf)
 
     def jacobian(z: Array) -> Array:
-        return problem.linearize_at(_x(target, z), target.fixed).jacobian @ space.along
+        return problem.linearize_at(space.points(z[None])[0], target.fixed).jacobian @ space.along
 
     low, high = bounds_of(target)
     gap = 1e-10 * np.maximum(1.0, abs(start))
@@ -115,9 +115,7 @@ def _cut_off(J: Array, r: Array, z: Array, low: Array, high: Array) -> float:
 
     For an entry on a bound let g be the slope with which the cost rises away from the bound, and
     sigma its standard deviation if the entries on no bound are free. The share is
-    exp((g sigma)^2 / 2) Phi(-g sigma): the integral of exp(-g t - t^2 / (2 sigma^2)) over t > 0,
-    divided by that of exp(-t^2 / (2 sigma^2)) over all t. The shares of several such entries are
-    multiplied.
+    exp((g sigma)^2 / 2) Phi(-g sigma); the shares of several such entries are multiplied.
     """
     near = AT_A_BOUND * np.maximum(1.0, abs(z))
     at_low, at_high = z - low <= near, high - z <= near
@@ -140,10 +138,9 @@ def bounds_of(target: LogDensity) -> tuple[Array, Array]:
 
 
 def dependent_bounds(target: LogDensity) -> tuple[Array, Array, Array]:
-    """Bounds on numbers that move with z without being among its entries: low <= A z <= high.
+    """Bounds on numbers on the ridge of what is integrated out: low <= A z <= high.
 
-    Such are those on the ridge of what is integrated out. A is (c, k), low and high (c,); c is 0
-    where the rest stays where it is.
+    A is (c, k), low and high (c,); c is 0 where the rest stays where it is.
     """
     space, problem = target.subspace, target.problem
     bounded = np.isfinite(problem.lower) | np.isfinite(problem.upper)
@@ -192,10 +189,6 @@ def inverse_half(target: LogDensity, J: Array) -> Array:
     return np.asarray(Vt.T / s / lengths[:, None])
 
 
-def _x(target: LogDensity, z: Array) -> Array:
-    return np.asarray(target.subspace.points(z[None])[0])
-
-
 def _constrained(target: LogDensity, start: Array, residual: Vector, jacobian: Vector) -> Array:
     """The minimum from there by SciPy's SLSQP, in units of the Jacobian's columns.
 
@@ -220,13 +213,13 @@ def _constrained(target: LogDensity, start: Array, residual: Vector, jacobian: V
         z = start + scale * u
         c = G @ z
         if there is not None:
-            c = np.concatenate([there.values(_x(target, z), target.fixed)[moving], c])
+            c = np.concatenate([there.values(space.points(z[None])[0], target.fixed)[moving], c])
         return np.concatenate([(c - low)[below], (high - c)[above]])
 
     def margins_jacobian(u: Array) -> Array:
         A = G * scale
         if there is not None:
-            seen = there.linearize(_x(target, start + scale * u), target.fixed)
+            seen = there.linearize(space.points((start + scale * u)[None])[0], target.fixed)
             A = np.vstack([seen.along(space.along)[moving] * scale, A])
         return np.concatenate([A[below], -A[above]])
 
@@ -251,7 +244,7 @@ def _constrained(target: LogDensity, start: Array, residual: Vector, jacobian: V
     )
     z = np.asarray(start + scale * ended.x)
     if not (target.allows(space.points(z[None]))[0] and target.in_domain(z[None])[0]):
-        why = violation_in_words(target.problem, target.fixed, _x(target, z))
+        why = violation_in_words(target.problem, target.fixed, space.points(z[None])[0])
         raise NoMinimum(
             f"no point near the start meets the bounds and constraints ({why}); solve the problem "
             "with a solver that takes constraints, and start at its answer"
@@ -348,15 +341,10 @@ def missed_mode(known: tuple[Mode, ...], draws: Array) -> tuple[float, float] | 
 
     Returns two shares of this mode: of the mass of all modes, and of the draws.
     """
-    if len(known) < 2:
-        return None
-    some = draws[:: max(1, len(draws) // ASSIGNED)]
-    which = nearest_mode(known, some)
-    for i, mode in enumerate(known):
-        here = float(np.mean(which == i))
-        if mode.share >= COMPARABLE and here < VISITED * mode.share:
-            return mode.share, here
-    return None
+    which = nearest_mode(known, draws[:: max(1, len(draws) // ASSIGNED)])
+    shares = ((mode.share, float(np.mean(which == i))) for i, mode in enumerate(known))
+    missed = (s for s in shares if s[0] >= COMPARABLE and s[1] < VISITED * s[0])
+    return next(missed, None)
 
 
 def nearest_mode(known: Sequence[Mode], z: Array) -> Index:
