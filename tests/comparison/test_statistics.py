@@ -35,7 +35,6 @@ def test_rate_interval_covers_its_level() -> None:
     for n in COUNTS:
         for p in np.linspace(0.001, 0.999, 111):
             assert coverage(rate, n, float(p)) >= 1 - LEVEL - EXACT
-        assert rate(n, n).coverage == 0.95
 
 
 def test_wilson_interval_covers_79_percent_of_one_trial() -> None:
@@ -89,9 +88,7 @@ def test_median_interval_is_the_narrowest_that_covers() -> None:
         found = median(np.arange(n) + 1.0)
         k = int(found.low)
         assert found.high == n + 1 - k
-        covered = 1 - 2 * binom.cdf(k - 1, n, 0.5)
-        assert found.coverage == pytest.approx(covered, abs=EXACT)
-        assert covered >= 0.95
+        assert 1 - 2 * binom.cdf(k - 1, n, 0.5) >= 0.95
         assert 1 - 2 * binom.cdf(k, n, 0.5) < 0.95  # one closer in would not
 
 
