@@ -15,7 +15,7 @@ from builder.recordings import PoseRecording
 from workbench import Block, LevenbergMarquardt, Problem, load_body, residuals
 from workbench.bodies import hand_motions, is_hand
 from workbench.bodies.catalogue import load_skinned
-from workbench.errors import BadArgument, BadBody, BadResidual, UnknownName
+from workbench.errors import BadArgument, BadBody, UnknownName
 from workbench.fitting import usual_priors
 from workbench.geometry.mirror import AXIAL, opposites
 from workbench.priors.joint_limits import hand_limits, joint_limits
@@ -223,17 +223,3 @@ def test_only_hands_have_hand_limits() -> None:
         LIMITS.residual(person)
     with pytest.raises(BadBody, match="no joints left_wrist"):
         hand_motions(HAND, "left_")
-
-
-def test_limits_of_expressions_name_what_is_beyond() -> None:
-    x = Block("x", (2,))
-    term = residuals.limits(
-        2 * x.symbol, [-1, -np.inf], [1, np.inf], sigma=0.5, unit="rad", labels=("first", "second")
-    )
-    assert (term.size, term.unit, term.labels) == (1, "rad", ("first",))
-    found = Problem([term], ("x",)).linearize({"x": np.array([2.0, 9.0])})
-    np.testing.assert_allclose(found.residual, [(4 - 1) / 0.5])
-    with pytest.raises(BadResidual, match="a column"):
-        residuals.limits(x.symbol.T, -1, 1, sigma=1, labels=("first", "second"))
-    with pytest.raises(BadResidual, match="second has the lower limit 2"):
-        residuals.limits(x.symbol, [0, 2], [1, 1], sigma=1, labels=("first", "second"))
