@@ -3,7 +3,6 @@
 Lectures, bodies, figures and pages have tests of their own that bear the same mark.
 """
 
-import json
 import sys
 import tomllib
 from functools import cache
@@ -12,11 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from typer.testing import CliRunner
 
 import workbench as wb
 from workbench import environment
-from workbench.cli.app import app
 from workbench.comparison import workers
 from workbench.course.grading import CheckState
 from workbench.course.outline import lecture
@@ -74,13 +71,6 @@ def test_what_needs_a_missing_library_says_which_and_laplace_needs_none() -> Non
         plot_corner(found, (0, 1), Figure())
 
 
-@pytest.mark.usefixtures("without_libraries")
-def test_the_command_ends_with_the_sentence(tmp_path: Path) -> None:
-    ended = CliRunner().invoke(app, ["sample", "landmarks", "--steps", "50"])
-    assert isinstance(ended.exception, MissingLibrary), ended.output
-    assert "pip install 'emcee>=3.1.6'" in str(ended.exception)
-
-
 def test_libraries_are_asked_for_as_the_distribution_asks() -> None:
     text = (Path(__file__).parents[1] / "pyproject.toml").read_text(encoding="utf-8")
     project = tomllib.loads(text)["project"]
@@ -111,19 +101,6 @@ def test_a_file_is_graded_in_the_same_process(tmp_path: Path) -> None:
     assert lost.trouble == "line 2: ZeroDivisionError: division by zero"
     assert lost.note
     assert not lost.points
-
-
-@pytest.mark.usefixtures("in_a_browser")
-@pytest.mark.parametrize("number", [1, 8])
-def test_the_command_checks_solutions_and_says_what_was_not_guarded(number: int) -> None:
-    path = lecture(number).folder / "solutions.py"
-    shown = CliRunner().invoke(app, ["lecture", "check", str(number), str(path)])
-    assert shown.exit_code == 0, shown.output
-    assert "No other process can be started here" in " ".join(shown.output.split())
-    told = CliRunner().invoke(app, ["lecture", "check", str(number), str(path), "--json"])
-    data = json.loads(told.stdout)
-    assert data["points"] == data["of"] > 0
-    assert "No other process" in data["note"]
 
 
 @pytest.mark.usefixtures("in_a_browser")

@@ -1,6 +1,5 @@
 """The example on people seen by a Kinect: one who is simulated, and the file if it is there."""
 
-import os
 import subprocess
 import sys
 from importlib import import_module
@@ -54,24 +53,3 @@ def test_a_simulated_person_is_found_from_behind(tmp_path: Path) -> None:
     assert f"model {np.median(np.abs(model)):.1f} mm" in said
     EXAMPLE.draw({"person_a": one}, body.faces, tmp_path / "people.png")
     assert (tmp_path / "people.png").stat().st_size > 10_000
-
-
-@pytest.mark.skipif(
-    "WORKBENCH_KINECT" not in os.environ, reason="set WORKBENCH_KINECT to kinect_people.npz"
-)
-def test_real_people_are_found_from_behind(tmp_path: Path) -> None:
-    body = load_body()
-    people = EXAMPLE.main(Path(os.environ["WORKBENCH_KINECT"]), body, tmp_path / "people.png")
-    assert len(people) == 3
-    for one in people.values():
-        assert EXAMPLE.facing_away(one) > 0.8
-        model, free = (
-            np.abs(EXAMPLE.away(one, vertices, body.faces))
-            for vertices in (one.fits["distance"].vertices(), one.registered.vertices)
-        )
-        assert np.median(model) < 7  # mm
-        assert np.median(free) < 5
-        for fit in one.fits.values():
-            low, high = fit.vertices()[:, 1].min(), fit.vertices()[:, 1].max()
-            assert abs(low) < 0.25  # m: feet that were not seen, on a floor that is not told
-            assert 1.6 < high < 1.85

@@ -95,23 +95,6 @@ def test_pairs_of_equals_are_decided_below_the_level() -> None:
         assert (alarms > 0) == (n >= FEWEST)
 
 
-def test_sign_test_counts_problems_not_starts() -> None:
-    """Equal solvers, and starts that go the way of their problem: seldom an alarm, all the same."""
-    rng = np.random.default_rng(2)
-    problems = np.repeat(np.arange(8), 10)
-    alarms = []
-    for _ in range(1000):
-        way = np.repeat(rng.integers(0, 2, 8), 10)  # who is better on a problem, by chance
-        turned = rng.random(80) < 0.1
-        a = 1.0 + (way ^ turned)
-        alarms.append(paired_test(a, 3.0 - a, problems.tolist()).decided)
-    # exactly 2 * 9 / 256 = 7 % for 7:1, so 8:0 only: 2 / 256 = 0.8 %, sd of the share 0.3 %
-    assert np.mean(alarms) <= 0.02
-    one = paired_test(np.ones(40), np.full(40, 2.0), ["p"] * 40)
-    assert (one.first, one.problems, one.p) == (40, (1, 0), 1.0)
-    assert not one.decided
-
-
 def test_holm_has_its_published_values() -> None:
     assert holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
     assert holm([0.5]) == [0.5]

@@ -114,16 +114,6 @@ def test_visited_points_count_for_targets_only() -> None:
     assert found.reached("a").value == 0
 
 
-def test_no_solver_is_advised_when_all_fail() -> None:
-    found = comparison({("p", "a"): [], ("p", "b"): []})
-    assert np.isinf(found.needed(0.1)).all()
-    assert by_effort(found)["a", "b"].both_fail == 1
-    assert advice(found) == (
-        "No solver returned a point within the target τ = 1e-5 from the one start, so none is "
-        "advised.",
-    )
-
-
 def test_only_end_is_compared_with_nothing() -> None:
     """Nothing else ended and no cost is known: neither lowest, nor on target, nor advised."""
     found = comparison({("p", "a"): [9.0, 1.0], ("q", "a"): [2.0]})

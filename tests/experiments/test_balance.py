@@ -46,14 +46,3 @@ def test_one_camera_fits_itself_and_not_the_others() -> None:
     assert numbers["reprojection, cam01"] < 10
     held_out = [numbers[f"reprojection, {c} (held out)"] for c in CAMERAS[1:]]
     assert max(held_out) > 2 * numbers["reprojection, cam01"]
-
-
-@pytest.mark.thorough
-def test_data_alone_leave_null_directions(outcome: Outcome) -> None:
-    assert outcome.diagnosis.rank == 85
-    alone = outcome.data_alone
-    assert alone is not None
-    assert alone.shape == (184, 85)
-    assert alone.rank < 85
-    assert len(alone.null_directions) == 85 - alone.rank
-    assert max(direction.change for direction in alone.null_directions) < 1e-9

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.optimize import least_squares
 
 from tests.tiers import few
 from workbench.blocks import Values
@@ -74,31 +73,6 @@ def test_joints_alone_have_rank_53() -> None:
     assert alone.problem.linearize(somewhere).rank == 53
     with_priors, _ = standard("body-joints")
     assert with_priors.problem.linearize(somewhere).rank == 85
-
-
-@pytest.mark.thorough
-def test_bounds_are_active_at_the_known_answer() -> None:
-    setup, known = standard("body-bounds")
-    assert known.values is not None
-    assert known.cost is not None
-    x, fixed = setup.problem.split(setup.start | known.values)
-    lower, upper = setup.problem.lower, setup.problem.upper
-    assert ((x >= lower) & (x <= upper)).all()
-    active = np.minimum(x - lower, upper - x) < 1e-4
-    assert 8 < active.sum() < 40
-    inside = np.clip(x, lower + 1e-3, upper - 1e-3)
-    peer = least_squares(
-        lambda x: setup.problem.residual(x, fixed),
-        inside,
-        lambda x: setup.problem.linearize_at(x, fixed).jacobian,
-        (lower, upper),
-        ftol=1e-14,
-        xtol=1e-14,
-        gtol=1e-14,
-        max_nfev=2000,
-    )
-    assert peer.cost == pytest.approx(known.cost, rel=1e-6)
-    assert peer.cost > known.cost * (1 - 1e-9)
 
 
 @pytest.mark.thorough

@@ -88,13 +88,6 @@ def test_disagreeing_ensembles_are_not_mixed() -> None:
     assert mixing(slightly).verdict is Usability.NOT_MIXING
 
 
-def test_distance_of_ensembles_is_in_interquartile_ranges() -> None:
-    """All draws are even from 0 to 2, with quartiles at 0.5 and 1.5; an ensemble's 95 % at 0.95."""
-    even = np.linspace(0.0, 1.0, 2001)
-    draws = np.stack([even, even + 1.0])[:, :, None]
-    assert mixing(draws).apart == pytest.approx([1.9 - 0.95], abs=1e-3)
-
-
 def test_stuck_walkers_and_rejected_proposals_are_seen() -> None:
     draws = autoregressive(0.5, (4, 3000, 8))
     draws[2, 1000:, 3] = 0.1

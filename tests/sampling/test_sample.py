@@ -6,7 +6,7 @@ import pytest
 import scipy.stats
 
 import workbench as wb
-from tests.sampling.densities import conditioned, gaussian, two_modes
+from tests.sampling.densities import conditioned, gaussian
 from workbench.blocks.layout import entries
 from workbench.sampling import (
     Improper,
@@ -166,26 +166,9 @@ def test_gaussians_have_their_moments(k: int, condition: float) -> None:
 
 
 @pytest.mark.thorough
-def test_near_modes_are_mixed() -> None:
-    posterior = sample(two_modes(3.0), {"x": [3.0, 0.0]}, steps=8000, seed=4)
-    assert len(posterior.modes) == 2
-    assert posterior.usable, posterior.verdict
-    share = np.mean(posterior.flat[:, 0] > 0)
-    assert share == pytest.approx(0.5, abs=4 * 0.5 / np.sqrt(posterior.mixing.effective.min()))
-
-
-@pytest.mark.thorough
 def test_inference_data_hold_the_draws_by_ensemble() -> None:
     pytest.importorskip("arviz")
     posterior = laplace(gaussian(COVARIANCE, MEAN), {"x": MEAN}, TWO, draws=40)
     z = posterior.inference_data()["posterior"]["z"]
     assert (z.dims, list(z.entry.values)) == (("chain", "draw", "entry"), list(TWO))
     np.testing.assert_array_equal(z.values, posterior.draws.reshape(4, 10, 2))
-
-
-def test_three_ensembles_are_too_few() -> None:
-    posterior = sample(
-        gaussian(np.eye(2)), {"x": np.zeros(2)}, steps=300, walkers=16, ensembles=3, seed=5
-    )
-    assert posterior.mixing.verdict is Usability.TOO_SHORT
-    assert "at least 4" in posterior.verdict
