@@ -1,7 +1,5 @@
-"""The example on people seen by a Kinect: one who is simulated, and the file if it is there."""
+"""The example on people seen by a Kinect: one who is simulated."""
 
-import subprocess
-import sys
 from importlib import import_module
 from pathlib import Path
 
@@ -21,15 +19,6 @@ FEW_STAGES = (
     FitStage(600, 0.02, 0.05, 4, 20),
     FitStage(1500, 0.008, 0.03, 1, 30),
 )
-
-
-def test_without_the_file_it_says_which_one_it_needs() -> None:
-    done = subprocess.run(
-        [sys.executable, SCRIPT.name], cwd=SCRIPT.parent, capture_output=True, text=True, check=True
-    )
-    for word in ("kinect_people.npz", "person_a", "camera_position", "BSD", "PointCloudLibrary"):
-        assert word in done.stdout
-    assert not done.stderr
 
 
 def test_a_simulated_person_is_found_from_behind(tmp_path: Path) -> None:
