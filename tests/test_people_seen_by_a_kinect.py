@@ -13,7 +13,6 @@ from workbench.registration import FitStage
 pytestmark = pytest.mark.thorough
 
 EXAMPLE = import_module("examples.26_people_seen_by_a_kinect")
-SCRIPT = Path(EXAMPLE.__file__)
 FEW_STAGES = (
     FitStage(200, 0.05, 0.10, 16, 15),
     FitStage(600, 0.02, 0.05, 4, 20),
