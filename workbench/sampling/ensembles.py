@@ -168,8 +168,8 @@ def run(
 
     A run that was killed and is taken up ends bit for bit as one that was not. An interrupt from
     the keyboard ends the run; what was drawn is kept. A checkpoint that cannot be written is said
-    in the log, and the run goes on. Raises Improper, or BadFile for a checkpoint of
-    another run or in a folder that does not exist.
+    in the log, and the run goes on. Raises Improper, or BadFile for a checkpoint of another run or
+    in a folder that does not exist.
     """
     if checkpoint is not None and not checkpoint.parent.is_dir():
         raise BadFile(f"cannot write {checkpoint}: there is no such folder; choose another")
@@ -279,7 +279,8 @@ class _Ensembles:
                         one.advance()
                 step, seconds = self._count * self._plan.thin, time.perf_counter() - began
                 yield SamplingProgress(step, self._plan.steps, self.acceptance, seconds)
-                if self._count % ASKED == 0 and self._improper(self.chain[:, -1]):
+                last = [one.chain[self._count - 1] for one in self._each]
+                if self._count % ASKED == 0 and self._improper(np.stack(last)):
                     return
             if goal < self._plan.kept and self._enough:
                 return
