@@ -57,6 +57,20 @@ def test_cache_that_others_can_write_is_not_used(
 
 
 @NEEDS_A_COMPILER
+def test_planted_library_is_not_loaded(cache: Path, caplog: pytest.LogCaptureFixture) -> None:
+    library("answer", SOURCE, answer)
+    (kept,) = cache.iterdir()
+    whole = kept.read_bytes()
+    kept.unlink()
+    kept.write_bytes(whole)
+    kept.chmod(0o666)
+    with caplog.at_level(logging.WARNING, logger="workbench"):
+        library("answer", SOURCE, answer)
+    assert "others can write to it" in caplog.text
+    assert [path.stat().st_mode & 0o022 for path in cache.iterdir()] == [0]
+
+
+@NEEDS_A_COMPILER
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only root gives away")
 def test_cache_of_another_user_is_not_used(cache: Path, caplog: pytest.LogCaptureFixture) -> None:
     library("answer", SOURCE, answer)

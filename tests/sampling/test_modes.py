@@ -19,7 +19,6 @@ from workbench.sampling.modes import (
     missed_mode,
     mode_from,
     modes,
-    nearest_mode,
     shortest_rotations,
     walkers_at,
 )
@@ -177,13 +176,3 @@ def test_chains_find_the_shares_of_modes(jumping_run: HamiltonianRun) -> None:
     assert flat[high, 0].std() == pytest.approx(NARROW, rel=0.1)
     assert flat[~high, 0].std() == pytest.approx(1.0, rel=0.1)
     assert jumping_run.mixing.usable, jumping_run.mixing
-
-
-def test_points_belong_to_the_nearest_mode_by_its_measure(both_modes: list[Mode]) -> None:
-    beside = ENDS - [1.0, 0.0, 0.0]  # 5 sd of the second mode, and 119 of the first
-    assert nearest_mode(both_modes, np.array([-ENDS, ENDS, beside, 0 * ENDS])).tolist() == [
-        0,
-        1,
-        1,
-        0,
-    ]
