@@ -13,6 +13,7 @@ from tests.motions.test_expressions import played_by_hand
 from workbench.bodies.spaces import body_mass_index
 from workbench.cli.app import app
 from workbench.errors import BadArgument, BadFile
+from workbench.geometry.meshes import write_mesh
 from workbench.motions import Motion, SoftTissue, load_tissue, save_tissue, write_glb
 from workbench.motions.soft_tissue import (
     betas_with_tissue,
@@ -224,6 +225,29 @@ def test_command_shows_tissue(tmp_path: Path) -> None:
     assert "Charts are shown" not in text
     assert len(text) > 1e5
     assert (tmp_path / "walk.glb").stat().st_size > 1e5
+
+
+def test_command_fits_tissue_to_a_mesh(tmp_path: Path) -> None:
+    """With its soft tissue free a body reaches a displaced surface, and its shape is the person's.
+
+    What is written draws the displaced surface.
+    """
+    phi = TISSUE.coefficients(BODY, TISSUE.prepared(MOTION))
+    t = int(np.linalg.norm(phi, axis=1).argmax())
+    betas = np.append(np.zeros(BODY.n_betas), phi[t])
+    surface = with_tissue(BODY, TISSUE).vertices(MOTION.pose[0], betas)
+    write_mesh(tmp_path / "soft.ply", surface, BODY.faces)
+    off = {}
+    for name, options in {"without": [], "with": ["--tissue"]}.items():
+        out = ["--out", str(tmp_path / name)]
+        said = CliRunner().invoke(app, ["fit", str(tmp_path / "soft.ply"), *options, *out])
+        assert said.exit_code == 0, said.output
+        assert "improbable" not in said.output
+        with np.load(tmp_path / name / "soft" / "values.npz") as found:
+            off[name] = np.linalg.norm(found["surface"] - surface, axis=1).mean()
+            shape = np.sqrt(np.mean(found["betas"][: BODY.n_betas] ** 2))
+    assert off["with"] < off["without"] / 2
+    assert shape < 0.3
 
 
 def test_dmpls_move_the_surface_and_its_joints(tmp_path: Path) -> None:

@@ -65,6 +65,7 @@ from workbench.fitting.setup import MANY, Setup
 from workbench.fitting.videos import video_fit, video_mean
 from workbench.geometry.guesses import sizes_of
 from workbench.geometry.meshes import READERS, WITH_VERTEX_ORDER
+from workbench.motions.soft_tissue import load_tissue, with_tissue
 from workbench.reports.many import ImageFolder
 from workbench.reports.page import unit_text
 from workbench.reports.run import motion_arrays, write_video
@@ -145,7 +146,7 @@ def fit(
     ] = None,
     person: Annotated[
         int | None,
-        typer.Option(help="Which person of a file, from 0; else the largest."),
+        typer.Option(help="Which person of a file, from 0 (else largest)."),
     ] = None,
     height: Annotated[
         float | None,
@@ -165,7 +166,7 @@ def fit(
     ] = False,
     hypotheses: Annotated[
         int,
-        typer.Option(help="Number of starts for one image, for bodies that may look alike."),
+        typer.Option(help="Number of starts for one image."),
     ] = 1,
     mean: Annotated[
         bool,
@@ -186,6 +187,10 @@ def fit(
         float | None,
         typer.Option(help=f"Frames per second of a clip (else {FPS:g}) or markers."),
     ] = None,
+    tissue: Annotated[
+        bool,
+        typer.Option("--tissue", help="Fit soft tissue to a mesh."),
+    ] = False,
     marker_set: Annotated[
         Path | None,
         typer.Option(help='Markers on the body: JSON {"LFHD": vertex}.'),
@@ -213,7 +218,7 @@ def fit(
         float | None,
         typer.Option(
             help="Standard deviation of the data; else of keypoints 4 px for a person of 750 px "
-            "in an image of 1000 px, and in proportion; or 0.002 m in space."
+            "in an image of 1000 px, in proportion; 0.002 m in space."
         ),
     ] = None,
     solver: Annotated[
@@ -250,6 +255,8 @@ def fit(
     model, paths = load_body(body), [expanded(path) for path in files]
     given = Given(Console(), model, body, reading, how, sigma, solver, compare, out)
     first = paths[0]
+    if video or first.suffix.lower() not in READERS:
+        given.mind({"--tissue": tissue}, "it is for a mesh")
     many = {"--workers": workers > 1, "--dask": dask is not None}
     one_image = {
         "--recipe": recipe != "default",
@@ -314,8 +321,9 @@ def fit(
     elif first.suffix.lower() in READERS:
         given.mind(by_keypoints, "it is for keypoints, and this is a mesh")
         given.mind(one_image | drawn | moving | of_markers, "it is not for a mesh")
-        setup = own_mesh(first, model, 0.002 if sigma is None else sigma)
-        _carry_out(given, first, setup)
+        soft = with_tissue(model, load_tissue()) if tissue else model
+        setup = own_mesh(first, soft, 0.002 if sigma is None else sigma)
+        _carry_out(replace(given, body=soft), first, setup)
     else:
         given.mind(moving | of_markers, "it is not for keypoints of one moment")
         if len(paths) > 1:

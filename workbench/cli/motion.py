@@ -231,8 +231,7 @@ def _with_tissue(
     The sentence says where the tissue comes from, and how far it moves.
     """
     soft = load_tissue()
-    if not isinstance(body, SkinnedBody):
-        raise BadArgument(f"body {body.name!r} has no soft tissue; take --body default")
+    model = with_tissue(body, soft)
     found = soft.prepared(found)
     betas = betas_with_tissue(body, soft, found, exaggeration)
     away = 1e3 * np.linalg.norm(displaced_by(soft, betas), axis=2)
@@ -244,7 +243,7 @@ def _with_tissue(
     if exaggeration != 1.0:
         told += f", {exaggeration:g} times as far as the model says"
     say(console, told)
-    return found, with_tissue(body, soft), betas, told
+    return found, model, betas, told
 
 
 def _say_motion(console: Console, found: Motion, path: Path) -> None:

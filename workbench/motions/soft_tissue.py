@@ -29,7 +29,7 @@ from workbench.arrays import Array, Index
 from workbench.blocks import Block, Points
 from workbench.blocks.checks import reals as as_reals
 from workbench.bodies import Landmarks, SkinnedBody
-from workbench.bodies.body import why_not_skinned
+from workbench.bodies.body import Body, why_not_skinned
 from workbench.bodies.readonly import locked
 from workbench.bodies.spaces import body_mass_index, body_mass_index_of
 from workbench.environment import expanded
@@ -197,7 +197,7 @@ class SoftTissue:
         all of them, or let this make one. Raises BadArgument for another body or number of
         coefficients.
         """
-        self._check_body(body)
+        self._checked(body)
         if coefficients.shape != (self.n_coefficients, 1):
             raise BadArgument(
                 f"the coefficients of this tissue are an expression ({self.n_coefficients}, 1), "
@@ -209,7 +209,7 @@ class SoftTissue:
         moved = cs.reshape(flat @ scaled, 3, body.n_vertices)
         return whole.landmark_points("surface", pose, betas, trans, offsets=moved)
 
-    def _check_body(self, body: SkinnedBody) -> None:
+    def _checked(self, body: Body) -> SkinnedBody:
         if reason := why_not_skinned(body, "soft tissue", "give the skinned body it was made from"):
             raise BadArgument(reason)
         if body.n_vertices != len(self.part) or tuple(body.joint_names) != self.joint_names:
@@ -218,9 +218,11 @@ class SoftTissue:
                 f"{len(self.part)} vertices and {len(self.joint_names)} joints, not that of body "
                 f"{body.name!r} with {body.n_vertices} and {body.n_joints}"
             )
+        assert isinstance(body, SkinnedBody)
+        return body
 
     def _check(self, body: SkinnedBody, motion: Motion) -> None:
-        self._check_body(body)
+        self._checked(body)
         if abs(motion.fps / self.fps - 1) > SAME_RATE:
             do = "tissue.prepared(motion) splines it" if len(motion) >= FEWEST else "record it anew"
             raise BadArgument(
@@ -252,11 +254,13 @@ def surface_as_landmarks(body: SkinnedBody) -> SkinnedBody:
     return replace(body, landmarks={**body.landmarks, "surface": every})
 
 
-def with_tissue(body: SkinnedBody, tissue: SoftTissue) -> SkinnedBody:
+def with_tissue(body: Body, tissue: SoftTissue) -> SkinnedBody:
     """The body with B + C betas, the last C of which displace its tissue and move no joint.
 
     The regressor is the one nearest to the body's of those that give its joints (least squares).
+    Raises BadArgument for a body that this is not the tissue of.
     """
+    body = tissue._checked(body)
     N = body.n_vertices
     seen = np.hstack([np.ones((N, 1)), body.template, body.shapedirs.reshape(N, -1)])
     every = np.hstack([seen, tissue.directions.reshape(N, -1)])
@@ -268,6 +272,7 @@ def with_tissue(body: SkinnedBody, tissue: SoftTissue) -> SkinnedBody:
         shapedirs=np.concatenate([body.shapedirs, tissue.directions], axis=2),
         J_regressor=csr_array(body.J_regressor.toarray() + change),
         capsules=None,
+        extras={**body.extras, "tissue": np.array(tissue.n_coefficients)},
         name=f"{body.name} with soft tissue",
     )
 
@@ -294,12 +299,13 @@ def with_dmpls(body: SkinnedBody, path: str | Path, count: int = 8) -> SkinnedBo
 
 
 def betas_with_tissue(
-    body: SkinnedBody, tissue: SoftTissue, motion: Motion, exaggeration: float = 1.0
+    body: Body, tissue: SoftTissue, motion: Motion, exaggeration: float = 1.0
 ) -> Array:
     """The betas (T, B + C) of `with_tissue` in a motion of the tissue's rate, frame by frame.
 
     Raises BadArgument for another rate or another body.
     """
+    body = tissue._checked(body)
     phi = tissue.coefficients(body, motion)
     gain = exaggeration * tissue.gain(body, motion.named(body).betas)
     own = np.broadcast_to(motion.betas_on(body), (len(motion), body.n_betas))
