@@ -75,8 +75,8 @@ def check(candidate: Candidate, case: Case, x: Array) -> dict[str, float]:
     return away
 
 
-def _apart(a: Any, b: Array) -> float:
-    return float(np.abs(np.asarray(a) - b).max())
+def _apart(a: Any, b: Any) -> float:
+    return float(np.abs(np.asarray(a) - np.asarray(b)).max())
 
 
 # The workbench
@@ -149,7 +149,7 @@ def ours(name: str, case: Case) -> Candidate:
 
     def jacobian(x: Array) -> tuple[Array, Array]:
         here = problem.linearize_at(x, fixed)
-        return here.residual, here.jacobian
+        return here.residual, np.asarray(here.jacobian)
 
     forward: Callable[[Array], Array] = lambda x: problem.residual(x, fixed)  # noqa: E731
     step = as_built(name, lambda x: problem.linearize_at(x, fixed).step())

@@ -290,7 +290,8 @@ def measured(quick: bool) -> dict[str, object]:
 
 def tables(found: dict[str, Any]) -> str:
     """All three."""
-    rows = []
+    head: tuple[str, ...]
+    rows: list[tuple[object, ...]] = []
     for name, one in found["compared"].items():
         for when, after in (("before", ""), ("after", f", with {one['best']} of {one['of']}")):
             row, unit = one[when], one["unit"]

@@ -399,9 +399,16 @@ def measured(quick: bool) -> dict[str, object]:
 def tables(found: dict[str, Any]) -> str:
     """All three."""
     text = ""
-    head = ("fit", "MPJPE, mm", "PA, mm", "in space, mm", f"above {FAILED:g} mm (95 %)", "CPU ms")
+    head: tuple[str, ...] = (
+        "fit",
+        "MPJPE, mm",
+        "PA, mm",
+        "in space, mm",
+        f"above {FAILED:g} mm (95 %)",
+        "CPU ms",
+    )
     for scene, recipes in found["images"].items():
-        rows = []
+        rows: list[tuple[object, ...]] = []
         for name, one in recipes.items():
             errors = [f"{one[key]:.1f}" for key in ("MPJPE", "PA", "absolute")]
             rows.append((name, *errors, share(one["failed"], one["fits"]), f"{one['ms']:.0f}"))

@@ -98,8 +98,14 @@ def measured(quick: bool) -> dict[str, object]:
 
 def tables(found: dict[str, Any]) -> str:
     """Both plans, and each motion with forces on parts."""
-    head = ("inputs", "explained", "95 % interval", "worst motion", "a frame ahead off by")
-    rows = []
+    head: tuple[str, ...] = (
+        "inputs",
+        "explained",
+        "95 % interval",
+        "worst motion",
+        "a frame ahead off by",
+    )
+    rows: list[tuple[object, ...]] = []
     for name, inputs in INPUTS.items():
         one, together = found[name], found[name]["together"]
         low, high = together["interval_95"]
