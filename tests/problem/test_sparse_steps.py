@@ -9,9 +9,8 @@ import workbench as wb
 from tests.tiers import few
 from workbench import Linearization, residuals
 from workbench.problem import steps, storage
-from workbench.problem.conjugate_gradients import ConjugateGradients
 from workbench.problem.sparsity import DenseTerm, Pattern, SparseSum, merged
-from workbench.problem.steps import cholesky, factorized
+from workbench.problem.steps import ConjugateGradients, cholesky, factorized
 from workbench.solvers.trust_region import box_step
 
 

@@ -15,8 +15,8 @@ from workbench.blocks.points import (
     Points,
     PointsAt,
     PointSource,
+    Tree,
 )
-from workbench.blocks.tree import Tree
 from workbench.errors import BadArgument, check_known
 
 

@@ -27,7 +27,7 @@ from workbench.blocks.points import (
     distinct,
 )
 from workbench.problem.graph import FORWARD, Graph, split, term_sizes
-from workbench.problem.rounding import RowSupport, half_squared
+from workbench.problem.optimality import RowSupport, half_squared
 from workbench.problem.sparsity import (
     ChangingTerm,
     DenseTerm,

@@ -24,7 +24,7 @@ from workbench.problem.banded import (
 from workbench.problem.chain import Chain
 from workbench.problem.graph import split
 from workbench.problem.naming import blocks_behind, rows_of
-from workbench.problem.rounding import RowSupport, half_squared
+from workbench.problem.optimality import RowSupport, half_squared
 from workbench.problem.sparsity import columns_of_nonzeros, entries_at, rows_of_nonzeros
 from workbench.problem.storage import Matrix, is_sparse
 from workbench.residuals import Residual

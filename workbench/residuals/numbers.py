@@ -12,8 +12,7 @@ from workbench.arrays import Array
 from workbench.blocks import Block
 from workbench.blocks.checks import reals
 from workbench.errors import BadResidual, some_of
-from workbench.residuals.arguments import named
-from workbench.residuals.residual import Residual, check_symbolic
+from workbench.residuals.residual import Residual, check_symbolic, named
 
 
 def gaussian(

@@ -16,10 +16,9 @@ from workbench.blocks.checks import reals
 from workbench.blocks.points import ExpressedPoints
 from workbench.errors import BadResidual
 from workbench.geometry.surface_tree import ClosestPoints, SurfaceTree
-from workbench.residuals.arguments import expressed, named_after, numbered
 from workbench.residuals.contacts import ContactNumbers, Form, MovingContacts, Offsets, distance
 from workbench.residuals.kernels import Kernel, quadratic
-from workbench.residuals.residual import Residual
+from workbench.residuals.residual import Residual, expressed, named_after, numbered
 
 FACING = 0.5  # cosine of the largest angle between normals in contact: 60 degrees
 
