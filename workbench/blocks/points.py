@@ -194,8 +194,9 @@ class PointSource(Protocol):
     """Where points come from: an expression in the symbols of some blocks, arithmetic, or both.
 
     Arithmetic computes numbers faster than the expression does. It is all that exists for points
-    that no graph can express, such as those on triangles that are chosen anew at every step. The
-    expression may be large and is only made when it is asked for.
+    that no graph can express, such as those on triangles that are chosen anew at every step. Such a
+    source has a method `frozen`, which takes values and gives a source whose choice is held as it
+    is there. The expression may be large and is only made when it is asked for.
     """
 
     @property
@@ -260,12 +261,10 @@ class Points(Symbolic):
         return Points(cs.MX.sym(f"{PLACEHOLDER}{name})", numbers, source.count), source)
 
     def frozen(self, values: Mapping[str, Array]) -> "Points":
-        """The same placeholder, with what its source chooses anew at each point held as it is here.
-
-        Contacts with a scan are such a choice; see `ChosenAnew`.
-        """
+        """The same placeholder, with what its source chooses anew held as it is at these values."""
         frozen = getattr(self.source, "frozen", None)
-        return self if frozen is None else Points(self.symbol, frozen(values))
+        held = self.source if frozen is None else frozen(values)
+        return self if held is self.source else Points(self.symbol, held)
 
     @property
     def name(self) -> str:
@@ -359,17 +358,6 @@ def unlisted(expression: cs.MX, points: Iterable[Points]) -> tuple[str, ...]:
     )
 
 
-class ChosenAnew(Protocol):
-    """What a PointSource provides in addition if something in it is chosen anew at every point.
-
-    Contacts between a scan and a surface are an example. Such a source has no graph;
-    `frozen` gives one that has, because its choice is held.
-    """
-
-    def frozen(self, values: Mapping[str, Array]) -> PointSource:
-        """The source with the choice held as it is at these values."""
-
-
 LOSES = (cs.OP_ADD, cs.OP_SUB, cs.OP_FMOD, cs.OP_REMAINDER)
 
 
@@ -418,9 +406,7 @@ def _repeated(operation: int, a: cs.MX, b: cs.MX) -> cs.MX:
 
 @dataclass(frozen=True, eq=False)
 class ExpressedPoints(NumericPoints):
-    """A source of points (3, N) that are an expression, such as the symbol of a block (N, 3).
-
-    It is a PointSource too.
+    """Points (3, N) that are an expression, such as the symbol of a block; a PointSource too.
 
     Attributes:
         expression: the points in the symbols of the blocks, (3, N) in metres.
@@ -453,10 +439,10 @@ class ExpressedPoints(NumericPoints):
         """Where the derivative by a block can be nonzero, (3 N, size)."""
         return self._jacobians[name][1]
 
-    def evaluate(self, values: Mapping[str, Array]) -> "ExpressedPointsAt":
+    def evaluate(self, values: Mapping[str, Array]) -> "_ExpressedPointsAt":
         """The points where the blocks have these values."""
         arguments = [np.asarray(values[name], dtype=float) for name in self.reads]
-        return ExpressedPointsAt(self, arguments)
+        return _ExpressedPointsAt(self, arguments)
 
     @cached_property
     def _symbols(self) -> list[cs.MX]:
@@ -479,36 +465,24 @@ class ExpressedPoints(NumericPoints):
 
 
 @dataclass(frozen=True, eq=False)
-class ExpressedPointsAt(PointsAt):
-    """The points at one set of values.
-
-    Attributes:
-        of: the source.
-        arguments: the values of its blocks.
-    """
-
+class _ExpressedPointsAt(PointsAt):
     of: ExpressedPoints
     arguments: list[Array]
 
     @cached_property
     def points(self) -> Array:
-        """The points, (N, 3) m."""
         return self.of._points(*self.arguments)[0].reshape(-1, 3)
 
     def jacobian(self, name: str) -> csc_array:
-        """The derivative by a block, (3 N, size)."""
         function, places = self.of._jacobians[name]
         (entries,) = function(*self.arguments)
         return csc_array((entries, places.indices, places.indptr), shape=places.shape)
 
     def write_jacobian(self, into: Mapping[str, Array], scale: Array | None) -> None:
-        """Write the derivative, transposed, with all its zeros, into[block] (size, 3 N)."""
         for name, target in into.items():
-            found = self.jacobian(name).toarray().T
-            target[...] = found if scale is None else found * scale
+            target[...] = self.jacobian(name).toarray().T * (1.0 if scale is None else scale)
 
     def vjp(self, cotangent: Array) -> dict[str, Array]:
-        """The gradient of cotangent (3 N,) . points by each block; flat."""
         return {name: np.asarray(self.jacobian(name).T @ cotangent) for name in self.of.reads}
 
 
