@@ -1,6 +1,6 @@
 """How far a point is from stationary, also within linear limits, and what rounding hides of it."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import scipy.optimize
-from numpy.typing import NDArray
 from scipy.sparse import csc_array, csr_array, diags_array
-from scipy.sparse.csgraph import connected_components
 
 from workbench.arrays import Array, Index, Mask
 from workbench.problem import storage
+from workbench.problem.sparsity import tied_columns
 from workbench.problem.steps import EPS
 from workbench.problem.storage import Stored, absolute, dense, row_norms
 
@@ -157,7 +156,6 @@ def marked(places: Sequence[tuple[Index, Index]], shape: tuple[int, int]) -> csr
     return csr_array((np.ones(len(rows)), (rows, columns)), shape=shape)
 
 
-Places = NDArray[np.signedinteger]
 ROUNDING = 1e-12  # of the sum of a row's absolute terms: a smaller violation is none
 
 
@@ -250,68 +248,24 @@ def projected_sparse(target: Array, limits: LinearLimits) -> Array:
         if not violated.any():
             return np.asarray(d)
         imposed |= violated
-        for part in _parts(by_rows, np.flatnonzero(imposed)):
-            if not violated[part.rows].any():
+        chosen = np.flatnonzero(imposed)
+        some = csc_array(by_rows[chosen])
+        some.eliminate_zeros()  # which would tie rows together
+        read = np.flatnonzero(np.diff(some.indptr))
+        some = csc_array(some[:, read])
+        for columns in tied_columns(some.tocoo()):
+            part, own = csc_array(some[:, columns]), read[columns]
+            rows = np.unique(part.indices)
+            if not violated[chosen[rows]].any():
                 continue  # it was solved before
-            rows, columns = part.rows, part.columns
-            box = left[columns], right[columns]
-            found = _one(target[columns], LinearLimits(*box, part.entries(), down[rows], up[rows]))
+            entries, at_rows = part.toarray()[rows], chosen[rows]
+            box = left[own], right[own]
+            found = projected_dense(
+                target[own], LinearLimits(*box, entries, down[at_rows], up[at_rows])
+            )
             if not np.isfinite(found).all():
                 return np.full_like(target, np.inf)
-            d[columns] = found
-
-
-def _one(target: Array, limits: LinearLimits) -> Array:
-    """The answer for one part; without bounds, a single row is met by moving along it."""
-    left, right, A, down, up = limits
-    if len(down) > 1 or np.isfinite(left).any() or np.isfinite(right).any():
-        return projected_dense(target, limits)
-    row = dense(A)[0]
-    at = float(row @ target)
-    return np.asarray(target + row * (min(max(at, down[0]), up[0]) - at))
-
-
-class _Part(NamedTuple):
-    """Some rows, the columns that they read, and their entries, row by row.
-
-    Attributes:
-        rows: the numbers of the rows.
-        columns: the numbers of the columns that the rows read.
-        data: the entries, row by row.
-        at_row: the row of each entry, counted among `rows`.
-        at_column: the column of each entry, counted among `columns`.
-    """
-
-    rows: Places
-    columns: Places
-    data: Array
-    at_row: Places
-    at_column: Places
-
-    def entries(self) -> Array:
-        """The entries as an array (rows, columns)."""
-        found = np.zeros((len(self.rows), len(self.columns)))
-        found[self.at_row, self.at_column] = self.data
-        return found
-
-
-def _parts(A: csr_array, chosen: Places) -> Iterator[_Part]:
-    """The chosen rows in groups that share no column."""
-    some, k = csr_array(A[chosen]), len(chosen)
-    some.eliminate_zeros()  # which would tie rows together
-    of_row = np.repeat(np.arange(k), np.diff(some.indptr))
-    meets = csr_array((np.ones(some.nnz), (of_row, k + some.indices)), shape=(k + A.shape[1],) * 2)
-    _, group = connected_components(meets, directed=False)
-    order = np.argsort(group[:k], kind="stable")
-    edges = [0, *(np.flatnonzero(np.diff(group[:k][order])) + 1).tolist(), k]
-    some = csr_array(some[order])  # the rows of a group stand together now
-    of_row = np.repeat(np.arange(k), np.diff(some.indptr))
-    for first, last in pairwise(edges):
-        stored = slice(int(some.indptr[first]), int(some.indptr[last]))
-        columns, places = np.unique(some.indices[stored], return_inverse=True)
-        yield _Part(
-            chosen[order[first:last]], columns, some.data[stored], of_row[stored] - first, places
-        )
+            d[own] = found
 
 
 Box = tuple[Array, Array]
