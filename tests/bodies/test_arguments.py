@@ -175,7 +175,6 @@ MAPS: dict[str, Callable[[cs.MX, cs.MX], cs.MX]] = {
     "one frame of many": lambda x, y: x[:, 7],
     "rows in another order": lambda x, y: cs.vertcat(x[2:, :], cs.DM.ones(2, 20), x[:2, :]),
     "coefficients": lambda x, y: cs.DM(np.arange(24).reshape(4, 6)) @ x + 3,
-    "sums": lambda x, y: cs.cumsum(x.T).T,
     "a scalar added to a matrix": lambda x, y: 2 * x[:, :3] - y,
     "fewer rows than columns": lambda x, y: cs.sum2(x)[:2] + y,
     "nothing left of one": lambda x, y: x - x + y,

@@ -7,7 +7,7 @@ import numpy as np
 import scipy.linalg
 
 from workbench.arrays import Array, Mask
-from workbench.blocks.directions import in_units
+from workbench.blocks.layout import in_units
 from workbench.comparison.metered import feasible, look
 from workbench.comparison.record import Stored
 from workbench.diagnostics import Diagnosis, diagnose_whole
@@ -15,8 +15,8 @@ from workbench.diagnostics.null_space import WEAK, Direction, named_by_joints
 from workbench.errors import BadFile, listed
 from workbench.fitting.setup import Setup
 from workbench.problem import Problem
-from workbench.problem.rounding import half_squared
-from workbench.problem.spectrum import largest_eigenvalue
+from workbench.problem.linearization import largest_eigenvalue
+from workbench.problem.optimality import half_squared
 from workbench.reading.facts import Facts, facts, number, whole
 from workbench.solvers import Ipopt, LevenbergMarquardt, Solver
 from workbench.solvers.starts import one_minimum

@@ -13,7 +13,7 @@ from workbench.comparison.record import KINDS, RunLog
 from workbench.problem import Linearization, Problem
 from workbench.problem.constraints import ConstraintSet
 from workbench.problem.costs import CostGradients, CostMethod, Costs, Places, interpreted
-from workbench.problem.rounding import half_squared
+from workbench.problem.optimality import half_squared
 from workbench.problem.storage import Stored
 from workbench.residuals import Residual
 from workbench.solvers.limits import Meter, limited

@@ -33,8 +33,7 @@ from scipy.special import ndtri
 
 from workbench.arrays import Array, Mask
 from workbench.blocks import Block, Layout, Values
-from workbench.blocks.directions import in_units
-from workbench.blocks.layout import entries
+from workbench.blocks.layout import entries, in_units
 from workbench.diagnostics import diagnose_whole
 from workbench.diagnostics.design import Criterion, MeasurementDesign, Quantity
 from workbench.errors import BadArgument, UnknownName

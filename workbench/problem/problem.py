@@ -17,8 +17,7 @@ from workbench.blocks.points import distinct
 from workbench.errors import check_known
 from workbench.problem import naming
 from workbench.problem.chain import Chain
-from workbench.problem.constraint import Constraint
-from workbench.problem.constraints import ConstraintSet
+from workbench.problem.constraints import Constraint, ConstraintSet, part_at
 from workbench.problem.costs import (
     CostGradients,
     CostGraph,
@@ -33,8 +32,7 @@ from workbench.problem.frames import FrameChain
 from workbench.problem.graph import Graph, stored
 from workbench.problem.linearization import Linearization
 from workbench.problem.naming import Bounds, check_units, flat_bounds, of_free
-from workbench.problem.optimality import optimality
-from workbench.problem.rounding import Rounding, RowSupport
+from workbench.problem.optimality import Rounding, RowSupport, optimality
 from workbench.problem.storage import Stored
 from workbench.residuals import Residual
 from workbench.threads import limited_threads
@@ -150,7 +148,7 @@ class Problem(Symbolic):
 
     def row_label(self, row: int) -> str:
         """The name of one entry of the stacked residual."""
-        part, place = naming.part_at(self.residuals, row)
+        part, place = part_at(self.residuals, row)
         return part.label(place)
 
     @cached_property

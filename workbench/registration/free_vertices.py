@@ -15,8 +15,8 @@ from workbench.fitting.body_priors import usual_priors
 from workbench.fitting.scans.scan import Scan
 from workbench.geometry.solids import area, mesh_edges
 from workbench.problem import Problem
-from workbench.problem.conjugate_gradients import ConjugateGradients
 from workbench.problem.sparsity import rows_of_nonzeros
+from workbench.problem.steps import ConjugateGradients
 from workbench.registration.limbs import other_limbs
 from workbench.residuals import (
     Form,

@@ -25,7 +25,7 @@ import scipy.linalg
 from workbench.arrays import Array, Mask
 from workbench.problem import Linearization, Problem
 from workbench.problem.linearization import inverse_times
-from workbench.problem.rounding import FACTOR, Rounding, decrease, half_squared
+from workbench.problem.optimality import FACTOR, Rounding, decrease, half_squared
 from workbench.problem.steps import EPS, SLIGHT, factor_of
 from workbench.solvers.solution import Evaluations, Iterate
 
