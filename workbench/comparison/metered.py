@@ -167,7 +167,6 @@ class MeteredProblem(Problem):
         }
         vars(self).update(graphs)
         self.stacked_constraints = _counted(problem.stacked_constraints, meter)
-        self.solvers_made = []  # so that no run is quicker for those before it
 
     @property
     def residuals(self) -> tuple[Residual, ...]:  # type: ignore[override]

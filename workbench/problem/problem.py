@@ -69,7 +69,6 @@ class Problem(Symbolic):
         self.free, self.fixed = self._layouts = naming.free_and_fixed(self._known, free)
         self.lower, self.upper = flat_bounds(self.bounds, self.free, self._known)
         self.stages: dict[object, Problem] = {}  # made once by `in_stage`
-        self.solvers_made: list[object] = []  # for the next run; see `solvers.oracle`
         self.stacked_constraints = ConstraintSet.of(self.constraints, *self._layouts)
         self.domain = Domain.of(self.residuals, *self._layouts)
 

@@ -225,10 +225,9 @@ def ranks_table(d: Diagnosis) -> Table:
             str(d.rank),
             f"singular values above {number(d.tolerance, 2)} at this point",
         ),
-        ("with columns of length 1", str(d.scaled_rank), "the same whatever the units are"),
     ]
-    if d.nearby.ranks:
-        near = ", ".join(map(str, d.nearby.ranks))
+    if d.ranks_nearby:
+        near = ", ".join(map(str, d.ranks_nearby))
         rows.append(("nearby", near, "at random points a tenth of a characteristic scale away"))
     if d.rank_law:
         rows.append(("rank law of observed joints", str(d.rank_law[0]), d.rank_law[1]))
@@ -304,8 +303,6 @@ def contributions_table(d: Diagnosis) -> Table | None:
             c.residual,
             str(c.rank_without),
             str(c.rank_with),
-            number(float(c.singular_values_without.min(initial=np.inf)), 2),
-            number(float(c.singular_values_with.min(initial=np.inf)), 2),
             *(
                 changed(c.sigma_without[n], c.sigma_with[n], lambda sigma: number(sigma, 2))
                 for n in names
@@ -316,8 +313,6 @@ def contributions_table(d: Diagnosis) -> Table | None:
     head = (
         "residual",
         "rank without",
-        "with",
-        "least singular value without",
         "with",
         *(f"sigma of {n}" for n in names),
     )
@@ -332,8 +327,6 @@ def derivatives_table(d: Diagnosis) -> Table:
         ("largest error", number(check.largest_error, 2), "of the column's largest entry"),
         ("gradient against J'r", number(check.gradient_error, 2), "relative"),
     ]
-    if check.hessian_error is not None:
-        rows.append(("exact Hessian", number(check.hessian_error, 2), "against differences"))
     if check.neglected is not None:
         share = f"{check.neglected:.1%}"
         rows.append(("left out by J'J", share, "of the exact Hessian, as in Gauss-Newton"))
