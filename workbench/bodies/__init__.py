@@ -33,7 +33,6 @@ from workbench.bodies.hands import (
     is_hand,
     mirrored,
 )
-from workbench.bodies.penetrations import Penetration, penetrations
 from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.spaces import PoseSpace, ShapeSpace, pose_space, shape_space
 
@@ -45,7 +44,6 @@ __all__ = [
     "FileFinding",
     "HandMotion",
     "Landmarks",
-    "Penetration",
     "PoseSpace",
     "ShapeSpace",
     "SkinnedBody",
@@ -62,7 +60,6 @@ __all__ = [
     "is_hand",
     "linear_blend",
     "mirrored",
-    "penetrations",
     "pose_space",
     "shape_space",
     "skin",

@@ -8,22 +8,25 @@ from typing import Any
 
 import numpy as np
 
-from workbench.bodies.checking.arrays import about_numbers, about_spaces, about_tree, model_of
+from workbench.bodies.checking.findings import (
+    DECIDED,
+    SIZES,
+    about_hands,
+    about_numbers,
+    about_places,
+    about_spaces,
+    about_tree,
+    axis_of,
+    directions,
+    hands_in_file,
+    model_of,
+)
 from workbench.bodies.checking.model_arrays import (
     FileFinding,
     ModelArrays,
     kind_of,
     model_arrays,
     used_keys,
-)
-from workbench.bodies.checking.places import (
-    DECIDED,
-    SIZES,
-    about_hands,
-    about_places,
-    axis_of,
-    directions,
-    hands_in_file,
 )
 from workbench.bodies.files.layouts import (
     INSTEAD,
@@ -37,7 +40,6 @@ from workbench.bodies.files.reading import (
     MIRROR,
     OURS,
     REQUIRED,
-    SETS,
     Entries,
     contents_of,
     is_npz,
@@ -50,8 +52,6 @@ from workbench.reading.facts import parsed
 
 LICENCE = re.compile(r"licen[cs]e|copyright|terms", re.IGNORECASE)
 LONGEST = 2000  # characters of the text of a licence
-USED, OWN, KEPT = "computed with", "read as the workbench's own", "kept, and saved again"
-LEFT_OUT = "left out, for the reason below"
 
 
 def facts_of(model: ModelArrays, size: int) -> dict[str, str]:
@@ -162,21 +162,12 @@ def left_out_of(raw: Contents) -> dict[str, str]:
 def keys_of(raw: Contents) -> tuple[tuple[str, str, str], ...]:
     """Each key, its shape and type, and what becomes of it when the file is loaded and saved."""
     used = used_keys(raw)
-    own = {*used, *OURS, *CAPSULES, MIRROR}
-    kept, _ = sorted_out(raw, own)
-    reasons = left_out_of(raw)
-    rows = []
-    for key in sorted(raw, key=lambda name: (name not in used, name in kept, name)):
-        if key in used:
-            fate = USED
-        elif key in kept:
-            fate = KEPT
-        elif key in reasons:
-            fate = LEFT_OUT
-        else:
-            fate = OWN if key in own or key.startswith(SETS) else KEPT
-        rows.append((cut(key, 60), kind_of(raw[key]), fate))
-    return tuple(rows)
+    kept, _ = sorted_out(raw, {*used, *OURS, *CAPSULES, MIRROR})
+    fates = dict.fromkeys(raw, "read as the workbench's own")
+    fates |= dict.fromkeys(left_out_of(raw), "left out, for the reason below")
+    fates |= dict.fromkeys(kept, "kept, and saved again") | dict.fromkeys(used, "computed with")
+    order = sorted(raw, key=lambda name: (name not in used, name in kept, name))
+    return tuple((cut(key, 60), kind_of(raw[key]), fates[key]) for key in order)
 
 
 CHECKS = (about_numbers, about_tree, about_places, about_spaces, about_hands)

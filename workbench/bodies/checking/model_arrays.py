@@ -126,15 +126,6 @@ class ModelArrays:
             return None
         return value if _usable(value).all() else None
 
-    def scalar(self, key: str) -> int | None:
-        """A single whole number."""
-        value = self.raw.get(key)
-        if isinstance(value, np.ndarray) and value.size == 1 and value.dtype.kind in "iu":
-            value = value.item()
-        if not isinstance(value, int | np.integer) or isinstance(value, bool):
-            return None
-        return int(value) if abs(int(value)) < 2**53 else None
-
 
 def model_arrays(raw: Contents, where: str) -> ModelArrays:
     """The arrays of a file of SMPL's layout, and what is wrong with reading them."""
