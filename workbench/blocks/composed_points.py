@@ -428,7 +428,7 @@ class FramesAt(PointsAt):
     def _dense(self, here: PointsAt, name: str) -> csc_array:
         """The derivative of one frame's points by its own part of a block, (d N, size)."""
         block = self.of.blocks[name]
-        into = np.empty((block.size // block.shape[0], here.points.size))
+        into = np.zeros((block.size // block.shape[0], here.points.size))
         here.write_jacobian({name: into}, None)
         return csc_array(into.T)
 
@@ -440,7 +440,6 @@ class FramesAt(PointsAt):
             parts = {}
             for name, array in into.items():
                 if self.of.framed[name]:
-                    array[:, at] = 0.0  # the other frames do not move these points
                     size = len(array) // self.of.blocks[name].shape[0]
                     array = array[t * size : (t + 1) * size]
                 parts[name] = array[:, at]

@@ -225,7 +225,7 @@ class ContactsAt(PointsAt):
     def write_jacobian(self, into: Mapping[str, Array], scale: Array | None) -> None:
         """Write the derivative, transposed, into[block] (size, M d)."""
         W = self.contacts.jacobian
-        by_block = {name: np.empty((len(target), W.shape[1])) for name, target in into.items()}
+        by_block = {name: np.zeros((len(target), W.shape[1])) for name, target in into.items()}
         self.here.write_jacobian(by_block, None)
         W = W if scale is None else _with(_per_row(W, scale), W)
         for name, target in into.items():

@@ -35,8 +35,8 @@ def about_numbers(model: ModelArrays) -> Iterator[FileFinding]:
                 f"{sums[worst]:.4g}, so that {harm}. Divide each row by its sum, if it is not "
                 f"zero; otherwise take {key} from the original file.",
             )
-    W = model.weights
-    if W is not None and (negative := (W < -ROW_SUM_TOLERANCE).any(axis=1)).any():
+    if (W := model.weights) is not None and W.min() < -ROW_SUM_TOLERANCE:
+        negative: Mask = np.asarray((W < -ROW_SUM_TOLERANCE).any(axis=1))
         yield FileFinding(
             "weights",
             f"{of_all(negative, 'vertices')} have weights below zero, down to {W.min():.3g}, and "

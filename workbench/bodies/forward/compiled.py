@@ -50,7 +50,7 @@ ROLES = ("pose", "betas", "trans")
 MANY_PLACES = 64  # of arrays whose rows' addresses are remembered
 FLAGS = ("-O3",)  # a quarter less time than with -O2, and the same numbers
 # how many arguments their functions take
-OF_MESH = {"points": 4, "write_jacobian": 9, "clear": 2, "vjp": 5}
+OF_MESH = {"points": 4, "write_jacobian": 9, "vjp": 5}
 OF_JOINTS = {"motions": 5, "derivatives": 5}
 
 TRIED = 11  # vertices: all lanes full at least once, and some that are left over
@@ -190,23 +190,10 @@ class CompiledMeshAt(PointsAtMotion):
 
         The points have the same bits as those that are computed alone.
         """
-        self._write(by, into, scale, clear=True)
-
-    def write_jacobian_over_zeros(
-        self, by: MotionDerivatives, into: Mapping[str, RowTarget], scale: Array | None
-    ) -> None:
-        """The same where `into` holds zeros for joints that leave vertices alone."""
-        self._write(by, into, scale, clear=False)
-
-    def _write(
-        self, by: MotionDerivatives, into: Mapping[str, RowTarget], scale: Array | None, clear: bool
-    ) -> None:
         factor = None if scale is None else np.ascontiguousarray(scale, dtype=np.float64)
         copied: list[tuple[Array, Array]] = []  # what the library cannot write to, and its copy
         tables = {name: _addresses(target, copied) for name, target in into.items()}
         found = None if "points" in self.__dict__ else np.empty((self.of.packed.count, 3))
-        if clear and "pose" in tables:
-            self.of.run("clear", tables["pose"])
         wanted = factor, *(tables.get(name) for name in ROLES), found
         self.of.run("write_jacobian", *self._moved, by.numbers, *wanted)
         if found is not None:
@@ -233,21 +220,18 @@ class CompiledMeshAt(PointsAtMotion):
 def _addresses(target: RowTarget, copied: list[tuple[Array, Array]]) -> NDArray[np.intp]:
     """The address that each row is written to, (count,); 0 for a row that is not wanted.
 
-    An array whose rows are not float64 in one piece is written aside, and appended to `copied`.
+    An array whose rows are not in one piece is written aside, and appended to `copied`.
     """
-    one = target if isinstance(target, np.ndarray) else target.whole
-    if one is not None and _is_plain(one):
-        return _places(address(one), one.strides[0], len(one))
-    rows = Rows.of(target)
-    table = np.zeros(rows.count, dtype=np.intp)
-    for first, array in rows.parts:
-        plain = array
-        if not _is_plain(array):
-            plain = np.zeros(array.shape)
-            copied.append((array, plain))
-        table[first : first + len(array)] = address(plain) + plain.strides[0] * np.arange(
-            len(plain)
-        )
+    array = target.array if isinstance(target, Rows) else target
+    plain = array
+    if array.strides[1] != 8:
+        plain = np.zeros(array.shape)
+        copied.append((array, plain))
+    places = _places(address(plain), plain.strides[0], len(plain))
+    if not isinstance(target, Rows):
+        return places
+    table = np.zeros(target.count, dtype=np.intp)
+    table[target.rows] = places
     return table
 
 
@@ -258,11 +242,6 @@ def _places(begin: int, stride: int, count: int) -> NDArray[np.intp]:
     Large Jacobians take turns in a few buffers, so that the same addresses are asked for again.
     """
     return begin + stride * np.arange(count)
-
-
-def _is_plain(array: Array) -> bool:
-    """Whether the library can write its rows."""
-    return array.strides[1] == 8 and array.dtype == np.float64 and array.flags.writeable
 
 
 class TrialArrays(NamedTuple):

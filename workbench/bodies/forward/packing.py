@@ -101,8 +101,6 @@ class PackedVertices:
         steps: (2,) by which the stored shapes and posedirs are multiplied.
         joints: for each group three lists, each after its length: the joints that have a weight on
             it, that have posedirs, and that have a weight on it at or below them.
-        still: (., 3) the stretches of vertices that a joint leaves alone: the joint, the first
-            vertex, and the number of vertices.
     """
 
     count: int
@@ -112,7 +110,6 @@ class PackedVertices:
     posedirs: NDArray[Any]
     steps: Array
     joints: NDArray[np.intp]
-    still: NDArray[np.intp]
 
     @staticmethod
     def of(
@@ -159,15 +156,14 @@ class PackedVertices:
             posedirs,
             np.array(packing.steps),
             _lists(weighted, corrected, moved),
-            _stretches(moved | corrected, lanes, N),
         )
 
     @cached_property
     def structure(self) -> NDArray[np.intp]:
         """The `body_t` of `mesh.c`."""
-        arrays = self.vertices, self.shapes, self.posedirs, self.steps, self.joints, self.still
+        arrays = self.vertices, self.shapes, self.posedirs, self.steps, self.joints
         addresses = [array.ctypes.data for array in arrays]
-        return np.array([self.count, *addresses, len(self.still)], dtype=np.intp)
+        return np.array([self.count, *addresses], dtype=np.intp)
 
 
 def _lists(*groups: Mask) -> NDArray[np.intp]:
@@ -178,17 +174,6 @@ def _lists(*groups: Mask) -> NDArray[np.intp]:
             joints = np.flatnonzero(row).tolist()
             found += [len(joints), *joints]
     return np.array(found, dtype=np.intp)
-
-
-def _stretches(moving: Mask, lanes: int, count: int) -> NDArray[np.intp]:
-    """The joint, first vertex and number of vertices of every run of groups that are still."""
-    still = np.zeros((moving.shape[1], len(moving) + 2), dtype=np.int8)
-    still[:, 1:-1] = ~moving.T
-    changes = np.diff(still, axis=1)
-    joint, first = np.nonzero(changes == 1)
-    _, last = np.nonzero(changes == -1)
-    begin, end = lanes * first, np.minimum(lanes * last, count)
-    return np.stack([joint, begin, end - begin], axis=1).astype(np.intp)
 
 
 def _grouped(columns: NDArray[Scalar], lanes: int) -> NDArray[Scalar]:

@@ -122,10 +122,6 @@ class PosedPointsAt(BodyPointsAt):
         """Write the transposed derivative into `pose`, `betas` and so on, (size, 3 N) each."""
         self.at_origin.write_jacobian(self.motion.derivatives, into, scale)
 
-    def write_jacobian_over_zeros(self, into: Mapping[str, RowTarget], scale: Array | None) -> None:
-        """The same where `into` holds zeros wherever the derivative is always zero."""
-        self.at_origin.write_jacobian_over_zeros(self.motion.derivatives, into, scale)
-
     def vjp(self, cotangent: Array) -> dict[str, Array]:
         """The gradients of cotangent (3 N,) . points by `pose`, `betas` and so on, flat."""
         on_points = cotangent.reshape(-1, 3)
