@@ -3,8 +3,7 @@
     V = L A' (B D Q e),        L the factorised stitching, A' from edges to vertices.
 
 All but L is done triangle by triangle. A turn of joint k multiplies what hangs on k from the left
-by one matrix for all triangles; twists and betas change each triangle in its own way. The
-derivative's columns are dense all the same: L spreads every change over the whole mesh.
+by one matrix for all triangles; twists and betas change each triangle in its own way.
 """
 
 from __future__ import annotations
@@ -26,8 +25,6 @@ from workbench.geometry.triangles import edges
 
 if TYPE_CHECKING:
     from workbench.bodies.triangles.body import TriangleBody
-
-TOGETHER = 16  # surfaces that are worked on at a time: more of them do not fit into a cache
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,31 +81,6 @@ class PackedTriangles:
             found.append(JointReach(joints, faces, weights, onto, bent, slot, bent_onto))
         return found
 
-    # The same for many surfaces, of which every entry of a matrix is a row (F, M).
-
-    @cached_property
-    def shape_rows(self) -> Array:
-        """What betas add to D, (9 F, B), in the rows (r, c, f)."""
-        F, _, _, B = self.shapedirs.shape
-        return np.ascontiguousarray(self.shapedirs.transpose(1, 2, 0, 3)).reshape(9 * F, B)
-
-    @cached_property
-    def bend_rows(self) -> csr_array:
-        """What the pose adds to Q e, (6 F, 3 K), in the rows (i, a, f)."""
-        F, J = self.near.shape
-        bends = self.bends.reshape(F, 2, 3, J, 3)
-        f, i, a, j, axis = np.indices(bends.shape)
-        rows, columns = (3 * i + a) * F + f, 3 * self.near[f, j] + axis
-        shape = (6 * F, 3 * len(self.parents))
-        return csr_array((bends.ravel(), (rows.ravel(), columns.ravel())), shape=shape)
-
-    @cached_property
-    def onto_vertices(self) -> csr_array:
-        """A' (N, 2 F) with all first edges before all second ones."""
-        A = self.stitching.A
-        first = np.arange(0, A.shape[0], 2)
-        return csr_array(A[np.concatenate([first, first + 1])].T)
-
     def placed(self, right_side: Array) -> Array:
         """The vertices (N, k) that solve the equations of stitching, the root joint at zero."""
         V = self.stitching.solve(right_side)
@@ -128,46 +100,13 @@ class TriangleNumbers(BodyPoints):
         return TriangleSurface(self.packed, pose, betas, np.zeros(3) if trans is None else trans)
 
     def evaluate_batch(self, poses: Array, betas: Array, trans: Array, *_: Array) -> Array:
-        """The vertices (M, N, 3) m of M poses, betas and translations.
-
-        Of M surfaces, every entry of the matrices B, D and of the edges is an array (F, M): a
-        product of 3 x 3 matrices is then a few operations on long rows. The stitching is solved
-        for all coordinates of all surfaces together.
-        """
-        of, M = self.packed, len(poses)
-        found = np.empty((M, of.stitching.n_vertices, 3))
-        most = min(TOGETHER, M) * len(of.edges)
-        space = [np.empty(rows * most) for rows in (9, 9, 6, 6, 6)]  # fresh memory costs as much
-        for first in range(0, M, TOGETHER):
-            some = slice(first, first + TOGETHER)
-            found[some] = self._some(poses[some], betas[some], space)
-        return found + trans[:, None]
-
-    def _some(self, pose: Array, betas: Array, space: list[Array]) -> Array:
-        """At most TOGETHER surfaces, before translation."""
-        of, M, F = self.packed, len(pose), len(self.packed.edges)
-        B, D, shaped, edges, product = (
-            part[: rows * F * M].reshape(-1, 3, F, M)
-            for rows, part in zip((9, 9, 6, 6, 6), space, strict=True)
-        )
-        world = world_rotations(matrix_from_vector(pose), of.parents)
-        world = np.ascontiguousarray(world.transpose(2, 3, 1, 0))
-        for r, c in np.ndindex(3, 3):
-            B[r, c] = of.weights @ world[r, c]
-        np.matmul(of.shape_rows, betas.T, out=D.reshape(9 * F, M))
-        for axis in range(3):
-            D[axis, axis] += 1.0
-        bent = (of.bend_rows @ pose.reshape(M, -1).T).reshape(2, 3, F, M)
-        bent += of.edges.transpose(1, 2, 0)[..., None]
-        for matrices, before, after in ((D, bent, shaped), (B, shaped, edges)):
-            np.multiply(matrices[None, :, 0], before[:, None, 0], out=after)
-            for c in (1, 2):
-                after += np.multiply(matrices[None, :, c], before[:, None, c], out=product)
-        right_side = np.empty((of.stitching.n_vertices, 3, M))
-        for axis in range(3):
-            right_side[:, axis] = of.onto_vertices @ edges[:, axis].reshape(2 * F, M)
-        V = of.placed(right_side.reshape(-1, 3 * M)).reshape(-1, 3, M)
-        return np.asarray(V.transpose(2, 0, 1) + of.root)
+        """The vertices (M, N, 3) m of M poses, betas and translations; stitched all at once."""
+        of, each = self.packed, zip(poses, betas, strict=True)
+        right_sides = [TriangleSurface(of, p, b, np.zeros(3)).right_side for p, b in each]
+        if not right_sides:
+            return np.zeros((0, of.stitching.n_vertices, 3))
+        V = of.placed(np.concatenate(right_sides, axis=1)).reshape(-1, len(poses), 3)
+        return np.asarray(V.transpose(1, 0, 2) + of.root + trans[:, None])
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,12 +164,15 @@ class TriangleSurface(BodyPointsAt):
         Q = np.eye(3) + np.einsum("facj,fj->fac", self.of.posedirs, self.twists)
         return np.asarray(self.B @ self.D @ Q)
 
+    @property
+    def right_side(self) -> Array:
+        """A' (B D Q e): the edges before stitching, summed onto the vertices, (N, 3) m."""
+        return self.of.stitching.edge_sums(_on_edges(self.B, self.shaped))
+
     @cached_property
     def points(self) -> Array:
         """The stitched vertices, (N, 3) m."""
-        of = self.of
-        right_side = of.stitching.edge_sums(_on_edges(self.B, self.shaped))
-        return np.asarray(of.placed(right_side) + of.root + self.trans)
+        return np.asarray(self.of.placed(self.right_side) + self.of.root + self.trans)
 
     def write_jacobian(self, into: Mapping[str, RowTarget], scale: Array | None) -> None:
         """Write the transposed derivative into `pose`, `betas` and `trans`, (size, 3 N) each."""
