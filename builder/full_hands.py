@@ -19,7 +19,7 @@ from builder.stored import write_arrays
 from builder.wheel import Wheel
 from workbench.arrays import Array, Index
 from workbench.bodies import SkinnedBody
-from workbench.bodies.files.embedded import SEWN, embedded, embedded_hand
+from workbench.bodies.catalogue import SEWN, embedded, embedded_hand
 from workbench.geometry.surface_tree import nearest
 
 DATA, BEND, SHAPE = 0.001, 0.3, 1.0  # m, rad and standard deviations: sigmas of the fit

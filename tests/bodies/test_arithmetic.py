@@ -20,13 +20,15 @@ from workbench.bodies.forward.compiled import (
     MESH,
     CompiledJoints,
     CompiledMesh,
+    Packing,
+    is_exact,
     joint_library,
     mesh_library,
+    whole_step,
 )
 from workbench.bodies.forward.kinematics import Skeleton
 from workbench.bodies.forward.mesh import NumpyMesh, chunks_of
 from workbench.bodies.forward.motion import Kinematics
-from workbench.bodies.forward.packing import Packing, is_exact, whole_step
 
 COMPILER = next((c for c in ("gcc", "clang", "cc") if shutil.which(c)), None)
 NEEDS_COMPILER = pytest.mark.skipif(COMPILER is None, reason="no C compiler on the PATH")

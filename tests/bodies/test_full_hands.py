@@ -11,8 +11,7 @@ import trimesh
 
 from tests.bodies.paper import smpl
 from workbench.bodies import capsule_ends, pose_space
-from workbench.bodies.catalogue import load_skinned
-from workbench.bodies.files.embedded import embedded, embedded_hand, sewing_of
+from workbench.bodies.catalogue import embedded, embedded_hand, load_skinned, sewing_of
 from workbench.bodies.files.saving import save_body
 from workbench.bodies.sewn_hands import border, sewn_mesh, with_hands
 from workbench.geometry.mirror import AXIAL, REFLECTION, opposite

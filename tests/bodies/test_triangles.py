@@ -24,8 +24,13 @@ from tests.bodies_made_up import random_body, tube_body
 from tests.differences import assert_hessian, assert_jacobian
 from tests.tiers import few
 from workbench.bodies.body import Body
-from workbench.bodies.catalogue import EmbeddedTriangles, load_body, load_skinned
-from workbench.bodies.files.embedded import UNTRAINED, read_embedded_triangles
+from workbench.bodies.catalogue import (
+    UNTRAINED,
+    EmbeddedTriangles,
+    load_body,
+    load_skinned,
+    read_embedded_triangles,
+)
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.bodies.triangles.body import one_part
 from workbench.errors import BadBody, BadFile, UnknownName

@@ -23,7 +23,6 @@ from workbench.bodies.forward.skinning import (
     dual_quaternion_blend,
     linear_blend,
     skin,
-    skin_vertices,
 )
 from workbench.bodies.hands import (
     HAND_POINTS,
@@ -63,5 +62,4 @@ __all__ = [
     "pose_space",
     "shape_space",
     "skin",
-    "skin_vertices",
 ]

@@ -17,7 +17,7 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.blocks.points import PointsOfEach, stacked
 from workbench.bodies.forward import surface
-from workbench.bodies.forward.compiled import CompiledJoints, CompiledMesh
+from workbench.bodies.forward.compiled import CompiledJoints, CompiledMesh, Packing
 from workbench.bodies.forward.few_points import (
     FewPointsAt,
     JointPoints,
@@ -29,7 +29,6 @@ from workbench.bodies.forward.kinematics import Skeleton
 from workbench.bodies.forward.mesh import NumpyMesh, VertexChunk, batch_points, chunks_of
 from workbench.bodies.forward.motion import JointMotion, Kinematics, PointsAtMotion
 from workbench.bodies.forward.named_points import BodyPoints, BodyPointsAt, RowTarget
-from workbench.bodies.forward.packing import Packing
 from workbench.bodies.forward.surface import ALL, Vertices
 
 if TYPE_CHECKING:

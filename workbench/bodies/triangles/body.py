@@ -17,8 +17,12 @@ from workbench.blocks import Block, Points
 from workbench.bodies.body import Body, Given, Landmarks, arguments, regressed
 from workbench.bodies.forward.sources import Arguments
 from workbench.bodies.readonly import readonly_parts
-from workbench.bodies.triangles.numbers import PackedTriangles, TriangleNumbers
-from workbench.bodies.triangles.points import deformed, surface_points
+from workbench.bodies.triangles.surface import (
+    PackedTriangles,
+    TriangleNumbers,
+    deformed,
+    surface_points,
+)
 from workbench.bodies.validation import check_triangles, chosen_vertices
 from workbench.errors import BadBody
 from workbench.geometry.triangles import Stitching, gradient_derivatives
