@@ -218,14 +218,22 @@ def read_embedded_triangles(
     )
 
 
-PLACED = {"bodies": texts("G"), "vertices": wholes("H"), "held": reals("G", 16, 3)}
+PLACED = {
+    "bodies": texts("G"),
+    "held": reals("G", 16, 3),
+    "origin": wholes("N"),
+    "faces": wholes("F", 3),
+    "mirror": wholes("N"),
+    "left": wholes("H"),
+    "right": wholes("H"),
+}
 SEWN = {"full-hands": "full", "full-hands-female": "full-female", "full-hands-male": "full-male"}
 
 
 def embedded_with_hands(name: str) -> SkinnedBody:
     """One of the bodies in `SEWN`, sewn together when it is asked for.
 
-    Its own file says only where the hand is on the body, and how the body holds its fingers.
+    Its own file has the mesh, and says how the body holds its fingers.
     Raises BadFile if a file is missing or is not one, BadBody if they do not fit together.
     """
     body = embedded(SEWN[name])
@@ -233,13 +241,15 @@ def embedded_with_hands(name: str) -> SkinnedBody:
 
 
 def sewing_of(body: str) -> Sewing:
-    """Where the hand is on one of the bodies that `SEWN` names. Raises BadFile."""
+    """How one of the bodies that `SEWN` names is sewn to hands. Raises BadFile."""
     with packed("full-hands") as path, opened(path, "file of a hand's place", REPAIR) as archive:
         arrays = read_expected(archive, PLACED)
     names = [str(name) for name in arrays["bodies"]]
     if body not in names:
         raise BadFile(f"full-hands.npz does not say how {body!r} holds its fingers; {REPAIR}")
-    return Sewing(arrays["vertices"], arrays["held"][names.index(body)])
+    hands = {side: arrays[side] for side in ("left", "right")}
+    mesh = (arrays[name] for name in ("origin", "faces", "mirror"))
+    return Sewing(*mesh, hands, arrays["held"][names.index(body)])
 
 
 Embedded = Literal[  # of these, type checkers know that they are skinned
