@@ -248,8 +248,8 @@ def sewing_of(body: str) -> Sewing:
     if body not in names:
         raise BadFile(f"full-hands.npz does not say how {body!r} holds its fingers; {REPAIR}")
     hands = {side: arrays[side] for side in ("left", "right")}
-    mesh = (arrays[name] for name in ("origin", "faces", "mirror"))
-    return Sewing(*mesh, hands, arrays["held"][names.index(body)])
+    held = arrays["held"][names.index(body)]
+    return Sewing(arrays["origin"], arrays["faces"], arrays["mirror"], hands, held)
 
 
 Embedded = Literal[  # of these, type checkers know that they are skinned

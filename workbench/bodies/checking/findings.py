@@ -316,15 +316,6 @@ def _axes(model: ModelArrays) -> Iterator[FileFinding]:
             "v_template, shapedirs and posedirs alone is not enough: the 9 columns of each joint "
             "in posedirs belong to rotations about the old axes.",
         )
-    elif axes.get("left", "x") != "x":
-        x, _, z = ways["left"]
-        angle = float(np.arctan2(z, x))  # which a turn about y takes to the x axis
-        yield FileFinding(
-            "v_template",
-            f"The left side of the model is along {axes['left']}, but here it is along x, and the "
-            f"body faces z. Export it again so, or begin every pose with the root turned by (0, "
-            f"{angle:.4f}, 0) rad.",
-        )
 
 
 def _turn(rotation: Array) -> str:

@@ -46,13 +46,9 @@ def save_body(body: SkinnedBody | TriangleBody, path: str | Path) -> None:
         ids = json.loads(Path("models/smpl/SMPL_NEUTRAL_vertex_ids.json").read_text())
         smplx.create("models", model_type="smpl", vertex_ids=ids, num_betas=10)
 
-    Give smplx `num_betas` of at most `body.n_betas`; of SMPL it shows no more than ten. With
-    `flat_hand_mean=False`, its default for MANO, it adds the mean pose to the pose that it is
-    given; here the mean is part of the pose. `tests/bodies/test_smplx_parity.py` compares all four.
-
-    It opens the .pkl of a body of 52 joints whose extras have the poses of hands, such as
-    `full-hands`, as SMPL-H (`models/smplh/SMPLH_NEUTRAL.pkl`, model_type="smplh", ext="pkl").
-    Unless it is told `flat_hand_mean=True`, it adds the mean pose of the hands.
+    Give smplx `num_betas` of at most `body.n_betas`; of SMPL it shows no more than ten. Unless told
+    `flat_hand_mean=True`, it adds the mean pose of hands to the given pose, of which it is a part
+    here.
 
     Raises BadFile for another suffix, a folder that cannot be written, or a body that the
     format cannot hold.
@@ -75,21 +71,13 @@ def save_body(body: SkinnedBody | TriangleBody, path: str | Path) -> None:
     if isinstance(body, TriangleBody) or path.suffix == ".npz":
         write_arrays(path, arrays)
         return
-    if body.bind_pose.any():
-        raise BadFile(
-            f"body {body.name!r} is drawn in a pose that is not zero, which a .pkl for smplx "
-            "cannot say; save it as .npz"
-        )
-    if body.rest_joints is not None:
-        raise BadFile(
-            f"body {body.name!r} is given its joints at rest, which a .pkl for smplx cannot say; "
-            "save it as .npz, or find a J_regressor for them"
-        )
-    if body.features is star_features:
-        raise BadFile(
-            f"the pose blend shapes of body {body.name!r} go by star_features, which the package "
-            "smplx does not know; save it as .npz"
-        )
+    for unknown, what in (
+        (body.bind_pose.any(), "is drawn in a pose that is not zero"),
+        (body.rest_joints is not None, "is given its joints at rest"),
+        (body.features is star_features, "has pose blend shapes by star_features"),
+    ):
+        if unknown:
+            raise BadFile(f"body {body.name!r} {what}, which smplx does not know; save it as .npz")
     arrays = _pose_spaces(body.n_joints) | arrays
     if family(body.n_joints, body.parents) in WITHOUT_IDS:
         _write_pickle(arrays, path)
