@@ -29,7 +29,7 @@ from builder.sets import ABOUT, BODY, SetRecipe, make_sets, recipe_text, regress
 from builder.stored import BuiltBody, TrainedOn, card_of, write_body
 from workbench.arrays import Array, Index, Mask
 from workbench.bodies import SkinnedBody
-from workbench.bodies.files.embedded import read_embedded
+from workbench.bodies.catalogue import read_embedded
 from workbench.bodies.forward.posing import unpose
 from workbench.errors import BadBody, BadFile
 from workbench.geometry.mirror import Mirror

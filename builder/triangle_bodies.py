@@ -15,8 +15,7 @@ import numpy as np
 
 from builder.stored import in_steps, write_arrays
 from workbench.arrays import Array
-from workbench.bodies.catalogue import load_skinned
-from workbench.bodies.files.embedded import SYNTHETIC, UNTRAINED
+from workbench.bodies.catalogue import SYNTHETIC, UNTRAINED, load_skinned
 from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
 from workbench.priors.poses import draw_poses, shipped_gaussian

@@ -29,7 +29,7 @@ from builder.wheel import Wheel
 from workbench.arrays import Array, Mask
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Landmarks
-from workbench.bodies.files.embedded import read_embedded
+from workbench.bodies.catalogue import read_embedded
 from workbench.geometry.solids import along_edges
 from workbench.threads import limited_threads
 from workbench.training.blend_shapes import RidgeSums, local_features
@@ -355,7 +355,7 @@ def tips_of(hand: HandMesh) -> Landmarks:
 
 
 def packed(trained: TrainedHand, card: dict[str, Any]) -> dict[str, Any]:
-    """The arrays of the file, as `workbench.bodies.files.embedded` reads them."""
+    """The arrays of the file, as `workbench.bodies.catalogue` reads them."""
     body, (mean, components, deviations) = trained.body, trained.space
     N, K = body.n_vertices, body.n_joints
     sides = np.arange(N), np.arange(K)

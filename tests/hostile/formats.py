@@ -30,8 +30,7 @@ from tests.motions.made_files import MARKER_FILES, MOTION_FILES
 from tests.motions.made_results import RESULTS, truth
 from workbench import Block, Problem, Residual, load_body, save_body, solve
 from workbench.bodies import check_body_file, pose_space, shape_space
-from workbench.bodies.catalogue import load_skinned
-from workbench.bodies.files.embedded import read_embedded
+from workbench.bodies.catalogue import load_skinned, read_embedded
 from workbench.bodies.files.joint_names import joint_names
 from workbench.bodies.skinned import Landmarks
 from workbench.bodies.triangles import TriangleBody, blend_scape

@@ -362,7 +362,7 @@ class _FramesAt(PointsAt):
         block = self.of.blocks[name]
         if self.of.source.pattern(name) is not None:
             return self.of.stacked([here.jacobian(name) for here in self.frames], block)
-        each = [np.empty((block.size // block.shape[0], h.points.size)) for h in self.frames]
+        each = [np.zeros((block.size // block.shape[0], h.points.size)) for h in self.frames]
         for here, into in zip(self.frames, each, strict=True):
             here.write_jacobian({name: into}, None)
         return self.of.stacked([csc_array(into.T) for into in each], block)
@@ -375,7 +375,6 @@ class _FramesAt(PointsAt):
             for name, array in into.items():
                 block = self.of.blocks[name]
                 if block.framed:
-                    array[:, at] = 0.0  # the other frames do not move these points
                     size = len(array) // block.shape[0]
                     array = array[t * size : (t + 1) * size]
                 parts[name] = array[:, at]

@@ -124,12 +124,9 @@ class PointsAt(ABC):
     def write_jacobian(self, into: Mapping[str, Array], scale: Array | None) -> None:
         """Write the points' derivative by each block of `into`, transposed: (size, 3 N).
 
-        Each column is multiplied by `scale` (3 N,), where there is one.
+        Each column is multiplied by `scale` (3 N,), where there is one. `into` holds zeros wherever
+        the derivative is always zero: nothing need be written there.
         """
-
-    def write_jacobian_over_zeros(self, into: Mapping[str, Array], scale: Array | None) -> None:
-        """The same where `into` holds zeros wherever the derivative is always zero."""
-        self.write_jacobian(into, scale)
 
     def jacobian(self, name: str) -> csc_array:
         """The derivative by a block with a `pattern` or a number of `nonzeros`, (3 N, size).
@@ -513,6 +510,8 @@ class LoopedPoints:
 
     def write_jacobians(self, some: slice, into: Mapping[str, Array]) -> None:
         """Write the derivatives at some of the values, (some, 3 N, size)."""
+        for array in into.values():
+            array[:] = 0.0
         for i, here in enumerate(self.places[some]):
             here.write_jacobian({name: array[i].T for name, array in into.items()}, None)
 

@@ -160,7 +160,7 @@ class Chain:
             places, self.by_points, self._own_rows, by_points, self._parts_of, strict=True
         ):
             dense = {
-                name: np.empty((part.columns.stop - part.columns.start, pattern.shape[1]))
+                name: np.zeros((part.columns.stop - part.columns.start, pattern.shape[1]))
                 for name, part in parts
                 if isinstance(part, DenseTerm)
             }
@@ -205,9 +205,9 @@ class Chain:
                 continue
             if rows is not None:
                 own = {name: columns[at, rows] for name, at in dense.items()}
-                here.write_jacobian_over_zeros(own, entries)
+                here.write_jacobian(own, entries)
                 continue
-            parts = {n: np.empty((at.stop - at.start, pattern.shape[1])) for n, at in dense.items()}
+            parts = {n: np.zeros((at.stop - at.start, pattern.shape[1])) for n, at in dense.items()}
             here.write_jacobian(parts, None)
             for name, at in dense.items():
                 columns[at] += (pattern.matrix(entries) @ parts[name].T).T

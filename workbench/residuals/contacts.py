@@ -173,7 +173,7 @@ class _ContactsAt(PointsAt):
 
     def write_jacobian(self, into: Mapping[str, Array], scale: Array | None) -> None:
         W = self.contacts.jacobian
-        by_block = {name: np.empty((len(target), W.shape[1])) for name, target in into.items()}
+        by_block = {name: np.zeros((len(target), W.shape[1])) for name, target in into.items()}
         self.here.write_jacobian(by_block, None)
         if scale is not None:
             W = _with(W.data * np.repeat(scale, np.diff(W.indptr)), W)

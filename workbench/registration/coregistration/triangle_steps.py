@@ -22,7 +22,7 @@ from scipy.sparse.linalg import LinearOperator, cg, splu
 
 from workbench.arrays import Array
 from workbench.bodies.triangles import TriangleBody
-from workbench.bodies.triangles.numbers import TriangleSurface
+from workbench.bodies.triangles.surface import TriangleSurface
 from workbench.errors import BadArgument
 from workbench.geometry.triangles import edges
 from workbench.training.triangles.learning import neighbour_differences

@@ -31,7 +31,7 @@ from workbench.arrays import Array, Index
 from workbench.blocks import Block, Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.triangles import TriangleBody, blend_scape
-from workbench.bodies.triangles.numbers import TriangleSurface
+from workbench.bodies.triangles.surface import TriangleSurface
 from workbench.errors import BadArgument
 from workbench.fitting.body_priors import pose_prior
 from workbench.geometry.solids import area
