@@ -11,6 +11,14 @@ from scipy.linalg import lstsq
 from scipy.sparse.linalg import LinearOperator
 
 import workbench as wb
+from builder.triangle_learning import (
+    LSQR,
+    Lsqr,
+    LsqrNotConverged,
+    StitchedFit,
+    learn_pose_deformations,
+    learn_subject,
+)
 from tests.bodies_made_up import tube_body
 from workbench import LevenbergMarquardt, Problem, diagnose, solve
 from workbench.arrays import Array
@@ -21,32 +29,16 @@ from workbench.lectures.material.variance import (
     additivity_gap,
     explained_by_triangles,
     explained_by_vertices,
+    stitched_directions,
     unposed,
 )
-from workbench.training.registrations import InMemory
-from workbench.training.triangles import alternation
-from workbench.training.triangles.alternation import (
-    SMOOTHNESS,
-    TriangleEstimate,
-    TriangleOptions,
-    fit_pose_deformations,
-    fit_shapes,
-    fit_subjects,
-    train_triangles,
-)
-from workbench.training.triangles.learning import (
-    LSQR,
-    Lsqr,
-    LsqrNotConverged,
+from workbench.training.triangles import (
     PosedMeshes,
-    StitchedFit,
+    SymbolicTriangles,
     learn_gradient_shapes,
-    learn_pose_deformations,
-    learn_subject,
     neighbour_differences,
-    stitched_directions,
+    shape_term,
 )
-from workbench.training.triangles.symbolic import SymbolicTriangles, shape_term
 
 
 class Direct(Lsqr):
@@ -362,87 +354,3 @@ def test_directions_and_betas_have_k_squared_plus_k_gauges() -> None:
     assert solution.cost == pytest.approx(0.5 * np.sum(left**2), abs=1e-8)
     found = diagnose(problem, solution.values)
     assert found.shape[1] - found.rank == k * k + k
-
-
-BY = Direct()
-ONCE = TriangleOptions(rounds=1, bends=BY, persons=BY)
-RIDGE = 1e-7
-
-
-def made(blended: bool) -> tuple[TriangleBody, TriangleEstimate, InMemory, InMemory]:
-    """A generator, a start that knows poses to 0.1 rad and nothing of Q, and its meshes."""
-    true, rng = generator(blended), np.random.default_rng(0)
-    betas = rng.normal(size=(P, B))
-    still = rng.normal(scale=0.05, size=(P, 3, 3))
-    who, poses = np.arange(24) % P, rng.normal(scale=0.6, size=(24, 3, 3))
-    standing = InMemory(true.vertices(still, betas, rng.normal(size=(P, 3))), np.arange(P))
-    posed = InMemory(true.vertices(poses, betas[who], rng.normal(size=(24, 3))), who)
-    D = np.eye(3) + np.moveaxis(true.shapedirs @ betas.T, 3, 0)
-    off = [p + rng.normal(scale=0.1, size=p.shape) for p in (poses, still)]
-    return true, TriangleEstimate(untrained(true), D, *off), standing, posed
-
-
-@pytest.mark.thorough
-def test_training_cost_is_monotone() -> None:
-    true, state, standing, posed = made(blended=True)
-    state = fit_shapes(state, standing, B)
-    E, left = [np.inf], []
-    for _ in range(2):
-        for block in (
-            lambda s: fit_pose_deformations(s, posed, RIDGE, BY),
-            lambda s: replace(s, poses=s.fits(posed).poses),
-            lambda s: fit_subjects(s, posed, BY),
-        ):
-            state = block(state)
-            E.append(cost(true, state, posed))
-            left.append(state.fits(posed, 0).rms(posed.vertices))
-    assert (np.diff(E) < 0).all()
-    assert left[-1] < 0.15 * left[0]
-    assert left[0] > 0.01  # m
-
-
-def cost(true: TriangleBody, state: TriangleEstimate, posed: InMemory) -> float:
-    """The meshes', E_Q and E_D, m^2."""
-    data = posed.vertices.size / 3 * state.fits(posed, 0).rms(posed.vertices) ** 2
-    tied = neighbour_differences(true.faces)
-    rough = sum(np.sum((tied @ D.reshape(len(D), 9)) ** 2) for D in state.D)
-    return float(data + RIDGE * np.sum(state.body.posedirs**2) + SMOOTHNESS * rough)
-
-
-@pytest.mark.thorough
-def test_rounds_find_a_model_of_the_meshes() -> None:
-    _, begun, standing, posed = made(blended=False)
-    end = train_triangles(begun, standing, posed, n_betas=B, ridge=RIDGE, options=ONCE)
-    before, after = (s.fits(posed, 10).rms(posed.vertices) for s in (begun, end))
-    assert after < 0.2 * before
-    assert end.body.n_betas == B
-    np.testing.assert_allclose(end.body.template.mean(axis=0), 0, atol=1e-12)
-    apart = [np.linalg.norm(s.poses - begun.poses) for s in (begun, end)]
-    assert apart[1] > apart[0] == 0
-
-
-def test_changed_template_changes_no_subject() -> None:
-    _, begun, standing, _ = made(blended=True)
-    after = fit_shapes(begun, standing, B)
-    assert abs(after.body.template - begun.body.template).max() > 0.01
-    still = [s.subjects.vertices(0 * s.poses[:P], np.eye(P)) for s in (begun, after)]
-    shown = [V - V.mean(axis=1, keepdims=True) for V in still]
-    np.testing.assert_allclose(*shown, atol=1e-12)
-
-
-@pytest.mark.thorough
-def test_persons_are_unposed() -> None:
-    body = blend_scape(SMALL)
-    rng = np.random.default_rng(1)
-    betas, pose = rng.normal(size=10), np.zeros((24, 3))
-    rest = body.vertices(betas=betas)
-    rest -= rest.mean(axis=0)
-    pose[0] = [1.0, -2.0, 0.5]  # only turned: to the last digit
-    turned = body.vertices(pose, betas, [1.0, 2.0, 3.0])
-    np.testing.assert_allclose(alternation.unposed(body, pose, turned), rest, atol=1e-11)
-    pose += rng.normal(scale=0.05, size=(24, 3))
-    moved = body.vertices(pose, betas)
-    apart = np.linalg.norm(alternation.unposed(body, pose, moved) - rest, axis=1)
-    pose[1:] = 0  # as if the jitter were not known
-    ignored = np.linalg.norm(alternation.unposed(body, pose, moved) - rest, axis=1)
-    assert apart.max() < 0.1 * ignored.max()

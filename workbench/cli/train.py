@@ -33,14 +33,10 @@ from workbench.training.blocks import REACH, alternation, without_blend_shapes
 from workbench.training.checkpoint import FILE as CHECKPOINT
 from workbench.training.evaluation import (
     CARD,
-    best_linear,
     check_held_out,
     held_out_errors,
-    ideal_skinning_errors,
-    read_ground_truth,
     shapes_explained,
 )
-from workbench.training.evaluation import FILE as TRUTH
 from workbench.training.execution import Execution, Processes, Progress, Report
 from workbench.training.first_guess import Start, read_start
 from workbench.training.folder import GENDERS, open_folder, read_meshes
@@ -167,7 +163,6 @@ def train(
                 errors = held_out_errors(body, people, execution)
                 if standing.rows:
                     errors |= shapes_explained(body, standing, execution)
-            errors |= _ideal_errors(folder, held_out, guess, poses, people)
             body = replace(body, card={**body.card, "held_out": errors})
             for said, number in errors.items():
                 console.print(f"  {said}: {number:g}")
@@ -203,18 +198,6 @@ def _data(
         f"{len(shapes.rows)} people for shape"
     )
     return folder.resolve().name, guess, poses, shapes if shapes.rows else None
-
-
-def _ideal_errors(
-    folder: Path | None, held_out: Path, guess: Start, poses: Registrations, people: Registrations
-) -> dict[str, float]:
-    """The errors of ideal skinning on held-out people whose ground truth is known."""
-    if not (held_out / TRUTH).is_file():
-        return {}
-    linear = None
-    if folder is not None and (folder / TRUTH).is_file():
-        linear = best_linear(read_ground_truth(folder), poses, guess)
-    return ideal_skinning_errors(read_ground_truth(held_out), people, guess, linear)
 
 
 def _origin(folder: Path | None) -> dict[str, Any]:
