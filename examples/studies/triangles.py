@@ -325,11 +325,11 @@ def choose_sigma(data: TriangleData, options: TrainingOptions) -> RidgeChoice:
     for sigma in options.sigmas:
         objective, estimate = _some(first, posed, kept, sigma)
         given = BlockInput(objective, start.faces, QUICK)
-        learned = BLOCKS["surfaces"](given, estimate).estimate
+        learned, _ = BLOCKS["surfaces"](given, estimate)
         objective, estimate = _some(first, posed, back, sigma)
         bent = replace(estimate, posedirs=learned.posedirs)
         given = BlockInput(objective, start.faces, QUICK)
-        found = BLOCKS["poses"](given, bent).estimate
+        found, _ = BLOCKS["poses"](given, bent)
         left.append(_mm(objective, found))
     return RidgeChoice(options.sigmas, tuple(left))
 

@@ -12,7 +12,7 @@ import workbench as wb
 from tests.bodies.model_files import flame, written
 from workbench.bodies import shape_space
 from workbench.conversion import convert
-from workbench.geometry.gltf import document_of, local_motion
+from workbench.geometry.gltf import document_of, local_motions
 from workbench.motions import write_glb
 
 T = 4
@@ -102,7 +102,7 @@ def played_by_hand(path: Path, pose: NDArray[np.float64]) -> NDArray[np.float64]
                 nodes[goal["node"]][goal["path"]] = numbers[t].tolist()
         world = []
         for k in range(K):
-            own = local_motion(nodes[k])
+            own = local_motions(nodes[k], {})[0]
             world.append(world[parent[k]] @ own if k in parent else own)
         moved = rest + np.tensordot(weights, np.array(targets), 1)
         blend = np.einsum("nk,kij->nij", influences, np.array(world) @ bind)

@@ -23,7 +23,6 @@ from workbench.training import blocks
 from workbench.training.blocks import (
     BlockInput,
     BlockOptions,
-    BlockResult,
     Plan,
     Stage,
     alternation,
@@ -150,8 +149,8 @@ def test_plans_without_known_blocks_are_refused() -> None:
 
 
 def test_raised_cost_stops_training(monkeypatch: pytest.MonkeyPatch) -> None:
-    def worse(given: BlockInput, estimate: Estimate) -> BlockResult:
-        return BlockResult(replace(estimate, templates=1.01 * estimate.templates), {})
+    def worse(given: BlockInput, estimate: Estimate) -> tuple[Estimate, dict[str, float]]:
+        return replace(estimate, templates=1.01 * estimate.templates), {}
 
     monkeypatch.setitem(blocks.BLOCKS, "weights", worse)
     with pytest.raises(NotLowered, match="'weights' raised the cost"):

@@ -299,15 +299,15 @@ def rig(
         raise BadArgument(f"--frames takes 2 or more, not {frames}")
     if not 0 < fps < np.inf:
         raise BadArgument(f"--fps takes a number above 0, not {fps:g}")
-    given = read_meshes(meshes, rest)
-    T = len(given.meshes)
+    every, faces, own = read_meshes(meshes, rest)
+    T = len(every)
     learned = T - T // 5
     rows = np.unique(np.linspace(0, learned - 1, min(learned, frames)).round().astype(int))
     others = np.unique(np.linspace(learned, T - 1, min(T // 5, MOST_HELD_OUT)).round().astype(int))
-    first = given.meshes[0] if given.rest is None else given.rest
+    first = every[0] if own is None else own
     say(
         console,
-        f"{T} meshes of {given.meshes.shape[1]} vertices: learning from {len(rows)}, the last "
+        f"{T} meshes of {every.shape[1]} vertices: learning from {len(rows)}, the last "
         f"{T // 5} are held out",
     )
     card = {"provenance": [f"Rigged from the meshes in {', '.join(p.name for p in meshes[:3])}."]}
@@ -315,8 +315,8 @@ def rig(
 
     def rigged(steps: RigSteps, report: RigProgress) -> Rigged:
         return find_rig(
-            given.meshes[rows],
-            given.faces,
+            every[rows],
+            faces,
             rest=first,
             bones=bones,
             tolerance=tolerance,
@@ -346,7 +346,7 @@ def rig(
     console.print(rich_table(_joints(found)))
     say(console, f"{found.body.n_joints} bones; {1e3 * found.rms:.3g} mm from the meshes (rms)")
     if len(others):
-        rms = pose_rms(found.body, given.meshes[others])
+        rms = pose_rms(found.body, every[others])
         say(console, f"{1e3 * rms:.3g} mm from {len(others)} meshes that were held out (rms)")
     for note in found.notes:
         say(console, f"note: {escape(note)}")

@@ -82,7 +82,7 @@ def evaluate_held_out(
         objective = Objective(some, R, body.weights, mirror, sigmas, body.template)
         context = BlockInput(objective, body.faces, options, execution)
         for name in blocks:
-            estimate = BLOCKS[name](context, estimate).estimate
+            estimate, _ = BLOCKS[name](context, estimate)
         return estimate
 
     templates = after(shape_set, first_of(shape_set), ("rest", "poses", "people")).templates

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
-from typing import Protocol, TypeVar
+from typing import Any, TypeVar
 
 from joblib import Parallel, delayed
 
@@ -102,14 +102,8 @@ Job = TypeVar("Job")
 Result = TypeVar("Result")
 
 
-class Executor(Protocol):
-    """Runs independent jobs, as the built-in `map` does in this process.
-
-    The results come in the order of the jobs, and are the same wherever the jobs ran.
-    """
-
-    def __call__(self, work: Callable[[Job], Result], jobs: Iterable[Job], /) -> Iterator[Result]:
-        """The result of each job."""
+# Runs independent jobs, as the built-in `map` does in this process; results come in their order.
+Executor = Callable[[Callable[[Any], Any], Iterable[Any]], Iterator[Any]]
 
 
 @dataclass(frozen=True)
