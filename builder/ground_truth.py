@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from builder.ridge import Pair, RidgeSums, ridge_learned
+from builder.training import training_and_held_out
 from workbench.arrays import Array, Index
 from workbench.errors import BadFile
 from workbench.reading.arrays import check_numbers, opened, read_expected, reals, wholes
@@ -23,7 +24,6 @@ from workbench.training.registrations import (
     Registrations,
     RegistrationSubset,
     batches,
-    training_and_held_out,
 )
 from workbench.writing import write_arrays
 

@@ -13,6 +13,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 import workbench as wb
+from builder.geometry import along_edges
 from builder.ridge import RidgeSums, solve_ridge
 from builder.triangle_learning import Lsqr
 from examples.studies import (
@@ -31,7 +32,7 @@ from workbench.bodies.forward.features import count_features, rotation_vectors
 from workbench.bodies.forward.skinning import unskinned
 from workbench.bodies.triangles import TriangleBody, blend_scape
 from workbench.errors import BadArgument, BadFile, UnknownName
-from workbench.geometry.solids import along_edges, vertex_normals
+from workbench.geometry.solids import vertex_normals
 from workbench.lectures.material.blend_shapes import (
     Correctives,
     PosedSurfaces,

@@ -20,6 +20,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from scipy.sparse import csr_array
 
+from builder.geometry import along_edges
 from builder.ridge import RidgeSums, solve_ridge
 from examples.studies.output import Drawing, Report, arguments, report, write_study
 from workbench.arrays import Array, Mask
@@ -34,7 +35,7 @@ from workbench.bodies.forward.features import (
     rotation_vectors,
 )
 from workbench.errors import BadArgument
-from workbench.geometry.solids import along_edges, mesh_edges
+from workbench.geometry.solids import mesh_edges
 from workbench.lectures.material.blend_shapes import (
     Correctives,
     PosedSurfaces,

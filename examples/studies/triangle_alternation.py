@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from builder.training import training_and_held_out
 from builder.triangle_learning import Lsqr, learn_pose_deformations, learn_subject
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
@@ -30,7 +31,7 @@ from workbench.training.poses import (
     VertexTerm,
     poses_of_segments,
 )
-from workbench.training.registrations import InMemory, training_and_held_out
+from workbench.training.registrations import InMemory
 from workbench.training.training import Trained
 from workbench.training.triangles import PosedMeshes, learn_gradient_shapes
 

@@ -24,6 +24,7 @@ from scipy.sparse import csr_array
 
 from builder.base_mesh import FILES, read_topology
 from builder.population import JITTER, gather_sources
+from builder.training import BlockLines, training_and_held_out
 from builder.wheel import Wheel
 from examples.studies.output import Report, arguments, report, write_study
 from examples.studies.triangle_alternation import QUICK as QUICK_BLOCKS
@@ -58,12 +59,11 @@ from workbench.residuals import vertices as on_vertices
 from workbench.synthetic.teacher import Teacher
 from workbench.training.blocks import BLOCKS, QUICK, REACH, BlockInput, Plan, alternation
 from workbench.training.estimate import Estimate, Sigmas
-from workbench.training.execution import BlockLines
 from workbench.training.first_guess import Start
 from workbench.training.objective import Objective
 from workbench.training.pose_training import PoseModel, train_poses
 from workbench.training.poses import FittedMeshes
-from workbench.training.registrations import InMemory, training_and_held_out
+from workbench.training.registrations import InMemory
 from workbench.training.training import train
 from workbench.training.triangles import PosedMeshes, neighbour_differences
 

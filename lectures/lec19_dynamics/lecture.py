@@ -22,13 +22,7 @@ import workbench as wb
 from workbench.bodies.forward.posing import Posing
 from workbench.bodies.spaces import body_mass_index
 from workbench.course import Picture, source
-from workbench.motions import load_tissue
-from workbench.motions.soft_tissue import companion, free_run, with_tissue
-from workbench.motions.tissue_inputs import MovingFrames, second_differences
-from workbench.plots import house_style, sheet
-from workbench.synthetic import simulate_tissue
-from workbench.synthetic.made_up import limb, made_up_motion, random_smpl
-from workbench.training.soft_tissue import (
+from workbench.lectures.material.tissue import (
     OneStep,
     TissueClip,
     TissuePlan,
@@ -36,6 +30,12 @@ from workbench.training.soft_tissue import (
     score_tissue,
     train_tissue,
 )
+from workbench.motions import load_tissue
+from workbench.motions.soft_tissue import companion, free_run, with_tissue
+from workbench.motions.tissue_inputs import MovingFrames, second_differences
+from workbench.plots import house_style, sheet
+from workbench.synthetic import simulate_tissue
+from workbench.synthetic.made_up import limb, made_up_motion, random_smpl
 
 body = wb.load_body("small")
 

@@ -11,6 +11,8 @@ from builder.ground_truth import (
     errors_of_ideal_skinning,
     ideal_skinning_errors,
 )
+from builder.training import training_and_held_out
+from workbench.errors import BadArgument
 from workbench.synthetic.made_up import draw_registrations, jointed_tube, random_smpl
 from workbench.training.registrations import Registrations
 
@@ -42,3 +44,16 @@ def test_best_linear_predictor_is_the_generator() -> None:
     found = best_linear(truth, data, uneven)
     left = errors_of_ideal_skinning(truth, data, START, found).mean()
     assert left < 0.1 * errors_of_ideal_skinning(truth, data, START).mean()
+
+
+def test_last_fifth_of_subjects_is_held_out() -> None:
+    kept, back = training_and_held_out(np.array([0, 1, 2, 0, 1, 2]))
+    assert (kept.tolist(), back.tolist()) == ([0, 1, 3, 4], [2, 5])
+    assert training_and_held_out(np.arange(10))[1].tolist() == [8, 9]
+
+
+def test_registrations_of_one_subject_are_held_out() -> None:
+    kept, back = training_and_held_out(np.full(11, 3))
+    assert (kept.tolist(), back.tolist()) == ([*range(9)], [9, 10])
+    with pytest.raises(BadArgument, match="cannot be held out of fewer than two"):
+        training_and_held_out(np.zeros(1, int))

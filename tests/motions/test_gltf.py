@@ -91,7 +91,7 @@ def test_damaged_glb_is_refused(tmp_path: Path) -> None:
     for change, said in [
         ({"skins": []}, "it has no skin with joints"),
         ({"animations": []}, "it has no animation of the joints of its skin"),
-        ({"skins": [{"joints": [1, 1]}]}, "a skin lists the same joint twice"),
+        ({"skins": [{"joints": [1, 1]}]}, r"skins\[0\] lists the same joint twice"),
         ({"skins": [{"joints": [1, 9]}]}, r"there is no nodes\[9\]"),
         ({"nodes": [{"children": [1]}, {"children": [0]}]}, "hang on each other in a circle"),
         (

@@ -8,11 +8,7 @@ import pytest
 import workbench as wb
 from workbench.arrays import Array
 from workbench.errors import BadArgument
-from workbench.motions import Motion, SoftTissue
-from workbench.motions.soft_tissue import companion
-from workbench.synthetic import simulate_tissue
-from workbench.synthetic.made_up import made_up_motion
-from workbench.training.soft_tissue import (
+from workbench.lectures.material.tissue import (
     TissueClip,
     TissuePlan,
     score_tissue,
@@ -20,6 +16,10 @@ from workbench.training.soft_tissue import (
     stabilized,
     train_tissue,
 )
+from workbench.motions import Motion, SoftTissue
+from workbench.motions.soft_tissue import companion
+from workbench.synthetic import simulate_tissue
+from workbench.synthetic.made_up import made_up_motion
 
 SMALL = wb.load_body("small")
 PLAN = TissuePlan(components=8, parts=12)

@@ -37,7 +37,7 @@ from workbench.training.evaluation import (
     shapes_explained,
 )
 from workbench.training.execution import NotLowered, Progress, Report
-from workbench.training.registrations import InMemory, RegistrationSubset, training_and_held_out
+from workbench.training.registrations import InMemory, RegistrationSubset
 from workbench.training.shape_training import learn_shapes
 from workbench.training.training import train
 
@@ -289,16 +289,3 @@ def test_shape_share_of_what_is_known() -> None:
     away = np.random.default_rng(0).standard_normal((40, 35, 3))
     assert shape_share(EVEN, EVEN.template + away) == pytest.approx(2 / 102, rel=0.5)
     assert shape_share(EVEN, EVEN.template[None]) == 1  # there is nothing to explain
-
-
-def test_last_fifth_of_subjects_is_held_out() -> None:
-    kept, back = training_and_held_out(np.array([0, 1, 2, 0, 1, 2]))
-    assert (kept.tolist(), back.tolist()) == ([0, 1, 3, 4], [2, 5])
-    assert training_and_held_out(np.arange(10))[1].tolist() == [8, 9]
-
-
-def test_registrations_of_one_subject_are_held_out() -> None:
-    kept, back = training_and_held_out(np.full(11, 3))
-    assert (kept.tolist(), back.tolist()) == ([*range(9)], [9, 10])
-    with pytest.raises(BadArgument, match="cannot be held out of fewer than two"):
-        training_and_held_out(np.zeros(1, int))

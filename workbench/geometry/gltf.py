@@ -148,8 +148,8 @@ def skin_joints(document: GlbDocument, number: Any) -> tuple[list[int], Array | 
     """
     skin = document.entry("skins", number)
     joints = children(skin, "joints")[::-1]
-    for joint in joints:
-        document.entry("nodes", joint)
+    if any(type(joint) is not int for joint in joints):
+        raise ValueError(f"skins[{number}] has joints that are no numbers")
     if len({*joints}) < len(joints):
         raise ValueError(f"skins[{number}] lists the same joint twice")
     if "inverseBindMatrices" not in skin:

@@ -259,6 +259,8 @@ def skin_of(document: GlbDocument, nodes: Nodes) -> tuple[Skin, tuple[str, ...]]
         [f"of {len(skins)} skins, that with {max(sizes)} joints is read"] if len(skins) > 1 else []
     )
     listed, inverse = skin_joints(document, number)
+    for one in listed:
+        document.entry("nodes", one)
     worn = next((i for i, node in enumerate(nodes.json) if node.get("skin") == number), None)
     bound = np.eye(4) if worn is None else nodes.world({worn}, {}, np.zeros(1))[0, 0]
     if inverse is None:  # bound where the nodes are

@@ -95,8 +95,8 @@ class SoftTissue:
         if not (radius := self.spectral_radius) < LARGEST_RADIUS:
             raise BadArgument(
                 f"the model of the coefficients has a spectral radius of {radius:.4f}, so that "
-                f"they would not die away; make it less than {LARGEST_RADIUS}, as "
-                "training.soft_tissue.stabilized does"
+                f"they would not die away; make it less than {LARGEST_RADIUS}, as `stabilized` of "
+                "lecture 19 does"
             )
 
     @property

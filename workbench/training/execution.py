@@ -83,21 +83,6 @@ class Report:
 SILENT = Report()
 
 
-@dataclass(frozen=True)
-class BlockLines(Report):
-    """A report that calls a function with a line of text when a block has ended."""
-
-    print_line: Callable[[str], object]
-
-    def block(self, progress: Progress) -> None:
-        """The block's number and name, the cost before and after it, and its seconds."""
-        entry = progress.entry
-        self.print_line(
-            f"  {progress.number}/{progress.of} {entry.block} {sum(entry.before.values()):.6g} -> "
-            f"{sum(entry.after.values()):.6g}, {entry.seconds:.0f} s"
-        )
-
-
 Job = TypeVar("Job")
 Result = TypeVar("Result")
 

@@ -16,7 +16,6 @@ Sum = TypeVar("Sum")
 FARTHEST = 1e6  # m: larger numbers are no metres, and sums of their powers may overflow
 HELD_BYTES, HELD_EACH = 2**29, 32  # bytes of registrations kept in memory; bytes per vertex
 FEWEST = 64  # registrations in a piece: each piece reads and writes all posedirs once
-HELD_OUT = 5  # one subject in so many is held out, and at least one
 PIECE_BYTES = 2**23  # of a piece's largest array, (c, N, 3, 3): what a pass keeps in memory
 
 
@@ -150,22 +149,6 @@ def check_registrations(registrations: Registrations, n_vertices: int) -> None:
             f"subjects must be numbered from 0 without gaps, got {some_of([*map(str, numbers)])}; "
             "np.unique(subject, return_inverse=True)[1] numbers them"
         )
-
-
-def training_and_held_out(subject: Index) -> tuple[Index, Index]:
-    """The rows of registrations (J,) to train on, and those to hold out.
-
-    The last fifth of the subjects, and at least one, is held out. Where all registrations are of
-    one subject, the last fifth of them is. Raises BadArgument for fewer than two registrations.
-    """
-    if len(subject) < 2:
-        raise BadArgument("a registration cannot be held out of fewer than two; add some")
-    who, group = np.unique(subject, return_inverse=True)
-    if len(who) == 1:
-        group = np.arange(len(subject))
-    n = int(group.max()) + 1
-    held_out = group >= n - max(1, n // HELD_OUT)
-    return np.flatnonzero(~held_out), np.flatnonzero(held_out)
 
 
 def in_memory(registrations: Registrations) -> Registrations:
