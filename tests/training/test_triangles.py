@@ -20,24 +20,19 @@ from builder.triangle_learning import (
     learn_subject,
 )
 from tests.bodies_made_up import tube_body
-from workbench import LevenbergMarquardt, Problem, diagnose, solve
+from workbench import LevenbergMarquardt, solve
 from workbench.arrays import Array
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.errors import BadArgument
-from workbench.geometry.triangles import Stitching, edges, gradients
+from workbench.geometry.triangles import Stitching
 from workbench.lectures.material.variance import (
-    additivity_gap,
-    explained_by_triangles,
-    explained_by_vertices,
     stitched_directions,
-    unposed,
 )
 from workbench.training.triangles import (
     PosedMeshes,
     SymbolicTriangles,
     learn_gradient_shapes,
     neighbour_differences,
-    shape_term,
 )
 
 
@@ -164,20 +159,6 @@ def test_stitched_fit_is_dense_least_squares() -> None:
         fit.solve(by=Lsqr(most=2))
 
 
-def test_stitched_vertices_of_a_mesh_are_its_own() -> None:
-    stitching, F = Stitching(SMALL.faces, SMALL.n_vertices), len(SMALL.faces)
-    none = np.zeros((F, 2, 1, 0))
-    fit = StitchedFit(stitching, np.zeros((F, 1, 3, 3)), none, np.zeros((F, 2, 1, 3)))
-    mesh = edges(SMALL.template, SMALL.faces).reshape(-1, 3)
-    centred = SMALL.template - SMALL.template.mean(axis=0)
-    np.testing.assert_allclose(fit.stitched(mesh), centred, atol=1e-12)
-    rng = np.random.default_rng(7)
-    a, b = rng.normal(size=(2 * F, 3)), rng.normal(size=(SMALL.n_vertices, 3))
-    np.testing.assert_allclose(
-        (fit.stitched(a) * b).sum(), (a * fit.stitched_adjoint(b)).sum(), atol=1e-9
-    )
-
-
 @pytest.mark.thorough
 def test_k_dimensional_people_have_k_components() -> None:
     rng = np.random.default_rng(8)
@@ -201,48 +182,6 @@ def test_mismatched_meshes_are_refused() -> None:
         learn_gradient_shapes(true.vertices(betas=betas), true.faces, 6)
     with pytest.raises(BadArgument, match="must be as many"):
         PosedMeshes(posed.vertices, posed.poses[:1], posed.person)
-
-
-def many_people(seed: int) -> np.ndarray:
-    """The small body's shapes, and bumps that no shape direction has: full rank."""
-    rng = np.random.default_rng(seed)
-    people = SMALL.vertices(betas=rng.normal(size=(24, 10)))
-    middles = SMALL.template[rng.integers(SMALL.n_vertices, size=(24, 5))]
-    apart = np.linalg.norm(SMALL.template[None, :, None] - middles[:, None], axis=-1)
-    bumps = np.einsum("pnc,pca->pna", np.exp(-((apart / 0.1) ** 2)), rng.normal(size=(24, 5, 3)))
-    return np.asarray(people + 0.01 * bumps)
-
-
-@pytest.mark.thorough
-def test_vertex_components_explain_no_less() -> None:
-    people = many_people(0)
-    vertices = explained_by_vertices(people, 23)
-    triangles = explained_by_triangles(people, SMALL.faces, 23)
-    assert (vertices.share >= triangles.share - 1e-12).all()
-    assert (vertices.rms**2 <= triangles.rms**2 + 1e-12).all()
-    assert (vertices.share - triangles.share)[1:10].max() > 1e-4
-    for found in (vertices, triangles):
-        assert found.share[0] == 0
-        assert (np.diff(found.share) >= -1e-12).all()
-        np.testing.assert_allclose(found.share[23], 1, atol=1e-9)  # 24 people span 23 dimensions
-        left = found.rms[:20] ** 2 / found.rms[0] ** 2
-        np.testing.assert_allclose(left, 1 - found.share[:20], atol=1e-12)
-
-
-@pytest.mark.thorough
-def test_smpl_adds_and_scape_multiplies_pose() -> None:
-    rng = np.random.default_rng(10)
-    pose, betas = rng.normal(scale=0.4, size=(24, 3)), rng.normal(size=10)
-    np.testing.assert_allclose(additivity_gap(SMALL, pose, betas), 0, atol=1e-15)
-    plain = scape(SMALL)
-    np.testing.assert_allclose(additivity_gap(plain, pose, betas), 0, atol=1e-13)  # Q = I
-    bent = replace(plain, posedirs=rng.normal(scale=0.1, size=plain.posedirs.shape))
-    gap = additivity_gap(bent, pose, betas)
-    assert np.linalg.norm(gap, axis=1).max() > 1e-3
-    # (D - I)(Q - I), stitched: so it is bilinear for small shapes and poses
-    half = additivity_gap(bent, pose / 2, betas / 2)
-    np.testing.assert_allclose(half, gap / 4, atol=1e-12)
-    np.testing.assert_allclose(unposed(bent, 0 * pose, 0 * betas), SMALL.template, atol=1e-13)
 
 
 SYMBOLIC_RIDGE, SYMBOLIC_SMOOTHNESS = 1e-3, 1e-4  # m^2
@@ -322,35 +261,3 @@ def test_learned_bends_are_a_minimum_of_the_problem() -> None:
     solver = LevenbergMarquardt(gradient_tolerance=1e-13)
     found = solve(problem, form.values(), solver).values
     np.testing.assert_allclose(found["posedirs"], learned.posedirs, atol=1e-9)
-
-
-@pytest.mark.thorough
-def test_learned_person_is_a_minimum_of_the_problem() -> None:
-    form, (_, posed) = symbolic(), meshes()
-    own = PosedMeshes(posed.vertices[:4], posed.poses[:4], posed.person[:4])
-    learned = learn_subject(
-        generator(blended=True), own, smoothness=SYMBOLIC_SMOOTHNESS, by=Direct()
-    )
-    terms = [*form.data()[:4], *form.smooth_subjects(SYMBOLIC_SMOOTHNESS)[:1]]
-    free = ["subject 0/shapedirs", *(f"mesh {j}/trans" for j in range(4))]
-    problem = form.problem(terms, free)
-    solver = LevenbergMarquardt(gradient_tolerance=1e-13)
-    found = solve(problem, form.values(), solver).values
-    np.testing.assert_allclose(np.eye(3) + found["subject 0/shapedirs"][..., 0], learned, atol=1e-6)
-
-
-@pytest.mark.thorough
-def test_directions_and_betas_have_k_squared_plus_k_gauges() -> None:
-    """S alone leaves k^2 + k directions open: a matrix between them, and where the mean is."""
-    k, people = 2, tube_body(rings=3).vertices(betas=RNG.normal(size=(6, 2)))
-    shapes = learn_gradient_shapes(people, generator(blended=True).faces, k)
-    D = np.stack([gradients(shapes.template, one, generator(blended=True).faces) for one in people])
-    residual, blocks = shape_term(D, k)
-    problem = Problem([residual], [block.name for block in blocks], blocks=blocks)
-    start = {block.name: RNG.normal(size=block.shape) for block in blocks}
-    solution = solve(problem, start)
-    flat = D.reshape(6, -1)
-    left = np.linalg.svd(flat - flat.mean(axis=0), compute_uv=False)[k:]
-    assert solution.cost == pytest.approx(0.5 * np.sum(left**2), abs=1e-8)
-    found = diagnose(problem, solution.values)
-    assert found.shape[1] - found.rank == k * k + k
