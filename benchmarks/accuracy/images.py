@@ -16,6 +16,7 @@ import numpy as np
 
 from benchmarks.accuracy import RECORDING, needed, share, taken
 from benchmarks.measuring import table
+from builder.geometry import umeyama
 from workbench import load_body, solve
 from workbench.arrays import Array
 from workbench.blocks import Values
@@ -39,7 +40,6 @@ from workbench.fitting.observations import LIMBS, SIDES, Observations
 from workbench.fitting.setup import Setup
 from workbench.fitting.videos import EVIDENCE, landmarks_of, video_fit, video_mean
 from workbench.geometry.camera import Camera
-from workbench.geometry.rigid import umeyama
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.priors.recordings import held_out_poses
 from workbench.problem import Problem

@@ -13,10 +13,10 @@ import numpy as np
 from benchmarks.accuracy import RECORDING, needed
 from benchmarks.measuring import table
 from builder.soft_tissue import EACH, PEOPLE, PLAN, SEED, clip_of, people, recorded, tissue_clips
+from lectures.material.tissue import TissueClip, one_step_of, score_tissue, train_tissue
 from workbench import SkinnedBody, load_body
 from workbench.bodies.spaces import body_mass_index
 from workbench.motions import SoftTissue
-from workbench.training.soft_tissue import TissueClip, one_step_of, score_tissue, train_tissue
 
 UNSEEN = 3, 200  # how many people the held-out clips are made by, and the seed of their betas
 PLANS = {"no forces on parts": replace(PLAN, parts=0), "as embedded": PLAN}

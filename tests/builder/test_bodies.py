@@ -8,6 +8,7 @@ from builder.base_mesh import DISTAL_HALVES, _triangulated, carrier
 from builder.bodies import regression_errors
 from builder.population import ShapeTargets, Traits, to_t_pose
 from builder.pose_priors import mirrored_pose
+from builder.ridge import RidgeSums, solve_ridge
 from builder.sets import regress
 from builder.wheel import parse_obj
 from tests.synthetic.test_teacher import skinned
@@ -22,7 +23,6 @@ from workbench.synthetic.teacher import (
     PARENTS,
     at_most_four,
 )
-from workbench.training.blend_shapes import RidgeSums, solve_ridge
 from workbench.training.shape_training import learn_shape_space
 
 

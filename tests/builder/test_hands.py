@@ -9,10 +9,10 @@ from builder.full_hands import held_fingers
 from builder.hands.mesh import JOINT_NAMES, to_flat
 from builder.hands.sets import ANGLES, DIP, HandPoses, HandTeacher, draw_angles
 from builder.hands.training import far_share, solved
+from builder.ridge import RidgeSums
 from workbench.bodies.catalogue import embedded, embedded_hand, load_skinned, sewing_of
 from workbench.errors import BadArgument
 from workbench.geometry.rotation import matrix_from_vector
-from workbench.training.blend_shapes import RidgeSums
 
 pytestmark = pytest.mark.thorough
 

@@ -20,6 +20,7 @@ import casadi as cs
 import numpy as np
 from scipy.sparse import csr_array, issparse
 
+from builder.ground_truth import GroundTruth, read_ground_truth
 from tests.bodies.model_files import MODELS, written
 from tests.bodies.random_bodies import decorated, entries
 from tests.fitting.mediapipe_made import mediapipe_results
@@ -50,7 +51,6 @@ from workbench.sampling.checkpoint import SavedEnsemble, load, save
 from workbench.solvers import Solution
 from workbench.training.checkpoint import TrainingCheckpoint, read_checkpoint
 from workbench.training.estimate import Estimate
-from workbench.training.evaluation import GroundTruth, read_ground_truth
 from workbench.training.execution import LogEntry
 from workbench.training.first_guess import Start, read_start, write_start
 from workbench.training.folder import open_folder

@@ -27,8 +27,12 @@ from workbench.training.estimate import Estimate, Sigmas
 from workbench.training.first_guess import Start, first_estimate
 from workbench.training.objective import Objective
 from workbench.training.symbolic import TERMS, SymbolicTraining
-from workbench.training.triangles.learning import PosedMeshes, learn_gradient_shapes
-from workbench.training.triangles.symbolic import SymbolicTriangles, shape_term
+from workbench.training.triangles import (
+    PosedMeshes,
+    SymbolicTriangles,
+    learn_gradient_shapes,
+    shape_term,
+)
 
 GUESSES: Mapping[str, Callable[[], Start]] = {
     "limb": lambda: limb(5, 4),

@@ -1,9 +1,8 @@
-"""What a triangle mesh encloses, its areas, its edges and ways along them."""
+"""What a triangle mesh encloses, its areas and its edges."""
 
 import numpy as np
 import scipy.sparse.linalg
 from scipy.sparse import csc_array, csr_array, diags_array
-from scipy.sparse.csgraph import dijkstra
 
 from workbench.arrays import Array, Index
 from workbench.errors import BadMesh
@@ -59,23 +58,6 @@ def lengths(vertices: Array, pairs: Index) -> Array:
     return found
 
 
-AT_ONCE = 64  # rays: so many times the number of triangles are looked at together
-
-
-def along_edges(vertices: Array, triangles: Index, sources: list[Index]) -> Array:
-    """From each set of vertices to every vertex along the mesh's edges, (len(sources), N) m.
-
-    Dijkstra's shortest paths: never shorter than the surface's own, and longer where edges zigzag.
-    Infinite where there is no way.
-    """
-    pairs = mesh_edges(triangles)
-    N, weights = len(vertices), lengths(vertices, pairs)
-    graph = csr_array((weights, (pairs[:, 0], pairs[:, 1])), shape=(N, N))
-    return np.array(
-        [dijkstra(graph, directed=False, indices=some, min_only=True) for some in sources]
-    ).reshape(len(sources), N)
-
-
 def heat(vertices: Array, faces: Index, spread: float) -> scipy.sparse.linalg.SuperLU:
     """One implicit step of the graph's heat equation, I + spread^2 L / 2, ready to be solved.
 
@@ -87,6 +69,9 @@ def heat(vertices: Array, faces: Index, spread: float) -> scipy.sparse.linalg.Su
     A = csr_array((flow, (pairs[:, 0], pairs[:, 1])), shape=(N, N))
     L = csr_array(diags_array(np.asarray(A.sum(axis=1)).ravel()) - A)
     return scipy.sparse.linalg.splu(csc_array(diags_array(np.ones(N)) + 0.5 * spread**2 * L))
+
+
+AT_ONCE = 64  # rays: so many times the number of triangles are looked at together
 
 
 def ray_crossings(eye: Array, points: Array, vertices: Array, faces: Index) -> tuple[Array, Array]:

@@ -389,7 +389,7 @@ class Coregistration:
         for name in self.plan.blocks:
             task = replace(execution, task=f"model, {name}")
             given = BlockInput(objective, self.body.faces, self.plan.options, task)
-            moved = BLOCKS[name](given, moved).estimate
+            moved, _ = BLOCKS[name](given, moved)
 
         def part(share: float) -> State:
             tried = self._moved(state, objective, _between(state.estimate, moved, share))

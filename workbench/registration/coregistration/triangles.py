@@ -69,7 +69,7 @@ from workbench.registration.free_vertices import (
 )
 from workbench.residuals import Residual, stitching
 from workbench.training.execution import SERIAL, Execution, LogEntry
-from workbench.training.triangles.learning import learn_gradient_shapes
+from workbench.training.triangles import learn_gradient_shapes
 from workbench.writing import Keeping
 
 
