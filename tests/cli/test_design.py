@@ -55,7 +55,7 @@ def test_design_checks_predictions_by_fits(workbench: Run, line: Path) -> None:
 @pytest.mark.thorough
 def test_design_refuses_what_makes_no_question(workbench: Run, line: Path) -> None:
     for arguments, said in (
-        (["--candidates", "poses"], "there are cameras, cameras-occluded, keypoints,"),
+        (["--candidates", "poses"], "there are cameras, keypoints,"),
         (["--candidates", "cameras"], "are of a problem that fits a body in one frame"),
         (["--criterion", "f"], "no criterion is called 'f'"),
         (["--choose", "7"], "1 to 6 of the candidates can be chosen, not 7"),

@@ -157,16 +157,9 @@ class Clothing:
         return np.asarray(self.thickest * ndtr(field) * where)
 
 
-class Region(Protocol):
-    """A part of space, which a partial scan is cut to."""
-
-    def holds(self, points: Array) -> Mask:
-        """Which of the points (..., 3) m lie in it."""
-
-
 @dataclass(frozen=True)
 class HalfSpace:
-    """What lies from a `point` (3,) m on in a `direction` (3,).
+    """What a scan is cut to: all from a `point` (3,) m on in a `direction` (3,).
 
     >>> HalfSpace((0, 0.2, 0), (0, 1, 0)).holds(np.array([[5, 0.3, 5], [0, 0.1, 0]])).tolist()
     [True, False]
@@ -178,23 +171,6 @@ class HalfSpace:
     def holds(self, points: Array) -> Mask:
         """Which of the points (..., 3) m lie in it."""
         return np.asarray((points - np.array(self.point)) @ np.array(self.direction) >= 0)
-
-
-@dataclass(frozen=True)
-class Box:
-    """What lies between two corners, `lower` and `upper`, (3,) m each.
-
-    >>> Box((-1, -1, -1), (0, 1, 1)).holds(np.array([[-0.5, 0, 0], [0.5, 0, 0]])).tolist()
-    [True, False]
-    """
-
-    lower: tuple[float, float, float]
-    upper: tuple[float, float, float]
-
-    def holds(self, points: Array) -> Mask:
-        """Which of the points (..., 3) m lie in it."""
-        inside = (points >= np.array(self.lower)) & (points <= np.array(self.upper))
-        return np.asarray(inside.all(axis=-1))
 
 
 def smooth_field(points: Array, spread: float, D: int, rng: np.random.Generator) -> Array:
@@ -358,7 +334,7 @@ def scatter_clutter(
     surface: Array,
     scanners: Sequence[Scanner],
     images: Sequence[DepthImage],
-    region: Region | None,
+    region: HalfSpace | None,
     rng: np.random.Generator,
 ) -> ClutterPoints:
     """`n` points of clutter beside a surface (N, 3) m, of which scanners made depth images.

@@ -4,14 +4,14 @@ Each scanner sees what the rays of its pixels hit first, so that parts of the bo
 hide each other are scanned as they would be: only the outermost surface gives points.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, Index, Mask
-from workbench.blocks import Values
 from workbench.blocks.checks import numbers, reals, several
 from workbench.errors import BadArgument
 from workbench.fitting.scans.scan import BadScan, Scan
@@ -22,9 +22,9 @@ from workbench.synthetic.scan_effects import (
     Clutter,
     ClutterPoints,
     Discs,
+    HalfSpace,
     Holes,
     Noise,
-    Region,
     scatter_clutter,
     unit_vectors,
 )
@@ -75,32 +75,25 @@ class Joining:
 def estimated_normals(pixel: Index, depth: Array, scanner: Scanner) -> Array:
     """Unit normals (M, 3) in the world of measured pixels (M,), turned towards the scanner.
 
-    Planes are fitted to the measured pixels in a window around each, without those beyond a jump of
+    Planes are fitted to each measured pixel and the eight around it, without those beyond a jump of
     the depth. A pixel without such neighbours, or with neighbours on one line, has a normal that
     points to the scanner.
     """
     width, height = scanner.size
     rays = scanner.directions()[pixel]
     points = depth[:, None] * rays  # relative to the scanner
-    number = np.full((height + 2 * scanner.window, width + 2 * scanner.window), -1)
+    number = np.full((height + 2, width + 2), -1)
     row, column = np.divmod(pixel, width)
-    row, column = row + scanner.window, column + scanner.window
-    number[row, column] = np.arange(len(pixel))
-    count, first, second = (
-        np.zeros(len(pixel)),
-        np.zeros((len(pixel), 3)),
-        np.zeros((len(pixel), 3, 3)),
-    )
-    reach = range(-scanner.window, scanner.window + 1)
-    for down in reach:
-        for right in reach:
-            other = number[row + down, column + right]
-            steps = max(abs(down), abs(right))
-            near = np.abs(depth[other] - depth) <= JUMP * max(steps, 1) * depth / scanner.focal
-            weight = ((other >= 0) & near).astype(float)
-            away = (points[other] - points) * weight[:, None]
-            count, first = count + weight, first + away
-            second += away[:, :, None] * away[:, None, :]
+    number[row + 1, column + 1] = np.arange(len(pixel))
+    count, first = np.zeros(len(pixel)), np.zeros((len(pixel), 3))
+    second = np.zeros((len(pixel), 3, 3))
+    for down, right in product(range(3), repeat=2):
+        other = number[row + down, column + right]
+        near = np.abs(depth[other] - depth) <= JUMP * depth / scanner.focal
+        weight = ((other >= 0) & near).astype(float)
+        away = (points[other] - points) * weight[:, None]
+        count, first = count + weight, first + away
+        second += away[:, :, None] * away[:, None, :]
     mean = first / count[:, None]
     covariance = second / count[:, None, None] - mean[:, :, None] * mean[:, None, :]
     variances, axes = np.linalg.eigh(covariance)
@@ -132,7 +125,7 @@ class Dropouts:
 
     discs: Discs
     steepest: float
-    region: Region | None
+    region: HalfSpace | None
 
     def is_measured(self, points: Array, normals: Array, scanner: Scanner) -> Mask:
         """Which points (M, 3) m with unit normals (M, 3) are measured all the same."""
@@ -230,7 +223,6 @@ class SimulatedScan:
         seen: (N,) which vertices some scanner saw, at whatever resolution: in its image, with
             nothing before them, not in a hole, not too steep, and not cut off.
         scanners: the scanners, in the order of their numbers.
-        made_of: the values from which the skin was made, if they were given.
 
     >>> from workbench import load_body
     >>> from workbench.synthetic import Noise, scan, scanners
@@ -251,7 +243,6 @@ class SimulatedScan:
     faces: Index
     seen: Mask
     scanners: tuple[Scanner, ...]
-    made_of: Values | None = None
 
     @property
     def true_points(self) -> Array:
@@ -286,9 +277,8 @@ def scan(
     steepest: float = np.pi / 2,
     clutter: Clutter | None = None,
     clothing: Clothing | None = None,
-    region: Region | None = None,
+    region: HalfSpace | None = None,
     joining: Joining | None = None,
-    made_of: Mapping[str, ArrayLike] | None = None,
 ) -> SimulatedScan:
     """A scan of a surface with vertices (N, 3) m and faces (F, 3), counterclockwise from outside.
 
@@ -297,7 +287,7 @@ def scan(
     between ray and normal beyond which a pixel is lost (`steepest`), `clutter`, `clothing`, the
     `region` to which a partial scan is cut, and the `joining` of pixels to triangles, without which
     the scan has no faces. The resolution is that of the scanners. The same `seed` gives the same
-    scan. `made_of` is stored beside the scan.
+    scan.
 
     Raises BadMesh for a surface that does not fit together, BadArgument for a negative seed and if
     there are no scanners, and BadScan if nothing of the surface is left.
@@ -355,9 +345,6 @@ def scan(
         faces=mesh.faces,
         seen=np.any([view.seen for view in views], axis=0),
         scanners=some,
-        made_of=None
-        if made_of is None
-        else {name: reals(name, value) for name, value in made_of.items()},
     )
 
 
