@@ -307,25 +307,15 @@ class Clutter:
 
 @dataclass(frozen=True, eq=False)
 class ClutterPoints:
-    """Points of clutter as scanners see them, without noise.
-
-    Attributes:
-        points: (C, 3) m.
-        normals: (C, 3) unit vectors, turned towards the scanner.
-        view: (C,) the number of the scanner that sees each.
-        error: (C,) numbers from a standard normal distribution, for the noise of each.
+    """C points of clutter as scanners see them: where they are without noise (C, 3) m, unit normals
+    (C, 3), the number of the scanner that sees each (C,), and an error (C,) from a standard normal
+    distribution, for the noise.
     """
 
     points: Array
     normals: Array
     view: Index
     error: Array
-
-    def some(self, chosen: Mask | slice) -> "ClutterPoints":
-        """Those that a mask (C,) or a slice chooses."""
-        return ClutterPoints(
-            self.points[chosen], self.normals[chosen], self.view[chosen], self.error[chosen]
-        )
 
 
 def scatter_clutter(
@@ -342,9 +332,10 @@ def scatter_clutter(
     Those in the `region`, if there is one. With a larger n, the first points stay the same. Raises
     BadArgument if the scanners hardly see the things.
     """
-    found: list[ClutterPoints] = []
+    nothing = np.zeros((0, 3))
+    found: list[list[Array]] = [[nothing, nothing, np.zeros(0, dtype=np.int64), np.zeros(0)]]
     for _ in range(MOST_ROUNDS):
-        if sum(len(part.points) for part in found) >= n:
+        if sum(len(part[0]) for part in found) >= n:
             break
         drawn = [thing.draw(surface, DRAWN_AT_ONCE, rng) for thing in clutter.things]
         points, normals = (np.concatenate(part) for part in zip(*drawn, strict=True))
@@ -357,21 +348,14 @@ def scatter_clutter(
         seen = np.asarray(sees.any(axis=1))
         if region is not None:
             seen &= region.holds(points)
-        found.append(
-            ClutterPoints(points, normals, view, rng.standard_normal(len(points))).some(seen)
-        )
+        error = rng.standard_normal(len(points))
+        found.append([part[seen] for part in (points, normals, view, error)])
     else:
         raise BadArgument(
             "the scanners see hardly anything of the clutter; bring its things nearer to the body, "
             f"or turn them to the scanners: {', '.join(map(str, clutter.things))}"
         )
-    names = "points", "normals", "view", "error"
-    empty = ClutterPoints(
-        np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, dtype=np.int64), np.zeros(0)
-    )
-    parts = [empty, *found]
-    together = (np.concatenate([getattr(part, name) for part in parts]) for name in names)
-    return ClutterPoints(*together).some(slice(n))
+    return ClutterPoints(*(np.concatenate(part)[:n] for part in zip(*found, strict=True)))
 
 
 def _sees(scanner: Scanner, image: DepthImage, points: Array, normals: Array) -> Mask:

@@ -4,7 +4,7 @@ Each scanner sees what the rays of its pixels hit first, so that parts of the bo
 hide each other are scanned as they would be: only the outermost surface gives points.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -21,7 +21,6 @@ from workbench.synthetic.scan_effects import (
     Clothing,
     Clutter,
     ClutterPoints,
-    Discs,
     HalfSpace,
     Holes,
     Noise,
@@ -114,40 +113,10 @@ def areas(depth: Array, normals: Array, directions: Array, focal: float) -> Arra
 
 
 @dataclass(frozen=True, eq=False)
-class Dropouts:
-    """Which places of a surface are not measured although nothing is before them.
-
-    Attributes:
-        discs: holes.
-        steepest: in rad, the largest angle between the ray and the normal.
-        region: what a partial scan is cut to, if there is one.
-    """
-
-    discs: Discs
-    steepest: float
-    region: HalfSpace | None
-
-    def is_measured(self, points: Array, normals: Array, scanner: Scanner) -> Mask:
-        """Which points (M, 3) m with unit normals (M, 3) are measured all the same."""
-        left = (angles(points, normals, scanner) <= self.steepest) & ~self.discs.hold(
-            points, normals
-        )
-        return left if self.region is None else left & self.region.holds(points)
-
-
-@dataclass(frozen=True, eq=False)
 class MeasuredView:
-    """The H points that one scanner measured on a surface of N vertices, with the truth.
+    """The H points that one scanner measured of N vertices, with the truth; see `SimulatedScan`.
 
-    Attributes:
-        points: (H, 3) m.
-        normals: (H, 3) unit vectors, as estimated from the measured depths.
-        weights: (H,) m^2, the area behind each pixel.
-        triangles: (T, 3) of the numbers of points.
-        face: (H,) the face that was hit.
-        shares: (H, 3) the barycentric coordinates of the place that was hit.
-        seen: (N,) the vertices that the scanner sees.
-        image: the whole surface, with what is not measured.
+    `triangles` (T, 3) are of the numbers of points, and `image` is that of the whole surface.
     """
 
     points: Array
@@ -164,19 +133,20 @@ def measured_view(
     surface: Array,
     faces: Index,
     scanner: Scanner,
-    dropouts: Dropouts,
+    is_measured: Callable[[Array, Array, Scanner], Mask],
     noise: Noise | None,
     errors: Array,
     joining: Joining | None,
 ) -> MeasuredView:
     """What a scanner measures of a surface (N, 3) m, (F, 3).
 
-    `errors` holds a number from a standard normal distribution for every pixel of the scanner.
+    `is_measured` says which points (M, 3) m with unit normals (M, 3) are, although nothing is
+    before them; `errors` holds a number from a standard normal distribution for every pixel.
     """
     image = depth_image(surface, faces, scanner)
     normals = unit_vectors(face_vectors(surface, faces[image.face]))
     hit = np.einsum("hk,hki->hi", image.shares, surface[faces[image.face]])
-    left = dropouts.is_measured(hit, normals, scanner)
+    left = is_measured(hit, normals, scanner)
     pixel, depth = image.pixel[left], image.depth[left]
     depth = noisy(depth, angles(hit, normals, scanner)[left], noise, errors[pixel])
     rays = scanner.directions()[pixel]
@@ -190,7 +160,7 @@ def measured_view(
         triangles=none if joining is None else joining.triangles(pixel, depth, scanner),
         face=image.face[left],
         shares=image.shares[left],
-        seen=visible(surface, faces, scanner) & dropouts.is_measured(surface, around, scanner),
+        seen=visible(surface, faces, scanner) & is_measured(surface, around, scanner),
         image=image,
     )
 
@@ -305,11 +275,17 @@ def scan(
         offsets = clothing.offsets(mesh.vertices, rng)
         surface = surface + offsets[:, None] * vertex_normals(mesh.vertices, mesh.faces)
     discs = (holes or Holes(0)).discs(surface, mesh.faces, np.random.default_rng((seed, HOLES)))
-    dropouts = Dropouts(discs, steepest, region)
+
+    def is_measured(points: Array, normals: Array, scanner: Scanner) -> Mask:
+        left = (angles(points, normals, scanner) <= steepest) & ~discs.hold(points, normals)
+        return left if region is None else left & region.holds(points)
+
     views = []
     for number, scanner in enumerate(some):
         errors = np.random.default_rng((seed, NOISE, number)).standard_normal(scanner.n_pixels)
-        views.append(measured_view(surface, mesh.faces, scanner, dropouts, noise, errors, joining))
+        views.append(
+            measured_view(surface, mesh.faces, scanner, is_measured, noise, errors, joining)
+        )
     n_body = [len(view.points) for view in views]
     other = scatter_clutter(
         clutter or Clutter(0),
