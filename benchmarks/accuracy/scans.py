@@ -92,7 +92,6 @@ def scanned(body: SkinnedBody, poses: Array, seed: int, views: int) -> Simulated
         holes=Holes(),
         clutter=Clutter(),
         steepest=STEEPEST,
-        made_of=person.values,
     )
 
 

@@ -34,7 +34,6 @@ from workbench.arrays import Array, Mask
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Landmarks
 from workbench.bodies.catalogue import read_embedded
-from workbench.geometry.solids import along_edges
 from workbench.threads import limited_threads
 from workbench.training.blend_shapes import local_features
 from workbench.training.blocks import alternation

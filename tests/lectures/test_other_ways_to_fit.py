@@ -14,7 +14,7 @@ from workbench import load_body
 from workbench.fitting import Observations, image_fit, photograph
 from workbench.geometry.rigid import Similarity
 from workbench.geometry.surface_tree import SurfaceTree
-from workbench.registration import Icp, Trimmed, point_to_plane
+from workbench.registration import GemanMcClure, Icp, point_to_plane
 
 pytestmark = pytest.mark.thorough
 
@@ -139,12 +139,12 @@ def by_a_matrix(V: Array, M: Array, edges: Array, sigma: float) -> Array:
     return ((A @ V - A @ M) / sigma).ravel()
 
 
-def by_trimming(points: Array, vertices: Array, faces: Array) -> tuple[Array, Array]:
+def by_point_to_plane(points: Array, vertices: Array, faces: Array) -> tuple[Array, Array]:
     tree, ends = SurfaceTree(vertices, faces), []
     for angle in np.radians(np.arange(0, 360, 30)):
         R = Rotation.from_euler("y", angle).as_matrix()
         start = Similarity(R, vertices.mean(axis=0) - R @ np.median(points, axis=0))
-        how = Icp(point_to_plane, Trimmed(0.7), tolerance=1e-4)
+        how = Icp(point_to_plane, GemanMcClure(0.03), tolerance=1e-4)
         ends.append(how.align(points, tree, start))
     best = min(ends, key=lambda end: end.cost)
     return best.R, best.t
@@ -220,7 +220,7 @@ WAYS = {
         "distance_gradient": by_casadi,
         "robust_weight": lambda d, sigma, scale: (sigma + d**2 * sigma / scale**2) ** -2.0,
         "coupling_residual": by_a_matrix,
-        "align": by_trimming,
+        "align": by_point_to_plane,
     },
     16: {
         "torso_depth": side_by_side,

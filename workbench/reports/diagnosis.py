@@ -434,10 +434,9 @@ def write_design(
     *,
     title: str,
     question: str = "",
-    check: str = "",
     source: str | None = None,
 ) -> Path:
-    """Write the folder of a design, and return its page. `check` is a sentence on simulated fits.
+    """Write the folder of a design, and return its page.
 
     The folder appears whole or not at all; raises BadFile if it cannot be written.
     """
@@ -458,7 +457,7 @@ def write_design(
             plots.caption_measurement_choice,
             found,
         )
-    text = found.report() + (f"\n{check}" if check else "")
+    text = found.report()
     contents = {
         "index.html": page(
             "design.html",
@@ -469,7 +468,6 @@ def write_design(
             ranking=ranking,
             choice=choice,
             report=found.report(),
-            check=check,
             files=DESIGN_FILES,
         ),
         "design.txt": text + "\n",

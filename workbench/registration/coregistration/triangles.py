@@ -230,10 +230,10 @@ class TriangleCoregistration:
         if a block raises the joint cost, and BadFile for a checkpoint of something else.
         """
         first = self.first(fits, vertices)
-        identity, keep, state = "", Keeping(), None
+        known, keep, state = "", Keeping(), None
         if folder is not None:
-            identity = fingerprint(self.scans, first, repr(self.plan))
-            state = read_state(folder, identity, first)
+            known = fingerprint(self.scans, first, self.plan)
+            state = read_state(folder, known, first)
 
         def costs(state: TriangleState) -> dict[str, float]:
             return self.costs(state, first.body)
@@ -253,7 +253,7 @@ class TriangleCoregistration:
             costs,
             step,
             execution,
-            lambda state: keep(partial(save_state, state, folder, identity)) if folder else None,
+            lambda state: keep(partial(save_state, state, folder, known)) if folder else None,
         )
 
     def costs(self, state: TriangleState, first: TriangleBody) -> dict[str, float]:
