@@ -12,7 +12,6 @@ import workbench as wb
 from tests.motions.made_files import random_motion
 from tests.tiers import few
 from workbench import load_body
-from workbench.arrays import Array
 from workbench.bodies.files.joint_names import BODY, HANDS
 from workbench.errors import BadArgument, BadFile
 from workbench.fitting import MarkerFit
@@ -20,8 +19,6 @@ from workbench.fitting.setup import Moving
 from workbench.geometry.guesses import UP_TO_Y
 from workbench.motions import Bones, Motion, bones_of, read_motion
 from workbench.motions.motion import without_gaps
-from workbench.plots import plot_motion
-from workbench.plots.style import drawn
 from workbench.priors.recordings import recorded_motions
 
 SMALL = wb.load_body("small")
@@ -253,20 +250,6 @@ def test_marker_fits_become_motions(tmp_path: Path) -> None:
         up_axis="y",
     )
     np.testing.assert_allclose(read_motion(tmp_path / "motion.npz").pose, filled.pose, atol=1e-12)
-
-
-@pytest.mark.thorough
-def test_plot_of_a_motion_is_a_strip() -> None:
-    motion = random_motion(SMALL.n_joints, SMALL.joint_names, 20)
-    places: Array = motion.joints(SMALL)
-    pairs = np.array(list(enumerate(SMALL.parents)))[1:]
-    ax = drawn(lambda ax: plot_motion(places, pairs, 10.0, ax=ax), 8, 2).axes[0]
-    assert len(ax.collections) == 8
-    middles = [np.mean(np.concatenate(c.get_segments())[:, 0]) for c in ax.collections]  # type: ignore[attr-defined]
-    assert np.all(np.diff(middles) > 0.5)
-    heights = np.concatenate(ax.collections[0].get_segments())[:, 1]  # type: ignore[attr-defined]
-    assert heights.max() == pytest.approx(places[0, :, 1].max())
-    assert ax.texts[-1].get_text() == "1.90 s"
 
 
 BODY_JOINTS = load_body("small").joint_names

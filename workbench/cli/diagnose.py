@@ -54,8 +54,9 @@ def diagnose(
     draws: Annotated[
         int,
         typer.Option(
+            min=0,
             help="Diagnose at so many draws of the priors too, and say how often each direction "
-            "is null."
+            "is null.",
         ),
     ] = 0,
     profile: Annotated[
@@ -67,7 +68,7 @@ def diagnose(
     ] = None,
     minima: Annotated[
         int,
-        typer.Option(help="Look for other minima along so many of the weakest directions."),
+        typer.Option(min=0, help="Look for other minima along so many of the weakest directions."),
     ] = 0,
     solver: SolverName = DEFAULT,
     out: Out = Path("runs"),
@@ -80,9 +81,6 @@ def diagnose(
     The exit code is 1 if there are warnings.
     """
     console = Console()
-    for option, count in (("--draws", draws), ("--minima", minima)):
-        if count < 0:
-            raise BadArgument(f"{option} takes 1 or more, or 0 for none, not {count}")
     if (profile or minima) and (at_start or data_alone):
         raise BadArgument(
             f"{'--profile' if profile else '--minima'} begins at the minimum of the whole cost, "
@@ -211,11 +209,13 @@ def design(
     ] = None,
     points: Annotated[
         int,
-        typer.Option(help="Average over this number of points, drawn from the posterior."),
+        typer.Option(min=1, help="Average over this number of points, drawn from the posterior."),
     ] = 1,
     check: Annotated[
         int,
-        typer.Option(help="Check --sd-of by so many simulated fits, before and after the choice."),
+        typer.Option(
+            min=0, help="Check --sd-of by so many simulated fits, before and after the choice."
+        ),
     ] = 0,
     seed: Annotated[int, typer.Option(help="The same seed gives the same draws.")] = 0,
     solver: SolverName = DEFAULT,
@@ -230,7 +230,15 @@ def design(
     check_known("criterion", criterion, CRITERIA)
     if candidates is not None:
         check_known("list of candidates", candidates, CANDIDATES)
-    _refuse_contradictions(sd_of, over, points, check)
+    if sd_of is not None and over:
+        raise BadArgument("--over goes with --criterion; --sd-of says itself what matters")
+    if check == 1:
+        raise BadArgument("one simulated fit has no standard deviation; --check takes 2 or more")
+    if check and (sd_of is None or points > 1):
+        raise BadArgument(
+            "--check compares one standard deviation at one point; give --sd-of with it, and no "
+            "--points"
+        )
     experiment = find(name, settings(setting))
     by = solver_named(solver)
     folder = folder_to_write(out, f"{experiment.name}-design", experiment.source)
@@ -273,19 +281,3 @@ def design(
         source=experiment.source,
     )
     print_page(console, "report", page)
-
-
-def _refuse_contradictions(
-    sd_of: str | None, over: list[str] | None, points: int, check: int
-) -> None:
-    if sd_of is not None and over:
-        raise BadArgument("--over goes with --criterion; --sd-of says itself what matters")
-    if points < 1 or check < 0:
-        raise BadArgument("--points is 1 or more, and --check is 0 or more")
-    if check == 1:
-        raise BadArgument("one simulated fit has no standard deviation; --check takes 2 or more")
-    if check and (sd_of is None or points > 1):
-        raise BadArgument(
-            "--check compares one standard deviation at one point; give --sd-of with it, and no "
-            "--points"
-        )
