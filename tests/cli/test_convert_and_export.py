@@ -37,7 +37,6 @@ def test_convert_moves_a_motion_to_a_body(tmp_path: Path, workbench: Run) -> Non
     assert "the same triangles: 369 vertices correspond one to one" in out
     assert "left_forearm" in out
     assert "vertices are 0.0" in out
-    assert "if the angles of 24 joints were copied" in out
     found = wb.read_motion(tmp_path / "other.npz")
     off = np.linalg.norm(found.vertices(small()) - motion.vertices(small()), axis=2)
     assert 1e3 * off.mean() < 0.1

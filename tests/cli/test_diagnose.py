@@ -16,15 +16,6 @@ def diagnosis(name: str) -> dict:
     return data
 
 
-@pytest.mark.thorough
-def test_diagnose_exits_with_0_where_all_is_known(workbench: Run) -> None:
-    Path("sound.py").write_text(PARABOLA.format(n=3, columns=3))
-    code, out, _ = workbench("diagnose", "sound.py")
-    assert code == 0, out
-    assert "warning:" not in out
-    assert diagnosis("sound")["rank"] == 3
-
-
 def test_diagnose_exits_with_1_and_names_what_is_not_known(workbench: Run) -> None:
     text = PARABOLA.format(n=3, columns=3).replace("[:, :3]", "[:, [0, 1, 1]]")  # two alike
     Path("blind.py").write_text(text)
@@ -44,17 +35,6 @@ def test_data_alone_leaves_the_priors_of_a_file_out(workbench: Run) -> None:
     Path("all.py").write_text(PARABOLA.format(n=3, columns=2) + "priors = ['fit', 'hold']\n")
     _, _, err = workbench("diagnose", "all.py", "--data-alone")
     assert "every residual of all is a prior" in err
-
-
-@pytest.mark.thorough
-def test_diagnose_says_which_options_change_nothing(workbench: Run) -> None:
-    Path("plain.py").write_text(PARABOLA.format(n=3, columns=2))
-    said = " ".join(workbench("diagnose", "plain.py", "--data-alone")[1].split())
-    assert "--data-alone changes nothing: plain names no residual as a prior" in said
-    asked = ("diagnose", "plain.py", "--at-start", "--solver")
-    out = workbench(*asked, "dogleg")[1]
-    assert "--solver changes nothing: with --at-start nothing is solved" in out
-    assert "no solver is called 'dogleg-leg'" in workbench(*asked, "dogleg-leg")[2]
 
 
 GAUGE = """

@@ -82,7 +82,7 @@ def test_triangle_body_of_a_file_is_drawn_and_fitted(workbench: Run) -> None:
     code, out, err = workbench("fit", "me.obj", "--body", "scape.npz", "--no-compare")
     assert code == 0, err
     assert "vertex to observation, rms" in out
-    assert workbench("body", "sliders", "scape.npz")[0] == 0
+    assert workbench("body", "sliders", "scape.npz")[0] == 2
 
 
 @pytest.fixture

@@ -12,14 +12,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
-from workbench import Camera, LevenbergMarquardt, load_body
+from workbench import Camera, load_body
 from workbench.cli import Interrupted
 from workbench.cli.app import app
-from workbench.fitting.images import INTERVAL_NOTE, ByHeight, WithStature
-from workbench.fitting.jobs import ImageReading, ImageWork
+from workbench.fitting.images import INTERVAL_NOTE
 from workbench.fitting.observations import COCO
 from workbench.priors.poses import draw_poses, shipped_gaussian
-from workbench.reports.many import ImageFolder
 
 pytestmark = pytest.mark.thorough
 
@@ -82,31 +80,6 @@ def test_folder_refits_only_what_changed(tmp_path: Path) -> None:
     assert fit(str(images), *OPTIONS, "--sigma", "8", "--out", str(out)).exit_code == 0
     changed = {path.name: path.stat().st_mtime_ns for path in (folder / "fits").iterdir()}
     assert all(changed[name] != again[name] for name in again)
-
-
-def test_key_of_an_image_fit_holds_its_recipe(tmp_path: Path) -> None:
-    lens = tmp_path / "lens.json"
-    lens.write_text("{}")
-
-    def key(recipe: ByHeight, calibration: Path | None = None) -> str:
-        work = ImageWork(BODY, recipe, ImageReading(SIZE, calibration=calibration))
-        return ImageFolder(tmp_path / "runs", work, "small", "source").key_of_work()
-
-    recipes = [
-        ByHeight(),
-        ByHeight(strict=0.05),
-        ByHeight(outlier=0.1),
-        ByHeight(wide=(0.3,)),
-        ByHeight(priors=WithStature(1.7)),
-        ByHeight(priors=WithStature(1.8)),
-        ByHeight(solver=LevenbergMarquardt()),
-    ]
-    keys = [key(recipe) for recipe in recipes]
-    assert len(set(keys)) == len(keys)
-    assert key(ByHeight()) == keys[0]
-    before = key(ByHeight(), lens)
-    lens.write_text("{ }")
-    assert key(ByHeight(), lens) != before != keys[0]
 
 
 def test_unreadable_file_does_not_end_the_others(tmp_path: Path) -> None:

@@ -1,13 +1,12 @@
 """`workbench lecture`: list, show, run, start, check, pack, try, mark."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from tests.cli.conftest import Run
-from workbench.course.outline import course, lecture
+from workbench.course.outline import lecture
 
 
 def test_lecture_is_listed_and_shown(workbench: Run) -> None:
@@ -20,19 +19,6 @@ def test_lecture_is_listed_and_shown(workbench: Run) -> None:
     for name in lecture(2).exercises:
         assert name in out
     assert "in a pack, with other numbers for each student:" in " ".join(out.split())
-
-
-def test_planned_lecture_is_listed_but_not_shown(
-    workbench: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    planned = replace(lecture(2), number=88, name="planned", title="A plan")
-    monkeypatch.setattr("workbench.lectures.outline.COURSE", (*course(), planned))
-    code, out, _ = workbench("lecture", "list")
-    assert code == 0
-    assert "A plan (to come)" in out
-    code, _, err = workbench("lecture", "show", "88")
-    assert code == 2
-    assert "lecture 88, A plan, is still to come" in err
 
 
 @pytest.mark.thorough
@@ -91,27 +77,6 @@ def test_notebooks_of_others_are_not_written_over(workbench: Run) -> None:
     assert "somebody's work" in err
     assert Path("books/lec06_least_squares.ipynb").read_text() == "a student's evening"
     assert len(list(Path("books").iterdir())) == 1
-
-
-@pytest.mark.thorough
-def test_guide_shows_what_a_misprint_is_told(workbench: Run) -> None:
-    guide = (Path(__file__).parents[2] / "lectures" / "GUIDE.md").read_text()
-    shown = guide.partition("$ workbench lecture check 2\n")[2].partition("```")[0]
-    workbench("lecture", "start", "2", ".")
-    file = Path("lec02_rotations.py")
-    misprint = """
-    t = np.linalg.norm(w)
-    n = w / t if t > 0 else w
-    K = np.cross(np.eye(3), n)
-    return np.eye(3) + np.sin(t) * K + np.cos(t) * K @ K
-"""
-    file.write_text(
-        "import numpy as np\n"
-        + file.read_text().replace('    raise Unsolved("rodrigues")\n', misprint.lstrip("\n"))
-    )
-    code, out, _ = workbench("lecture", "check", "2")
-    assert code == 1
-    assert " ".join(shown.split()) in " ".join(out.split())
 
 
 PACK = ("lecture", "pack", "4.2", "--for", "geometry", "--to", "out")

@@ -32,11 +32,10 @@ def test_motion_says_what_a_file_holds(tmp_path: Path, workbench: Run) -> None:
 
 def test_motion_writes_bvh_and_reads_it_back(tmp_path: Path, workbench: Run) -> None:
     FILES["motion.npz"](tmp_path / "motion.npz")
-    options = "--out", "walk.bvh", "--fps", "120", "--body", "small", "--strip", "walk.png"
+    options = "--out", "walk.bvh", "--fps", "120", "--body", "small"
     code, out, _ = workbench("motion", "motion.npz", *options)
     assert code == 0
     assert "resampled to 11 frames at 120 frames a second" in out
-    assert (tmp_path / "walk.png").read_bytes().startswith(b"\x89PNG")
     code, out, _ = workbench("motion", "walk.bvh", "--out", "again.npz", "--fps", "60")
     assert code == 0
     body = wb.load_body("small")
@@ -91,9 +90,7 @@ def test_motion_takes_one_person_and_writes_layouts(tmp_path: Path, workbench: R
 
 def test_motion_writes_markers(tmp_path: Path, workbench: Run) -> None:
     FILES["walk.trc"](tmp_path / "walk.trc")
-    code, out, _ = workbench(
-        "motion", "walk.trc", "--out", "walk.npz", "--strip", "walk.png", "--fps", "10"
-    )
+    code, out, _ = workbench("motion", "walk.trc", "--out", "walk.npz", "--fps", "10")
     assert code == 0
     assert "--fps changes nothing: walk.trc holds markers" in out
     there = read_markers(tmp_path / "walk.npz").markers
@@ -110,7 +107,6 @@ def test_motion_refuses_what_it_cannot_read_or_write(tmp_path: Path, workbench: 
         ("walk.bvh --fps 0", "--fps takes a number above 0, not 0"),
         ("walk.bvh --out walk.c3d", "can be written as .bvh or .npz or .glb or .smpl, and not as"),
         ("walk.c3d --out walk.bvh", "markers can be written as .npz or .trc, and not as"),
-        ("walk.bvh --strip walk.jpg", "--strip takes a file that ends in .png"),
         ("walk.bvh --unit ell", "no unit is called 'ell'"),
         ("walk.bvh --up w", "no axis is called 'w'"),
         ("walk.npz", "walk.npz is no file of a motion or of markers"),

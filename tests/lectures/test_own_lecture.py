@@ -37,13 +37,13 @@ def test_own_lecture_is_taken_by_every_command(folder: Path) -> None:
     assert (Path("runs") / folder.name / "figure-1.png").stat().st_size > 5_000
     assert f"workbench lecture check {name}" in typed("start", name, ".")
     said = typed("check", name, code=1)  # although a file of the folder's name is beside it
-    assert said.count("not attempted") == 3
-    assert "4 of 4 points" in typed("check", name, str(folder / "solutions.py"))
+    assert said.count("not attempted") == 2
+    assert "2 of 2 points" in typed("check", name, str(folder / "solutions.py"))
 
 
 def test_own_lecture_checks_reject_every_mistake(folder: Path) -> None:
     lecture = own_lecture(folder)
-    assert len(lecture.exercises) == 3
+    assert len(lecture.exercises) == 2
     for exercise in lecture.exercises:
         rejected = 0
         for mistake in lecture.mistakes:

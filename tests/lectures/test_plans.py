@@ -26,12 +26,6 @@ def assumed(number: int) -> set[int]:
     return found
 
 
-def test_assumed_lectures_are_read() -> None:
-    assert assumed(12) == {8, 9, 10}
-    assert assumed(11) == {2, 6, 7}
-    assert assumed(6) == set()
-
-
 def test_plans_can_be_taught() -> None:
     assert len(PLANS) == 3
     for name in PLANS:

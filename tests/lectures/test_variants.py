@@ -76,13 +76,6 @@ def test_every_lecture_has_two_variants_or_more() -> None:
     assert min(counts.values()) >= 2
 
 
-def test_every_exercise_has_minutes() -> None:
-    for one in course():
-        if one.there:
-            missing = [name for name in one.exercises if one.minutes_for(name) is None]
-            assert not missing, f"lectures/minutes.py has no minutes of {one.number}: {missing}"
-
-
 def test_seed_decides_the_numbers_of_students() -> None:
     some = chosen(["4.2", "7"])
     again, other = make_keys("a class", 5, STUDENTS, some), make_keys("a class", 6, STUDENTS, some)

@@ -14,7 +14,7 @@ from workbench.plots import (
     png,
     sheet,
 )
-from workbench.plots.body import back, front, lightness, plot_body, shape_gallery_sheet, side
+from workbench.plots.body import back, front, plot_body, shape_gallery_sheet, side
 
 pytestmark = pytest.mark.browser
 
@@ -63,14 +63,6 @@ def test_looks_turn_and_do_not_mirror(look, across, towards) -> None:
     turned = look(np.eye(3)).T  # rows: right, up, towards the viewer
     np.testing.assert_array_equal(turned, [across, (0, 1, 0), towards])
     assert np.linalg.det(turned) == pytest.approx(1)
-
-
-def test_lightness_depends_on_the_angle_to_the_light() -> None:
-    square = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], dtype=float)
-    edge_on = square[:, [2, 1, 0]]
-    face = np.array([[0, 1, 2]])
-    assert lightness(square, face) > lightness(edge_on, face)
-    np.testing.assert_allclose(lightness(square, face), lightness(square, face[:, ::-1]))
 
 
 @pytest.mark.thorough

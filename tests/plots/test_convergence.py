@@ -91,20 +91,6 @@ def test_gap_is_relative_to_the_best_of_all() -> None:
     np.testing.assert_allclose(gap(solutions["b"], solutions), [1.0, 0.0])
 
 
-@pytest.mark.thorough
-def test_any_course_of_costs_can_be_drawn() -> None:
-    for costs in (
-        [5.0],
-        [0.0],
-        [1.0, float("inf"), float("nan"), 0.5],
-        list(np.geomspace(1e8, 1e-30, 500)),
-        [-1.0, -2.0],
-    ):
-        solutions = {"only": solution(costs, Status.MAX_ITERATIONS)}
-        convergence_sheet(solutions).draw_without_rendering()
-        assert caption_convergence(solutions)
-
-
 def test_solver_without_a_trace_has_only_a_name() -> None:
     never = replace(solution([1.0]), trace=(), cost=float("inf"), status=Status.RAISED)
     figure = convergence_sheet({"a": solution([2.0, 1.0]), "never": never})

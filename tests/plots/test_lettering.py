@@ -4,7 +4,7 @@ import matplotlib
 import numpy as np
 
 from workbench.plots import png, sheet, smallest, svg
-from workbench.plots.style import house_style, plain, shortened
+from workbench.plots.style import house_style, plain
 
 
 def test_letters_that_the_font_lacks_become_question_marks() -> None:
@@ -18,11 +18,6 @@ def test_dollars_are_no_mathematics() -> None:
     ax.plot(np.arange(3))
     assert png(figure)
     assert svg(figure)
-
-
-def test_long_names_end_in_an_ellipsis() -> None:
-    assert shortened("left_shoulder", 13) == "left_shoulder"
-    assert shortened("left_shoulder", 6) == "left_…"
 
 
 def test_the_users_own_style_is_left_alone() -> None:

@@ -16,14 +16,12 @@ from workbench.cli.console import (
     print_page,
     say,
     solver_table,
-    warn_without_effect,
 )
 from workbench.cli.options import Dask, Workers, executing
 from workbench.cli.run import Setting, settings
 from workbench.comparison.advice import advice, prices_sentence
 from workbench.comparison.comparison import MAIN
-from workbench.comparison.design import chosen, numbering
-from workbench.comparison.tables import seconds_of_runs
+from workbench.comparison.design import chosen
 from workbench.comparison.targets import TargetOutcome, tau_text
 from workbench.experiments import SUITES, find
 from workbench.experiments.experiment import ENOUGH
@@ -57,7 +55,6 @@ TOLD = {  # what the columns of the table count, beside ends at the lowest cost
     ),
     "false claims": (TargetOutcome.FALSE_CLAIM,),
 }
-MEASURED = "Seconds were measured on this machine under whatever load it had; they rank no solver."
 
 
 def compare(
@@ -95,14 +92,6 @@ def compare(
     console = Console()
     experiments = chosen(names, settings(setting))
     budget = comparison.Budget(max_evaluations=max_evaluations, max_seconds=max_seconds)
-    single = [experiment.name for experiment in experiments if not numbering(experiment)]
-    if seeds > 1 and single:
-        warn_without_effect(
-            console,
-            f"--seeds {seeds}",
-            "an experiment without an argument `start` or `seed` has one start",
-            single,
-        )
     told = Bars(console)
 
     def left() -> str:
@@ -125,9 +114,7 @@ def compare(
         console.print(solver_table(_table(found)))
         for text in (prices_sentence(), *advice(found)):
             say(console, escape(text))
-        console.print(solver_table(_times(found)))
         say(console, KEY)
-        say(console, MEASURED)
         console.print("[dim]writing the page[/]")
         print_page(console, "report", write_comparison(found, out))
 
@@ -153,25 +140,12 @@ def _table(found: comparison.Comparison) -> Table:
     return Table(("solver", *broken), tuple(rows), tuple(range(1, len(head) + 1)))
 
 
-def _times(found: comparison.Comparison) -> Table:
-    """A table of the measured seconds, which rank no solver."""
-    spreads = {solver: seconds_of_runs(found, solver) for solver in found.solvers}
-    columns: Columns[str] = {
-        "seconds of a run": str,
-        "least": lambda solver: f"{spreads[solver].minimum:.3g}",
-        "median": lambda solver: f"{spreads[solver].median:.3g}",
-        "most": lambda solver: f"{spreads[solver].maximum:.3g}",
-    }
-    return Table.of(found.solvers, columns, (1, 2, 3))
-
-
 ASKED = {
     Derivative.COST: "cost",
     Derivative.GRADIENT: "gradient",
     Derivative.JACOBIAN: "Jacobian",
     Derivative.HESSIAN: "Hessian",
 }
-WIDE = 120  # columns of a terminal, for everything in one table
 BOUNDS = {Boxes.UNKNOWN: "no", Boxes.TAKEN: "yes", Boxes.NEEDED: "needed"}
 
 
@@ -194,7 +168,7 @@ def solvers(
         return
     listed = ALGORITHMS if nlopt else {name: s.abilities for name, s in SOLVERS.items()}
     console, heads = Console(), [*COLUMNS]
-    for shown in [heads] if console.width >= WIDE else [heads[:-2], [heads[0], *heads[-2:]]]:
+    for shown in (heads[:-2], [heads[0], *heads[-2:]]):  # 80 columns hold either
         table = Table.of(listed.items(), {head: COLUMNS[head] for head in shown}, ())
         console.print(solver_table(table), highlight=False)
         console.print()

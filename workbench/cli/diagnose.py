@@ -53,8 +53,9 @@ def diagnose(
     draws: Annotated[
         int,
         typer.Option(
+            min=0,
             help="Diagnose at so many draws of the priors too, and say how often each direction "
-            "is null."
+            "is null.",
         ),
     ] = 0,
     profile: Annotated[
@@ -66,7 +67,7 @@ def diagnose(
     ] = None,
     minima: Annotated[
         int,
-        typer.Option(help="Look for other minima along so many of the weakest directions."),
+        typer.Option(min=0, help="Look for other minima along so many of the weakest directions."),
     ] = 0,
     solver: SolverName = DEFAULT,
     out: Out = Path("runs"),
@@ -79,9 +80,6 @@ def diagnose(
     The exit code is 1 if there are warnings.
     """
     console = Console()
-    for option, count in (("--draws", draws), ("--minima", minima)):
-        if count < 0:
-            raise BadArgument(f"{option} takes 1 or more, or 0 for none, not {count}")
     if (profile or minima) and (at_start or data_alone):
         raise BadArgument(
             f"{'--profile' if profile else '--minima'} begins at the minimum of the whole cost, "
@@ -210,7 +208,7 @@ def design(
     ] = None,
     points: Annotated[
         int,
-        typer.Option(help="Average over this number of points, drawn from the posterior."),
+        typer.Option(min=1, help="Average over this number of points, drawn from the posterior."),
     ] = 1,
     seed: Annotated[int, typer.Option(help="The same seed gives the same draws.")] = 0,
     solver: SolverName = DEFAULT,
@@ -227,8 +225,6 @@ def design(
         check_known("list of candidates", candidates, CANDIDATES)
     if sd_of is not None and over:
         raise BadArgument("--over goes with --criterion; --sd-of says itself what matters")
-    if points < 1:
-        raise BadArgument("--points is 1 or more")
     experiment = find(name, settings(setting))
     by = solver_named(solver)
     folder = folder_to_write(out, f"{experiment.name}-design", experiment.source)

@@ -10,7 +10,6 @@ import typer
 from rich.console import Console
 from rich.markdown import Markdown
 from rich.markup import escape
-from rich.syntax import Syntax
 from rich.table import Table
 
 from workbench import course
@@ -104,7 +103,12 @@ def run(
     one, console = lecture_named(number), Console()
     make_folder(out / one.folder_name)
     pictures = 0
-    for cell, value, _ in carried_out(one.folder / "lecture.py", _show_code if code else _nothing):
+
+    def before(cell: Cell) -> None:
+        if code and not cell.prose:
+            print(cell.text)
+
+    for cell, value, _ in carried_out(one.folder / "lecture.py", before):
         if cell.prose:
             _show_prose(console, cell.text)
         elif isinstance(value, course.Picture):
@@ -118,23 +122,6 @@ def run(
         elif value is not None:
             say(console, escape(repr(value)) + "\n")
     console.print(f"the code: {escape(str(one.folder / 'lecture.py'))}", soft_wrap=True)
-
-
-def _nothing(cell: Cell) -> None:
-    pass
-
-
-def _show_code(cell: Cell) -> None:
-    """Print a cell of code. It is called before the cell runs, whose output then stands below.
-
-    In a terminal its colours tell it from results, and long lines are wrapped; in a file lines are
-    as they are written.
-    """
-    console = Console()
-    if not cell.prose and console.is_terminal:
-        console.print(Syntax(cell.text, "python", background_color="default", word_wrap=True))
-    elif not cell.prose:
-        print(cell.text)
 
 
 def _show_prose(console: Console, text: str) -> None:

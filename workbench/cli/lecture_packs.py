@@ -211,10 +211,7 @@ def mark(
         interrupts_say(left),
         Console(stderr=True).status("marking, which takes some seconds for each file"),
     ):
-        marks = mark_class(found, key, keys, table, limits, tell, workers, given)
-    for one in marks:
-        for said in one.alike:
-            say(console, f"[bold]{escape(key.students[one.student])}[/]  {escape(said)}")
+        mark_class(found, key, keys, table, limits, tell, workers, given)
     _say_unused(console, found)
     print_page(console, "marks", table)
 

@@ -1,7 +1,8 @@
-"""Where work is done: in processes of this machine, or on a Dask cluster."""
+"""Options that several commands have, and where work is done: in processes or on a cluster."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -13,6 +14,15 @@ from workbench.environment import pip_install
 from workbench.errors import WorkbenchError
 from workbench.training.execution import Executor, Processes, by_backend
 
+Fit = Annotated[
+    Path | None,
+    typer.Option(
+        "--from",
+        help="A fit, for its pose and betas: the folder of a run, of a registration or of a clip, "
+        "or an .npz.",
+    ),
+]
+Frame = Annotated[int, typer.Option(help="Which frame of --from, where the fit has several.")]
 Workers = Annotated[
     int,
     typer.Option(

@@ -71,8 +71,7 @@ def run(
     compare: Compare = True,
     out: Out = Path("runs"),
     listing: Annotated[
-        bool,
-        typer.Option("--list", help="Only list the experiments, or the problems of a suite."),
+        bool, typer.Option("--list", help="Only list the experiments, or the problems of a suite.")
     ] = False,
     verbose: Annotated[
         bool, typer.Option("--verbose", "-v", help="Print a line for each iterate.")
@@ -205,7 +204,7 @@ def print_outcome(console: Console, outcome: Outcome) -> None:
     )
     for said in (better_said(outcome), interrupted_said(outcome)):
         if said:
-            console.print(f"[bold yellow]{escape(_typed(said))}[/]", highlight=False)
+            console.print(f"[bold yellow]{escape(said)}[/]", highlight=False)
     if outcome.setup.synthetic:
         console.print(f"synthetic data: {escape(outcome.setup.synthetic)}", highlight=False)
     for note in outcome.setup.notes:
@@ -235,16 +234,11 @@ def _print_residuals(console: Console, outcome: Outcome) -> None:
     found = residuals_table(outcome)
     rows = sorted(zip(outcome.costs.values(), found.rows, strict=True), key=lambda row: -row[0])
     shown = {row for _, row in rows[:ROWS]}
-    typed = tuple(tuple(map(_typed, row)) for row in found.rows if row in shown)
-    console.print(rich_table(Table(found.head, typed, found.numbers)))
+    kept = tuple(row for row in found.rows if row in shown)
+    console.print(rich_table(Table(found.head, kept, found.numbers)))
     if len(rows) > ROWS:
         console.print(f"and {len(rows) - ROWS} residuals with less cost (see the report)")
     console.print(escape(priors_said(outcome)), highlight=False)
-
-
-def _typed(text: str) -> str:
-    """As every terminal can show it."""
-    return text.replace("−", "-").replace("–", "-").replace("∞", "inf")
 
 
 def _seen(what: str, d: Diagnosis) -> str:
@@ -270,7 +264,7 @@ def _comparison(outcome: Outcome) -> RichTable:
     columns: Columns[tuple[str, Solution]] = {
         "solver": lambda of: of[0],
         "status": lambda of: status_said(outcome, of[0]).upper(),
-        "cost": lambda of: _typed(number(of[1].cost, 8)),
+        "cost": lambda of: number(of[1].cost, 8),
         "seconds": lambda of: f"{of[1].seconds:.2f}",
     }
     table = rich_table(Table.of(outcome.compared.items(), columns, (2, 3)))

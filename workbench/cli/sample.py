@@ -8,20 +8,18 @@ import numpy as np
 import typer
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-from rich.progress import Progress as Bar
 
 from workbench import sampling
 from workbench.blocks.layout import entries
 from workbench.cli import Interrupted, interrupts_say
 from workbench.cli.console import (
+    Bars,
     folder_to_write,
     make_folder,
     print_page,
     rich_table,
     say,
     warn_of,
-    warn_without_effect,
 )
 from workbench.cli.run import Name, Out, Setting, SolverName, settings, solved, solver_named
 from workbench.errors import check_known
@@ -102,14 +100,6 @@ def sample(
         chosen[f"{directions} directions"] = sampling.directions(directions, setup.priors)
     if not chosen:
         chosen |= sampling.sampling_blocks(problem.free, problem.trees)
-    if conditional:
-        for part, names in chosen.items():
-            if callable(names):
-                why = f"with {part}, the other unknowns are never held fixed"
-                warn_without_effect(console, "--conditional", why)
-            elif names is None or set(problem.free.names) <= set(names):
-                why = f"{part} is all that there is to sample"
-                warn_without_effect(console, "--conditional", why)
     file_of = dict(zip(chosen, anchors(chosen), strict=True))
     parts: list[BlockPosterior] = []
     interrupted = False
@@ -124,23 +114,12 @@ def sample(
             path = kept / f"{file_of[part]}.npz"
             if fresh:
                 path.unlink(missing_ok=True)
-            elif (before := path.with_suffix(".h5")).exists() and not path.exists():
-                say(
-                    console,
-                    f"[yellow]{escape(str(before))} is of an earlier version and is not continued; "
-                    "sampling begins anew[/]",
-                )
             console.print(f"\n[bold]{escape(part)}[/]")
-            with _bar(console) as bar:
-                task = bar.add_task("sampling", total=steps, info="")
+            with Bars(console) as bars:
 
-                def tell(
-                    progress: sampling.SamplingProgress, bar: Bar = bar, task: TaskID = task
-                ) -> None:
-                    info = f"{progress.acceptance:.0%} accepted"
-                    if progress.all_free:
-                        info += ", all unknowns by Hamiltonian Monte Carlo"
-                    bar.update(task, completed=progress.step, total=progress.steps, info=info)
+                def tell(progress: sampling.SamplingProgress, bars: Bars = bars) -> None:
+                    by = "Hamiltonian Monte Carlo" if progress.all_free else "sampling"
+                    bars(by, progress.step, progress.steps)
 
                 posterior = sampling.sample(
                     problem,
@@ -186,20 +165,6 @@ def sample(
 def _names(text: str) -> tuple[str, ...]:
     """`betas,pose[left_elbow, x]` at the commas that are in no brackets."""
     return tuple(part.strip() for part in re.split(r",(?![^\[]*\])", text) if part.strip())
-
-
-def _bar(console: Console) -> Bar:
-    return Bar(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.completed}/{task.total}"),
-        TextColumn("{task.fields[info]}"),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    )
 
 
 def _print_measurements(

@@ -14,6 +14,8 @@ from workbench.bodies.files.saving import save_body
 from workbench.cli import interrupts_say
 from workbench.cli.console import (
     Bars,
+    above_zero,
+    at_least_one,
     make_folder,
     print_page,
     rich_table,
@@ -22,7 +24,7 @@ from workbench.cli.console import (
 )
 from workbench.cli.options import Workers
 from workbench.cli.run import Out
-from workbench.errors import BadArgument, BadFile
+from workbench.errors import BadArgument, BadFile, check_known
 from workbench.motions import save_motion
 from workbench.reading.facts import json_in
 from workbench.reports import write_card
@@ -78,13 +80,18 @@ def train(
             "body explains them."
         ),
     ] = None,
-    betas: Annotated[int, typer.Option(help="Number of shape directions.")] = 10,
-    rounds: Annotated[int, typer.Option(help="Number of rounds of the alternation.")] = 2,
+    betas: Annotated[
+        int, typer.Option(callback=at_least_one, help="Number of shape directions.")
+    ] = 10,
+    rounds: Annotated[
+        int, typer.Option(callback=at_least_one, help="Number of rounds of the alternation.")
+    ] = 2,
     reach: Annotated[
         int,
         typer.Option(
+            min=0,
             help="Number of bones from a vertex to the furthest joint whose rotation "
-            "changes the skin there."
+            "changes the skin there.",
         ),
     ] = REACH,
     blend_shapes: Annotated[
@@ -100,12 +107,8 @@ def train(
     its model card at the end.
     """
     console = Console()
-    if betas < 1 or rounds < 1:
-        raise BadArgument("--betas and --rounds take 1 or more")
-    if reach < 0:
-        raise BadArgument(f"--reach takes 0 or more bones, not {reach}")
-    if gender is not None and gender not in GENDERS:
-        raise BadArgument(f"--gender takes {', '.join(GENDERS)}, not {gender!r}")
+    if gender is not None:
+        check_known("gender", gender, GENDERS)
     if folder is None:
         unused = {
             "--start": "the synthetic tube has its own template",
@@ -282,7 +285,9 @@ def rig(
         Path | None,
         typer.Option(help="Write the motion of the meshes that were learned from to this .npz."),
     ] = None,
-    fps: Annotated[float, typer.Option(help="Meshes a second, for --motion.")] = 30.0,
+    fps: Annotated[
+        float, typer.Option(callback=above_zero, help="Meshes a second, for --motion.")
+    ] = 30.0,
 ) -> None:
     """Find the skeleton and the skinning weights of meshes in motion, and write them as a body.
 
@@ -297,8 +302,6 @@ def rig(
         raise BadArgument(f"--motion takes a file that ends in .npz, not {motion}")
     if frames < 2:
         raise BadArgument(f"--frames takes 2 or more, not {frames}")
-    if not 0 < fps < np.inf:
-        raise BadArgument(f"--fps takes a number above 0, not {fps:g}")
     every, faces, own = read_meshes(meshes, rest)
     T = len(every)
     learned = T - T // 5

@@ -21,17 +21,11 @@ from workbench.errors import BadFile
 
 @dataclass(frozen=True)
 class Cell:
-    """A cell of a script.
+    """A cell of a script."""
 
-    Attributes:
-        prose: whether it is prose, and not code.
-        text: its text; of prose without the comment signs.
-        line: the line of the script at which it begins.
-    """
-
-    prose: bool
-    text: str
-    line: int
+    prose: bool  # whether it is prose, and not code
+    text: str  # its text; of prose without the comment signs
+    line: int  # the line of the script at which it begins
 
 
 def cells(path: Path) -> list[Cell]:

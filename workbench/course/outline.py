@@ -22,27 +22,16 @@ FILES = ("lecture.py", "exercises.py", "solutions.py", "checks.py")
 
 @dataclass(frozen=True)
 class Lecture:
-    """A line of the outline. A lecture that is still to come has no folder.
+    """A line of the outline. A lecture that is still to come has no folder."""
 
-    Attributes:
-        number: its number.
-        name: the name of its folder, after the number.
-        title: its title.
-        question: the question that it begins with.
-        minutes: how long it takes to read and to try, without the exercises.
-        assumes: what a reader has to know.
-        teaches: what a reader learns.
-        place: the folder of its files, if it is not part of the course.
-    """
-
-    number: int
-    name: str
-    title: str
-    question: str
-    minutes: int
-    assumes: str
-    teaches: str
-    place: Path | None = None
+    number: int  # its number
+    name: str  # the name of its folder, after the number
+    title: str  # its title
+    question: str  # the question that it begins with
+    minutes: int  # how long it takes to read and to try, without the exercises
+    assumes: str  # what a reader has to know
+    teaches: str  # what a reader learns
+    place: Path | None = None  # the folder of its files, if it is not part of the course
 
     @property
     def asked(self) -> str:

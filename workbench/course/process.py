@@ -21,7 +21,7 @@ from types import ModuleType
 from typing import Any
 
 import workbench
-from workbench.course.checks import error_in_words, legible, without_warnings
+from workbench.course.checks import cut, error_in_words, legible, without_warnings
 from workbench.course.grading import (
     CheckResult,
     CheckState,
@@ -47,15 +47,10 @@ IN_THIS_PROCESS = (
 
 @dataclass(frozen=True)
 class ProcessLimits:
-    """What the process of a file may take.
+    """What the process of a file may take."""
 
-    Attributes:
-        seconds: for all answers to an exercise, and for loading the file.
-        memory: address space in GiB, where the system can limit it.
-    """
-
-    seconds: float = 10.0
-    memory: float = 6.0
+    seconds: float = 10.0  # for all answers to an exercise, and for loading the file
+    memory: float = 6.0  # address space in GiB, where the system can limit it
 
     def __post_init__(self) -> None:
         if not self.seconds > 0:
@@ -70,17 +65,13 @@ class ProcessEnded(Exception):
 
 @dataclass
 class Sent:
-    """What the process of a file sent.
+    """What the process of a file sent."""
 
-    Attributes:
-        exercises: of each exercise what was sent, or why nothing was.
-        printed: what the file printed, by exercise, and under "" while it was loaded.
-        trouble: why the file could not be loaded at all.
-    """
-
+    # of each exercise what was sent, or why nothing was
     exercises: dict[str, dict[str, Any] | str] = field(default_factory=dict)
+    # what the file printed, by exercise, and under "" while it was loaded
     printed: dict[str, str] = field(default_factory=dict)
-    trouble: str = ""
+    trouble: str = ""  # why the file could not be loaded at all
 
 
 def grade(lecture: Lecture, path: str | Path, limits: ProcessLimits | None = None) -> Grade:
@@ -251,25 +242,6 @@ def environment() -> dict[str, str]:
 # In the process of the file.
 
 
-class Page(io.TextIOBase):
-    """A stream that keeps the beginning of what is written, and counts the rest."""
-
-    def __init__(self) -> None:
-        self._kept, self._count = "", 0
-
-    def write(self, text: str) -> int:
-        """Keep as much of a text as there is room for."""
-        self._kept += text[: max(0, KEPT - len(self._kept))]
-        self._count += len(text)
-        return len(text)
-
-    @property
-    def text(self) -> str:
-        """The beginning of what was written, and the number of characters that were not kept."""
-        left = self._count - len(self._kept)
-        return self._kept.rstrip() + (f"\n... and {left:,} characters more" if left else "")
-
-
 def main() -> None:
     """Do the job that is sent."""
     end_with_parent()
@@ -296,10 +268,10 @@ def _done(job: dict[str, Any]) -> Iterator[dict[str, Any]]:
     if lecture is not None:
         _ = lecture.checks, lecture.mistakes, lecture.solutions  # loaded before the file is
     yield {"begun": True}
-    module, told = load(job["file"], list(job["exercises"]))
+    module, told = load(job["file"])
     yield dict(told)
     for name, given in job["exercises"].items() if module is not None else ():
-        page, answer = Page(), getattr(module, name, None)
+        page, answer = io.StringIO(), getattr(module, name, None)
         with _printing_to(page):
             if lecture is None:
                 found = answers(name, answer, **given)
@@ -310,7 +282,7 @@ def _done(job: dict[str, Any]) -> Iterator[dict[str, Any]]:
                         for one in grade_exercise(lecture, name, answer)
                     ]
                 }
-        yield {**found, "printed": page.text}
+        yield {**found, "printed": cut(page.getvalue().rstrip(), KEPT)}
 
 
 def answers(
@@ -322,22 +294,18 @@ def answers(
     return {"answers": [answered(answer, tuple(decode(one))) for one in arguments]}
 
 
-def load(file: str, exercises: Sequence[str]) -> tuple[ModuleType | None, dict[str, str]]:
+def load(file: str) -> tuple[ModuleType | None, dict[str, str]]:
     """Run a student's file: its module, and {"loaded": what it printed}.
 
     If it cannot be loaded, this is None, and {"trouble": why not}.
     """
-    page = Page()
+    page = io.StringIO()
     with _printing_to(page):
         try:
             module = _module(file)
-        except BaseException as error:
-            found = sys.modules.get("answers")
-            late = isinstance(error, SystemExit) and any(hasattr(found, e) for e in exercises)
-            if found is None or not late:
-                return None, {"trouble": error_in_words(error, file=file)}
-            module = found  # a script may end by sys.exit: what stands above is there
-    return module, {"loaded": page.text}
+        except BaseException as error:  # SystemExit, too
+            return None, {"trouble": error_in_words(error, file=file)}
+    return module, {"loaded": cut(page.getvalue().rstrip(), KEPT)}
 
 
 def _module(file: str) -> ModuleType:
@@ -352,7 +320,7 @@ def _module(file: str) -> ModuleType:
 
 
 @contextmanager
-def _printing_to(page: Page) -> Iterator[None]:
+def _printing_to(page: io.StringIO) -> Iterator[None]:
     with redirect_stdout(page), redirect_stderr(page), without_warnings():
         yield
 

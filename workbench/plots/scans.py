@@ -13,7 +13,7 @@ from workbench.arrays import Array, Index, Mask
 from workbench.errors import BadArgument
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.plots.body import Look, back, front, painted, side
-from workbench.plots.palette import AMOUNT, DASHES, FAINT, LINES, MARKERS, SKIN
+from workbench.plots.palette import AMOUNT, DASHES, FAINT, LINES, MARKERS
 from workbench.plots.style import house_style
 from workbench.registration import BasinMap
 from workbench.training.execution import LogEntry
@@ -89,42 +89,6 @@ def caption_registered_scan(distances: Array, touching: Mask) -> str:
         f"{half:.1f} mm and 95 % within {most:.1f} mm. Grey points have no contact. Look for whole "
         "regions of one colour: there the surface misses the scan, where single points only "
         "scatter."
-    )
-
-
-def unseen_sheet(vertices: Array, faces: Index, seen: Mask, sd: Array, facing: float) -> Figure:
-    """The surface (N, 3) m from four sides: pale where it was `seen` (N,), elsewhere coloured by
-    the standard deviation `sd` (N,) m of the place of each vertex.
-    """
-    of_faces = MM * sd[faces].mean(axis=1)
-    hidden = np.asarray(~seen[faces].any(axis=1))
-    end = float(of_faces[hidden].max()) if hidden.any() else float(of_faces.max(initial=1.0))
-    scale = ScalarMappable(Normalize(0.0, end), AMOUNT)
-    colours = np.where(hidden[:, None], np.asarray(scale.to_rgba(of_faces))[:, :3], to_rgb(SKIN))
-    turn = matrix_from_vector([0.0, -facing, 0.0]).T
-
-    def plot(look: Look, ax: Axes) -> None:
-        solid = look(vertices @ turn)
-        ax.add_collection(painted(solid[:, :2], solid, faces, colours, 0.25))
-
-    figure = _four(plot, vertices @ turn)
-    figure.colorbar(scale, ax=figure.axes, shrink=0.8, pad=0.01).set_label(
-        "sd of what was not seen (mm)"
-    )
-    return figure
-
-
-def caption_unseen(seen: Mask, sd: Array) -> str:
-    """What `unseen_sheet` shows."""
-    hidden = ~seen
-    if not hidden.any():
-        return "The registered surface, pale where the scan saw it: it saw all of it."
-    root = MM * float(np.sqrt(np.mean(sd[hidden] ** 2)))
-    return (
-        f"The registered surface, pale where the scan saw it. The other "
-        f"{100 * hidden.mean():.0f} % of the vertices rest on the priors of pose and shape alone: "
-        "their colour is the standard deviation of the fitted body there, by Laplace's "
-        f"approximation ({root:.0f} mm, root mean square). It holds if the pose is the right one."
     )
 
 

@@ -31,25 +31,6 @@ def plot_overlay(outcome: Outcome, view: int, *, ax: Axes, shape: float = 1.25) 
     return plot_body_in_view(outcome.overlays[view], faces, ax=ax, shape=shape)
 
 
-def plot_stage(outcome: Outcome, stage: int, *, ax: Axes) -> Axes:
-    """The body at the end of a stage, as `plot_overlay` draws it."""
-    return _plot_numbered(outcome, outcome.stages[stage], f"Stage {stage + 1}", ax)
-
-
-def plot_hypothesis(outcome: Outcome, number: int, *, ax: Axes) -> Axes:
-    """The body of a hypothesis, as `plot_overlay` draws it."""
-    cost = outcome.solution.hypotheses[number].cost
-    what = f"Hypothesis {number + 1}, cost {cost:.4g}"
-    return _plot_numbered(outcome, outcome.hypotheses[number], what, ax)
-
-
-def _plot_numbered(outcome: Outcome, overlay: Overlay, title: str, ax: Axes) -> Axes:
-    faces = None if outcome.setup.body is None else outcome.setup.body.faces
-    plot_body_in_view(overlay, faces, ax=ax)
-    ax.set_title(f"{title}: mean {reprojection(overlay)[0]:.1f} px", loc="left")
-    return ax
-
-
 def plot_body_in_view(
     overlay: Overlay, faces: Index | None, *, ax: Axes, shape: float = 1.25
 ) -> Axes:
@@ -119,35 +100,6 @@ def caption_overlay(outcome: Outcome, view: int) -> str:
         f"{overlay.view.name}{held_out}. {count} {COUNTED} lie on average {error:.1f} px "
         f"from those of the fitted body; the farthest, "
         f"{overlay.landmarks[worst].replace('_', ' ')}, by {off[worst]:.1f} px.{missing}"
-    )
-
-
-def caption_stage(outcome: Outcome, stage: int) -> str:
-    """What `plot_stage` shows."""
-    stages, error = len(outcome.stages), reprojection(outcome.stages[stage])[0]
-    last = ", which is the result" if stage == stages - 1 else ""
-    return (
-        f"The body at the end of stage {stage + 1} of {stages}{last}. {COUNTED.capitalize()} lie "
-        f"on average {error:.1f} px from those of the body."
-    )
-
-
-def caption_hypothesis(outcome: Outcome, number: int) -> str:
-    """What `plot_hypothesis` shows."""
-    found, error = outcome.solution.hypotheses[number], reprojection(outcome.hypotheses[number])[0]
-    best = outcome.solution.hypotheses[0].cost
-    above = (
-        "It has the lowest cost."
-        if number == 0
-        else (
-            f"Its cost is {found.cost - best:.3g} above the lowest, so that the posterior density "
-            f"here is exp(-{found.cost - best:.3g}) times that of the first hypothesis."
-        )
-    )
-    starts = "1 start" if len(found.starts) == 1 else f"{len(found.starts)} starts"
-    return (
-        f"Hypothesis {number + 1}, to which {starts} led; keypoints lie on average {error:.1f} px "
-        f"from those of the body. {above}"
     )
 
 
@@ -246,28 +198,6 @@ def caption_strip(moving: Moving, values: Values, view: int) -> str:
     )
 
 
-def plot_autocorrelation(r: Array, worth: float, *, ax: Axes) -> Axes:
-    """The correlation of errors that are k frames apart, for all lags of which enough is known."""
-    lags = np.flatnonzero(np.isfinite(r))
-    ax.plot(lags, r[lags], color=BLUE)
-    ax.axhline(0, color=FAINT, linewidth=0.8)
-    ax.set(
-        xlabel="frames apart", ylabel="correlation of errors", ylim=(min(-0.3, r[lags].min()), 1.05)
-    )
-    ax.set_title(f"{len(r)} frames are worth {worth:.1f} independent ones", loc="left")
-    return ax
-
-
-def caption_autocorrelation(r: Array, worth: float) -> str:
-    """What `plot_autocorrelation` shows."""
-    return (
-        f"How alike the errors that the fit left are k frames apart: {r[1]:.2f} from one frame to "
-        "the next. Errors are not reduced by their mean, because a constant error, such as a hip "
-        f"that is always found too far out, is no new evidence either. {len(r)} frames are worth "
-        f"{worth:.1f} independent ones for what they share."
-    )
-
-
 def _skeleton(moving: Moving, values: Values, view: int, t: int) -> Array:
     """The bones of frame t in one image, (K - 1, 2, 2) px: joint and parent."""
     pose, betas, trans = (values[block.name] for block in moving.body.blocks())
@@ -276,39 +206,6 @@ def _skeleton(moving: Moving, values: Values, view: int, t: int) -> Array:
     parents = np.asarray(moving.body.parents)
     k = np.flatnonzero(parents >= 0)
     return np.stack([pixels[k], pixels[parents[k]]], axis=1)
-
-
-GAP = 1.1
-
-
-def plot_motion(places: Array, pairs: Index, fps: float | None, *, ax: Axes) -> Axes:
-    """Up to eight frames of points (T, M, 3) m from the front, with lines between pairs (E, 2).
-
-    All frames have the same scale and the same height, and each is moved sideways to its place.
-    Under each stands its time, or its number if the rate is not known. Points that are NaN are left
-    out.
-    """
-    chosen = frames_of_strip(len(places))
-    flat = places[chosen][:, :, :2]
-    lower, upper = np.nanmin(flat, axis=1), np.nanmax(flat, axis=1)
-    wide = GAP * float(np.nanmax(upper[:, 0] - lower[:, 0])) + 1e-3
-    for i, (t, points) in enumerate(zip(chosen, flat, strict=True)):
-        at = points - [(lower[i, 0] + upper[i, 0]) / 2 - i * wide, 0.0]
-        bones = at[pairs] if len(pairs) else np.zeros((0, 2, 2))
-        whole = np.isfinite(bones).all(axis=(1, 2))
-        ax.add_collection(LineCollection(list(bones[whole]), colors=BLUE, linewidths=1.4))
-        ax.plot(*at.T, ".", color=VERMILLION, markersize=2.5)
-        said = f"{t}" if fps is None else f"{t / fps:.2f} s"
-        ax.text(
-            i * wide, np.nanmin(lower[:, 1]) - 0.06 * wide, said, ha="center", va="top", fontsize=8
-        )
-    tall = float(np.nanmax(upper[:, 1]) - np.nanmin(lower[:, 1])) + 1e-3
-    floor = np.nanmin(lower[:, 1])
-    ax.axhline(floor, color=FAINT, linewidth=0.5)
-    ax.set(xlim=(-wide / 2, (len(chosen) - 0.5) * wide), aspect="equal", xticks=[])
-    ax.set(ylim=(floor - 0.1 * tall - 0.1 * wide, floor + GAP * tall), ylabel="height, m")
-    ax.grid(False)
-    return ax
 
 
 def frames_of_strip(frames: int) -> list[int]:

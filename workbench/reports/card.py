@@ -52,7 +52,7 @@ def card_page(body: SkinnedBody | TriangleBody) -> str:
         ),
         gallery=shown(
             shape_gallery_sheet(gallery, body.faces),
-            caption_shape_gallery(gallery, drawn=directions_drawn(body)),
+            caption_shape_gallery(gallery),
         )
         if body.n_betas
         else None,
@@ -133,7 +133,6 @@ def facts(body: SkinnedBody | TriangleBody) -> dict[str, str]:
         **(_skin(body) if isinstance(body, SkinnedBody) else _deformations(body)),
         "J_regressor": f"{body.J_regressor.nnz:,} nonzeros",
         "height of the template": f"{tall:.3f} m",
-        **(_mirrored(body) if isinstance(body, SkinnedBody) else {}),
         "landmarks": ", ".join(["joints", *sets]),
         **({"synthetic": str(body.card["synthetic"])} if "synthetic" in body.card else {}),
         **({"carried along": f"{shapes_in_words(body.extras)}: {NOT_READ}"} if body.extras else {}),
@@ -154,11 +153,6 @@ def _skin(body: SkinnedBody) -> dict[str, str]:
         "pose features P": f"{features} ({acting:,} nonzeros in posedirs)",
         "skinning weights": f"at most {weights.max()} per vertex, {weights.mean():.2f} on average",
     }
-
-
-def _mirrored(body: SkinnedBody) -> dict[str, str]:
-    found = "no" if body.mirror is None else "yes: a partner on the other side for every vertex"
-    return {"mirror": found}
 
 
 def _deformations(body: TriangleBody) -> dict[str, str]:
@@ -184,13 +178,6 @@ def shapes(body: SkinnedBody | TriangleBody) -> dict[str, Array]:
             betas[b] = sign * ENDS
             found[f"betas[{b}] {word}"] = body.vertices(pose, betas)
     return found
-
-
-def directions_drawn(body: SkinnedBody | TriangleBody) -> str:
-    """Which shape directions `shapes` shows, as the subject of a sentence."""
-    if body.n_betas <= DRAWN:
-        return "Each shape direction"
-    return f"Each of the first {DRAWN} of {body.n_betas} shape directions"
 
 
 def _arms_down(body: SkinnedBody | TriangleBody) -> Array:

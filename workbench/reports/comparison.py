@@ -123,7 +123,6 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
         advice=advice(comparison),
         main=tau_text(MAIN),
         verdicts=drawn(figures.verdicts_sheet, figures.caption_verdicts, comparison),
-        outcomes=verdicts_table(comparison),
         meanings={words_of(v): v.value for v in TargetOutcome},
         success=success_table(comparison),
         effort=effort_table(comparison),
@@ -145,9 +144,7 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
         else None,
         each=[_of(comparison, problem) for problem in comparison.problems],
         table=problems_table(comparison),
-        ends=ends_table(comparison),
         failures=failures_table(comparison),
-        options=options_table(comparison),
         budget=comparison.design.budget,
         taus=", ".join(tau_text(tau) for tau in comparison.taus),
         machines=machines(comparison),
@@ -219,14 +216,6 @@ def success_table(comparison: Comparison) -> Table:
             yield comparison.solved_problems(solver, MAIN)
 
     return _by_solver(comparison, head, lambda solver: map(percent, shares(solver)))
-
-
-def verdicts_table(comparison: Comparison) -> Table:
-    """How many runs got each verdict; verdicts that no run got are left out."""
-    counts = {solver: comparison.outcome_counts(solver) for solver in comparison.solvers}
-    there = [v for v in TargetOutcome if any(c[v] for c in counts.values())]
-    head = [words_of(v) for v in there]
-    return _by_solver(comparison, head, lambda solver: (str(counts[solver][v]) for v in there))
 
 
 def effort_table(comparison: Comparison, tau: float = MAIN) -> Table:
@@ -331,16 +320,6 @@ def problems_table(comparison: Comparison) -> Table:
     return Table(head, tuple(rows), tuple(range(1, len(head) - 1)))
 
 
-def options_table(comparison: Comparison) -> Table:
-    """The solvers with all their options, as they ran."""
-    rows = []
-    for each in comparison.design.named_solvers:
-        told = identity(comparison.design.budget.given(each.solver))
-        options = ", ".join(f"{k}={v}" for k, v in told.items() if k != "type")
-        rows.append((each.name, str(told["type"]).split()[0], options, each.source))
-    return Table(("solver", "class", "options", "file"), tuple(rows), ())
-
-
 def _verdicts(comparison: Comparison, chosen: tuple[Instance, ...], solver: str) -> str:
     found = [comparison.outcomes[i.name, solver] for i in chosen]
     names = dict.fromkeys(found)
@@ -392,34 +371,6 @@ def _amount(value: float) -> str:
 
 
 GOOD = TargetOutcome.REACHED, TargetOutcome.ALONE
-
-
-def ends_table(comparison: Comparison) -> Table:
-    """Where the runs of each solver on each problem ended."""
-    columns: dict[str, Callable[[str], str]] = {"problem": str}
-    for solver in comparison.solvers:
-        columns[solver] = partial(_ends, comparison, solver)
-    return Table.of(comparison.problems, columns, ())
-
-
-def _ends(comparison: Comparison, solver: str, problem: str) -> str:
-    """`1 of 3 at f*; 2.13 f* other basin; refused`: how many are at f*, and the others."""
-    chosen = comparison.instances_of(problem)
-    there, others = 0, list[str]()
-    for instance in chosen:
-        key = (instance.name, solver)
-        record, best = comparison.records[key], comparison.references[instance.name].best
-        outcome = comparison.outcomes[key]
-        if outcome in GOOD:
-            there += 1
-        elif key in comparison.basins:
-            ratio = f"{number(record.cost / best, 3)} f*" if best > 0 else number(record.cost, 3)
-            others.append(f"{ratio} {words_of(outcome)}")
-        else:
-            others.append(words_of(outcome))
-    first = [f"{there} of {len(chosen)} at f*"] if there or len(chosen) > 1 else []
-    counted = {text: others.count(text) for text in others}
-    return "; ".join(first + [t if n == 1 else f"{n} times {t}" for t, n in counted.items()])
 
 
 def failures_table(comparison: Comparison) -> Table:

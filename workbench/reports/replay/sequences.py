@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping, Sequence
 
-import casadi as cs
 import numpy as np
 
 from workbench.arrays import Array, Index
@@ -14,13 +13,11 @@ from workbench.errors import BadArgument, NotSupported
 from workbench.fitting.setup import Setup, View
 from workbench.geometry.surface_tree import SurfaceTree
 from workbench.motions import Motion
-from workbench.problem import Problem
 from workbench.registration import Registration
 from workbench.registration.basins import NEAR
 from workbench.registration.coregistration.folder import FACING
 from workbench.reports.replay.observations import (
     landmarks_of_views,
-    observed_points,
     spread,
     view_data,
 )
@@ -31,7 +28,6 @@ from workbench.reports.replay.recording import (
     recording,
     shown_body,
 )
-from workbench.residuals import Residual
 
 MOST_FRAMES = 400
 OF_FRAMES = "The body in every frame. The slider goes through the frames. "
@@ -39,7 +35,6 @@ OF_SOME = "The body in {shown} of {count} frames. The slider goes through them. 
 OF_VIEWS = (
     "Red lines lead from points of the body to the rays along which the cameras observed them. "
 )
-OF_POINTS = "Red lines lead from points of the body to where they were observed. "
 
 
 def recorded_frames(setup: Setup, values: Values) -> Recording | None:
@@ -58,21 +53,19 @@ def recorded_frames(setup: Setup, values: Values) -> Recording | None:
     lenses = [v.camera.focal.name for v in views]  # a camera is the same in all frames
     usable = landmarks["names"] and all(np.size(values.get(name, ())) == 2 for name in lenses)
     seen = [view_data(view, values) for view in views] if usable else []
-    links = links_of_frames(setup.problem, values, some)
     pixels = np.array([view.observed[some] for view in views]).swapaxes(0, 1) if seen else None
     sure = np.array([view.confidence[some] for view in views]).swapaxes(0, 1) if seen else None
     series = _series(
         rows,
         some,
         None if setup.moving is None else setup.moving.fps,
-        links=links,
         keypoints=None if pixels is None or sure is None else (pixels, sure),
     )
     caption = _caption(len(some), len(rows)) + (OF_VIEWS if seen else "")
     return recording(
         shown,
         rows[0],
-        caption + (OF_POINTS if links is not None else ""),
+        caption,
         series=[series],
         landmarks=landmarks,
         views=seen,
@@ -123,43 +116,10 @@ def rows_of_frames(body: Body, values: Values) -> Array | None:
     return np.hstack([np.reshape(pose, (T, -1)), each, trans])
 
 
-def links_of_frames(problem: Problem, values: Values, some: Index) -> tuple[Array, Array] | None:
-    """Points of the body in some frames, and where they were observed in space, (S, L, 3) m twice.
-
-    None if no residual compares such points in every frame.
-    """
-    for residual in problem.residuals:
-        frames = dict(residual.by_frame)
-        if not all(int(t) in frames for t in some):
-            continue
-        T, found = 1 + max(frames, default=0), []
-        for t in map(int, some):
-            found += observed_points([frames[t]], _of_frame(values, frames[t], t, T))
-        if len(found) == len(some) and len({one.found.shape for one in found}) == 1:
-            places = np.array([one.places for one in found])
-            return np.array([one.found for one in found]), places
-    return None
-
-
-def _of_frame(values: Values, residual: Residual, t: int, count: int) -> Values:
-    """The values of one frame: of blocks that have a row for each frame, that row."""
-    read = [residual.expression, *([w] if isinstance(w := residual.weights, cs.MX) else [])]
-    sizes = {symbol.name(): symbol.numel() for one in read for symbol in cs.symvar(one)}
-    for points in residual.points:
-        sizes |= {block.name: block.size for block in points.source.blocks}
-    found = {}
-    for name, value in values.items():
-        array = np.asarray(value)
-        framed = array.ndim and len(array) == count and sizes.get(name, -1) * count == array.size
-        found[name] = array[t] if framed else array
-    return found
-
-
 def _series(
     rows: Array,
     some: Index,
     fps: float | None,
-    links: tuple[Array, Array] | None = None,
     keypoints: tuple[Array, Array] | None = None,
 ) -> Series:
     """The frames `some` of a motion of `fps` frames a second."""
@@ -172,7 +132,6 @@ def _series(
         said,
         rows=rows[some][:, None],
         fps=rate,
-        links=links,
         keypoints=keypoints,
     )
 
