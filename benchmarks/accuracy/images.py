@@ -17,6 +17,7 @@ import numpy as np
 from benchmarks.accuracy import RECORDING, needed, share, taken
 from benchmarks.measuring import table
 from builder.geometry import umeyama
+from builder.recordings import held_out_poses
 from workbench import load_body, solve
 from workbench.arrays import Array
 from workbench.blocks import Values
@@ -41,7 +42,6 @@ from workbench.fitting.setup import Setup
 from workbench.fitting.videos import EVIDENCE, landmarks_of, video_fit, video_mean
 from workbench.geometry.camera import Camera
 from workbench.geometry.rotation import matrix_from_vector
-from workbench.priors.recordings import held_out_poses
 from workbench.problem import Problem
 from workbench.sampling import posterior_mean
 from workbench.solvers import Solution, TrustRegion

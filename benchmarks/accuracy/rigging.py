@@ -27,9 +27,9 @@ from trimesh.remesh import subdivide
 
 from benchmarks.accuracy import RECORDING, needed
 from benchmarks.measuring import table
+from builder.recordings import read_recording
 from workbench import SkinnedBody, load_body
 from workbench.arrays import Array
-from workbench.priors.recordings import read_recording
 from workbench.training.rigging.rig import pose_rms, rig
 
 PACKAGES = ("py-dem-bones",)

@@ -16,6 +16,7 @@ import numpy as np
 
 from benchmarks.accuracy import KINECT, RECORDING, needed, share, taken
 from benchmarks.measuring import table
+from builder.recordings import held_out_poses
 from workbench import load_body
 from workbench.arrays import Array, Mask
 from workbench.blocks import Values
@@ -23,7 +24,6 @@ from workbench.bodies import SkinnedBody
 from workbench.fitting import boundary, read_scan
 from workbench.geometry.surface_tree import SurfaceTree
 from workbench.priors.poses import draw_poses, shipped_gaussian
-from workbench.priors.recordings import held_out_poses
 from workbench.registration import (
     QUICK_VERTEX_STAGES,
     SEEN_STAGES,

@@ -21,6 +21,7 @@ from matplotlib.axes import Axes
 from scipy.sparse import csr_array
 
 from builder.geometry import along_edges
+from builder.recordings import held_out_poses
 from builder.ridge import RidgeSums, solve_ridge
 from examples.studies.output import Drawing, Report, arguments, report, write_study
 from workbench.arrays import Array, Mask
@@ -49,7 +50,6 @@ from workbench.lectures.material.kernel_features import Powers, products
 from workbench.plots.palette import BLUE, DASHES, FAINT, INK, LINES, VERMILLION
 from workbench.plots.style import plain
 from workbench.priors.poses import draw_poses, shipped_gaussian
-from workbench.priors.recordings import held_out_poses
 from workbench.reports.page import Columns, Table
 from workbench.synthetic.teacher import body_on_teachers_rig, teacher_of
 from workbench.training.estimate import bent

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 
+from builder.recordings import read_recording
 from examples.studies.output import Report, arguments, report, write_study
 from workbench.arrays import Array
 from workbench.blocks import Values
@@ -36,7 +37,6 @@ from workbench.lectures.material.regressor_training import (
 )
 from workbench.plots.palette import FAINT, LINES, MARKERS
 from workbench.priors.poses import draw_poses, shipped_mixture
-from workbench.priors.recordings import read_recording
 from workbench.reports.page import Columns, Table
 from workbench.residuals.kernels import geman_mcclure, scaled
 

@@ -24,6 +24,7 @@ from scipy.sparse import csr_array
 
 from builder.base_mesh import FILES, read_topology
 from builder.population import JITTER, gather_sources
+from builder.recordings import held_out_poses
 from builder.training import BlockLines, training_and_held_out
 from builder.wheel import Wheel
 from examples.studies.output import Report, arguments, report, write_study
@@ -52,7 +53,6 @@ from workbench.lectures.material.variance import (
 )
 from workbench.plots.palette import BLUE, FAINT, GREEN, VERMILLION
 from workbench.priors.poses import draw_poses, shipped_gaussian
-from workbench.priors.recordings import held_out_poses
 from workbench.problem import Problem
 from workbench.reports.page import Columns, Table
 from workbench.residuals import vertices as on_vertices

@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import workbench as wb
+from builder.recordings import recorded_motions
 from tests.clips_made_up import clip
 from tests.conversion.made_skeletons import KINDS, Kind, still, write_skeleton
 from workbench.bodies.files.joint_names import BODY, HANDS
@@ -16,10 +17,9 @@ from workbench.conversion import PointFit, motion_from_points, motion_from_skele
 from workbench.errors import BadArgument
 from workbench.motions import Motion, read_bvh
 from workbench.motions.skeleton_names import reading, readings, skeletons, words_of
-from workbench.priors.recordings import recorded_motions
 
 SMALL, MALE = wb.load_body("small"), wb.load_body("default-male")
-MOCAP = os.environ.get("WORKBENCH_MOCAP")  # a recording as `workbench.priors.recordings` reads it
+MOCAP = os.environ.get("WORKBENCH_MOCAP")  # a recording as `builder.recordings` reads it
 QUICK = ("CMU (cgspeed)", "Bandai-Namco", "Unreal mannequin")
 
 

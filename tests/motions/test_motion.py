@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import workbench as wb
+from builder.recordings import recorded_motions
 from tests.motions.made_files import random_motion
 from tests.tiers import few
 from workbench import load_body
@@ -17,7 +18,6 @@ from workbench.errors import BadArgument, BadFile
 from workbench.geometry.guesses import UP_TO_Y
 from workbench.motions import Bones, Motion, bones_of
 from workbench.motions.motion import without_gaps
-from workbench.priors.recordings import recorded_motions
 
 SMALL = wb.load_body("small")
 

@@ -22,7 +22,6 @@ from workbench.cli.console import (
     warn_of,
 )
 from workbench.cli.run import Name, Out, Setting, SolverName, settings, solved, solver_named
-from workbench.errors import check_known
 from workbench.experiments import find
 from workbench.fitting.measures import measured_in, person_of
 from workbench.fitting.setup import Setup
@@ -34,7 +33,6 @@ from workbench.reports.posterior import (
     contradictions,
     posterior_text,
 )
-from workbench.sampling import MOVES
 from workbench.solvers import DEFAULT
 
 ENDS = (0.05, 0.95)  # of a central interval of 90 %
@@ -51,12 +49,6 @@ def sample(
             "May be repeated; without it, parts of up to 21 entries are chosen."
         ),
     ] = None,
-    directions: Annotated[
-        int | None,
-        typer.Option(
-            help="Sample this number of directions instead: those that the data determine best."
-        ),
-    ] = None,
     conditional: Annotated[
         bool,
         typer.Option(
@@ -69,7 +61,6 @@ def sample(
     walkers: Annotated[int | None, typer.Option(help="Number of walkers in each ensemble.")] = None,
     ensembles: Annotated[int, typer.Option(help="Number of independent ensembles.")] = 4,
     seed: Annotated[int, typer.Option(help="The same seed gives the same draws.")] = 0,
-    move: Annotated[str, typer.Option(help=f"One of {', '.join(MOVES)}.")] = "de",
     fresh: Annotated[
         bool, typer.Option("--fresh", help="Begin anew, even if an earlier run left draws.")
     ] = False,
@@ -82,7 +73,6 @@ def sample(
     continues from them. The exit code is 1 if a block is not usable.
     """
     console = Console()
-    check_known("move", move, MOVES)
     experiment = find(name, settings(setting))
     folder = folder_to_write(out, f"{experiment.name}-posterior", experiment.source)
     kept = out / f"{experiment.name}-draws"
@@ -96,8 +86,6 @@ def sample(
     for text in block or ():
         everything = text == "everything"
         chosen[text] = problem.free.names if everything else _names(text)
-    if directions is not None:
-        chosen[f"{directions} directions"] = sampling.directions(directions, setup.priors)
     if not chosen:
         chosen |= sampling.sampling_blocks(problem.free, problem.trees)
     file_of = dict(zip(chosen, anchors(chosen), strict=True))
@@ -130,7 +118,6 @@ def sample(
                     steps=steps,
                     ensembles=ensembles,
                     seed=seed,
-                    moves=MOVES[move](),
                     checkpoint=path,
                     callback=tell,
                 )
