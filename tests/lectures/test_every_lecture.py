@@ -160,7 +160,7 @@ def numbers_are_those_of_the_code(path: Path) -> None:
 
     So a number that the run computed cannot be typed: it would not change with the run.
     """
-    prose = "\n".join(one.text for one in cells(path) if one.prose)
+    prose = "\n".join(one.text for one in cells(path, slides=True) if one.prose)
     prose = re.sub(r"\]\(http[^)]*\)", "]", prose)  # addresses of sources
     code = "\n".join(one.text for one in cells(path) if not one.prose)
     said = " ".join(NO_PROSE.findall(prose)) + code
