@@ -108,15 +108,6 @@ def test_coregister_refuses_what_it_cannot_use(workbench: Run, tmp_path: Path) -
     assert "empty" in err
 
 
-@pytest.mark.parametrize("name", ["scan0/registration.npz", BODY])
-def test_coregister_names_a_damaged_file(workbench: Run, tmp_path: Path, name: str) -> None:
-    write_registered(tmp_path / "given", who=("ann", "bob"))
-    (tmp_path / "given" / name).write_bytes(b"nothing")
-    code, _, err = workbench("coregister", str(tmp_path / "given"))
-    assert code == 2
-    assert Path(name).name in err
-
-
 @pytest.mark.thorough
 def test_coregister_with_a_model_of_triangles_goes_on_where_it_was(
     workbench: Run, tmp_path: Path

@@ -95,22 +95,6 @@ def test_short_sample_exits_with_1_and_gives_no_intervals(workbench: Run) -> Non
     assert "95 % interval" not in Path("runs/line-posterior/index.html").read_text()
 
 
-@pytest.mark.thorough
-def test_conditional_sample_says_so_and_is_not_usable(workbench: Run) -> None:
-    Path("line.py").write_text(PARABOLA.format(n=3, columns=3))
-    asked = ("sample", "line.py", *LONG, "--block", "x[0]")
-    code, said, _ = workbench(*asked, "--conditional")
-    assert code == 1
-    assert "NOT USABLE: conditional" in said
-    assert "Held fixed: 2 of the 3 numbers of x (2 numbers)" in said
-    assert "ratio" in next(line for line in said.splitlines() if line.startswith("entry"))
-    assert "Held fixed: 2 of" in Path("runs/line-posterior/posterior.txt").read_text()
-    code, said, _ = workbench(*asked, "--fresh")
-    assert code == 0
-    assert "Held fixed: nothing" in said
-    assert "sampled too" in said
-
-
 def test_sample_refuses_unknown_names(workbench: Run) -> None:
     Path("line.py").write_text(PARABOLA.format(n=3, columns=3))
     for arguments, said in (

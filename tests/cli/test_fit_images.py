@@ -148,21 +148,6 @@ def test_killed_folder_goes_on_to_the_same_bits(tmp_path: Path) -> None:
             np.testing.assert_array_equal(one[name], two[name])
 
 
-def test_a_cluster_fits_a_folder(tmp_path: Path) -> None:
-    distributed = pytest.importorskip("distributed")
-    images = tmp_path / "images"
-    images.mkdir()
-    written(images, 2)
-    with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
-    ) as cluster:
-        address = cluster.scheduler_address
-        told = fit(str(images), *OPTIONS, "--dask", address, "--out", str(tmp_path / "runs"))
-    assert told.exit_code == 0, told.output
-    with np.load(tmp_path / "runs" / "fit-images" / "poses.npz") as poses:
-        assert poses["pose"].shape == (2, 24, 3)
-
-
 def test_one_image_by_other_terms(tmp_path: Path) -> None:
     (file,) = written(tmp_path, 1)
     for options in (

@@ -57,16 +57,6 @@ def test_motion_writes_glb(tmp_path: Path, workbench: Run) -> None:
     assert not (tmp_path / "a.glb").exists()
 
 
-def test_motion_takes_the_rate_that_a_file_lacks(tmp_path: Path, workbench: Run) -> None:
-    np.savez(tmp_path / "walk.npz", poses=np.zeros((5, 72)), trans=np.zeros((5, 3)))
-    code, out, _ = workbench("motion", "walk.npz")
-    assert code == 0
-    assert "30 frames a second are taken, as videos have" in out
-    code, out, _ = workbench("motion", "walk.npz", "--rate", "25")
-    assert code == 0
-    assert "5 frames at 25 frames a second, 0.16 s" in out
-
-
 def test_motion_takes_one_person_and_writes_layouts(tmp_path: Path, workbench: Run) -> None:
     make = RESULTS["InterGen"][1]
     make(tmp_path / "two.pkl", truth())

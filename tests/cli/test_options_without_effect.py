@@ -10,7 +10,6 @@ import workbench as wb
 from tests.cli.conftest import Run
 from tests.cli.own_files import LINE, write_keypoints
 from workbench.blocks import Values
-from workbench.cli.fit import Worn
 from workbench.errors import WorkbenchError
 from workbench.experiments import Experiment, Setup
 from workbench.fitting.setup import MANY
@@ -46,21 +45,6 @@ def test_fit_of_a_mesh_ignores_cameras(
         assert f"{option} changes nothing: it is not for a mesh" in out
     assert workbench("fit", "me.obj", "--body", "small")[1] == ""
     assert len(fitted) == 2
-
-
-def test_fit_passes_on_what_is_known_of_markers(
-    workbench: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    asked: list[object] = []
-    monkeypatch.setattr("workbench.cli.fit.fit_markers", lambda *given: asked.append(given[3]))
-    assert workbench("fit", "walk.c3d", "--across", "0.001", "--marker-height", "0.007")[:2] == (
-        0,
-        "",
-    )
-    others = "--marker-set", "own.json", "--labels", "map.csv"
-    assert workbench("fit", "walk.c3d", *others)[:2] == (0, "")
-    own = Worn(Path("own.json"), 0.0095, None, Path("map.csv"))
-    assert asked == [Worn(None, 0.007, 0.001), own]
 
 
 def test_fit_prefers_the_focal_length_of_a_calibration(

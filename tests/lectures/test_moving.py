@@ -13,9 +13,9 @@ from workbench.arrays import Array
 from workbench.course import Picture
 from workbench.errors import BadArgument
 from workbench.lectures.material.arm import arm_page
+from workbench.lectures.material.replays import GRAIN, recorded_side_by_side
 from workbench.lectures.material.tubes import tube
 from workbench.plots import house_style, sheet
-from workbench.reports.replay.sequences import GRAIN, recorded_side_by_side
 from workbench.reports.replays import ReplayPage, replay_page
 from workbench.solvers.dogleg import cauchy_point, dogleg_step
 from workbench.solvers.levenberg_marquardt import eased

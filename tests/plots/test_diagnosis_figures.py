@@ -7,9 +7,7 @@ from tests.diagnostics import cases
 from workbench import Block, Problem, Residual, diagnose
 from workbench.plots import (
     caption_sigmas,
-    caption_taylor,
     plot_sigmas,
-    plot_taylor,
     sheet,
 )
 
@@ -43,13 +41,3 @@ def test_sigmas_of_nothing_known_have_no_numbers() -> None:
     assert not ax.get_yticks().size
     (legend,) = (text.get_text() for text in ax.get_legend().get_texts())
     assert legend == "unknown: no finite standard deviation"
-
-
-def test_taylor_error_goes_like_the_square() -> None:
-    found = diagnose(*cases.scale_against_depth())
-    _, (ax,) = sheet(6, 4)
-    plot_taylor(found, ax=ax)
-    h, e = ax.lines[0].get_data()
-    assert np.log(e[0] / e[2]) / np.log(h[0] / h[2]) == pytest.approx(2, abs=0.2)
-    assert "as it must" in caption_taylor(found)
-    assert "sigmas" in ax.get_ylabel()

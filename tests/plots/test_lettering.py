@@ -7,11 +7,6 @@ from workbench.plots import png, sheet, smallest, svg
 from workbench.plots.style import house_style, plain
 
 
-def test_letters_that_the_font_lacks_become_question_marks() -> None:
-    assert plain("左 wrist") == "? wrist"
-    assert plain("Knöchel −2 σ ∞\n…") == "Knöchel −2 σ ∞\n…"
-
-
 def test_dollars_are_no_mathematics() -> None:
     figure, (ax,) = sheet(3, 2)
     ax.set_title(plain(r"$\frac{$ 左"))

@@ -7,9 +7,7 @@ from matplotlib.axes import Axes
 import workbench as wb
 from workbench.diagnostics import MeasurementDesign
 from workbench.plots import (
-    caption_measurement_choice,
     caption_measurement_ranking,
-    plot_measurement_choice,
     plot_measurement_ranking,
     sheet,
 )
@@ -43,20 +41,3 @@ def test_ranking_draws_every_candidate() -> None:
     assert len(drawn["not chosen"]) == 3
     assert drawn["before"][0] == design.before.sd
     assert "by D-optimality" in caption_measurement_ranking(design)
-    ax = plot_measurement_choice(design, ax=axes())
-    np.testing.assert_allclose(
-        ax.get_lines()[0].get_xdata(), [design.before.sd, *(s.sd for s in design.steps)]
-    )
-    assert caption_measurement_choice(design)
-
-
-def test_ranking_cuts_many_and_names_undetermined() -> None:
-    design = found(4, 40)
-    ax = plot_measurement_ranking(design, ax=axes())
-    assert len(ax.get_yticks()) == 30
-    assert ax.get_yticklabels()[-1].get_text() == design.ranking[-1].name
-    assert "The best 29 of 40" in caption_measurement_ranking(design)
-    blind = found(1, 5)
-    ax = plot_measurement_ranking(blind, ax=axes())
-    assert [text.get_text() for text in ax.texts] == ["undetermined"] * 5
-    assert len(plot_measurement_choice(blind, ax=axes()).get_lines()[0].get_xdata()) == 1

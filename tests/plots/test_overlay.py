@@ -40,17 +40,6 @@ def test_overlay_paints_the_body_from_far_to_near() -> None:
     assert mesh.get_rasterized()
 
 
-def test_overlay_is_upright_and_says_what_was_held_out() -> None:
-    outcome = outcome_made_up()
-    for i, overlay in enumerate(outcome.overlays):
-        _, (ax,) = sheet(4, 5)
-        plot_overlay(outcome, i, ax=ax)
-        assert ax.yaxis_inverted()
-        assert (ax.get_xlabel(), ax.get_ylabel()) == ("u (px)", "v (px)")
-        assert ("(held out)" in ax.get_title("left")) == overlay.view.held_out
-        assert ("not fitted" in caption_overlay(outcome, i)) == overlay.view.held_out
-
-
 def test_reprojection_counts_confident_keypoints() -> None:
     overlay = outcome_made_up().overlays[0]
     off = np.zeros((24, 2))

@@ -1,15 +1,9 @@
 """Figures of registrations: maps of basins, and the joint cost."""
 
 import numpy as np
-import pytest
 
-from workbench.errors import BadArgument
-from workbench.plots import (
-    caption_basins,
-    plot_basins,
-    png,
-    sheet,
-)
+from workbench.lectures.material.basins import caption_basins, plot_basins
+from workbench.plots import png, sheet
 from workbench.plots.scans import plot_joint_cost
 from workbench.registration import BasinMap, Stopped
 from workbench.registration.basins import grid
@@ -47,15 +41,6 @@ def test_caption_says_how_far_a_basin_reaches() -> None:
     said = caption_basins([made_up("y"), nowhere])
     assert "truth for angles up to 60 degrees about y; for no range of angles about z." in said
     assert "within 20 mm on average" in said
-
-
-def test_basins_refuse_maps_of_other_axes() -> None:
-    _, (ax,) = sheet(4, 3)
-    for maps in ([], [made_up("x", "y")]):
-        with pytest.raises(BadArgument, match="maps of one axis"):
-            plot_basins(maps, ax=ax)
-        with pytest.raises(BadArgument, match="maps of one axis"):
-            caption_basins(maps)
 
 
 def test_joint_cost_draws_more_terms_than_there_are_marks() -> None:

@@ -17,7 +17,17 @@ from workbench.cli.console import (
     warn_unused,
     warn_without_effect,
 )
-from workbench.cli.run import Name, Out, Setting, SolverName, settings, solved, solver_named
+from workbench.cli.run import (
+    Name,
+    Out,
+    Setting,
+    SolverName,
+    begun,
+    built,
+    settings,
+    solved,
+    solver_named,
+)
 from workbench.diagnostics.design import CRITERIA, with_candidates
 from workbench.errors import BadArgument, check_known
 from workbench.experiments import Experiment, find
@@ -133,8 +143,7 @@ def _diagnosed(
     console: Console, experiment: Experiment, solver: Solver | None, data_alone: bool
 ) -> tuple[diagnostics.Diagnosis | diagnostics.SequenceDiagnosis, Setup]:
     """At the end of the solver, or at the start if there is none."""
-    console.print(f"[dim]building {escape(experiment.name)}[/]")
-    setup = experiment.setup()
+    setup = built(console, experiment)
     if data_alone:
         _mind_priors(console, experiment, setup)
     values = setup.start if solver is None else solved(console, setup, solver)
@@ -239,11 +248,8 @@ def design(
             "--check compares one standard deviation at one point; give --sd-of with it, and no "
             "--points"
         )
-    experiment = find(name, settings(setting))
     by = solver_named(solver)
-    folder = folder_to_write(out, f"{experiment.name}-design", experiment.source)
-    console.print(f"[dim]building {escape(experiment.name)}[/]")
-    setup = experiment.setup()
+    experiment, setup, folder = begun(console, name, setting, out, "design")
     values = solved(console, setup, by)
     known = candidates or (OWN if setup.candidates else "cameras")
     given = CANDIDATES[known](setup, values)

@@ -184,8 +184,7 @@ def check(
 ) -> None:
     """Check answers, and print points and hints.
 
-    Each file runs in its own process; in a browser, in the process that checks. Exits with 1
-    unless every check passed.
+    Each file runs in its own process. Exits with 1 unless every check passed.
     """
     limits, one, console = ProcessLimits(seconds), lecture_named(number), Console()
     paths = [
@@ -293,8 +292,6 @@ def print_grade(console: Console, found: Grade) -> None:
             table.add_row("[dim]  printed[/]", f"[dim]{escape(printed)}[/]")
     console.print(table, highlight=False)
     console.print(f"[bold]{found.points} of {counted(found.of, 'point')}[/]\n", highlight=False)
-    if found.note:
-        say(console, found.note)
 
 
 def _state(mark: CheckResult) -> str:

@@ -81,9 +81,7 @@ def pack(
     listed = read_students(students, column)
     named = listed.names
     if listed.columns:
-        titles = escape(" and ".join(listed.columns))
-        word = "column" if len(listed.columns) == 1 else "columns"
-        say(console, f"{counted(len(named), 'student')}, named by the {word} {titles}")
+        say(console, f"students are named by {escape(' and '.join(listed.columns))}")
     with Console(stderr=True).status("drawing numbers and computing answers") as status:
         made = write_pack(
             what, group, named, to, hidden, seed, lambda name: status.update(f"writing {name}")
@@ -100,10 +98,7 @@ def pack(
     )
     print_page(console, "to hand out, a folder for each student", to)
     print_page(console, "keys, which are yours alone", hidden)
-    say(
-        console,
-        f"mark them: workbench lecture mark HANDED_IN --keys {escape(str(hidden))} --csv marks.csv",
-    )
+    print_page(console, "mark them", f"workbench lecture mark HANDED_IN --keys {hidden}")
     chose = ["--column", column] if column else []
     again = [*what, "--for", group, "--students", students, *chose, "--seed", str(made.seed)]
     say(

@@ -125,6 +125,21 @@ def carry_out(
     return outcome.values, folder
 
 
+def begun(
+    console: Console, name: str, setting: list[str] | None, out: Path, kind: str
+) -> tuple[Experiment, Setup, Path]:
+    """An experiment, its setup, and the folder of what a command of a kind writes about it."""
+    experiment = find(name, settings(setting))
+    folder = folder_to_write(out, f"{experiment.name}-{kind}", experiment.source)
+    return experiment, built(console, experiment), folder
+
+
+def built(console: Console, experiment: Experiment) -> Setup:
+    """The setup of an experiment; says that it is being built, which may take long."""
+    console.print(f"[dim]building {escape(experiment.name)}[/]", highlight=False)
+    return experiment.setup()
+
+
 def solved(console: Console, setup: Setup, solver: Solver) -> Values:
     """Solve a setup, say how that ended, and return the values of all blocks at the end."""
     console.print("[dim]solving[/]")
@@ -285,8 +300,7 @@ def live(
     """Move a body by hand, pick a solver, and watch its iterates come in; until Ctrl-C."""
     console = Console()
     experiment = find(name, settings(setting))
-    console.print(f"[dim]building {experiment.name}[/]", highlight=False)
-    setup = experiment.setup()
+    setup = built(console, experiment)
     try:
         server = live_server(experiment.name, setup, port)
     except OSError as error:

@@ -14,16 +14,14 @@ from workbench.blocks.layout import entries
 from workbench.cli import Interrupted, interrupts_say
 from workbench.cli.console import (
     Bars,
-    folder_to_write,
     make_folder,
     print_page,
     rich_table,
     say,
     warn_of,
 )
-from workbench.cli.run import Name, Out, Setting, SolverName, settings, solved, solver_named
+from workbench.cli.run import Name, Out, Setting, SolverName, begun, solved, solver_named
 from workbench.errors import check_known
-from workbench.experiments import find
 from workbench.fitting.measures import measured_in, person_of
 from workbench.fitting.setup import Setup
 from workbench.reports import write_posterior
@@ -83,12 +81,9 @@ def sample(
     """
     console = Console()
     check_known("move", move, MOVES)
-    experiment = find(name, settings(setting))
-    folder = folder_to_write(out, f"{experiment.name}-posterior", experiment.source)
+    experiment, setup, folder = begun(console, name, setting, out, "posterior")
     kept = out / f"{experiment.name}-draws"
     make_folder(kept)
-    console.print(f"[dim]building {escape(experiment.name)}[/]")
-    setup = experiment.setup()
     at = solved(console, setup, solver_named(solver))
     problem = setup.problem
     rest = sampling.fixed if conditional else sampling.integrated

@@ -168,7 +168,6 @@ def _of(comparison: Comparison, problem: str) -> dict[str, Any]:
     """What the page says of one problem."""
     instances = comparison.instances_of(problem)
     analyses = end_analyses(comparison, problem)
-    several = any(len(analysis.costs) > 1 for _, analysis in analyses)
     own = len(analyses) > 1  # data for each start
     explained = {
         (f"{group[0]}, basin {k + 1}" if own else f"basin {k + 1}"): str(e)
@@ -183,7 +182,6 @@ def _of(comparison: Comparison, problem: str) -> dict[str, Any]:
             drawn(figures.cost_traces_sheet, figures.caption_cost_traces, comparison, problem)
         ),
         "sentence": basin_sentence(comparison, problem).removeprefix(f"{problem}: "),
-        "basins": basins_table(comparison, problem) if several else None,
         "explained": explained,
         "unjudged": [analysis.message for _, analysis in analyses if analysis.message],
     }
@@ -398,33 +396,6 @@ def end_analyses(comparison: Comparison, problem: str) -> list[tuple[tuple[str, 
     names = {i.name for i in comparison.instances_of(problem)}
     found = zip(comparison.groups, comparison.end_analyses, strict=True)
     return [(group, analysis) for group, analysis in found if group[0] in names]
-
-
-def basins_table(comparison: Comparison, problem: str) -> Table:
-    """The basins that ends of a problem lead to, of each data set by itself."""
-    rows: list[TextRow] = []
-    analyses = end_analyses(comparison, problem)
-    for names, end_analysis in analyses:
-        best = comparison.references[names[0]].best
-        of = problem if len(names) > 1 else names[0]
-        for k, cost in enumerate(end_analysis.costs):
-            who = [s for (name, s), b in comparison.basins.items() if b == k and name in names]
-            each = ", ".join(f"{s} {who.count(s)}" for s in dict.fromkeys(who))
-            rows.append(
-                (
-                    of,
-                    str(k + 1),
-                    number(cost, 8),
-                    number(cost - best, 3),
-                    number(end_analysis.optimality[k], 2),
-                    str(len(who)),
-                    each,
-                )
-            )
-    head = ("start", "basin", "cost", "above f*", "optimality", "ends", "whose")
-    if len(analyses) == 1:  # of the problem as a whole
-        return Table(head[1:], tuple(row[1:] for row in rows), (0, 1, 2, 3, 4))
-    return Table(head, tuple(rows), (1, 2, 3, 4, 5))
 
 
 def words_of(outcome: TargetOutcome) -> str:

@@ -155,7 +155,6 @@ def _numbers(d: Diagnosis, body: Body | None, views: Sequence[View]) -> dict[str
         "known": known_table(d),
         "entries": entries_table(d),
         "contributions": contributions_table(d),
-        "taylor": plotted(6.0, 3.8, plots.plot_taylor, plots.caption_taylor, d),
         "derivatives": derivatives_table(d),
     }
 
@@ -290,6 +289,8 @@ def derivatives_table(d: Diagnosis) -> Table:
         ("largest error", number(check.largest_error, 2), "of the column's largest entry"),
         ("gradient against J'r", number(check.gradient_error, 2), "relative"),
     ]
+    if check.slope is not None:
+        rows.append(("error of the linear model", f"like h^{check.slope:.2f}", "h^2 is right"))
     if check.hessian_error is not None:
         rows.append(("exact Hessian", number(check.hessian_error, 2), "against differences"))
     if check.neglected is not None:
@@ -365,15 +366,6 @@ def write_design(
         plots.caption_measurement_ranking,
         found,
     )
-    choice = None
-    if len(found.chosen) > 1:
-        choice = plotted(
-            7.4,
-            1.1 + 0.24 * len(found.chosen),
-            plots.plot_measurement_choice,
-            plots.caption_measurement_choice,
-            found,
-        )
     text = found.report() + (f"\n{check}" if check else "")
     contents = {
         "index.html": page(
@@ -383,7 +375,6 @@ def write_design(
             d=found,
             outcome=outcome(found),
             ranking=ranking,
-            choice=choice,
             report=found.report(),
             check=check,
             files=DESIGN_FILES,

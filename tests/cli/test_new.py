@@ -74,7 +74,7 @@ def test_commands_of_a_scaffold_work(kind: str, tmp_path: Path) -> None:
     """As typed, in a folder of one's own: run, diagnosed, compared and sampled."""
     typed(tmp_path, "new", kind, "my_own")
     path = next(p.name for p in tmp_path.iterdir() if "my_own" in p.name)
-    for command in SCAFFOLDS[kind].tries:
+    for command in SCAFFOLDS[kind][1]:
         words = command.replace("FILE", path).split()
         code = 1 if words[:2] == ["lecture", "check"] else 0  # nothing is answered yet
         said = typed(tmp_path, *words, code=code)
