@@ -50,10 +50,7 @@ def diagnose(
     name: Name = "balance",
     setting: Setting = None,
     against: Annotated[
-        str | None,
-        typer.Option(
-            help="A second experiment or file to compare with; --set applies to the first."
-        ),
+        str | None, typer.Option(help="A second experiment or file to compare with.")
     ] = None,
     at_start: Annotated[
         bool, typer.Option("--at-start", help="Diagnose at the start instead of at the solution.")
@@ -62,19 +59,11 @@ def diagnose(
         bool, typer.Option("--data-alone", help="Leave the priors out of the Jacobian.")
     ] = False,
     draws: Annotated[
-        int,
-        typer.Option(
-            min=0,
-            help="Diagnose at so many draws of the priors too, and say how often each direction "
-            "is null.",
-        ),
+        int, typer.Option(min=0, help="Diagnose at so many draws of the priors too.")
     ] = 0,
     profile: Annotated[
         list[str] | None,
-        typer.Option(
-            help="Follow the lowest cost as this entry is held away from its value, such as "
-            "betas[0] or pose[left_knee, x]; may be repeated."
-        ),
+        typer.Option(help="Follow the lowest cost along this entry, such as betas[0]."),
     ] = None,
     minima: Annotated[
         int,
@@ -198,11 +187,7 @@ def design(
     ] = None,
     choose: Annotated[int, typer.Option(help="How many candidates to choose.")] = 1,
     criterion: Annotated[
-        str,
-        typer.Option(
-            help="What should become small: d (the volume of all uncertainty), a (the mean "
-            "variance) or e (the worst direction)."
-        ),
+        str, typer.Option(help="To be small: d (volume), a (mean variance) or e (worst direction).")
     ] = "d",
     sd_of: Annotated[
         str | None,
@@ -220,12 +205,7 @@ def design(
         int,
         typer.Option(min=1, help="Average over this number of points, drawn from the posterior."),
     ] = 1,
-    check: Annotated[
-        int,
-        typer.Option(
-            min=0, help="Check --sd-of by so many simulated fits, before and after the choice."
-        ),
-    ] = 0,
+    check: Annotated[int, typer.Option(min=0, help="Check --sd-of by so many simulated fits.")] = 0,
     seed: Annotated[int, typer.Option(help="The same seed gives the same draws.")] = 0,
     solver: SolverName = DEFAULT,
     out: Out = Path("runs"),

@@ -36,10 +36,7 @@ Folder = Annotated[
     Path, typer.Argument(help="Folder to write to; it is made if it does not exist.")
 ]
 Number = Annotated[
-    str,
-    typer.Argument(
-        help="The number of a lecture, which `list` names, or the folder of a lecture of your own."
-    ),
+    str, typer.Argument(help="The number of a lecture, or the folder of one of your own.")
 ]
 
 
@@ -172,9 +169,7 @@ def check(
     files: Annotated[
         list[Path] | None,
         typer.Argument(
-            metavar="FILE",
-            help="Files with answers, or folders that contain them; by default the lecture's file "
-            "in this folder.",
+            metavar="FILE", help="Files with answers, or their folders; else the one here."
         ),
     ] = None,
     seconds: Annotated[

@@ -48,28 +48,17 @@ def pack(
     group: Annotated[str, typer.Option("--for", metavar="CLASS", help="The name of the class.")],
     to: Annotated[Path, typer.Option(help="New folder, with a folder in it for each student.")],
     students: Annotated[
-        str,
-        typer.Option(
-            help="FILE.csv as learning platforms export it, or names with commas between them."
-        ),
+        str, typer.Option(help="FILE.csv of a learning platform, or names: ada,ben.")
     ] = "everybody",
     column: Annotated[
         str | None,
-        typer.Option(
-            metavar="TITLE",
-            help="The column of FILE.csv that holds the names; else `student`, `name`, "
-            "`first name` and `last name`, `login`, `id` or `email`.",
-        ),
+        typer.Option(metavar="TITLE", help="The column of FILE.csv that holds the names."),
     ] = None,
     keys: Annotated[
-        Path | None,
-        typer.Option(
-            help="New folder for the answers, which is yours alone; else TO with `-keys` appended."
-        ),
+        Path | None, typer.Option(help="New folder for the answers, else TO-keys.")
     ] = None,
     seed: Annotated[
-        int | None,
-        typer.Option(help="A number from which all others are drawn; else one nobody can guess."),
+        int | None, typer.Option(help="Draws all numbers; else one that nobody can guess.")
     ] = None,
 ) -> None:
     """Write exercises for a class, each student's with own numbers.
@@ -137,10 +126,7 @@ def attempt(
 
 def mark(
     folder: Annotated[
-        Path,
-        typer.Argument(
-            help="The submissions: a folder for each student, or files such as ada_NAME.py."
-        ),
+        Path, typer.Argument(help="A folder for each student, or files such as ada_NAME.py.")
     ],
     keys: Annotated[Path, typer.Option(help="The folder of keys that `pack` wrote.")],
     table: Annotated[
@@ -151,17 +137,10 @@ def mark(
     workers: Annotated[int, typer.Option(help="Files that run at once.")] = 1,
     only_answers: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE.json",
-            help="Run the files, write what they answer, and mark nothing; KEYS needs only "
-            "`questions.json`.",
-        ),
+        typer.Option(metavar="FILE.json", help="Write what the files answer, and mark nothing."),
     ] = None,
     answers: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE.json", help="Mark the answers that --only-answers wrote; nothing is run."
-        ),
+        Path | None, typer.Option(metavar="FILE.json", help="Mark what --only-answers wrote.")
     ] = None,
 ) -> None:
     """Mark submissions of a class, and write the marks as CSV.

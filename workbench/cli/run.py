@@ -46,17 +46,11 @@ Name = Annotated[
 ]
 Setting = Annotated[
     list[str] | None,
-    typer.Option(
-        "--set",
-        help="An argument of the experiment, such as frame=60 or noise=0.001; may be repeated.",
-    ),
+    typer.Option("--set", help="An argument of it, such as noise=0.001; may be repeated."),
 ]
 Out = Annotated[Path, typer.Option(help="Folder in which the results get a folder.")]
 SolverName = Annotated[
-    str,
-    typer.Option(
-        "--solver", help="A solver (`solvers` lists them), or a Python file that defines one."
-    ),
+    str, typer.Option("--solver", help="A solver, or a Python file that defines one.")
 ]
 Compare = Annotated[
     bool,

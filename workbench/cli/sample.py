@@ -12,26 +12,14 @@ from rich.markup import escape
 from workbench import sampling
 from workbench.blocks.layout import entries
 from workbench.cli import Interrupted, interrupts_say
-from workbench.cli.console import (
-    Bars,
-    make_folder,
-    print_page,
-    rich_table,
-    say,
-    warn_of,
-)
+from workbench.cli.console import Bars, make_folder, print_page, rich_table, say, warn_of
 from workbench.cli.run import Name, Out, Setting, SolverName, begun, solved, solver_named
 from workbench.errors import check_known
 from workbench.fitting.measures import measured_in, person_of
 from workbench.fitting.setup import Setup
 from workbench.reports import write_posterior
 from workbench.reports.page import Table
-from workbench.reports.posterior import (
-    BlockPosterior,
-    anchors,
-    contradictions,
-    posterior_text,
-)
+from workbench.reports.posterior import BlockPosterior, anchors, contradictions, posterior_text
 from workbench.sampling import MOVES
 from workbench.solvers import DEFAULT
 
@@ -50,18 +38,11 @@ def sample(
         ),
     ] = None,
     directions: Annotated[
-        int | None,
-        typer.Option(
-            help="Sample this number of directions instead: those that the data determine best."
-        ),
+        int | None, typer.Option(help="Sample so many directions instead, those best determined.")
     ] = None,
     conditional: Annotated[
         bool,
-        typer.Option(
-            "--conditional",
-            help="Hold the other unknowns fixed, as if known exactly; otherwise they are sampled "
-            "too or integrated out.",
-        ),
+        typer.Option("--conditional", help="Hold the other unknowns fixed, as if known exactly."),
     ] = False,
     steps: Annotated[int, typer.Option(help="Largest number of steps of each walker.")] = 20_000,
     walkers: Annotated[int | None, typer.Option(help="Number of walkers in each ensemble.")] = None,

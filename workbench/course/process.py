@@ -22,13 +22,7 @@ from typing import Any
 
 import workbench
 from workbench.course.checks import cut, error_in_words, legible, without_warnings
-from workbench.course.grading import (
-    CheckResult,
-    CheckState,
-    Grade,
-    grade_exercise,
-    unfit,
-)
+from workbench.course.grading import CheckResult, CheckState, Grade, grade_exercise, unfit
 from workbench.course.outline import Lecture, lecture_named
 from workbench.course.plain import answered, decode
 from workbench.errors import BadArgument, BadFile

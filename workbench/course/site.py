@@ -119,7 +119,6 @@ def copy_licences(folder: Path) -> None:
 
 
 GUIDES = ("GUIDE", "PLANS", "AUTHORS")  # the pages beside the lectures
-TABLE = "<!-- the outline -->"  # a guide has this line where the table of lectures belongs
 Tell = Callable[[str], None]  # is called with a line for each part that begins
 
 
@@ -137,8 +136,7 @@ def write_course_pages(pages: Path, files: Path, tell: Tell) -> None:
         _write_lecture(one, pages, files)
     (pages / "index.md").write_text(_index(there), encoding="utf-8")
     for guide in GUIDES:
-        text = (root() / f"{guide}.md").read_text(encoding="utf-8")
-        (pages / f"{guide}.md").write_text(text.replace(TABLE, _table()), encoding="utf-8")
+        shutil.copy(root() / f"{guide}.md", pages)
 
 
 def _write_lecture(one: Lecture, pages: Path, files: Path) -> None:
@@ -172,20 +170,6 @@ def _index(there: list[Lecture]) -> str:
         "| | lecture | minutes | points |\n| --- | --- | --- | --- |\n" + "\n".join(rows) + "\n\n"
         "```{toctree}\n:hidden:\n\n" + "\n".join((*names, *GUIDES)) + "\n```\n"
     )
-
-
-def _table() -> str:
-    """What each lecture assumes and teaches, and how long it and its exercises take, in minutes."""
-    rows = [
-        f"| {one.number} | {one.title}{'' if one.there else ' (to come)'} | {one.minutes} "
-        f"| {one.exercise_minutes if one.there else ''} | {one.assumes} | {one.teaches} |"
-        for one in course()
-    ]
-    head = (
-        "| | lecture | minutes | exercises (estimated) | assumes | teaches |\n"
-        "| --- | --- | --- | --- | --- | --- |"
-    )
-    return "\n".join((head, *rows))
 
 
 def write_course_site(folder: str | Path, tell: Tell = lambda said: None) -> Path:

@@ -30,9 +30,7 @@ from workbench.plots.posterior import (
     caption_traces as caption_traces,
     widest as widest,
 )
-from workbench.plots.solutions import (
-    caption_convergence as caption_convergence,
-)
+from workbench.plots.solutions import caption_convergence as caption_convergence
 from workbench.plots.style import (
     house_style as house_style,
     png as png,
@@ -40,7 +38,4 @@ from workbench.plots.style import (
     smallest as smallest,
     svg as svg,
 )
-from workbench.plots.views import (
-    caption_overlay as caption_overlay,
-    plot_overlay as plot_overlay,
-)
+from workbench.plots.views import caption_overlay as caption_overlay, plot_overlay as plot_overlay

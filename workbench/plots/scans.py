@@ -31,12 +31,7 @@ SIDES: dict[str, Look] = {"front": front, "right side": side, "back": back, "lef
 
 
 def registered_scan_sheet(
-    vertices: Array,
-    faces: Index,
-    points: Array,
-    distances: Array,
-    touching: Mask,
-    facing: float,
+    vertices: Array, faces: Index, points: Array, distances: Array, touching: Mask, facing: float
 ) -> Figure:
     """The points of a scan (M, 3) m on the surface (N, 3) m, from four sides of the body.
 
@@ -57,14 +52,7 @@ def registered_scan_sheet(
         shown = _in_front(dots, solid)
         order = np.argsort(dots[shown, 2])
         across, up = dots[shown][order, :2].T
-        ax.scatter(
-            across,
-            up,
-            c=colours[some][shown][order],
-            s=1.2,
-            linewidths=0,
-            rasterized=True,
-        )
+        ax.scatter(across, up, c=colours[some][shown][order], s=1.2, linewidths=0, rasterized=True)
 
     figure = _four(plot, vertices @ turn)
     beyond = "max" if bool((amounts[touching] > end).any()) else "neither"

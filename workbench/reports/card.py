@@ -50,10 +50,7 @@ def card_page(body: SkinnedBody | TriangleBody) -> str:
                 "The synthetic template" if "synthetic" in body.card else "The template",
             ),
         ),
-        gallery=shown(
-            shape_gallery_sheet(gallery, body.faces),
-            caption_shape_gallery(gallery),
-        )
+        gallery=shown(shape_gallery_sheet(gallery, body.faces), caption_shape_gallery(gallery))
         if body.n_betas
         else None,
         joints=joint_table(body),

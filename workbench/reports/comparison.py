@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.comparison import Comparison, EndAnalysis, Record, TargetOutcome
+from workbench.comparison import Comparison, EndAnalysis, TargetOutcome
 from workbench.comparison.advice import advice, basin_sentence, percent, reliable
 from workbench.comparison.comparison import MAIN
 from workbench.comparison.design import Instance
@@ -28,7 +28,6 @@ from workbench.identity import code_version, identity
 from workbench.plots import comparison as figures
 from workbench.reports.folder import MAKER
 from workbench.reports.page import (
-    Columns,
     Shown,
     Table,
     TextRow,
@@ -144,7 +143,11 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
         else None,
         each=[_of(comparison, problem) for problem in comparison.problems],
         table=problems_table(comparison),
-        failures=failures_table(comparison),
+        failed=any(
+            comparison.outcomes[i.name, s] not in GOOD
+            for i in comparison.comparable
+            for s in comparison.solvers
+        ),
         budget=comparison.design.budget,
         taus=", ".join(tau_text(tau) for tau in comparison.taus),
         machines=machines(comparison),
@@ -369,26 +372,6 @@ def _amount(value: float) -> str:
 
 
 GOOD = TargetOutcome.REACHED, TargetOutcome.ALONE
-
-
-def failures_table(comparison: Comparison) -> Table:
-    """Every run that did not end at the lowest cost, and what it said."""
-    runs = [(i.name, solver) for i in comparison.instances for solver in comparison.solvers]
-    failed = [run for run in runs if comparison.outcomes[run] not in GOOD]
-
-    def said(record: Record) -> str:
-        claim = f"{record.claim.lower().replace('_', ' ')}: " if record.claim else ""
-        return claim + record.message
-
-    columns: Columns[tuple[str, str]] = {
-        "start": lambda run: run[0],
-        "solver": lambda run: run[1],
-        "the run": lambda run: comparison.outcomes[run].value,
-        "cost at its end": lambda run: number(comparison.records[run].cost, 6),
-        "optimality": lambda run: number(comparison.records[run].optimality, 2),
-        "its message": lambda run: said(comparison.records[run]),
-    }
-    return Table.of(failed, columns, (3, 4))
 
 
 def end_analyses(comparison: Comparison, problem: str) -> list[tuple[tuple[str, ...], EndAnalysis]]:

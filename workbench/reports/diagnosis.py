@@ -27,15 +27,7 @@ from workbench.fitting.refits import Profile
 from workbench.fitting.setup import View
 from workbench.plots.diagnosis import MOST_RANKED
 from workbench.reports.folder import SUMMARY, write_folder
-from workbench.reports.page import (
-    Columns,
-    Table,
-    number,
-    page,
-    plotted,
-    sparsity_figure,
-    spectrum,
-)
+from workbench.reports.page import Columns, Table, number, page, plotted, sparsity_figure, spectrum
 from workbench.reports.replay import recorded_diagnosis
 
 FILES = {

@@ -23,11 +23,7 @@ from workbench.fitting.setup import Measure, Moving, Setup
 from workbench.geometry.meshes import Mesh, write_mesh
 from workbench.plots.body import distances_sheet
 from workbench.plots.solutions import convergence_sheet
-from workbench.reports.diagnosis import (
-    directions_table,
-    gathered_directions_table,
-    terms_table,
-)
+from workbench.reports.diagnosis import directions_table, gathered_directions_table, terms_table
 from workbench.reports.folder import SUMMARY, Content, write_folder
 from workbench.reports.page import (
     Columns,

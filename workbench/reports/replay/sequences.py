@@ -13,18 +13,8 @@ from workbench.motions import Motion
 from workbench.registration import Registration
 from workbench.registration.basins import NEAR
 from workbench.registration.coregistration.folder import FACING
-from workbench.reports.replay.observations import (
-    landmarks_of_views,
-    spread,
-    view_data,
-)
-from workbench.reports.replay.recording import (
-    Recording,
-    Series,
-    packed,
-    recording,
-    shown_body,
-)
+from workbench.reports.replay.observations import landmarks_of_views, spread, view_data
+from workbench.reports.replay.recording import Recording, Series, packed, recording, shown_body
 
 MOST_FRAMES = 400
 OF_FRAMES = "The body in every frame. The slider goes through the frames. "
@@ -59,14 +49,7 @@ def recorded_frames(setup: Setup, values: Values) -> Recording | None:
         keypoints=None if pixels is None or sure is None else (pixels, sure),
     )
     caption = _caption(len(some), len(rows)) + (OF_VIEWS if seen else "")
-    return recording(
-        shown,
-        rows[0],
-        caption,
-        series=[series],
-        landmarks=landmarks,
-        views=seen,
-    )
+    return recording(shown, rows[0], caption, series=[series], landmarks=landmarks, views=seen)
 
 
 def recorded_motion(motion: Motion, body: Body, betas: Array | None = None) -> Recording | None:
@@ -114,10 +97,7 @@ def rows_of_frames(body: Body, values: Values) -> Array | None:
 
 
 def _series(
-    rows: Array,
-    some: Index,
-    fps: float | None,
-    keypoints: tuple[Array, Array] | None = None,
+    rows: Array, some: Index, fps: float | None, keypoints: tuple[Array, Array] | None = None
 ) -> Series:
     """The frames `some` of a motion of `fps` frames a second."""
     times = [f", at {t / fps:.2f} s" if fps else "" for t in some]
