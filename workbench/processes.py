@@ -201,15 +201,8 @@ def end_with(parent: int) -> None:
 
 
 def _watch(parent: int) -> None:
-    if sys.platform == "win32":  # which never changes what it says of a process's parent
-        import _winapi
-
-        with suppress(OSError):  # there is no such process any more
-            handle = _winapi.OpenProcess(_winapi.SYNCHRONIZE, False, parent)
-            _winapi.WaitForSingleObject(handle, _winapi.INFINITE)
-    else:
-        while os.getppid() == parent:  # an orphan is given to another process
-            time.sleep(EVERY)
+    while os.getppid() == parent:  # an orphan is given to another process, but not on Windows
+        time.sleep(EVERY)
     os._exit(1)
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from benchmarks.accuracy import RECORDING, WHEEL, needed
 from benchmarks.measuring import table
 from builder.population import gather_sources
+from builder.recordings import read_recording
 from builder.sets import SetRecipe, make_sets
 from builder.wheel import Wheel
 from workbench import load_body
@@ -25,7 +26,6 @@ from workbench.bodies.forward.posing import Posing
 from workbench.geometry.rotation import vector_from_matrix
 from workbench.lectures.material.pose_in_shape import aligned, pose_share
 from workbench.priors.poses import draw_poses, shipped_mixture
-from workbench.priors.recordings import read_recording
 from workbench.synthetic.made_up import draw_registrations, jointed_tube, random_smpl
 from workbench.training.blocks import alternation
 from workbench.training.estimate import Sigmas
@@ -119,7 +119,9 @@ def numbers(trained: Trained, sets: Sets) -> dict[str, float]:
         asymmetry = float(np.sqrt((away**2).sum(axis=2).mean()))
     found = {
         "training": trained.poses.objective.rms(estimate),
-        "held out": evaluate_held_out(trained.body, sets.held_out).errors.rms,
+        "held out": float(
+            np.sqrt(np.mean(evaluate_held_out(trained.body, sets.held_out).distances ** 2))
+        ),
         "asymmetry": asymmetry,
         "posedirs": float(np.sqrt(np.mean(estimate.posedirs**2))),
     }

@@ -16,7 +16,7 @@ import numpy as np
 
 import workbench as wb
 from workbench.bodies.triangles import blend_scape, scape
-from workbench.bodies.triangles.numbers import TriangleSurface
+from workbench.bodies.triangles.surface import TriangleSurface
 from workbench.comparison.statistics import median
 from workbench.course import Picture, source
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix

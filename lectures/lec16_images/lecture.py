@@ -50,7 +50,6 @@ from workbench.fitting.keypoints import KeypointProblem, camera_residual, keypoi
 from workbench.fitting.observations import COCO, LIMBS, SIDES
 from workbench.fitting.placing import turned_about
 from workbench.fitting.pose_regressor import normalised
-from workbench.fitting.regressor_training import draw_facings, draw_views, people_in, radian_lengths
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.lectures.material.photographs import (
     draw_from_aside,
@@ -58,6 +57,12 @@ from workbench.lectures.material.photographs import (
     in_camera,
     made_up_shots,
     shots_of_balance,
+)
+from workbench.lectures.material.regressor_training import (
+    draw_facings,
+    draw_views,
+    people_in,
+    radian_lengths,
 )
 from workbench.plots import house_style, sheet
 from workbench.priors.poses import draw_poses, shipped_gaussian, shipped_mixture

@@ -15,19 +15,14 @@
 # %%
 from dataclasses import replace
 
+import casadi as cs
 import numpy as np
 
 import workbench as wb
 from workbench.bodies.forward.posing import Posing
 from workbench.bodies.spaces import body_mass_index
 from workbench.course import Picture, source
-from workbench.motions import load_tissue
-from workbench.motions.soft_tissue import companion, free_run, surface_as_landmarks
-from workbench.motions.tissue_inputs import MovingFrames, second_differences
-from workbench.plots import house_style, sheet
-from workbench.synthetic import simulate_tissue
-from workbench.synthetic.made_up import limb, made_up_motion, random_smpl
-from workbench.training.soft_tissue import (
+from workbench.lectures.material.tissue import (
     OneStep,
     TissueClip,
     TissuePlan,
@@ -35,6 +30,12 @@ from workbench.training.soft_tissue import (
     score_tissue,
     train_tissue,
 )
+from workbench.motions import load_tissue
+from workbench.motions.soft_tissue import companion, free_run, with_tissue
+from workbench.motions.tissue_inputs import MovingFrames, second_differences
+from workbench.plots import house_style, sheet
+from workbench.synthetic import simulate_tissue
+from workbench.synthetic.made_up import limb, made_up_motion, random_smpl
 
 body = wb.load_body("small")
 
@@ -371,15 +372,16 @@ print(f"with exaggeration 3, by {3 * max(moves.values()):.0f} mm")
 # and not of the model, so that neither fit can be perfect.
 
 # %%
-known = surface_as_landmarks(body)
 pose, betas, trans = (block.symbol for block in body.blocks())
-phi = tissue.block()
-skin = tissue.points(known, pose, betas, trans, phi.symbol)
+phi = wb.Block("tissue", (tissue.n_coefficients,))
+swing = tissue.gain_of(body, betas) * phi.symbol
+skin = with_tissue(body, tissue).points(pose, cs.vertcat(betas, swing), trans)
 moving, shifted = unseen.motion, unseen.displacements
 most = int(np.linalg.norm(shifted, axis=(1, 2)).argmax())
-seen = known.landmark(
-    "surface", moving.pose[most], moving.betas, moving.trans[most], offsets=shifted[most]
+swinging = replace(
+    body, template=body.template + shifted[most], rest_joints=body.joints(None, moving.betas)
 )
+seen = swinging.vertices(moving.pose[most], moving.betas, moving.trans[most])
 fit = wb.Problem(
     [wb.residuals.vertices(skin, seen, sigma=0.002)],
     free=["pose", "betas", "trans", "tissue"],

@@ -8,10 +8,9 @@ from builder.full_hands import held_fingers
 from builder.hands.mesh import JOINT_NAMES, to_flat
 from builder.hands.sets import ANGLES, HandPoses, draw_angles
 from builder.hands.training import far_share, solved
-from workbench.bodies.catalogue import load_skinned
-from workbench.bodies.files.embedded import embedded, embedded_hand, sewing_of
+from builder.ridge import RidgeSums
+from workbench.bodies.catalogue import embedded, embedded_hand, load_skinned, sewing_of
 from workbench.errors import BadArgument
-from workbench.training.blend_shapes import RidgeSums
 
 pytestmark = pytest.mark.thorough
 

@@ -9,12 +9,12 @@ from scipy.sparse import csr_array
 
 from builder import sets
 from builder.bodies import already_made, even_body, pose_parts, regressor_from
+from builder.ground_truth import FILE, read_ground_truth
 from builder.sets import SetRecipe, Subjects, _stack, _table
 from workbench import load_body
 from workbench.errors import BadFile
 from workbench.geometry.mirror import Mirror, opposites
 from workbench.training.estimate import Estimate, Sigmas, SkinningPass
-from workbench.training.evaluation import FILE, read_ground_truth
 from workbench.training.first_guess import Start
 from workbench.training.folder import open_folder
 from workbench.training.objective import Objective

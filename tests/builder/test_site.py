@@ -124,7 +124,6 @@ INNER = {  # classes in annotations of public ones that users have no reason to 
         "ShapeModel",
     },
     "a protocol, satisfied by what comes with Python or the workbench, such as `map`": {
-        "Executor",
         "Report",
     },
 }

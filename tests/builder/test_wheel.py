@@ -21,7 +21,7 @@ from builder.stored import (
     write_body,
 )
 from builder.wheel import Wheel, WheelUnreadable, read_tensors
-from workbench.bodies.files.embedded import SYNTHETIC, read_embedded
+from workbench.bodies.catalogue import SYNTHETIC, read_embedded
 from workbench.errors import BadFile
 from workbench.geometry.mirror import Mirror
 from workbench.synthetic.teacher import MIRRORED_JOINTS, PARENTS

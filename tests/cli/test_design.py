@@ -43,10 +43,7 @@ def test_design_ranks_the_candidates_of_a_file(workbench: Run, line: Path) -> No
     assert data["before"] == pytest.approx(np.sqrt(np.linalg.inv(A.T @ A)[0, 0]))
 
 
-def test_design_checks_predictions_by_fits(workbench: Run, line: Path) -> None:
-    code, said, _ = workbench("design", "line.py", "--sd-of", "x[1]", "--check", "40")
-    assert code == 0
-    assert "Checked by 40 simulated fits each; before: predicted" in said
+def test_design_averages_over_points(workbench: Run, line: Path) -> None:
     code, said, _ = workbench("design", "line.py", "--points", "3", "--over", "x[0]")
     assert code == 0
     assert "averaged over 3 points" in said
@@ -55,15 +52,14 @@ def test_design_checks_predictions_by_fits(workbench: Run, line: Path) -> None:
 @pytest.mark.thorough
 def test_design_refuses_what_makes_no_question(workbench: Run, line: Path) -> None:
     for arguments, said in (
-        (["--candidates", "poses"], "there are cameras, cameras-occluded, keypoints,"),
+        (["--candidates", "poses"], "there are cameras, keypoints,"),
         (["--candidates", "cameras"], "are of a problem that fits a body in one frame"),
         (["--criterion", "f"], "no criterion is called 'f'"),
         (["--choose", "7"], "1 to 6 of the candidates can be chosen, not 7"),
         (["--sd-of", "poze"], "no free block is called 'poze'"),
         (["--sd-of", "x[0]", "--over", "x[0]"], "--over goes with --criterion"),
         (["--over", "y"], "no free block is called 'y'"),
-        (["--check", "20"], "give --sd-of with it"),
-        (["--check", "1"], "takes 2 or more"),
+        (["--points", "0"], "--points"),
     ):
         code, _, err = workbench("design", "line.py", *arguments)
         assert code == 2

@@ -97,11 +97,6 @@ def test_short_sample_exits_with_1_and_gives_no_intervals(workbench: Run) -> Non
 
 def test_sample_refuses_unknown_names(workbench: Run) -> None:
     Path("line.py").write_text(PARABOLA.format(n=3, columns=3))
-    for arguments, said in (
-        (("--block", "y"), "no free block is called 'y'"),
-        (("--move", "random"), "stretch"),
-        (("--directions", "9"), "1 to 3 directions"),
-    ):
-        code, _, err = workbench("sample", "line.py", *arguments)
-        assert code == 2
-        assert said in err
+    code, _, err = workbench("sample", "line.py", "--block", "y")
+    assert code == 2
+    assert "no free block is called 'y'" in err

@@ -34,23 +34,6 @@ class Asker:
         return says(problem, problem.free.unpack(x))
 
 
-def _newton(r: Array, J: Array) -> Array:
-    return np.asarray(-np.linalg.lstsq(J, r)[0])
-
-
-def by_derivative(problem: Problem, x: Array, fixed: Array) -> Ways:
-    """`function` and `derivative`, called with numbers."""
-
-    def cost(x: Array) -> float:
-        return 0.5 * float(cs.sumsqr(problem.function(x, fixed)))
-
-    def step(x: Array) -> Array:
-        r, J = problem.derivative(x, fixed)
-        return _newton(np.asarray(r).ravel(), np.asarray(J))
-
-    return cost, step
-
-
 def by_batches(problem: Problem, x: Array, fixed: Array) -> Ways:
     """Steepest descent: `cost_gradients` for the direction, `costs` of a fan of step lengths."""
     costs, slopes = problem.costs(x, fixed), problem.cost_gradients(x, fixed)

@@ -47,7 +47,7 @@ def test_solver_that_gave_up_once_is_not_advised() -> None:
     assert "slower is not advised: in 1 of 9 runs it raised an exception." in advice(alone)
 
 
-def test_problems_are_told_apart_when_no_solver_is_reliable() -> None:
+def test_none_is_advised_when_no_solver_is_reliable() -> None:
     runs = {
         ("p", "a"): QUICK,
         ("p", "b"): [],
@@ -59,15 +59,10 @@ def test_problems_are_told_apart_when_no_solver_is_reliable() -> None:
     found = comparison(runs, known=True)
     runs_to_0 = {key: [*costs[:-1], 0.0] if costs else [] for key, costs in runs.items()}
     said = advice(comparison(runs_to_0, known=True))
-    assert said[0] == (
+    assert said == (
         "No solver returned a point within the target τ = 1e-5 from all 3 starts, so none is "
-        "advised for all of these problems."
+        "advised for all of these problems.",
     )
-    assert set(said[1:]) == {
-        "On p: a did so from every start.",
-        "On q: b did so from every start.",
-        "On r: no solver did so from every start.",
-    }
     assert reliable(found, ("p",)) == ()  # 0 is known, and it ended at 1
 
 

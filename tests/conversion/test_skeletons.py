@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import workbench as wb
+from builder.recordings import recorded_motions
 from tests.clips_made_up import clip
 from tests.conversion.made_skeletons import KINDS, Kind, still, write_skeleton
 from workbench.bodies.files.joint_names import BODY, HANDS
@@ -16,10 +17,9 @@ from workbench.conversion import PointFit, motion_from_points, motion_from_skele
 from workbench.errors import BadArgument
 from workbench.motions import Motion, read_bvh
 from workbench.motions.skeleton_names import reading, readings, skeletons, words_of
-from workbench.priors.recordings import recorded_motions
 
 SMALL, MALE = wb.load_body("small"), wb.load_body("default-male")
-MOCAP = os.environ.get("WORKBENCH_MOCAP")  # a recording as `workbench.priors.recordings` reads it
+MOCAP = os.environ.get("WORKBENCH_MOCAP")  # a recording as `builder.recordings` reads it
 QUICK = ("CMU (cgspeed)", "Bandai-Namco", "Unreal mannequin")
 
 
@@ -75,24 +75,6 @@ def test_ten_clips_of_each_kind_of_skeleton(tmp_path: Path, name: str) -> None:
         motion = person(25, seed)
         fit = fitted(tmp_path, KINDS[name], motion, target)
         check(fit, KINDS[name], motion, target, name)
-
-
-@pytest.mark.thorough
-def test_fingers_are_known_by_their_names() -> None:
-    body = wb.load_body("full-hands")
-    motion = clip(body, 3, seed=1)
-    called = {
-        joint: name.partition(":")[2].replace("Left", "")
-        for name, _, joint in KINDS["Mixamo and HumanIK"].tree()
-    }
-    labels = []
-    for joint in body.joint_names:
-        side, _, rest = joint.rpartition("_")
-        own = called.get(joint.replace("right", "left"), f"Hand{rest.title()}")
-        labels.append(f"mixamorig:{side.title()}{own}")
-    found = motion_from_points(motion.joints(body), labels, body, 30)
-    assert found.names == body.joint_names
-    assert 1e3 * found.errors.mean() < 5
 
 
 def test_heads_turn_as_in_the_skeleton(tmp_path: Path) -> None:

@@ -158,6 +158,10 @@ def test_impossible_bodies_are_refused() -> None:
         built("body-four-cameras", cameras=0)
     with pytest.raises(WorkbenchError, match="is finite and above zero"):
         built("body-joints", noise=0.0)
+    with pytest.raises(UnknownName, match="no model is called 'star'"):
+        built("body-points-smpl", model="star")
+    with pytest.raises(BadArgument, match="1 or more, not 0"):
+        built("body-points-smpl", every=0)
 
 
 SEEDS = range(2)

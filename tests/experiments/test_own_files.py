@@ -73,7 +73,7 @@ WRONG: list[tuple[str, str]] = [
     ("a.no_such_thing", f"line.py line {NEXT}: AttributeError"),
     (
         f"{POINTS}p.symbol - q.symbol.T",
-        f"line {NEXT + 3}: .*shape.*transposed",
+        f"line {NEXT + 3}: Dimension mismatch.*3x24.*24x3.*points are columns",
     ),
     (
         f"{POINTS}p - q.symbol",

@@ -25,7 +25,7 @@ def test_diagnosis_page_text_and_data_agree(case: Any, tmp_path: Path) -> None:
     assert {path.name for path in page.parent.iterdir()} == NAMES
     html = page.read_text(encoding="utf-8")
     data = json.loads((page.parent / "diagnosis.json").read_text(encoding="utf-8"))
-    assert (data["schema"], data["version"]) == ("workbench.diagnosis", 2)
+    assert (data["schema"], data["version"]) == ("workbench.diagnosis", 3)
     assert (page.parent / "diagnosis.txt").read_text(encoding="utf-8").startswith("FINDINGS")
     for finding in found.findings:
         assert _escaped(finding.text) in html

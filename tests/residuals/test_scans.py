@@ -355,7 +355,7 @@ def test_free_space_moves_a_body_behind_the_scan() -> None:
 
 
 def test_bad_free_space_arguments_are_refused() -> None:
-    for margins in ({"beside": 0.0}, {"before": -1.0}):
+    for margins in ({"beside": 0.0}, {"within": -1.0}):
         with pytest.raises(BadResidual, match="margins above 0 m"):
             residuals.free_space(PLACED.symbol, SCAN, CAMERA, sigma=0.1, **margins)
     with pytest.raises(BadResidual, match="at the camera"):

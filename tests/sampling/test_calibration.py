@@ -8,7 +8,7 @@ import workbench as wb
 from workbench.experiments import find
 from workbench.problem.costs import compiled
 from workbench.sampling import Usability, sample
-from workbench.sampling.ensembles import SamplerSettings, differential_evolution, run
+from workbench.sampling.ensembles import SamplerSettings, run
 from workbench.sampling.log_density import LogDensity
 from workbench.sampling.subspace import fixed, subspace_of
 
@@ -59,7 +59,7 @@ def ranks(replications: int, seed: int = 0) -> tuple[tuple[str, ...], np.ndarray
         here = problem.linearize_at(x, given)
         space = fixed(problem, here, x, chosen_entries(problem, x, given, names))
         target = LogDensity(problem, given, space, compiled)
-        plan = SamplerSettings(40, 1, 1600, 40, replication, differential_evolution(), whole=True)
+        plan = SamplerSettings(40, 1, 1600, 40, replication, whole=True)
         chain = run(target, plan).chain[0, 8:]  # of 40 kept, every 40th step
         draws = rng.permutation(chain.reshape(-1, space.size))[:DRAWS]
         below = np.sum(draws < space.centre, axis=0)

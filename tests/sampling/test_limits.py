@@ -9,11 +9,11 @@ import workbench as wb
 from tests.sampling.densities import conditioned, gaussian
 from tests.tiers import few
 from workbench.errors import BadArgument
-from workbench.sampling import directions, integrated, laplace, sample
+from workbench.sampling import laplace, sample
 from workbench.sampling.laplace import truncated_normal
 from workbench.sampling.log_density import LogDensity
 from workbench.sampling.modes import mode_from
-from workbench.sampling.subspace import Choice, Subspace, fixed, subspace_of
+from workbench.sampling.subspace import fixed, subspace_of
 
 UNLIKELY = 1e-3  # of a test of draws that are right, the seeds being fixed
 
@@ -147,31 +147,20 @@ def test_equal_bounds_are_refused() -> None:
     assert laplace(pinned, {"x": np.zeros(2)}, "x[1]").usable
 
 
-def ridge(*at: int) -> Choice:
-    """Along the ridge of the rest also where there are so few numbers that all would be drawn."""
-
-    def choice(problem: wb.Problem, x: np.ndarray, given: np.ndarray) -> Subspace:
-        return integrated(problem, problem.linearize_at(x, given), x, np.array(at))
-
-    return choice
-
-
 @pytest.mark.thorough
 def test_integrating_beyond_a_bound_is_told() -> None:
     """y is half a Gaussian; the Gaussian about the ridge has the other half too."""
-    x, y = wb.Block("x"), wb.Block("y")
-    terms = [wb.Residual("x", x.symbol, 1.0), wb.Residual("y", y.symbol, 1.0)]
-    problem = wb.Problem(terms, ("x", "y"), {"y": (0.0, np.inf)}, [x, y])
-    posterior = laplace(problem, {"x": 0.0, "y": 0.0}, ridge(0))
-    assert posterior.importance is not None
-    assert posterior.importance.outside == pytest.approx(0.5, abs=0.04)
-    assert not posterior.usable
-    assert "% of the draws outside bounds or constraints" in posterior.verdict
-    few = sample(problem, {"x": 0.0, "y": 0.0}, ridge(0), steps=900, walkers=16)
+    x, y, more = wb.Block("x"), wb.Block("y"), wb.Block("more", (20,))
+    blocks = [x, y, more]
+    terms = [wb.Residual(block.name, block.symbol, 1.0) for block in blocks]
+    problem = wb.Problem(terms, ("x", "y", "more"), {"y": (0.0, np.inf)}, blocks)
+    at = {"x": 0.0, "y": 0.0, "more": np.zeros(20)}
+    few = sample(problem, at, "x", steps=900, walkers=16)
     assert few.importance is not None
     assert few.importance.outside == pytest.approx(0.5, abs=0.04)
+    assert "% of the draws outside bounds or constraints" in few.verdict
     assert "take 1,000 steps or more" in few.verdict
-    posterior = sample(problem, {"x": 0.0, "y": 0.0}, ridge(0), steps=2000, walkers=16)
+    posterior = sample(problem, at, "x", steps=2000, walkers=16)
     assert posterior.usable, posterior.verdict
     assert posterior.importance is None
     assert posterior.points(1000)[:, 1].min() >= 0  # drawn with x, and within its bound
@@ -182,31 +171,6 @@ def test_starts_beyond_limits_are_refused() -> None:
         sample(ring(), {"y": [0.3, 0.3]}, steps=100)
     with pytest.raises(wb.WorkbenchError, match="x is -1, outside its bounds of 0 to inf"):
         sample(pulled(1.0), {"x": -1.0}, steps=100)
-
-
-# Bounds on numbers that move with what is drawn without being drawn themselves.
-
-
-def orthant(C: np.ndarray) -> wb.Problem:
-    """N(-1/2, C) of three, of which no number is below zero."""
-    x, L = wb.Block("x", (3,)), np.linalg.inv(np.linalg.cholesky(C))
-    terms = [
-        wb.Residual("data", cs.DM(L * 0.8) @ (x.symbol + 0.5), 1.0),
-        wb.Residual("prior", cs.DM(L * 0.6) @ (x.symbol + 0.5), 1.0),
-    ]
-    return wb.Problem(terms, "x", {"x": (0.0, np.inf)}, [x])
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("count", [1, 3])
-@pytest.mark.parametrize("way", [sample, laplace])
-def test_directions_stay_within_bounds(way: object, count: int) -> None:
-    problem, at = orthant(conditioned(3, 5.0, seed=1)), {"x": np.full(3, 0.2)}
-    further = {"steps": 200, "walkers": 32} if way is sample else {}
-    posterior = way(problem, at, directions(count, ("prior",)), **further)  # type: ignore[operator]
-    for z in (posterior.flat, posterior.mode_search.modes[0].z[None]):
-        # a direction moves all three; they are sums of four numbers of order one
-        assert posterior.subspace.points(z).min() >= -1e-14
 
 
 def mass(problem: wb.Problem, at: float) -> float:

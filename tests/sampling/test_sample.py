@@ -16,15 +16,12 @@ from workbench.sampling import (
     Posterior,
     Usability,
     compared_with_laplace,
-    directions,
     fixed,
     integrated,
     laplace,
     sample,
     sampling_blocks,
 )
-from workbench.sampling.ensembles import stretch
-from workbench.sampling.subspace import limbs
 
 COVARIANCE, MEAN = conditioned(4, 30.0, seed=3), np.array([1.0, -2.0, 0.5, 3.0])
 TWO = ("x[1]", "x[3]")
@@ -95,20 +92,6 @@ def test_wrong_conditionals_are_noticed() -> None:
         found.interval()
 
 
-def test_directions_of_the_data_come_first() -> None:
-    """Two measured, two not: the measured ones come first, the rest is the prior."""
-    x = wb.Block("x", (4,))
-    A = np.array([[1.0, 2.0, 0.0, 0.0], [0.0, 1.0, 1.0, 0.0]])
-    data = wb.Residual("data", cs.DM(A) @ x.symbol - 1, 0.01)
-    problem = wb.Problem([data, wb.residuals.gaussian(x.symbol, name="prior")], "x", blocks=[x])
-    at = wb.solve(problem, {"x": np.zeros(4)}).values
-    posterior = laplace(problem, at, directions(2, ["prior"]), draws=40_000)
-    assert "100% data" in posterior.labels[0]
-    np.testing.assert_allclose(posterior.covariance, np.eye(2), atol=0.03)
-    exact = problem.linearize(at).covariance
-    np.testing.assert_allclose(np.cov(posterior.points(40_000).T), exact, atol=0.03)
-
-
 def test_improper_posteriors_are_refused_by_name() -> None:
     x = wb.Block("x", (2,))
     problem = wb.Problem([wb.Residual("sum", cs.sum(x.symbol) - 1, 0.1)], "x", blocks=[x])
@@ -150,7 +133,6 @@ def test_parts_of_a_body_cover_it() -> None:
     meant = np.concatenate([entries(layout, names) for names in parts.values()])
     assert sorted(meant) == list(range(layout.size))
     assert max(entries(layout, names).size for names in parts.values()) <= 21
-    assert [tree.names[k] for k in limbs(tree)[0]][:2] == ["left_hip", "left_knee"]
 
 
 @pytest.mark.thorough
@@ -162,7 +144,6 @@ def test_draws_are_compared_with_laplace() -> None:
     assert "curved" in rows[1].remark
     both = sample(two_modes(3.0), {"x": [3.0, 0.0]}, steps=2000, walkers=16, seed=4)
     rows = compared_with_laplace(both, laplace(two_modes(3.0), {"x": [3.0, 0.0]}))
-    assert rows[0].remark == "2 modes"
     assert rows[1].remark == "agrees"
     with pytest.raises(wb.WorkbenchError, match="different entries"):
         compared_with_laplace(both, laplace(gaussian(np.eye(3)), {"x": np.zeros(3)}))
@@ -261,7 +242,7 @@ def test_near_modes_are_mixed() -> None:
 
 @pytest.mark.thorough
 def test_far_modes_are_not_mixing() -> None:
-    posterior = sample(two_modes(12.0), {"x": [12.0, 0.0]}, steps=2000, seed=4, moves=stretch())
+    posterior = sample(two_modes(12.0), {"x": [12.0, 0.0]}, steps=2000, seed=4)
     assert posterior.mixing.verdict is Usability.NOT_MIXING, posterior.verdict
     assert "NOT CONVERGED" in str(posterior)
     assert "95 % interval" not in str(posterior)  # none without a verdict that carries it

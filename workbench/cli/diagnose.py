@@ -28,12 +28,11 @@ from workbench.cli.run import (
     solved,
     solver_named,
 )
-from workbench.diagnostics.design import CRITERIA, with_candidates
+from workbench.diagnostics.design import CRITERIA
 from workbench.errors import BadArgument, check_known
 from workbench.experiments import Experiment, find
 from workbench.fitting.candidates import CANDIDATES, OWN, QUANTITIES, sd_named
 from workbench.fitting.refits import (
-    checked_by_fits,
     other_minima,
     profile_likelihood,
     repeated_fits,
@@ -205,7 +204,6 @@ def design(
         int,
         typer.Option(min=1, help="Average over this number of points, drawn from the posterior."),
     ] = 1,
-    check: Annotated[int, typer.Option(min=0, help="Check --sd-of by so many simulated fits.")] = 0,
     seed: Annotated[int, typer.Option(help="The same seed gives the same draws.")] = 0,
     solver: SolverName = DEFAULT,
     out: Out = Path("runs"),
@@ -221,13 +219,6 @@ def design(
         check_known("list of candidates", candidates, CANDIDATES)
     if sd_of is not None and over:
         raise BadArgument("--over goes with --criterion; --sd-of says itself what matters")
-    if check == 1:
-        raise BadArgument("one simulated fit has no standard deviation; --check takes 2 or more")
-    if check and (sd_of is None or points > 1):
-        raise BadArgument(
-            "--check compares one standard deviation at one point; give --sd-of with it, and no "
-            "--points"
-        )
     by = solver_named(solver)
     experiment, setup, folder = begun(console, name, setting, out, "design")
     values = solved(console, setup, by)
@@ -251,19 +242,12 @@ def design(
             progress=partial(bars, "comparing candidates"),
         )
     say(console, escape(found.report()))
-    told = ""
-    if check:
-        both = (setup.problem, with_candidates(setup.problem, given, found.chosen))
-        with Bars(console) as bars:
-            told = checked_by_fits(found, both, wanted, values, check, seed=seed, progress=bars)
-        say(console, escape(told))
     console.print("[dim]writing the page[/]")
     page = write_design(
         found,
         folder,
         title=experiment.name,
         question=setup.question,
-        check=told,
         source=experiment.source,
     )
     print_page(console, "report", page)

@@ -60,6 +60,7 @@ from workbench.fitting.setup import MANY, Setup
 from workbench.fitting.videos import video_fit, video_mean
 from workbench.geometry.guesses import sizes_of
 from workbench.geometry.meshes import READERS, WITH_VERTEX_ORDER
+from workbench.motions.soft_tissue import load_tissue, with_tissue
 from workbench.reports.many import ImageFolder
 from workbench.reports.page import unit_text
 from workbench.reports.run import motion_arrays, write_video
@@ -72,17 +73,17 @@ MEAN_FILE = "mean.npz"
 WITHOUT_MEAN = f"interrupted; the report is written, but {MEAN_FILE} is not"
 PRIORS = {"gaussian": pose_prior, "mixture": mixture_prior}
 
-FOLDER = ("--workers", "--dask")
+FOLDER, MESH = ("--workers", "--dask"), ("--tissue",)
 ONE_IMAGE = ("--recipe", "--prior", "--contact", "--height", "--hypotheses")
 CAMERAS = ("--cameras", "--camera-to-world", "--size", "--focal", "--person")
 WORN = ("--marker-set", "--labels", "--marker-height", "--across")
 UNUSED = {  # options without effect, by what is fitted
-    "a clip": (*FOLDER, *ONE_IMAGE, *WORN, "--compare"),
-    "a folder of images": (*WORN, "--compare", "--solver", "--mean", "--fps"),
-    "markers": (*FOLDER, *CAMERAS, *ONE_IMAGE, "--mean", "--compare"),
+    "a clip": (*MESH, *FOLDER, *ONE_IMAGE, *WORN, "--compare"),
+    "a folder of images": (*MESH, *WORN, "--compare", "--solver", "--mean", "--fps"),
+    "markers": (*MESH, *FOLDER, *CAMERAS, *ONE_IMAGE, "--mean", "--compare"),
     "a mesh": (*FOLDER, *CAMERAS, *ONE_IMAGE, *WORN, "--mean", "--fps"),
-    "several cameras": (*FOLDER, *ONE_IMAGE, *WORN, "--fps"),
-    "one image": (*FOLDER, *WORN, "--fps"),
+    "several cameras": (*MESH, *FOLDER, *ONE_IMAGE, *WORN, "--fps"),
+    "one image": (*MESH, *FOLDER, *WORN, "--fps"),
 }
 
 
@@ -160,7 +161,8 @@ def fit(
         bool, typer.Option("--contact", help="In one image, keep limbs out of each other.")
     ] = False,
     hypotheses: Annotated[
-        int, typer.Option(help="Number of starts for one image, for bodies that may look alike.")
+        int,
+        typer.Option(help="Number of starts for one image."),
     ] = 1,
     mean: Annotated[
         bool,
@@ -177,6 +179,10 @@ def fit(
             callback=above_zero, help=f"Frames a second of a clip or markers, else {FPS:g}."
         ),
     ] = None,
+    tissue: Annotated[
+        bool,
+        typer.Option("--tissue", help="Fit soft tissue to a mesh."),
+    ] = False,
     marker_set: Annotated[
         Path | None, typer.Option(help='Markers on the body: JSON {"LFHD": vertex}.')
     ] = None,
@@ -252,7 +258,11 @@ def fit(
             why = f"{cameras} says the focal length of each camera"
             warn_without_effect(console, "--focal", why)
         setup = (
-            own_mesh(first, model, 0.002 if sigma is None else sigma)
+            own_mesh(
+                first,
+                with_tissue(model, load_tissue()) if tissue else model,
+                0.002 if sigma is None else sigma,
+            )
             if kind == "a mesh"
             else of_keypoints(paths, model, reading, how, sigma, hypotheses)
         )

@@ -179,8 +179,7 @@ def _with_tissue(
     The sentence says where the tissue comes from, and how far it moves.
     """
     soft = load_tissue()
-    if not isinstance(body, SkinnedBody):
-        raise BadArgument(f"body {body.name!r} has no soft tissue; take --body default")
+    model = with_tissue(body, soft)
     found = soft.prepared(found)
     betas = betas_with_tissue(body, soft, found)
     away = 1e3 * np.linalg.norm(displaced_by(soft, betas), axis=2)
@@ -190,7 +189,7 @@ def _with_tissue(
         f"{away.mean():.1f} mm on average and {away.max():.0f} mm at most"
     )
     say(console, told)
-    return found, with_tissue(body, soft), betas, told
+    return found, model, betas, told
 
 
 def _say_motion(console: Console, found: Motion, path: Path) -> None:

@@ -14,13 +14,11 @@ from workbench.blocks.layout import entries
 from workbench.cli import Interrupted, interrupts_say
 from workbench.cli.console import Bars, make_folder, print_page, rich_table, say, warn_of
 from workbench.cli.run import Name, Out, Setting, SolverName, begun, solved, solver_named
-from workbench.errors import check_known
 from workbench.fitting.measures import measured_in, person_of
 from workbench.fitting.setup import Setup
 from workbench.reports import write_posterior
 from workbench.reports.page import Table
 from workbench.reports.posterior import BlockPosterior, anchors, contradictions, posterior_text
-from workbench.sampling import MOVES
 from workbench.solvers import DEFAULT
 
 ENDS = (0.05, 0.95)  # of a central interval of 90 %
@@ -37,9 +35,6 @@ def sample(
             "May be repeated; without it, parts of up to 21 entries are chosen."
         ),
     ] = None,
-    directions: Annotated[
-        int | None, typer.Option(help="Sample so many directions instead, those best determined.")
-    ] = None,
     conditional: Annotated[
         bool,
         typer.Option("--conditional", help="Hold the other unknowns fixed, as if known exactly."),
@@ -48,7 +43,6 @@ def sample(
     walkers: Annotated[int | None, typer.Option(help="Number of walkers in each ensemble.")] = None,
     ensembles: Annotated[int, typer.Option(help="Number of independent ensembles.")] = 4,
     seed: Annotated[int, typer.Option(help="The same seed gives the same draws.")] = 0,
-    move: Annotated[str, typer.Option(help=f"One of {', '.join(MOVES)}.")] = "de",
     fresh: Annotated[
         bool, typer.Option("--fresh", help="Begin anew, even if an earlier run left draws.")
     ] = False,
@@ -61,7 +55,6 @@ def sample(
     continues from them. The exit code is 1 if a block is not usable.
     """
     console = Console()
-    check_known("move", move, MOVES)
     experiment, setup, folder = begun(console, name, setting, out, "posterior")
     kept = out / f"{experiment.name}-draws"
     make_folder(kept)
@@ -72,8 +65,6 @@ def sample(
     for text in block or ():
         everything = text == "everything"
         chosen[text] = problem.free.names if everything else _names(text)
-    if directions is not None:
-        chosen[f"{directions} directions"] = sampling.directions(directions, setup.priors)
     if not chosen:
         chosen |= sampling.sampling_blocks(problem.free, problem.trees)
     file_of = dict(zip(chosen, anchors(chosen), strict=True))
@@ -106,7 +97,6 @@ def sample(
                     steps=steps,
                     ensembles=ensembles,
                     seed=seed,
-                    moves=MOVES[move](),
                     checkpoint=path,
                     callback=tell,
                 )

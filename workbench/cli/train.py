@@ -35,14 +35,10 @@ from workbench.training.blocks import REACH, alternation, without_blend_shapes
 from workbench.training.checkpoint import FILE as CHECKPOINT
 from workbench.training.evaluation import (
     CARD,
-    best_linear,
     check_held_out,
     held_out_errors,
-    ideal_skinning_errors,
-    read_ground_truth,
     shapes_explained,
 )
-from workbench.training.evaluation import FILE as TRUTH
 from workbench.training.execution import Execution, Processes, Progress, Report
 from workbench.training.first_guess import Start, read_start
 from workbench.training.folder import GENDERS, open_folder, read_meshes
@@ -161,7 +157,6 @@ def train(
                 errors = held_out_errors(body, people, execution)
                 if standing.rows:
                     errors |= shapes_explained(body, standing, execution)
-            errors |= _ideal_errors(folder, held_out, guess, poses, people)
             body = replace(body, card={**body.card, "held_out": errors})
             for said, number in errors.items():
                 console.print(f"  {said}: {number:g}")
@@ -197,18 +192,6 @@ def _data(
         f"{len(shapes.rows)} people for shape"
     )
     return folder.resolve().name, guess, poses, shapes if shapes.rows else None
-
-
-def _ideal_errors(
-    folder: Path | None, held_out: Path, guess: Start, poses: Registrations, people: Registrations
-) -> dict[str, float]:
-    """The errors of ideal skinning on held-out people whose ground truth is known."""
-    if not (held_out / TRUTH).is_file():
-        return {}
-    linear = None
-    if folder is not None and (folder / TRUTH).is_file():
-        linear = best_linear(read_ground_truth(folder), poses, guess)
-    return ideal_skinning_errors(read_ground_truth(held_out), people, guess, linear)
 
 
 def _origin(folder: Path | None) -> dict[str, Any]:
@@ -303,15 +286,15 @@ def rig(
         raise BadArgument(f"--motion takes a file that ends in .npz, not {motion}")
     if frames < 2:
         raise BadArgument(f"--frames takes 2 or more, not {frames}")
-    given = read_meshes(meshes, rest)
-    T = len(given.meshes)
+    every, faces, own = read_meshes(meshes, rest)
+    T = len(every)
     learned = T - T // 5
     rows = np.unique(np.linspace(0, learned - 1, min(learned, frames)).round().astype(int))
     others = np.unique(np.linspace(learned, T - 1, min(T // 5, MOST_HELD_OUT)).round().astype(int))
-    first = given.meshes[0] if given.rest is None else given.rest
+    first = every[0] if own is None else own
     say(
         console,
-        f"{T} meshes of {given.meshes.shape[1]} vertices: learning from {len(rows)}, the last "
+        f"{T} meshes of {every.shape[1]} vertices: learning from {len(rows)}, the last "
         f"{T // 5} are held out",
     )
     card = {"provenance": [f"Rigged from the meshes in {', '.join(p.name for p in meshes[:3])}."]}
@@ -319,8 +302,8 @@ def rig(
 
     def rigged(steps: RigSteps, report: RigProgress) -> Rigged:
         return find_rig(
-            given.meshes[rows],
-            given.faces,
+            every[rows],
+            faces,
             rest=first,
             bones=bones,
             tolerance=tolerance,
@@ -350,7 +333,7 @@ def rig(
     console.print(rich_table(_joints(found)))
     say(console, f"{found.body.n_joints} bones; {1e3 * found.rms:.3g} mm from the meshes (rms)")
     if len(others):
-        rms = pose_rms(found.body, given.meshes[others])
+        rms = pose_rms(found.body, every[others])
         say(console, f"{1e3 * rms:.3g} mm from {len(others)} meshes that were held out (rms)")
     for note in found.notes:
         say(console, f"note: {escape(note)}")

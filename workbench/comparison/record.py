@@ -3,7 +3,7 @@
 import os
 import platform
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from enum import Enum
 from functools import cache
 from pathlib import Path
@@ -198,9 +198,9 @@ class Record:
         end, best = array_of(arrays, "end", 1), array_of(arrays, "best", 1)
         if end.size and best.size and end.size != best.size:
             raise BadFile(f"the end has {end.size} unknowns, and the best point has {best.size}")
-        cost = facts.amount("cost")
-        if np.isfinite(cost) and not (end.size and np.isfinite(end).all()):
-            raise BadFile(f"its end costs {cost:.3g}, and is no point")
+        plain = _read(Record, facts)
+        if np.isfinite(plain["cost"]) and not (end.size and np.isfinite(end).all()):
+            raise BadFile(f"its end costs {plain['cost']:.3g}, and is no point")
         trace = array_of(arrays, "trace", 2)
         if trace.shape[1] != ROW or len(trace) > ROWS or not np.isfinite(trace).all():
             raise BadFile(f"trace has shape {trace.shape}, or is not finite")
@@ -209,29 +209,14 @@ class Record:
         counts, spent = facts.several("counts", whole), facts.several("spent", amount)
         if not len(counts) == len(spent) == len(KINDS) or not np.isfinite(spent).all():
             raise BadFile(f"counts are {counts} and times {spent}, of {len(KINDS)} kinds")
-        claim = facts.text("claim")  # older files have older names of statuses
+        claim = plain.pop("claim")  # older files have older names of statuses
+        seen = facts.whole("not_finite"), facts.duration("seconds"), best, trace
         return Record(
-            solver=facts.text("solver"),
-            instance=facts.text("instance"),
+            **plain,
             ending=RunEnding[facts.among("ending", RunEnding.__members__)],
-            message=facts.text("message"),
             claim=Status[claim].name if claim in Status.__members__ else claim,
-            claimed_cost=facts.number("claimed_cost"),
-            cost=cost,
-            optimality=facts.amount("optimality"),
-            inside=facts.truth("inside"),
-            digits=facts.number("digits"),
             end=end,
-            machine=facts.text("machine"),
-            observed=ObservedRun(
-                counts,
-                spent,
-                facts.whole("not_finite"),
-                facts.duration("seconds"),
-                best,
-                trace.reshape(-1, ROW),
-                facts.truth("taken"),
-            ),
+            observed=ObservedRun(counts, spent, *seen, facts.truth("taken")),
         )
 
 
@@ -284,18 +269,15 @@ class Description:
     @staticmethod
     def of(stored: Stored) -> "Description":
         """The description that `stored` gave. Raises BadFile for anything else."""
-        facts = Facts(stored[0])
-        return Description(
-            instance=facts.text("instance"),
-            rows=facts.whole("rows"),
-            unknowns=facts.whole("unknowns"),
-            bounded=facts.truth("bounded"),
-            start_cost=facts.amount("start_cost"),
-            known_cost=facts.number("known_cost"),
-            known_source=facts.text("known_source"),
-            certified=facts.truth("certified"),
-            question=facts.text("question"),
-        )
+        return Description(**_read(Description, Facts(stored[0])))
+
+
+READERS = {str: Facts.text, int: Facts.whole, bool: Facts.truth, float: Facts.number}
+
+
+def _read(kind: type, facts: Facts) -> dict[str, Any]:
+    """The plain fields of a dataclass from facts."""
+    return {f.name: READERS[f.type](facts, f.name) for f in fields(kind) if f.type in READERS}
 
 
 @cache

@@ -36,9 +36,8 @@ class Interval:
 
 
 def rate(successes: int, trials: int) -> Interval:
-    """A proportion of independent trials with the exact interval of Clopper and Pearson (The use
-    of confidence or fiducial limits illustrated in the case of the binomial, Biometrika 26, 1934):
-    for every true proportion it covers in at least 95 % of the cases, whatever `trials` is.
+    """A proportion of independent trials with the exact interval of Clopper and Pearson (Biometrika
+    26, 1934): for every true proportion it covers in at least 95 % of the cases.
     """
     if trials == 0:
         return Interval(np.nan)

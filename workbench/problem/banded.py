@@ -1,12 +1,10 @@
 """The normal equations of a sequence: a band with a border, their order, and Cholesky's factor."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 from scipy.linalg import blas, lapack
 from scipy.sparse import block_array, csc_array, diags_array
 
@@ -406,34 +404,3 @@ class Transposed:
     def __matmul__(self, r: Array) -> Array:
         """The product with a vector (m,): (n,)."""
         return self.of.vjp(r)
-
-
-def joined(parts: Sequence[tuple[Index, Index]], shape: tuple[int, int]) -> "SparsePlaces":
-    """The places in a sparse matrix of several parts of single entries, (rows, columns) each."""
-    rows = np.concatenate([np.zeros(0, dtype=np.int64), *(r.ravel() for r, _ in parts)])
-    columns = np.concatenate([np.zeros(0, dtype=np.int64), *(c.ravel() for _, c in parts)])
-    order = np.lexsort((rows, columns))
-    starts = np.searchsorted(columns[order], np.arange(shape[1] + 1))
-    return SparsePlaces(order, rows[order].astype(np.int32), starts.astype(np.int32), shape)
-
-
-@dataclass(frozen=True, eq=False)
-class SparsePlaces:
-    """The places of a sparse matrix whose numbers come part by part.
-
-    Attributes:
-        order: (nnz,) which of the numbers of all parts stands in each place.
-        rows: (nnz,) the row of each place, column by column.
-        starts: (n + 1,) where each column begins among the places.
-        shape: the numbers of rows and columns, (m, n).
-    """
-
-    order: Index
-    rows: NDArray[np.int32]
-    starts: NDArray[np.int32]
-    shape: tuple[int, int]
-
-    def matrix(self, parts: Sequence[Array]) -> csc_array:
-        """The sparse matrix with these numbers."""
-        data = np.concatenate([np.zeros(0), *(part.ravel() for part in parts)])[self.order]
-        return csc_array((data, self.rows, self.starts), shape=self.shape)

@@ -6,6 +6,7 @@ from functools import cached_property
 
 import casadi as cs
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csc_array, csr_array
 
 from workbench.arrays import Array, Index, Mask
@@ -17,15 +18,13 @@ from workbench.problem.banded import (
     BandOrder,
     BlockMatrix,
     BlockPlaces,
-    SparsePlaces,
-    joined,
     run_of,
 )
 from workbench.problem.chain import Chain
 from workbench.problem.graph import split
 from workbench.problem.naming import blocks_behind, rows_of
-from workbench.problem.rounding import RowSupport, half_squared
-from workbench.problem.sparsity import columns_of_nonzeros, entries_at, rows_of_nonzeros
+from workbench.problem.optimality import RowSupport, half_squared
+from workbench.problem.sparsity import SparseSum, columns_of_nonzeros, entries_at, rows_of_nonzeros
 from workbench.problem.storage import Matrix, is_sparse
 from workbench.residuals import Residual
 
@@ -218,16 +217,10 @@ class FrameGroup:
         r, direct, by_points = self._derived(x, fixed, places)
         inside, place = self._into
         by_x = self.chain.by_x
-        shape = len(self.frames), len(self.whole), by_x.shape[1]
-        first = next(iter(self._products), None)
-        whole = first is not None and first.covers == shape[1:]
-        block = np.empty(shape) if whole else np.zeros(shape)
+        block = np.zeros((len(self.frames), len(self.whole), by_x.shape[1]))
         for i, product in enumerate(self._products):
             for some, found in product.of(places[i], by_points[i]):
-                if whole and product is first:
-                    block[some] = found
-                else:
-                    block[some, *product.into] += found
+                block[some, *product.into] += found
         block[:, place[by_x.rows[inside]], by_x.columns[inside]] += direct[:, inside]
         return r, block, direct[:, ~inside]
 
@@ -275,8 +268,6 @@ class RowProduct:
         if isinstance(down, np.ndarray) and isinstance(across, np.ndarray):
             down = down[:, None]
         self.into = down, across
-        straight = isinstance(down, slice) and isinstance(across, slice)
-        self.covers = (len(rows), len(columns)) if straight else (0, 0)  # in order, from 0 on
 
     def of(self, there: PointsOfEach, entries: Array) -> Iterator[tuple[slice, Array]]:
         """Some of the frames, and the products (some, rows, columns) of these."""
@@ -350,8 +341,8 @@ class FrameChain:
         if self._rest is not None:
             r[self._rest_rows], J = self._rest.linearize(x, fixed[self._rest_given])
             parts.append(entries_at(J, self._rest_pattern))
-        rest = self._entries.matrix(parts)
-        found = BlockMatrix(rest, tuple(blocks), self._block_places, self._order)
+        at = tuple(BlockPlaces(group.whole_rows, group.columns) for group in self._groups)
+        found = BlockMatrix(self._entries.matrix(parts), tuple(blocks), at, self._order)
         if not self.sparse:
             return r, found.dense
         return r, found if self._banded else found.sparse
@@ -365,22 +356,19 @@ class FrameChain:
     def _stored(self) -> int:
         """How many entries of the Jacobian are stored by blocks and single entries."""
         whole = sum(g.whole_rows.size * g.columns.shape[1] for g in self._groups)
-        return int(whole) + len(self._entries.rows)
+        return int(whole) + int(self._entries.pattern.nnz)
 
     @cached_property
     def pattern(self) -> csc_array:
         """Where the Jacobian can be nonzero, (m, n); points depend on all of their blocks."""
-        rows, columns = [], []
+        parts: list[tuple[Index, NDArray[np.signedinteger]]] = []
         for group in self._groups:
             one = group.chain.pattern.tocoo()
-            rows.append(group.rows[:, one.row].ravel())
-            columns.append(group.columns[:, one.col].ravel())
+            parts.append((group.rows[:, one.row], group.columns[:, one.col]))
         if self._rest is not None:
-            one = self._rest_pattern.tocoo()
-            rows.append(self._rest_rows[one.row])
-            columns.append(one.col.astype(np.int64))
-        at = np.concatenate(rows), np.concatenate(columns)
-        return csc_array((np.ones(len(at[0]), dtype=bool), at), shape=(self._size, self._free.size))
+            one = self._rest.pattern.tocoo()
+            parts.append((self._rest_rows[one.row], one.col))
+        return SparseSum(parts, (self._size, self._free.size)).pattern
 
     @cached_property
     def support(self) -> RowSupport:
@@ -423,22 +411,17 @@ class FrameChain:
         return self._rest.pattern
 
     @cached_property
-    def _entries(self) -> SparsePlaces:
+    def _entries(self) -> SparseSum:
         """The places of the entries that are in no block."""
         parts = [group.single for group in self._groups]
         if self._rest is not None:
             one = self._rest_pattern
             parts.append((self._rest_rows[one.indices], columns_of_nonzeros(one)))
-        return joined(parts, (self._size, self._free.size))
-
-    @cached_property
-    def _block_places(self) -> tuple[BlockPlaces, ...]:
-        return tuple(BlockPlaces(group.whole_rows, group.columns) for group in self._groups)
+        return SparseSum(parts, (self._size, self._free.size))
 
     @cached_property
     def _order(self) -> BandOrder:
-        rest = self._entries.matrix([np.ones(len(self._entries.rows))])
-        return _order(self._free, rest)
+        return _order(self._free, self._entries.pattern)
 
     @cached_property
     def _banded(self) -> bool:

@@ -228,7 +228,7 @@ class RestrictedPointsAt(PointsAt):
         All rows are computed, and the wanted ones are kept.
         """
         rooms = {
-            name: np.empty((np.size(self.values[name]), array.shape[1]))
+            name: np.zeros((np.size(self.values[name]), array.shape[1]))
             if name in self.wanted
             else array
             for name, array in into.items()

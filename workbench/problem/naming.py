@@ -5,7 +5,6 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import TypeVar
 
 import casadi as cs
 import numpy as np
@@ -26,10 +25,8 @@ from workbench.errors import (
     UnknownName,
     UnreadBlock,
 )
-from workbench.problem.constraint import Constraint
+from workbench.problem.constraints import Constraint
 from workbench.residuals import Residual
-
-Part = TypeVar("Part", Residual, Constraint)
 
 
 def parts_of(
@@ -57,19 +54,6 @@ def rows_of(residuals: Sequence[Residual]) -> dict[str, slice]:
     """The rows of each residual in the stacked residual."""
     edges = np.cumsum([0, *(r.size for r in residuals)]).tolist()
     return {r.name: slice(*edge) for r, edge in zip(residuals, pairwise(edges), strict=True)}
-
-
-def part_at(parts: Sequence[Part], row: int) -> tuple[Part, int]:
-    """To which of some stacked parts a row belongs, and which of its rows it is.
-
-    Raises IndexError.
-    """
-    left = row
-    for part in parts:
-        if 0 <= left < part.size:
-            return part, left
-        left -= part.size
-    raise IndexError(f"row {row} of {row - left}")
 
 
 def check_names(asked: Iterable[str], read: Collection[str], named: Iterable[Block]) -> None:

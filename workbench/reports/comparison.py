@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from workbench.arrays import Array
 from workbench.comparison import Comparison, EndAnalysis, TargetOutcome
 from workbench.comparison.advice import advice, basin_sentence, percent, reliable
 from workbench.comparison.comparison import MAIN
@@ -16,7 +17,6 @@ from workbench.comparison.record import KINDS, LIMITED
 from workbench.comparison.statistics import FEWEST, Interval, median
 from workbench.comparison.store import MARK, RUNS
 from workbench.comparison.tables import (
-    Seconds,
     evaluation_seconds,
     ratios,
     seconds_of_runs,
@@ -87,8 +87,7 @@ def comparison_data(comparison: Comparison) -> dict[str, Any]:
                 "starts": group,
                 "costs": end_analysis.costs,
                 "optimality": end_analysis.optimality,
-                "curvatures": end_analysis.curvatures,
-                "explanations": {k + 1: asdict(e) for k, e in end_analysis.explanations.items()},
+                "saddles": end_analysis.saddles,
                 "message": end_analysis.message,
             }
             for group, end_analysis in zip(comparison.groups, comparison.end_analyses, strict=True)
@@ -171,12 +170,6 @@ def _of(comparison: Comparison, problem: str) -> dict[str, Any]:
     """What the page says of one problem."""
     instances = comparison.instances_of(problem)
     analyses = end_analyses(comparison, problem)
-    own = len(analyses) > 1  # data for each start
-    explained = {
-        (f"{group[0]}, basin {k + 1}" if own else f"basin {k + 1}"): str(e)
-        for group, analysis in analyses
-        for k, e in analysis.explanations.items()
-    }
     return {
         "name": problem,
         "question": comparison.described[instances[0].name].question,
@@ -185,7 +178,6 @@ def _of(comparison: Comparison, problem: str) -> dict[str, Any]:
             drawn(figures.cost_traces_sheet, figures.caption_cost_traces, comparison, problem)
         ),
         "sentence": basin_sentence(comparison, problem).removeprefix(f"{problem}: "),
-        "explained": explained,
         "unjudged": [analysis.message for _, analysis in analyses if analysis.message],
     }
 
@@ -352,8 +344,8 @@ def _counts(
     )
 
 
-def _spread(spread: Seconds) -> tuple[str, str, str]:
-    return number(spread.minimum, 2), number(spread.median, 2), number(spread.maximum, 2)
+def _spread(seconds: Array) -> tuple[str, ...]:
+    return tuple(number(s, 2) for s in seconds)
 
 
 def _effort(comparison: Comparison, solver: str, tau: float, problem: str | None = None) -> str:

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from workbench import plots
-from workbench.arrays import Array
 from workbench.bodies.body import Body
 from workbench.diagnostics import (
     Diagnosis,
@@ -184,10 +183,9 @@ def ranks_table(d: Diagnosis) -> Table:
             str(d.rank),
             f"singular values above {number(d.tolerance, 2)} at this point",
         ),
-        ("with columns of length 1", str(d.scaled_rank), "the same whatever the units are"),
     ]
-    if d.nearby.ranks:
-        near = ", ".join(map(str, d.nearby.ranks))
+    if d.ranks_nearby:
+        near = ", ".join(map(str, d.ranks_nearby))
         rows.append(("nearby", near, "at random points a tenth of a characteristic scale away"))
     if d.rank_law:
         rows.append(("rank law of observed joints", str(d.rank_law[0]), d.rank_law[1]))
@@ -258,18 +256,14 @@ def contributions_table(d: Diagnosis) -> Table | None:
     if not d.contributions:
         return None
     names, _ = compared_blocks(d)
+
+    def row(name: str, rank: int, sigma: Mapping[str, float]) -> tuple[str, ...]:
+        return name, str(rank), *(number(sigma[n], 2) for n in names)
+
     whole = d.contributions[0]
-
-    def row(name: str, rank: int, values: Array, sigma: Mapping[str, float]) -> tuple[str, ...]:
-        least = number(float(values.min(initial=np.inf)), 2)
-        return name, str(rank), least, *(number(sigma[n], 2) for n in names)
-
-    rows = [row("nothing", whole.rank_with, whole.singular_values_with, whole.sigma_with)]
-    rows += [
-        row(c.residual, c.rank_without, c.singular_values_without, c.sigma_without)
-        for c in d.contributions
-    ]
-    head = ("left out", "rank", "least singular value", *(f"sigma of {n}" for n in names))
+    rows = [row("nothing", whole.rank_with, whole.sigma_with)]
+    rows += [row(c.residual, c.rank_without, c.sigma_without) for c in d.contributions]
+    head = ("left out", "rank", *(f"sigma of {n}" for n in names))
     return Table(head, tuple(rows), tuple(range(1, len(head))))
 
 
@@ -283,8 +277,6 @@ def derivatives_table(d: Diagnosis) -> Table:
     ]
     if check.slope is not None:
         rows.append(("error of the linear model", f"like h^{check.slope:.2f}", "h^2 is right"))
-    if check.hessian_error is not None:
-        rows.append(("exact Hessian", number(check.hessian_error, 2), "against differences"))
     if check.neglected is not None:
         share = f"{check.neglected:.1%}"
         rows.append(("left out by J'J", share, "of the exact Hessian, as in Gauss-Newton"))
@@ -343,10 +335,9 @@ def write_design(
     *,
     title: str,
     question: str = "",
-    check: str = "",
     source: str | None = None,
 ) -> Path:
-    """Write the folder of a design, and return its page. `check` is a sentence on simulated fits.
+    """Write the folder of a design, and return its page.
 
     The folder appears whole or not at all; raises BadFile if it cannot be written.
     """
@@ -358,7 +349,7 @@ def write_design(
         plots.caption_measurement_ranking,
         found,
     )
-    text = found.report() + (f"\n{check}" if check else "")
+    text = found.report()
     contents = {
         "index.html": page(
             "design.html",
@@ -368,7 +359,6 @@ def write_design(
             outcome=outcome(found),
             ranking=ranking,
             report=found.report(),
-            check=check,
             files=DESIGN_FILES,
         ),
         "design.txt": text + "\n",

@@ -8,9 +8,7 @@ from workbench.residuals.numbers import (
     bending,
     gaussian,
     limits,
-    log_sum_mixture,
     max_mixture,
-    student_t,
 )
 from workbench.residuals.points import (
     edges,
@@ -45,7 +43,6 @@ __all__ = [
     "keypoints",
     "landmarks",
     "limits",
-    "log_sum_mixture",
     "loose",
     "max_mixture",
     "mirrored",
@@ -61,6 +58,5 @@ __all__ = [
     "smooth",
     "spheres",
     "stitching",
-    "student_t",
     "vertices",
 ]

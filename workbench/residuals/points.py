@@ -13,7 +13,9 @@ from workbench.errors import BadResidual
 from workbench.geometry.camera import Camera
 from workbench.geometry.mirror import REFLECTION
 from workbench.geometry.triangles import edge_matrix
-from workbench.residuals.arguments import (
+from workbench.residuals.kernels import Kernel, quadratic
+from workbench.residuals.residual import (
+    Residual,
     confidences,
     expressed,
     given,
@@ -23,8 +25,6 @@ from workbench.residuals.arguments import (
     row_labels,
     same_shape,
 )
-from workbench.residuals.kernels import Kernel, quadratic
-from workbench.residuals.residual import Residual
 
 
 def vertices(

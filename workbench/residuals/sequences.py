@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from workbench.arrays import Array
 from workbench.blocks import Block, Points
 from workbench.blocks.checks import reals
-from workbench.blocks.composed_points import FrameBlocks, FramedPoints
+from workbench.blocks.composed_points import FrameBlocks
 from workbench.errors import BadArgument, BadResidual
 from workbench.residuals.kernels import Kernel, quadratic
 from workbench.residuals.residual import Residual
@@ -53,9 +53,7 @@ class Frames:
                 raise BadResidual(f"there is no frame {t}; the frames are 0 to {self.count - 1}")
         key = points.symbol.__hash__(), chosen
         if key not in self._made:
-            numbers = points.symbol.shape[0]
-            source = FramedPoints(points.source, self.blocks, chosen, numbers)
-            self._made[key] = Points.of(source, f"{points.name} in {len(chosen)} frames", numbers)
+            self._made[key] = self.blocks.points(points, chosen)
         return self._made[key]
 
     def stacked(self, each: Mapping[int, Column]) -> tuple[cs.MX, tuple[Points, ...]]:

@@ -16,7 +16,7 @@ from workbench.sampling.conditioning import (
     contraction,
     prior_deviations,
 )
-from workbench.sampling.ensembles import MOVES, BiasedMove, SamplingProgress
+from workbench.sampling.ensembles import SamplingProgress
 from workbench.sampling.importance import Importance
 from workbench.sampling.laplace import EntryComparison, compared_with_laplace, laplace
 from workbench.sampling.mixing import Mixing, Usability, integrated_time
@@ -28,15 +28,12 @@ from workbench.sampling.subspace import (
     Improper,
     Names,
     Subspace,
-    directions,
     fixed,
     integrated,
     sampling_blocks,
 )
 
 __all__ = [
-    "MOVES",
-    "BiasedMove",
     "Conditioning",
     "EntryComparison",
     "Importance",
@@ -53,7 +50,6 @@ __all__ = [
     "Usability",
     "compared_with_laplace",
     "contraction",
-    "directions",
     "fixed",
     "integrated",
     "integrated_time",

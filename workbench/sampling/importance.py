@@ -5,13 +5,9 @@ generalised Pareto distribution, whose shape k-hat says how many moments they ha
 draws are lost, above 0.7 none of it can be trusted (Vehtari et al. 2024, Pareto smoothed importance
 sampling). Where k-hat is small, the weighted draws also say how far the quantiles of q are off.
 
-These weights are of all free numbers together, those that are integrated out included. With many
-of them k-hat is large although the marginal of what is named is right: weights multiply, so that a
-small misfit in each of eighty numbers is a large one of all, and most of it has nothing to do with
-what is named. The marginal's own weight is the mean of the weights over what is integrated out, and
-too few of these draws carry it to be estimated from them. `compared` therefore judges the named
-entries by draws of all free numbers from the posterior itself (see `hamiltonian`), of which
-whatever else was drawn is left out.
+These weights are of all free numbers together. With many of them k-hat is large although the
+marginal of what is named is right, because small misfits of many numbers multiply. `compared`
+therefore judges the named entries by draws of all free numbers from the posterior itself.
 """
 
 from dataclasses import dataclass, field, replace
@@ -74,11 +70,8 @@ class Importance:
     @property
     def worst(self) -> str:
         """The entry with the largest correction, measured by what is allowed."""
-        return self.labels[int(np.argmax(np.maximum(self.errors / OFF, self._wider / WIDTH)))]
-
-    @property
-    def _wider(self) -> Array:
-        return np.asarray(abs(self.widths - 1))
+        wider = abs(self.widths - 1)
+        return self.labels[int(np.argmax(np.maximum(self.errors / OFF, wider / WIDTH)))]
 
     @property
     def holds(self) -> bool:
@@ -97,7 +90,7 @@ class Importance:
     def _within(self, share: float) -> bool:
         told = bool(self.beside) or self.k_hat <= HOLDS
         off = max(self.error, self.outside, self.cut_off)
-        return told and off <= share * OFF and bool((self._wider <= share * WIDTH).all())
+        return told and off <= share * OFF and bool(abs(self.widths - 1).max() <= share * WIDTH)
 
     def __str__(self) -> str:
         told = [
@@ -110,9 +103,9 @@ class Importance:
                 f"constraints, taken as linear, cut off {self.cut_off:.0%} of what they allow"
             )
         if self.beside or self.k_hat <= HOLDS:
-            fine = self.error <= OFF and (self._wider <= WIDTH).all()
-            entry = "" if fine else f", {self.worst}"
-            off = f"quantiles off by {self.error:.3f} and widths by {self._wider.max():.0%} at most"
+            wider = float(abs(self.widths - 1).max())
+            entry = "" if self.error <= OFF and wider <= WIDTH else f", {self.worst}"
+            off = f"quantiles off by {self.error:.3f} and widths by {wider:.0%} at most"
             told.append(off + entry)
         if self.beside:
             said = f"(compared with {self.beside}: {told.pop()}; of all free numbers together "

@@ -158,13 +158,12 @@ def refuse_flat(problem: Problem, given: Array, space: Subspace) -> None:
     all stay where they are is no obstacle. Whether it changes along what moves is asked of its
     Jacobian at three points, for at a single one a derivative may vanish.
     """
-    if space.entries is not None:
-        pinned = np.flatnonzero((problem.lower == problem.upper)[space.entries])
-        if pinned.size:
-            raise NotSupported(
-                f"{space.labels[int(pinned[0])]} has equal bounds, so there is nothing to draw; "
-                "name the other entries alone, or widen its bounds"
-            )
+    pinned = np.flatnonzero((problem.lower == problem.upper)[space.entries])
+    if pinned.size:
+        raise NotSupported(
+            f"{space.labels[int(pinned[0])]} has equal bounds, so there is nothing to draw; name "
+            "the other entries alone, or widen its bounds"
+        )
     there = problem.stacked_constraints
     if there is None or not there.equal.any():
         return
