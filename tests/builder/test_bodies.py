@@ -4,16 +4,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from builder.base_mesh import _triangulated, carrier
+from builder.base_mesh import carrier
 from builder.bodies import regression_errors
-from builder.population import Traits, to_t_pose
+from builder.population import to_t_pose
 from builder.pose_priors import mirrored_pose
 from builder.sets import regress
-from builder.wheel import parse_obj
 from tests.synthetic.test_teacher import skinned
 from workbench.arrays import Array
 from workbench.bodies.catalogue import load_skinned
-from workbench.geometry.mirror import REFLECTION, Mirror
+from workbench.geometry.mirror import Mirror
 from workbench.synthetic.teacher import (
     JOINT,
     JOINT_NAMES,
@@ -91,28 +90,6 @@ def test_cutting_to_four_weights_is_symmetric() -> None:
     assert cut[0, JOINT["left_collar"]] == cut[0, JOINT["right_collar"]] == 0
     assert cut.sum() == pytest.approx(1)
     assert cut[0, JOINT["spine2"]] == pytest.approx(0.3 / 0.75)
-
-
-def test_levels_of_a_trait_share_one() -> None:
-    person = Traits(0.8, 0.25, 0.75, 0.1, 0.5, 0.9, 0.5, 0.5, (0.2, 0.3, 0.5))
-    factors = person.factors()
-    assert (factors["male"], factors["female"]) == pytest.approx((0.2, 0.8))
-    assert (factors["averagemuscle"], factors["maxmuscle"]) == pytest.approx((0.5, 0.5))
-    assert (factors["minweight"], factors["averageweight"]) == pytest.approx((0.8, 0.2))
-    assert factors["minheight"] == factors["maxheight"] == 0  # nothing in the middle
-    assert factors["idealproportions"] == pytest.approx(0.8)
-
-
-def test_quads_are_halved_symmetrically() -> None:
-    left = np.array([[1.0, 0, 0], [2, 0, 0], [2.2, 1, 0], [1, 1, 0]])
-    vertices = np.concatenate([left, left * REFLECTION])
-    lines = [f"v {x} {y} {z}" for x, y, z in vertices] + ["f 1 2 3 4", "f 6 5 8 7"]
-    mesh = parse_obj("\n".join(lines))
-    swap = np.array([4, 5, 6, 7, 0, 1, 2, 3])
-    triangles = _triangulated(mesh, swap)
-    reflected = swap[triangles][:, ::-1]
-    assert {frozenset(t) for t in reflected.tolist()} == {frozenset(t) for t in triangles.tolist()}
-    assert frozenset((0, 1, 3)) in {frozenset(t) for t in triangles.tolist()}  # shorter diagonal
 
 
 def test_shape_space_is_found_again(small, mirror: Mirror) -> None:  # type: ignore[no-untyped-def]

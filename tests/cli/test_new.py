@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from workbench.cli.new import SCAFFOLDS, TEMPLATES, write_scaffold
-from workbench.errors import BadArgument, BadFile, UnknownName
+from workbench.errors import BadArgument, BadFile
 
 
 def test_templates_are_the_kinds_of_scaffolds() -> None:
@@ -57,15 +57,6 @@ def test_scaffold_refuses_bad_names(tmp_path: Path) -> None:
         with pytest.raises(BadArgument, match=said):
             write_scaffold("problem", name, tmp_path)
     assert not list(tmp_path.iterdir())
-
-
-def test_scaffold_refuses_unknown_kinds_and_places(tmp_path: Path) -> None:
-    with pytest.raises(UnknownName, match="experiment, lecture, problem, residual, solver"):
-        write_scaffold("modle", "tea", tmp_path)
-    (tmp_path / "file").touch()
-    with pytest.raises(BadFile):
-        write_scaffold("problem", "tea", tmp_path / "file")
-    assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
 @pytest.mark.thorough

@@ -6,7 +6,7 @@ from workbench.course.cells import cells
 from workbench.course.outline import root
 from workbench.lectures.outline import COURSE
 
-THERE = [one for one in COURSE if one.there]
+THERE = COURSE
 WORK = re.compile(r"\]\((https?://[^)]+)\)")
 
 

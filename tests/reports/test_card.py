@@ -9,7 +9,6 @@ import pytest
 
 from tests.bodies_made_up import random_body, smpl_like_body
 from workbench.bodies.catalogue import load_body
-from workbench.errors import BadFile
 from workbench.reports import card_text, write_card
 from workbench.reports.card import card_page, facts, joint_table
 
@@ -37,14 +36,6 @@ def test_card_page_holds_sizes_joints_and_provenance(tmp_path: Path) -> None:
     assert "<1.0>" not in text
     assert json.loads((page.parent / "summary.json").read_text())["card"] == CARD
     write_card(body, tmp_path / "card")
-
-
-def test_card_of_another_file_is_not_overwritten(tmp_path: Path) -> None:
-    body = random_body(n_betas=0)
-    write_card(body, tmp_path / "card", "/a/me.npz")
-    write_card(body, tmp_path / "card", "/a/me.npz")
-    with pytest.raises(BadFile, match="--out"):
-        write_card(body, tmp_path / "card", "/b/me.npz")
 
 
 def test_card_text_says_what_the_body_is() -> None:

@@ -13,7 +13,6 @@ from workbench.experiments import find
 from workbench.fitting.setup import Setup
 from workbench.reports import write_posterior
 from workbench.reports.posterior import BlockPosterior, anchors, contradictions
-from workbench.reports.replay import recorded_posterior
 from workbench.sampling import fixed, laplace, sample
 
 C = conditioned(3, 30.0, seed=3)
@@ -99,17 +98,3 @@ def test_truth_against_a_prior_is_said() -> None:
     [text] = contradictions(find("landmarks", {"pose_sigma": 0.3}).setup())
     assert "contradicts the pose prior: the sum of its 69 squares" in text
     assert contradictions(replace(find("landmarks").setup(), made_of=None)) == []
-
-
-@pytest.mark.thorough
-def test_draws_are_seen_by_held_out_cameras_too() -> None:
-    """The problem does not read these cameras, so that their numbers are those of the setup."""
-    setup = find("balance-monocular").setup()
-    p = laplace(setup.problem, setup.start, "trans", rest=fixed, draws=500)
-    recording = recorded_posterior(p, "trans", setup.body, setup.views, setup.start)
-    assert recording is not None
-    views = recording.data["views"]
-    assert [view["held_out"] for view in views].count(False) == 1
-    assert len(views) == 4
-    for view, one in zip(setup.views, views, strict=True):
-        assert one["focal"] == pytest.approx(setup.start[view.camera.focal.name])

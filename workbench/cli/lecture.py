@@ -51,13 +51,10 @@ def list_(
     for title in ("", "lecture", "minutes", "points", "minutes of exercises"):
         table.add_column(title, justify="left" if title == "lecture" else "right")
     for one in (*outline(), *map(own_lecture, folders or ())):
-        if one.there:
-            points = str(sum(check.points for check in one.checks))
-            said = f"[bold]{escape(one.title)}[/]\n[dim]{escape(one.question)}[/]"
-            needed = f"about {one.exercise_minutes}" if one.exercise_minutes else ""
-            table.add_row(str(one.number), said, str(one.minutes), points, needed)
-        else:
-            table.add_row(str(one.number), f"{escape(one.title)} [dim](to come)[/]", "", "", "")
+        points = str(sum(check.points for check in one.checks))
+        said = f"[bold]{escape(one.title)}[/]\n[dim]{escape(one.question)}[/]"
+        needed = f"about {one.exercise_minutes}" if one.exercise_minutes else ""
+        table.add_row(str(one.number), said, str(one.minutes), points, needed)
     console = Console()
     console.print(table, highlight=False)
     told = "`workbench lecture show N` says which exercises a pack holds, with points of their own"
@@ -205,7 +202,7 @@ def notebooks(folder: Folder) -> None:
     No file there is overwritten.
     """
     console = Console()
-    paths = {folder / f"{one.folder_name}.ipynb": one for one in outline() if one.there}
+    paths = {folder / f"{one.folder_name}.ipynb": one for one in outline()}
     for path in paths:
         if path.exists():
             raise BadFile(f"{path} exists already, perhaps with somebody's work; name a new folder")

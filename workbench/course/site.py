@@ -130,7 +130,7 @@ def write_course_pages(pages: Path, files: Path, tell: Tell) -> None:
     """
     pages.mkdir(parents=True, exist_ok=True)
     files.mkdir(parents=True, exist_ok=True)
-    there = [one for one in course() if one.there]
+    there = list(course())
     for one in there:
         tell(f"running lecture {one.number}, {one.title}")
         _write_lecture(one, pages, files)
@@ -158,9 +158,7 @@ def _index(there: list[Lecture]) -> str:
     rows = [
         f"| {one.number} | [{one.title}]({one.folder_name}.ipynb)<br>{one.question} "
         f"| {one.minutes} | {sum(check.points for check in one.checks)} |"
-        if one.there
-        else f"| {one.number} | {one.title} (to come) | | |"
-        for one in course()
+        for one in there
     ]
     names = [one.folder_name for one in there]
     return (

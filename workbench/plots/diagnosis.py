@@ -292,32 +292,21 @@ def plot_measurement_ranking(found: MeasurementDesign, *, ax: Axes) -> Axes:
         at = [i for i, one in enumerate(shown) if known[i] and (one.name in found.chosen) == chosen]
         label = "chosen" if chosen else "not chosen"
         ax.plot([shown[i].sd for i in at], y[at], marker, color=colour, markersize=5, label=label)
-    low, high = _range(found, [one.sd for one in shown])
+    sds = np.array([found.before.sd, *(one.sd for one in shown)])
+    sds = sds[np.isfinite(sds) & (sds > 0)]
+    low, high = (float(sds.min() / 1.15), float(sds.max() * 1.15)) if sds.size else (0.1, 1.0)
     for i in np.flatnonzero(~np.array(known)):
         ax.text(high, y[i], "undetermined", ha="right", va="center", color=VERMILLION, fontsize=8)
     if np.isfinite(found.before.sd):
         ax.axvline(found.before.sd, color=FAINT, linestyle="--", linewidth=1.0, label="before")
     ax.set_yticks(y, [plain(shortened(one.name, LETTERS)) for one in shown])
     ax.set_ylim(-0.7, len(shown) - 0.3)
-    _logarithmic(found, ax, low, high)
+    ax.set(xscale="log", xlim=(low, high))
+    decades(ax.xaxis, low, high)
+    ax.set_xlabel(f"expected standard deviation ({plain(found.unit)})")
     ax.grid(axis="x", color=FAINT, alpha=0.25, linewidth=0.6)
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, 1.0 + 1.1 / len(shown)), ncols=3)
     return ax
-
-
-def _range(found: MeasurementDesign, sds: list[float]) -> tuple[float, float]:
-    all_of = np.array([found.before.sd, *sds])
-    all_of = all_of[np.isfinite(all_of) & (all_of > 0)]
-    if not all_of.size:
-        return 0.1, 1.0
-    return float(all_of.min() / 1.15), float(all_of.max() * 1.15)
-
-
-def _logarithmic(found: MeasurementDesign, ax: Axes, low: float, high: float) -> None:
-    ax.set_xscale("log")
-    ax.set_xlim(low, high)
-    decades(ax.xaxis, low, high)
-    ax.set_xlabel(f"expected standard deviation ({plain(found.unit)})")
 
 
 def caption_measurement_ranking(found: MeasurementDesign) -> str:

@@ -1,4 +1,4 @@
-"""What cameras saw: bodies over images, and strips of frames."""
+"""What cameras saw: bodies over images."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -7,7 +7,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.patches import Rectangle
 from matplotlib.transforms import ScaledTranslation
 
-from workbench.arrays import Array, Index
+from workbench.arrays import Array
 from workbench.experiments.running import Outcome, Overlay
 from workbench.fitting.keypoints import COUNTED, LEAST_CONFIDENCE, reprojection_errors
 from workbench.plots.body import painted
@@ -26,13 +26,7 @@ def plot_overlay(outcome: Outcome, view: int, *, ax: Axes, shape: float = 1.25) 
     All in pixels, v down, cropped to the person; `shape` is the crop's height over width.
     """
     faces = None if outcome.setup.body is None else outcome.setup.body.faces
-    return plot_body_in_view(outcome.overlays[view], faces, ax=ax, shape=shape)
-
-
-def plot_body_in_view(
-    overlay: Overlay, faces: Index | None, *, ax: Axes, shape: float = 1.25
-) -> Axes:
-    """A body in a view, by `plot_overlay`; `faces` (F, 3) are the triangles of its surface."""
+    overlay = outcome.overlays[view]
     seen = overlay.view.confidence > 0
     observed, projected = overlay.view.observed[seen], overlay.projected[seen]
     opacity = np.clip(overlay.view.confidence[seen], 0, 1)
