@@ -16,8 +16,8 @@ import scipy.linalg
 import workbench as wb
 from workbench.course import Picture, source
 from workbench.geometry.rotation import matrix_from_vector, nearest_rotation, rodrigues
+from workbench.lectures.material.replays import recorded_side_by_side
 from workbench.plots import house_style, sheet
-from workbench.reports.replay.sequences import recorded_side_by_side
 
 # %% [markdown]
 # ## Nine numbers

@@ -28,6 +28,7 @@ from workbench.course import Picture, source
 from workbench.geometry.solids import heat, volume
 from workbench.lectures.material.by_angle import plot_by_angle
 from workbench.lectures.material.limbs import Limb
+from workbench.lectures.material.replays import recorded_side_by_side
 from workbench.lectures.material.tubes import (
     linear_radius,
     tube,
@@ -36,7 +37,6 @@ from workbench.lectures.material.tubes import (
 )
 from workbench.plots import house_style, sheet
 from workbench.plots.body import Figurine, front, line_up
-from workbench.reports.replay.sequences import recorded_side_by_side
 from workbench.training.estimate import Sigmas
 from workbench.training.first_guess import Start
 

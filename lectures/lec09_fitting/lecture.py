@@ -17,9 +17,9 @@ from workbench.fitting.setup import View
 from workbench.geometry.camera import project, triangulate
 from workbench.geometry.rigid import procrustes
 from workbench.geometry.rotation import matrix_from_vector
+from workbench.lectures.material.replays import recorded_bodies
 from workbench.plots import house_style, sheet
 from workbench.plots.body import Figurine, front, line_up
-from workbench.reports.replay.sequences import recorded_bodies
 
 NOISE, POSE, BETAS = 0.005, 0.25, 1.0  # m, rad, 1: the sigmas of this lecture
 

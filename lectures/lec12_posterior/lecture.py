@@ -15,8 +15,8 @@ import numpy as np
 import workbench as wb
 from workbench.course import Picture, source
 from workbench.experiments import find
+from workbench.lectures.material.replays import recorded_bodies
 from workbench.plots import house_style, sheet
-from workbench.reports.replay.sequences import recorded_bodies
 from workbench.sampling import laplace, sample
 from workbench.sampling.mixing import integrated_time
 

@@ -22,6 +22,7 @@ from workbench.course import Picture, source
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 from workbench.geometry.solids import mesh_edges, volume
 from workbench.geometry.triangles import Stitching, edges, frames_on, gradients, soup
+from workbench.lectures.material.replays import recorded_side_by_side
 from workbench.lectures.material.variance import (
     additivity_gap,
     explained_by_triangles,
@@ -30,7 +31,6 @@ from workbench.lectures.material.variance import (
 )
 from workbench.plots import house_style, plot_stitching, sheet
 from workbench.plots.body import Figurine, front, line_up
-from workbench.reports.replay.sequences import recorded_side_by_side
 
 body = wb.load_body("small")
 faces, template = body.faces, body.template

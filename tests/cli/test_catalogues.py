@@ -68,12 +68,6 @@ def test_tables_of_verbs_are_whole_at_80_columns(
         assert "…" not in out, typed_
 
 
-def test_unknown_command_has_neighbours(workbench: Run) -> None:
-    code, _, err = workbench("diagnos")
-    assert code == 2
-    assert "diagnose" in err
-
-
 def test_solvers_lists_every_solver_with_what_it_can(workbench: Run) -> None:
     rows = [line.split() for line in workbench("solvers")[1].splitlines()]
     named: dict[str, list[str]] = {}
@@ -105,10 +99,3 @@ def test_info_says_which_arithmetic_is_active_and_why(tmp_path: Path) -> None:
     assert "1 in a run" in said
     for package in ("casadi 3.", "numpy ", "scipy ", "nlopt ", "emcee ", "python 3."):
         assert package in said
-
-
-def test_info_tells_of_the_body_that_is_asked_about(workbench: Run) -> None:
-    for name, vertices in (("small", 369), ("default", 1229)):
-        code, out, _ = workbench("info", "--body", name)
-        assert code == 0
-        assert f"{name} has {vertices} vertices" in " ".join(out.split())

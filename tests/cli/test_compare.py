@@ -28,14 +28,6 @@ def test_compare_takes_own_problems_and_own_solvers(workbench: Run) -> None:
     assert "mine" in page
 
 
-def test_compare_calls_a_lone_run_not_the_lowest(workbench: Run) -> None:
-    Path("line.py").write_text(LINE)
-    code, out, err = workbench("compare", "line.py", "--solver", "gauss-newton")
-    assert code == 0, err
-    assert "1/1" not in out
-    assert "There is nothing to compare" in out
-
-
 SLOW = (
     LINE
     + """

@@ -2,10 +2,6 @@
 
 import csv
 import json
-import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -109,58 +105,6 @@ def test_interrupted_mean_leaves_the_report(
     with pytest.raises(Interrupted, match=r"report is written, but mean\.npz is not"):
         fit(str(file), *OPTIONS, "--mean", "--out", str(tmp_path / "runs"))
     assert (tmp_path / "runs" / "frame0" / "index.html").exists()
-
-
-KILLED = """
-import sys
-from functools import partial
-import workbench.cli.fit as images
-from workbench.cli import main
-images.in_parts = partial(images.in_parts, count=1)
-sys.argv = ["workbench", "fit", *sys.argv[1:]]
-main()
-"""
-
-
-def test_killed_folder_goes_on_to_the_same_bits(tmp_path: Path) -> None:
-    images = tmp_path / "images"
-    images.mkdir()
-    written(images, 3)
-    assert fit(str(images), *OPTIONS, "--out", str(tmp_path / "whole")).exit_code == 0
-    out = tmp_path / "runs"
-    command = [sys.executable, "-c", KILLED, str(images), *OPTIONS, "--out", str(out)]
-    fits = out / "fit-images" / "fits"
-    for already in range(2):  # killed as soon as there is one more image
-        process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
-        while process.poll() is None and len(list(fits.glob("*.json"))) <= already:
-            time.sleep(0.01)
-        process.send_signal(signal.SIGKILL)
-        assert process.wait() == -signal.SIGKILL
-    told = fit(str(images), *OPTIONS, "--out", str(out))
-    assert told.exit_code == 0
-    assert " of 3 images are fitted already" in told.output
-    with (
-        np.load(out / "fit-images" / "poses.npz") as one,
-        np.load(tmp_path / "whole" / "fit-images" / "poses.npz") as two,
-    ):
-        assert {*one} == {*two}
-        for name in one:
-            np.testing.assert_array_equal(one[name], two[name])
-
-
-def test_a_cluster_fits_a_folder(tmp_path: Path) -> None:
-    distributed = pytest.importorskip("distributed")
-    images = tmp_path / "images"
-    images.mkdir()
-    written(images, 2)
-    with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
-    ) as cluster:
-        address = cluster.scheduler_address
-        told = fit(str(images), *OPTIONS, "--dask", address, "--out", str(tmp_path / "runs"))
-    assert told.exit_code == 0, told.output
-    with np.load(tmp_path / "runs" / "fit-images" / "poses.npz") as poses:
-        assert poses["pose"].shape == (2, 24, 3)
 
 
 def test_one_image_by_other_terms(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from workbench.course.showing import Picture, Source
 from workbench.errors import BadFile
 from workbench.lectures.outline import COURSE
 
-THERE = [one for one in COURSE if one.there]
+THERE = COURSE
 IN_BROWSERS = 8  # lectures 1 to 8 also run there
 MOVING = (2, 4, 7, 8, 9, 11, 12, 14)  # lectures with a figure that answers to the hand
 HEAVIEST = 700_000  # bytes of such a figure

@@ -18,26 +18,10 @@ Array = np.ndarray
 EYE = np.eye(3)
 
 
-def series(w: Array) -> Array:
-    t, W = np.linalg.norm(w), np.cross(np.eye(3), w)
-    a, b = np.sin(t) / t, (1 - np.cos(t)) / t**2
-    if t < 1e-4:
-        a, b = 1 - t**2 / 6, 0.5 - t**2 / 24
-    return np.eye(3) + a * W + b * W @ W
-
-
 def by_tangent(A: Array, B: Array) -> float:
     R = A.T @ B
     v = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
     return np.arctan2(np.linalg.norm(v), np.trace(R) - 1)
-
-
-def five_points(f, x: Array) -> list[list[float]]:
-    h, columns = 1e-3, []
-    for d in h * np.eye(len(x)):
-        near, far = f(x + d) - f(x - d), f(x + 2 * d) - f(x - 2 * d)
-        columns.append((8 * near - far) / (12 * h))
-    return np.transpose(columns).tolist()
 
 
 def by_qr(e: Array, J: Array) -> Array:
@@ -45,41 +29,8 @@ def by_qr(e: Array, J: Array) -> Array:
     return scipy.linalg.solve_triangular(R, -Q.T @ e)
 
 
-def point_by_point(points: Array, motions: Array, weights: Array) -> list[Array]:
-    return [
-        sum(w * (G[:, :3] @ p + G[:, 3]) for w, G in zip(row, motions, strict=True))
-        for p, row in zip(points, weights, strict=True)
-    ]
-
-
 def by_normal_equations(e: Array, J: Array, damping: float) -> Array:
     return np.linalg.solve(J.T @ J + damping * np.eye(J.shape[1]), -J.T @ e)
-
-
-def halved(newton: Array, cauchy: Array, radius: float) -> Array:
-    def at(s: float) -> Array:
-        return s * cauchy if s <= 1 else cauchy + (s - 1) * (newton - cauchy)
-
-    if np.linalg.norm(newton) <= radius:
-        return newton
-    return at(scipy.optimize.brentq(lambda s: np.linalg.norm(at(s)) - radius, 0, 2, xtol=1e-14))
-
-
-def row_by_row(times: Array) -> list:
-    return [[t / min(row) if np.isfinite(t) else np.inf for t in row] for row in times]
-
-
-def by_counting(times: Array, alphas: Array) -> list:
-    ratio = np.array(row_by_row(times))
-    return [[sum(r <= a for r in column) / len(column) for column in ratio.T] for a in alphas]
-
-
-def by_stats(successes: int, trials: int) -> list[float]:
-    return list(scipy.stats.binomtest(successes, trials).proportion_ci(method="wilson"))
-
-
-def by_inverse(J: Array) -> Array:
-    return np.sqrt(np.diag(np.linalg.inv(J.T @ J)))
 
 
 def by_halves(log_p, start: Array, count: int) -> Array:
@@ -125,18 +76,12 @@ def by_scipys_densities(
 
 
 WAYS = {
-    2: {"hat": lambda w: np.cross(np.eye(3), w), "rodrigues": series, "angle_between": by_tangent},
+    2: {"hat": lambda w: np.cross(np.eye(3), w), "angle_between": by_tangent},
     3: {"inverse": np.linalg.inv, "turned_body": lambda v, p, R: [R @ (x - p) + p for x in v]},
-    4: {
-        "blend": point_by_point,
-        "radius_left": lambda w, a: abs(1 - w + w * np.exp(1j * a)),
-        "volume_lost": lambda A, zone, a: A * zone * (1 - np.cos(a)) / 3,
-    },
-    6: {"gradient": lambda e, J: 2 * e @ J, "numeric_jacobian": five_points},
-    7: {"damped_step": by_normal_equations, "dogleg_step": halved},
+    4: {"radius_left": lambda w, a: abs(1 - w + w * np.exp(1j * a))},
+    7: {"damped_step": by_normal_equations},
     8: {"rank": np.linalg.matrix_rank, "null_space": scipy.linalg.null_space},
-    11: {"profile": by_counting, "wilson": by_stats},
-    12: {"deviations": by_inverse, "draw": by_halves},
+    12: {"draw": by_halves},
     15: {"icp_step": by_brute_force, "distance_gradient": by_casadi},
     16: {"mixture_costs": by_scipys_densities},
 }

@@ -38,17 +38,6 @@ def test_diagnosis_page_text_and_data_agree(case: Any, tmp_path: Path) -> None:
     assert "http" not in html.replace("http://www.w3.org", "")  # nothing is fetched
 
 
-@pytest.mark.thorough
-def test_diagnosis_page_compares_two(tmp_path: Path) -> None:
-    problem, values = cases.joints_only()
-    first, second = diagnose(problem, values), diagnose(problem.freeing("pose"), values)
-    page = write_diagnosis(first, tmp_path / "d", title="two", against=second)
-    assert 'id="comparison"' in page.read_text(encoding="utf-8")
-    data = json.loads((page.parent / "diagnosis.json").read_text(encoding="utf-8"))
-    assert data["second"]["shape"] == [72, 72]
-    assert "COMPARISON" in (page.parent / "diagnosis.txt").read_text(encoding="utf-8")
-
-
 def _escaped(text: str) -> str:
     return str(markupsafe.escape(text))
 

@@ -29,10 +29,7 @@ WARNED = 1  # the exit code of `check` if there are warnings
 HEAD = ("key", "shape and type", "what becomes of it")
 
 
-def card(
-    name: Name = "default",
-    out: Out = Path("runs"),
-) -> None:
+def card(name: Name = "default", out: Out = Path("runs")) -> None:
     """Print a body's model card, and write its page, with figures."""
     console = Console()
     model = load_body(name)

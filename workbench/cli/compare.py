@@ -1,6 +1,5 @@
 """`workbench compare` and `workbench solvers`."""
 
-from collections import Counter
 from math import isnan
 from pathlib import Path
 from typing import Annotated
@@ -11,12 +10,7 @@ from rich.markup import escape
 
 from workbench import comparison
 from workbench.cli import interrupts_say
-from workbench.cli.console import (
-    Bars,
-    print_page,
-    say,
-    solver_table,
-)
+from workbench.cli.console import Bars, print_page, say, solver_table
 from workbench.cli.options import Dask, Workers, executing
 from workbench.cli.run import Setting, settings
 from workbench.comparison.advice import advice, prices_sentence
@@ -41,20 +35,9 @@ Names = Annotated[
 ]
 Limits = comparison.Budget()
 KEY = (
-    "elsewhere: ended in a basin of higher cost; no minimum: at a saddle, where it falls for "
-    "ever, or insensitive to unknowns; false claims: called converged where the point is not "
-    "stationary. Effort is the median over starts, and then over problems; ∞ where half of the "
-    "starts or more failed, of half of the problems or more."
+    "Effort is the median over starts, and then over problems; ∞ where half of the starts or more "
+    "failed, of half of the problems or more. The page says how the other runs ended."
 )
-TOLD = {  # what the columns of the table count, beside ends at the lowest cost
-    "elsewhere": (TargetOutcome.OTHER_BASIN,),
-    "no minimum": (
-        TargetOutcome.SADDLE,
-        TargetOutcome.NO_FINITE_MINIMUM,
-        TargetOutcome.INSENSITIVE,
-    ),
-    "false claims": (TargetOutcome.FALSE_CLAIM,),
-}
 
 
 def compare(
@@ -62,9 +45,7 @@ def compare(
     solver: Annotated[
         list[str] | None,
         typer.Option(
-            "--solver",
-            help="A solver (`solvers` lists them), or a Python file that defines some; may be "
-            "repeated.",
+            "--solver", help="A solver, or a Python file that defines some; may be repeated."
         ),
     ] = None,
     setting: Setting = None,
@@ -74,10 +55,7 @@ def compare(
     workers: Workers = 1,
     dask: Dask = None,
     max_evaluations: Annotated[
-        int,
-        typer.Option(
-            help="Limit of each run on residuals, gradients, Jacobians and Hessians together."
-        ),
+        int, typer.Option(help="Limit of each run on evaluations of all kinds together.")
     ] = Limits.max_evaluations,
     max_seconds: Annotated[
         float, typer.Option(help="Limit of each run, in seconds.")
@@ -121,23 +99,17 @@ def compare(
 
 def _table(found: comparison.Comparison) -> Table:
     """The success of each solver by counts alone, to fit a terminal; the page has intervals."""
-    head = (f"met {tau_text(MAIN)}", "lowest", "effort", *TOLD, "failed")
-    runs, rows = found.comparable, []
-    for solver in found.solvers:
-        counts = Counter(found.outcomes[i.name, solver] for i in runs)
+    runs = found.comparable
+
+    def cells(solver: str) -> tuple[str, ...]:
         met = sum(found.solved(i.name, solver, MAIN) for i in runs)
-        reached, effort = counts[TargetOutcome.REACHED], found.effort(solver, MAIN).value
-        others = [sum(counts[outcome] for outcome in some) for some in TOLD.values()]
-        failed = len(runs) - reached - sum(others)
-        shares = (
-            f"{met}/{len(runs)}",
-            f"{reached}/{len(runs)}",
-            "unknown" if isnan(effort) else number(effort),
-        )
-        cells = *shares, *map(str, others), str(failed)
-        rows.append((solver, *(cells if runs else ("–",) * len(head))))
-    broken = (name.replace(" ", "\n") for name in head)  # so that 80 letters hold all columns
-    return Table(("solver", *broken), tuple(rows), tuple(range(1, len(head) + 1)))
+        lowest = sum(found.outcomes[i.name, solver] is TargetOutcome.REACHED for i in runs)
+        effort = found.effort(solver, MAIN).value
+        shares = (f"{count}/{len(runs)}" if runs else "–" for count in (met, lowest))
+        return solver, *shares, "unknown" if isnan(effort) else number(effort)
+
+    head = ("solver", f"met {tau_text(MAIN)}", "lowest cost", "effort")
+    return Table(head, tuple(map(cells, found.solvers)), (1, 2, 3))
 
 
 ASKED = {
@@ -150,11 +122,9 @@ BOUNDS = {Boxes.UNKNOWN: "no", Boxes.TAKEN: "yes", Boxes.NEEDED: "needed"}
 
 
 def solvers(
-    nlopt: bool = typer.Option(
-        False, help="List the algorithms of NLopt instead, by NLopt's own names."
-    ),
+    nlopt: bool = typer.Option(False, help="List the algorithms of NLopt instead."),
     problem: str | None = typer.Option(
-        None, "--for", help="Recommend solvers for an experiment or a Python file, with reasons."
+        None, "--for", help="Recommend solvers for a problem, with reasons."
     ),
 ) -> None:
     """List the solvers: derivatives, bounds, constraints, kind of search, first step, and sources.

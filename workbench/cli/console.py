@@ -1,7 +1,7 @@
 """What a command prints: notes, tables, pages written, progress by parts, a waiting line."""
 
 from collections.abc import Collection, Iterable
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager
 from math import inf
 from pathlib import Path
 from typing import Annotated
@@ -12,7 +12,6 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table as RichTable
 
-from workbench.environment import in_browser
 from workbench.errors import BadArgument, BadFile, WorkbenchError, listed, some_of
 from workbench.geometry.guesses import UP_TO_Y
 from workbench.reports.folder import refuse_foreign
@@ -108,8 +107,8 @@ def say_notes(console: Console, notes: Iterable[str]) -> None:
         say(console, f"[dim]{escape(note)}[/]")
 
 
-def print_page(console: Console, kind: str, page: Path) -> None:
-    """Say where something of a kind (report, card, body) was written."""
+def print_page(console: Console, kind: str, page: Path | str) -> None:
+    """Say where something of a kind (report, card, body) was written, or what to type."""
     console.print(f"{kind}: [bold]{escape(str(page))}[/]", soft_wrap=True)
 
 
@@ -173,11 +172,5 @@ class Bars:
 
 
 def waiting(text: str) -> AbstractContextManager[object]:
-    """Show a line on stderr as long as the context lasts; in a browser, where no thread could move
-    it, it is printed.
-    """
-    console = Console(stderr=True)
-    if in_browser():
-        console.print(text, style="dim")
-        return nullcontext()
-    return console.status(text)
+    """Show a line on stderr as long as the context lasts."""
+    return Console(stderr=True).status(text)

@@ -17,7 +17,17 @@ from workbench.cli.console import (
     warn_unused,
     warn_without_effect,
 )
-from workbench.cli.run import Name, Out, Setting, SolverName, settings, solved, solver_named
+from workbench.cli.run import (
+    Name,
+    Out,
+    Setting,
+    SolverName,
+    begun,
+    built,
+    settings,
+    solved,
+    solver_named,
+)
 from workbench.diagnostics.design import CRITERIA
 from workbench.errors import BadArgument, check_known
 from workbench.experiments import Experiment, find
@@ -39,10 +49,7 @@ def diagnose(
     name: Name = "balance",
     setting: Setting = None,
     against: Annotated[
-        str | None,
-        typer.Option(
-            help="A second experiment or file to compare with; --set applies to the first."
-        ),
+        str | None, typer.Option(help="A second experiment or file to compare with.")
     ] = None,
     at_start: Annotated[
         bool, typer.Option("--at-start", help="Diagnose at the start instead of at the solution.")
@@ -51,19 +58,11 @@ def diagnose(
         bool, typer.Option("--data-alone", help="Leave the priors out of the Jacobian.")
     ] = False,
     draws: Annotated[
-        int,
-        typer.Option(
-            min=0,
-            help="Diagnose at so many draws of the priors too, and say how often each direction "
-            "is null.",
-        ),
+        int, typer.Option(min=0, help="Diagnose at so many draws of the priors too.")
     ] = 0,
     profile: Annotated[
         list[str] | None,
-        typer.Option(
-            help="Follow the lowest cost as this entry is held away from its value, such as "
-            "betas[0] or pose[left_knee, x]; may be repeated."
-        ),
+        typer.Option(help="Follow the lowest cost along this entry, such as betas[0]."),
     ] = None,
     minima: Annotated[
         int,
@@ -132,8 +131,7 @@ def _diagnosed(
     console: Console, experiment: Experiment, solver: Solver | None, data_alone: bool
 ) -> tuple[diagnostics.Diagnosis | diagnostics.SequenceDiagnosis, Setup]:
     """At the end of the solver, or at the start if there is none."""
-    console.print(f"[dim]building {escape(experiment.name)}[/]")
-    setup = experiment.setup()
+    setup = built(console, experiment)
     if data_alone:
         _mind_priors(console, experiment, setup)
     values = setup.start if solver is None else solved(console, setup, solver)
@@ -188,11 +186,7 @@ def design(
     ] = None,
     choose: Annotated[int, typer.Option(help="How many candidates to choose.")] = 1,
     criterion: Annotated[
-        str,
-        typer.Option(
-            help="What should become small: d (the volume of all uncertainty), a (the mean "
-            "variance) or e (the worst direction)."
-        ),
+        str, typer.Option(help="To be small: d (volume), a (mean variance) or e (worst direction).")
     ] = "d",
     sd_of: Annotated[
         str | None,
@@ -225,11 +219,8 @@ def design(
         check_known("list of candidates", candidates, CANDIDATES)
     if sd_of is not None and over:
         raise BadArgument("--over goes with --criterion; --sd-of says itself what matters")
-    experiment = find(name, settings(setting))
     by = solver_named(solver)
-    folder = folder_to_write(out, f"{experiment.name}-design", experiment.source)
-    console.print(f"[dim]building {escape(experiment.name)}[/]")
-    setup = experiment.setup()
+    experiment, setup, folder = begun(console, name, setting, out, "design")
     values = solved(console, setup, by)
     known = candidates or (OWN if setup.candidates else "cameras")
     given = CANDIDATES[known](setup, values)

@@ -34,12 +34,7 @@ from workbench.cli.run import Compare, LiveTrace, Out, carry_out, solver_named
 from workbench.environment import expanded
 from workbench.errors import BadArgument, BadFile, NotSupported
 from workbench.experiments import Experiment
-from workbench.fitting.body_priors import (
-    apart_prior,
-    checked_height,
-    mixture_prior,
-    pose_prior,
-)
+from workbench.fitting.body_priors import apart_prior, checked_height, mixture_prior, pose_prior
 from workbench.fitting.doubts import doubts
 from workbench.fitting.files.clips import read_clip
 from workbench.fitting.images import (
@@ -141,11 +136,7 @@ def fit(
         ),
     ] = None,
     camera_to_world: Annotated[
-        bool,
-        typer.Option(
-            "--camera-to-world",
-            help="The extrinsics of --cameras are poses of the cameras, camera to world.",
-        ),
+        bool, typer.Option("--camera-to-world", help="--cameras holds poses, camera to world.")
     ] = False,
     size: Annotated[str | None, typer.Option(help="The image's size, WIDTHxHEIGHT in px.")] = None,
     focal: Annotated[
@@ -176,22 +167,16 @@ def fit(
     mean: Annotated[
         bool,
         typer.Option(
-            "--mean",
-            help="Also write the mean of the posterior of keypoints, which on average is nearer to "
-            "the truth than the likeliest body.",
+            "--mean", help="Also write the posterior's mean, nearer to the truth on average."
         ),
     ] = False,
     video: Annotated[
-        bool,
-        typer.Option(
-            help="FILES is a clip: a folder with a file for each frame, or such a folder for each "
-            "camera."
-        ),
+        bool, typer.Option(help="FILES is a clip: a folder with a file for each frame.")
     ] = False,
     fps: Annotated[
         float | None,
         typer.Option(
-            callback=above_zero, help=f"Frames per second of a clip (else {FPS:g}) or markers."
+            callback=above_zero, help=f"Frames a second of a clip or markers, else {FPS:g}."
         ),
     ] = None,
     tissue: Annotated[
@@ -208,34 +193,25 @@ def fit(
     marker_height: Annotated[
         float | None,
         typer.Option(
-            callback=below_the_highest,
-            help="Height of the centres of markers above the skin in m, such as 0.007; "
-            f"{OUT:g} if not given.",
+            callback=below_the_highest, help=f"Height of markers above the skin in m, else {OUT:g}."
         ),
     ] = None,
     across: Annotated[
         float | None,
         typer.Option(
             callback=below_the_highest,
-            help="Standard deviation of this height in m, such as 0.001: places of markers are "
-            "then uncertain along the skin only.",
+            help="Standard deviation of this height in m, such as 0.001.",
         ),
     ] = None,
     body: Annotated[str, typer.Option(help="An embedded body, or a file of your own.")] = "default",
     sigma: Annotated[
         float | None,
-        typer.Option(
-            callback=above_zero,
-            help="Standard deviation of the data; else of keypoints 4 px for a person of 750 px "
-            "in an image of 1000 px, in proportion; 0.002 m in space.",
-        ),
+        typer.Option(callback=above_zero, help="Standard deviation of the data, in px or m."),
     ] = None,
     solver: Annotated[
         str | None,
         typer.Option(
-            "--solver",
-            help=f"A solver (`solvers` lists them); else {DEFAULT}, and for one image "
-            "levenberg-marquardt.",
+            "--solver", help=f"A solver; else {DEFAULT}, or levenberg-marquardt for one image."
         ),
     ] = None,
     compare: Compare = False,
@@ -316,13 +292,7 @@ def of_keypoints(
     )
     if len(files) > 1:
         return keypoint_fit(
-            observed,
-            body,
-            question,
-            sigma=sigma,
-            kernel=None,
-            relative=as_marked,
-            compared=MANY,
+            observed, body, question, sigma=sigma, kernel=None, relative=as_marked, compared=MANY
         )
     return image_fit(
         observed,

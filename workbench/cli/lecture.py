@@ -36,10 +36,7 @@ Folder = Annotated[
     Path, typer.Argument(help="Folder to write to; it is made if it does not exist.")
 ]
 Number = Annotated[
-    str,
-    typer.Argument(
-        help="The number of a lecture, which `list` names, or the folder of a lecture of your own."
-    ),
+    str, typer.Argument(help="The number of a lecture, or the folder of one of your own.")
 ]
 
 
@@ -54,13 +51,10 @@ def list_(
     for title in ("", "lecture", "minutes", "points", "minutes of exercises"):
         table.add_column(title, justify="left" if title == "lecture" else "right")
     for one in (*outline(), *map(own_lecture, folders or ())):
-        if one.there:
-            points = str(sum(check.points for check in one.checks))
-            said = f"[bold]{escape(one.title)}[/]\n[dim]{escape(one.question)}[/]"
-            needed = f"about {one.exercise_minutes}" if one.exercise_minutes else ""
-            table.add_row(str(one.number), said, str(one.minutes), points, needed)
-        else:
-            table.add_row(str(one.number), f"{escape(one.title)} [dim](to come)[/]", "", "", "")
+        points = str(sum(check.points for check in one.checks))
+        said = f"[bold]{escape(one.title)}[/]\n[dim]{escape(one.question)}[/]"
+        needed = f"about {one.exercise_minutes}" if one.exercise_minutes else ""
+        table.add_row(str(one.number), said, str(one.minutes), points, needed)
     console = Console()
     console.print(table, highlight=False)
     told = "`workbench lecture show N` says which exercises a pack holds, with points of their own"
@@ -172,9 +166,7 @@ def check(
     files: Annotated[
         list[Path] | None,
         typer.Argument(
-            metavar="FILE",
-            help="Files with answers, or folders that contain them; by default the lecture's file "
-            "in this folder.",
+            metavar="FILE", help="Files with answers, or their folders; else the one here."
         ),
     ] = None,
     seconds: Annotated[
@@ -184,8 +176,7 @@ def check(
 ) -> None:
     """Check answers, and print points and hints.
 
-    Each file runs in its own process; in a browser, in the process that checks. Exits with 1
-    unless every check passed.
+    Each file runs in its own process. Exits with 1 unless every check passed.
     """
     limits, one, console = ProcessLimits(seconds), lecture_named(number), Console()
     paths = [
@@ -211,7 +202,7 @@ def notebooks(folder: Folder) -> None:
     No file there is overwritten.
     """
     console = Console()
-    paths = {folder / f"{one.folder_name}.ipynb": one for one in outline() if one.there}
+    paths = {folder / f"{one.folder_name}.ipynb": one for one in outline()}
     for path in paths:
         if path.exists():
             raise BadFile(f"{path} exists already, perhaps with somebody's work; name a new folder")
@@ -293,8 +284,6 @@ def print_grade(console: Console, found: Grade) -> None:
             table.add_row("[dim]  printed[/]", f"[dim]{escape(printed)}[/]")
     console.print(table, highlight=False)
     console.print(f"[bold]{found.points} of {counted(found.of, 'point')}[/]\n", highlight=False)
-    if found.note:
-        say(console, found.note)
 
 
 def _state(mark: CheckResult) -> str:

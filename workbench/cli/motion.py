@@ -25,12 +25,7 @@ from workbench.cli.console import (
     warn_unused,
     warn_without_effect,
 )
-from workbench.conversion import (
-    PointFit,
-    correspond,
-    motion_from_points,
-    motion_from_skeleton,
-)
+from workbench.conversion import PointFit, correspond, motion_from_points, motion_from_skeleton
 from workbench.conversion.converting import doubts_of, skeleton_errors
 from workbench.conversion.points_in_space import SIGMA
 from workbench.environment import expanded
@@ -43,22 +38,10 @@ from workbench.fitting.marker_files import (
     write_markers,
 )
 from workbench.geometry.guesses import UNITS, sizes_of
-from workbench.motions import (
-    Motion,
-    load_tissue,
-    read_motion,
-    save_motion,
-    write_bvh,
-    write_glb,
-)
+from workbench.motions import Motion, load_tissue, read_motion, save_motion, write_bvh, write_glb
 from workbench.motions.skeleton_names import renamed
 from workbench.motions.smpl_files import LAYOUTS
-from workbench.motions.soft_tissue import (
-    betas_with_tissue,
-    displaced_by,
-    with_dmpls,
-    with_tissue,
-)
+from workbench.motions.soft_tissue import betas_with_tissue, displaced_by, with_dmpls, with_tissue
 from workbench.reports.page import Table
 from workbench.reports.replays import motion_page
 
@@ -83,10 +66,7 @@ def motion(
     ],
     out: Annotated[
         Path | None,
-        typer.Option(
-            help="Write it to this file: a motion as .bvh, .npz, .smpl or .glb, markers as .trc or "
-            ".npz."
-        ),
+        typer.Option(help="Write a motion as .bvh, .npz, .smpl or .glb, markers as .trc or .npz."),
     ] = None,
     fps: Annotated[
         float | None,
@@ -94,10 +74,7 @@ def motion(
     ] = None,
     rate: Annotated[
         float | None,
-        typer.Option(
-            callback=above_zero,
-            help="Frames a second of a motion whose file does not say it, or says wrong.",
-        ),
+        typer.Option(callback=above_zero, help="Frames a second, if the file lacks it."),
     ] = None,
     layout: Annotated[
         str,
@@ -124,17 +101,11 @@ def motion(
         ),
     ] = None,
     tissue: Annotated[
-        bool,
-        typer.Option(
-            "--tissue", help="Let soft tissue follow on --page or in a .glb; it is simulated."
-        ),
+        bool, typer.Option("--tissue", help="Simulate soft tissue on --page or in a .glb.")
     ] = False,
     dmpls: Annotated[
         Path | None,
-        typer.Option(
-            help="DMPL's directions (dmpls/GENDER/model.npz), by which a motion of AMASS moves the "
-            "soft tissue of --body."
-        ),
+        typer.Option(help="DMPL's model.npz, for the dmpls of a motion of AMASS on --body."),
     ] = None,
     unit: Annotated[
         str | None,
@@ -328,20 +299,13 @@ def convert(
         ),
     ],
     out: Annotated[
-        Path | None,
-        typer.Option(
-            help="The motion of the other body: .npz, .bvh or .glb; FILE-BODY.npz if not given."
-        ),
+        Path | None, typer.Option(help="A .npz, .bvh or .glb; else FILE-BODY.npz.")
     ] = None,
     to: Annotated[
         str, typer.Option(help=f"The body that it becomes a motion of ({KNOWN}).")
     ] = "default",
     source: Annotated[
-        str | None,
-        typer.Option(
-            "--from",
-            help="The body that the motion is one of; without it a skeleton's joints are fitted.",
-        ),
+        str | None, typer.Option("--from", help="The motion's own body; else a skeleton is fitted.")
     ] = None,
     names: Annotated[
         Path | None,
@@ -351,21 +315,14 @@ def convert(
         ),
     ] = None,
     points: Annotated[
-        str | None,
-        typer.Option(
-            help="What the named points are: joints, a landmark set such as coco, or hand; "
-            "otherwise whichever has most of the names."
-        ),
+        str | None, typer.Option(help="What named points are: joints, hand, or a set such as coco.")
     ] = None,
     sigma: Annotated[
         float, typer.Option(help="Standard deviation of the named points in mm.")
     ] = 1e3 * SIGMA,
     rate: Annotated[
         float | None,
-        typer.Option(
-            callback=above_zero,
-            help="Frames a second, where the file does not say it, or says wrong.",
-        ),
+        typer.Option(callback=above_zero, help="Frames a second, if the file lacks it."),
     ] = None,
     unit: Annotated[
         str | None, typer.Option(help=f"Unit of the points ({', '.join(UNITS)}).")

@@ -16,25 +16,11 @@ from workbench.training.execution import Executor, Processes, by_backend
 
 Fit = Annotated[
     Path | None,
-    typer.Option(
-        "--from",
-        help="A fit, for its pose and betas: the folder of a run, of a registration or of a clip, "
-        "or an .npz.",
-    ),
+    typer.Option("--from", help="Take pose and betas of a fit: its folder, or an .npz."),
 ]
 Frame = Annotated[int, typer.Option(help="Which frame of --from, where the fit has several.")]
-Workers = Annotated[
-    int,
-    typer.Option(
-        callback=at_least_one, help="Number of processes; the result does not depend on it."
-    ),
-]
-Dask = Annotated[
-    str | None,
-    typer.Option(
-        help="Work on the workers of this Dask scheduler, which read files at the same paths."
-    ),
-]
+Workers = Annotated[int, typer.Option(callback=at_least_one, help="Number of processes.")]
+Dask = Annotated[str | None, typer.Option(help="Work on the workers of this Dask scheduler.")]
 
 
 @contextmanager

@@ -109,20 +109,13 @@ def register(
         int, typer.Option(help="Number of points that are used of a larger scan, at random.")
     ] = MOST,
     boundary: Annotated[
-        float,
-        typer.Option(
-            help="Leave out points within so many metres of a scan's boundary; 0.02 suits a Kinect."
-        ),
+        float, typer.Option(help="Leave out points within so many m of a scan's boundary.")
     ] = 0.0,
     model: Annotated[
         bool, typer.Option("--model-only", help="Fit the body and leave its vertices as they are.")
     ] = False,
     subjects: Annotated[
-        Path | None,
-        typer.Option(
-            help="Table (.csv): file, subject, and maybe gender and set; without it each scan is "
-            "of another person."
-        ),
+        Path | None, typer.Option(help="Table (.csv) of file and subject, maybe gender and set.")
     ] = None,
     workers: Workers = 1,
     dask: Dask = None,
@@ -317,17 +310,10 @@ def coregister(
         ),
     ] = None,
     edges: Annotated[
-        float,
-        typer.Option(
-            help="Sigma of the edges of a person's template beyond what betas explain, in m: a "
-            "larger one learns more detail and slides more."
-        ),
+        float, typer.Option(help="Sigma of a template's edges beyond what betas explain, in m.")
     ] = EDGES,
     betas: Annotated[
-        int,
-        typer.Option(
-            callback=at_least_one, help="Number of shape directions; at most one fewer than people."
-        ),
+        int, typer.Option(callback=at_least_one, help="Number of shape directions.")
     ] = 10,
     workers: Workers = 1,
     dask: Dask = None,

@@ -46,17 +46,11 @@ Name = Annotated[
 ]
 Setting = Annotated[
     list[str] | None,
-    typer.Option(
-        "--set",
-        help="An argument of the experiment, such as frame=60 or noise=0.001; may be repeated.",
-    ),
+    typer.Option("--set", help="An argument of it, such as noise=0.001; may be repeated."),
 ]
 Out = Annotated[Path, typer.Option(help="Folder in which the results get a folder.")]
 SolverName = Annotated[
-    str,
-    typer.Option(
-        "--solver", help="A solver (`solvers` lists them), or a Python file that defines one."
-    ),
+    str, typer.Option("--solver", help="A solver, or a Python file that defines one.")
 ]
 Compare = Annotated[
     bool,
@@ -123,6 +117,21 @@ def carry_out(
     if outcome.interrupted:
         raise Interrupted("interrupted; the report holds what was found until then")
     return outcome.values, folder
+
+
+def begun(
+    console: Console, name: str, setting: list[str] | None, out: Path, kind: str
+) -> tuple[Experiment, Setup, Path]:
+    """An experiment, its setup, and the folder of what a command of a kind writes about it."""
+    experiment = find(name, settings(setting))
+    folder = folder_to_write(out, f"{experiment.name}-{kind}", experiment.source)
+    return experiment, built(console, experiment), folder
+
+
+def built(console: Console, experiment: Experiment) -> Setup:
+    """The setup of an experiment; says that it is being built, which may take long."""
+    console.print(f"[dim]building {escape(experiment.name)}[/]", highlight=False)
+    return experiment.setup()
 
 
 def solved(console: Console, setup: Setup, solver: Solver) -> Values:
@@ -285,8 +294,7 @@ def live(
     """Move a body by hand, pick a solver, and watch its iterates come in; until Ctrl-C."""
     console = Console()
     experiment = find(name, settings(setting))
-    console.print(f"[dim]building {experiment.name}[/]", highlight=False)
-    setup = experiment.setup()
+    setup = built(console, experiment)
     try:
         server = live_server(experiment.name, setup, port)
     except OSError as error:

@@ -12,27 +12,13 @@ from rich.markup import escape
 from workbench import sampling
 from workbench.blocks.layout import entries
 from workbench.cli import Interrupted, interrupts_say
-from workbench.cli.console import (
-    Bars,
-    folder_to_write,
-    make_folder,
-    print_page,
-    rich_table,
-    say,
-    warn_of,
-)
-from workbench.cli.run import Name, Out, Setting, SolverName, settings, solved, solver_named
-from workbench.experiments import find
+from workbench.cli.console import Bars, make_folder, print_page, rich_table, say, warn_of
+from workbench.cli.run import Name, Out, Setting, SolverName, begun, solved, solver_named
 from workbench.fitting.measures import measured_in, person_of
 from workbench.fitting.setup import Setup
 from workbench.reports import write_posterior
 from workbench.reports.page import Table
-from workbench.reports.posterior import (
-    BlockPosterior,
-    anchors,
-    contradictions,
-    posterior_text,
-)
+from workbench.reports.posterior import BlockPosterior, anchors, contradictions, posterior_text
 from workbench.solvers import DEFAULT
 
 ENDS = (0.05, 0.95)  # of a central interval of 90 %
@@ -51,11 +37,7 @@ def sample(
     ] = None,
     conditional: Annotated[
         bool,
-        typer.Option(
-            "--conditional",
-            help="Hold the other unknowns fixed, as if known exactly; otherwise they are sampled "
-            "too or integrated out.",
-        ),
+        typer.Option("--conditional", help="Hold the other unknowns fixed, as if known exactly."),
     ] = False,
     steps: Annotated[int, typer.Option(help="Largest number of steps of each walker.")] = 20_000,
     walkers: Annotated[int | None, typer.Option(help="Number of walkers in each ensemble.")] = None,
@@ -73,12 +55,9 @@ def sample(
     continues from them. The exit code is 1 if a block is not usable.
     """
     console = Console()
-    experiment = find(name, settings(setting))
-    folder = folder_to_write(out, f"{experiment.name}-posterior", experiment.source)
+    experiment, setup, folder = begun(console, name, setting, out, "posterior")
     kept = out / f"{experiment.name}-draws"
     make_folder(kept)
-    console.print(f"[dim]building {escape(experiment.name)}[/]")
-    setup = experiment.setup()
     at = solved(console, setup, solver_named(solver))
     problem = setup.problem
     rest = sampling.fixed if conditional else sampling.integrated

@@ -74,11 +74,7 @@ def train(
         str | None, typer.Option(help=f"Use registrations of one gender ({', '.join(GENDERS)}).")
     ] = None,
     held_out: Annotated[
-        Path | None,
-        typer.Option(
-            help="Folder with registrations of other people; the model card says how well the "
-            "body explains them."
-        ),
+        Path | None, typer.Option(help="Folder of other people, on whom the body is measured.")
     ] = None,
     betas: Annotated[
         int, typer.Option(callback=at_least_one, help="Number of shape directions.")
@@ -87,12 +83,7 @@ def train(
         int, typer.Option(callback=at_least_one, help="Number of rounds of the alternation.")
     ] = 2,
     reach: Annotated[
-        int,
-        typer.Option(
-            min=0,
-            help="Number of bones from a vertex to the furthest joint whose rotation "
-            "changes the skin there.",
-        ),
+        int, typer.Option(min=0, help="Number of bones between a vertex and joints that change it.")
     ] = REACH,
     blend_shapes: Annotated[
         bool,
@@ -261,11 +252,7 @@ def rig(
         "rigged.npz"
     ),
     rest: Annotated[
-        str | None,
-        typer.Option(
-            help="The mesh whose pose becomes the body's rest pose: a mesh file, or a body; else "
-            "the first mesh."
-        ),
+        str | None, typer.Option(help="A mesh, or a body, in the rest pose; else the first mesh.")
     ] = None,
     bones: Annotated[
         int | None,
@@ -273,10 +260,7 @@ def rig(
     ] = None,
     tolerance: Annotated[
         float | None,
-        typer.Option(
-            help="Error, rms in m, below which no further bone is looked for; else that of the "
-            "meshes' noise, and 0.0001 at least."
-        ),
+        typer.Option(help="Error, rms in m, below which no further bone is looked for."),
     ] = None,
     frames: Annotated[
         int, typer.Option(help="Learn from at most so many meshes, spread evenly.")

@@ -77,7 +77,6 @@ class Grade:
     trouble: str = ""  # why the file as a whole could not be read
     # what the file printed for each exercise, and under "" while it was loaded
     printed: dict[str, str] = field(default_factory=dict)
-    note: str = ""  # what has to be known of how it was graded, in whole sentences; usually nothing
 
     @property
     def points(self) -> int:
@@ -112,7 +111,6 @@ class Grade:
             "of": self.of,
             "passed": self.passed,
             "trouble": self.trouble,
-            "note": self.note,
             "exercises": [
                 {
                     "number": f"{self.lecture.number}.{k}",

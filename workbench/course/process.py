@@ -22,16 +22,9 @@ from typing import Any
 
 import workbench
 from workbench.course.checks import cut, error_in_words, legible, without_warnings
-from workbench.course.grading import (
-    CheckResult,
-    CheckState,
-    Grade,
-    grade_exercise,
-    unfit,
-)
+from workbench.course.grading import CheckResult, CheckState, Grade, grade_exercise, unfit
 from workbench.course.outline import Lecture, lecture_named
 from workbench.course.plain import answered, decode
-from workbench.environment import in_browser
 from workbench.errors import BadArgument, BadFile
 from workbench.processes import Channel, Started, TooLong, end_with_parent, signal_name
 
@@ -39,10 +32,6 @@ STARTING = 120.0  # s, for Python to start and import the workbench on a slow ma
 LARGEST = 4 * 2**20  # bytes of what is sent for an exercise: half a million numbers
 KEPT = 400  # characters of what was printed
 NO_ANSWER = "its process sent what is no answer"
-IN_THIS_PROCESS = (
-    "No other process can be started here, so the file ran in the one that grades it, without a "
-    "limit of time. Use this for learning; a grade that counts needs a machine with processes."
-)
 
 
 @dataclass(frozen=True)
@@ -78,8 +67,8 @@ def grade(lecture: Lecture, path: str | Path, limits: ProcessLimits | None = Non
     """Grade a file of answers by the checks of a lecture, in a process of its own.
 
     All answers to an exercise together may take `limits.seconds`. An exercise that takes longer, or
-    ends the process, fails; the others are answered by a new process. In a browser, where there are
-    no other processes, the file runs in this one, and the grade's note says so. Raises BadFile.
+    ends the process, fails; the others are answered by a new process. Raises
+    BadFile, and NoProcesses in a browser.
     """
     path = Path(path)
     if not path.is_file():
@@ -91,8 +80,7 @@ def grade(lecture: Lecture, path: str | Path, limits: ProcessLimits | None = Non
     results = [
         one for name in lecture.exercises for one in _results(lecture, name, sent.exercises[name])
     ]
-    note = IN_THIS_PROCESS if in_browser() else ""
-    return Grade(lecture, str(path), tuple(results), sent.trouble, sent.printed, note)
+    return Grade(lecture, str(path), tuple(results), sent.trouble, sent.printed)
 
 
 def _results(lecture: Lecture, name: str, sent: dict[str, Any] | str) -> list[CheckResult]:
@@ -122,7 +110,7 @@ def ask(
     found = Sent()
     while left := {name: data for name, data in exercises.items() if name not in found.exercises}:
         job = {"file": str(file.resolve()), "memory": limits.memory, **about, "exercises": left}
-        with (_Here if in_browser() else _Child)(job) as child:
+        with _Child(job) as child:
             try:
                 found.printed[""] = _loaded(child, limits.seconds)
             except ProcessEnded as ended:
@@ -143,7 +131,7 @@ def ask(
     return found
 
 
-def _loaded(child: "_Child | _Here", seconds: float) -> str:
+def _loaded(child: "_Child", seconds: float) -> str:
     """What the file printed while it was loaded.
 
     Raises BadFile if the process did not start, and ProcessEnded if the file could not be loaded.
@@ -205,28 +193,6 @@ class _Child:
         if code < 0:
             return f"its process was ended by {signal_name(code)}"
         return f"it ended the program, with exit code {code}"
-
-
-class _Here:
-    """This process in the place of another one, as in a browser; it ends no file.
-
-    Afterwards the module of the file and its folder are forgotten, and no byte code is left.
-    """
-
-    def __init__(self, job: dict[str, Any]) -> None:
-        self._before = list(sys.path), sys.dont_write_bytecode
-        self._messages = _done(job)
-
-    def __enter__(self) -> "_Here":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        sys.path[:], sys.dont_write_bytecode = self._before
-        sys.modules.pop("answers", None)
-
-    def receive(self, seconds: float) -> dict[str, Any]:
-        """The next thing that a process would send."""
-        return next(self._messages)
 
 
 def environment() -> dict[str, str]:

@@ -13,20 +13,16 @@ from workbench.plots.body import (
     plot_stitching as plot_stitching,
 )
 from workbench.plots.diagnosis import (
-    caption_measurement_choice as caption_measurement_choice,
     caption_measurement_ranking as caption_measurement_ranking,
     caption_profile_likelihood as caption_profile_likelihood,
     caption_sigmas as caption_sigmas,
     caption_singular_values as caption_singular_values,
     caption_sparsity as caption_sparsity,
-    caption_taylor as caption_taylor,
-    plot_measurement_choice as plot_measurement_choice,
     plot_measurement_ranking as plot_measurement_ranking,
     plot_profile_likelihood as plot_profile_likelihood,
     plot_sigmas as plot_sigmas,
     plot_singular_values as plot_singular_values,
     plot_sparsity as plot_sparsity,
-    plot_taylor as plot_taylor,
 )
 from workbench.plots.posterior import (
     caption_beside_laplace as caption_beside_laplace,
@@ -34,13 +30,7 @@ from workbench.plots.posterior import (
     caption_traces as caption_traces,
     widest as widest,
 )
-from workbench.plots.scans import (
-    caption_basins as caption_basins,
-    plot_basins as plot_basins,
-)
-from workbench.plots.solutions import (
-    caption_convergence as caption_convergence,
-)
+from workbench.plots.solutions import caption_convergence as caption_convergence
 from workbench.plots.style import (
     house_style as house_style,
     png as png,
@@ -48,9 +38,4 @@ from workbench.plots.style import (
     smallest as smallest,
     svg as svg,
 )
-from workbench.plots.views import (
-    caption_overlay as caption_overlay,
-    caption_strip as caption_strip,
-    plot_overlay as plot_overlay,
-    plot_strip as plot_strip,
-)
+from workbench.plots.views import caption_overlay as caption_overlay, plot_overlay as plot_overlay

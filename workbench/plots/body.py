@@ -127,11 +127,7 @@ def _step(extent: float) -> float:
 
 
 def painted(
-    flat: Array,
-    solid: Array,
-    faces: Index,
-    colours: ArrayLike | None = None,
-    contrast: float = 0.5,
+    flat: Array, solid: Array, faces: Index, colours: ArrayLike | None = None, contrast: float = 0.5
 ) -> PolyCollection:
     """A shaded mesh: `flat` (N, 2) is where vertices are drawn, `solid` (N, 3) where they are
     for the viewer (right, up, towards), in one unit. `colours` (F, 3) or one for all.

@@ -241,39 +241,6 @@ def caption_sigmas(diagnosis: Diagnosis) -> str:
     return " ".join(said)
 
 
-def plot_taylor(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
-    """|r(x + h d) - r(x) - h J d| against h on two logarithmic axes, with a slope of two."""
-    check = diagnosis.derivatives
-    h, error = check.steps, check.taylor
-    drawn = np.isfinite(error) & (error > 0)
-    ax.loglog(h[drawn], error[drawn], "o-", color=BLUE, markersize=4, label="this Jacobian")
-    if drawn.any():
-        for slope, line, verdict in ((2, "--", "right"), (1, ":", "wrong")):
-            y = error[drawn][0] * (h / h[drawn][0]) ** slope
-            ax.loglog(h, y, color=FAINT, linestyle=line, label=f"slope {slope}: {verdict}")
-    ax.set(xlabel="step h (units of the unknowns)", ylabel="error of the linear model (sigmas)")
-    ax.grid(color=FAINT, alpha=0.25, linewidth=0.6)
-    ax.legend(loc="upper left")
-    return ax
-
-
-def caption_taylor(diagnosis: Diagnosis) -> str:
-    """What `plot_taylor` shows."""
-    check = diagnosis.derivatives
-    slope = check.slope
-    if slope is None:
-        return "The residual is linear, or too nearly so for its second order to be seen."
-    verdict = "as it must" if slope > 1.5 else "but should shrink like h^2: a derivative is wrong"
-    h, error = check.steps, check.taylor
-    largest, least = np.argmax(h), np.argmin(h)
-    expected = error[largest] * (h[least] / h[largest]) ** slope
-    rounded = " At the smallest steps rounding dominates." if error[least] > 2 * expected else ""
-    return (
-        f"The error of the linear model for a step of length h in a random direction shrinks like "
-        f"h^{slope:.2f}, {verdict}.{rounded}"
-    )
-
-
 SHOWN = 2.5  # of the rise at the ends of the interval: the height of the axes
 
 
@@ -325,47 +292,21 @@ def plot_measurement_ranking(found: MeasurementDesign, *, ax: Axes) -> Axes:
         at = [i for i, one in enumerate(shown) if known[i] and (one.name in found.chosen) == chosen]
         label = "chosen" if chosen else "not chosen"
         ax.plot([shown[i].sd for i in at], y[at], marker, color=colour, markersize=5, label=label)
-    low, high = _range(found, [one.sd for one in shown])
+    sds = np.array([found.before.sd, *(one.sd for one in shown)])
+    sds = sds[np.isfinite(sds) & (sds > 0)]
+    low, high = (float(sds.min() / 1.15), float(sds.max() * 1.15)) if sds.size else (0.1, 1.0)
     for i in np.flatnonzero(~np.array(known)):
         ax.text(high, y[i], "undetermined", ha="right", va="center", color=VERMILLION, fontsize=8)
     if np.isfinite(found.before.sd):
         ax.axvline(found.before.sd, color=FAINT, linestyle="--", linewidth=1.0, label="before")
     ax.set_yticks(y, [plain(shortened(one.name, LETTERS)) for one in shown])
     ax.set_ylim(-0.7, len(shown) - 0.3)
-    _logarithmic(found, ax, low, high)
+    ax.set(xscale="log", xlim=(low, high))
+    decades(ax.xaxis, low, high)
+    ax.set_xlabel(f"expected standard deviation ({plain(found.unit)})")
     ax.grid(axis="x", color=FAINT, alpha=0.25, linewidth=0.6)
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, 1.0 + 1.1 / len(shown)), ncols=3)
     return ax
-
-
-def plot_measurement_choice(found: MeasurementDesign, *, ax: Axes) -> Axes:
-    """The criterion after the first chosen candidate, the first two, and so on."""
-    scores = (found.before, *found.steps)
-    names = ("before", *(f"+ {name}" for name in found.chosen))
-    known = [i for i, score in enumerate(scores) if np.isfinite(score.sd)]
-    y = np.arange(len(scores))[::-1]
-    ax.plot([scores[i].sd for i in known], y[known], "D-", color=VERMILLION, markersize=5)
-    low, high = _range(found, [score.sd for score in scores])
-    ax.set_yticks(y, [plain(shortened(name, LETTERS)) for name in names])
-    ax.set_ylim(-0.7, len(scores) - 0.3)
-    _logarithmic(found, ax, low, high)
-    ax.grid(axis="x", color=FAINT, alpha=0.25, linewidth=0.6)
-    return ax
-
-
-def _range(found: MeasurementDesign, sds: list[float]) -> tuple[float, float]:
-    all_of = np.array([found.before.sd, *sds])
-    all_of = all_of[np.isfinite(all_of) & (all_of > 0)]
-    if not all_of.size:
-        return 0.1, 1.0
-    return float(all_of.min() / 1.15), float(all_of.max() * 1.15)
-
-
-def _logarithmic(found: MeasurementDesign, ax: Axes, low: float, high: float) -> None:
-    ax.set_xscale("log")
-    ax.set_xlim(low, high)
-    decades(ax.xaxis, low, high)
-    ax.set_xlabel(f"expected standard deviation ({plain(found.unit)})")
 
 
 def caption_measurement_ranking(found: MeasurementDesign) -> str:
@@ -378,8 +319,3 @@ def caption_measurement_ranking(found: MeasurementDesign) -> str:
         f"What would be known after each candidate by itself, by {found.criterion}. Left is "
         f"better; the dashed line is what is known before.{more}"
     )
-
-
-def caption_measurement_choice(found: MeasurementDesign) -> str:
-    """What `plot_measurement_choice` shows."""
-    return "What is known after the first of the chosen candidates, the first two, and so on."

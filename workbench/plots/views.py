@@ -1,4 +1,4 @@
-"""What cameras saw: bodies over images, and strips of frames."""
+"""What cameras saw: bodies over images."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -7,11 +7,9 @@ from matplotlib.colors import to_rgb
 from matplotlib.patches import Rectangle
 from matplotlib.transforms import ScaledTranslation
 
-from workbench.arrays import Array, Index
-from workbench.blocks import Values
+from workbench.arrays import Array
 from workbench.experiments.running import Outcome, Overlay
 from workbench.fitting.keypoints import COUNTED, LEAST_CONFIDENCE, reprojection_errors
-from workbench.fitting.setup import Moving
 from workbench.plots.body import painted
 from workbench.plots.palette import BLUE, FAINT, OUTSIDE, VERMILLION
 from workbench.plots.style import plain
@@ -28,13 +26,7 @@ def plot_overlay(outcome: Outcome, view: int, *, ax: Axes, shape: float = 1.25) 
     All in pixels, v down, cropped to the person; `shape` is the crop's height over width.
     """
     faces = None if outcome.setup.body is None else outcome.setup.body.faces
-    return plot_body_in_view(outcome.overlays[view], faces, ax=ax, shape=shape)
-
-
-def plot_body_in_view(
-    overlay: Overlay, faces: Index | None, *, ax: Axes, shape: float = 1.25
-) -> Axes:
-    """A body in a view, by `plot_overlay`; `faces` (F, 3) are the triangles of its surface."""
+    overlay = outcome.overlays[view]
     seen = overlay.view.confidence > 0
     observed, projected = overlay.view.observed[seen], overlay.projected[seen]
     opacity = np.clip(overlay.view.confidence[seen], 0, 1)
@@ -141,73 +133,3 @@ def _solid(overlay: Overlay, surface: Array) -> Array:
     solid = np.column_stack([flat[:, 0], -flat[:, 1], -scale * overlay.depth])
     solid[overlay.depth <= 0] = np.nan  # behind the camera: not painted
     return solid
-
-
-MOST = 8  # frames of a strip
-MARGIN = 1.15
-
-
-def plot_strip(moving: Moving, values: Values, view: int, *, ax: Axes) -> Axes:
-    """Up to eight frames of one camera: observed keypoints and the skeleton of the fitted body.
-
-    All frames have the same scale, v down, and are cropped to the person.
-    """
-    camera = moving.views[view]
-    chosen = frames_of_strip(len(moving.views[0].observed))
-    marks = [(camera.observed[t], camera.confidence[t]) for t in chosen]
-    bones = [_skeleton(moving, values, view, t) for t in chosen]
-    places = [
-        np.vstack([b.reshape(-1, 2), m[c > 0]]) for b, (m, c) in zip(bones, marks, strict=True)
-    ]
-    size = MARGIN * np.max([np.ptp(p, axis=0) for p in places], axis=0)
-    for i, (place, bone, (mark, sure)) in enumerate(zip(places, bones, marks, strict=True)):
-        middle = (place.min(axis=0) + place.max(axis=0)) / 2
-        shift = np.array([i * size[0], 0.0]) - middle
-        ax.add_collection(LineCollection(list(bone + shift), colors=BLUE, linewidths=1.4))
-        seen = sure > 0
-        opacity = np.clip(sure[seen], 0, 1)
-        ax.scatter(
-            mark[seen, 0] + shift[0],
-            mark[seen, 1] + shift[1],
-            s=13,
-            facecolors="none",
-            edgecolors=[(*to_rgb(VERMILLION), float(a)) for a in opacity],
-            linewidths=1.1,
-            zorder=3,
-        )
-        ax.text(i * size[0], size[1] / 2, str(chosen[i]), ha="center", va="top", fontsize=8)
-    for i in range(1, len(chosen)):
-        ax.axvline((i - 0.5) * size[0], color=FAINT, linewidth=0.5)
-    ax.set(xlim=(-size[0] / 2, (len(chosen) - 0.5) * size[0]))
-    ax.set(ylim=(0.58 * size[1], -size[1] / 2), aspect="equal", xticks=[], yticks=[])
-    ax.grid(False)
-    ax.set_title(f"{plain(camera.name)}: frames", loc="left")
-    return ax
-
-
-def caption_strip(moving: Moving, values: Values, view: int) -> str:
-    """What `plot_strip` shows."""
-    camera, T = moving.views[view], len(moving.views[view].observed)
-    well = camera.confidence > LEAST_CONFIDENCE
-    gaps = int(np.sum(~(camera.confidence > 0).any(axis=1)))
-    unseen = f" In {gaps} of the {T} frames nothing was observed." if gaps else ""
-    return (
-        f"{camera.name}: {len(frames_of_strip(T))} of {T} frames at {moving.fps:g} a second, "
-        f"in which {well.sum(axis=1).mean():.1f} keypoints on average have a confidence above "
-        f"{LEAST_CONFIDENCE}.{unseen}"
-    )
-
-
-def _skeleton(moving: Moving, values: Values, view: int, t: int) -> Array:
-    """The bones of frame t in one image, (K - 1, 2, 2) px: joint and parent."""
-    pose, betas, trans = (values[block.name] for block in moving.body.blocks())
-    joints = moving.body.joints(pose[t], betas[t] if betas.ndim == 2 else betas, trans[t])
-    pixels = moving.views[view].camera.pixels(joints, values)
-    parents = np.asarray(moving.body.parents)
-    k = np.flatnonzero(parents >= 0)
-    return np.stack([pixels[k], pixels[parents[k]]], axis=1)
-
-
-def frames_of_strip(frames: int) -> list[int]:
-    """The frames that are drawn, evenly spread, the first and the last among them."""
-    return sorted({int(t) for t in np.linspace(0, frames - 1, min(frames, MOST)).round()})

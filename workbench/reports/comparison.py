@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.comparison import Comparison, EndAnalysis, Record, TargetOutcome
+from workbench.comparison import Comparison, EndAnalysis, TargetOutcome
 from workbench.comparison.advice import advice, basin_sentence, percent, reliable
 from workbench.comparison.comparison import MAIN
 from workbench.comparison.design import Instance
@@ -28,7 +28,6 @@ from workbench.identity import code_version, identity
 from workbench.plots import comparison as figures
 from workbench.reports.folder import MAKER
 from workbench.reports.page import (
-    Columns,
     Shown,
     Table,
     TextRow,
@@ -143,7 +142,11 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
         else None,
         each=[_of(comparison, problem) for problem in comparison.problems],
         table=problems_table(comparison),
-        failures=failures_table(comparison),
+        failed=any(
+            comparison.outcomes[i.name, s] not in GOOD
+            for i in comparison.comparable
+            for s in comparison.solvers
+        ),
         budget=comparison.design.budget,
         taus=", ".join(tau_text(tau) for tau in comparison.taus),
         machines=machines(comparison),
@@ -167,7 +170,6 @@ def _of(comparison: Comparison, problem: str) -> dict[str, Any]:
     """What the page says of one problem."""
     instances = comparison.instances_of(problem)
     analyses = end_analyses(comparison, problem)
-    several = any(len(analysis.costs) > 1 for _, analysis in analyses)
     return {
         "name": problem,
         "question": comparison.described[instances[0].name].question,
@@ -176,7 +178,6 @@ def _of(comparison: Comparison, problem: str) -> dict[str, Any]:
             drawn(figures.cost_traces_sheet, figures.caption_cost_traces, comparison, problem)
         ),
         "sentence": basin_sentence(comparison, problem).removeprefix(f"{problem}: "),
-        "basins": basins_table(comparison, problem) if several else None,
         "unjudged": [analysis.message for _, analysis in analyses if analysis.message],
     }
 
@@ -365,58 +366,11 @@ def _amount(value: float) -> str:
 GOOD = TargetOutcome.REACHED, TargetOutcome.ALONE
 
 
-def failures_table(comparison: Comparison) -> Table:
-    """Every run that did not end at the lowest cost, and what it said."""
-    runs = [(i.name, solver) for i in comparison.instances for solver in comparison.solvers]
-    failed = [run for run in runs if comparison.outcomes[run] not in GOOD]
-
-    def said(record: Record) -> str:
-        claim = f"{record.claim.lower().replace('_', ' ')}: " if record.claim else ""
-        return claim + record.message
-
-    columns: Columns[tuple[str, str]] = {
-        "start": lambda run: run[0],
-        "solver": lambda run: run[1],
-        "the run": lambda run: comparison.outcomes[run].value,
-        "cost at its end": lambda run: number(comparison.records[run].cost, 6),
-        "optimality": lambda run: number(comparison.records[run].optimality, 2),
-        "its message": lambda run: said(comparison.records[run]),
-    }
-    return Table.of(failed, columns, (3, 4))
-
-
 def end_analyses(comparison: Comparison, problem: str) -> list[tuple[tuple[str, ...], EndAnalysis]]:
     """The analyses of a problem's ends, one for each data set, with the names of its instances."""
     names = {i.name for i in comparison.instances_of(problem)}
     found = zip(comparison.groups, comparison.end_analyses, strict=True)
     return [(group, analysis) for group, analysis in found if group[0] in names]
-
-
-def basins_table(comparison: Comparison, problem: str) -> Table:
-    """The basins that ends of a problem lead to, of each data set by itself."""
-    rows: list[TextRow] = []
-    analyses = end_analyses(comparison, problem)
-    for names, end_analysis in analyses:
-        best = comparison.references[names[0]].best
-        of = problem if len(names) > 1 else names[0]
-        for k, cost in enumerate(end_analysis.costs):
-            who = [s for (name, s), b in comparison.basins.items() if b == k and name in names]
-            each = ", ".join(f"{s} {who.count(s)}" for s in dict.fromkeys(who))
-            rows.append(
-                (
-                    of,
-                    str(k + 1),
-                    number(cost, 8),
-                    number(cost - best, 3),
-                    number(end_analysis.optimality[k], 2),
-                    str(len(who)),
-                    each,
-                )
-            )
-    head = ("start", "basin", "cost", "above f*", "optimality", "ends", "whose")
-    if len(analyses) == 1:  # of the problem as a whole
-        return Table(head[1:], tuple(row[1:] for row in rows), (0, 1, 2, 3, 4))
-    return Table(head, tuple(rows), (1, 2, 3, 4, 5))
 
 
 def words_of(outcome: TargetOutcome) -> str:

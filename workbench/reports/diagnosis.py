@@ -26,15 +26,7 @@ from workbench.fitting.refits import Profile
 from workbench.fitting.setup import View
 from workbench.plots.diagnosis import MOST_RANKED
 from workbench.reports.folder import SUMMARY, write_folder
-from workbench.reports.page import (
-    Columns,
-    Table,
-    number,
-    page,
-    plotted,
-    sparsity_figure,
-    spectrum,
-)
+from workbench.reports.page import Columns, Table, number, page, plotted, sparsity_figure, spectrum
 from workbench.reports.replay import recorded_diagnosis
 
 FILES = {
@@ -154,7 +146,6 @@ def _numbers(d: Diagnosis, body: Body | None, views: Sequence[View]) -> dict[str
         "known": known_table(d),
         "entries": entries_table(d),
         "contributions": contributions_table(d),
-        "taylor": plotted(6.0, 3.8, plots.plot_taylor, plots.caption_taylor, d),
         "derivatives": derivatives_table(d),
     }
 
@@ -284,6 +275,8 @@ def derivatives_table(d: Diagnosis) -> Table:
         ("largest error", number(check.largest_error, 2), "of the column's largest entry"),
         ("gradient against J'r", number(check.gradient_error, 2), "relative"),
     ]
+    if check.slope is not None:
+        rows.append(("error of the linear model", f"like h^{check.slope:.2f}", "h^2 is right"))
     if check.neglected is not None:
         share = f"{check.neglected:.1%}"
         rows.append(("left out by J'J", share, "of the exact Hessian, as in Gauss-Newton"))
@@ -356,15 +349,6 @@ def write_design(
         plots.caption_measurement_ranking,
         found,
     )
-    choice = None
-    if len(found.chosen) > 1:
-        choice = plotted(
-            7.4,
-            1.1 + 0.24 * len(found.chosen),
-            plots.plot_measurement_choice,
-            plots.caption_measurement_choice,
-            found,
-        )
     text = found.report()
     contents = {
         "index.html": page(
@@ -374,7 +358,6 @@ def write_design(
             d=found,
             outcome=outcome(found),
             ranking=ranking,
-            choice=choice,
             report=found.report(),
             files=DESIGN_FILES,
         ),

@@ -23,11 +23,7 @@ from workbench.fitting.setup import Measure, Moving, Setup
 from workbench.geometry.meshes import Mesh, write_mesh
 from workbench.plots.body import distances_sheet
 from workbench.plots.solutions import convergence_sheet
-from workbench.reports.diagnosis import (
-    directions_table,
-    gathered_directions_table,
-    terms_table,
-)
+from workbench.reports.diagnosis import directions_table, gathered_directions_table, terms_table
 from workbench.reports.folder import SUMMARY, Content, write_folder
 from workbench.reports.page import (
     Columns,
@@ -116,7 +112,6 @@ def run_page(outcome: Outcome, files: dict[str, str]) -> str:
             plotted(4.8, 6.2, plots.plot_overlay, plots.caption_overlay, outcome, i)
             for i in range(len(outcome.overlays))
         ],
-        moving=moving_figures(outcome.setup, outcome.values),
         seen=LEAST_CONFIDENCE,
         distances=distance_figure(outcome),
         convergence=of_solvers(
@@ -370,20 +365,6 @@ def _sigma(sigma: float | np.ndarray) -> str:
     return number(low, 3) if low == high else f"{number(low, 3)} to {number(high, 3)}"
 
 
-MOST_CAMERAS = 4  # whose strips are drawn
-
-
-def moving_figures(setup: Setup, values: Values) -> list[Shown]:
-    """A strip of frames for each camera; none for a single frame."""
-    moving = setup.moving
-    if moving is None:
-        return []
-    return [
-        plotted(9.6, 2.7, plots.plot_strip, plots.caption_strip, moving, values, i)
-        for i in range(min(len(moving.views), MOST_CAMERAS))
-    ]
-
-
 VIDEO_FILES = {
     "index.html": "this page",
     "motion.npz": "poses (T, K, 3) rad, trans (T, 3) m, betas, fps, and the names of joints",
@@ -423,7 +404,6 @@ def write_video(
         cost=number(solution.cost, 6),
         measures=measures_table(measures),
         doubted=doubted,
-        moving=moving_figures(setup, values),
         files=VIDEO_FILES,
         recording=recorded_frames(setup, values),
     )

@@ -23,10 +23,7 @@ NOTE = (
 
 
 def write_sliders(
-    body: Body,
-    path: str | Path,
-    start: Mapping[str, Any] | None = None,
-    origin: str = "",
+    body: Body, path: str | Path, start: Mapping[str, Any] | None = None, origin: str = ""
 ) -> Path:
     """Write the page of a body. Raises BadArgument for one that it cannot show, and BadFile.
 
@@ -43,10 +40,11 @@ def sliders_page(body: Body, start: Mapping[str, Any] | None = None, origin: str
     `start` is what the page opens with, as `settings_of` makes it, and `origin` says where it is
     from; without it the elbows are bent.
     """
+    data = skinned_data(body)
     return page(
         "sliders.html",
         title=f"Moving theta and beta: {body.name}",
-        data=skinned_data(body),
+        data=data,
         start=None if start is None else {**start, "pose_shapes": False},
         origin=origin,
         note=NOTE,

@@ -92,7 +92,7 @@ def rounded(
     """A number from low to high with a few digits, or a list of `count` of them, for `draw`.
 
     Students read these numbers in their file, where they have to stand exactly. The last digit is
-    never 0, so that another student's numbers can be recognised.
+    never 0.
     """
     whole = np.round(rng.uniform(low, high, size=count or 1) * 10**digits).astype(int)
     drawn = [round(int(n + (n % 10 == 0)) / 10**digits, digits) for n in whole]

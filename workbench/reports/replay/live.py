@@ -48,11 +48,7 @@ class LiveServer:
     @property
     def address(self) -> str:
         """Where a browser finds the page."""
-        return f"{self._origin}/{self._token}/"
-
-    @property
-    def _origin(self) -> str:
-        return f"http://{ADDRESS}:{self._server.server_address[1]}"
+        return f"http://{ADDRESS}:{self._server.server_address[1]}/{self._token}/"
 
     def serve(self) -> None:
         """Answer requests until `close` is called from another thread, or Ctrl-C."""

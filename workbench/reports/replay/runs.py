@@ -154,12 +154,7 @@ def _recording(
     seen = [view_data(view, at) for view in views] if landmarks["names"] else []
     said = OF_VIEWS if seen else ""
     return recording(
-        shown,
-        row(at),
-        (caption + said).rstrip(),
-        landmarks=landmarks,
-        views=seen,
-        **content,
+        shown, row(at), (caption + said).rstrip(), landmarks=landmarks, views=seen, **content
     )
 
 
