@@ -103,31 +103,18 @@ def _by_jacobi(R: Array) -> tuple[Array, Array]:
 
 
 def largest_eigenvalue(product: Callable[[Array], Array], n: int, accuracy: float) -> float:
-    """The size of the eigenvalue of largest size, by Lanczos' method.
-
-    `product` takes a vector (n,) to the matrix times it, and `accuracy` is the relative error. NaN
-    where the method does not converge, or a product is not finite.
-    """
-    first = np.random.default_rng(0).standard_normal(n)
-    if n <= 2:  # too small for the method
-        matrix = np.array([product(unit) for unit in np.eye(n)])
-        return float(np.linalg.norm(matrix, 2)) if np.isfinite(matrix).all() else np.nan
-    if not np.isfinite(product(first)).all():
-        return np.nan
-    operator = LinearOperator((n, n), lambda v: product(v.ravel()), dtype=float)
-    try:
-        found = eigsh(operator, 1, v0=first, tol=accuracy, return_eigenvectors=False)
-    except ArpackNoConvergence:
-        return np.nan
-    return float(abs(found[0]))
+    """The size of the eigenvalue of largest size, as by `largest_eigenpairs`; NaN where none is."""
+    values, _ = largest_eigenpairs(product, n, 1, accuracy)
+    return float(abs(values[0])) if len(values) else np.nan
 
 
 def largest_eigenpairs(
     product: Callable[[Array], Array], n: int, most: int, accuracy: float
 ) -> tuple[Array, Array]:
-    """The `most` largest eigenvalues (q,), falling, of a matrix without negative ones.
+    """The `most` eigenvalues (q,) of largest size, falling, of a symmetric matrix, by Lanczos.
 
-    With them come their vectors (n, q), orthonormal. There are fewer where the method does not
+    `product` takes a vector (n,) to the matrix times it, and `accuracy` is the relative error. With
+    the values come their vectors (n, q), orthonormal. There are fewer where the method does not
     converge, and none where a product is not finite.
     """
     first = np.random.default_rng(0).standard_normal(n)
@@ -142,26 +129,11 @@ def largest_eigenpairs(
             values, vectors = eigsh(operator, most, v0=first, tol=accuracy)
         except ArpackNoConvergence as error:
             values, vectors = error.eigenvalues, error.eigenvectors
-    order = np.argsort(-values)[:most]
+    order = np.argsort(-abs(values))[:most]
     return np.asarray(values[order]), np.asarray(vectors[:, order])
 
 
 NEGLIGIBLE = 1e-9  # the square of an entry's part in the null space up to which it has none
-
-
-def covariance_of(R: Array, lengths: Array, relative: float, estimated: bool) -> Array:
-    """(J'J)^-1 (n, n) from the triangle R of J with columns of length 1, and their `lengths` (n,).
-
-    Directions whose singular value is at most `relative` times the largest count as null; entries
-    with a part in them have infinite variance, and NaN for their covariance with others.
-    """
-    n = len(lengths)
-    _, s, Vt = np.linalg.svd(R, full_matrices=False)
-    determined = s > relative * s.max(initial=0.0)
-    if determined.sum() == n and not estimated:
-        half = scipy.linalg.solve_triangular(R, np.eye(n)) / lengths[:, None]
-        return np.asarray(half @ half.T)
-    return covariance_without(s[determined], Vt[determined], lengths)
 
 
 def covariance_without(s: Array, Vt: Array, lengths: Array) -> Array:
@@ -247,7 +219,7 @@ class Linearization:
 
     @cached_property
     def normal(self) -> Symmetric:
-        """J' J, (n, n), Gauss and Newton's Hessian, sparse if J is; infinite where too large."""
+        """J' J, (n, n), the Gauss-Newton Hessian, sparse if J is; infinite where too large."""
         found = normal_equations(self.jacobian, self.residual)
         if found is None:
             return storage.gram(self.jacobian)
@@ -460,9 +432,16 @@ class Linearization:
         """Laplace's approximation to the posterior covariance, (J' J)^-1, (n, n).
 
         It is computed as R^-1 R^-T, with columns of length 1, and not from the normal equations,
-        which would cost half of the digits. What is not identified has infinite variance.
+        which would cost half of the digits. What is not identified has infinite variance, and NaN
+        for its covariance with others.
         """
-        return covariance_of(self.unit_triangle, self._lengths, self._relative, self.estimated)
+        R, lengths = self.unit_triangle, self._lengths
+        _, s, Vt = np.linalg.svd(R, full_matrices=False)
+        determined = s > self._relative * s.max(initial=0.0)
+        if determined.sum() < len(lengths) or self.estimated:
+            return covariance_without(s[determined], Vt[determined], lengths)
+        half = scipy.linalg.solve_triangular(R, np.eye(len(lengths))) / lengths[:, None]
+        return np.asarray(half @ half.T)
 
     def inverse_times(self, right: Array, raised: Array | float = 0.0) -> Array | None:
         """(J'J + diag(raised))^-1 times an array (n, k), such as some columns of the covariance.
