@@ -194,7 +194,7 @@ class Linearization:
     @property
     def estimated(self) -> bool:
         """Whether J is sparse, so that singular values are no better than 1e-8 of the largest."""
-        return not storage.is_array(self.jacobian)
+        return not isinstance(self.jacobian, np.ndarray)
 
     @property
     def by_frames(self) -> bool:
@@ -261,8 +261,8 @@ class Linearization:
 
     def block(self, rows: slice, columns: slice) -> "Linearization":
         """The linearization of some rows by some unknowns only."""
-        part = self._by_rows[rows][:, columns]
-        return Linearization(self.residual[rows], storage.by_columns(part))
+        part = self.rows(rows).jacobian
+        return Linearization(self.residual[rows], storage.unblocked(part)[:, columns])
 
     @cached_property
     def finite(self) -> bool:
@@ -272,7 +272,7 @@ class Linearization:
         if self.constraints is not None and not self.constraints.finite:
             return False
         # NaN or infinity in the Jacobian shows in J' r, even beside a residual of zero
-        return all_finite(self.gradient) or storage.finite(self.jacobian)
+        return all_finite(self.gradient) or bool(np.isfinite(storage.entries(self.jacobian)).all())
 
     @property
     def not_finite(self) -> list[tuple[int, int]]:
@@ -395,9 +395,12 @@ class Linearization:
         moved = self.residual + self.along(np.where(held, p, 0.0))
         return Linearization(moved, storage.scaled(self.jacobian, np.where(held, 0.0, 1.0)))
 
-    def rows(self, part: Index) -> "Linearization":
+    def rows(self, part: Index | slice) -> "Linearization":
         """The linearization of some rows only."""
-        return Linearization(self.residual[part], storage.by_columns(self._by_rows[part]))
+        some = self._by_rows[part]
+        return Linearization(
+            self.residual[part], csc_array(some) if isinstance(some, csr_array) else some
+        )
 
     def columns(self, part: Index) -> "Linearization":
         """The linearization by some unknowns only; the others keep their values."""
