@@ -1,6 +1,5 @@
 """The terms of fits to images: exact values, bounds between forms, signs by bending a body."""
 
-import casadi as cs
 import numpy as np
 import pytest
 
@@ -136,7 +135,7 @@ def test_bending_needs_a_pose_with_such_joints() -> None:
         residuals.bending(Block("pose", (2, 3), "rad", ("root", "tail")))
 
 
-# Limits and planes.
+# Limits.
 
 
 def test_limits_count_only_outside() -> None:
@@ -149,29 +148,3 @@ def test_limits_count_only_outside() -> None:
     for low, high in ((1.0, -1.0), (np.nan, 1.0), (-np.inf, np.inf)):
         with pytest.raises(BadResidual):
             residuals.limits(x, low, high, sigma=0.1)
-
-
-def test_points_on_a_plane() -> None:
-    placed = Block("placed", (3, 3), "m")
-    points = np.array([[0, 0.1, 5], [1, 0.3, 2], [2, -0.2, 7.0]])
-    floor = residuals.on_plane(placed.symbol, sigma=0.1, offset=0.1)
-    r = problem_of(floor).residual(points.ravel(), np.zeros(0))
-    np.testing.assert_allclose(r, [0, 2, -3], atol=1e-12)
-    wall = residuals.on_plane(placed.symbol, sigma=1.0, normal=(0, 0, -2.0), offset=-2.0)
-    r = problem_of(wall).residual(points.ravel(), np.zeros(0))
-    np.testing.assert_allclose(r, [-3, 0, -5], atol=1e-12)
-    height = Block("floor", (1,), "m")
-    unknown = residuals.on_plane(placed.symbol, sigma=1.0, offset=height.symbol)
-    assert unknown.reads == ("placed", "floor")
-    with pytest.raises(BadResidual, match="normal"):
-        residuals.on_plane(placed.symbol, sigma=1.0, normal=(0, 0, 0))
-
-
-def test_feet_of_a_body_are_named() -> None:
-    body = load_body("small")
-    points = body.landmark_points("coco", *(block.symbol for block in body.blocks()))
-    term = residuals.on_plane(points, sigma=0.01, some=("left_heel", "right_big_toe"))
-    assert term.label(1).endswith("[right_big_toe]")
-    with pytest.raises(BadResidual, match="tail"):
-        residuals.on_plane(points, sigma=0.01, some=("tail",))
-    assert isinstance(term.expression, cs.MX)

@@ -127,10 +127,6 @@ class Layout:
             found[block.name] = value
         return found
 
-    def placed(self, flat: Array) -> Values:
-        """The numbers as whole blocks, with zeros for entries that are not in the vector."""
-        return self.unpack(flat, {b.name: np.zeros(b.base.shape) for b in self.parts})
-
     @cached_property
     def parts(self) -> tuple[Block, ...]:
         """The blocks of which only some entries are in the vector."""
@@ -183,10 +179,9 @@ class Layout:
 
     @cached_property
     def _of_parts(self) -> dict[str, dict[int, int]]:
-        return {
-            b.name: {entry: self.slices[b.name].start + i for i, entry in enumerate(b.places)}
-            for b in self.parts
-        }
+        """Where the entries of blocks that are here in part stand."""
+        first = {name: at.start for name, at in self.slices.items()}
+        return {b.name: {e: first[b.name] + i for i, e in enumerate(b.places)} for b in self.parts}
 
     def label(self, index: int) -> str:
         """The name of one entry of the vector: `pose[right_ankle, z]`."""
@@ -200,10 +195,6 @@ class Layout:
     def unit(self, index: int) -> str:
         """The unit of one entry of the vector."""
         return self.block_of(index)[0].unit
-
-    def only(self, names: Iterable[str]) -> "Layout":
-        """A layout of the named blocks, in the order of the names."""
-        return Layout(tuple(self[name] for name in names))
 
 
 def all_values(free: Layout, x: Array, fixed: Layout, given: Array) -> Values:

@@ -104,7 +104,7 @@ class Chain:
     @cached_property
     def sparse(self) -> bool:
         """Whether the Jacobian is stored by its nonzeros: it is large, and most of it is zero."""
-        through = sum(part.filled for _, _, part in self._parts)
+        through = sum(part.filled for part in self._parts)
         return is_sparse(*self.by_x.shape, len(self.by_x.rows) + through)
 
     @property
@@ -113,26 +113,32 @@ class Chain:
 
         Where a source has no pattern, each of its points reads all numbers of its blocks.
         """
-        parts = [self.by_x.places, *(part.places for _, _, part in self._parts)]
+        parts = [self.by_x.places, *(part.places for part in self._parts)]
         return SparseSum(parts, self.by_x.shape).pattern
 
     @cached_property
-    def _parts(self) -> list[tuple[int, str, DenseTerm | SparseTerm | ChangingTerm]]:
-        """For every source and every block that it reads: their numbers, and the part of J.
+    def _parts_of(self) -> list[list[tuple[str, DenseTerm | SparseTerm | ChangingTerm]]]:
+        """For each source, the blocks that it reads and the parts of J that come through them.
 
-        The part holds every entry of the rows that read the source; or, where the source has a
+        A part holds every entry of the rows that read the source; or, where the source has a
         pattern of this block, the places in which the product dr/dp dp/dx can be nonzero.
         """
         return [
-            (i, name, _part(pattern, source, name, at))
-            for i, (source, pattern) in enumerate(zip(self.sources, self.by_points, strict=True))
-            for name, at in self.free.slices.items()
-            if name in source.reads
+            [
+                (name, _part(pattern, source, name, at))
+                for name, at in self.free.slices.items()
+                if name in source.reads
+            ]
+            for source, pattern in zip(self.sources, self.by_points, strict=True)
         ]
+
+    @property
+    def _parts(self) -> list[DenseTerm | SparseTerm | ChangingTerm]:
+        return [part for parts in self._parts_of for _, part in parts]
 
     @cached_property
     def _sparse_sum(self) -> SparseSum:
-        parts = [part.places for *_, part in self._parts if not isinstance(part, ChangingTerm)]
+        parts = [part.places for part in self._parts if not isinstance(part, ChangingTerm)]
         return SparseSum([self.by_x.places, *parts], self.by_x.shape)
 
     def _jacobian(
@@ -179,16 +185,6 @@ class Chain:
                     numbers.append(entries_at(product, part.pattern))
         return sum(moved, self._sparse_sum.matrix(numbers))
 
-    @cached_property
-    def _parts_of(self) -> list[list[tuple[str, DenseTerm | SparseTerm | ChangingTerm]]]:
-        """The parts of each source, with their blocks' names."""
-        found: list[list[tuple[str, DenseTerm | SparseTerm | ChangingTerm]]] = [
-            [] for _ in self.sources
-        ]
-        for i, name, part in self._parts:
-            found[i].append((name, part))
-        return found
-
     def _write(self, columns: Array, places: Sequence[PointsAt], by_points: list[Array]) -> None:
         """Write the part of J that comes through the points, transposed, (n, m)."""
         for i, (here, pattern, rows, entries) in enumerate(
@@ -215,12 +211,13 @@ class Chain:
     @cached_property
     def _left_alone(self) -> list[tuple[slice, slice]]:
         """Columns and rows of J that no source writes whole; they must be zero before."""
-        own = [(n, self._own_rows[i]) for i, n, part in self._parts if isinstance(part, DenseTerm)]
-        return [
-            (at, rows)
-            for name, at in self.free.slices.items()
-            for rows in gaps([rows for n, rows in own if n == name and rows], self.by_x.shape[0])
-        ]
+        written: dict[str, list[slice]] = {name: [] for name in self.free.slices}
+        for rows, parts in zip(self._own_rows, self._parts_of, strict=True):
+            for name, part in parts:
+                if rows is not None and isinstance(part, DenseTerm):
+                    written[name].append(rows)
+        m = self.by_x.shape[0]
+        return [(self.free.slices[n], rows) for n, own in written.items() for rows in gaps(own, m)]
 
     def gradient(self, x: Array, fixed: Array) -> tuple[float, Array]:
         """The cost and its gradient (n,); no Jacobian of the points is formed."""
@@ -246,13 +243,14 @@ class Chain:
         """Which rows each free number can change: directly, and through the points."""
         n, m, k = self.free.size, self.by_x.shape[0], len(self.sources)
         through = np.zeros((n, k), dtype=bool)
-        for i, _, part in self._parts:
-            if not isinstance(part, SparseTerm):
-                through[part.columns, i] = True
+        for i, parts in enumerate(self._parts_of):
+            for _, part in parts:
+                if not isinstance(part, SparseTerm):
+                    through[part.columns, i] = True
         readers = np.zeros((k, m), dtype=bool)
         for rows, pattern in zip(readers, self.by_points, strict=True):
             rows[pattern.rows] = True
-        sparse = [part.places for *_, part in self._parts if isinstance(part, SparseTerm)]
+        sparse = [part.places for part in self._parts if isinstance(part, SparseTerm)]
         own = SparseSum([self.by_x.places, *sparse], (m, n)).pattern
         return RowSupport(csr_array(through), csr_array(readers), csr_array(own.T))
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_array, csr_array
 
 from workbench.arrays import Array, Index, Mask
-from workbench.blocks import Block, Layout, Points
+from workbench.blocks import Block, Layout
 from workbench.blocks.functions import TOGETHER, Buffered, Mapped
 from workbench.blocks.layout import all_values
 from workbench.blocks.points import PointsOfEach, distinct
@@ -30,20 +30,13 @@ from workbench.residuals import Residual
 
 
 @dataclass(frozen=True, eq=False)
-class FramePlaces:
-    """The places of a frame's numbers among the free and fixed ones of the sequence.
-
-    Attributes:
-        free: the layout of the frame's free numbers.
-        fixed: the layout of the frame's fixed numbers.
-        columns: (n,) where its free numbers stand among those of the sequence.
-        given: (h,) where its fixed numbers stand among those of the sequence.
-    """
+class _FramePlaces:
+    """A frame's free and fixed numbers, and where they stand among those of the sequence."""
 
     free: Layout
     fixed: Layout
-    columns: Index
-    given: Index
+    columns: Index  # (n,) of its free numbers
+    given: Index  # (h,) of its fixed numbers
 
     @property
     def entries(self) -> tuple[tuple[str, tuple[int, ...]], ...]:
@@ -51,30 +44,17 @@ class FramePlaces:
         return tuple((block.name, tuple(block.places)) for block in self.free.blocks)
 
 
-@dataclass(frozen=True, eq=False)
-class SingleFrame:
-    """The residuals of one frame, stacked, and the blocks that they read.
+class _SingleFrame:
+    """The residuals of one frame, stacked and whitened, and the points and blocks they read."""
 
-    Attributes:
-        stacked: (m, 1) the whitened residuals.
-        points: the placeholders that they read.
-        blocks: the blocks that they read, by name.
-    """
-
-    stacked: cs.MX
-    points: tuple[Points, ...]
-    blocks: dict[str, Block]
-
-    @staticmethod
-    def of(residuals: Sequence[Residual]) -> "SingleFrame":
-        """The residuals of a frame."""
-        stacked = cs.vertcat(*[residual.whitened for residual in residuals])
-        points = distinct(p for r in residuals for p in r.points)
+    def __init__(self, residuals: Sequence[Residual]) -> None:
+        self.stacked = cs.vertcat(*[residual.whitened for residual in residuals])
+        self.points = distinct(p for r in residuals for p in r.points)
         described = [b for r in residuals for b in r.blocks]
-        described += [b for p in points for b in p.source.blocks]
-        return SingleFrame(stacked, points, blocks_behind(stacked, points, described))
+        described += [b for p in self.points for b in p.source.blocks]
+        self.blocks = blocks_behind(self.stacked, self.points, described)
 
-    def at(self, t: int, free: Layout, fixed: Layout) -> FramePlaces:
+    def at(self, t: int, free: Layout, fixed: Layout) -> _FramePlaces:
         """The places of the numbers of frame t, given what is free and fixed in the sequence."""
         own: list[Block] = []
         columns = [np.zeros(0, dtype=np.int64)]
@@ -100,13 +80,9 @@ class SingleFrame:
         for block in left:
             first = fixed.slices[block.name].start + _first(fixed[block.name], t)
             given.append(np.arange(first, first + block.size))
-        return FramePlaces(
+        return _FramePlaces(
             Layout(tuple(own)), Layout(tuple(left)), np.concatenate(columns), np.concatenate(given)
         )
-
-    def chain(self, at: FramePlaces) -> Chain:
-        """The chain rule of the frame."""
-        return Chain(*split(self.stacked, self.points, at.free, at.fixed), at.free, at.fixed)
 
 
 def _first(block: Block, t: int) -> int:
@@ -121,14 +97,10 @@ FULL = 0.25  # of a row's entries: a row that reads more of its frame is stored 
 
 
 class FrameGroup:
-    """F frames that have the same chain rule.
+    """F frames that have the same chain rule, `chain`; `frames` (F,) are their numbers.
 
-    Attributes:
-        chain: the chain rule of one frame.
-        frames: (F,) the numbers of the frames in the sequence.
-        rows: (F, m) where the rows of each frame are among those of the sequence.
-        columns: (F, n) where its free numbers are among those of the sequence.
-        given: (F, h) where its fixed numbers are among those of the sequence.
+    `rows` (F, m), `columns` (F, n) and `given` (F, h) say where the rows, the free and the fixed
+    numbers of each frame stand among those of the sequence.
     """
 
     def __init__(
@@ -201,11 +173,6 @@ class FrameGroup:
         return place[self.chain.by_x.rows] >= 0, place
 
     @property
-    def whole_rows(self) -> Index:
-        """The numbers (F, k) of the whole rows in the stacked residual."""
-        return self.rows[:, self.whole]
-
-    @property
     def single(self) -> tuple[Index, Index]:
         """Rows and columns (F, l) of the entries that stand alone."""
         alone = ~self._into[0]
@@ -225,10 +192,10 @@ class FrameGroup:
         return r, block, direct[:, ~inside]
 
     @cached_property
-    def _products(self) -> list["RowProduct"]:
+    def _products(self) -> list["_RowProduct"]:
         _, place = self._into
         return [
-            RowProduct(self.chain, i, place, len(self.frames))
+            _RowProduct(self.chain, i, place, len(self.frames))
             for i in range(len(self.chain.sources))
         ]
 
@@ -241,7 +208,7 @@ class FrameGroup:
         return [x[self.columns], fixed[self.given], *(there.points for there in places)]
 
 
-class RowProduct:
+class _RowProduct:
     """dr/dp dp/dx of one source, for several frames in one product of a sparse matrix."""
 
     def __init__(self, chain: Chain, source: int, place: Index, count: int) -> None:
@@ -341,7 +308,7 @@ class FrameChain:
         if self._rest is not None:
             r[self._rest_rows], J = self._rest.linearize(x, fixed[self._rest_given])
             parts.append(entries_at(J, self._rest_pattern))
-        at = tuple(BlockPlaces(group.whole_rows, group.columns) for group in self._groups)
+        at = tuple(BlockPlaces(group.rows[:, group.whole], group.columns) for group in self._groups)
         found = BlockMatrix(self._entries.matrix(parts), tuple(blocks), at, self._order)
         if not self.sparse:
             return r, found.dense
@@ -355,7 +322,7 @@ class FrameChain:
     @cached_property
     def _stored(self) -> int:
         """How many entries of the Jacobian are stored by blocks and single entries."""
-        whole = sum(g.whole_rows.size * g.columns.shape[1] for g in self._groups)
+        whole = sum(g.rows[:, g.whole].size * g.columns.shape[1] for g in self._groups)
         return int(whole) + int(self._entries.pattern.nnz)
 
     @cached_property
@@ -472,16 +439,17 @@ def _grouped(
         for t, one in residual.by_frame:
             parts.setdefault(t, []).append((one, np.arange(first, first + one.size)))
             first += one.size
-    known: dict[object, SingleFrame] = {}
+    known: dict[object, _SingleFrame] = {}
     chains: dict[object, tuple[Chain, list[tuple[int, Index, Index, Index]]]] = {}
     for t in sorted(parts):
         own = tuple(one for one, _ in parts[t])
         key = tuple(map(id, own))
-        frame = known[key] = known.get(key) or SingleFrame.of(own)
+        frame = known[key] = known.get(key) or _SingleFrame(own)
         at = frame.at(t, free, fixed)
         whole = key, at.entries
         if whole not in chains:
-            chain = frame.chain(at)
+            graph = split(frame.stacked, frame.points, at.free, at.fixed)
+            chain = Chain(*graph, at.free, at.fixed)
             if chain.sparse or any(
                 s.pattern(name) is not None for s in chain.sources for name in s.reads
             ):

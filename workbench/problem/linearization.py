@@ -103,31 +103,18 @@ def _by_jacobi(R: Array) -> tuple[Array, Array]:
 
 
 def largest_eigenvalue(product: Callable[[Array], Array], n: int, accuracy: float) -> float:
-    """The size of the eigenvalue of largest size, by Lanczos' method.
-
-    `product` takes a vector (n,) to the matrix times it, and `accuracy` is the relative error. NaN
-    where the method does not converge, or a product is not finite.
-    """
-    first = np.random.default_rng(0).standard_normal(n)
-    if n <= 2:  # too small for the method
-        matrix = np.array([product(unit) for unit in np.eye(n)])
-        return float(np.linalg.norm(matrix, 2)) if np.isfinite(matrix).all() else np.nan
-    if not np.isfinite(product(first)).all():
-        return np.nan
-    operator = LinearOperator((n, n), lambda v: product(v.ravel()), dtype=float)
-    try:
-        found = eigsh(operator, 1, v0=first, tol=accuracy, return_eigenvectors=False)
-    except ArpackNoConvergence:
-        return np.nan
-    return float(abs(found[0]))
+    """The size of the eigenvalue of largest size, as by `largest_eigenpairs`; NaN where none is."""
+    values, _ = largest_eigenpairs(product, n, 1, accuracy)
+    return float(abs(values[0])) if len(values) else np.nan
 
 
 def largest_eigenpairs(
     product: Callable[[Array], Array], n: int, most: int, accuracy: float
 ) -> tuple[Array, Array]:
-    """The `most` largest eigenvalues (q,), falling, of a matrix without negative ones.
+    """The `most` eigenvalues (q,) of largest size, falling, of a symmetric matrix, by Lanczos.
 
-    With them come their vectors (n, q), orthonormal. There are fewer where the method does not
+    `product` takes a vector (n,) to the matrix times it, and `accuracy` is the relative error. With
+    the values come their vectors (n, q), orthonormal. There are fewer where the method does not
     converge, and none where a product is not finite.
     """
     first = np.random.default_rng(0).standard_normal(n)
@@ -142,26 +129,11 @@ def largest_eigenpairs(
             values, vectors = eigsh(operator, most, v0=first, tol=accuracy)
         except ArpackNoConvergence as error:
             values, vectors = error.eigenvalues, error.eigenvectors
-    order = np.argsort(-values)[:most]
+    order = np.argsort(-abs(values))[:most]
     return np.asarray(values[order]), np.asarray(vectors[:, order])
 
 
 NEGLIGIBLE = 1e-9  # the square of an entry's part in the null space up to which it has none
-
-
-def covariance_of(R: Array, lengths: Array, relative: float, estimated: bool) -> Array:
-    """(J'J)^-1 (n, n) from the triangle R of J with columns of length 1, and their `lengths` (n,).
-
-    Directions whose singular value is at most `relative` times the largest count as null; entries
-    with a part in them have infinite variance, and NaN for their covariance with others.
-    """
-    n = len(lengths)
-    _, s, Vt = np.linalg.svd(R, full_matrices=False)
-    determined = s > relative * s.max(initial=0.0)
-    if determined.sum() == n and not estimated:
-        half = scipy.linalg.solve_triangular(R, np.eye(n)) / lengths[:, None]
-        return np.asarray(half @ half.T)
-    return covariance_without(s[determined], Vt[determined], lengths)
 
 
 def covariance_without(s: Array, Vt: Array, lengths: Array) -> Array:
@@ -222,7 +194,7 @@ class Linearization:
     @property
     def estimated(self) -> bool:
         """Whether J is sparse, so that singular values are no better than 1e-8 of the largest."""
-        return not storage.is_array(self.jacobian)
+        return not isinstance(self.jacobian, np.ndarray)
 
     @property
     def by_frames(self) -> bool:
@@ -247,7 +219,7 @@ class Linearization:
 
     @cached_property
     def normal(self) -> Symmetric:
-        """J' J, (n, n), Gauss and Newton's Hessian, sparse if J is; infinite where too large."""
+        """J' J, (n, n), the Gauss-Newton Hessian, sparse if J is; infinite where too large."""
         found = normal_equations(self.jacobian, self.residual)
         if found is None:
             return storage.gram(self.jacobian)
@@ -289,8 +261,8 @@ class Linearization:
 
     def block(self, rows: slice, columns: slice) -> "Linearization":
         """The linearization of some rows by some unknowns only."""
-        part = self._by_rows[rows][:, columns]
-        return Linearization(self.residual[rows], storage.by_columns(part))
+        part = self.rows(rows).jacobian
+        return Linearization(self.residual[rows], storage.unblocked(part)[:, columns])
 
     @cached_property
     def finite(self) -> bool:
@@ -300,7 +272,7 @@ class Linearization:
         if self.constraints is not None and not self.constraints.finite:
             return False
         # NaN or infinity in the Jacobian shows in J' r, even beside a residual of zero
-        return all_finite(self.gradient) or storage.finite(self.jacobian)
+        return all_finite(self.gradient) or bool(np.isfinite(storage.entries(self.jacobian)).all())
 
     @property
     def not_finite(self) -> list[tuple[int, int]]:
@@ -423,9 +395,12 @@ class Linearization:
         moved = self.residual + self.along(np.where(held, p, 0.0))
         return Linearization(moved, storage.scaled(self.jacobian, np.where(held, 0.0, 1.0)))
 
-    def rows(self, part: Index) -> "Linearization":
+    def rows(self, part: Index | slice) -> "Linearization":
         """The linearization of some rows only."""
-        return Linearization(self.residual[part], storage.by_columns(self._by_rows[part]))
+        some = self._by_rows[part]
+        return Linearization(
+            self.residual[part], csc_array(some) if isinstance(some, csr_array) else some
+        )
 
     def columns(self, part: Index) -> "Linearization":
         """The linearization by some unknowns only; the others keep their values."""
@@ -460,9 +435,16 @@ class Linearization:
         """Laplace's approximation to the posterior covariance, (J' J)^-1, (n, n).
 
         It is computed as R^-1 R^-T, with columns of length 1, and not from the normal equations,
-        which would cost half of the digits. What is not identified has infinite variance.
+        which would cost half of the digits. What is not identified has infinite variance, and NaN
+        for its covariance with others.
         """
-        return covariance_of(self.unit_triangle, self._lengths, self._relative, self.estimated)
+        R, lengths = self.unit_triangle, self._lengths
+        _, s, Vt = np.linalg.svd(R, full_matrices=False)
+        determined = s > self._relative * s.max(initial=0.0)
+        if determined.sum() < len(lengths) or self.estimated:
+            return covariance_without(s[determined], Vt[determined], lengths)
+        half = scipy.linalg.solve_triangular(R, np.eye(len(lengths))) / lengths[:, None]
+        return np.asarray(half @ half.T)
 
     def inverse_times(self, right: Array, raised: Array | float = 0.0) -> Array | None:
         """(J'J + diag(raised))^-1 times an array (n, k), such as some columns of the covariance.

@@ -13,7 +13,7 @@ from scipy.sparse import csc_array, csr_array, diags_array
 
 from workbench.arrays import Array, Index, Mask
 from workbench.problem import storage
-from workbench.problem.sparsity import tied_columns
+from workbench.problem.sparsity import SparseSum, tied_columns
 from workbench.problem.steps import EPS
 from workbench.problem.storage import Stored, absolute, dense, row_norms
 
@@ -25,11 +25,7 @@ FACTOR = 10.0  # of eps: a row is the end of a chain of operations, not of one
 
 @dataclass(frozen=True, eq=False)
 class Rounding:
-    """The rounding error that each row of a whitened residual may carry, in its sigma.
-
-    Attributes:
-        rows: (m,) the rounding error of each row, in sigmas.
-    """
+    """The rounding error that each of the `rows` (m,) of a residual may carry, in its sigma."""
 
     rows: Array
 
@@ -118,9 +114,8 @@ class RowSupport:
             rows_of.append((kinds + groups.row, rows[:, groups.col]))
             own.append((columns[:, single.row], rows[:, single.col]))
         n, m = shape
-        return RowSupport(
-            marked(kinds_of, (n, first)), marked(rows_of, (first, m)), marked(own, (n, m))
-        )
+        each = (kinds_of, (n, first)), (rows_of, (first, m)), (own, (n, m))
+        return RowSupport(*(csr_array(SparseSum(*one).pattern) for one in each))
 
     def norms(self, rows: Array) -> Array:
         """|v| over the rows that each free number can change: (n,) for v (m,)."""
@@ -143,32 +138,12 @@ class RowSupport:
         """The rows that any free number can change, (m,)."""
         return self.rows(np.ones(len(self._group_of), dtype=bool))
 
-    @cached_property
-    def all_change(self) -> bool:
-        """Whether every row of the residual is one that some free number can change."""
-        return bool(self.changing.all())
-
-
-def marked(places: Sequence[tuple[Index, Index]], shape: tuple[int, int]) -> csr_array:
-    """A matrix of ones in these places, given as arrays of rows and of columns."""
-    rows = np.concatenate([np.ravel(rows) for rows, _ in places])
-    columns = np.concatenate([np.ravel(columns) for _, columns in places])
-    return csr_array((np.ones(len(rows)), (rows, columns)), shape=shape)
-
 
 ROUNDING = 1e-12  # of the sum of a row's absolute terms: a smaller violation is none
 
 
 class LinearLimits(NamedTuple):
-    """left <= d <= right and down <= A d <= up.
-
-    Attributes:
-        left: (n,) lower bounds.
-        right: (n,) upper bounds.
-        A: (k, n) the gradients of the linear limits.
-        down: (k,) their lower limits.
-        up: (k,) their upper limits.
-    """
+    """left <= d <= right, (n,), and down <= A d <= up, (k,); A (k, n)."""
 
     left: Array
     right: Array
@@ -297,7 +272,7 @@ def optimality(
     if not here.finite:
         return np.nan
     norms, r = here.column_norms, here.residual
-    if not support.all_change:
+    if not support.changing.all():
         r = np.where(support.changing, r, 0.0)
     if here.constraints is None:
         scale = _or_one(norms)  # the gradient is zero where the column is

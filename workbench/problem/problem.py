@@ -306,7 +306,7 @@ class Problem(Symbolic):
     @cached_property
     def _cost_graph(self) -> CostGraph:
         graph = self._graph if self.has_graph else None
-        return CostGraph.of(self._whitened, self.points, *self._layouts, graph, self.domain)
+        return CostGraph(self._whitened, self.points, *self._layouts, graph, self.domain)
 
 
 Stage = tuple[tuple[str, ...] | None, tuple[tuple[str, float], ...]]  # free names, weights

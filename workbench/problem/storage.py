@@ -59,19 +59,9 @@ def by_nonzeros(matrix: csc_array | BlockMatrix | BandedMatrix) -> csc_array:
     return matrix if isinstance(matrix, csc_array) else matrix.sparse
 
 
-def by_columns(some: Array | csr_array) -> Stored:
-    """Some rows of a matrix, stored column by column if they are sparse."""
-    return csc_array(some) if isinstance(some, csr_array) else some
-
-
 def unblocked(matrix: Matrix | Symmetric) -> Stored:
     """The matrix as an array, if it is one, or else by its nonzeros."""
     return matrix if isinstance(matrix, np.ndarray) else by_nonzeros(matrix)
-
-
-def is_array(matrix: Matrix | Symmetric) -> bool:
-    """Whether a matrix is stored with all of its zeros."""
-    return isinstance(matrix, np.ndarray)
 
 
 def entries(matrix: Matrix) -> Array:
@@ -135,11 +125,6 @@ def scaled_sparse(matrix: Matrix, factors: Array) -> csc_array:
     return csc_array((entries, found.indices, found.indptr), shape=found.shape)
 
 
-def finite(matrix: Matrix) -> bool:
-    """Whether every number that is stored is finite."""
-    return bool(np.isfinite(entries(matrix)).all())
-
-
 def stacked(matrix: Matrix, below: Array) -> Matrix:
     """The matrix, and more rows below it."""
     if isinstance(matrix, np.ndarray):
@@ -167,7 +152,7 @@ def where_not_finite(matrix: Matrix) -> list[tuple[int, int]]:
 def check_wide(matrix: Matrix) -> None:
     """Raise TooLarge where a sparse matrix has too many columns for arrays of n x n."""
     m, n = matrix.shape
-    if not is_array(matrix) and n > WIDE:
+    if not isinstance(matrix, np.ndarray) and n > WIDE:
         raise TooLarge(
             f"the singular values of a sparse Jacobian of {m:,} x {n:,} need arrays of {n:,} x "
             f"{n:,}; up to {WIDE:,} columns have them: free fewer blocks"
@@ -302,11 +287,7 @@ def compiled_gram() -> CompiledGram | None:
 
 @dataclass(frozen=True, eq=False)
 class CompiledGram:
-    """Products of columns by the functions of `gram.c`.
-
-    Attributes:
-        library: the compiled functions.
-    """
+    """Products of columns by the functions of `gram.c`."""
 
     library: ctypes.CDLL
     _buffers: list[Array] = field(default_factory=list)  # memory that is used again

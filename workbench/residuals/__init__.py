@@ -15,13 +15,12 @@ from workbench.residuals.points import (
     keypoints,
     landmarks,
     mirrored,
-    on_plane,
     regressed,
     stitching,
     vertices,
 )
 from workbench.residuals.residual import Residual
-from workbench.residuals.scans import free_space, model_to_scan, scan_to_model
+from workbench.residuals.scans import free_space, scan_to_model
 from workbench.residuals.self_contact import apart, gaps, spheres
 from workbench.residuals.sequences import smooth
 
@@ -46,10 +45,8 @@ __all__ = [
     "loose",
     "max_mixture",
     "mirrored",
-    "model_to_scan",
     "of_norms",
     "offset",
-    "on_plane",
     "plane",
     "quadratic",
     "regressed",

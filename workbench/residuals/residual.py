@@ -130,7 +130,12 @@ class Residual(Symbolic):
         why = "; its kernel is one of norms, and a point has one weight" if of_norms else ""
         check_weights(self.name, self.weights, counts[-1:] if of_norms else counts, why)
         if self.domain is not None:
-            check_domain(self.name, self.domain, counts[-1])
+            check_symbolic(f"residual {self.name!r}: the domain", self.domain)
+            if self.domain.shape != (counts[-1], 1):
+                raise BadResidual(
+                    f"residual {self.name!r} needs a domain of shape ({counts[-1]}, 1), one number "
+                    f"for each point, not of {self.domain.shape}"
+                )
         check_listed(f"residual {self.name!r}", self.written, self.points)
         self._check_frames()
 
@@ -219,17 +224,12 @@ class Residual(Symbolic):
         In a sequence the frame comes first, as in `[12, left_wrist, u]`.
         """
         if self.by_frame:
-            t, one, row = self._of_frame(row)
-            inner = one.label(row).removeprefix(f"{one.name}[")
+            edges = np.cumsum([0, *(one.size for _, one in self.by_frame)])
+            i = int(np.searchsorted(edges, row, side="right")) - 1
+            t, one = self.by_frame[i]
+            inner = one.label(row - int(edges[i])).removeprefix(f"{one.name}[")
             return f"{self.name}[{t}, {inner}"
         return f"{self.name}[{self.labels[row] if self.labels else row}]"
-
-    def _of_frame(self, row: int) -> tuple[int, "Residual", int]:
-        """The frame that a row is of, the residual of that frame, and the row in it."""
-        edges = np.cumsum([one.size for _, one in self.by_frame])
-        i = int(np.searchsorted(edges, row, side="right"))
-        t, one = self.by_frame[i]
-        return t, one, row - int(edges[i]) + one.size
 
 
 def blocks_read(expression: cs.MX, points: Sequence[Points]) -> tuple[str, ...]:
@@ -248,17 +248,6 @@ def check_symbolic(what: str, value: object) -> None:
         raise BadResidual(
             f"{what} must be a CasADi symbol or expression (MX), not something of type "
             f"{type(value).__name__}{hint}"
-        )
-
-
-def check_domain(name: str, domain: object, count: int) -> None:
-    """Raise BadResidual unless the domain is an expression with one number for each point."""
-    check_symbolic(f"residual {name!r}: the domain", domain)
-    assert isinstance(domain, cs.MX)
-    if domain.shape != (count, 1):
-        raise BadResidual(
-            f"residual {name!r} needs a domain of shape ({count}, 1), one number for each point, "
-            f"not of {domain.shape}"
         )
 
 
@@ -303,16 +292,11 @@ def check_weights(
             f"residual {name!r} needs one weight or {' or '.join(map(str, counts))} of them, not "
             f"an array of shape {shape}{why}"
         )
-    if known is not None:
-        _check_numbers(name, known)
-
-
-def _check_numbers(name: str, known: Array) -> None:
-    bad = ~((known >= 0) & np.isfinite(known))
-    if bad.any():
+    if known is not None and not ((known >= 0) & np.isfinite(known)).all():
+        wrong = known[~((known >= 0) & np.isfinite(known))].flat[0]
         raise BadResidual(
-            f"residual {name!r} needs finite weights from 0 on, not {known[bad].flat[0]:g}; a row "
-            "of weight 0 has no influence"
+            f"residual {name!r} needs finite weights from 0 on, not {wrong:g}; a row of weight 0 "
+            "has no influence"
         )
 
 

@@ -13,7 +13,7 @@ from workbench.blocks import Block, Points, PointSource
 from workbench.blocks.checks import reals
 from workbench.blocks.points import ExpressedPoints
 from workbench.errors import BadResidual
-from workbench.geometry.surface_tree import ClosestPoints, SurfaceTree
+from workbench.geometry.surface_tree import SurfaceTree
 from workbench.residuals.contacts import (
     ContactNumbers,
     Form,
@@ -82,33 +82,6 @@ def scan_to_model(
     return _residual(name, source, search, len(seen), form.numbers, sigma, kernel, weights)
 
 
-def model_to_scan(
-    points: Points | cs.MX,
-    scan: ArrayLike,
-    scan_faces: ArrayLike,
-    *,
-    sigma: float | Array,
-    kernel: Kernel = quadratic,
-    weights: ArrayLike | None = None,
-    within: float = np.inf,
-    form: Form = distance,
-    name: str | None = None,
-) -> Residual:
-    """min over s on the scan of |v_i - s| in metres, for every vertex v_i of the model.
-
-    `scan` (M, 3) m and `scan_faces` (T, 3) are a mesh that stands still; contacts are chosen anew
-    at every linearization, as in `scan_to_model`. Parts of the model that the scan does not show
-    are drawn to its boundary, unless a gate `within` (m) or a robust kernel lets them go.
-    Raises BadResidual for arguments that do not fit, NotNumbers, and BadMesh for a bad scan.
-    """
-    name, source = _surface("model_to_scan", points, name)
-    seen = vectors(name, "the scan", scan)
-    _check_gate(name, within, FACING, False)
-    tree = SurfaceTree(seen, numbered(name, "scan_faces (T", scan_faces, 3, len(seen)))
-    search = _OnScan(tree, within, form)
-    return _residual(name, source, search, source.count, form.numbers, sigma, kernel, weights)
-
-
 @dataclass(frozen=True, eq=False)
 class _OnModel:
     """Contacts of a scan's points with the model's surface; see `Search`."""
@@ -127,60 +100,27 @@ class _OnModel:
             self._first.append(SurfaceTree(vertices, self.faces))
         tree = self._first[0].moved(vertices)
         at = tree.closest(self.scan, self.within, self.normals, self.facing)
-        numbers, directions = _compared(self.form, self.scan, at, self.within)
+        numbers, directions = self.form.of(Offsets(self.scan - at.points, at.normals, at.distances))
+        touched, d = np.flatnonzero(at.faces >= 0), self.form.numbers
+        missed = at.faces < 0
+        if missed.any():
+            numbers = numbers.copy()
+            numbers[missed] = 0.0
+            numbers[missed, 0] = self.within
 
         def jacobian() -> csr_array:
-            touched = np.flatnonzero(at.faces >= 0)
             corners, shares = self.faces[at.faces[touched]], at.shares[touched]
-            pulls = -directions[touched, :, None, :] * shares[:, None, :, None]  # (m, d, 3, 3)
-            columns = np.broadcast_to(3 * corners[:, None, :, None] + np.arange(3), pulls.shape)
-            return _by_rows(pulls, columns, touched, len(self.scan), vertices.size)
+            entries = -directions[touched, :, None, :] * shares[:, None, :, None]  # (m, d, 3, 3)
+            columns = np.broadcast_to(3 * corners[:, None, :, None] + np.arange(3), entries.shape)
+            filled = np.zeros((len(self.scan), d), dtype=np.int64)
+            filled[touched] = 9  # three coordinates of three corners
+            starts = np.concatenate([[0], np.cumsum(filled.ravel())])
+            shape = len(self.scan) * d, vertices.size
+            found = csr_array((entries.ravel(), columns.flatten(), starts), shape=shape)
+            found.sort_indices()
+            return found
 
-        return ContactNumbers(numbers, at.faces >= 0, jacobian)
-
-
-@dataclass(frozen=True, eq=False)
-class _OnScan:
-    """Contacts of the model's vertices with a scan that stands still; see `Search`."""
-
-    tree: SurfaceTree
-    within: float
-    form: Form
-
-    def __call__(self, vertices: Array) -> ContactNumbers:
-        """The contacts of vertices (N, 3) m at these places."""
-        at = self.tree.closest(vertices, self.within)
-        numbers, directions = _compared(self.form, vertices, at, self.within)
-
-        def jacobian() -> csr_array:
-            touched = np.flatnonzero(at.faces >= 0)
-            pulls = directions[touched]  # (m, d, 3)
-            columns = np.broadcast_to(3 * touched[:, None, None] + np.arange(3), pulls.shape)
-            return _by_rows(pulls, columns, touched, len(vertices), vertices.size)
-
-        return ContactNumbers(numbers, at.faces >= 0, jacobian)
-
-
-def _compared(form: Form, points: Array, at: ClosestPoints, within: float) -> tuple[Array, Array]:
-    """The form's numbers (M, d) and derivatives by offsets (M, d, 3); constant without contact."""
-    numbers, directions = form.of(Offsets(points - at.points, at.normals, at.distances))
-    missed = at.faces < 0
-    if missed.any():
-        numbers, directions = numbers.copy(), directions.copy()
-        numbers[missed], directions[missed] = 0.0, 0.0
-        numbers[missed, 0] = within
-    return numbers, directions
-
-
-def _by_rows(pulls: Array, columns: Index, touched: Index, count: int, width: int) -> csr_array:
-    """W (count d, width) from entries (m, d, ...) in the rows of the points `touched` (m,)."""
-    d, each = pulls.shape[1], pulls[0, 0].size if len(pulls) else 0
-    filled = np.zeros((count, d), dtype=np.int64)
-    filled[touched] = each
-    starts = np.concatenate([[0], np.cumsum(filled.ravel())])
-    found = csr_array((pulls.ravel(), columns.flatten(), starts), shape=(count * d, width))
-    found.sort_indices()
-    return found
+        return ContactNumbers(numbers, ~missed, jacobian)
 
 
 def _surface(function: str, points: Points | cs.MX, name: str | None) -> tuple[str, PointSource]:
