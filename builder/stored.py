@@ -58,7 +58,7 @@ PEOPLE, SEED = 4, 1000  # how many, and a seed with which nobody else was drawn
 
 @dataclass(frozen=True, eq=False)
 class BuiltBody:
-    """The arrays of one embedded body, as `workbench.bodies.files.embedded` gives them back.
+    """The arrays of one embedded body, as `workbench.bodies.catalogue` gives them back.
 
     Attributes:
         template: (N, 3) m.

@@ -15,32 +15,12 @@ from matplotlib.figure import Figure
 import workbench as wb
 from workbench import environment
 from workbench.comparison import workers
-from workbench.course.grading import CheckState
-from workbench.course.outline import lecture
-from workbench.course.process import grade
 from workbench.environment import SAMPLING, MissingLibrary
 from workbench.plots.posterior import plot_corner
 from workbench.processes import NoProcesses
 from workbench.training.registrations import over_halves
 
 pytestmark = pytest.mark.browser
-
-ANSWERS = """
-import os, sys
-import numpy as np
-from workbench.errors import Unsolved
-print("begun")
-def hat(w):
-    return np.array([[0, w[2], -w[1]], [-w[2], 0, w[0]], [w[1], -w[0], 0]])
-def rodrigues(w):
-    sys.exit(3)
-def nearest_rotation(M):
-    print("asked")
-    U, _, Vt = np.linalg.svd(M)
-    return U @ np.diag([1, 1, np.sign(np.linalg.det(U @ Vt))]) @ Vt
-def shorter(w):
-    raise Unsolved("shorter")
-"""
 
 
 @pytest.fixture
@@ -79,6 +59,7 @@ def test_libraries_are_asked_for_as_the_distribution_asks() -> None:
 
 
 @pytest.mark.usefixtures("in_a_browser")
+<<<<<<< HEAD
 def test_a_file_is_graded_in_the_same_process(tmp_path: Path) -> None:
     path, before = tmp_path / "mine.py", list(sys.path)
     path.write_text(ANSWERS)
@@ -104,6 +85,8 @@ def test_a_file_is_graded_in_the_same_process(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("in_a_browser")
+=======
+>>>>>>> main
 def test_what_needs_other_processes_or_threads_says_so_or_does_without(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

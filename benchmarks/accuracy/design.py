@@ -170,7 +170,7 @@ def against_random(count: int = SECOND) -> dict[str, Any]:
     found = predicted(case)
     sds = np.array([one.sd for one in found.ranking])
     x = case.problem.split(case.values)[0]
-    at_truth = RepeatedFits(case.problem.free, x, x[None], np.array([True]))
+    at_truth = RepeatedFits(case.problem.free, x[None], np.array([True]))
     truth = float(case.number(at_truth)[0])
 
     def errors(name: str, fits: int, seed: int) -> Array:
@@ -290,7 +290,8 @@ def measured(quick: bool) -> dict[str, object]:
 
 def tables(found: dict[str, Any]) -> str:
     """All three."""
-    rows = []
+    head: tuple[str, ...]
+    rows: list[tuple[object, ...]] = []
     for name, one in found["compared"].items():
         for when, after in (("before", ""), ("after", f", with {one['best']} of {one['of']}")):
             row, unit = one[when], one["unit"]

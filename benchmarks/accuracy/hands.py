@@ -246,8 +246,9 @@ def tables(found: dict[str, Any]) -> str:
     """All four."""
     of_pose = " and ".join(f"{r['rank']} ({what})" for what, r in found["ranks"].items())
     text = f"Of the 48 numbers of a pose, these are determined without priors: {of_pose}.\n\n"
-    keys = "median", "worst mean", "worst vertex", "worst before the wrist"
-    rows = [
+    head: tuple[str, ...]
+    keys: tuple[str, ...] = ("median", "worst mean", "worst vertex", "worst before the wrist")
+    rows: list[tuple[object, ...]] = [
         (f"{name} ({one['hands']})", *(f"{one[k]:.1f}" for k in keys), f"{one['seconds']:.3f}")
         for name, one in found["points"].items()
     ]

@@ -92,7 +92,6 @@ def scanned(body: SkinnedBody, poses: Array, seed: int, views: int) -> Simulated
         holes=Holes(),
         clutter=Clutter(),
         steepest=STEEPEST,
-        made_of=person.values,
     )
 
 
@@ -205,7 +204,9 @@ def peer(one: Case) -> Method:
         target = trimesh.Trimesh(one.simulated.scan.points, one.simulated.scan.faces, process=False)
         source = trimesh.Trimesh(vertices, one.body.faces, process=False)
         return np.asarray(
-            trimesh.registration.nricp_amberg(source, target, steps=steps, distance_threshold=REACH)
+            trimesh.registration.nricp_amberg(  # type: ignore[no-untyped-call]
+                source, target, steps=steps, distance_threshold=REACH
+            )
         )
 
     return register
@@ -329,7 +330,8 @@ def measured(quick: bool) -> dict[str, object]:
 
 def tables(found: dict[str, Any]) -> str:
     """All four."""
-    head = (
+    rows: list[tuple[object, ...]]
+    head: tuple[str, ...] = (
         *("scans", "within 20 mm (95 %)", "mean of these, mm", "seen / hidden, mm", "worst, mm"),
         *("CPU s, median / most", "warned of those that fail", "warned of the others"),
     )

@@ -119,7 +119,9 @@ def numbers(trained: Trained, sets: Sets) -> dict[str, float]:
         asymmetry = float(np.sqrt((away**2).sum(axis=2).mean()))
     found = {
         "training": trained.poses.objective.rms(estimate),
-        "held out": evaluate_held_out(trained.body, sets.held_out).errors.rms,
+        "held out": float(
+            np.sqrt(np.mean(evaluate_held_out(trained.body, sets.held_out).distances ** 2))
+        ),
         "asymmetry": asymmetry,
         "posedirs": float(np.sqrt(np.mean(estimate.posedirs**2))),
     }

@@ -21,7 +21,7 @@ from workbench.errors import BadArgument, check_known
 from workbench.geometry.rigid import Similarity
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.geometry.surface_tree import SurfaceTree
-from workbench.plots import plot_basins
+from workbench.lectures.material.basins import plot_basins
 from workbench.plots.palette import AMOUNT, INK
 from workbench.registration import (
     BasinMap,

@@ -28,13 +28,13 @@ from workbench.fitting.keypoints import KeypointProblem, keypoint_setup
 from workbench.fitting.observations import LIMBS, SIDES, BadObservation
 from workbench.fitting.placing import regressed_start
 from workbench.fitting.pose_regressor import PoseRegressor, save_regressor, shipped_regressor
-from workbench.fitting.regressor_training import (
+from workbench.lectures.material.photographs import Shot, made_up_shots
+from workbench.lectures.material.regressor_training import (
     draw_facings,
     neural_networks,
     people_in,
     trained,
 )
-from workbench.lectures.material.photographs import Shot, made_up_shots
 from workbench.plots.palette import FAINT, LINES, MARKERS
 from workbench.priors.poses import draw_poses, shipped_mixture
 from workbench.reports.page import Columns, Table

@@ -129,9 +129,6 @@ def test_unknown_blocks_are_named_with_those_that_exist() -> None:
     text = "no block is called 'poze'; there are betas, nothing, pose, scale, walk"
     with pytest.raises(UnknownName, match=text):
         LAYOUT["poze"]
-    with pytest.raises(UnknownName, match=text):
-        LAYOUT.only(["pose", "poze"])
-    assert LAYOUT.only(["walk", "pose"]).names == ("walk", "pose")
 
 
 def test_missing_values_are_named() -> None:

@@ -7,7 +7,7 @@ import pytest
 import workbench as wb
 from tests.bodies_made_up import random_body
 from tests.tiers import few
-from workbench.blocks.composed_points import FrameBlocks, FramedPoints, framed
+from workbench.blocks.composed_points import FrameBlocks, framed
 from workbench.errors import BadBlock
 
 BODY = random_body(1, n_vertices=5, n_joints=3, n_betas=2)
@@ -28,7 +28,9 @@ def blocks(shared: tuple[str, ...] = ("betas",)) -> FrameBlocks:
     return FrameBlocks(T, {b.name: b if b.name in shared else framed(b, T) for b in each})
 
 
-def by_graph(source: FramedPoints, values: wb.Values) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+def by_graph(
+    source: wb.blocks.PointSource, values: wb.Values
+) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """The points (N, 3) and their derivatives (3 N, size) by each block, from the expression."""
     symbols = [b.symbol for b in source.blocks]
     assert source.expression is not None
@@ -111,7 +113,7 @@ def test_graph_size_does_not_grow_with_frames() -> None:
 def test_framed_points_and_derivatives_are_those_of_frames(
     shared: tuple[str, ...], some: tuple[int, ...]
 ) -> None:
-    source = FramedPoints(POINTS.source, blocks(shared), some)
+    source = blocks(shared).points(POINTS, some).source
     values = {}
     for name, value in VALUES.items():
         one = value if name == "betas" else value[0]
@@ -127,7 +129,7 @@ def test_framed_points_and_derivatives_are_those_of_frames(
     here = source.numeric.evaluate(values)
     np.testing.assert_allclose(here.points, points, atol=1e-13)
     scale = RNG.uniform(1, 2, 3 * len(points))
-    into = {name: np.full((J.shape[1], J.shape[0]), np.nan) for name, J in slopes.items()}
+    into = {name: np.zeros((J.shape[1], J.shape[0])) for name, J in slopes.items()}
     here.write_jacobian(into, None)
     for name, J in slopes.items():
         np.testing.assert_allclose(into[name].T, J, atol=1e-12)
@@ -149,7 +151,7 @@ def test_framed_points_and_derivatives_are_those_of_frames(
 
 
 def test_framed_points_of_many_values_at_once() -> None:
-    source = FramedPoints(POINTS.source, blocks(), (0, 2, 3))
+    source = blocks().points(POINTS, (0, 2, 3)).source
     assert source.numeric is not None
     many = {n: np.stack([v, v + 0.1, v - 0.2]) for n, v in VALUES.items()}
     found = source.numeric.evaluate_batch(many)
@@ -159,7 +161,7 @@ def test_framed_points_of_many_values_at_once() -> None:
 
 
 def test_points_have_the_names_of_their_frames() -> None:
-    source = FramedPoints(POINTS.source, blocks(), (1, 3))
+    source = blocks().points(POINTS, (1, 3)).source
     assert source.labels == tuple(f"{t}, joint{k}" for t in (1, 3) for k in range(3))
     assert tuple(b.name for b in source.blocks) == ("pose", "betas", "trans")
 
@@ -167,7 +169,7 @@ def test_points_have_the_names_of_their_frames() -> None:
 def test_trees_of_frames_are_a_forest() -> None:
     own = POINTS.source.tree
     assert own is not None
-    source = FramedPoints(POINTS.source, blocks(), (1, 3))
+    source = blocks().points(POINTS, (1, 3)).source
     tree = source.tree
     assert tree is not None
     assert tree.names[0] == "1, joint0"
@@ -177,5 +179,5 @@ def test_trees_of_frames_are_a_forest() -> None:
     assert [p - 3 for p in tree.parents[4:]] == [int(p) for p in own.parents[1:]]
     assert tree.places[:3] == tuple(("pose", 9 + 3 * k) for k in range(3))
     assert tree.places[3:] == tuple(("pose", 27 + 3 * k) for k in range(3))
-    one_pose = FramedPoints(POINTS.source, blocks(("pose", "betas")), (1, 3))
+    one_pose = blocks(("pose", "betas")).points(POINTS, (1, 3)).source
     assert one_pose.tree is own

@@ -19,8 +19,7 @@ from tests.bodies.laws import (
 )
 from tests.bodies_made_up import random_body
 from tests.tiers import few
-from workbench.bodies.catalogue import BODIES, Embedded, load_body, load_skinned
-from workbench.bodies.files.embedded import read_embedded
+from workbench.bodies.catalogue import BODIES, Embedded, load_body, load_skinned, read_embedded
 from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
 from workbench.cli.app import app

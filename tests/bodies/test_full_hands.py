@@ -9,19 +9,18 @@ import numpy as np
 import pytest
 import trimesh
 
+from builder.full_hands import border, sewn_mesh
 from tests.bodies.paper import smpl
 from workbench.bodies import capsule_ends, pose_space
-from workbench.bodies.catalogue import load_skinned
-from workbench.bodies.files.embedded import embedded, embedded_hand, sewing_of
+from workbench.bodies.catalogue import embedded, embedded_hand, load_skinned, sewing_of
 from workbench.bodies.files.saving import save_body
-from workbench.bodies.sewn_hands import border, sewn_mesh, with_hands
+from workbench.bodies.sewn_hands import with_hands
 from workbench.geometry.mirror import AXIAL, REFLECTION, opposite
 
 pytestmark = pytest.mark.thorough
 
 FULL, HAND, BODY = embedded("full"), embedded_hand(), load_skinned("full-hands")
-SEWING = sewing_of("full")
-MESH = sewn_mesh(FULL, HAND.faces, SEWING.vertices)
+MESH = sewing_of("full")
 RIGHT, LEFT = slice(37, 52), slice(22, 37)
 
 
@@ -32,7 +31,7 @@ def in_both(fingers: np.ndarray) -> np.ndarray:
     return pose
 
 
-HELD = in_both(SEWING.held)
+HELD = in_both(MESH.held)
 
 
 @cache
@@ -46,6 +45,9 @@ def someone(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def test_sewn_mesh_is_closed_and_symmetric() -> None:
+    made = sewn_mesh(FULL, HAND.faces, MESH.origin[MESH.hands["right"]])
+    for name, array in made.items():
+        np.testing.assert_array_equal(getattr(MESH, name, MESH.hands.get(name)), array)
     mesh = trimesh.Trimesh(BODY.template, BODY.faces, process=False)
     assert (BODY.n_vertices, len(BODY.faces)) == (10_490, 20_976)
     assert mesh.is_watertight

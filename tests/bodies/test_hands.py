@@ -10,12 +10,12 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 import workbench as wb
+from builder.geometry import along_edges
 from workbench.blocks import Block
 from workbench.bodies import HAND_POINTS, PoseSpace, hand_points, mirrored, pose_space
 from workbench.bodies.catalogue import load_skinned
 from workbench.errors import BadArgument, BadBody, NotSupported, UnknownName
 from workbench.geometry.mirror import AXIAL, REFLECTION
-from workbench.geometry.solids import along_edges
 from workbench.residuals import landmarks
 
 HAND, LEFT = load_skinned("hand"), load_skinned("hand-left")

@@ -24,8 +24,13 @@ from tests.bodies_made_up import random_body, tube_body
 from tests.differences import assert_hessian, assert_jacobian
 from tests.tiers import few
 from workbench.bodies.body import Body
-from workbench.bodies.catalogue import EmbeddedTriangles, load_body, load_skinned
-from workbench.bodies.files.embedded import UNTRAINED, read_embedded_triangles
+from workbench.bodies.catalogue import (
+    UNTRAINED,
+    EmbeddedTriangles,
+    load_body,
+    load_skinned,
+    read_embedded_triangles,
+)
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.bodies.triangles.body import one_part
 from workbench.errors import BadBody, BadFile, UnknownName
@@ -352,9 +357,9 @@ def put(**changed: Any) -> Callable[[dict[str, Any]], dict[str, Any]]:
 DAMAGES = [
     (without("card", "f"), BadFile, "has no f, card"),
     (put(bs_style=np.array("chain")), BadFile, "bs_style 'chain'"),
-    (put(near=np.zeros((40, 3), int)), BadFile, "posedirs has shape"),
+    (put(near=np.zeros((40, 3), int)), BadBody, "posedirs has shape"),
     (put(near=np.full((40, 2), 0.5)), BadFile, "near must hold whole numbers"),
-    (put(f=np.zeros((40, 4), int)), BadFile, "f has shape"),
+    (put(f=np.zeros((40, 4), int)), BadBody, "f has shape"),
     (put(f=np.full((40, 3), 99)), BadBody, "there are 22"),
     (put(shapedirs=np.full((40, 3, 3, 2), np.inf)), BadBody, "not finite"),
     (put(v_template=np.array("tall")), BadFile, "must hold numbers"),

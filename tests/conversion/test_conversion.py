@@ -21,13 +21,9 @@ from workbench.conversion import (
     motion_from_points,
     point_sets,
 )
-from workbench.conversion.converting import doubts_of, skeleton_errors, turned_on, vertex_parts
-from workbench.conversion.correspondence import counted, sampled_vertices
-from workbench.conversion.points_in_space import body_points, placed_by_points
+from workbench.conversion.converting import doubts_of, skeleton_errors
+from workbench.conversion.points_in_space import body_points
 from workbench.errors import BadArgument, UnknownName
-from workbench.fitting.placing import moved
-from workbench.geometry.rigid import Similarity
-from workbench.geometry.rotation import matrix_from_vector
 from workbench.motions import bones_of, read_bvh, write_bvh
 
 SMALL, DEFAULT, HAND = (wb.load_body(name) for name in ("small", "default", "hand"))
@@ -114,37 +110,10 @@ def test_converted_frames_may_jump() -> None:
     assert 1e3 * convert(motion, SMALL, SMALL).errors.max() < 1.0
 
 
-def test_start_is_turned_as_the_source() -> None:
-    motion = clip(DEFAULT, 2, seed=5)
-    before = {"pose": motion.pose[0], "trans": motion.trans[0] + 1.0, "betas": motion.betas}
-    found = turned_on(DEFAULT, before, motion, 1)
-    np.testing.assert_allclose(
-        *(matrix_from_vector(p) for p in (found["pose"], motion.pose[1])), atol=1e-12
-    )
-    np.testing.assert_allclose(found["trans"], motion.trans[1] + 1.0)
-
-
-def test_parts_have_names_of_the_body(fingers: Body) -> None:
-    names = {*vertex_parts(fingers)}
-    assert {"left_hand", "left_fingers", "right_thigh", "head"} <= names
-    assert "left_index1" not in names
-    assert {"wrist", "index3"} <= {*vertex_parts(HAND)}
-
-
 def test_correspondence_of_other_bodies_is_refused() -> None:
     kept = correspond(SMALL, SMALL)
     with pytest.raises(BadArgument, match="takes 369 vertices to 369, but bodies 'default'"):
         convert(clip(DEFAULT, 2), DEFAULT, SMALL, correspondence=kept)
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("back", [False, True])
-def test_triangle_bodies_are_converted(back: bool) -> None:
-    """Their surface solves a linear system, whose places and shapes are fitted all the same."""
-    triangles = wb.load_body("small-scape")
-    motion = clip(SMALL, 2, seed=8)
-    source, target = (triangles, SMALL) if back else (SMALL, triangles)
-    assert convert(motion, source, target).mean() < 5e-3
 
 
 def test_triangle_bodies_are_written_with_bones_at_rest(tmp_path: Path) -> None:
@@ -180,12 +149,6 @@ def test_vertices_of_a_coarse_mesh_lie_on_the_fine_one() -> None:
     np.testing.assert_allclose(off, found.distances, atol=1e-5)
 
 
-def test_closest_places_bring_the_surface_nearer_than_joints_alone() -> None:
-    """By their joints alone, the surfaces of these two are 1.5 mm apart."""
-    found = correspond(wb.load_body("full-male"), SMALL)
-    assert found.distances[found.matched].mean() < 6e-4
-
-
 def test_a_body_that_is_drawn_elsewhere_and_in_another_pose_is_found() -> None:
     """The target's rest pose has its arms down, and stands turned, in another place."""
     pose = np.zeros((24, 3))
@@ -204,18 +167,6 @@ def test_a_body_that_is_drawn_elsewhere_and_in_another_pose_is_found() -> None:
 def test_bodies_without_common_joints_are_refused() -> None:
     with pytest.raises(BadArgument, match="'tube' have 0 joints of the same names"):
         correspond(DEFAULT, tube_body())
-
-
-def test_some_vertices_stand_for_all_of_each_joint() -> None:
-    some = sampled_vertices(DEFAULT, 300)
-    assert (np.diff(some) > 0).all()
-    owner = DEFAULT.weights.argmax(axis=1)
-    of_all, of_some = (np.bincount(o, minlength=24) for o in (owner, owner[some]))
-    assert (of_some >= np.minimum(of_all, 20)).all()
-    weights = counted(DEFAULT, some)
-    assert weights.mean() == pytest.approx(1.0)
-    shares = np.bincount(owner[some], weights, minlength=24) / weights.sum()
-    np.testing.assert_allclose(shares, of_all / of_all.sum())
 
 
 COCO = SMALL.landmark_names("coco")
@@ -240,20 +191,6 @@ def test_motion_is_recovered_from_joints_with_gaps() -> None:
     assert found.names == SMALL.joint_names
     assert np.isnan(found.errors[6]).all()
     assert "1 of 9 frames were not found" in " ".join(found.motion.notes)
-
-
-def test_body_with_a_turned_root_at_rest_is_placed_by_points() -> None:
-    bind = SMALL.bind_pose.copy()
-    bind[0] = [0.0, 0.6, 0.3]
-    body = replace(SMALL, bound_in=bind)
-    motion = Similarity(matrix_from_vector([0.2, 1.0, 0.0]), np.array([1.0, 0.0, 2.0]))
-    rest = body.joints(body.bind_pose)
-    found = moved(body, motion.R, motion.t)
-    there = body.joints(found["pose"], np.zeros(body.n_betas), found["trans"])
-    np.testing.assert_allclose(there, motion(rest), atol=1e-12)
-    start = placed_by_points(body, "joints", there)
-    again = body.joints(start["pose"], np.zeros(body.n_betas), start["trans"])
-    np.testing.assert_allclose(again, there, atol=1e-12)
 
 
 def test_frames_of_points_may_jump() -> None:

@@ -77,24 +77,6 @@ def test_ten_clips_of_each_kind_of_skeleton(tmp_path: Path, name: str) -> None:
         check(fit, KINDS[name], motion, target, name)
 
 
-@pytest.mark.thorough
-def test_fingers_are_known_by_their_names() -> None:
-    body = wb.load_body("full-hands")
-    motion = clip(body, 3, seed=1)
-    called = {
-        joint: name.partition(":")[2].replace("Left", "")
-        for name, _, joint in KINDS["Mixamo and HumanIK"].tree()
-    }
-    labels = []
-    for joint in body.joint_names:
-        side, _, rest = joint.rpartition("_")
-        own = called.get(joint.replace("right", "left"), f"Hand{rest.title()}")
-        labels.append(f"mixamorig:{side.title()}{own}")
-    found = motion_from_points(motion.joints(body), labels, body, 30)
-    assert found.names == body.joint_names
-    assert 1e3 * found.errors.mean() < 5
-
-
 def test_heads_turn_as_in_the_skeleton(tmp_path: Path) -> None:
     """Places do not tell that a head is shaken."""
     motion = clip(MALE, 1, seed=2)

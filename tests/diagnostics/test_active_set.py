@@ -29,7 +29,7 @@ def at(*constraints: Constraint, x: tuple[float, float] = (0.5, 0.5)) -> Diagnos
 
 def test_an_equation_supplies_a_direction() -> None:
     d = at(Constraint("equal", X.symbol[0] - X.symbol[1], 0, 0))
-    assert d.rank == d.structural_rank == d.scaled_rank == 2
+    assert d.rank == d.structural_rank == 2
     assert d.null_directions == ()
     assert d.condition == pytest.approx(1.0)  # one direction is left
     # x + y is known to 0.1, and x = y: each to 0.05
@@ -155,7 +155,7 @@ def bounded(
 )
 def test_an_active_bound_counts_towards_the_rank(y: float, said: str) -> None:
     d = bounded(0.0, 2.0, (1.0, y))
-    assert d.rank == d.structural_rank == d.scaled_rank == 2
+    assert d.rank == d.structural_rank == 2
     assert d.null_directions == ()
     np.testing.assert_allclose(d.identifiability.sigma, [0.1, 0.0], rtol=1e-12)
     assert not d.warnings
@@ -198,7 +198,7 @@ def test_bounds_and_the_same_limits_as_constraints_are_one() -> None:
         np.testing.assert_array_equal(np.isinf(sigmas[0]), np.isinf(sigmas[1]))
         known = np.isfinite(sigmas[0])
         np.testing.assert_allclose(sigmas[0][known], sigmas[1][known], rtol=1e-9, atol=1e-13)
-        assert one.nearby.ranks == other.nearby.ranks
+        assert one.ranks_nearby == other.ranks_nearby
         assert len(one.null_directions) == len(other.null_directions) == 6 - one.rank
 
 

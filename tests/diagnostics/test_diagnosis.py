@@ -193,40 +193,9 @@ def test_every_suggestion_does_what_it_says(case: Callable[[], cases.Case]) -> N
         assert suggestion.after.rank == rank, suggestion.what
         assert suggestion.after.condition == pytest.approx(condition, rel=1e-9), suggestion.what
         assert suggestion.cured == (rank == after.shape[1]), suggestion.what
-        if suggestion.kind in ("fix", "prior", "rewrap"):
+        if suggestion.kind in ("fix", "prior"):
             assert after.shape[1] - rank < found.shape[1] - found.rank, suggestion.what
         assert f"{suggestion.what}: {suggestion.before} -> {suggestion.after}" in found.report()
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("past", [-0.02, 0.01])
-def test_near_a_full_turn_one_turn_is_taken_off(past: float) -> None:
-    """There the rank is full, and the condition is bad."""
-    problem, values = cases.full_turn()
-    pose = values["pose"].copy()
-    knee = SMPL_NAMES.index("left_knee")
-    pose[knee] *= 1 + past / (2 * np.pi)
-    found = diagnose(problem, values | {"pose": pose})
-    found.assert_rank(75)
-    (turned,) = (s for s in found.suggestions if s.kind == "rewrap")
-    assert turned.after.condition < turned.before.condition / 3
-    axis = pose[knee] / np.linalg.norm(pose[knee])
-    np.testing.assert_allclose(turned.values["pose"][knee], past * axis, atol=1e-12)
-    residual = turned.problem.linearize(turned.values).residual
-    np.testing.assert_allclose(residual, found.here.residual, atol=1e-9)
-
-
-def test_fixed_blocks_keep_values_and_bounds() -> None:
-    problem, values = cases.scale_against_depth()
-    bounded = Problem(problem.residuals, problem.free.names, {"scale": (0.5, 2), "trans": (-9, 9)})
-    found = {s.what: s for s in diagnose(bounded, values).suggestions}
-    assert found["fix scale"].problem.free.names == ("trans",)
-    assert set(found["fix scale"].problem.bounds) == {"trans"}
-    assert found["fix scale"].values["scale"] == 1.0
-    assert set(found["add a Gaussian prior on scale (sigma 1)"].problem.bounds) == {
-        "scale",
-        "trans",
-    }
 
 
 def test_a_prior_stands_at_the_present_value() -> None:
@@ -304,17 +273,6 @@ def test_gauges_are_counted_in_english(kinds: list[str], said: str) -> None:
     assert (
         gauges_in_words([direction(kind) for kind in kinds]) == f"no residual changes under {said}"
     )
-
-
-def test_the_number_of_a_weak_direction_decides_what_is_said_of_it() -> None:
-    x = Block("x", (2,))
-    problem = Problem([Residual("r", 0.1 * x.symbol, 1.0)], ["x"], blocks=[x])
-    d = diagnose(problem, {"x": np.zeros(2)})
-    d.__dict__["weak_directions"] = (direction("weak", 0.1), direction("strong", 43.0))
-    weak, strong = d.report().split("WEAK DIRECTIONS")[1].split("one of weak")
-    assert "less than one sigma" in weak
-    assert "one sigma or more" in strong.partition("one of strong")[0]
-    assert "less than one sigma" not in strong.partition("CONDITIONING")[0]
 
 
 def test_priors_that_decide_are_named_where_nothing_is_to_be_suggested() -> None:

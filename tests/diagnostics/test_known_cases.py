@@ -39,15 +39,8 @@ def test_a_joint_after_a_full_turn_has_one_axis_left() -> None:
         assert direction.name.startswith("a turn of pose[left_knee] alone: ")
         assert all(name.startswith("pose[left_knee, ") for name in entries(found, direction))
     assert len({d.name for d in found.null_directions}) == 2  # told apart
-    assert found.nearby.ranks == (75, 75, 75, 75)
+    assert found.ranks_nearby == (75, 75, 75, 75)
     assert "73 at this point, but 75 a tenth of a characteristic scale away" in warned(found)
-    (turned_back,) = (s for s in found.suggestions if s.kind == "rewrap")
-    assert turned_back.what == "take one turn of 2 pi off the rotation vector of left_knee"
-    assert turned_back.cured
-    # it is the same rotation, so the same residual
-    np.testing.assert_allclose(
-        turned_back.problem.linearize(turned_back.values).residual, found.here.residual, atol=1e-9
-    )
 
 
 def test_a_shape_without_effect_is_named() -> None:
@@ -116,14 +109,6 @@ def test_scale_and_distance_are_one_direction() -> None:
     along = np.array([1.0, 0.1, 0.2, 3.0])
     np.testing.assert_allclose(direction.vector, along / np.linalg.norm(along), atol=1e-12)
     assert suggested(found, "fix") == ["fix scale", "fix trans"]
-
-
-def test_points_in_one_piece_can_be_shifted() -> None:
-    found = cases.diagnosed(cases.one_piece)
-    assert found.rank == 24
-    assert null_names(found) == [
-        ("translation", f"a translation along {a} of points") for a in "xyz"
-    ]
 
 
 def test_points_in_two_pieces_can_be_shifted_piece_by_piece() -> None:

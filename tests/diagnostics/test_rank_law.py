@@ -17,7 +17,6 @@ from workbench import (
     diagnose,
     load_body,
     residuals,
-    sequence,
 )
 from workbench.blocks import Layout, Tree
 from workbench.diagnostics.gauges import SAME
@@ -241,64 +240,3 @@ def test_other_poses_are_not_degenerate_in_depth(seed: int) -> None:
     rng = np.random.default_rng(seed)
     found = nearly_degenerate(problem, values | {"pose": rng.normal(0, 0.5, size=(24, 3))})
     assert not any("in depth" in text for text in found)
-
-
-@pytest.mark.thorough
-def test_a_second_camera_sees_depth() -> None:
-    assert nearly_degenerate(*seen_by(0.0, 1.2)) == []
-
-
-@pytest.mark.thorough
-def test_points_in_space_are_not_degenerate() -> None:
-    body = load_body("small")
-    joints = body.joint_points(*(block.symbol for block in body.blocks()))
-    observed = Block("observed", (24, 3), "m")
-    problem = Problem((residuals.landmarks(joints, observed.symbol, sigma=0.01),), ("pose",))
-    assert nearly_degenerate(problem, body.start() | {"observed": np.zeros((24, 3))}) == []
-
-
-def test_a_nearly_singular_point_is_told() -> None:
-    """r = (x, y^2) near y = 0: the rank is two, and hardly."""
-    x = Block("x", (2,))
-    r = Residual("r", cs.vertcat(x.symbol[0], x.symbol[1] ** 2), 0.01)
-    problem = Problem((r,), ("x",), blocks=(x,))
-    (text,) = nearly_degenerate(problem, {"x": np.array([1.0, 1e-6])})
-    assert "times smaller here than a tenth of a characteristic scale away" in text
-    assert text.endswith("its direction is along x[1]")
-    assert nearly_degenerate(problem, {"x": np.array([1.0, 1.0])}) == []
-    assert diagnose(problem, {"x": np.array([1.0, 0.0])}).rank == 1
-
-
-# A short sequence is diagnosed as every problem is, and its directions are named by frame.
-
-
-def film(free: tuple[str, ...], *, smooth: bool) -> tuple[Problem, Values]:
-    """The small body in two frames, all of whose joints are observed."""
-    body = load_body("small")
-    pose, betas, trans = body.blocks()
-    joints = body.joint_points(pose.symbol, betas.symbol, trans.symbol)
-    seen = Residual("joints", cs.vec(joints.symbol), 0.01, "m", points=(joints,))
-    between = [residuals.smooth("pose", sigma=0.1)] if smooth else []
-    whole = sequence([Problem([seen], free)] * 2, shared=("betas",), between=between)
-    rng = np.random.default_rng(0)
-    blocks = {b.name: b.base for b in (*whole.free.blocks, *whole.fixed.blocks)}
-    return whole, {name: rng.normal(scale=0.3, size=b.shape) for name, b in blocks.items()}
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("smooth", [False, True])
-def test_short_sequences_are_diagnosed_whole(smooth: bool) -> None:
-    found = diagnose(*film(("pose", "trans", "betas"), smooth=smooth))
-    assert isinstance(found, Diagnosis)
-    # 15 numbers of leaves in each frame, and 17 turns about bones without smoothness
-    assert found.shape[1] - found.rank == (15 if smooth else 2 * 32)
-    names = [direction.name for direction in found.null_directions]
-    if not smooth:
-        assert "a turn of pose[1, left_wrist] alone" in names
-        assert "pose[1, left_hand, y]" in names
-    assert "NULL DIRECTIONS" in found.report()
-
-
-@pytest.mark.thorough
-def test_rank_law_is_not_for_several_frames() -> None:
-    assert diagnose(*film(("pose",), smooth=False)).rank_law is None

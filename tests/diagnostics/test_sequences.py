@@ -211,16 +211,6 @@ def test_shifts_that_frames_undo_are_not_seen() -> None:
     assert unseen.described(5) == "s[0], undone by x in 5 of 5 frames"
 
 
-def test_frames_seen_well_are_counted() -> None:
-    A, weak = np.eye(4, 3), np.zeros((4, 1))
-    weak[3] = 0.4  # sigma 0.5: 0.8 sigmas for one standard deviation of shape
-    strong = weak * 2
-    hidden = np.eye(4)[:, :1]  # in the range of A
-    d = linear([A] * 4, [weak, strong, strong, hidden])
-    assert d.shared.frames_seen.tolist() == [3]
-    assert d.shared.frames_well.tolist() == [2]
-
-
 def test_unseen_twists_are_gathered_over_frames() -> None:
     """The wrist is free to turn about the bone to the hand, as nothing but the hand is seen."""
     frame = arm(EVERY, ("pose[left_wrist]",))
@@ -248,7 +238,7 @@ def test_unseen_twists_are_gathered_over_frames() -> None:
         )
 
 
-def test_frames_without_data_and_missing_residuals_are_told() -> None:
+def test_frames_without_data_are_told() -> None:
     x = Block("x", (2,), "m")
     own = Residual("seen", x.symbol, 0.1, "m")
     other = Residual("prior", x.symbol[0], 1.0, "m")
@@ -256,8 +246,6 @@ def test_frames_without_data_and_missing_residuals_are_told() -> None:
         Problem([own, other] if t not in (3, 4) else [other], ("x",), blocks=(x,)) for t in range(8)
     ]
     d = long(sequence(frames), {"x": np.zeros((8, 2))})
-    assert d.missing == {"seen": (3, 4)}
-    assert "the residual seen is missing in 2 of 8 frames (3 to 4)" in str(d)
     assert [u.described(8) for u in d.null_directions] == ["x[1], in 2 of 8 frames"]
     smooth = residuals.smooth("x", sigma=0.2)
     shows = Block("shows", ())  # zero in frame 3
@@ -288,21 +276,6 @@ def test_a_frame_by_itself_is_diagnosed_as_its_problem_is() -> None:
     assert found.free.names == ("pose", "trans", "betas")
     with pytest.raises(BadArgument, match="there is no frame 3"):
         long(video, at).frame(3)
-
-
-def test_priors_give_shared_unknowns_their_scales() -> None:
-    x, s = Block("x", (2,), "m"), Block("s", (1,), "1")
-    seen = Residual("seen", cs.vertcat(x.symbol, s.symbol), 0.5)
-    prior = Residual("prior", s.symbol, 0.1)
-    frame = Problem([seen, prior], ("x", "s"), blocks=(x, s))
-    d = long(
-        sequence([frame] * 3, shared=("s",)),
-        {"x": np.ones((3, 2)), "s": np.ones(1)},
-        priors=("prior",),
-    )
-    np.testing.assert_allclose(d.shared.scales.sizes, [0.1])
-    assert d.shared.frames_well.tolist() == [0]
-    np.testing.assert_allclose(d.shared.sigma, [(100 + 3 * 4) ** -0.5])
 
 
 def test_values_that_are_not_finite_are_named() -> None:

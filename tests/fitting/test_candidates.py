@@ -16,7 +16,6 @@ from workbench.fitting.candidates import (
     looking_at,
     marker_candidates,
     stature_of,
-    without_hidden,
 )
 from workbench.fitting.keypoints import landmark_set
 from workbench.fitting.markers import marker_frame
@@ -86,23 +85,6 @@ def test_camera_candidate_equals_its_keypoint_residual() -> None:
         cameras_on_a_sphere(BODY, [0, 0])
     with pytest.raises(BadArgument, match="above zero"):
         cameras_on_a_sphere(BODY, ROOT, distance=0)
-
-
-@pytest.mark.thorough
-def test_hidden_keypoints_do_not_count() -> None:
-    still = AT | {"pose": np.zeros((24, 3))}
-    around = cameras_on_a_sphere(BODY, BODY.joints(**still)[0], around=(0, 180), up=(0,))
-    found = without_hidden(BODY, around, still)
-    names = BODY.landmark_names(landmark_set(BODY))
-    front, back = (one.values["candidate/seen"] for one in found.values())
-    assert front.all()
-    hidden = {name for name, seen in zip(names, back, strict=True) if not seen}
-    assert {"nose", "left_eye", "right_eye", "left_big_toe", "right_big_toe"} <= hidden
-    assert not hidden & {"left_hip", "right_hip", "left_elbow", "right_knee", "left_heel"}
-    sees_all, sees_some = (wb.design(PROBLEM, several, still) for several in (around, found))
-    by_name = [{one.name: one.nats for one in d.ranking} for d in (sees_all, sees_some)]
-    assert by_name[1]["0 around, 0 up"] == pytest.approx(by_name[0]["0 around, 0 up"], rel=1e-9)
-    assert by_name[1]["180 around, 0 up"] < by_name[0]["180 around, 0 up"]
 
 
 @pytest.mark.thorough

@@ -6,12 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 from workbench import LevenbergMarquardt, Problem, Solution, Status, Values, load_body
 from workbench.arrays import Array
 from workbench.bodies.capsules import capsule_gaps, capsule_points
-from workbench.cli.fit import Given, of_keypoints
+from workbench.cli.fit import of_keypoints
 from workbench.errors import BadArgument, BadBody
 from workbench.experiments.balance import observations
 from workbench.fitting.body_priors import apart_prior, mixture_prior, stature, stature_prior
@@ -400,8 +399,7 @@ def test_files_of_several_cameras_are_fitted_robustly(tmp_path: Path) -> None:
     (tmp_path / "cameras.json").write_text(json.dumps(cameras))
     reading = ImageReading(SIZE, None, tmp_path / "cameras.json")
     for sigma in (None, 4.0):
-        given = Given(Console(), BODY, "small", reading, ByHeight(), sigma, None, False, tmp_path)
-        problem = of_keypoints(given, files, 1).problem
+        problem = of_keypoints(files, BODY, reading, ByHeight(), sigma, 1).problem
         assert {type(one.kernel) for one in problem.residuals[:2]} == {Scaled}
 
 

@@ -13,12 +13,12 @@ from workbench.fitting import (
     regressed_start,
     save_regressor,
     shipped_regressor,
-    train_pose_regressor,
 )
 from workbench.fitting.images import image_fit
 from workbench.fitting.placing import placed_by_rays
 from workbench.geometry.mirror import opposites
 from workbench.geometry.rotation import matrix_from_vector
+from workbench.lectures.material.regressor_training import train_pose_regressor
 from workbench.priors.poses import shipped_mixture
 
 REGRESSOR = shipped_regressor()

@@ -140,19 +140,6 @@ def test_rounded_rotation_is_accepted() -> None:
     np.testing.assert_allclose(values["rotation"], (0.3, -2.0, 0.5), atol=1e-3)
 
 
-@pytest.mark.parametrize("shape", few([pytest.param(s) for s in ((), (2, 5), (0,), (2, 0))], 2))
-def test_points_come_in_any_shape(shape: tuple[int, ...]) -> None:
-    camera = Camera()
-    values = looking((0.3, -2.0, 0.5), camera, DISTORTION)
-    points = np.random.default_rng(0).normal(scale=0.5, size=(*shape, 3))
-    pixels, depths = camera.pixels(points, values), camera.depths(points, values)
-    assert pixels.shape == (*shape, 2)
-    assert depths.shape == shape
-    flat = points.reshape(-1, 3)
-    np.testing.assert_array_equal(pixels.reshape(-1, 2), camera.pixels(flat, values))
-    np.testing.assert_allclose(depths.ravel(), camera.depths(flat, values), rtol=1e-15)
-
-
 def test_points_and_numbers_of_a_camera_are_checked() -> None:
     values = looking((0, 0, 0), Camera())
     for see in (Camera().pixels, Camera().depths):

@@ -116,21 +116,6 @@ def test_incomplete_texture_coordinates_are_left_in_the_file(tmp_path: Path, lin
     assert len(mesh.vertices) == 4
 
 
-def test_texture_coordinates_that_do_not_fit_are_refused() -> None:
-    mesh = textured()
-    assert mesh.uv is not None
-    assert mesh.uv_faces is not None
-    for uv, corners in (
-        (mesh.uv, None),
-        (None, mesh.uv_faces),
-        (mesh.uv[:4], mesh.uv_faces),
-        (mesh.uv, mesh.uv_faces[:1]),
-        (np.full_like(mesh.uv, np.nan), mesh.uv_faces),
-    ):
-        with pytest.raises(BadMesh, match="texture coordinates are"):
-            Mesh(mesh.vertices, mesh.faces, uv, corners)
-
-
 def test_parts_of_a_scene_are_placed(tmp_path: Path) -> None:
     part = trimesh.Trimesh(VERTICES, FACES, process=False)
     scene = trimesh.Scene()
@@ -382,12 +367,3 @@ def test_glb_strips_turn_every_other_triangle_and_points_have_none(tmp_path: Pat
         mesh = read_mesh(tmp_path / "a.glb", points_alone=True)
         np.testing.assert_array_equal(mesh.vertices, SQUARE_PLACES)
         assert mesh.faces.tolist() == faces
-
-
-def test_stl_in_text_is_read(tmp_path: Path) -> None:
-    corners = SQUARE_PLACES[TWO].reshape(-1, 3)
-    lines = [f"  Vertex {x:.1f} {y:.1e} {z}" for x, y, z in corners.tolist()]
-    for solid in ("solid a", "solid b"):
-        lines.append(f"end{solid}\n{solid}")
-    (tmp_path / "a.stl").write_text("\n".join(["solid a", *lines]))
-    np.testing.assert_array_equal(read_mesh(tmp_path / "a.stl").vertices, corners)

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 import trimesh
-from scipy.spatial.transform import Rotation
 
 import workbench as wb
 from tests.tiers import few
@@ -259,24 +258,6 @@ def test_moved_tree_is_as_new(way: Ways, shape: Callable[[], tuple[Array, Index]
                 np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
     back = tree.moved(elsewhere).moved(vertices).closest(points)
     np.testing.assert_array_equal(back.distances, tree.closest(points).distances)
-
-
-@BOTH
-@pytest.mark.parametrize("scale", few([1e-3, 1.0, 1e4], 1))
-def test_distances_are_invariant_to_rigid_motion(way: Ways, scale: float) -> None:
-    rng = np.random.default_rng(7)
-    vertices, faces = blob()
-    points = 1.2 * rng.normal(size=(2000, 3))
-    R, shift = Rotation.random(rng=rng).as_matrix(), rng.normal(size=3)
-    here = SurfaceTree(vertices, faces, way).closest(points)
-    move = lambda x: scale * (x @ R.T + shift)  # noqa: E731
-    there = SurfaceTree(move(vertices), faces, way).closest(move(points))
-    np.testing.assert_allclose(there.distances, scale * here.distances, atol=1e-14 * scale)
-    np.testing.assert_allclose(there.points, move(here.points), atol=1e-13 * scale)
-    clear = (here.shares > 1e-9).all(axis=1)
-    assert clear.sum() > 500
-    np.testing.assert_array_equal(there.faces[clear], here.faces[clear])
-    np.testing.assert_allclose(there.normals[clear], here.normals[clear] @ R.T, atol=1e-12)
 
 
 def test_tree_pickles() -> None:

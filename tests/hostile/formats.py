@@ -20,6 +20,7 @@ import casadi as cs
 import numpy as np
 from scipy.sparse import csr_array, issparse
 
+from builder.ground_truth import GroundTruth, read_ground_truth
 from builder.recordings import read_recording
 from tests.bodies.model_files import MODELS, written
 from tests.bodies.random_bodies import decorated, entries
@@ -31,8 +32,7 @@ from tests.motions.made_files import MARKER_FILES, MOTION_FILES
 from tests.motions.made_results import RESULTS, truth
 from workbench import Block, Problem, Residual, load_body, save_body, solve
 from workbench.bodies import check_body_file, pose_space, shape_space
-from workbench.bodies.catalogue import load_skinned
-from workbench.bodies.files.embedded import read_embedded
+from workbench.bodies.catalogue import load_skinned, read_embedded
 from workbench.bodies.files.joint_names import joint_names
 from workbench.bodies.skinned import Landmarks
 from workbench.bodies.triangles import TriangleBody, blend_scape
@@ -51,7 +51,6 @@ from workbench.sampling.checkpoint import SavedEnsemble, load, save
 from workbench.solvers import Solution
 from workbench.training.checkpoint import TrainingCheckpoint, read_checkpoint
 from workbench.training.estimate import Estimate
-from workbench.training.evaluation import GroundTruth, read_ground_truth
 from workbench.training.execution import LogEntry
 from workbench.training.first_guess import Start, read_start, write_start
 from workbench.training.folder import open_folder

@@ -14,7 +14,7 @@ from workbench.errors import BadFile
 from workbench.motions.tissue_inputs import MovingFrames, second_differences
 from workbench.sampling.mixing import integrated_time
 
-THERE = [one for one in course() if one.there]
+THERE = course()
 
 
 def test_apart_splits_a_cell_where_drawing_begins() -> None:
@@ -94,11 +94,6 @@ def test_source_shows_constants_above_the_code_that_reads_them() -> None:
 )
 def test_formula_is_written_in_letters(formula: str, letters: str) -> None:
     assert in_letters(formula) == letters
-
-
-def test_formula_with_an_unknown_command_is_refused() -> None:
-    with pytest.raises(BadFile, match="oint"):
-        in_letters(r"\oint f")
 
 
 def test_formulas_of_every_lecture_are_known() -> None:

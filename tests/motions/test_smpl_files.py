@@ -149,21 +149,6 @@ def in_layout(K: int) -> Motion:
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("K", [24, 52, 55])
-def test_saved_motions_open_in_smplcodec(K: int, tmp_path: Path) -> None:
-    codec = pytest.importorskip(
-        "smplcodec", reason="another reader; pip install smplcodec"
-    ).SMPLCodec
-    motion = in_layout(K)
-    for read, name in ((codec.from_file, "a.smpl"), (codec.from_amass_npz, "a.npz")):
-        save_motion(tmp_path / name, motion)
-        found = read(tmp_path / name)
-        assert (found.smpl_version, found.gender) == ({24: 0, 52: 1, 55: 2}[K], 2)
-        np.testing.assert_allclose(found.full_pose, motion.pose, atol=1e-6)
-        np.testing.assert_allclose(found.body_translation, motion.trans, atol=1e-6)
-
-
-@pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["SMPL", "SMPL-H", "SMPL-X"])
 def test_saved_motions_move_models_of_smplx(
     kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

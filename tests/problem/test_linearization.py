@@ -9,8 +9,8 @@ from tests.compilers import NEEDS_A_COMPILER
 from tests.tiers import few
 from workbench import Block, Linearization, Problem, Residual, residuals
 from workbench.problem import steps
-from workbench.problem.gram import normal_equations
-from workbench.problem.rounding import Rounding
+from workbench.problem.optimality import Rounding
+from workbench.problem.storage import normal_equations
 
 RNG = np.random.default_rng(0)
 A, B = RNG.normal(size=(10, 4)), RNG.normal(size=10)

@@ -11,8 +11,14 @@ from tests.tiers import few
 from workbench import Block, Constraint, Problem, Residual, residuals, solve
 from workbench.problem import storage
 from workbench.problem.graph import SUMS, term_sizes
-from workbench.problem.optimality import LinearLimits, projected, projected_dense, projected_sparse
-from workbench.problem.rounding import Rounding, decrease
+from workbench.problem.optimality import (
+    LinearLimits,
+    Rounding,
+    decrease,
+    projected,
+    projected_dense,
+    projected_sparse,
+)
 
 EPS = np.finfo(float).eps
 

@@ -89,7 +89,7 @@ def test_derivatives_of_landmarks_match_differences(body: SkinnedBody, kind: str
     numeric = body.landmark_points(kind, *symbols(body)).source.numeric
     assert numeric is not None
     here = numeric.evaluate(at)
-    slopes = {name: np.empty((at[name].size, here.points.size)) for name in numeric.reads}
+    slopes = {name: np.zeros((at[name].size, here.points.size)) for name in numeric.reads}
     here.write_jacobian(slopes, None)
     cotangent = np.random.default_rng(2).standard_normal(here.points.size)
     felt = here.vjp(cotangent)

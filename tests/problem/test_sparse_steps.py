@@ -9,9 +9,8 @@ import workbench as wb
 from tests.tiers import few
 from workbench import Linearization, residuals
 from workbench.problem import steps, storage
-from workbench.problem.conjugate_gradients import ConjugateGradients
-from workbench.problem.sparsity import DenseTerm, Pattern, SparseSum, merged
-from workbench.problem.steps import cholesky, factorized
+from workbench.problem.sparsity import DenseTerm, SparseSum, columns_of_nonzeros
+from workbench.problem.steps import ConjugateGradients, cholesky, factorized
 from workbench.solvers.trust_region import box_step
 
 
@@ -37,19 +36,17 @@ def test_sum_of_sparse_parts_is_the_dense_sum() -> None:
         rng = np.random.default_rng(seed)
         m, n = 40, 12
         single = random_array((m, n), density=0.2, rng=rng, format="csc")
-        single.sort_indices()
-        pattern = Pattern(cs.Sparsity(m, n, single.indptr.tolist(), single.indices.tolist()))
         expected = single.toarray()
-        parts, numbers = [], []
+        parts, numbers = [(single.indices, columns_of_nonzeros(single))], [single.data]
         for columns in (slice(0, 4), slice(3, 9), slice(9, 12), slice(5, 5)):
             rows = np.sort(rng.permutation(m)[: int(rng.integers(1, m))])
             entries = rng.standard_normal((columns.stop - columns.start, len(rows)))
             expected[rows[:, None], np.arange(columns.start, columns.stop)] += entries.T
-            parts.append(DenseTerm(rows, columns))
+            parts.append(DenseTerm(rows, columns).places)
             numbers.append(entries)
-        found = SparseSum(pattern, parts).matrix([single.data, *numbers])
+        found = SparseSum(parts, (m, n)).matrix(numbers)
         np.testing.assert_allclose(found.toarray(), expected, atol=1e-15)
-        there = merged(pattern, parts)
+        there = SparseSum(parts, (m, n)).pattern
         np.testing.assert_array_equal(there.indices, found.indices)
         np.testing.assert_array_equal(there.indptr, found.indptr)
 

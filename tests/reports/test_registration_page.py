@@ -65,19 +65,6 @@ def test_registration_folder_holds_page_and_arrays(
     assert told["key"] == "k"
 
 
-def test_registration_page_says_whether_it_is_doubted(
-    found: RegisteredScan, tmp_path: Path
-) -> None:
-    sure = replace(found, registration=replace(found.registration, doubts=()))
-    text = write_registration(sure, tmp_path / "sure", body="small").read_text()
-    assert "Nothing speaks against this registration" in text
-    doubts = ("another pose costs 1 % more",)
-    doubted = replace(found, registration=replace(found.registration, doubts=doubts))
-    text = write_registration(doubted, tmp_path / "doubted", body="small").read_text()
-    assert "Nothing speaks against" not in text
-    assert "Another pose costs 1 % more." in text
-
-
 def folder_in(place: Path, body: SkinnedBody, recipe: Recipe = RECIPE) -> RegistrationFolder:
     return RegistrationFolder(place, body, "small", recipe, Reading(), "scans")
 

@@ -218,25 +218,6 @@ def test_scan_weights_stand_outside_of_the_kernel() -> None:
     assert found == pytest.approx(expected, rel=1e-12)
 
 
-def test_model_to_scan_gradient_matches_differences() -> None:
-    """The other way: the derivative is by the vertex itself, and exact too."""
-    body, _, values = body_and_scan(6)
-    scan = 1.02 * body.vertices(*values.values()) + 0.01
-    points = body.points(*(block.symbol for block in body.blocks()))
-    r = residuals.model_to_scan(points, scan, body.faces, sigma=0.01, within=0.5)
-    problem = Problem([r], ("betas", "trans"))
-    x, fixed = problem.split(values)
-    assert problem.size == body.n_vertices
-    _, gradient = problem.cost_and_gradient(x, fixed)
-    d = np.random.default_rng(0).normal(size=x.size)
-    h = 1e-6 / np.linalg.norm(d)  # short enough that no vertex changes sides
-    ahead, behind = (problem.cost_and_gradient(x + k * h * d, fixed)[0] for k in (1, -1))
-    assert (ahead - behind) / (2 * h) == pytest.approx(gradient @ d, rel=1e-6)
-    np.testing.assert_allclose(
-        problem.frozen(values).linearize(values).dense, problem.linearize(values).dense, atol=1e-9
-    )
-
-
 @pytest.mark.thorough
 @pytest.mark.parametrize(
     "solver",
@@ -355,7 +336,7 @@ def test_free_space_moves_a_body_behind_the_scan() -> None:
 
 
 def test_bad_free_space_arguments_are_refused() -> None:
-    for margins in ({"beside": 0.0}, {"before": -1.0}):
+    for margins in ({"beside": 0.0}, {"within": -1.0}):
         with pytest.raises(BadResidual, match="margins above 0 m"):
             residuals.free_space(PLACED.symbol, SCAN, CAMERA, sigma=0.1, **margins)
     with pytest.raises(BadResidual, match="at the camera"):

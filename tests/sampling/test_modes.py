@@ -88,7 +88,7 @@ def test_draws_that_run_away_are_improper() -> None:
 def test_components_of_a_mixture_are_modes() -> None:
     """The second component is ten times narrower, and no wide search finds it."""
     x, shares, means = wb.Block("x", (2,)), [0.5, 0.5], [[0.0, 0.0], [6.4, 4.8]]
-    mixture = wb.residuals.log_sum_mixture(
+    mixture = wb.residuals.max_mixture(
         x.symbol, shares=shares, means=means, covariances=[np.eye(2), 0.01 * np.eye(2)]
     )
     problem = wb.Problem([mixture], "x", blocks=[x])

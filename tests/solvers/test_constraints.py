@@ -11,7 +11,6 @@ import pytest
 from scipy.sparse import csc_array
 
 from tests.bodies_made_up import random_body
-from tests.solvers.problems import T, decay
 from tests.tiers import few
 from workbench import (
     SOLVERS,
@@ -30,7 +29,6 @@ from workbench.errors import NotSupported, TooLarge
 from workbench.problem import storage
 from workbench.problem.naming import Bounds
 from workbench.solvers import Ipopt, Solver, exact_hessian
-from workbench.solvers.newton import raised
 from workbench.solvers.nlopt import ALGORITHMS
 
 X = Block("x", (2,)).symbol
@@ -206,19 +204,6 @@ def test_a_hessian_of_the_users_has_to_be_square(wrong: np.ndarray | float) -> N
         Ipopt(hessian=lambda run, x, here: wrong).solve(near(), START)
 
 
-@pytest.mark.thorough
-def test_ipopt_runs_are_as_with_a_solver_of_their_own() -> None:
-    """IPOPT is made once for a problem; one run after the other is served by it."""
-    other = {"y": 2.5 * np.exp(-0.8 * T) + 0.1, "x": np.array([0.5, 1.0, 0.2])}
-    for hessian in (Ipopt().hessian, exact_hessian, None):
-        problem, start = decay()
-        for one in (start, start | other, start):
-            found = Ipopt(hessian).solve(problem, one)
-            alone = Ipopt(hessian).solve(decay()[0], one)
-            assert [i.cost for i in found.trace] == [i.cost for i in alone.trace]
-            assert (found.status, found.evaluations) == (alone.status, alone.evaluations)
-
-
 # Sparse constraints and Hessians: what solvers make of them, they make of dense ones too.
 
 FRAMES, SIZE = 8, 5
@@ -325,7 +310,7 @@ def test_optimality_of_sparse_problems_is_that_of_dense_ones(
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("name", ["ipopt", "exact", "lbfgs", "sqp"])
+@pytest.mark.parametrize("name", ["ipopt", "exact", "lbfgs"])
 def test_long_sequences_make_no_dense_arrays(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     """3,000 unknowns are sparse by themselves; a dense Jacobian or Hessian is refused here."""
 
@@ -344,30 +329,6 @@ def test_long_sequences_make_no_dense_arrays(monkeypatch: pytest.MonkeyPatch, na
     tracemalloc.stop()
     assert found.status is Status.MAX_ITERATIONS, found.message
     assert most < 8 * 3000**2 / 2  # bytes that NumPy took, where one array of n x n takes twice it
-
-
-# Making a sparse Hessian positive definite.
-
-
-def convex_parts(seed: int, bend: float) -> tuple[np.ndarray, np.ndarray]:
-    """J'J and J'J + N, with an indefinite N that has entries of about this size."""
-    rng = np.random.default_rng(seed)
-    J = rng.standard_normal((30, 12)) * (rng.random((30, 12)) < 0.3)
-    N = rng.standard_normal((12, 12)) * (rng.random((12, 12)) < 0.2)
-    return J.T @ J, J.T @ J + bend * (N + N.T)
-
-
-@pytest.mark.parametrize("seed", few(range(4), 1))
-@pytest.mark.parametrize("bend", [0.01, 100.0])
-def test_sparse_hessian_is_raised_until_it_is_definite(seed: int, bend: float) -> None:
-    normal, H = convex_parts(seed, bend)
-    assert bend < 10 or np.linalg.eigvalsh(H).min() < 0
-    matrix, share = raised(csc_array(normal), csc_array(H))
-    change = matrix.toarray() - H
-    assert np.linalg.eigvalsh(matrix.toarray()).min() > 0
-    np.testing.assert_array_equal(change[~np.eye(12, dtype=bool)], 0)
-    assert (change.diagonal() > 0).all()
-    assert (share > 0) == (np.linalg.eigvalsh(H).min() < 0)
 
 
 def test_newton_takes_a_sparse_hessian(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,7 +11,6 @@ from workbench import load_body
 from workbench.errors import BadArgument, BadMesh
 from workbench.fitting import BadScan
 from workbench.synthetic import (
-    Box,
     Clothing,
     Clutter,
     Crate,
@@ -306,7 +305,7 @@ def test_scans_of_nothing_are_refused() -> None:
         ({"scanners": ()}, BadArgument, "not by 0"),
         ({"seed": -1}, BadArgument, "the seed -1"),
         ({"scanners": scanners(1, target=(0, 0, -10))}, BadScan, "measure nothing"),
-        ({"region": Box((5, 5, 5), (6, 6, 6))}, BadScan, "measure nothing"),
+        ({"region": HalfSpace((5, 5, 5), (1, 1, 1))}, BadScan, "measure nothing"),
         ({"clothing": Clothing(where=np.ones(3))}, BadArgument, "not by an array"),
         ({"faces": BODY.faces + 1}, BadMesh, "there are 369 vertices"),
         ({"vertices": np.full_like(BENT, np.nan)}, BadMesh, "vertex 0 is"),

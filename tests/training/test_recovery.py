@@ -20,7 +20,7 @@ from workbench.synthetic.made_up import (
     jointed_tube,
     random_smpl,
 )
-from workbench.training.blocks import BLOCKS, BlockInput, BlockOptions, BlockResult
+from workbench.training.blocks import BLOCKS, BlockInput, BlockOptions
 from workbench.training.estimate import Estimate, Sigmas
 from workbench.training.first_guess import Start
 from workbench.training.objective import Objective
@@ -43,10 +43,10 @@ class Near:
     start: Start
     estimate: Estimate
 
-    def together(self, estimate: Estimate, **options: float) -> BlockResult:
+    def together(self, estimate: Estimate, **options: float) -> Estimate:
         """The block with these options."""
         given = replace(BlockOptions(), **options)
-        return BLOCKS["together"](BlockInput(self.objective, self.start.faces, given), estimate)
+        return BLOCKS["together"](BlockInput(self.objective, self.start.faces, given), estimate)[0]
 
 
 @pytest.fixture(scope="module")
@@ -79,8 +79,7 @@ def test_steps_in_all_names_converge_quadratically(near: Near) -> None:
     """Near the truth, off in every name, the residual falls faster and faster."""
     estimate, rms = near.estimate, [near.objective.rms(near.estimate)]
     for _ in range(4):
-        found = near.together(estimate, together_tolerance=1e-4, together_steps=1, products=250)
-        estimate = found.estimate
+        estimate = near.together(estimate, together_tolerance=1e-4, together_steps=1, products=250)
         rms.append(near.objective.rms(estimate))
     assert rms[-1] < 1e-6
     falls = np.array(rms[1:]) / rms[:-1]
@@ -95,9 +94,8 @@ def template_error(start: Start, body: SkinnedBody, poses: int, noise: float = 0
     exact = Objective(data, start.rings(), start.weights(), None, FREE)
     fitted = Objective(noisy, start.rings(), start.weights(), None, FREE)
     at = at_the_truth(body, truth)
-    found = BLOCKS["surfaces"](
-        BlockInput(fitted, start.faces, BlockOptions(products=400)), at
-    ).estimate
+    given = BlockInput(fitted, start.faces, BlockOptions(products=400))
+    found, _ = BLOCKS["surfaces"](given, at)
     return exact.rms(found)
 
 

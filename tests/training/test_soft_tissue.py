@@ -8,22 +8,18 @@ import pytest
 import workbench as wb
 from workbench.arrays import Array
 from workbench.errors import BadArgument
-from workbench.motions import Motion, SoftTissue
-from workbench.motions.soft_tissue import companion
-from workbench.motions.tissue_inputs import input_names
-from workbench.synthetic import simulate_tissue
-from workbench.synthetic.made_up import made_up_motion
-from workbench.training.soft_tissue import (
+from workbench.lectures.material.tissue import (
     TissueClip,
     TissuePlan,
-    one_step_of,
-    one_step_problem,
-    one_step_start,
     score_tissue,
     soft_parts,
     stabilized,
     train_tissue,
 )
+from workbench.motions import Motion, SoftTissue
+from workbench.motions.soft_tissue import companion
+from workbench.synthetic import simulate_tissue
+from workbench.synthetic.made_up import made_up_motion
 
 SMALL = wb.load_body("small")
 PLAN = TissuePlan(components=8, parts=12)
@@ -77,7 +73,7 @@ def test_known_model_and_gain_are_recovered(motions: list[Motion]) -> None:
     rng = np.random.default_rng(0)
     everywhere = TissueClip(motions[0], np.ones((240, SMALL.n_vertices, 3)))
     part = soft_parts(SMALL, [everywhere], 2, seed=0)
-    X = len(input_names(SMALL.joint_names, int(part.max()) + 1, 0))
+    X = 6 * 24 + 6 + 3 * (int(part.max()) + 1) + 1
     a = 0.99 * np.exp(1j * np.array([0.3, 0.5]))  # two wobbles of 2.9 and 4.8 Hz
     D = np.linalg.qr(np.sign(rng.standard_normal((3 * SMALL.n_vertices, 2))))[0].reshape(-1, 3, 2)
     response = 1e-3 * rng.standard_normal((2, X))
@@ -118,30 +114,6 @@ def test_stabilizing_scales_every_pole_alike() -> None:
     np.testing.assert_allclose(by_angle[0], by_angle[1], atol=1e-8)
     already = stabilized(0.1 * A, 0.01 * B, 0.9)
     assert np.array_equal(already[0], 0.1 * A)
-
-
-@pytest.mark.thorough
-def test_rank_tells_which_inputs_moved(clips: list[TissueClip]) -> None:
-    """With the left hand still, factors of its velocity and acceleration are not determined."""
-    hand = SMALL.joint_names.index("left_hand")
-    held = []
-    for clip in clips[:3]:
-        pose = clip.motion.pose.copy()
-        pose[:, hand] = 0
-        held.append(replace(clip, motion=replace(clip.motion, pose=pose)))
-    tissue = train_tissue(SMALL, held, replace(PLAN, components=3, parts=2))
-    one = one_step_of(tissue, SMALL, held)
-    problem = one_step_problem(one, tissue)
-    line = problem.linearize(one_step_start(tissue))
-    # the root's own velocity and acceleration may follow from others; the six do not
-    assert line.rank == problem.free.size - 6
-    words = str(wb.diagnose(problem, one_step_start(tissue)))
-    assert "velocity of left_hand, x" in words
-    solution = wb.solve(problem, one_step_start(tissue))
-    Z = one.regressors / np.where(size := np.sqrt((one.regressors**2).mean(axis=0)), size, 1.0)
-    left = one.targets[:, 0] - Z @ solution.values["factors"]
-    best = one.targets[:, 0] - Z @ np.linalg.lstsq(Z, one.targets[:, 0], rcond=1e-10)[0]
-    assert np.sum(left**2) == pytest.approx(np.sum(best**2), rel=1e-6)
 
 
 def test_untrainable_clips_are_refused(motions: list[Motion]) -> None:

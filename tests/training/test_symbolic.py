@@ -59,20 +59,6 @@ def test_terms_are_those_of_the_blocks() -> None:
         assert found == pytest.approx(OBJECTIVE.costs(ESTIMATE)[term], rel=1e-12), term
 
 
-def test_gradient_of_priors_is_that_of_the_blocks() -> None:
-    names = ("templates", "posedirs", "joints", "weights")
-    expected = OBJECTIVE.prior_negative_gradient(ESTIMATE, names)
-    problem = SYMBOLIC.problem([term for term in TERMS if term != "E_D"])
-    found = problem.free.unpack(problem.linearize(VALUES).gradient)
-    for array in ("posedirs", "weights"):
-        np.testing.assert_allclose(found[array], -expected[array], rtol=1e-12, atol=1e-9)
-    for s in range(3):
-        for name, array in (("template", "templates"), ("joints", "joints")):
-            np.testing.assert_allclose(
-                found[f"subject {s}/{name}"], -expected[array][s], rtol=1e-12, atol=1e-9
-            )
-
-
 @pytest.mark.thorough
 def test_gradient_of_the_data_is_that_of_the_blocks() -> None:
     """The translation is at its optimum, so that it does not matter whether it follows."""
@@ -190,32 +176,3 @@ def test_priors_fix_gauges(terms: tuple[str, ...], left: int) -> None:
     d = diagnosed(*terms)
     assert len(d.null_directions) == d.shape[1] - d.rank == left
     assert all(direction.kind == "translation" for direction in d.null_directions)
-
-
-@pytest.mark.thorough
-def test_rank_is_full_without_gauges() -> None:
-    """A place of each subject and the root joints are held; E_P fixes turns and axes."""
-    symbolic, values = limb()
-    problem = symbolic.problem(["E_D", "E_P"])
-    free = [name for name in problem.free.names if not name.endswith("/joints")]
-    free += [f"subject {s}/joints[1]" for s in range(SUBJECTS)]
-    held = {f"scan {POSES * s}/trans" for s in range(SUBJECTS)}
-    found = diagnose(problem.freeing(*(name for name in free if name not in held)), values)
-    assert isinstance(found, Diagnosis)
-    assert found.rank == found.shape[1] == 2700 - 24
-
-
-@pytest.mark.thorough
-def test_training_with_far_fewer_rows_than_unknowns_is_diagnosed() -> None:
-    symbolic, values = limb(1, 3, 35)
-    d = diagnose(symbolic.problem(["E_D"]), values)
-    assert isinstance(d, Diagnosis)
-    assert d.shape == (1260, 4513)
-    S = np.vstack([d.here.dense, d.active.rows])
-    s = np.linalg.svd(S / np.linalg.norm(S, axis=1)[:, None], compute_uv=False)
-    assert d.rank == int(np.sum(s > 1e-12 * s[0])) == 1501
-    assert len(d.null_directions) == d.shape[1] - d.rank
-    # of the numbers of one coordinate of a vertex, in few scans
-    assert np.median([np.count_nonzero(x.vector) for x in d.null_directions]) < 10
-    largest = float(d.here.column_norms.max())
-    assert max(direction.change for direction in d.null_directions) < 1e-11 * largest

@@ -11,42 +11,29 @@ from scipy.linalg import lstsq
 from scipy.sparse.linalg import LinearOperator
 
 import workbench as wb
-from tests.bodies_made_up import tube_body
-from workbench import LevenbergMarquardt, Problem, diagnose, solve
-from workbench.arrays import Array
-from workbench.bodies.triangles import TriangleBody, blend_scape, scape
-from workbench.errors import BadArgument
-from workbench.geometry.triangles import Stitching, edges, gradients
-from workbench.lectures.material.variance import (
-    additivity_gap,
-    explained_by_triangles,
-    explained_by_vertices,
-    unposed,
-)
-from workbench.training.registrations import InMemory
-from workbench.training.triangles import alternation
-from workbench.training.triangles.alternation import (
-    SMOOTHNESS,
-    TriangleEstimate,
-    TriangleOptions,
-    fit_pose_deformations,
-    fit_shapes,
-    fit_subjects,
-    train_triangles,
-)
-from workbench.training.triangles.learning import (
+from builder.triangle_learning import (
     LSQR,
     Lsqr,
     LsqrNotConverged,
-    PosedMeshes,
     StitchedFit,
-    learn_gradient_shapes,
     learn_pose_deformations,
     learn_subject,
-    neighbour_differences,
+)
+from tests.bodies_made_up import tube_body
+from workbench import LevenbergMarquardt, solve
+from workbench.arrays import Array
+from workbench.bodies.triangles import TriangleBody, blend_scape, scape
+from workbench.errors import BadArgument
+from workbench.geometry.triangles import Stitching
+from workbench.lectures.material.variance import (
     stitched_directions,
 )
-from workbench.training.triangles.symbolic import SymbolicTriangles, shape_term
+from workbench.training.triangles import (
+    PosedMeshes,
+    SymbolicTriangles,
+    learn_gradient_shapes,
+    neighbour_differences,
+)
 
 
 class Direct(Lsqr):
@@ -172,20 +159,6 @@ def test_stitched_fit_is_dense_least_squares() -> None:
         fit.solve(by=Lsqr(most=2))
 
 
-def test_stitched_vertices_of_a_mesh_are_its_own() -> None:
-    stitching, F = Stitching(SMALL.faces, SMALL.n_vertices), len(SMALL.faces)
-    none = np.zeros((F, 2, 1, 0))
-    fit = StitchedFit(stitching, np.zeros((F, 1, 3, 3)), none, np.zeros((F, 2, 1, 3)))
-    mesh = edges(SMALL.template, SMALL.faces).reshape(-1, 3)
-    centred = SMALL.template - SMALL.template.mean(axis=0)
-    np.testing.assert_allclose(fit.stitched(mesh), centred, atol=1e-12)
-    rng = np.random.default_rng(7)
-    a, b = rng.normal(size=(2 * F, 3)), rng.normal(size=(SMALL.n_vertices, 3))
-    np.testing.assert_allclose(
-        (fit.stitched(a) * b).sum(), (a * fit.stitched_adjoint(b)).sum(), atol=1e-9
-    )
-
-
 @pytest.mark.thorough
 def test_k_dimensional_people_have_k_components() -> None:
     rng = np.random.default_rng(8)
@@ -209,48 +182,6 @@ def test_mismatched_meshes_are_refused() -> None:
         learn_gradient_shapes(true.vertices(betas=betas), true.faces, 6)
     with pytest.raises(BadArgument, match="must be as many"):
         PosedMeshes(posed.vertices, posed.poses[:1], posed.person)
-
-
-def many_people(seed: int) -> np.ndarray:
-    """The small body's shapes, and bumps that no shape direction has: full rank."""
-    rng = np.random.default_rng(seed)
-    people = SMALL.vertices(betas=rng.normal(size=(24, 10)))
-    middles = SMALL.template[rng.integers(SMALL.n_vertices, size=(24, 5))]
-    apart = np.linalg.norm(SMALL.template[None, :, None] - middles[:, None], axis=-1)
-    bumps = np.einsum("pnc,pca->pna", np.exp(-((apart / 0.1) ** 2)), rng.normal(size=(24, 5, 3)))
-    return np.asarray(people + 0.01 * bumps)
-
-
-@pytest.mark.thorough
-def test_vertex_components_explain_no_less() -> None:
-    people = many_people(0)
-    vertices = explained_by_vertices(people, 23)
-    triangles = explained_by_triangles(people, SMALL.faces, 23)
-    assert (vertices.share >= triangles.share - 1e-12).all()
-    assert (vertices.rms**2 <= triangles.rms**2 + 1e-12).all()
-    assert (vertices.share - triangles.share)[1:10].max() > 1e-4
-    for found in (vertices, triangles):
-        assert found.share[0] == 0
-        assert (np.diff(found.share) >= -1e-12).all()
-        np.testing.assert_allclose(found.share[23], 1, atol=1e-9)  # 24 people span 23 dimensions
-        left = found.rms[:20] ** 2 / found.rms[0] ** 2
-        np.testing.assert_allclose(left, 1 - found.share[:20], atol=1e-12)
-
-
-@pytest.mark.thorough
-def test_smpl_adds_and_scape_multiplies_pose() -> None:
-    rng = np.random.default_rng(10)
-    pose, betas = rng.normal(scale=0.4, size=(24, 3)), rng.normal(size=10)
-    np.testing.assert_allclose(additivity_gap(SMALL, pose, betas), 0, atol=1e-15)
-    plain = scape(SMALL)
-    np.testing.assert_allclose(additivity_gap(plain, pose, betas), 0, atol=1e-13)  # Q = I
-    bent = replace(plain, posedirs=rng.normal(scale=0.1, size=plain.posedirs.shape))
-    gap = additivity_gap(bent, pose, betas)
-    assert np.linalg.norm(gap, axis=1).max() > 1e-3
-    # (D - I)(Q - I), stitched: so it is bilinear for small shapes and poses
-    half = additivity_gap(bent, pose / 2, betas / 2)
-    np.testing.assert_allclose(half, gap / 4, atol=1e-12)
-    np.testing.assert_allclose(unposed(bent, 0 * pose, 0 * betas), SMALL.template, atol=1e-13)
 
 
 SYMBOLIC_RIDGE, SYMBOLIC_SMOOTHNESS = 1e-3, 1e-4  # m^2
@@ -330,119 +261,3 @@ def test_learned_bends_are_a_minimum_of_the_problem() -> None:
     solver = LevenbergMarquardt(gradient_tolerance=1e-13)
     found = solve(problem, form.values(), solver).values
     np.testing.assert_allclose(found["posedirs"], learned.posedirs, atol=1e-9)
-
-
-@pytest.mark.thorough
-def test_learned_person_is_a_minimum_of_the_problem() -> None:
-    form, (_, posed) = symbolic(), meshes()
-    own = PosedMeshes(posed.vertices[:4], posed.poses[:4], posed.person[:4])
-    learned = learn_subject(
-        generator(blended=True), own, smoothness=SYMBOLIC_SMOOTHNESS, by=Direct()
-    )
-    terms = [*form.data()[:4], *form.smooth_subjects(SYMBOLIC_SMOOTHNESS)[:1]]
-    free = ["subject 0/shapedirs", *(f"mesh {j}/trans" for j in range(4))]
-    problem = form.problem(terms, free)
-    solver = LevenbergMarquardt(gradient_tolerance=1e-13)
-    found = solve(problem, form.values(), solver).values
-    np.testing.assert_allclose(np.eye(3) + found["subject 0/shapedirs"][..., 0], learned, atol=1e-6)
-
-
-@pytest.mark.thorough
-def test_directions_and_betas_have_k_squared_plus_k_gauges() -> None:
-    """S alone leaves k^2 + k directions open: a matrix between them, and where the mean is."""
-    k, people = 2, tube_body(rings=3).vertices(betas=RNG.normal(size=(6, 2)))
-    shapes = learn_gradient_shapes(people, generator(blended=True).faces, k)
-    D = np.stack([gradients(shapes.template, one, generator(blended=True).faces) for one in people])
-    residual, blocks = shape_term(D, k)
-    problem = Problem([residual], [block.name for block in blocks], blocks=blocks)
-    start = {block.name: RNG.normal(size=block.shape) for block in blocks}
-    solution = solve(problem, start)
-    flat = D.reshape(6, -1)
-    left = np.linalg.svd(flat - flat.mean(axis=0), compute_uv=False)[k:]
-    assert solution.cost == pytest.approx(0.5 * np.sum(left**2), abs=1e-8)
-    found = diagnose(problem, solution.values)
-    assert found.shape[1] - found.rank == k * k + k
-
-
-BY = Direct()
-ONCE = TriangleOptions(rounds=1, bends=BY, persons=BY)
-RIDGE = 1e-7
-
-
-def made(blended: bool) -> tuple[TriangleBody, TriangleEstimate, InMemory, InMemory]:
-    """A generator, a start that knows poses to 0.1 rad and nothing of Q, and its meshes."""
-    true, rng = generator(blended), np.random.default_rng(0)
-    betas = rng.normal(size=(P, B))
-    still = rng.normal(scale=0.05, size=(P, 3, 3))
-    who, poses = np.arange(24) % P, rng.normal(scale=0.6, size=(24, 3, 3))
-    standing = InMemory(true.vertices(still, betas, rng.normal(size=(P, 3))), np.arange(P))
-    posed = InMemory(true.vertices(poses, betas[who], rng.normal(size=(24, 3))), who)
-    D = np.eye(3) + np.moveaxis(true.shapedirs @ betas.T, 3, 0)
-    off = [p + rng.normal(scale=0.1, size=p.shape) for p in (poses, still)]
-    return true, TriangleEstimate(untrained(true), D, *off), standing, posed
-
-
-@pytest.mark.thorough
-def test_training_cost_is_monotone() -> None:
-    true, state, standing, posed = made(blended=True)
-    state = fit_shapes(state, standing, B)
-    E, left = [np.inf], []
-    for _ in range(2):
-        for block in (
-            lambda s: fit_pose_deformations(s, posed, RIDGE, BY),
-            lambda s: replace(s, poses=s.fits(posed).poses),
-            lambda s: fit_subjects(s, posed, BY),
-        ):
-            state = block(state)
-            E.append(cost(true, state, posed))
-            left.append(state.fits(posed, 0).rms(posed.vertices))
-    assert (np.diff(E) < 0).all()
-    assert left[-1] < 0.15 * left[0]
-    assert left[0] > 0.01  # m
-
-
-def cost(true: TriangleBody, state: TriangleEstimate, posed: InMemory) -> float:
-    """The meshes', E_Q and E_D, m^2."""
-    data = posed.vertices.size / 3 * state.fits(posed, 0).rms(posed.vertices) ** 2
-    tied = neighbour_differences(true.faces)
-    rough = sum(np.sum((tied @ D.reshape(len(D), 9)) ** 2) for D in state.D)
-    return float(data + RIDGE * np.sum(state.body.posedirs**2) + SMOOTHNESS * rough)
-
-
-@pytest.mark.thorough
-def test_rounds_find_a_model_of_the_meshes() -> None:
-    _, begun, standing, posed = made(blended=False)
-    end = train_triangles(begun, standing, posed, n_betas=B, ridge=RIDGE, options=ONCE)
-    before, after = (s.fits(posed, 10).rms(posed.vertices) for s in (begun, end))
-    assert after < 0.2 * before
-    assert end.body.n_betas == B
-    np.testing.assert_allclose(end.body.template.mean(axis=0), 0, atol=1e-12)
-    apart = [np.linalg.norm(s.poses - begun.poses) for s in (begun, end)]
-    assert apart[1] > apart[0] == 0
-
-
-def test_changed_template_changes_no_subject() -> None:
-    _, begun, standing, _ = made(blended=True)
-    after = fit_shapes(begun, standing, B)
-    assert abs(after.body.template - begun.body.template).max() > 0.01
-    still = [s.subjects.vertices(0 * s.poses[:P], np.eye(P)) for s in (begun, after)]
-    shown = [V - V.mean(axis=1, keepdims=True) for V in still]
-    np.testing.assert_allclose(*shown, atol=1e-12)
-
-
-@pytest.mark.thorough
-def test_persons_are_unposed() -> None:
-    body = blend_scape(SMALL)
-    rng = np.random.default_rng(1)
-    betas, pose = rng.normal(size=10), np.zeros((24, 3))
-    rest = body.vertices(betas=betas)
-    rest -= rest.mean(axis=0)
-    pose[0] = [1.0, -2.0, 0.5]  # only turned: to the last digit
-    turned = body.vertices(pose, betas, [1.0, 2.0, 3.0])
-    np.testing.assert_allclose(alternation.unposed(body, pose, turned), rest, atol=1e-11)
-    pose += rng.normal(scale=0.05, size=(24, 3))
-    moved = body.vertices(pose, betas)
-    apart = np.linalg.norm(alternation.unposed(body, pose, moved) - rest, axis=1)
-    pose[1:] = 0  # as if the jitter were not known
-    ignored = np.linalg.norm(alternation.unposed(body, pose, moved) - rest, axis=1)
-    assert apart.max() < 0.1 * ignored.max()

@@ -170,11 +170,8 @@ class Body(ABC):
         It shares its blocks with this one, so that points of either fit into one problem. Raises
         UnknownName, and BadBody for arrays that cannot be free together.
         """
-        shapes = [self.array(name).shape for name in names]  # raises for what has no name
-        made = {
-            name: Block(prefix + name, shape, self.FREEABLE[name])
-            for name, shape in zip(names, shapes, strict=True)
-        }
+        shapes = {name: self.array(name).shape for name in names}  # raises for what has no name
+        made = {n: Block(prefix + n, shape, self.FREEABLE[n]) for n, shape in shapes.items()}
         return self._replaced(free={**self.free, **made})
 
     def with_values(self, values: Mapping[str, ArrayLike]) -> Self:
@@ -231,7 +228,7 @@ class Body(ABC):
         for offsets of joints or of a TriangleBody.
         """
         displaced = None if offsets is None else (self.offsets(name), offsets)
-        if of_joints(name):
+        if name == "joints":
             return self.joint_points(pose, betas, trans)
         landmarks = landmark_set(self.landmarks, name)
         return self._mean_points(landmarks, name, (pose, betas, trans), displaced)
@@ -270,7 +267,7 @@ class Body(ABC):
         """
         if offsets is not None:
             return self._displaced(name, (pose, betas, trans), offsets)
-        if of_joints(name):
+        if name == "joints":
             return self.joints(pose, betas, trans)
         landmarks = landmark_set(self.landmarks, name)
         return regressed(landmarks.regressor, self.vertices(pose, betas, trans))
@@ -280,7 +277,7 @@ class Body(ABC):
 
     def landmark_names(self, name: str) -> tuple[str, ...]:
         """The names of the points of a landmark set."""
-        return self.joint_names if of_joints(name) else landmark_set(self.landmarks, name).names
+        return self.joint_names if name == "joints" else landmark_set(self.landmarks, name).names
 
     @property
     def texture(self) -> tuple[Array | None, Index | None]:
@@ -318,14 +315,9 @@ class Body(ABC):
 
 
 def check_prefix(prefix: object) -> None:
-    """Return if it is a text that names of blocks can begin with; raises BadBlock."""
+    """Raise BadBlock unless it is a text."""
     if not isinstance(prefix, str):
         raise BadBlock(f"the prefix of a body's blocks is a text, not a {type(prefix).__name__}")
-
-
-def of_joints(name: object) -> bool:
-    """Whether this is what a body's own joints are called among its sets of landmarks."""
-    return isinstance(name, str) and name == "joints"
 
 
 def landmark_set(sets: Mapping[str, T], name: str) -> T:

@@ -38,7 +38,12 @@ def readonly_index(what: str, given: object) -> Index:
 
 def readonly_matrix(what: str, given: object) -> csr_array:
     """A matrix, dense or sparse, as a csr_array of its own around read-only float64 parts."""
-    matrix: Any = given if issparse(given) else csr_array(_table(what, given))
+    matrix: Any = given
+    if not issparse(given):
+        table = reals(what, given)
+        if table.ndim != 2:
+            raise NotNumbers(what, f"one of shape {table.shape}", "real numbers with two axes")
+        matrix = csr_array(table)
     if matrix.dtype.kind not in "biuf":
         raise NotNumbers(what, f"a sparse matrix of {matrix.dtype}")
     kept = isinstance(matrix, csr_array) and matrix.dtype == np.float64
@@ -122,13 +127,6 @@ def remade(kind: Callable[..., T], parts: dict[str, Any]) -> T:
         if isinstance(part, np.ndarray):
             locked(part)
     return kind(**parts)
-
-
-def _table(what: str, given: object) -> Array:
-    found = reals(what, given)
-    if found.ndim != 2:
-        raise NotNumbers(what, f"one of shape {found.shape}", "real numbers with two axes")
-    return found
 
 
 def _settled(array: NDArray[Any]) -> bool:

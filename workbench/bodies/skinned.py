@@ -21,7 +21,6 @@ from workbench.bodies.body import (
     check_prefix,
     landmark_set,
     no_offsets,
-    of_joints,
 )
 from workbench.bodies.capsules import Capsules
 from workbench.bodies.forward.features import Features, rotation_elements
@@ -50,36 +49,24 @@ class SkinnedBody(Body):
     Metres, y up, facing +z. The arrays are numbers; those in `free` are symbols in every
     expression as well, so that training a body is a fit with other names free.
 
-    `extras`, such as the principal components of MANO's hands, go where the body goes, and
-    `save_body` writes them back.
-
     Raises BadBody if the arrays do not fit together. `freed` takes `joints` (K, 3) m as well: the
     joints at rest of every person, in place of J_regressor. `with_values` makes them
     `rest_joints`; J_regressor is kept, but does not find them: train it on bodies of several
     shapes, and then replace `rest_joints` by None.
 
-    Attributes:
-        template: (N, 3) m, the mean rest surface.
+    Attributes (beside those of every Body):
         shapedirs: (N, 3, B) m per unit of betas.
         posedirs: (N, 3, F) m per unit of pose feature; F is 9 (K - 1) as in SMPL, and
             4 (K - 1) + 1 as in STAR.
         J_regressor: (K, N) from rest vertices to joints; rows sum to one.
         weights: (N, K) skinning weights; rows sum to one.
-        parents: (K,) with parents[0] == -1 and parents[k] < k.
-        faces: (F, 3).
-        joint_names: (K,).
         mirror: (N,) the vertex on the other side of each, or None.
-        landmarks: sets of landmarks by name.
         skinning: how the motions of joints are blended.
         features: the functions of the pose that posedirs are multiplied with; those of STAR are
             functions of beta_2 as well.
-        name: what the body is called.
-        card: where its numbers come from.
         bound_in: (K, 3) rad, the pose that the template is drawn in; None is the zero pose.
         rest_joints: (K, 3) m, the same for everybody; None if J_regressor finds each person's.
-        extras: arrays of its file that nothing computes with.
         capsules: tubes with round ends that stand for it in self-contact; see `fit_capsules`.
-        free: the arrays that are unknowns, as blocks by name.
     """
 
     template: Array
@@ -158,7 +145,7 @@ class SkinnedBody(Body):
 
         See `landmark_points`. Raises UnknownName, and NotSupported for joints.
         """
-        if of_joints(name):
+        if name == "joints":
             raise no_offsets("of joints")
         names = landmark_set(self.landmarks, name).names
         check_prefix(prefix)
@@ -172,7 +159,7 @@ class SkinnedBody(Body):
 
         Raises UnknownName.
         """
-        return self.numeric.skeleton.mean if of_joints(name) else super().array(name)
+        return self.numeric.skeleton.mean if name == "joints" else super().array(name)
 
     def _replaced(self, **parts: Any) -> "SkinnedBody":
         if "joints" in parts:
@@ -225,7 +212,7 @@ class SkinnedBody(Body):
         return joints.reshape(*batch, self.n_joints, 3)
 
     def _displaced(self, name: str, given: tuple[Given, Given, Given], offsets: ArrayLike) -> Array:
-        if of_joints(name):
+        if name == "joints":
             raise no_offsets("of joints")
         landmarks = landmark_set(self.landmarks, name)
         moved, count = reals("offsets", offsets), len(landmarks.names)

@@ -176,9 +176,10 @@ def check_shapes(
     """Refuse an array of another shape than is expected."""
     for name, expected in shapes.items():
         shape = array(name).shape
-        if len(shape) != len(expected) or any(
-            not isinstance(size, str) and size != n for n, size in zip(shape, expected, strict=True)
-        ):
+        sizes = [
+            n if isinstance(one, str) else one for n, one in zip(shape, expected, strict=False)
+        ]
+        if len(shape) != len(expected) or tuple(sizes) != shape:
             refuse(f"{name} has shape {shape}, but must be ({', '.join(map(str, expected))})")
 
 
@@ -195,7 +196,7 @@ def _check_finite(refuse: Refuse, name: str, array: NDArray[Any] | csr_array) ->
 def _check_sizes(refuse: Refuse, body: Body, names: Iterable[str]) -> None:
     """Refuse arrays of positions or directions in metres (N, 3, ...) with entries beyond FARTHEST.
 
-    A body of a person in millimetres is refused as well: residuals, priors and starts are in m.
+    So a body in millimetres is refused: residuals, priors and starts are in m.
     """
     for name in names:
         array = np.abs(getattr(body, name))
@@ -220,12 +221,10 @@ def _check_rows(refuse: Refuse, name: str, rows: Array | csr_array, row: str) ->
 def _check_landmarks(refuse: Refuse, sets: Mapping[str, Landmarks], N: int) -> None:
     """Refuse sets of landmarks whose names cannot be used, or that do not fit the mesh."""
     for name, landmarks in sets.items():
-        if not isinstance(name, str):
-            refuse(f"a set of landmarks has a text for a name, not {name!r}")
-        if name == "joints":
+        if not isinstance(name, str) or name == "joints":
             refuse(
-                "a set of landmarks called 'joints' could not be reached, for that is what the "
-                "body's own joints are called; give it another name"
+                f"a set of landmarks cannot be called {name!r}: its name is a text, and 'joints' "
+                "are the body's own joints"
             )
         if not isinstance(landmarks, Landmarks):
             refuse(

@@ -1,6 +1,5 @@
 """`workbench measure`: stature, lengths and girths of a body."""
 
-from pathlib import Path
 from typing import Annotated
 
 import numpy as np
@@ -11,6 +10,7 @@ from workbench.bodies.body import why_not_skinned
 from workbench.bodies.catalogue import BODIES, load_body
 from workbench.bodies.skinned import SkinnedBody
 from workbench.cli.console import rich_table
+from workbench.cli.options import Fit, Frame
 from workbench.environment import expanded
 from workbench.errors import BadArgument
 from workbench.fitting.measures import measured
@@ -25,17 +25,8 @@ def measure(
     betas: Annotated[
         str | None, typer.Option(help="Shape coefficients with commas between, such as 1,-0.5.")
     ] = None,
-    place: Annotated[
-        Path | None,
-        typer.Option(
-            "--from",
-            help="Take the betas of a fit: the folder of a run, of a registration or of a clip, or "
-            "an .npz.",
-        ),
-    ] = None,
-    frame: Annotated[
-        int, typer.Option(help="Which frame of --from, where the fit has several.")
-    ] = 0,
+    place: Fit = None,
+    frame: Frame = 0,
 ) -> None:
     """Measure a body at rest: stature, inseam, arm span, shoulder width, and six girths.
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from importlib.util import find_spec
 from keyword import iskeyword
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import typer
 from rich.console import Console
@@ -21,23 +21,11 @@ TEMPLATES = Path(__file__).parent / "templates"
 LONGEST = 40  # characters of a name, which folders of results repeat
 
 
-class Scaffold(NamedTuple):
-    """A kind of file to begin with.
-
-    Attributes:
-        what: what it holds, in a line.
-        tries: commands that it works with as written; FILE stands for what was written.
-    """
-
-    what: str
-    tries: tuple[str, ...]
-
-
 USUAL = "run FILE", "diagnose FILE", "compare FILE", "sample FILE"
-SCAFFOLDS = {
-    "problem": Scaffold("blocks, residuals, the names that are free, and a start", USUAL),
-    "residual": Scaffold("an error term of points, with a problem to try it on", USUAL),
-    "solver": Scaffold(
+SCAFFOLDS = {  # what a kind of file holds, and commands that it works with as written
+    "problem": ("blocks, residuals, the names that are free, and a start", USUAL),
+    "residual": ("an error term of points, with a problem to try it on", USUAL),
+    "solver": (
         "an algorithm that stops, counts and reports as all solvers do",
         (
             "run FILE --solver FILE",
@@ -46,11 +34,11 @@ SCAFFOLDS = {
             "sample FILE --solver FILE",
         ),
     ),
-    "experiment": Scaffold(
+    "experiment": (
         "a problem with arguments, made-up data, and numbers by which it is judged",
         ("run FILE --set noise=0.1", "diagnose FILE", "compare FILE --seeds 3", "sample FILE"),
     ),
-    "lecture": Scaffold(
+    "lecture": (
         "a folder: text and code, exercises, solutions, checks, its line in the outline",
         ("lecture list FILE", "lecture run FILE", "lecture start FILE .", "lecture check FILE"),
     ),
@@ -137,7 +125,7 @@ def _installed(name: str) -> bool:
     return name == "workbench" or bool({"site-packages", "dist-packages"} & {*places})
 
 
-KINDS = "; ".join(f"{kind}: {scaffold.what}" for kind, scaffold in SCAFFOLDS.items())
+KINDS = "; ".join(f"{kind}: {what}" for kind, (what, _) in SCAFFOLDS.items())
 
 
 def new(
@@ -156,6 +144,6 @@ def new(
     console = Console()
     path = write_scaffold(kind, name, folder)
     print_page(console, kind, path)
-    for command in SCAFFOLDS[kind].tries:
+    for command in SCAFFOLDS[kind][1]:
         said = f"workbench {command}".replace("FILE", str(path))
         say(console, f"[dim]try[/] {escape(said)}")

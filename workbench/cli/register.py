@@ -19,6 +19,7 @@ from workbench.cli.console import (
     Bars,
     Up,
     at_least_one,
+    files_inside,
     folder_to_write,
     print_page,
     rich_table,
@@ -30,7 +31,7 @@ from workbench.cli.options import Dask, Workers, executing
 from workbench.cli.run import Out
 from workbench.cli.train import Lines
 from workbench.environment import expanded
-from workbench.errors import BadArgument, BadFile, listed, some_of
+from workbench.errors import BadArgument, BadFile, some_of
 from workbench.fitting.jobs import FailedFile
 from workbench.fitting.scans.files import READERS
 from workbench.geometry.guesses import UNITS
@@ -59,7 +60,6 @@ from workbench.reports.many import ImageFolder, RegistrationFolder
 from workbench.reports.page import Entry
 from workbench.reports.registration import (
     ARRAYS,
-    CoregistrationEnd,
     begin_folder,
     stages_table,
     write_coregistration,
@@ -109,20 +109,13 @@ def register(
         int, typer.Option(help="Number of points that are used of a larger scan, at random.")
     ] = MOST,
     boundary: Annotated[
-        float,
-        typer.Option(
-            help="Leave out points within so many metres of a scan's boundary; 0.02 suits a Kinect."
-        ),
+        float, typer.Option(help="Leave out points within so many m of a scan's boundary.")
     ] = 0.0,
     model: Annotated[
         bool, typer.Option("--model-only", help="Fit the body and leave its vertices as they are.")
     ] = False,
     subjects: Annotated[
-        Path | None,
-        typer.Option(
-            help="Table (.csv): file, subject, and maybe gender and set; without it each scan is "
-            "of another person."
-        ),
+        Path | None, typer.Option(help="Table (.csv) of file and subject, maybe gender and set.")
     ] = None,
     workers: Workers = 1,
     dask: Dask = None,
@@ -223,14 +216,7 @@ def _files(console: Console, given: list[Path]) -> list[Path]:
         if not path.is_dir():
             found.append(path)
             continue
-        inside = sorted(file for file in path.iterdir() if file.is_file())
-        kinds = set(READERS) - set(NO_SCANS)
-        of_scans = [f for f in inside if f.suffix.lower() in kinds and not f.name.startswith(".")]
-        if not of_scans:
-            raise BadFile(f"the folder {path} holds no scans; scans are files with {listed(kinds)}")
-        if others := [file.name for file in inside if file not in of_scans]:
-            say(console, f"note: not taken for scans: {escape(some_of(others))}")
-        found += of_scans
+        found += files_inside(console, path, {*READERS} - {*NO_SCANS}, "scans")
     return list(dict.fromkeys(found))
 
 
@@ -324,18 +310,10 @@ def coregister(
         ),
     ] = None,
     edges: Annotated[
-        float,
-        typer.Option(
-            help="Sigma of the edges of a person's template beyond what betas explain, in m: a "
-            "larger one learns more detail and slides more."
-        ),
+        float, typer.Option(help="Sigma of a template's edges beyond what betas explain, in m.")
     ] = EDGES,
     betas: Annotated[
-        int,
-        typer.Option(
-            callback=at_least_one,
-            help="Number of shape directions; at most one fewer than people.",
-        ),
+        int, typer.Option(callback=at_least_one, help="Number of shape directions.")
     ] = 10,
     workers: Workers = 1,
     dask: Dask = None,
@@ -386,8 +364,7 @@ def coregister(
     with interrupts_say(told):
         with executing(console, workers, dask) as executor:
             state = run(folder=place, execution=Execution(executor, Lines(console)))
-        end = CoregistrationEnd.of(problem, state, betas)
-        page = write_coregistration(body, scans, end, place, source)
+        page = write_coregistration(body, scans, problem, state, betas, place, source)
     for scan, told_before in scans.doubts().items():
         warn_of(console, told_before, f"{scan}, by itself: ")
     print_page(console, "body", place / "body.npz")

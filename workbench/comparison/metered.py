@@ -13,7 +13,7 @@ from workbench.comparison.record import KINDS, RunLog
 from workbench.problem import Linearization, Problem
 from workbench.problem.constraints import ConstraintSet
 from workbench.problem.costs import CostGradients, CostMethod, Costs, Places, interpreted
-from workbench.problem.rounding import half_squared
+from workbench.problem.optimality import half_squared
 from workbench.problem.storage import Stored
 from workbench.residuals import Residual
 from workbench.solvers.limits import Meter, limited
@@ -164,7 +164,6 @@ class MeteredProblem(Problem):
         vars(self).update(vars(problem))
         self._problem, self._meter, self._complete = problem, meter, complete
         self.stacked_constraints = _counted(problem.stacked_constraints, meter)
-        self.solvers_made = []  # so that no run is quicker for those before it
 
     def variant(self, residuals: Iterable[Residual], names: Iterable[str]) -> Problem:
         """Another problem, whose evaluations are not counted."""

@@ -7,7 +7,7 @@ import numpy as np
 from workbench.arrays import Array, Index
 from workbench.blocks import Values
 from workbench.bodies.body import Body
-from workbench.bodies.parts import BONES
+from workbench.bodies.capsule_fitting import BONES
 from workbench.bodies.spaces import shape_space
 from workbench.conversion.correspondence import (
     Correspondence,

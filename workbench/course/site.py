@@ -1,6 +1,5 @@
 """The pages of the course as a site."""
 
-import re
 import shutil
 import warnings
 from collections.abc import Callable
@@ -11,7 +10,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from workbench.course.cells import cells
 from workbench.course.notebooks import notebook, tool, without_results, write_notebook
 from workbench.course.outline import Lecture, course, root
 from workbench.errors import BadFile
@@ -120,9 +118,7 @@ def copy_licences(folder: Path) -> None:
                     shutil.copy(source, folder / f"{name}-{path.stem}.txt")
 
 
-VENUES = ("journal", "booktitle", "institution", "howpublished", "publisher")  # in BibTeX
 GUIDES = ("GUIDE", "PLANS", "AUTHORS")  # the pages beside the lectures
-TABLE = "<!-- the outline -->"  # a guide has this line where the table of lectures belongs
 Tell = Callable[[str], None]  # is called with a line for each part that begins
 
 
@@ -134,15 +130,13 @@ def write_course_pages(pages: Path, files: Path, tell: Tell) -> None:
     """
     pages.mkdir(parents=True, exist_ok=True)
     files.mkdir(parents=True, exist_ok=True)
-    there = [one for one in course() if one.there]
+    there = list(course())
     for one in there:
         tell(f"running lecture {one.number}, {one.title}")
         _write_lecture(one, pages, files)
     (pages / "index.md").write_text(_index(there), encoding="utf-8")
-    (pages / "sources.md").write_text(sources_page(there), encoding="utf-8")
     for guide in GUIDES:
-        text = (root() / f"{guide}.md").read_text(encoding="utf-8")
-        (pages / f"{guide}.md").write_text(text.replace(TABLE, _table()), encoding="utf-8")
+        shutil.copy(root() / f"{guide}.md", pages)
 
 
 def _write_lecture(one: Lecture, pages: Path, files: Path) -> None:
@@ -164,9 +158,7 @@ def _index(there: list[Lecture]) -> str:
     rows = [
         f"| {one.number} | [{one.title}]({one.folder_name}.ipynb)<br>{one.question} "
         f"| {one.minutes} | {sum(check.points for check in one.checks)} |"
-        if one.there
-        else f"| {one.number} | {one.title} (to come) | | |"
-        for one in course()
+        for one in there
     ]
     names = [one.folder_name for one in there]
     return (
@@ -174,57 +166,7 @@ def _index(there: list[Lecture]) -> str:
         "A course on the workbench. All figures and numbers on these pages were computed by the "
         "code beside them when the pages were made.\n\n"
         "| | lecture | minutes | points |\n| --- | --- | --- | --- |\n" + "\n".join(rows) + "\n\n"
-        "```{toctree}\n:hidden:\n\n" + "\n".join((*names, "sources", *GUIDES)) + "\n```\n"
-    )
-
-
-def _table() -> str:
-    """What each lecture assumes and teaches, and how long it and its exercises take, in minutes."""
-    rows = [
-        f"| {one.number} | {one.title}{'' if one.there else ' (to come)'} | {one.minutes} "
-        f"| {one.exercise_minutes if one.there else ''} | {one.assumes} | {one.teaches} |"
-        for one in course()
-    ]
-    head = (
-        "| | lecture | minutes | exercises (estimated) | assumes | teaches |\n"
-        "| --- | --- | --- | --- | --- | --- |"
-    )
-    return "\n".join((head, *rows))
-
-
-def references() -> list[dict[str, str]]:
-    """The works of `references.bib`: their fields, and `link`, which is empty if they have none."""
-    text = (root() / "references.bib").read_text(encoding="utf-8")
-    works = []
-    for entry in re.findall(r"^@\w+\{\w+,\n(.*?)^\}", text, re.M | re.S):
-        fields = re.findall(r"^ *(\w+) = \{(.*)\},?$", entry, re.M)
-        work = {name: re.sub(r"[{}]", "", value) for name, value in fields}
-        if "doi" in work:  # brackets would end a link of Markdown
-            link = "https://doi.org/" + work["doi"].replace("(", "%28").replace(")", "%29")
-        else:
-            link = f"https://arxiv.org/abs/{work['eprint']}" if "eprint" in work else ""
-        works.append(work | {"link": link or work.get("url", "")})
-    return works
-
-
-def cites(one: Lecture, work: dict[str, str]) -> bool:
-    """Whether a lecture links a work, or names the title of one without a link in italics."""
-    texts = [cell.text for cell in cells(one.folder / "lecture.py") if cell.prose]
-    sought = f"({work['link']})" if work["link"] else f"*{work['title']}*"
-    return sought.casefold() in " ".join(" ".join(texts).split()).casefold()
-
-
-def sources_page(lectures: list[Lecture]) -> str:
-    """The bibliography of the course, with the lectures that cite each work."""
-    rows = []
-    for work in references():
-        names = [" ".join(name.split(", ")[::-1]) for name in work.get("author", "").split(" and ")]
-        title = f"[{work['title']}]({work['link']})" if work["link"] else work["title"]
-        facts = [", ".join(names), f"*{title}*", *(work[k] for k in (*VENUES, "year") if k in work)]
-        by = [f"[{k.number}]({k.folder_name}.ipynb)" for k in lectures if cites(k, work)]
-        rows.append(f"- {', '.join(filter(None, facts))} (lecture {', '.join(by)})\n")
-    return "# Sources\n\nWhat the lectures cite, also as `lectures/references.bib`.\n\n" + "".join(
-        rows
+        "```{toctree}\n:hidden:\n\n" + "\n".join((*names, *GUIDES)) + "\n```\n"
     )
 
 

@@ -31,7 +31,6 @@ from workbench.diagnostics.design import (
 )
 from workbench.diagnostics.diagnosis import (
     Diagnosis,
-    Neighbourhood,
     Undiagnosed,
     diagnose,
     diagnose_whole,
@@ -69,7 +68,6 @@ __all__ = [
     "Identifiability",
     "JointTurn",
     "MeasurementDesign",
-    "Neighbourhood",
     "NullDirections",
     "PointsDiagnosis",
     "Quantity",

@@ -23,7 +23,7 @@ from workbench.diagnostics.active_set import (
     points_nearby,
 )
 from workbench.diagnostics.derivatives import DerivativeCheck, check_derivatives
-from workbench.diagnostics.gauges import Gauge, exchanges
+from workbench.diagnostics.gauges import Gauge
 from workbench.diagnostics.identifiability import (
     Contribution,
     Identifiability,
@@ -50,20 +50,6 @@ if TYPE_CHECKING:
 
 class Undiagnosed(WorkbenchError, AssertionError):
     """An assertion about a diagnosis that does not hold."""
-
-
-@dataclass(frozen=True)
-class Neighbourhood:
-    """Rank and singular values at a few random points, a tenth of a scale away in each entry.
-
-    Attributes:
-        ranks: the rank at each of the points; none of a large problem.
-        weaker_here: how many times smaller the smallest nonzero singular value is here than
-            typically there.
-    """
-
-    ranks: tuple[int, ...] = ()
-    weaker_here: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,36 +227,19 @@ class Diagnosis:
         return rank_and_condition(self.constrained)
 
     @cached_property
-    def scaled_rank(self) -> int:
-        """The rank with every column scaled to length 1."""
-        if self.sparse is not None:
-            return self.rank  # in such columns
-        s = self.constrained.stacked.singular_values
-        relative = self.tolerance / max(float(self.singular_values.max(initial=0.0)), 1e-300)
-        return int(np.sum(s > relative * s.max(initial=0.0)))
+    def ranks_nearby(self) -> tuple[int, ...]:
+        """The rank at a few random points, a tenth of a scale away in each entry.
 
-    @cached_property
-    def nearby(self) -> Neighbourhood:
-        """Rank and weakest singular value at the points nearby."""
+        None of a problem with many unknowns, or of a sparse Jacobian.
+        """
         if self.here.estimated or self.free.size > MANY:
-            return Neighbourhood()
-        there = [near.measured(self.scales.sizes) for _, near in self.points_nearby]
-        s, rank = self.measured.reduced.spectrum.s, self.measured.reduced.spectrum.rank
-        ranks = tuple(near.rank for near in there)
-        weakest = [near.reduced.spectrum.s[rank - 1 : rank] for near in there if rank]
-        if not weakest:
-            return Neighbourhood(ranks)
-        return Neighbourhood(ranks, float(np.median(np.concatenate(weakest)) / s[rank - 1]))
+            return ()
+        return tuple(near.measured(self.scales.sizes).rank for _, near in self.points_nearby)
 
     @cached_property
     def null_directions(self) -> tuple[Direction, ...]:
         """The directions that change no residual, with their names."""
         return null_space.null_directions(self)
-
-    @cached_property
-    def exchanges(self) -> tuple[tuple[str, ...], ...]:
-        """Groups of blocks whose rows may be exchanged, together, without changing a residual."""
-        return exchanges(self.problem, self.values, self.constrained)
 
     @cached_property
     def weak_directions(self) -> tuple[Direction, ...]:

@@ -12,7 +12,7 @@ Triggs et al., Bundle adjustment - a modern synthesis (2000), section 9, treats 
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import chain, combinations, pairwise
+from itertools import chain, combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +22,6 @@ from scipy.sparse import coo_array, csc_array
 from workbench.arrays import Array, Index
 from workbench.blocks import Block, Layout, Values
 from workbench.diagnostics import generators
-from workbench.diagnostics.active_set import ConstrainedJacobian
 from workbench.diagnostics.bases import sparsest
 from workbench.diagnostics.generators import Cloud, Generator, Group, Segment, places_of, together
 from workbench.diagnostics.words import LENGTHS, in_space, listed, things
@@ -35,8 +34,6 @@ CLOSE = 1e-4  # between coefficients of motions, from spaces that are known up t
 PART = 1e-5  # of the largest coefficient: less takes no part
 MANY = 400  # groups up to which combinations of few are looked for
 LABOUR = 15_000  # unknowns times blocks, up to which each is asked whether it can be left out
-EXCHANGED = 8  # rows that may be exchanged, at the most
-SMALL = 400  # unknowns up to which exchanges are tried
 
 
 @dataclass(frozen=True, eq=False)
@@ -585,7 +582,7 @@ def _part(group: Group, amount: float) -> str:
     return f"{group.name} ({how})"
 
 
-# What is declared, what rows tie together, and what may be exchanged.
+# What is declared, and what rows tie together.
 
 
 def is_gauge(gauge: Gauge, problem: Problem, values: Values, null: Array) -> bool:
@@ -624,50 +621,3 @@ def _islands(free: Layout, pattern: csc_array) -> list[Index]:
     read = pattern.tocoo()
     tied = coo_array((read.data, (read.row, group[read.col])), (pattern.shape[0], count))
     return [np.flatnonzero(np.isin(group, groups)) for groups in tied_columns(tied)]
-
-
-def exchanges(
-    problem: Problem, values: Values, constrained: ConstrainedJacobian
-) -> tuple[tuple[str, ...], ...]:
-    """Groups of free blocks whose rows may be exchanged, together, in any order.
-
-    Such a symmetry is discrete: the terms of a sum, the units of a layer. It takes no rank away,
-    but every minimum then has equals elsewhere. An exchange that only moves along the null space is
-    left out: it says nothing new.
-    """
-    free = problem.free
-    if free.size > SMALL or problem.trees:
-        return ()
-    null = constrained.null
-    x, fixed = problem.split(values)
-    before = problem.residual(x, fixed)
-    by_count: dict[int, list[str]] = {}
-    for block in free.blocks:
-        if block.whole is None and block.shape and 1 < block.shape[0] <= EXCHANGED:
-            by_count.setdefault(block.shape[0], []).append(block.name)
-    groups = [tuple(names) for names in by_count.values()]
-    groups += [(name,) for names in by_count.values() if len(names) > 1 for name in names]
-    kept: list[tuple[str, ...]] = []
-    for group in groups:
-        if any(set(group) <= set(one) for one in kept):
-            continue
-        moved = [
-            _exchanged(free, x, group, i, j) for i, j in pairwise(range(free[group[0]].shape[0]))
-        ]
-        outside = [y - x - null @ (null.T @ (y - x)) for y in moved]
-        new = max(np.linalg.norm(outside, axis=1)) > SAME * np.linalg.norm(x)
-        if new and all(
-            np.linalg.norm(problem.residual(y, fixed) - before)
-            <= 1e-9 * (1.0 + float(np.linalg.norm(before)))
-            for y in moved
-        ):
-            kept.append(group)
-    return tuple(kept)
-
-
-def _exchanged(free: Layout, x: Array, group: tuple[str, ...], i: int, j: int) -> Array:
-    y = x.copy()
-    for name in group:
-        rows = y[free.slices[name]].reshape(free[name].shape[0], -1)
-        rows[[i, j]] = rows[[j, i]]
-    return y

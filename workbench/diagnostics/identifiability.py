@@ -52,7 +52,8 @@ class Identifiability:
     Attributes:
         sigma: (n,) posterior standard deviations; infinite where a null direction takes part.
         prior_sigma: (n,) standard deviations by the priors alone; infinite where they say nothing.
-        correlations: pairs of entries and their correlation, the strongest first.
+        correlations: pairs of entries and their correlation, the strongest first; none where a
+            sparse Jacobian was factorized.
         data_share: c^2 (rank,), falling: the data's share of the information on each direction,
             from 1 (the data alone) to 0 (the priors alone);
             None where a sparse Jacobian was factorized, without singular values.
@@ -97,9 +98,10 @@ def identifiability(
     """
     sparse = constrained.sparse
     share: Array | None = None
+    pairs: tuple[tuple[int, int, float], ...] = ()
     if sparse is not None:
         with limited_threads():
-            sigma, pairs, decided, better = _of_sparse(sparse, prior_rows)
+            sigma, decided, better = _of_sparse(sparse, prior_rows)
     else:
         measured = constrained.measured(scales)
         sigma, half = measured.laplace
@@ -111,32 +113,15 @@ def identifiability(
     return Identifiability(sigma, prior, pairs, share, decided, better, verdicts)
 
 
-def _of_sparse(
-    jacobian: SparseJacobian, prior_rows: Mask
-) -> tuple[Array, tuple[tuple[int, int, float], ...], float, int]:
-    """Sigmas, correlated pairs, `effective` and `better_from_data` without singular values."""
+def _of_sparse(jacobian: SparseJacobian, prior_rows: Mask) -> tuple[Array, float, int]:
+    """Sigmas, `effective` and `better_from_data` without singular values."""
     sigma = np.sqrt(jacobian.variances)
     decided: float = jacobian.rank - len(jacobian.forbidden)
     better = int(decided)
     if prior_rows.any():
         decided -= jacobian.information_in(prior_rows)
         better = jacobian.count_mostly_from(prior_rows)
-    return sigma, _strongest(jacobian, sigma), decided, better
-
-
-def _strongest(jacobian: SparseJacobian, sigma: Array) -> tuple[tuple[int, int, float], ...]:
-    """The MOST strongest correlations of unknowns that are known, above one half."""
-    known = np.isfinite(sigma) & (sigma > 0)
-    over = np.where(known, 1 / np.where(known, sigma, 1.0), 0.0)
-    found: list[tuple[int, int, float]] = []
-    for first, columns in jacobian.covariances():
-        C = columns * over[:, None] * over[first : first + columns.shape[1]]
-        C[np.arange(len(C))[:, None] >= first + np.arange(columns.shape[1])] = 0.0  # pairs once
-        order = np.argpartition(-abs(C), min(MOST, C.size - 1), axis=None)[:MOST]
-        a, b = np.unravel_index(order, C.shape)
-        found += zip(a.tolist(), (first + b).tolist(), C[a, b].tolist(), strict=True)
-        found = sorted(found, key=lambda pair: -abs(pair[2]))[:MOST]
-    return tuple(pair for pair in found if abs(pair[2]) > STRONG)
+    return sigma, decided, better
 
 
 def _data_share(here: Linearization, prior_rows: Mask, half: Array) -> Array:
@@ -240,8 +225,6 @@ class Contribution:
         residual: its name.
         rank_without: the rank of the problem without it.
         rank_with: the rank of the whole problem.
-        singular_values_without: the singular values without it.
-        singular_values_with: the singular values of the whole problem.
         sigma_without: by block, the root mean square of the standard deviations without it.
         sigma_with: the same for the whole problem.
     """
@@ -249,8 +232,6 @@ class Contribution:
     residual: str
     rank_without: int
     rank_with: int
-    singular_values_without: Array = field(repr=False)
-    singular_values_with: Array = field(repr=False)
     sigma_without: Mapping[str, float] = field(repr=False)
     sigma_with: Mapping[str, float] = field(repr=False)
 
@@ -263,20 +244,20 @@ def contributions(
     What is known is judged with every unknown in its characteristic scale, `sizes` (n,).
     """
     m = constrained.here.shape[0]
-    s, rank, sigma = _known(constrained, sizes, free)
+    rank, sigma = _known(constrained, sizes, free)
     parts = []
     for term, part in rows.items():
         left = np.delete(np.arange(m), part)
-        s0, rank0, sigma0 = _known(constrained.only(left), sizes, free)
-        parts.append(Contribution(term, rank0, rank, s0, s, sigma0, sigma))
+        rank_without, without = _known(constrained.only(left), sizes, free)
+        parts.append(Contribution(term, rank_without, rank, without, sigma))
     return tuple(parts)
 
 
 def _known(
     constrained: ConstrainedJacobian, sizes: Array, free: Layout
-) -> tuple[Array, int, dict[str, float]]:
+) -> tuple[int, dict[str, float]]:
     if not constrained.here.shape[0]:
-        return np.zeros(0), constrained.count, dict.fromkeys(free.names, np.inf)
+        return constrained.count, dict.fromkeys(free.names, np.inf)
     variance = (constrained.measured(sizes).laplace[0] * sizes) ** 2
     rms = {name: float(np.sqrt(np.mean(variance[at]))) for name, at in free.slices.items()}
-    return constrained.reduced.spectrum.s, constrained.rank, rms
+    return constrained.rank, rms

@@ -1,6 +1,6 @@
 """A diagnosis in words: what it found, a summary, and the whole report section by section."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -20,11 +20,9 @@ if TYPE_CHECKING:
 MOST = 12  # lines of one list
 ILL = 1e8  # condition of J from which half of the digits are gone
 UNEVEN = 1e6  # longest over shortest column
-BETTER = 100.0  # times the condition without, from which on a scaling of columns is spoken of
 FLAT = 0.3  # second best turn of a joint over its best, below which only one turn is seen
 MOSTLY = 0.75  # of the joints: if so many are flat, the view is the reason and not one limb
 FELT = 0.05  # of the best turn of all joints: joints with weaker turns are not counted
-WEAKER = 30.0  # times weaker than nearby: the point is near one where the rank falls
 ALONE = 0.999  # leverage from which on a row determines a direction alone
 NEARBY = 1e-3  # characteristic scales: how far from a point that is not finite to look again
 FAR = 1e3  # times a characteristic scale, or less by that: it may not be what matters
@@ -133,7 +131,7 @@ def _structure(d: "Diagnosis") -> Iterator[Finding]:
 
 
 def _rank(d: "Diagnosis") -> Iterator[Finding]:
-    n, nearby = d.shape[1], d.nearby
+    n = d.shape[1]
     if d.rank < n:
         text = f"{n - d.rank} of {n} directions change no residual"
         text += " to first order" if d.widths else ""
@@ -145,27 +143,14 @@ def _rank(d: "Diagnosis") -> Iterator[Finding]:
             if not is_gauge(gauge, d.problem, d.values, d.constrained.null):
                 text = f"{gauge.name} is declared to be a gauge, but no other unknowns undo it here"
                 yield Finding("rank", text)
-    for names in d.exchanges:
-        text = (
-            f"the rows of {' and '.join(names)} can be exchanged without changing a residual, so "
-            "that every solution has equals elsewhere"
-        )
-        yield Finding("rank", text, False)
     if d.active.any:
         yield Finding("rank", held(d), False)
-    if nearby.ranks and max(nearby.ranks) > d.rank:
+    if d.ranks_nearby and max(d.ranks_nearby) > d.rank:
         text = (
-            f"the rank is {d.rank} at this point, but {max(nearby.ranks)} a tenth of a "
+            f"the rank is {d.rank} at this point, but {max(d.ranks_nearby)} a tenth of a "
             "characteristic scale away"
         )
         yield Finding("rank", text)
-    if nearby.weaker_here > WEAKER:
-        text = (
-            f"nearly degenerate: the smallest nonzero singular value is {nearby.weaker_here:.0f} "
-            "times smaller here than a tenth of a characteristic scale away; its direction is along"
-            f" {_columns(d, d.weakest[0].columns)}"
-        )
-        yield Finding("rank", text, False)
     yield from _depth(d)
     if d.weak_count:
         text = (
@@ -248,13 +233,6 @@ def _conditioning(d: "Diagnosis") -> Iterator[Finding]:
     norms = d.here.column_norms[d.here.column_norms > 0]
     if norms.size and norms.max() > UNEVEN * norms.min():
         text = f"the columns differ in length by a factor of {norms.max() / norms.min():.1e}"
-        if np.isfinite(d.condition) and d.sparse is None and not d.active.any:
-            s = d.constrained.stacked.singular_values
-            if BETTER * s[0] < s[-1] * d.condition:
-                text += (
-                    f"; with columns of length 1, as scaling=columns does, the condition number is "
-                    f"{s[0] / s[-1]:.3g} instead of {d.condition:.3g}"
-                )
         yield Finding("conditioning", text, False)
     same = [p for p in d.parallel_columns if p.sine <= PARALLEL]
     if same:
@@ -434,15 +412,10 @@ def _ranks(d: "Diagnosis") -> Iterator[str]:
             f"the sparsity pattern allows {d.structural_rank}: {d.structural_rank - d.rank} of the "
             "null directions are due to the numbers, not to the pattern"
         )
-    if d.scaled_rank != d.rank:
-        yield f"with columns of length 1: rank {d.scaled_rank}"
-    if d.nearby.ranks:
-        times = f"{d.nearby.weaker_here:.2g} times as large"
-        size = f"; the smallest nonzero singular value is {times} there"
+    if d.ranks_nearby:
         yield (
-            f"at {len(d.nearby.ranks)} points drawn nearby, a tenth of a characteristic scale away:"
-            f" rank {', '.join(map(str, d.nearby.ranks))}"
-            + (size if min(d.nearby.ranks) >= d.rank else "")
+            f"at {len(d.ranks_nearby)} points drawn nearby, a tenth of a characteristic scale away:"
+            f" rank {', '.join(map(str, d.ranks_nearby))}"
         )
     if d.rank_law:
         yield f"the kinematic tree predicts the rank {d.rank_law[0]}: {d.rank_law[1]}"
@@ -521,7 +494,9 @@ def _known(d: "Diagnosis") -> Iterator[str]:
         counts = [known.verdicts[at].count(v) for v in reversed(EntryIdentifiability)]
         used = [some or count > 0 for some, count in zip(used, counts, strict=True)]
         rows.append((block.name, block.unit, spread, *map(str, counts)))
-    yield from table(("block", "unit", "sigma", *VERDICTS), rows)
+    kept = [0, 1, 2, *(3 + k for k, some in enumerate(used) if some)]  # 80 columns hold three more
+    head = ("block", "unit", "sigma", *VERDICTS)
+    yield from table([head[k] for k in kept], [[row[k] for k in kept] for row in rows])
     means = zip(VERDICTS, reversed(EntryIdentifiability), used, strict=True)
     yield "; ".join(f"{head}: {verdict.value}" for head, verdict, some in means if some)
     if d.widths:
@@ -536,13 +511,15 @@ def _contributions(d: "Diagnosis") -> Iterator[str]:
     if not d.contributions:
         return
     names, unknown = compared_blocks(d)
-    rows = []
-    for c in d.contributions:
-        sigmas = [(c.sigma_without[n], c.sigma_with[n]) for n in names]
-        both = [changed(*pair, lambda sigma: f"{sigma:.2g}") for pair in sigmas]
-        rows.append((c.residual, str(c.rank_without), str(c.rank_with), *both))
-    header = ("residual", "rank without", "with", *(f"sigma {n}" for n in names))
-    yield from table(header, rows)
+    whole = d.contributions[0]
+
+    def row(name: str, rank: int, sigma: Mapping[str, float]) -> tuple[str, ...]:
+        known = (f"{sigma[n]:.2g}" if np.isfinite(sigma[n]) else "unknown" for n in names)
+        return name, str(rank), *known
+
+    rows = [row("nothing", whole.rank_with, whole.sigma_with)]
+    rows += [row(c.residual, c.rank_without, c.sigma_without) for c in d.contributions]
+    yield from table(("left out", "rank", *(f"sigma {n}" for n in names)), rows)
     if unknown:
         yield f"with or without any one of them the sigmas of {joined(unknown)} are unknown"
 
@@ -559,14 +536,6 @@ def compared_blocks(d: "Diagnosis") -> tuple[list[str], list[str]]:
     return [n for n in names if n in known], [n for n in names if n not in known]
 
 
-def changed(without: float, with_it: float, number: Callable[[float], str]) -> str:
-    """`0.3 -> 0.1`: a sigma without a residual and with it; infinite is called unknown."""
-    if np.isinf(without) and np.isinf(with_it):
-        return "unknown"
-    first = "unknown" if np.isinf(without) else number(without)
-    return f"{first} -> {'unknown' if np.isinf(with_it) else number(with_it)}"
-
-
 def _checked(d: "Diagnosis") -> Iterator[str]:
     check = d.derivatives
     of = "" if len(check.columns) == d.shape[1] else f" ({len(check.columns)} columns, at random)"
@@ -576,8 +545,6 @@ def _checked(d: "Diagnosis") -> Iterator[str]:
     )
     if check.slope is not None:
         yield f"the error of the linear model falls like h^{check.slope:.2f} (2 is right)"
-    if check.hessian_error is not None:
-        yield f"exact Hessian compared with finite differences: {check.hessian_error:.1e}"
     if check.neglected is not None:
         yield (
             f"the Gauss-Newton Hessian J'J leaves out {check.neglected:.1%} of the exact Hessian"

@@ -8,8 +8,7 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.blocks import Block, Values
 from workbench.bodies import SkinnedBody, capsule_gaps, capsule_points, capsules_of
-from workbench.bodies.catalogue import load_body, load_skinned
-from workbench.bodies.files.embedded import UNTRAINED
+from workbench.bodies.catalogue import UNTRAINED, load_body, load_skinned
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.errors import BadArgument, UnknownName, check_known
 from workbench.experiments.experiment import Experiment

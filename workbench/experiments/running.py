@@ -109,10 +109,6 @@ class Outcome:
     surface: Array | None  # (N, 3) m, the posed body, if there is one
     source: str = ""  # the user's file that the run is about
     doubts: tuple[str, ...] = ()  # what speaks against the fit, in sentences
-    # the body at the end of each stage, in the first fitted view, if it was solved in stages
-    stages: tuple[Overlay, ...] = ()
-    # the body of each hypothesis there, if there was more than one start
-    hypotheses: tuple[Overlay, ...] = ()
     measurements: tuple[Measurement, ...] = ()  # those of the person, if one is fitted
 
     @property
@@ -208,8 +204,6 @@ def run(
         surface=body.vertices(*arguments) if body and arguments else None,
         source=experiment.source,
         doubts=doubts(setup, values, solution),
-        stages=_at(setup, values, [solution.trace[k].values for k in solution.stages]),
-        hypotheses=_at(setup, values, [one.values for one in solution.hypotheses]),
     )
 
 
@@ -220,20 +214,6 @@ def called(given: Solver | None, solver: Solver, solution: Solution) -> str:
     house = type(solver).__module__.partition(".")[0] == "workbench"
     options = " (with other options)" if given is not None and house else ""
     return catalogue_name(solver) or f"{solution.solver}{options}"
-
-
-def _at(setup: Setup, values: Values, each: Sequence[Values]) -> tuple[Overlay, ...]:
-    """The body at each of these values of free blocks, in the first fitted view."""
-    view = next((view for view in setup.views if not view.held_out), None)
-    if setup.body is None or view is None or len(each) < 2:
-        return ()
-    found = []
-    for free in each:
-        whole = dict(values) | free
-        arguments = arguments_from_values(setup.body, setup.problem.points, whole)
-        if arguments is not None:
-            found.append(overlay(setup.body, view, whole, arguments))
-    return tuple(found)
 
 
 def _measured(experiment: Experiment, setup: Setup, values: Values) -> tuple[Measure, ...]:

@@ -24,13 +24,12 @@ from workbench.fitting.candidates import (
     keypoint_candidates,
     marker_candidates,
     stature_of,
-    without_hidden,
 )
 from workbench.fitting.files.cameras import read_calibration
 from workbench.fitting.files.clips import read_clip
 from workbench.fitting.files.keypoints import read_keypoints, read_observations
 from workbench.fitting.files.layouts import KEYPOINT_SCHEMAS
-from workbench.fitting.hands import hand_fit, hand_landmarks, hand_problem, hand_start
+from workbench.fitting.hands import hand_landmarks, hand_problem, hand_start
 from workbench.fitting.images import (
     Appearance,
     ByHeight,
@@ -84,7 +83,6 @@ from workbench.fitting.refits import (
     profile_likelihood,
     repeated_fits,
 )
-from workbench.fitting.regressor_training import train_pose_regressor
 from workbench.fitting.scans.files import ReadScan, read_scan
 from workbench.fitting.scans.scan import BadScan, Scan
 from workbench.fitting.scans.surface import boundary, loose_points
@@ -131,7 +129,6 @@ __all__ = [
     "depth_of",
     "effective_frames",
     "from_correspondences",
-    "hand_fit",
     "hand_landmarks",
     "hand_problem",
     "hand_start",
@@ -170,10 +167,8 @@ __all__ = [
     "stature",
     "stature_of",
     "stature_prior",
-    "train_pose_regressor",
     "usual_priors",
     "video_fit",
     "video_mean",
     "wider",
-    "without_hidden",
 ]

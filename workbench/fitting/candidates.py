@@ -1,7 +1,6 @@
 """Measurements of a body that could be made, and the catalogue of them that `design` takes.
 
-All of them see every landmark, also those that the body itself hides; of cameras these can be left
-out (`without_hidden`).
+All of them see every landmark, also those that the body itself hides.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -11,7 +10,7 @@ import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import Array, Mask
+from workbench.arrays import Array
 from workbench.blocks import Block, Values
 from workbench.blocks.checks import reals
 from workbench.bodies import SkinnedBody
@@ -27,27 +26,12 @@ from workbench.fitting.observations import Photograph, pinhole
 from workbench.fitting.setup import Setup, View
 from workbench.geometry.camera import Camera
 from workbench.geometry.rotation import matrix_from_vector
-from workbench.geometry.solids import ray_crossings
 from workbench.residuals import Residual, keypoints, landmarks
 
-THICK = 0.15  # m of the body in front of a landmark: a joint is hardly ever as deep under the skin
 AROUND = tuple(range(0, 360, 30))  # degrees
 UP = (0, 30, 60)  # degrees
 PREFIX = "candidate/"  # of the blocks of a camera that could be put up
 OWN = "own"
-
-
-def hidden_landmarks(body: SkinnedBody, name: str, values: Values, eye: Array) -> Mask:
-    """Which landmarks of a set the body hides from an eye (3,) m, where the values put it, (M,).
-
-    A landmark is hidden where the way to it leaves the body again, as behind another limb, or is
-    for more than 0.15 m inside of it. Joints lie inside, so that a way that only enters says
-    nothing. Detectors often guess hidden landmarks, so this is the strict case.
-    """
-    at = [values[block.name] for block in body.blocks()]
-    points, skin = body.landmark(name, *at), body.vertices(*at)
-    exits, inside = ray_crossings(eye, points, skin, body.faces)
-    return np.asarray((exits > 0) | (inside > THICK))
 
 
 def looking_at(centre: ArrayLike, around: float, up: float, distance: float) -> tuple[Array, Array]:
@@ -113,27 +97,6 @@ def cameras_of(
     return _cameras(
         body, {photo.name: camera_values(camera, photo) for photo in photographs}, sigma
     )
-
-
-def without_hidden(
-    body: SkinnedBody, cameras: Mapping[str, Candidate], values: Values
-) -> dict[str, Candidate]:
-    """Cameras of `cameras_on_a_sphere` or `cameras_of`, without what the body hides from each.
-
-    What is hidden is decided where the values put the body, and does not change with the body; see
-    `hidden_landmarks`.
-    """
-    name = landmark_set(body)
-    seen = Block(PREFIX + "seen", (len(body.landmark_names(name)),), "1")
-    found = {}
-    for called, one in cameras.items():
-        (rows,) = one.residuals
-        sigma = float(np.max(rows.sigma))  # one for all, as these functions make them
-        t, R = (np.asarray(one.values[PREFIX + part]) for part in ("translation", "rotation"))
-        hidden = hidden_landmarks(body, name, values, -matrix_from_vector(R).T @ t)
-        rows = _keypoints(body, Camera(PREFIX), seen.symbol, sigma)
-        found[called] = Candidate((rows,), one.values | {seen.name: np.where(hidden, 0.0, 1.0)})
-    return found
 
 
 def _cameras(body: Body, numbers: dict[str, Values], sigma: float) -> dict[str, Candidate]:
@@ -243,17 +206,10 @@ def held_out_views(setup: Setup, values: Values) -> dict[str, Candidate]:
     return _cameras(_body(setup), numbers, 4.0)
 
 
-def occluded(cameras: Callable[[Setup, Values], dict[str, Candidate]]) -> Candidates:
-    """The same cameras, none of which sees what the body hides from it."""
-    return lambda setup, values: without_hidden(_skinned(setup), cameras(setup, values), values)
-
-
 CANDIDATES: Mapping[str, Candidates] = {
     OWN: own_candidates,
     "cameras": cameras_around,
     "views": held_out_views,
-    "cameras-occluded": occluded(cameras_around),
-    "views-occluded": occluded(held_out_views),
     "markers": lambda setup, values: marker_candidates(
         _skinned(setup), default_markers(_skinned(setup))
     ),

@@ -22,7 +22,7 @@ from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.errors import some_of
-from workbench.fitting.body_priors import POSE_PRIOR, pose_gaussian, stature
+from workbench.fitting.body_priors import POSE_PRIOR, n_of_shape, pose_gaussian, stature
 from workbench.fitting.conventions import (
     AGREE,
     agreeing_convention,
@@ -245,9 +245,10 @@ def of_person(body: Body, betas: Array) -> Iterator[str]:
         return
     if betas.ndim == 2:
         betas = np.median(betas, axis=0)
-    largest, square = float(np.abs(betas).max()), float(np.mean(betas**2))
+    shape = betas[: n_of_shape(body)]
+    largest, square = float(np.abs(shape).max()), float(np.mean(shape**2))
     if largest > ONE_BETA or square > SHAPE:
-        k = int(np.abs(betas).argmax())
+        k = int(np.abs(shape).argmax())
         yield (
             f"the shape is improbable: betas[{k}] is {betas[k]:.1f} standard deviations from "
             f"the mean person, root mean square {np.sqrt(square):.1f}; check the units, which "

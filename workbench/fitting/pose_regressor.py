@@ -2,7 +2,7 @@
 
 It is the regressor with which SPIN begins its fits (Kolotouros et al., Learning to Reconstruct 3D
 Human Pose and Shape via Model-fitting in the Loop, 2019), of keypoints in the place of an image.
-Only NumPy is needed to use it; `workbench.fitting.regressor_training` trains it.
+Only NumPy is needed to use it; `lectures/material/regressor_training.py` trains it.
 """
 
 from dataclasses import dataclass

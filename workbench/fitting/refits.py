@@ -22,10 +22,8 @@ up to curvature elsewhere.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import partial
 from math import inf, sqrt
 
-import casadi as cs
 import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike
@@ -33,10 +31,8 @@ from scipy.special import ndtri
 
 from workbench.arrays import Array, Mask
 from workbench.blocks import Block, Layout, Values
-from workbench.blocks.directions import in_units
-from workbench.blocks.layout import entries
+from workbench.blocks.layout import in_units
 from workbench.diagnostics import diagnose_whole
-from workbench.diagnostics.design import Criterion, MeasurementDesign, Quantity
 from workbench.errors import BadArgument, UnknownName
 from workbench.problem import Problem
 from workbench.residuals import Residual
@@ -134,13 +130,12 @@ def profile_likelihood(
     *,
     level: float = 0.9,
     solver: Solver = SOLVERS[DEFAULT],
-    progress: Callable[[int], object] | None = None,
 ) -> Profile:
     """Follow the lowest cost to both sides of a free entry's value at the minimum `values`.
 
     `entry` is the name of a single number, such as `betas[0]` or `pose[left_knee, x]`. Every fit
     starts from the one before it. A side ends where the cost has risen past the end of the
-    interval, or after 25 fits. `progress` is told how many fits are done.
+    interval, or after 25 fits.
 
     Raises UnknownName for an entry that is not free, and BadArgument for a level that is not
     between 0 and 1 and for a problem with nothing else free.
@@ -169,17 +164,12 @@ def profile_likelihood(
     sd = float(whole.identifiability.sigma[k])
     size = min(sd, float(whole.scales.sizes[k]))
     others = problem.freeing(*(name for name in labels if name != entry))
-    count = 0
 
     def fit(values: Values, at: float) -> _Fit:
-        nonlocal count
         x, fixed = problem.split(values)
         x[k] = at
         there = problem.values(x, fixed)
         there = {**there, **solver.solve(others, there).values}
-        count += 1
-        if progress is not None:
-            progress(count)
         return at, problem.linearize(there).cost, there
 
     start = problem.read(values)
@@ -320,14 +310,12 @@ def other_minima(
     *,
     directions: int = 8,
     solver: Solver = SOLVERS[DEFAULT],
-    progress: Callable[[int, int], object] | None = None,
 ) -> OtherMinima:
     """Fit from four starts along each of the weakest directions at the minimum `values`.
 
     On each side of the minimum there are two starts: at three standard deviations along the
-    direction, but at most 1.5 characteristic scales, and at half this distance. `progress` is told
-    how many fits are done, and of how many. Minima in no such direction are not found. Raises
-    BadArgument for no directions.
+    direction, but at most 1.5 characteristic scales, and at half this distance. Minima in no such
+    direction are not found. Raises BadArgument for no directions.
 
     >>> import casadi, workbench as wb
     >>> from workbench.fitting import other_minima
@@ -361,7 +349,7 @@ def other_minima(
         return float(np.abs((one - other) / sizes).max())
 
     ends: list[tuple[Array, float, int]] = []
-    for done, start in enumerate(starts, start=1):
+    for start in starts:
         solution = solver.solve(problem, problem.values(start, fixed))
         end = problem.split({**values, **solution.values})[0]
         near = (i for i, (there, *_) in enumerate(ends) if apart(end, there) < SAME)
@@ -371,8 +359,6 @@ def other_minima(
             ends[same] = (*ends[same][:2], ends[same][2] + 1)
         else:
             ends.append((end, solution.cost, 1))
-        if progress is not None:
-            progress(done, len(starts))
     found = []
     for end, cost, count in ends:
         away = np.abs((end - x) / sizes)
@@ -392,44 +378,17 @@ class RepeatedFits:
 
     Attributes:
         free: the layout of the unknowns.
-        truth: (n,) the point from which the data were made.
         ends: (N, n) the free numbers at the ends.
         converged: (N,) which of the fits converged.
     """
 
     free: Layout
-    truth: Array
     ends: Array
     converged: Mask
-
-    @property
-    def errors(self) -> Array:
-        """The ends minus the truth, (N, n)."""
-        return self.ends - self.truth
 
     def values(self, fit: int, values: Values) -> Values:
         """The values of all blocks at the end of one fit; fixed ones are taken from `values`."""
         return dict(values) | self.free.unpack(self.ends[fit])
-
-    def numbers(self, what: Quantity, values: Values) -> Array:
-        """A quantity at every end, (N, q); fixed blocks are taken from `values`."""
-        graph = what.residual.graph()
-        symbols = cs.symvar(graph)
-        function = cs.Function("quantity", symbols, [graph])
-        found = []
-        for fit in range(len(self.ends)):
-            at = self.values(fit, values)
-            given = (np.asarray(at[symbol.name()], dtype=float).T for symbol in symbols)
-            found.append(np.asarray(function(*given)).ravel())
-        return np.array(found)
-
-    def spread(self, criterion: Criterion, values: Values) -> float:
-        """The standard deviation that `sd_of` predicts, as it is among the ends."""
-        if criterion.quantity is not None:
-            numbers = self.numbers(criterion.quantity, values)
-        else:
-            numbers = self.ends[:, entries(self.free, criterion.names or self.free.names)]
-        return float(np.sqrt(numbers.var(axis=0, ddof=1).sum()))
 
 
 def repeated_fits(
@@ -473,33 +432,4 @@ def repeated_fits(
         ends.append(problem.split(dict(values) | solution.values)[0])
         converged.append(solution.converged)
         progress(fit + 1, count)
-    return RepeatedFits(problem.free, x, np.array(ends), np.array(converged))
-
-
-def checked_by_fits(
-    found: MeasurementDesign,
-    problems: tuple[Problem, Problem],
-    criterion: Criterion,
-    values: Values,
-    count: int,
-    *,
-    seed: int = 0,
-    progress: Callable[[str, int, int], None] = lambda what, done, of: None,
-) -> str:
-    """A sentence that compares the standard deviations of a design with those of `count` fits each.
-
-    `problems` are those without and with the chosen candidates.
-    """
-    unit = "" if found.unit == "1" else f" {found.unit}"
-    parts = []
-    for when, problem, score in zip(
-        ("before", "after"), problems, (found.before, found.after), strict=True
-    ):
-        if score.open:
-            parts.append(f"{when}: undetermined, so nothing was simulated")
-            continue
-        told = partial(progress, f"simulated fits {when}")
-        fits = repeated_fits(problem, values, count, seed=seed, progress=told)
-        sd = fits.spread(criterion, values)
-        parts.append(f"{when}: predicted {score.sd:.3g}{unit}, simulated {sd:.3g}{unit}")
-    return f"Checked by {count} simulated fits each; {'; '.join(parts)}."
+    return RepeatedFits(problem.free, np.array(ends), np.array(converged))

@@ -23,13 +23,12 @@ from typing import Any
 import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.sparse import csr_array, eye_array
+from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
-from workbench.blocks import Block, Points
 from workbench.blocks.checks import reals as as_reals
-from workbench.bodies import Landmarks, SkinnedBody
-from workbench.bodies.body import why_not_skinned
+from workbench.bodies import SkinnedBody
+from workbench.bodies.body import Body, why_not_skinned
 from workbench.bodies.readonly import locked
 from workbench.bodies.spaces import body_mass_index, body_mass_index_of
 from workbench.environment import expanded
@@ -96,8 +95,8 @@ class SoftTissue:
         if not (radius := self.spectral_radius) < LARGEST_RADIUS:
             raise BadArgument(
                 f"the model of the coefficients has a spectral radius of {radius:.4f}, so that "
-                f"they would not die away; make it less than {LARGEST_RADIUS}, as "
-                "training.soft_tissue.stabilized does"
+                f"they would not die away; make it less than {LARGEST_RADIUS}, as `stabilized` of "
+                "lecture 19 does"
             )
 
     @property
@@ -168,12 +167,6 @@ class SoftTissue:
         same = abs(motion.fps / self.fps - 1) < SAME_RATE
         return motion if same else splined(motion, self.fps)
 
-    # In symbols: coefficients as a block like any other, to be fitted as DMPL's are.
-
-    def block(self, prefix: str = "") -> Block:
-        """`tissue` (C,), the coefficients phi as an unknown; they have no unit."""
-        return Block(f"{prefix}tissue", (self.n_coefficients,), "1")
-
     def gain_of(self, body: SkinnedBody, betas: cs.MX) -> cs.MX:
         """`gain` (1, 1) in symbols, of betas (B, 1): see `body_mass_index_of` for its derivatives.
 
@@ -183,33 +176,7 @@ class SoftTissue:
             return cs.MX(1)
         return (body_mass_index_of(body, betas) / body_mass_index(body)) ** self.power
 
-    def points(
-        self, body: SkinnedBody, pose: cs.MX, betas: cs.MX, trans: cs.MX, coefficients: cs.MX
-    ) -> Points:
-        """The posed surface (3, N) m of `surface`, in symbols.
-
-        Arguments are blocks' symbols, expressions of them, or numbers; coefficients are (C, 1). The
-        gain is that of the person. No gain is an affine map of betas: points whose betas are an
-        unknown are therefore computed by CasADi's graph, and others by the faster arithmetic of
-        `SkinnedBody.points`.
-
-        Points of one problem come from one body: pass the same `surface_as_landmarks(body)` to
-        all of them, or let this make one. Raises BadArgument for another body or number of
-        coefficients.
-        """
-        self._check_body(body)
-        if coefficients.shape != (self.n_coefficients, 1):
-            raise BadArgument(
-                f"the coefficients of this tissue are an expression ({self.n_coefficients}, 1), "
-                f"not {coefficients.shape}"
-            )
-        whole = body if "surface" in body.landmarks else surface_as_landmarks(body)
-        flat = cs.DM(self.directions.reshape(-1, self.n_coefficients))
-        scaled = self.gain_of(body, betas) * coefficients
-        moved = cs.reshape(flat @ scaled, 3, body.n_vertices)
-        return whole.landmark_points("surface", pose, betas, trans, offsets=moved)
-
-    def _check_body(self, body: SkinnedBody) -> None:
+    def _checked(self, body: Body) -> SkinnedBody:
         if reason := why_not_skinned(body, "soft tissue", "give the skinned body it was made from"):
             raise BadArgument(reason)
         if body.n_vertices != len(self.part) or tuple(body.joint_names) != self.joint_names:
@@ -218,9 +185,11 @@ class SoftTissue:
                 f"{len(self.part)} vertices and {len(self.joint_names)} joints, not that of body "
                 f"{body.name!r} with {body.n_vertices} and {body.n_joints}"
             )
+        assert isinstance(body, SkinnedBody)
+        return body
 
     def _check(self, body: SkinnedBody, motion: Motion) -> None:
-        self._check_body(body)
+        self._checked(body)
         if abs(motion.fps / self.fps - 1) > SAME_RATE:
             do = "tissue.prepared(motion) splines it" if len(motion) >= FEWEST else "record it anew"
             raise BadArgument(
@@ -245,18 +214,15 @@ def free_run(first: Array, second: Array, driven: Array, start: Array | None = N
     return found[2:]
 
 
-def surface_as_landmarks(body: SkinnedBody) -> SkinnedBody:
-    """The body with a set of landmarks `surface`, one for each vertex."""
-    names = tuple(map(str, range(body.n_vertices)))
-    every = Landmarks(names, csr_array(eye_array(body.n_vertices)))
-    return replace(body, landmarks={**body.landmarks, "surface": every})
-
-
-def with_tissue(body: SkinnedBody, tissue: SoftTissue) -> SkinnedBody:
+def with_tissue(body: Body, tissue: SoftTissue) -> SkinnedBody:
     """The body with B + C betas, the last C of which displace its tissue and move no joint.
 
     The regressor is the one nearest to the body's of those that give its joints (least squares).
+    With a block phi (C,) of coefficients its points are those of a person's tissue in symbols:
+    `points(pose, cs.vertcat(betas, tissue.gain_of(body, betas) * phi), trans)`. Raises BadArgument
+    for a body that this is not the tissue of.
     """
+    body = tissue._checked(body)
     N = body.n_vertices
     seen = np.hstack([np.ones((N, 1)), body.template, body.shapedirs.reshape(N, -1)])
     every = np.hstack([seen, tissue.directions.reshape(N, -1)])
@@ -268,6 +234,7 @@ def with_tissue(body: SkinnedBody, tissue: SoftTissue) -> SkinnedBody:
         shapedirs=np.concatenate([body.shapedirs, tissue.directions], axis=2),
         J_regressor=csr_array(body.J_regressor.toarray() + change),
         capsules=None,
+        extras={**body.extras, "tissue": np.array(tissue.n_coefficients)},
         name=f"{body.name} with soft tissue",
     )
 
@@ -294,12 +261,13 @@ def with_dmpls(body: SkinnedBody, path: str | Path, count: int = 8) -> SkinnedBo
 
 
 def betas_with_tissue(
-    body: SkinnedBody, tissue: SoftTissue, motion: Motion, exaggeration: float = 1.0
+    body: Body, tissue: SoftTissue, motion: Motion, exaggeration: float = 1.0
 ) -> Array:
     """The betas (T, B + C) of `with_tissue` in a motion of the tissue's rate, frame by frame.
 
     Raises BadArgument for another rate or another body.
     """
+    body = tissue._checked(body)
     phi = tissue.coefficients(body, motion)
     gain = exaggeration * tissue.gain(body, motion.named(body).betas)
     own = np.broadcast_to(motion.betas_on(body), (len(motion), body.n_betas))

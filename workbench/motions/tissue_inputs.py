@@ -101,7 +101,7 @@ STRONGEST_FORCE = 20.0  # m/s^2: about two more gravities
 
 
 def tissue_inputs(frames: MovingFrames, part: Index, n_betas: int = 0) -> Array:
-    """The inputs (T, X) along a motion, named by `input_names`, in this order:
+    """The inputs (T, X) along a motion, in this order:
 
     - the angular velocity of each joint relative to its parent (rad/s), and its derivative
       (rad/s^2), the root's first;
@@ -147,15 +147,6 @@ def _bounded(vectors: Array, most: float) -> Array:
     square = (vectors**2).sum(axis=-1, keepdims=True)
     shares = vectors / np.sqrt(most**2 + square)
     return np.asarray(shares.reshape(len(vectors), -1))
-
-
-def input_names(joint_names: tuple[str, ...], n_parts: int, n_betas: int) -> tuple[str, ...]:
-    """The names of the inputs, in their order."""
-    things = [f"{what} of {k}" for what in ("velocity", "acceleration") for k in joint_names]
-    things += ["velocity of the root's place", "acceleration of the root's place"]
-    things += [f"force on part {p}" for p in range(n_parts)]
-    named = [f"{thing}, {axis}" for thing in things for axis in "xyz"]
-    return (*named, *(f"betas[{i}]" for i in range(n_betas)), "1")
 
 
 def part_middles(body: SkinnedBody, part: Index, betas: Array) -> tuple[Array, Index]:

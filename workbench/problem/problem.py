@@ -17,8 +17,7 @@ from workbench.blocks.points import distinct
 from workbench.errors import check_known
 from workbench.problem import naming
 from workbench.problem.chain import Chain
-from workbench.problem.constraint import Constraint
-from workbench.problem.constraints import ConstraintSet
+from workbench.problem.constraints import Constraint, ConstraintSet, part_at
 from workbench.problem.costs import (
     CostGradients,
     CostGraph,
@@ -33,8 +32,7 @@ from workbench.problem.frames import FrameChain
 from workbench.problem.graph import Graph, stored
 from workbench.problem.linearization import Linearization
 from workbench.problem.naming import Bounds, check_units, flat_bounds, of_free
-from workbench.problem.optimality import optimality
-from workbench.problem.rounding import Rounding, RowSupport
+from workbench.problem.optimality import Rounding, RowSupport, optimality
 from workbench.problem.storage import Stored
 from workbench.residuals import Residual
 from workbench.threads import limited_threads
@@ -71,7 +69,6 @@ class Problem(Symbolic):
         self.free, self.fixed = self._layouts = naming.free_and_fixed(self._known, free)
         self.lower, self.upper = flat_bounds(self.bounds, self.free, self._known)
         self.stages: dict[object, Problem] = {}  # made once by `in_stage`
-        self.solvers_made: list[object] = []  # for the next run; see `solvers.oracle`
         self.stacked_constraints = ConstraintSet.of(self.constraints, *self._layouts)
         self.domain = Domain.of(self.residuals, *self._layouts)
 
@@ -150,7 +147,7 @@ class Problem(Symbolic):
 
     def row_label(self, row: int) -> str:
         """The name of one entry of the stacked residual."""
-        part, place = naming.part_at(self.residuals, row)
+        part, place = part_at(self.residuals, row)
         return part.label(place)
 
     @cached_property
@@ -309,7 +306,7 @@ class Problem(Symbolic):
     @cached_property
     def _cost_graph(self) -> CostGraph:
         graph = self._graph if self.has_graph else None
-        return CostGraph.of(self._whitened, self.points, *self._layouts, graph, self.domain)
+        return CostGraph(self._whitened, self.points, *self._layouts, graph, self.domain)
 
 
 Stage = tuple[tuple[str, ...] | None, tuple[tuple[str, float], ...]]  # free names, weights

@@ -20,7 +20,7 @@ from workbench.blocks import Block
 from workbench.blocks.checks import several, texts
 from workbench.blocks.composed_points import FrameBlocks, framed
 from workbench.errors import BadArgument, BadConstraint, BadResidual, UnknownName
-from workbench.problem.constraint import Constraint
+from workbench.problem.constraints import Constraint
 from workbench.problem.problem import Problem
 from workbench.residuals import Residual
 from workbench.residuals.sequences import Between, Frames

@@ -211,7 +211,6 @@ class Archive:
         self._members = {
             m.filename.removesuffix(".npy"): m for m in members if m.filename.endswith(".npy")
         }
-        self._short: dict[str, bytes] = {}  # members whose first bytes are all, until they are read
         self.others = tuple(m.filename for m in members if not m.filename.endswith(".npy"))
         if not self._members:
             raise BadFile("it is a zip archive without arrays, not an .npz file")
@@ -229,10 +228,7 @@ class Archive:
             raise BadFile(f"{name} is an array of Python objects, which are not read")
         with damage(name):
             content = np.empty(header.count * header.dtype.itemsize, dtype=np.uint8)
-            if name in self._short:
-                content[:] = np.frombuffer(self._short.pop(name), np.uint8)[header.start :]
-            else:
-                self._fill(content, name)
+            self._fill(content, name)
             array: NDArray[Any] = content.view(header.dtype)
             array = array.reshape(header.shape, order="F" if header.fortran else "C")
             if array.dtype.kind == "U":
@@ -245,7 +241,6 @@ class Archive:
         with damage(name):
             content = np.empty(member.file_size - self.headers[name].start, dtype=np.uint8)
             self._fill(content, name)
-        self._short.pop(name, None)
         return content.tobytes()
 
     def _check_memory(self, asked: int) -> None:
@@ -261,11 +256,8 @@ class Archive:
         if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
             raise BadFile(f"{name} is compressed in another way than NumPy compresses arrays")
         with damage(name), self._archive.open(member) as stream:
-            head = stream.read(LONGEST_HEADER)
-            header = header_of(head)
+            header = header_of(stream.read(LONGEST_HEADER))
             header.check(member.file_size)
-        if member.file_size <= LONGEST_HEADER:
-            self._short[name] = head
         return header
 
     def _fill(self, content: NDArray[np.uint8], name: str) -> None:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 
 import casadi as cs
 import numpy as np
@@ -15,9 +14,8 @@ from workbench.fitting.body_priors import usual_priors
 from workbench.fitting.scans.scan import Scan
 from workbench.geometry.solids import area, mesh_edges
 from workbench.problem import Problem
-from workbench.problem.conjugate_gradients import ConjugateGradients
 from workbench.problem.sparsity import rows_of_nonzeros
-from workbench.registration.limbs import other_limbs
+from workbench.problem.steps import ConjugateGradients
 from workbench.residuals import (
     Form,
     Residual,
@@ -147,8 +145,6 @@ OF_VERTICES = TrustRegion(linear_algebra=ConjugateGradients())
 TOGETHER = TrustRegion(linear_algebra=ConjugateGradients(tolerance=3e-2))
 SETTLED = 1e-3  # of the cost: a stage of free vertices ends after a smaller decrease
 MOST = 30  # steps of a stage that ends so
-COARSE = 800  # points of the scan with which other poses of limbs are compared
-COARSE_SETTLED = 5e-3  # of the cost: such a comparison ends after a smaller decrease
 
 
 @dataclass(frozen=True)
@@ -169,8 +165,6 @@ class VertexStage:
             or after 30 steps; with 0 only the solver decides. Contacts go on switching between
             neighbouring triangles when nothing else happens any more, so that gradients vanish late
             or never.
-        limbs: whether arms and legs begin again from their mean pose afterwards, in case one is
-            folded the wrong way; the lower cost decides (see `limbs`).
         prior_scale: by how much the standard deviations of the priors on pose and betas are
             multiplied. A larger one relaxes the priors, when the vertices have contacts by which
             the model finds its pose.
@@ -182,7 +176,6 @@ class VertexStage:
     term: ScanTerm = NEAR
     solver: Solver = OF_VERTICES
     settled: float = SETTLED
-    limbs: bool = False
     prior_scale: float = 1.0
 
     def __post_init__(self) -> None:
@@ -220,7 +213,7 @@ class Settled:
 
 
 MODEL_STAGES = (
-    VertexStage("model", BODY, 0.0, ScanTerm(), OF_MODEL, 0.0, limbs=True),
+    VertexStage("model", BODY, 0.0, ScanTerm(), OF_MODEL, 0.0),
     VertexStage("model, near", BODY, 0.0, NEAR, OF_MODEL),
 )
 VERTEX_STAGES = (
@@ -335,7 +328,8 @@ class FreeVertices:
         values[VERTICES] = np.asarray(start.get(VERTICES, self._model(values)), dtype=float)
         done: list[StageResult] = []
         for stage in stages:
-            solution = self._solved(stage, values)
+            until = Settled(stage.settled) if stage.settled > 0 else None
+            solution = stage.solver.solve(self.problem(stage), values, callback=until)
             values |= solution.values
             if stage.coupling == 0:
                 values[VERTICES] = self._model(values)
@@ -344,26 +338,9 @@ class FreeVertices:
         seen = touched(self._scan(symbol, stages[-1].term), values, stages[-1].term.outlier)
         return Registered(values, self._model(values), seen, tuple(done))
 
-    def _solved(self, stage: VertexStage, values: Values) -> Solution:
-        problem, settled = self.problem(stage), stage.settled
-        found = _minimum(problem, stage.solver, settled, values)
-        if not stage.limbs:
-            return found
-        coarse = replace(self, scan=self.scan.thinned(COARSE)).problem(stage)
-        near = partial(_minimum, coarse, stage.solver, COARSE_SETTLED)
-        other = other_limbs(self.body, near, values | found.values)
-        if other is None:
-            return found
-        again = _minimum(problem, stage.solver, settled, values | other.values)
-        return min(found, again, key=lambda end: end.cost)
-
     def _scan(self, points: Points | cs.MX, term: ScanTerm) -> Residual:
         whole = area(self.body.template, self.body.faces)
         return term.residual(points, self.body.faces, self.scan, whole)
 
     def _model(self, values: Mapping[str, Array]) -> Array:
         return np.asarray(self.body.vertices(*(values[name] for name in BODY)))
-
-
-def _minimum(problem: Problem, solver: Solver, settled: float, values: Values) -> Solution:
-    return solver.solve(problem, values, callback=Settled(settled) if settled > 0 else None)

@@ -190,7 +190,7 @@ class Icp:
     Attributes:
         step: the form: `distance_gauss_newton`, `point_to_plane`, `point_to_point`, or a function
             of yours from contacts to a motion.
-        loss: what distances cost: `LeastSquares()`, `GemanMcClure(scale)` or `Trimmed(share)`.
+        loss: what distances cost: `LeastSquares()` or `GemanMcClure(scale)`.
         gate: m; a point that is farther from the target has no contact.
         facing: the least cosine between the normals of a point and of its contact.
         max_iterations: at most so many steps.

@@ -18,7 +18,7 @@ from workbench.fitting.scans.surface import loose_points
 from workbench.interrupts import Interrupts
 from workbench.problem import Problem
 from workbench.registration.from_a_camera import empty_space, seen_starts, sees
-from workbench.registration.limbs import KnownEnds, joints_of, unfolded
+from workbench.registration.limbs import joints_of, unfolded
 from workbench.registration.starts import scan_starts
 from workbench.residuals import Residual
 from workbench.residuals.contacts import Form, distance
@@ -45,7 +45,7 @@ class FitStage:
         iterations: the most from each start.
         settled: a run ends when three iterations together lower the cost by less than this share.
         limbs: of how many of the best ends the arms and legs begin again in other poses afterwards,
-            in case one is folded the wrong way (see `limbs.other_limbs`).
+            in case one is folded the wrong way (see `limbs.unfolded`).
 
     A point at the surface lowers the cost by (reach / sigma)^2 / 2, compared with one far from it.
     With a wide reach, a few points of clutter outweigh the prior, and draw hidden limbs to them.
@@ -86,6 +86,7 @@ class StageRuns:
     """The runs of one stage, one after the other, until somebody stops them.
 
     Attributes:
+        body: the body.
         problem: what they solve.
         solver: what solves it.
         progress: is told of every iterate, and stops all runs by returning True.
@@ -97,6 +98,7 @@ class StageRuns:
         given_up: whether the last run was, so that its end is only a place on its way.
     """
 
+    body: Body
     problem: Problem
     solver: Solver
     progress: Callable[[FitProgress], object] | None
@@ -114,14 +116,16 @@ class StageRuns:
         most: int,
         settled: float,
         enough: float = inf,
-        known: Callable[[Values], bool] | None = None,
+        ends: Sequence[Array] = (),
+        near: float = 0.0,
     ) -> Solution:
         """One run that begins at `start`, or at what was found from the start of this number.
 
         It ends after `most` iterations, when three of them together lower the cost by less than a
         share of it, or when the runs are stopped. It is given up when five times the decrease over
         the last three iterations would leave its cost more than a tenth above `enough`, and at an
-        iterate after the first that `known` says is near an end that is known already.
+        iterate after the first whose joints are within `near` m, in the mean, of one of the `ends`
+        (K, 3) m that are known already.
         """
         costs: list[float] = []
         self.given_up = False
@@ -134,9 +138,12 @@ class StageRuns:
                 self.stopped = "stopped"
             if self.stopped or now.iteration >= most:
                 return True
-            if known is not None and len(costs) > 1 and known(iterate.values):
-                self.given_up = True
-                return True
+            if ends and len(costs) > 1:
+                joints = joints_of(self.body, iterate.values)
+                off = np.linalg.norm(np.array(ends) - joints, axis=-1).mean(axis=1)
+                if off.min() < near:
+                    self.given_up = True
+                    return True
             if len(costs) <= OVER + 1:
                 return False
             gained = costs[-1 - OVER] - iterate.cost
@@ -307,15 +314,17 @@ def fit_model(
             problem, begin = problem_of(stage), ends[: stage.starts]
             place = (number + 1, len(stages))
             runs = StageRuns(
-                problem, solver, progress, lambda: interrupts.pressed, place, len(begin)
+                body, problem, solver, progress, lambda: interrupts.pressed, place, len(begin)
             )
             following = stages[number + 1].starts if number + 1 < len(stages) else 1
-            found, hypotheses, near = [], [], KnownEnds(body, AGAIN * same)
+            found, hypotheses, known = [], [], list[Array]()
             for k, start in enumerate(begin):
                 enough = hypotheses[following - 1].cost if len(hypotheses) >= following else inf
-                end = runs.run(k, start, stage.iterations, stage.settled, enough, near.knows)
+                end = runs.run(
+                    k, start, stage.iterations, stage.settled, enough, known, AGAIN * same
+                )
                 if not runs.given_up:
-                    near.add(end.values)
+                    known.append(joints_of(body, end.values))
                 found.append(end)
                 hypotheses = _different(body, found, same)
                 if runs.stopped:

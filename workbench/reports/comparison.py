@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.comparison import Comparison, EndAnalysis, Record, TargetOutcome
+from workbench.comparison import Comparison, EndAnalysis, TargetOutcome
 from workbench.comparison.advice import advice, basin_sentence, percent, reliable
 from workbench.comparison.comparison import MAIN
 from workbench.comparison.design import Instance
@@ -28,7 +28,6 @@ from workbench.identity import code_version, identity
 from workbench.plots import comparison as figures
 from workbench.reports.folder import MAKER
 from workbench.reports.page import (
-    Columns,
     Shown,
     Table,
     TextRow,
@@ -122,7 +121,6 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
         advice=advice(comparison),
         main=tau_text(MAIN),
         verdicts=drawn(figures.verdicts_sheet, figures.caption_verdicts, comparison),
-        outcomes=verdicts_table(comparison),
         meanings={words_of(v): v.value for v in TargetOutcome},
         success=success_table(comparison),
         effort=effort_table(comparison),
@@ -144,9 +142,11 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
         else None,
         each=[_of(comparison, problem) for problem in comparison.problems],
         table=problems_table(comparison),
-        ends=ends_table(comparison),
-        failures=failures_table(comparison),
-        options=options_table(comparison),
+        failed=any(
+            comparison.outcomes[i.name, s] not in GOOD
+            for i in comparison.comparable
+            for s in comparison.solvers
+        ),
         budget=comparison.design.budget,
         taus=", ".join(tau_text(tau) for tau in comparison.taus),
         machines=machines(comparison),
@@ -170,7 +170,6 @@ def _of(comparison: Comparison, problem: str) -> dict[str, Any]:
     """What the page says of one problem."""
     instances = comparison.instances_of(problem)
     analyses = end_analyses(comparison, problem)
-    several = any(len(analysis.costs) > 1 for _, analysis in analyses)
     return {
         "name": problem,
         "question": comparison.described[instances[0].name].question,
@@ -179,7 +178,6 @@ def _of(comparison: Comparison, problem: str) -> dict[str, Any]:
             drawn(figures.cost_traces_sheet, figures.caption_cost_traces, comparison, problem)
         ),
         "sentence": basin_sentence(comparison, problem).removeprefix(f"{problem}: "),
-        "basins": basins_table(comparison, problem) if several else None,
         "unjudged": [analysis.message for _, analysis in analyses if analysis.message],
     }
 
@@ -211,14 +209,6 @@ def success_table(comparison: Comparison) -> Table:
             yield comparison.solved_problems(solver, MAIN)
 
     return _by_solver(comparison, head, lambda solver: map(percent, shares(solver)))
-
-
-def verdicts_table(comparison: Comparison) -> Table:
-    """How many runs got each verdict; verdicts that no run got are left out."""
-    counts = {solver: comparison.outcome_counts(solver) for solver in comparison.solvers}
-    there = [v for v in TargetOutcome if any(c[v] for c in counts.values())]
-    head = [words_of(v) for v in there]
-    return _by_solver(comparison, head, lambda solver: (str(counts[solver][v]) for v in there))
 
 
 def effort_table(comparison: Comparison, tau: float = MAIN) -> Table:
@@ -323,16 +313,6 @@ def problems_table(comparison: Comparison) -> Table:
     return Table(head, tuple(rows), tuple(range(1, len(head) - 1)))
 
 
-def options_table(comparison: Comparison) -> Table:
-    """The solvers with all their options, as they ran."""
-    rows = []
-    for each in comparison.design.named_solvers:
-        told = identity(comparison.design.budget.given(each.solver))
-        options = ", ".join(f"{k}={v}" for k, v in told.items() if k != "type")
-        rows.append((each.name, str(told["type"]).split()[0], options, each.source))
-    return Table(("solver", "class", "options", "file"), tuple(rows), ())
-
-
 def _verdicts(comparison: Comparison, chosen: tuple[Instance, ...], solver: str) -> str:
     found = [comparison.outcomes[i.name, solver] for i in chosen]
     names = dict.fromkeys(found)
@@ -386,86 +366,11 @@ def _amount(value: float) -> str:
 GOOD = TargetOutcome.REACHED, TargetOutcome.ALONE
 
 
-def ends_table(comparison: Comparison) -> Table:
-    """Where the runs of each solver on each problem ended."""
-    columns: dict[str, Callable[[str], str]] = {"problem": str}
-    for solver in comparison.solvers:
-        columns[solver] = partial(_ends, comparison, solver)
-    return Table.of(comparison.problems, columns, ())
-
-
-def _ends(comparison: Comparison, solver: str, problem: str) -> str:
-    """`1 of 3 at f*; 2.13 f* other basin; refused`: how many are at f*, and the others."""
-    chosen = comparison.instances_of(problem)
-    there, others = 0, list[str]()
-    for instance in chosen:
-        key = (instance.name, solver)
-        record, best = comparison.records[key], comparison.references[instance.name].best
-        outcome = comparison.outcomes[key]
-        if outcome in GOOD:
-            there += 1
-        elif key in comparison.basins:
-            ratio = f"{number(record.cost / best, 3)} f*" if best > 0 else number(record.cost, 3)
-            others.append(f"{ratio} {words_of(outcome)}")
-        else:
-            others.append(words_of(outcome))
-    first = [f"{there} of {len(chosen)} at f*"] if there or len(chosen) > 1 else []
-    counted = {text: others.count(text) for text in others}
-    return "; ".join(first + [t if n == 1 else f"{n} times {t}" for t, n in counted.items()])
-
-
-def failures_table(comparison: Comparison) -> Table:
-    """Every run that did not end at the lowest cost, and what it said."""
-    runs = [(i.name, solver) for i in comparison.instances for solver in comparison.solvers]
-    failed = [run for run in runs if comparison.outcomes[run] not in GOOD]
-
-    def said(record: Record) -> str:
-        claim = f"{record.claim.lower().replace('_', ' ')}: " if record.claim else ""
-        return claim + record.message
-
-    columns: Columns[tuple[str, str]] = {
-        "start": lambda run: run[0],
-        "solver": lambda run: run[1],
-        "the run": lambda run: comparison.outcomes[run].value,
-        "cost at its end": lambda run: number(comparison.records[run].cost, 6),
-        "optimality": lambda run: number(comparison.records[run].optimality, 2),
-        "its message": lambda run: said(comparison.records[run]),
-    }
-    return Table.of(failed, columns, (3, 4))
-
-
 def end_analyses(comparison: Comparison, problem: str) -> list[tuple[tuple[str, ...], EndAnalysis]]:
     """The analyses of a problem's ends, one for each data set, with the names of its instances."""
     names = {i.name for i in comparison.instances_of(problem)}
     found = zip(comparison.groups, comparison.end_analyses, strict=True)
     return [(group, analysis) for group, analysis in found if group[0] in names]
-
-
-def basins_table(comparison: Comparison, problem: str) -> Table:
-    """The basins that ends of a problem lead to, of each data set by itself."""
-    rows: list[TextRow] = []
-    analyses = end_analyses(comparison, problem)
-    for names, end_analysis in analyses:
-        best = comparison.references[names[0]].best
-        of = problem if len(names) > 1 else names[0]
-        for k, cost in enumerate(end_analysis.costs):
-            who = [s for (name, s), b in comparison.basins.items() if b == k and name in names]
-            each = ", ".join(f"{s} {who.count(s)}" for s in dict.fromkeys(who))
-            rows.append(
-                (
-                    of,
-                    str(k + 1),
-                    number(cost, 8),
-                    number(cost - best, 3),
-                    number(end_analysis.optimality[k], 2),
-                    str(len(who)),
-                    each,
-                )
-            )
-    head = ("start", "basin", "cost", "above f*", "optimality", "ends", "whose")
-    if len(analyses) == 1:  # of the problem as a whole
-        return Table(head[1:], tuple(row[1:] for row in rows), (0, 1, 2, 3, 4))
-    return Table(head, tuple(rows), (1, 2, 3, 4, 5))
 
 
 def words_of(outcome: TargetOutcome) -> str:

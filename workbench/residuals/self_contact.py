@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike
 from workbench.arrays import Index
 from workbench.blocks import Points
 from workbench.errors import BadResidual
-from workbench.residuals.arguments import expressed, given, numbered
-from workbench.residuals.residual import Residual
+from workbench.residuals.residual import Residual, expressed, given, numbered
 
 NEGLIGIBLE = 1e-18  # m^2: shorter segments are points, and nearer ones have no direction
 PARALLEL = 1e-10  # the squared sine of an angle below which the ends alone decide

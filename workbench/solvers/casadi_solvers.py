@@ -17,7 +17,7 @@ from workbench.solvers.abilities import IN_A_RADIUS, WHOLE, Abilities, Boxes, De
 from workbench.solvers.dogleg import first_radius
 from workbench.solvers.levenberg_marquardt import FASTEST_FALL, eased
 from workbench.solvers.limits import Limits, Stop
-from workbench.solvers.oracle import Oracle, StoredBy, kept_oracle
+from workbench.solvers.oracle import Oracle, StoredBy
 from workbench.solvers.run import Run, has_one_pass
 from workbench.solvers.solution import Callback, Solution, Status
 
@@ -273,13 +273,11 @@ class Ipopt(Limits):
     def _ask(self, run: Run) -> str:
         """Run IPOPT; its own word for how it ended."""
         hessian = self.hessian or DAMPED  # limited-memory BFGS does not ask for it
-        of_cost, nonzeros = _along(run, hessian), _nonzeros(run.problem, hessian)
-        options = self._name, self.max_iterations, self.max_seconds  # and no Hessian of a user
-        with kept_oracle(run, of_cost, nonzeros, options) as oracle:
-            if oracle.solver is None:
-                oracle.solver = self._made(oracle, run.problem.stacked_constraints is not None)
-            oracle.minimize(oracle.solver)
-            return str(oracle.solver.stats()["return_status"])
+        oracle = Oracle(run.problem, _nonzeros(run.problem, hessian))
+        with oracle.serving(run, _along(run, hessian)):
+            solver = self._made(oracle, run.problem.stacked_constraints is not None)
+            oracle.minimize(solver)
+            return str(solver.stats()["return_status"])
 
     def _made(self, oracle: Oracle, constrained: bool) -> cs.Function:
         """IPOPT as a function of CasADi, which asks the oracle's functions."""

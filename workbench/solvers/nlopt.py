@@ -12,7 +12,7 @@ from workbench.blocks import Values
 from workbench.errors import check_known
 from workbench.problem import Linearization, Problem
 from workbench.problem.constraints import ConstraintSet
-from workbench.problem.rounding import all_finite
+from workbench.problem.optimality import all_finite
 from workbench.solvers.abilities import Abilities, Boxes, Derivative
 from workbench.solvers.judgement import BOUGHT
 from workbench.solvers.limits import Limits, Stop
@@ -209,7 +209,7 @@ class Nlopt(Limits):
         descends = self.abilities.derivative is Derivative.GRADIENT and not self.abilities.is_global
         while True:
             y = np.clip(x * scale, problem.lower * scale, problem.upper * scale)
-            _optimize_quietly(optimizer, y)
+            optimizer.optimize(y)
             gave_up = optimizer.last_optimize_result() in GAVE_UP
             if not (descends and gave_up and run.best.violation <= 1 and run.best.cost < cost):
                 return
@@ -220,21 +220,11 @@ class Nlopt(Limits):
 
     def _optimizer(self, algorithm: str, n: int) -> nlopt.opt:
         optimizer = nlopt.opt(getattr(nlopt, algorithm), n)
-        if hasattr(optimizer, "set_exceptions_enabled"):  # from NLopt 2.10 on
-            optimizer.set_exceptions_enabled(False)
+        optimizer.set_exceptions_enabled(False)
         optimizer.set_ftol_rel(self.cost_tolerance)
         optimizer.set_maxeval(self.max_evaluations + 1)
         optimizer.set_maxtime(max(self.max_seconds, 1e-3))
         return optimizer
-
-
-def _optimize_quietly(optimizer: nlopt.opt, y: Array) -> None:
-    """Optimize from y (n,). What NLopt before 2.10 raises is what its last result says too."""
-    try:
-        optimizer.optimize(y)
-    except (nlopt.ForcedStop, nlopt.RoundoffLimited, nlopt.exception):
-        if optimizer.last_optimize_result() > 0:
-            raise
 
 
 class NloptObjective:

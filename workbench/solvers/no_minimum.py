@@ -16,7 +16,6 @@ never rises.
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import lru_cache
-from math import acosh, cosh
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +24,7 @@ import scipy.linalg
 from workbench.arrays import Array, Mask
 from workbench.problem import Linearization, Problem
 from workbench.problem.linearization import inverse_times
-from workbench.problem.rounding import FACTOR, Rounding, decrease, half_squared
+from workbench.problem.optimality import FACTOR, Rounding, decrease, half_squared
 from workbench.problem.steps import EPS, SLIGHT, factor_of
 from workbench.solvers.solution import Evaluations, Iterate
 
@@ -38,7 +37,6 @@ SHORTEST = 1e-3  # of |r|, along columns of length 1: where the cost is tried fi
 NEARBY = 0.1  # of an unknown's size, or of 1: where it is tried last
 NEARLY_ZERO = 1e-9  # a number whose size says nothing of its unit
 DOUBLINGS = 10  # of the step to a lower point, as long as the cost falls on
-ACROSS = 0.1  # of 1/n: the least squared part of a random vector along any one direction
 FEW = 20  # unknowns up to which every direction is looked at, by gradients to both sides
 FEWEST, SHARE = 2, 10  # gradients otherwise, and one for so many evaluations of the run
 DENSE = 3000  # unknowns up to which an M that is an array is factorized
@@ -221,10 +219,7 @@ def _searched(
 ) -> Saddle | None:
     """Lanczos' method for the least eigenvalue of M^-1 H, and whether the cost falls along it.
 
-    `hessian_product` gives H v, and `falls` tries a direction. The search ends where an eigenvalue
-    of 0 would have shown by now, for about three of four random vectors: the least one found is so
-    far above it that Chebyshev's polynomial would have brought it out (Kuczynski and Wozniakowski,
-    Estimating the largest eigenvalue by the power and Lanczos algorithms, 1992).
+    `hessian_product` gives H v, and `falls` tries a direction.
     """
     n, size = len(held), int((~held).sum())
     u = np.where(held, 0.0, random_vector(n))
@@ -259,20 +254,9 @@ def _searched(
             found, tried = falls(primal @ vectors[:, 0]), True
             if found is not None:
                 return found
-        if last or (k > 1 and _shown(values, k, size)):
+        if last:
             return None
     return None
-
-
-def _shown(values: Array, k: int, n: int) -> bool:
-    """Whether k steps that found these eigenvalues would have shown one that is 0."""
-    low, high = float(values[0]), float(values[-1])
-    if low <= FLAT:
-        return False
-    if high - low <= EPS * high:
-        return True
-    grown = min((k - 1) * acosh((high + low) / (high - low)), 100.0)
-    return cosh(grown) ** 2 * ACROSS * low > n * high
 
 
 def _falls(end: EndPoint, d: Array, D: Array) -> Saddle | None:

@@ -1,7 +1,6 @@
 """Synthetic people, registrations and scans, with known answers: nothing in here was measured."""
 
 from workbench.synthetic.scan_effects import (
-    Box,
     Clothing,
     Clutter,
     Crate,
@@ -9,7 +8,6 @@ from workbench.synthetic.scan_effects import (
     HalfSpace,
     Holes,
     Noise,
-    Region,
     Specks,
     Thing,
 )
@@ -19,7 +17,6 @@ from workbench.synthetic.scans import Joining, SimulatedScan, scan
 from workbench.synthetic.tissue import TissueLaw, simulate_tissue
 
 __all__ = [
-    "Box",
     "Clothing",
     "Clutter",
     "Crate",
@@ -28,7 +25,6 @@ __all__ = [
     "Holes",
     "Joining",
     "Noise",
-    "Region",
     "ScannedPerson",
     "Scanner",
     "SimulatedScan",

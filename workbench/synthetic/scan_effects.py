@@ -157,16 +157,9 @@ class Clothing:
         return np.asarray(self.thickest * ndtr(field) * where)
 
 
-class Region(Protocol):
-    """A part of space, which a partial scan is cut to."""
-
-    def holds(self, points: Array) -> Mask:
-        """Which of the points (..., 3) m lie in it."""
-
-
 @dataclass(frozen=True)
 class HalfSpace:
-    """What lies from a `point` (3,) m on in a `direction` (3,).
+    """What a scan is cut to: all from a `point` (3,) m on in a `direction` (3,).
 
     >>> HalfSpace((0, 0.2, 0), (0, 1, 0)).holds(np.array([[5, 0.3, 5], [0, 0.1, 0]])).tolist()
     [True, False]
@@ -178,23 +171,6 @@ class HalfSpace:
     def holds(self, points: Array) -> Mask:
         """Which of the points (..., 3) m lie in it."""
         return np.asarray((points - np.array(self.point)) @ np.array(self.direction) >= 0)
-
-
-@dataclass(frozen=True)
-class Box:
-    """What lies between two corners, `lower` and `upper`, (3,) m each.
-
-    >>> Box((-1, -1, -1), (0, 1, 1)).holds(np.array([[-0.5, 0, 0], [0.5, 0, 0]])).tolist()
-    [True, False]
-    """
-
-    lower: tuple[float, float, float]
-    upper: tuple[float, float, float]
-
-    def holds(self, points: Array) -> Mask:
-        """Which of the points (..., 3) m lie in it."""
-        inside = (points >= np.array(self.lower)) & (points <= np.array(self.upper))
-        return np.asarray(inside.all(axis=-1))
 
 
 def smooth_field(points: Array, spread: float, D: int, rng: np.random.Generator) -> Array:
@@ -331,25 +307,15 @@ class Clutter:
 
 @dataclass(frozen=True, eq=False)
 class ClutterPoints:
-    """Points of clutter as scanners see them, without noise.
-
-    Attributes:
-        points: (C, 3) m.
-        normals: (C, 3) unit vectors, turned towards the scanner.
-        view: (C,) the number of the scanner that sees each.
-        error: (C,) numbers from a standard normal distribution, for the noise of each.
+    """C points of clutter as scanners see them: where they are without noise (C, 3) m, unit normals
+    (C, 3), the number of the scanner that sees each (C,), and an error (C,) from a standard normal
+    distribution, for the noise.
     """
 
     points: Array
     normals: Array
     view: Index
     error: Array
-
-    def some(self, chosen: Mask | slice) -> "ClutterPoints":
-        """Those that a mask (C,) or a slice chooses."""
-        return ClutterPoints(
-            self.points[chosen], self.normals[chosen], self.view[chosen], self.error[chosen]
-        )
 
 
 def scatter_clutter(
@@ -358,7 +324,7 @@ def scatter_clutter(
     surface: Array,
     scanners: Sequence[Scanner],
     images: Sequence[DepthImage],
-    region: Region | None,
+    region: HalfSpace | None,
     rng: np.random.Generator,
 ) -> ClutterPoints:
     """`n` points of clutter beside a surface (N, 3) m, of which scanners made depth images.
@@ -366,9 +332,10 @@ def scatter_clutter(
     Those in the `region`, if there is one. With a larger n, the first points stay the same. Raises
     BadArgument if the scanners hardly see the things.
     """
-    found: list[ClutterPoints] = []
+    nothing = np.zeros((0, 3))
+    found: list[list[Array]] = [[nothing, nothing, np.zeros(0, dtype=np.int64), np.zeros(0)]]
     for _ in range(MOST_ROUNDS):
-        if sum(len(part.points) for part in found) >= n:
+        if sum(len(part[0]) for part in found) >= n:
             break
         drawn = [thing.draw(surface, DRAWN_AT_ONCE, rng) for thing in clutter.things]
         points, normals = (np.concatenate(part) for part in zip(*drawn, strict=True))
@@ -381,21 +348,14 @@ def scatter_clutter(
         seen = np.asarray(sees.any(axis=1))
         if region is not None:
             seen &= region.holds(points)
-        found.append(
-            ClutterPoints(points, normals, view, rng.standard_normal(len(points))).some(seen)
-        )
+        error = rng.standard_normal(len(points))
+        found.append([part[seen] for part in (points, normals, view, error)])
     else:
         raise BadArgument(
             "the scanners see hardly anything of the clutter; bring its things nearer to the body, "
             f"or turn them to the scanners: {', '.join(map(str, clutter.things))}"
         )
-    names = "points", "normals", "view", "error"
-    empty = ClutterPoints(
-        np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, dtype=np.int64), np.zeros(0)
-    )
-    parts = [empty, *found]
-    together = (np.concatenate([getattr(part, name) for part in parts]) for name in names)
-    return ClutterPoints(*together).some(slice(n))
+    return ClutterPoints(*(np.concatenate(part)[:n] for part in zip(*found, strict=True)))
 
 
 def _sees(scanner: Scanner, image: DepthImage, points: Array, normals: Array) -> Mask:

@@ -24,14 +24,13 @@ class Scanner:
 
     The middle of the pixel in column i and row j is at (i + 1/2, j + 1/2) px, and the optical axis
     goes through the middle of the image. Raises BadArgument for an image without pixels, a focal
-    length that is not above zero, or a window below 1 px.
+    length that is not above zero.
 
     Attributes:
         R: (3, 3) the rotation from the world to the scanner (x right, y down, z forward).
         t: (3,) m, the translation from the world to the scanner.
         focal: the focal length in px.
         size: width and height of the depth image in px.
-        window: how many pixels to each side take part in the estimate of a normal.
 
     >>> front, *_ = scanners(4, distance=2.0)
     >>> front.place.round(6).tolist(), front.directions().shape
@@ -42,13 +41,12 @@ class Scanner:
     t: Array
     focal: float = FOCAL
     size: tuple[int, int] = SIZE
-    window: int = 1
 
     def __post_init__(self) -> None:
-        if not (self.focal > 0 and min(self.size) >= 1 and self.window >= 1):
+        if not (self.focal > 0 and min(self.size) >= 1):
             raise BadArgument(
-                "a scanner has a focal length above 0 px, an image of at least one pixel and a "
-                f"window of at least 1 px, not {self.focal:g}, {self.size} and {self.window}"
+                "a scanner has a focal length above 0 px and an image of at least one pixel, not "
+                f"{self.focal:g} and {self.size}"
             )
 
     @property
@@ -91,7 +89,6 @@ def scanners(
     turn: float = 0.0,
     focal: float = FOCAL,
     size: tuple[int, int] = SIZE,
-    window: int = 1,
 ) -> tuple[Scanner, ...]:
     """`n` scanners evenly around a `target` (3,) m, all looking at it, upright.
 
@@ -117,7 +114,7 @@ def scanners(
         right = np.cross(forward, [0.0, 1.0, 0.0])
         right /= np.linalg.norm(right)
         R = np.stack([right, np.cross(forward, right), forward])
-        found.append(Scanner(R, -R @ (middle + away), focal, size, window))
+        found.append(Scanner(R, -R @ (middle + away), focal, size))
     return tuple(found)
 
 

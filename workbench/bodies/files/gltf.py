@@ -117,9 +117,7 @@ def correctives_of(
     Raises BadArgument for a count below zero.
     """
     if count is not None and (type(count) is not int or count < 0):
-        raise BadArgument(
-            f"the number of correctives is a whole number from 0, or None for all, not {count!r}"
-        )
+        raise BadArgument(f"correctives is a whole number from 0, or None for all, not {count!r}")
     T, N = len(poses), body.n_vertices
     people = np.tile(betas, (T, 1))
     features = body.kinematics.motion(poses, people).features  # (T, F)
@@ -185,10 +183,7 @@ def write_gltf(
     if not len(body.faces):
         raise BadBody(f"body {body.name!r} has no faces, and a glTF shows triangles")
     if type(shapes) is not int or not 0 <= shapes <= body.n_betas:
-        raise BadArgument(
-            f"body {body.name!r} has {body.n_betas} shape directions; as morph targets, give 0 to "
-            f"so many, not {shapes!r:.60}"
-        )
+        raise BadArgument(f"shapes is a whole number from 0 to {body.n_betas}, not {shapes!r:.60}")
     if betas is not None and np.ndim(betas) != 1:
         raise BadBody(f"a glTF shows one person, whose betas are (B,), not {np.shape(betas)}")
     _, (theta, people, places) = arguments(body, poses, betas, trans)
@@ -198,19 +193,11 @@ def write_gltf(
     if not P:
         raise BadArgument("there are no poses to write; give at least one")
     if added.shape != (P, B):
-        raise BadArgument(
-            f"what {P} poses add to betas has the shape ({P}, {B}), not {added.shape}"
-        )
+        raise BadArgument(f"moving must have shape ({P}, {B}), not {added.shape}")
     if not 0 < seconds < np.inf:
         raise BadArgument(f"the seconds from key to key must be positive, not {seconds}")
-    for name, numbers in (
-        ("poses", theta),
-        ("betas", people),
-        ("trans", places),
-        ("moving", added),
-    ):
-        if not np.isfinite(numbers).all():
-            raise BadArgument(f"{name} must be finite; leave out the frames that are not")
+    if not all(np.isfinite(numbers).all() for numbers in (theta, people, places, added)):
+        raise BadArgument("poses, betas, trans and moving must be finite; leave other frames out")
     found = correctives_of(body, theta, people[0], correctives)
     moved = None if trans is None else places
     write_file(path, _glb(body, theta, people[0], moved, added, seconds, found, shapes))

@@ -15,7 +15,7 @@ and kintree_table, joint_names, name, card and landmarks as in the files of skin
 """
 
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -40,8 +40,7 @@ from workbench.bodies.forward.features import Features, rotation_elements, star_
 from workbench.bodies.readonly import locked
 from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.triangles.body import TriangleBody
-from workbench.bodies.validation import check_shapes
-from workbench.errors import BadBody, BadFile, shown, some
+from workbench.errors import BadFile, shown, some
 from workbench.reading.facts import parsed
 
 INSTEAD = (  # keys by which other kinds of files are recognized
@@ -65,8 +64,6 @@ def body_from(raw: Contents, name: str, where: str) -> SkinnedBody:
     _check_keys(entries)
     N, parents = _vertices(entries), parents_from(entries)
     _refuse_supr(entries, N, len(parents))
-    _check_shape(entries, name, "weights", (N, len(parents)))
-    _check_shape(entries, name, "J_regressor", (len(parents), N))
     mirror, posedirs = _mirror(entries, N), entries.directions("posedirs", N)
     own = SKINNED if mirror is None else SKINNED | {MIRROR}
     extras, left_out = sorted_out(raw, own)
@@ -128,16 +125,6 @@ def _refuse_supr(entries: Entries, N: int, K: int) -> None:
             "all coordinates of the vertices, and whose pose features include the root; such "
             "models are not read. Take STAR, SMPL, SMPL-H or SMPL-X"
         )
-
-
-def _check_shape(entries: Entries, name: str, key: str, shape: tuple[int, int]) -> None:
-    """Raise BadBody for a wrong shape, before anything is converted to float64.
-
-    Parts of a sparse matrix, and scipy's in a pickle, have their size checked with the body.
-    """
-    value = entries.raw.get(key)
-    if isinstance(value, np.ndarray) and value.ndim == 2 and value.shape != shape:
-        raise BadBody(f"body {name!r}: {key} has shape {value.shape}, but must be {shape}")
 
 
 def parents_from(entries: Entries) -> tuple[int, ...]:
@@ -272,7 +259,6 @@ def triangle_body_from(raw: Contents, name: str, where: str) -> TriangleBody:
             f"triangle body has {', '.join(OF_TRIANGLES)}"
         )
     parents = parents_from(entries)
-    _check_shapes(entries)
     extras, left_out = sorted_out(raw, TRIANGLES)
     return TriangleBody(
         template=locked(entries.reals("v_template")),
@@ -289,21 +275,3 @@ def triangle_body_from(raw: Contents, name: str, where: str) -> TriangleBody:
         card=own_card(entries, left_out),
         extras=extras,
     )
-
-
-def _check_shapes(entries: Entries) -> None:
-    """Raise BadFile for shapes that do not fit together, before anything becomes float64."""
-
-    def refuse(reason: str) -> NoReturn:
-        raise BadFile(f"{entries.where}: {reason}")
-
-    F = (*entries.array("f").shape, 0)[0]
-    J = (*entries.array("near").shape, 0, 0)[1]
-    expected: dict[str, tuple[int | str, ...]] = {
-        "v_template": ("N", 3),
-        "f": ("F", 3),
-        "near": (F, "J"),
-        "shapedirs": (F, 3, 3, "B"),
-        "posedirs": (F, 3, 3, 3 * J),
-    }
-    check_shapes(refuse, entries.array, expected)

@@ -156,19 +156,18 @@ class NumpyMeshAt(PointsAtMotion):
 
         into[name] (size, 3 N) receives it transposed, each column times scale (3 N,).
         """
-        rows = {name: Rows.of(target) for name, target in into.items()}
         for chunk in self.of.chunks:
             n = chunk.weights.shape[1]
             R = chunk.blended(self.motion)[:, :3]
             factor = None if scale is None else scale[chunk.columns].reshape(n, 3).T
-            if "pose" in rows:
+            if "pose" in into:
                 below = _below(chunk, self._rest_of(chunk), self.motion, self.of.parents)
-                _write(rows["pose"], chunk.columns, _by_pose(chunk, below, R, by), factor)
-            if "betas" in rows:
-                _write(rows["betas"], chunk.columns, _by_betas(chunk, R, by), factor)
-            if "trans" in rows:
+                _write(into["pose"], chunk.columns, _by_pose(chunk, below, R, by), factor)
+            if "betas" in into:
+                _write(into["betas"], chunk.columns, _by_betas(chunk, R, by), factor)
+            if "trans" in into:
                 unit = np.repeat(np.eye(3)[:, :, None], n, axis=2)
-                _write(rows["trans"], chunk.columns, unit, factor)
+                _write(into["trans"], chunk.columns, unit, factor)
 
     def vjp(self, cotangent: Array) -> tuple[Array, Array, Array]:
         """The gradients of cotangent (N, 3) . points by G (K, 3, 4), features and betas."""
@@ -260,14 +259,16 @@ def _by_betas(chunk: VertexChunk, R: Array, by: MotionDerivatives) -> Array:
     return out
 
 
-def _write(into: Rows, columns: slice, values: Array, factor: Array | None) -> None:
+def _write(into: RowTarget, columns: slice, values: Array, factor: Array | None) -> None:
     """Planar (k, 3, n), which is used up, into columns of k rows, vertex by vertex.
 
     Times a factor (3, n).
     """
     if factor is not None:
         values *= factor
-    for first, array in into.parts:
-        there, some = array[:, columns], values[first : first + len(array)]
-        for d in range(3):  # one coordinate at a time, so that the inner loop runs along vertices
-            there[:, d::3] = some[:, d]
+    if isinstance(into, Rows):
+        there, values = into.array[:, columns], values[into.rows]
+    else:
+        there = into[:, columns]
+    for d in range(3):  # one coordinate at a time, so that the inner loop runs along vertices
+        there[:, d::3] = values[:, d]

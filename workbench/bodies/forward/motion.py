@@ -152,14 +152,9 @@ class PointsAtMotion(ABC):
     ) -> None:
         """Write the transposed derivative into `pose` (3 K, 3 N), `betas`, `trans` and `offsets`.
 
-        Each column is multiplied by its scale (3 N,), if there is one.
+        Each column is multiplied by its scale (3 N,), if there is one. `into` holds zeros wherever
+        the derivative is always zero.
         """
-
-    def write_jacobian_over_zeros(
-        self, by: MotionDerivatives, into: Mapping[str, RowTarget], scale: Array | None
-    ) -> None:
-        """The same where `into` holds zeros wherever the derivative is always zero."""
-        self.write_jacobian(by, into, scale)
 
     @abstractmethod
     def vjp(self, cotangent: Array) -> tuple[Array, Array, Array]:

@@ -17,7 +17,7 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.blocks.points import PointsOfEach, stacked
 from workbench.bodies.forward import surface
-from workbench.bodies.forward.compiled import CompiledJoints, CompiledMesh
+from workbench.bodies.forward.compiled import CompiledJoints, CompiledMesh, Packing
 from workbench.bodies.forward.few_points import (
     FewPointsAt,
     JointPoints,
@@ -29,7 +29,6 @@ from workbench.bodies.forward.kinematics import Skeleton
 from workbench.bodies.forward.mesh import NumpyMesh, VertexChunk, batch_points, chunks_of
 from workbench.bodies.forward.motion import JointMotion, Kinematics, PointsAtMotion
 from workbench.bodies.forward.named_points import BodyPoints, BodyPointsAt, RowTarget
-from workbench.bodies.forward.packing import Packing
 from workbench.bodies.forward.surface import ALL, Vertices
 
 if TYPE_CHECKING:
@@ -122,10 +121,6 @@ class PosedPointsAt(BodyPointsAt):
         """Write the transposed derivative into `pose`, `betas` and so on, (size, 3 N) each."""
         self.at_origin.write_jacobian(self.motion.derivatives, into, scale)
 
-    def write_jacobian_over_zeros(self, into: Mapping[str, RowTarget], scale: Array | None) -> None:
-        """The same where `into` holds zeros wherever the derivative is always zero."""
-        self.at_origin.write_jacobian_over_zeros(self.motion.derivatives, into, scale)
-
     def vjp(self, cotangent: Array) -> dict[str, Array]:
         """The gradients of cotangent (3 N,) . points by `pose`, `betas` and so on, flat."""
         on_points = cotangent.reshape(-1, 3)
@@ -214,26 +209,24 @@ class BodyNumbers:
         """The posed joints in numbers."""
         return PosedPoints(self.kinematics, JointPoints(self.skeleton, self.kinematics.ancestors))
 
+    def chunks_of(self, some: slice | list[int]) -> list[VertexChunk]:
+        """The arrays of all vertices or some, in chunks of vertices."""
+        return self.chunks if some == ALL else chunks_of(self.arrays, some)
+
     def surface(self, vertices: Vertices) -> PosedPoints:
         """All vertices of an SMPL body, or some."""
-
         some = vertices if isinstance(vertices, slice) else list(vertices)
-        chunks = cache(lambda: self.chunks if some == ALL else chunks_of(self.arrays, some))
+        chunks = cache(partial(self.chunks_of, some))
 
         def many(motion: JointMotion, betas: Array) -> Array:
             return batch_points(chunks(), motion, betas)
 
-        return PosedPoints(self.kinematics, self.mesh(some, chunks), many)
+        return PosedPoints(self.kinematics, self.mesh(some), many)
 
-    def mesh(
-        self,
-        some: slice | list[int] = ALL,
-        chunks: Callable[[], list[VertexChunk]] | None = None,
-    ) -> NumpyMesh | CompiledMesh:
+    def mesh(self, some: slice | list[int] = ALL) -> NumpyMesh | CompiledMesh:
         """The arithmetic of all vertices or some, compiled where that pays and works.
 
         The library is that of the whole surface, so that a part of one is worth it sooner.
-        `chunks` returns these vertices packed for NumPy, if they have been packed before.
         """
         body = self.arrays
         count = body.n_vertices if isinstance(some, slice) else len(some)
@@ -241,7 +234,7 @@ class BodyNumbers:
             compiled = CompiledMesh.of(body, some, self.packing)
             if compiled is not None:
                 return compiled
-        return NumpyMesh(chunks() if chunks else chunks_of(body, some), body.parents)
+        return NumpyMesh(self.chunks_of(some), body.parents)
 
     def freed(
         self, vertices: Vertices, arguments: Sequence[str], free: Mapping[str, str]
@@ -263,14 +256,13 @@ class BodyNumbers:
 
     def landmarks(self, landmarks: Landmarks) -> PosedPoints:
         """Weighted means of an SMPL body's vertices, with offsets or without."""
-        return self._at_rest_points(self.rest_points(landmarks))
+        points = LandmarkPoints(self.rest_points(landmarks), self.kinematics.ancestors)
+        return PosedPoints(self.kinematics, points)
 
     def capsules(self, capsules: Capsules) -> PosedPoints:
         """The ends of capsules."""
-        return self._at_rest_points(RestPoints.of_capsules(capsules))
-
-    def _at_rest_points(self, points: RestPoints) -> PosedPoints:
-        return PosedPoints(self.kinematics, LandmarkPoints(points, self.kinematics.ancestors))
+        points = LandmarkPoints(RestPoints.of_capsules(capsules), self.kinematics.ancestors)
+        return PosedPoints(self.kinematics, points)
 
     def displaced_rest(self, landmarks: Landmarks) -> cs.Function:
         """A function (pose, betas, offsets) -> the untranslated landmarks (3, L), any skinning."""

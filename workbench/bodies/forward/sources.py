@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from workbench.arrays import Array
 from workbench.blocks import Block, NumericPoints, Points, Tree
 from workbench.blocks.affine import Affine, alone, place_of
-from workbench.blocks.tree import Rest
+from workbench.blocks.points import Rest
 from workbench.bodies.body import Body, Landmarks
 from workbench.bodies.forward import surface
 from workbench.bodies.forward.named_points import BlockPoints, Maps, plain_names
@@ -49,18 +49,12 @@ class Arguments:
 
     def __post_init__(self) -> None:
         for block, given in self._given:
-            if isinstance(given, cs.SX):
-                raise BadBody(
-                    f"body {self.body.name!r} takes a symbol for {block.name}, not something of "
-                    "type SX; take block.symbol for block in body.blocks(), which is an MX, for a "
-                    "mesh is computed in matrices. SX takes its place afterwards: "
-                    'casadi.Function("f", [pose, betas, trans], [points.graph()])(*your_sx)'
-                )
             if not isinstance(given, cs.MX):
                 raise BadBody(
                     f"body {self.body.name!r} takes a symbol for {block.name}, not something of "
                     f"type {type(given).__name__}; take block.symbol for block in body.blocks(), "
-                    "or give numbers to body.vertices"
+                    "or give numbers to body.vertices. SX takes its place afterwards, in "
+                    'casadi.Function("f", [pose, betas, trans], [points.graph()])(*your_sx)'
                 )
             if given.shape != block.symbol_shape:
                 raise BadBody(

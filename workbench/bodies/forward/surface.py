@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 
 import casadi as cs
 import numpy as np
-from scipy.sparse import csc_array
 
 from workbench.blocks.functions import sparse_constant
 from workbench.bodies.forward.features import Posture
 from workbench.bodies.forward.kinematics import Skeleton, binding_motions
 from workbench.bodies.forward.skinning import linear_blend
+from workbench.errors import NotSupported
 
 if TYPE_CHECKING:
     from workbench.bodies.body import Landmarks
@@ -93,14 +93,11 @@ def posed(
     betas: cs.MX,
     trans: cs.MX,
     vertices: Vertices = ALL,
-    displaced: cs.MX | None = None,
 ) -> cs.MX:
-    """M(theta, beta) + trans, (3, N) m, with the vertices `displaced` by (3, N) m at rest."""
+    """M(theta, beta) + trans, (3, N) m."""
     at = posture(body, pose, betas)
     G, _ = motions(body, at)
     points = rest(body, at, vertices)
-    if displaced is not None:
-        points = points + displaced
     skinned = body.skinning(points, G, weights(body, vertices))
     return skinned + cs.repmat(trans, 1, points.shape[1])
 
@@ -114,8 +111,8 @@ def posed_landmarks(
 ) -> cs.MX:
     """The landmarks (3, L) m in the symbols of pose, betas and trans; `offsets` (3, L) m.
 
-    Only the vertices that carry weight are posed. Where that is exact, the landmarks come from
-    their `rest_points` instead.
+    Where blending is linear and no array is free, they come from their `rest_points`. Otherwise the
+    vertices that carry weight are posed; then there are no offsets: raises NotSupported.
     """
     if not body.free and body.skinning is linear_blend:
         pose, betas, trans = symbols
@@ -123,12 +120,10 @@ def posed_landmarks(
         G, _ = motions(body, at)
         means = rest_points().expression(G, body.features(at), betas, offsets)
         return means + cs.repmat(trans, 1, len(landmarks.names))
-    if offsets is None:
-        regressor, used = landmarks.of_vertices
-        return posed(body, *symbols, used) @ cs.MX(sparse_constant(regressor.T))
-    pairs = landmarks.regressor.tocoo()  # a vertex of two landmarks is displaced by each
-    owner, vertices = (np.asarray(axis, dtype=np.int64) for axis in pairs.coords)
-    each = np.arange(len(owner))
-    own = csc_array((np.ones(len(owner)), (owner, each)), shape=(len(landmarks.names), len(owner)))
-    each_posed = posed(body, *symbols, vertices.tolist(), offsets @ sparse_constant(own))
-    return each_posed @ cs.MX(sparse_constant(own.T.multiply(pairs.data[:, None])))
+    if offsets is not None:
+        raise NotSupported(
+            f"landmarks of body {body.name!r} have no offsets: it has free arrays, or is not "
+            "skinned by linear_blend; give its arrays values first, with body.with_values(values)"
+        )
+    regressor, used = landmarks.of_vertices
+    return posed(body, *symbols, used) @ cs.MX(sparse_constant(regressor.T))

@@ -29,14 +29,13 @@ from workbench.diagnostics.design.search import (
     Board,
     Progress,
     Score,
-    Search,
     State,
     Uncertainty,
     active_inequalities,
-    automatic,
     combinations_left,
     directions_left,
     null,
+    searched,
 )
 from workbench.diagnostics.diagnosis import Diagnosis, diagnose
 from workbench.errors import BadArgument, some_of
@@ -230,7 +229,6 @@ def design(
     *,
     choose: int = 1,
     criterion: Criterion = d_optimal,
-    search: Search = automatic,
     progress: Progress = lambda done, of: None,
 ) -> MeasurementDesign:
     """The `choose` of the candidates after which most is known, and how well it is known then.
@@ -286,7 +284,7 @@ def design(
         criterion.size,
         tuple(tuple(each[name] for each in rows) for name in names),
     )
-    choice = search(board, int(choose), progress)
+    chosen, how = searched(board, int(choose), progress)
     directions = diagnose(problem, several[0]).null_directions if null(board.before) else ()
     return MeasurementDesign(
         criterion.name,
@@ -295,15 +293,15 @@ def design(
         len(several),
         board.score(board.before),
         _ranking(board, names),
-        tuple(names[i] for i in choice.candidates),
-        tuple(board.score(board.measuring(choice.candidates[: k + 1])) for k in range(int(choose))),
-        choice.how,
+        tuple(names[i] for i in chosen),
+        tuple(board.score(board.measuring(chosen[: k + 1])) for k in range(len(chosen))),
+        how,
         tuple(direction.name for direction in directions),
         tuple(uncounted),
         problem.free,
         np.stack(sizes),
         board.before,
-        board.measuring(choice.candidates),
+        board.measuring(chosen),
     )
 
 

@@ -14,8 +14,6 @@ from workbench.registration.coregistration.coregistering import (
     CoregistrationPlan,
     Fitted,
     State,
-    hard,
-    soft,
 )
 from workbench.registration.coregistration.scan_block import Scans, ScansInMemory
 from workbench.registration.coregistration.triangle_steps import learned_bends
@@ -37,7 +35,5 @@ __all__ = [
     "TrianglePlan",
     "TriangleState",
     "bent_as",
-    "hard",
     "learned_bends",
-    "soft",
 ]

@@ -22,10 +22,10 @@ from scipy.sparse.linalg import LinearOperator, cg, splu
 
 from workbench.arrays import Array
 from workbench.bodies.triangles import TriangleBody
-from workbench.bodies.triangles.numbers import TriangleSurface
+from workbench.bodies.triangles.surface import TriangleSurface
 from workbench.errors import BadArgument
 from workbench.geometry.triangles import edges
-from workbench.training.triangles.learning import neighbour_differences
+from workbench.training.triangles import neighbour_differences
 
 FREE = 1e-6  # of the coupling: what holds the place of vertices that no scan and no edge holds
 TOLERANCE, MOST = 1e-2, 60  # of the gradient, and iterations

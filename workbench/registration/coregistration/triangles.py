@@ -31,7 +31,7 @@ from workbench.arrays import Array, Index
 from workbench.blocks import Block, Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.triangles import TriangleBody, blend_scape
-from workbench.bodies.triangles.numbers import TriangleSurface
+from workbench.bodies.triangles.surface import TriangleSurface
 from workbench.errors import BadArgument
 from workbench.fitting.body_priors import pose_prior
 from workbench.geometry.solids import area
@@ -69,7 +69,7 @@ from workbench.registration.free_vertices import (
 )
 from workbench.residuals import Residual, stitching
 from workbench.training.execution import SERIAL, Execution, LogEntry
-from workbench.training.triangles.learning import learn_gradient_shapes
+from workbench.training.triangles import learn_gradient_shapes
 from workbench.writing import Keeping
 
 
@@ -230,10 +230,10 @@ class TriangleCoregistration:
         if a block raises the joint cost, and BadFile for a checkpoint of something else.
         """
         first = self.first(fits, vertices)
-        identity, keep, state = "", Keeping(), None
+        known, keep, state = "", Keeping(), None
         if folder is not None:
-            identity = fingerprint(self.scans, first, repr(self.plan))
-            state = read_state(folder, identity, first)
+            known = fingerprint(self.scans, first, self.plan)
+            state = read_state(folder, known, first)
 
         def costs(state: TriangleState) -> dict[str, float]:
             return self.costs(state, first.body)
@@ -253,7 +253,7 @@ class TriangleCoregistration:
             costs,
             step,
             execution,
-            lambda state: keep(partial(save_state, state, folder, identity)) if folder else None,
+            lambda state: keep(partial(save_state, state, folder, known)) if folder else None,
         )
 
     def costs(self, state: TriangleState, first: TriangleBody) -> dict[str, float]:

@@ -124,30 +124,28 @@ class Refinement:
 
     def refined(
         self,
-        estimate: Estimate,
+        start: Estimate,
         block: str,
         rounds: int,
         steps: RigSteps,
         options: BlockOptions = STEPS,
     ) -> Estimate:
         """Rounds of a block, `skeleton` or `skinning`, and of the weights; none raises the cost."""
-        return steps(estimate, lambda start: self._rounds(start, block, rounds, steps, options))
 
-    def _rounds(
-        self, estimate: Estimate, block: str, rounds: int, steps: RigSteps, options: BlockOptions
-    ) -> Estimate:
-        objective = self.objective(estimate)
-        before = objective.rms(estimate)
-        for number in range(rounds):
-            for name in (block, "weights"):
-                given = BlockInput(objective, self.faces, options)
-                estimate = BLOCKS[name](given, estimate).estimate
-            steps.report(block, number + 1, rounds)
-            rms = objective.rms(estimate)
-            if rms < EXACT or rms > (1 - LITTLE) * before:
-                break
-            before = rms
-        return estimate
+        def in_rounds(estimate: Estimate) -> Estimate:
+            objective = self.objective(estimate)
+            given, before = BlockInput(objective, self.faces, options), objective.rms(estimate)
+            for number in range(rounds):
+                for name in (block, "weights"):
+                    estimate, _ = BLOCKS[name](given, estimate)
+                steps.report(block, number + 1, rounds)
+                rms = objective.rms(estimate)
+                if rms < EXACT or rms > (1 - LITTLE) * before:
+                    break
+                before = rms
+            return estimate
+
+        return steps(start, in_rounds)
 
 
 def rig(
@@ -289,10 +287,9 @@ def _settled(
 def _on_every_vertex(estimate: Estimate, meshes: Array, rest: Array, some: Index) -> Estimate:
     """The estimate of some vertices, with a template and weights for all of `rest` (N, 3) m."""
     bones = off_tree(estimate, meshes[:, some], rounds=0)
-    every = np.zeros((len(rest), bones.count))
     nearest = np.linalg.norm(rest[:, None] - rest[some], axis=2).argmin(axis=1)
-    every[:] = estimate.weights[nearest]
-    weights = fit_bone_weights(replace(bones, weights=every), rest, meshes).weights
+    bones = replace(bones, weights=estimate.weights[nearest])
+    weights = fit_bone_weights(bones, rest, meshes).weights
     none = np.zeros((len(rest), 3, 0))
     return replace(estimate, templates=rest[None], posedirs=none, weights=weights)
 

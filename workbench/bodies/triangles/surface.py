@@ -1,10 +1,9 @@
-"""A triangle body in numbers: the stitched surface of one pose or many, its derivative, and back.
+"""A triangle body's stitched surface: in numbers, with its derivative and back, and in symbols.
 
     V = L A' (B D Q e),        L the factorised stitching, A' from edges to vertices.
 
 All but L is done triangle by triangle. A turn of joint k multiplies what hangs on k from the left
-by one matrix for all triangles; twists and betas change each triangle in its own way. The
-derivative's columns are dense all the same: L spreads every change over the whole mesh.
+by one matrix for all triangles; twists and betas change each triangle in its own way.
 """
 
 from __future__ import annotations
@@ -12,22 +11,33 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from math import prod
 from typing import TYPE_CHECKING
 
+import casadi as cs
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, kron
 
 from workbench.arrays import Array, Index
+from workbench.blocks import Block
+from workbench.blocks.functions import sparse_constant
+from workbench.bodies.body import regressed
+from workbench.bodies.forward import kinematics
 from workbench.bodies.forward.kinematics import ancestors
-from workbench.bodies.forward.named_points import BodyPoints, BodyPointsAt, RowTarget, write
+from workbench.bodies.forward.named_points import (
+    BlockPoints,
+    BodyPoints,
+    BodyPointsAt,
+    RowTarget,
+    write,
+)
 from workbench.bodies.forward.posing import axial, world_rotations
+from workbench.bodies.forward.sources import Arguments, BodySource
 from workbench.geometry.rotation import crossed, left_jacobian, matrix_from_vector
 from workbench.geometry.triangles import edges
 
 if TYPE_CHECKING:
     from workbench.bodies.triangles.body import TriangleBody
-
-TOGETHER = 16  # surfaces that are worked on at a time: more of them do not fit into a cache
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,31 +94,6 @@ class PackedTriangles:
             found.append(JointReach(joints, faces, weights, onto, bent, slot, bent_onto))
         return found
 
-    # The same for many surfaces, of which every entry of a matrix is a row (F, M).
-
-    @cached_property
-    def shape_rows(self) -> Array:
-        """What betas add to D, (9 F, B), in the rows (r, c, f)."""
-        F, _, _, B = self.shapedirs.shape
-        return np.ascontiguousarray(self.shapedirs.transpose(1, 2, 0, 3)).reshape(9 * F, B)
-
-    @cached_property
-    def bend_rows(self) -> csr_array:
-        """What the pose adds to Q e, (6 F, 3 K), in the rows (i, a, f)."""
-        F, J = self.near.shape
-        bends = self.bends.reshape(F, 2, 3, J, 3)
-        f, i, a, j, axis = np.indices(bends.shape)
-        rows, columns = (3 * i + a) * F + f, 3 * self.near[f, j] + axis
-        shape = (6 * F, 3 * len(self.parents))
-        return csr_array((bends.ravel(), (rows.ravel(), columns.ravel())), shape=shape)
-
-    @cached_property
-    def onto_vertices(self) -> csr_array:
-        """A' (N, 2 F) with all first edges before all second ones."""
-        A = self.stitching.A
-        first = np.arange(0, A.shape[0], 2)
-        return csr_array(A[np.concatenate([first, first + 1])].T)
-
     def placed(self, right_side: Array) -> Array:
         """The vertices (N, k) that solve the equations of stitching, the root joint at zero."""
         V = self.stitching.solve(right_side)
@@ -128,46 +113,13 @@ class TriangleNumbers(BodyPoints):
         return TriangleSurface(self.packed, pose, betas, np.zeros(3) if trans is None else trans)
 
     def evaluate_batch(self, poses: Array, betas: Array, trans: Array, *_: Array) -> Array:
-        """The vertices (M, N, 3) m of M poses, betas and translations.
-
-        Of M surfaces, every entry of the matrices B, D and of the edges is an array (F, M): a
-        product of 3 x 3 matrices is then a few operations on long rows. The stitching is solved
-        for all coordinates of all surfaces together.
-        """
-        of, M = self.packed, len(poses)
-        found = np.empty((M, of.stitching.n_vertices, 3))
-        most = min(TOGETHER, M) * len(of.edges)
-        space = [np.empty(rows * most) for rows in (9, 9, 6, 6, 6)]  # fresh memory costs as much
-        for first in range(0, M, TOGETHER):
-            some = slice(first, first + TOGETHER)
-            found[some] = self._some(poses[some], betas[some], space)
-        return found + trans[:, None]
-
-    def _some(self, pose: Array, betas: Array, space: list[Array]) -> Array:
-        """At most TOGETHER surfaces, before translation."""
-        of, M, F = self.packed, len(pose), len(self.packed.edges)
-        B, D, shaped, edges, product = (
-            part[: rows * F * M].reshape(-1, 3, F, M)
-            for rows, part in zip((9, 9, 6, 6, 6), space, strict=True)
-        )
-        world = world_rotations(matrix_from_vector(pose), of.parents)
-        world = np.ascontiguousarray(world.transpose(2, 3, 1, 0))
-        for r, c in np.ndindex(3, 3):
-            B[r, c] = of.weights @ world[r, c]
-        np.matmul(of.shape_rows, betas.T, out=D.reshape(9 * F, M))
-        for axis in range(3):
-            D[axis, axis] += 1.0
-        bent = (of.bend_rows @ pose.reshape(M, -1).T).reshape(2, 3, F, M)
-        bent += of.edges.transpose(1, 2, 0)[..., None]
-        for matrices, before, after in ((D, bent, shaped), (B, shaped, edges)):
-            np.multiply(matrices[None, :, 0], before[:, None, 0], out=after)
-            for c in (1, 2):
-                after += np.multiply(matrices[None, :, c], before[:, None, c], out=product)
-        right_side = np.empty((of.stitching.n_vertices, 3, M))
-        for axis in range(3):
-            right_side[:, axis] = of.onto_vertices @ edges[:, axis].reshape(2 * F, M)
-        V = of.placed(right_side.reshape(-1, 3 * M)).reshape(-1, 3, M)
-        return np.asarray(V.transpose(2, 0, 1) + of.root)
+        """The vertices (M, N, 3) m of M poses, betas and translations; stitched all at once."""
+        of, each = self.packed, zip(poses, betas, strict=True)
+        right_sides = [TriangleSurface(of, p, b, np.zeros(3)).right_side for p, b in each]
+        if not right_sides:
+            return np.zeros((0, of.stitching.n_vertices, 3))
+        V = of.placed(np.concatenate(right_sides, axis=1)).reshape(-1, len(poses), 3)
+        return np.asarray(V.transpose(1, 0, 2) + of.root + trans[:, None])
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,12 +177,15 @@ class TriangleSurface(BodyPointsAt):
         Q = np.eye(3) + np.einsum("facj,fj->fac", self.of.posedirs, self.twists)
         return np.asarray(self.B @ self.D @ Q)
 
+    @property
+    def right_side(self) -> Array:
+        """A' (B D Q e): the edges before stitching, summed onto the vertices, (N, 3) m."""
+        return self.of.stitching.edge_sums(_on_edges(self.B, self.shaped))
+
     @cached_property
     def points(self) -> Array:
         """The stitched vertices, (N, 3) m."""
-        of = self.of
-        right_side = of.stitching.edge_sums(_on_edges(self.B, self.shaped))
-        return np.asarray(of.placed(right_side) + of.root + self.trans)
+        return np.asarray(self.of.placed(self.right_side) + self.of.root + self.trans)
 
     def write_jacobian(self, into: Mapping[str, RowTarget], scale: Array | None) -> None:
         """Write the transposed derivative into `pose`, `betas` and `trans`, (size, 3 N) each."""
@@ -297,3 +252,141 @@ class TriangleSurface(BodyPointsAt):
 def _on_edges(matrices: Array, edges: Array) -> Array:
     """M_f e_fi, for matrices (F, 3, 3) and edges (F, 2, 3)."""
     return np.asarray(np.einsum("fab,fib->fia", matrices, edges))
+
+
+def posed(
+    of: PackedTriangles, pose: cs.MX, betas: cs.MX, trans: cs.MX, free: Mapping[str, Block]
+) -> cs.MX:
+    """The vertices whose edges are nearest to X_f e_f, (3, N) m.
+
+    `template`, `shapedirs` and `posedirs` that are free are symbols, all others are numbers.
+    """
+    N = of.stitching.n_vertices
+    right_side = cs.MX.zeros(N, 3)
+    for i, moved in enumerate(deformed(of, pose, betas, free)):
+        right_side += _edge_matrix(of, i).T @ moved
+    V = of.stitching.solve_symbolic(right_side)
+    root = cs.MX(sparse_constant(of.root_row))
+    shift = root @ _symbol_or_numbers(of, "template", free).T + trans.T - root @ V  # (1, 3)
+    return (V + cs.repmat(shift, N, 1)).T
+
+
+def deformed(
+    of: PackedTriangles, pose: cs.MX, betas: cs.MX, free: Mapping[str, Block]
+) -> tuple[cs.MX, cs.MX]:
+    """The edges X_f e_f0 and X_f e_f1 before they are stitched, (F, 3) m each.
+
+    Arrays that are free are symbols, as in `posed`.
+    """
+    F, J = of.near.shape
+    R = kinematics.world_rotations(pose, of.parents)  # (3, 3) each
+    # faces run down the rows; of a 3 x 3 matrix B[:, 3 c + r] is row r, column c
+    B = cs.MX(sparse_constant(of.weights)) @ cs.vertcat(*[cs.vec(R_k).T for R_k in R])
+    shaped = _symbol_or_numbers(of, "shapedirs", free).T @ betas
+    D = _identities(F) + cs.reshape(shaped, 9, F).T  # D[:, 3 r + c]
+    twists = cs.reshape(pose[:, of.near.ravel().tolist()], 3 * J, F)  # of each face
+    each = cs.reshape(cs.repmat(twists, 9, 1), 3 * J, 9 * F)  # once for each entry of its matrix
+    bent = cs.sum1(_symbol_or_numbers(of, "posedirs", free) * each)
+    Q = _identities(F) + cs.reshape(bent, 9, F).T  # Q[:, 3 r + c]
+    found = []
+    for i in range(2):
+        e = _edge_matrix(of, i) @ _symbol_or_numbers(of, "template", free).T  # (F, 3)
+        for M in (Q, D):
+            e = cs.horzcat(*[cs.sum2(M[:, 3 * r : 3 * r + 3] * e) for r in range(3)])
+        found.append(cs.horzcat(*[cs.sum2(B[:, [r, 3 + r, 6 + r]] * e) for r in range(3)]))
+    return found[0], found[1]
+
+
+def _edge_matrix(of: PackedTriangles, i: int) -> cs.MX:
+    """The matrix (F, N) from vertices to edge i of every face."""
+    return cs.MX(sparse_constant(of.stitching.A[i::2]))
+
+
+def _symbol_or_numbers(of: PackedTriangles, name: str, free: Mapping[str, Block]) -> cs.MX:
+    """An array of the body: the symbol of its block where it is free, its numbers otherwise."""
+    if name in free:
+        return free[name].symbol
+    array = getattr(of, name)
+    rows = array.reshape(prod(array.shape[:-1]), array.shape[-1])
+    return cs.MX(cs.sparsify(cs.DM(rows.T)))  # as the symbol of a block of its shape has it
+
+
+def _identities(count: int) -> cs.MX:
+    """The 3 x 3 identity in each of so many rows."""
+    return cs.MX(cs.DM(np.tile(np.eye(3).ravel(), (count, 1))))
+
+
+def surface_points(
+    at: Arguments,
+    numbers: TriangleNumbers,
+    free: Mapping[str, Block],
+    regressor: csr_array | None = None,
+    names: tuple[str, ...] | None = None,
+) -> BodySource:
+    """All vertices of the stitched surface, or means of them by a regressor (M, N) with names.
+
+    In symbols, the stitching's two triangular solves are part of the graph. Where arrays of the
+    body are `free`, the symbols are all that there is. Joints of a surface that deforms are on no
+    rigid bones.
+    """
+
+    def express() -> cs.MX:
+        vertices = posed(numbers.packed, *at.symbols, free)
+        return vertices if regressor is None else vertices @ cs.MX(sparse_constant(regressor.T))
+
+    arithmetic = numbers if regressor is None else NumericMeans(numbers, regressor)
+    return BodySource(
+        at,
+        at.body.n_vertices if names is None else len(names),
+        names,
+        tuple(free.values()),
+        express,
+        lambda maps: None if free else BlockPoints(arithmetic, maps),
+        rigid_bones=regressor is None,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class NumericMeans(BodyPoints):
+    """Weighted means of the points of a surface, by a regressor (M, N)."""
+
+    surface: TriangleNumbers
+    regressor: csr_array
+
+    @cached_property
+    def on_coordinates(self) -> csr_array:
+        """The matrix of weighted means, for each coordinate: (3 M, 3 N)."""
+        return csr_array(kron(self.regressor, np.eye(3), format="csr"))
+
+    def evaluate(self, pose: Array, betas: Array, trans: Array, *_: Array) -> MeansAt:
+        """The means at one pose, betas and translation."""
+        return MeansAt(self, self.surface.evaluate(pose, betas, trans))
+
+    def evaluate_batch(self, poses: Array, betas: Array, trans: Array, *_: Array) -> Array:
+        """The means (P, M, 3) m of P poses, betas and translations."""
+        return regressed(self.regressor, self.surface.evaluate_batch(poses, betas, trans))
+
+
+@dataclass(frozen=True, eq=False)
+class MeansAt(BodyPointsAt):
+    """The means at one pose, betas and trans."""
+
+    of: NumericMeans
+    surface: TriangleSurface
+
+    @cached_property
+    def points(self) -> Array:
+        """The weighted means of the posed vertices, (M, 3) m."""
+        return np.asarray(self.of.regressor @ self.surface.points)
+
+    def write_jacobian(self, into: Mapping[str, RowTarget], scale: Array | None) -> None:
+        """Write the transposed derivative into `pose`, `betas` and `trans`, (size, 3 M) each."""
+        N = self.of.regressor.shape[1]
+        whole = {name: np.empty((len(target), 3 * N)) for name, target in into.items()}
+        self.surface.write_jacobian(whole, None)
+        for name, target in into.items():
+            write(target, (self.of.on_coordinates @ whole[name].T).T, scale)
+
+    def vjp(self, cotangent: Array) -> dict[str, Array]:
+        """The gradients of cotangent (3 M,) . points by `pose`, `betas` and `trans`, flat."""
+        return self.surface.vjp(self.of.on_coordinates.T @ cotangent)

@@ -16,11 +16,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from builder.training import training_and_held_out
+from builder.triangle_learning import Lsqr, learn_pose_deformations, learn_subject
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
 from workbench.geometry.triangles import edges, frames_on, gradients
-from workbench.training.blend_shapes import RidgeChoice
 from workbench.training.blocks import POSE_STEPS
 from workbench.training.first_guess import FIRST_SIGMA, FIRST_STEPS
 from workbench.training.poses import (
@@ -30,15 +31,9 @@ from workbench.training.poses import (
     VertexTerm,
     poses_of_segments,
 )
-from workbench.training.registrations import InMemory, training_and_held_out
+from workbench.training.registrations import InMemory
 from workbench.training.training import Trained
-from workbench.training.triangles.learning import (
-    Lsqr,
-    PosedMeshes,
-    learn_gradient_shapes,
-    learn_pose_deformations,
-    learn_subject,
-)
+from workbench.training.triangles import PosedMeshes, learn_gradient_shapes
 
 AnyBody = SkinnedBody | TriangleBody
 SIGMA = 0.002  # m: a mesh from the body, per coordinate; as in training
@@ -80,6 +75,24 @@ class TriangleOptions:
 
 
 QUICK = TriangleOptions()
+
+
+@dataclass(frozen=True)
+class RidgeChoice:
+    """The values of a hyperparameter that were tried, and their errors.
+
+    Attributes:
+        tried: the values.
+        errors: the root mean square distance of vertices, in mm, on the subjects held out.
+    """
+
+    tried: tuple[float, ...]
+    errors: tuple[float, ...]
+
+    @property
+    def chosen(self) -> float:
+        """The value with the smallest error."""
+        return self.tried[int(np.argmin(self.errors))]
 
 
 @dataclass(frozen=True, eq=False)
