@@ -11,9 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from typer.testing import CliRunner
 
 import workbench as wb
 from workbench import environment
+from workbench.cli.app import app
 from workbench.comparison import workers
 from workbench.environment import SAMPLING, MissingLibrary
 from workbench.plots.posterior import plot_corner
@@ -51,6 +53,13 @@ def test_what_needs_a_missing_library_says_which_and_laplace_needs_none() -> Non
         plot_corner(found, (0, 1), Figure())
 
 
+@pytest.mark.usefixtures("without_libraries")
+def test_the_command_ends_with_the_sentence(tmp_path: Path) -> None:
+    ended = CliRunner().invoke(app, ["sample", "landmarks", "--steps", "50"])
+    assert isinstance(ended.exception, MissingLibrary), ended.output
+    assert "pip install 'emcee>=3.1.6'" in str(ended.exception)
+
+
 def test_libraries_are_asked_for_as_the_distribution_asks() -> None:
     text = (Path(__file__).parents[1] / "pyproject.toml").read_text(encoding="utf-8")
     project = tomllib.loads(text)["project"]
@@ -59,34 +68,6 @@ def test_libraries_are_asked_for_as_the_distribution_asks() -> None:
 
 
 @pytest.mark.usefixtures("in_a_browser")
-<<<<<<< HEAD
-def test_a_file_is_graded_in_the_same_process(tmp_path: Path) -> None:
-    path, before = tmp_path / "mine.py", list(sys.path)
-    path.write_text(ANSWERS)
-    found = grade(lecture(2), path)
-    assert "without a limit of time" in " ".join(found.note.split())
-    assert found.printed[""] == "begun"
-    assert found.printed["nearest_rotation"].startswith("asked")
-    results = found.exercises
-    assert {one.state for one in results["shorter"]} == {CheckState.NOT_ATTEMPTED}
-    assert "sys.exit(3)" in results["rodrigues"][0].came
-    assert all(one.state is CheckState.PASSED for one in results["nearest_rotation"])
-    (turned,) = results["hat"]
-    assert "v x w" in turned.hint
-    assert results["angle_between"][0].came == "no such name in the file"
-    assert sys.path == before
-    assert "answers" not in sys.modules
-    assert [one.name for one in tmp_path.iterdir()] == ["mine.py"]
-    path.write_text("import numpy as np\n1 / 0\n")
-    lost = grade(lecture(2), path)
-    assert lost.trouble == "line 2: ZeroDivisionError: division by zero"
-    assert lost.note
-    assert not lost.points
-
-
-@pytest.mark.usefixtures("in_a_browser")
-=======
->>>>>>> main
 def test_what_needs_other_processes_or_threads_says_so_or_does_without(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

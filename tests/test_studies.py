@@ -11,8 +11,6 @@ import pytest
 from numpy.testing import assert_allclose
 
 import workbench as wb
-from builder.geometry import along_edges
-from builder.ridge import RidgeSums, solve_ridge
 from builder.triangle_learning import Lsqr
 from examples.studies import (
     blend_shapes,
@@ -21,29 +19,10 @@ from examples.studies import (
     spin_loop,
     triangles,
 )
-<<<<<<< HEAD
-=======
-from examples.studies.simulated_scans import errors, ratio, scanned_set
 from examples.studies.triangle_alternation import TriangleOptions
->>>>>>> main
 from tests.bodies_made_up import random_body
 from tests.training.test_triangles import many_people
 from workbench.errors import BadArgument, BadFile, UnknownName
-<<<<<<< HEAD
-=======
-from workbench.geometry.solids import vertex_normals
-from workbench.lectures.material.blend_shapes import (
-    Correctives,
-    PosedSurfaces,
-    TrainingData,
-    correctives,
-    feature_matrix,
-    with_blend_shapes,
-)
-from workbench.lectures.material.kernel_features import Examples, GaussianKernels, Powers, products
-from workbench.lectures.material.tubes import tube
-from workbench.priors.poses import draw_poses, shipped_gaussian
->>>>>>> main
 from workbench.synthetic.teacher import body_on_teachers_rig, teacher_of
 from workbench.training.blocks import Plan
 
@@ -146,31 +125,6 @@ def test_triangle_models_are_chosen_by_error(trained: triangles.TriangleStudy) -
     for choice in trained.choices.values():
         assert choice.errors[choice.tried.index(choice.chosen)] == min(choice.errors)
         assert max(choice.errors) < 60  # mm: nothing went astray
-
-
-<<<<<<< HEAD
-=======
-def test_vertices_explain_as_much_as_triangles(trained: triangles.TriangleStudy) -> None:
-    """By the theorem of Eckart and Young, for the people from whom both were learned."""
-    vertices, stitched = (trained.explained[f"{n}, training"].share for n in triangles.BASES)
-    assert (vertices - stitched > -1e-12).all()
-    smpl = next(result for result in trained.results if result.model == "SMPL")
-    assert smpl.gap < 1e-10  # mm: SMPL adds what shape and pose do
-    assert any(f"{smpl.rms:.2f}" in row for row in triangles.tables(trained)[0].rows)
-
-
-@pytest.mark.parametrize("body", [SMALL, blend_scape(SMALL)], ids=lambda body: body.name)
-def test_bodies_fit_meshes_of_their_own(body: wb.SkinnedBody | TriangleBody) -> None:
-    rng = np.random.default_rng(2)
-    betas, poses = rng.normal(size=(2, 10)), rng.normal(scale=0.3, size=(2, 24, 3))
-    meshes = body.vertices(poses, betas, rng.normal(size=(2, 3)))
-    fits, away = triangles.held_out_fits(body, SMALL, meshes)
-    assert 1e3 * away.max() < 0.5  # mm; the prior on betas shows
-    assert_allclose(fits.betas, betas, atol=0.05)
-
-
->>>>>>> main
-# Scans apart and together.
 
 
 # Fitting and learning in a loop.
