@@ -57,7 +57,7 @@ def test_a_free_block_that_nobody_reads_is_named() -> None:
     assert len(found.null_directions) == 72
     assert "no residual depends on all of pose" in warned(found)
     assert found.free.label(int(found.structure.unread[0])) == "pose[pelvis, x]"
-    assert suggested(found, "fix") == ["do not free pose"]
+    assert suggested(found, "fix") == ["fix pose"]
     assert "72 single entries: pose[pelvis, x y z]" in str(found)
 
 

@@ -335,7 +335,6 @@ def test_null_directions_too_many_for_names_are_said_by_entries(
         unread = np.flatnonzero(~J.any(axis=0))
         said = [d.name for d in found.null_directions if d.kind == "entry"]
         assert {f"x[{i}]" for i in unread} <= set(said)
-        assert found.constrained.null_rank(slice(0, 300)) == np.linalg.matrix_rank(vectors[:300])
     else:
         terms = {d.terms for d in found.null_directions}
         assert "+1 m of x[1] with +1 m of x[0], +1 m of x[2]" in terms

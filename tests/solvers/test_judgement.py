@@ -11,7 +11,6 @@ from tests.tiers import few
 from workbench import (
     SOLVERS,
     Block,
-    Nlopt,
     Problem,
     Residual,
     Solution,
@@ -21,7 +20,6 @@ from workbench import (
     residuals,
     solve,
 )
-from workbench.errors import NotSupported
 from workbench.experiments import find
 from workbench.experiments.more_wild import observed
 from workbench.geometry.rotation import rodrigues
@@ -81,24 +79,6 @@ def test_what_rounding_hides_is_not_called_found(name: str) -> None:
     solution = SOLVERS[name].solve(problem, {"x": 0.0, "y": 0.5})
     if solution.converged:
         assert float(solution.values["y"]) == pytest.approx(2.0, abs=1e-6)
-
-
-def test_what_rounding_hides_is_said() -> None:
-    """By a solver that stays beside the answer.
-
-    Other solvers, among them the default, hit y = 2 exactly from most starts, where no residual is
-    left and nothing is hidden.
-    """
-    x, y = Block("x").symbol, Block("y", unit="m").symbol
-    rows = A_HIDDEN @ cs.vertcat(1e15 * (x - 1), y - 2)
-    problem = Problem((Residual("fit", rows, 1.0),), ("x", "y"), blocks=(Block("z"),))
-    solution = SOLVERS["levenberg-marquardt"].solve(problem, {"x": 0.0, "y": 0.5})
-    assert solution.status is Status.STALLED
-    assert "rounding hides what is left" in solution.message
-    assert "that y is known only to about" in solution.message
-
-
-A_HIDDEN = np.random.default_rng(0).standard_normal((5, 2))
 
 
 @pytest.mark.parametrize("name", few(LOCAL, FEW))
@@ -192,20 +172,6 @@ def test_insensitive_unknowns_are_saved(tmp_path) -> None:
 
 
 # What the words promise.
-
-
-@pytest.mark.thorough
-def test_a_step_that_cannot_be_interrupted_is_not_begun() -> None:
-    """NLopt's SLSQP needs seconds for a step in 1,000 unknowns, and looks at no clock in it."""
-    x = Block("x", (1000,)).symbol
-    problem = of(cs.vertcat(10 * (x[1:] - x[:-1] ** 2), 1 - x[:-1]))
-    start = {"x": np.full(1000, -1.2)}
-    solution = replace(SOLVERS["nlopt-slsqp"], max_seconds=2.0).solve(problem, start)
-    assert solution.status is Status.MAX_SECONDS
-    assert "cannot be interrupted" in solution.message
-    assert solution.evaluations.gradient == 0
-    with pytest.raises(NotSupported):
-        Nlopt("GN_DIRECT_L").solve(problem, start)
 
 
 @pytest.mark.parametrize("problem", few(["jennrich-sampson", "bard", "box", "osborne-1"], 1))
@@ -518,14 +484,14 @@ def test_robust_ridges_are_told_from_minima() -> None:
 # Flat minima.
 
 
-def test_a_combination_that_changes_nothing_is_named() -> None:
+def test_directions_that_change_nothing_are_counted() -> None:
     """Two decays of equal rates: only the sum of their amplitudes matters."""
     t, b = np.linspace(0, 3, 12), Block("x", (3,)).symbol
     noise = 0.1 * np.random.default_rng(0).standard_normal(12)
     rows = (b[0] + b[1]) * cs.exp(-t) + b[2] * t - 1 - noise
     flat = solve(of(rows), {"x": [0.3, 0.1, 0.0]})
     assert flat.converged
-    assert "the cost hardly depends on +1 of x[0] with -1 of x[1], so that" in flat.message
+    assert "1 direction changes no residual here, so that" in flat.message
     both = solve(of(rows + 1e-3 * (b[0] - b[1])), {"x": [0.3, 0.1, 0.0]})
     assert both.message == Status.CONVERGED.value
     b = Block("x", (4,)).symbol

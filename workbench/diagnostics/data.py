@@ -93,7 +93,6 @@ def _numbers(d: "Diagnosis") -> dict[str, Any]:
             {"first": d.free.label(p.first), "second": d.free.label(p.second), "sine": p.sine}
             for p in d.parallel_columns
         ],
-        "turns": [vars(turn) for turn in d.joint_turns],
         "weakest": [
             {
                 "singular_value": w.singular_value,

@@ -33,7 +33,7 @@ from workbench.diagnostics.identifiability import (
     widths_by_curvature,
 )
 from workbench.diagnostics.null_space import Direction
-from workbench.diagnostics.rank_law import JointTurn, joint_turns, law_of
+from workbench.diagnostics.rank_law import law_of
 from workbench.diagnostics.remedies import RankAndCondition, Suggestion, rank_and_condition
 from workbench.diagnostics.report import Finding
 from workbench.diagnostics.scales import Scales, checked, scales
@@ -270,11 +270,6 @@ class Diagnosis:
     def parallel_columns(self) -> tuple[conditioning.ParallelPair, ...]:
         """Pairs of unknowns whose columns are nearly parallel."""
         return conditioning.parallel_columns(self.constrained.stacked)
-
-    @cached_property
-    def joint_turns(self) -> tuple[JointTurn, ...]:
-        """The strongest two turns of each joint that the residuals depend on."""
-        return joint_turns(self)
 
     @cached_property
     def weakest(self) -> tuple[conditioning.WeakestDirection, ...]:

@@ -22,7 +22,6 @@ from workbench.diagnostics.active_set import ConstrainedJacobian
 from workbench.diagnostics.derivatives import exact_hessian
 from workbench.diagnostics.sparse_jacobian import SparseJacobian
 from workbench.problem import Linearization, Problem
-from workbench.problem.sparsity import tied_columns
 from workbench.problem.storage import unblocked
 from workbench.threads import limited_threads
 
@@ -139,25 +138,14 @@ def sigma_of_priors(here: Linearization, prior_rows: Mask) -> Array:
         return sigma
     rows = here.rows(np.flatnonzero(prior_rows))
     read = np.flatnonzero(rows.column_norms)
-    sigma[read] = 1 / rows.column_norms[read]  # where no row reads another unknown as well
-    for some in _apart(rows, read):
-        if some.size > 1:
-            unit = rows.columns(some).scaled(sigma[some])  # columns of length 1
-            sigma[some] *= _sigma(ConstrainedJacobian(unit, np.zeros((0, some.size))))
+    sigma[read] = 1 / rows.column_norms[read]
+    if rows.estimated and csc_array(unblocked(rows.jacobian)).nnz == read.size:
+        return sigma  # each row reads one of them
+    unit = rows.columns(read).scaled(sigma[read])  # columns of length 1
+    alone = ConstrainedJacobian(unit, np.zeros((0, read.size)))
+    sparse = alone.sparse
+    sigma[read] *= alone.laplace[0] if sparse is None else np.sqrt(sparse.variances)
     return sigma
-
-
-def _sigma(constrained: ConstrainedJacobian) -> Array:
-    sparse = constrained.sparse
-    return constrained.laplace[0] if sparse is None else np.sqrt(sparse.variances)
-
-
-def _apart(rows: Linearization, read: Index) -> list[Index]:
-    """The unknowns that these rows read, apart where no row reads both, if J is sparse."""
-    if not rows.estimated:
-        return [read]
-    J = csc_array(unblocked(rows.jacobian))[:, read]
-    return [read[some] for some in tied_columns(J.tocoo())]
 
 
 def _verdicts(

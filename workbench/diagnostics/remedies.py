@@ -134,7 +134,7 @@ def advise(d: "Diagnosis") -> tuple[Suggestion, ...]:
     fixes = list(_fixed(d))
     if any(s.cured for s in (*least, *priors)):
         fixes = [s for s in fixes if s.cured]  # half a remedy helps nobody then
-    return (*least, *_unread(d), *_dropped(d), *priors, *fixes)
+    return (*least, *_dropped(d), *priors, *fixes)
 
 
 def fewer_null(before: RankAndCondition, after: RankAndCondition) -> bool:
@@ -162,27 +162,6 @@ def _tried(
         return
     if after.finite and better(d.state, after):
         yield Suggestion(what, why, cost, d.state, after, problem, at, kind, acts, numbers)
-
-
-def _unread(d: "Diagnosis") -> Iterator[Suggestion]:
-    """Do not free blocks on which no residual depends."""
-    whole = [name for name in d.free.names if _is_unread(d, name)]
-    others = d.free.spelled(whole)
-    if whole and others:
-        blocks = _together(whole)
-        yield from _tried(
-            d,
-            "fix",
-            f"do not free {blocks}",
-            f"no residual depends on {blocks}",
-            "nothing: the fit cannot change it",
-            d.problem.freeing(*others),
-        )
-
-
-def _is_unread(d: "Diagnosis", name: str) -> bool:
-    part = d.free.slices[name]
-    return part.stop > part.start and bool(np.isin(np.r_[part], d.structure.unread).all())
 
 
 def _dropped(d: "Diagnosis") -> Iterator[Suggestion]:
@@ -259,22 +238,15 @@ def _fixed(d: "Diagnosis") -> Iterator[Suggestion]:
     if d.shape[1] - d.rank > SEARCHED:
         return
     for name in _null_blocks(d)[: 3 if d.here.estimated else None]:
-        others = d.free.spelled([name])
-        if not others or _is_unread(d, name):
-            continue
-        part = d.free.slices[name]
-        null = d.constrained.null_rank(part)
-        known = part.stop - part.start - int(null)
-        noun = "number that is" if known == 1 else "numbers that are"
-        yield from _tried(
-            d,
-            "fix",
-            f"fix {name}",
-            f"{name} takes part in null directions",
-            f"{name} stays at its present value, whether right or wrong"
-            + (f", and with it {known} {noun} known already" if known else ""),
-            d.problem.freeing(*others),
-        )
+        if others := d.free.spelled([name]):
+            yield from _tried(
+                d,
+                "fix",
+                f"fix {name}",
+                f"{name} takes part in null directions",
+                f"{name} stays at its present value, whether right or wrong",
+                d.problem.freeing(*others),
+            )
 
 
 def _null_blocks(d: "Diagnosis") -> list[str]:

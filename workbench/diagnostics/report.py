@@ -20,9 +20,6 @@ if TYPE_CHECKING:
 MOST = 12  # lines of one list
 ILL = 1e8  # condition of J from which half of the digits are gone
 UNEVEN = 1e6  # longest over shortest column
-FLAT = 0.3  # second best turn of a joint over its best, below which only one turn is seen
-MOSTLY = 0.75  # of the joints: if so many are flat, the view is the reason and not one limb
-FELT = 0.05  # of the best turn of all joints: joints with weaker turns are not counted
 ALONE = 0.999  # leverage from which on a row determines a direction alone
 NEARBY = 1e-3  # characteristic scales: how far from a point that is not finite to look again
 FAR = 1e3  # times a characteristic scale, or less by that: it may not be what matters
@@ -151,7 +148,6 @@ def _rank(d: "Diagnosis") -> Iterator[Finding]:
             "characteristic scale away"
         )
         yield Finding("rank", text)
-    yield from _depth(d)
     if d.weak_count:
         text = (
             f"{counted(d.weak_count, 'weak direction')}: a whole characteristic scale "
@@ -208,22 +204,6 @@ def held(d: "Diagnosis") -> str:
         f"active {what} ({some_of(names)}) fix {counted(count, 'direction')}, which "
         f"{'counts' if count == 1 else 'count'} towards the rank"
     )
-
-
-def _depth(d: "Diagnosis") -> Iterator[Finding]:
-    """A body that lies flat across the view of one camera shows one turn of each bone only."""
-    least = FELT * max((turn.best for turn in d.joint_turns), default=0.0)
-    seen = [turn for turn in d.joint_turns if turn.best > least]
-    flat = [turn.joint for turn in seen if turn.second < FLAT * turn.best]
-    if len(seen) < 3 or len(flat) < MOSTLY * len(seen):
-        return
-    text = (
-        f"nearly degenerate in depth: {len(flat)} of {len(seen)} joints ({', '.join(flat[:3])}, "
-        f"...) change the residuals strongly when they turn about one axis, and less than {FLAT:g} "
-        "times as strongly about any other, as happens when a body lies flat across the view of a "
-        "single camera: bending towards the camera or away from it changes the image little"
-    )
-    yield Finding("rank", text, False)
 
 
 def _conditioning(d: "Diagnosis") -> Iterator[Finding]:

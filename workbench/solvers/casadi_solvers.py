@@ -13,7 +13,7 @@ from workbench.blocks import Values
 from workbench.problem import Linearization, Problem
 from workbench.problem.sparsity import Pattern
 from workbench.problem.storage import Stored, dense, gram_of_nonzeros, is_sparse, unblocked
-from workbench.solvers.abilities import IN_A_RADIUS, WHOLE, Abilities, Boxes, Derivative
+from workbench.solvers.abilities import Abilities, Boxes, Derivative
 from workbench.solvers.dogleg import first_radius
 from workbench.solvers.levenberg_marquardt import FASTEST_FALL, eased
 from workbench.solvers.limits import Limits, Stop
@@ -34,7 +34,6 @@ MEANING = {  # of IPOPT's return codes that are not STALLED; `ending` decides wh
     "Invalid_Number_Detected": Status.NOT_FINITE,
     "User_Requested_Stop": Status.STOPPED,
 }
-BROKE_DOWN = "it broke down inside; try another solver"
 ADVICE = {  # where the status alone does not say it
     "Restoration_Failed": "the way back to the constraints was not found; start nearer to them",
     "Error_In_Step_Computation": "its linear system broke down; diagnose the problem",
@@ -42,9 +41,6 @@ ADVICE = {  # where the status alone does not say it
     "Not_Enough_Degrees_Of_Freedom": "more equations than unknowns; free more blocks",
     "Infeasible_Problem_Detected": "no point near here meets the constraints; relax them",
     "Invalid_Problem_Definition": "it does not take this problem; try another solver",
-    "Unrecoverable_Exception": BROKE_DOWN,
-    "NonIpopt_Exception_Thrown": BROKE_DOWN,
-    "Internal_Error": BROKE_DOWN,
     "Insufficient_Memory": "out of memory; use the Gauss-Newton or the limited-memory Hessian",
 }
 SQP_OPTIONS = {
@@ -181,7 +177,6 @@ def _abilities(hessian: Hessian | None, source: str) -> Abilities:
         Boxes.TAKEN,
         equations=True,
         inequalities=True,
-        first_step=IN_A_RADIUS if isinstance(hessian, DampedGaussNewton) else WHOLE,
         source=source,
     )
 

@@ -13,7 +13,6 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.linalg
 
 from workbench.arrays import Array, Mask
 from workbench.blocks import Values
@@ -21,7 +20,6 @@ from workbench.blocks.directions import in_units
 from workbench.errors import some_of
 from workbench.geometry.rotation import wrapped_to_pi
 from workbench.problem import Linearization, Problem
-from workbench.problem.optimality import undetermined_by_rounding
 from workbench.problem.rounding import decrease, half_squared
 from workbench.problem.steps import EPS
 from workbench.solvers.limits import Stop
@@ -133,7 +131,6 @@ def ending(run: "Run", stop: Stop) -> Ending:
     if ended:
         if status is not Status.STALLED:
             message = Status.STALLED.value
-        message = _hidden(run, here) or message
         return replace(result, status=Status.STALLED, message=message)
     return result
 
@@ -340,26 +337,6 @@ def _violation(run: "Run") -> str:
     return f"{worst}; {Status.INFEASIBLE.value}"
 
 
-def _hidden(run: "Run", here: Linearization) -> str:
-    """Which unknown rounding errors hide most at the best point, in words; empty if none."""
-    free = run.problem.free
-    left = undetermined_by_rounding(
-        run.best.x, here, run.problem.support, run.rounding_noise.at(run.best.x, here)
-    )
-    if not left.any():
-        return ""
-    i = int(np.argmax(left))
-    also = int(np.sum(left > 0)) - 1
-    others = f", and {also} more unknowns are hidden as well" if also > 1 else ""
-    others = ", and one more unknown is hidden as well" if also == 1 else others
-    unit = "" if free.unit(i) == "1" else f" {free.unit(i)}"
-    return (
-        f"rounding hides what is left: the terms of the residual are so large that {free.label(i)} "
-        f"is known only to about {left[i]:.1g}{unit}{others}; choose units or sigmas that make "
-        "the terms smaller"
-    )
-
-
 def rewrapped(problem: Problem, x: Array, is_free: Callable[[Array], bool]) -> Array:
     """The point x (n,) with rotation vectors of at most half a turn, where that `is_free`.
 
@@ -397,34 +374,21 @@ def _shorter(problem: Problem, x: Array) -> list[tuple[slice, Array]]:
 
 
 def flat_in_words(problem: Problem, x: Array, here: Linearization) -> str:
-    """Which direction changes no residual at x (n,), or how many; empty if none does.
+    """How many directions change no residual at x (n,); empty if none does.
 
     Zero columns, unknowns on bounds, and problems with constraints are left out. Singular values
-    are computed only if LAPACK's estimate of the condition of J'J says that one may be zero
-    (Higham, Accuracy and Stability of Numerical Algorithms, 2002, section 15.3).
+    are computed only if the eigenvalues of J'J say that one may be zero.
     """
-    inside = (here.column_norms > 0) & (x > problem.lower) & (x < problem.upper)
-    n = int(inside.sum())
+    inside = np.flatnonzero((here.column_norms > 0) & (x > problem.lower) & (x < problem.upper))
+    n = inside.size
     if here.constraints is not None or here.estimated or not 0 < n <= MOST:
         return ""
-    lengths, normal = here.column_norms[inside], np.asarray(here.normal)
-    normal = normal if n == len(x) else normal[np.ix_(inside, inside)]
-    normal = normal / np.outer(lengths, lengths)
-    raised = normal + 10 * n * EPS * np.eye(n)
-    L, failed = scipy.linalg.lapack.dpotrf(raised, lower=True)
-    if not failed:  # the reciprocal of |A^-1|, which is at most the least eigenvalue
-        norm = float(np.abs(raised).sum(axis=0).max())
-        least = norm * scipy.linalg.lapack.dpocon(L, norm, uplo="L")[0]
-        if least > SUSPECT**2 * n + 100 * n * EPS:
-            return ""
-    unit = here.columns(np.flatnonzero(inside)).scaled(1 / lengths)
-    null = n - unit.rank
+    lengths = here.column_norms[inside]
+    normal = np.asarray(here.normal)[np.ix_(inside, inside)] / np.outer(lengths, lengths)
+    if np.linalg.eigvalsh(normal)[0] > SUSPECT**2 * n + 100 * n * EPS:
+        return ""
+    null = n - here.columns(inside).scaled(1 / lengths).rank
     if null == 0:
         return ""
-    so = "so that other values fit as well"
-    if null > 1:
-        return f" ({null} directions change no residual here, {so}; a diagnosis names them)"
-    direction = np.zeros(len(x))
-    direction[inside] = np.linalg.svd(unit.unit_triangle)[2][-1] / lengths
-    along = in_units(direction, problem.free, here.column_norms, NAMED)
-    return f" (the cost hardly depends on {along}, {so})"
+    some = "1 direction changes" if null == 1 else f"{null} directions change"
+    return f" ({some} no residual here, so that other values fit as well; see a diagnosis)"

@@ -11,7 +11,7 @@ from workbench.blocks import Values
 from workbench.errors import BadArgument
 from workbench.problem import Linearization, Problem
 from workbench.problem.steps import EPS, LinearAlgebra, automatic
-from workbench.solvers.abilities import DAMPED, Abilities, Boxes, Derivative
+from workbench.solvers.abilities import Abilities, Boxes, Derivative
 from workbench.solvers.limits import Limits
 from workbench.solvers.run import Known, Run
 from workbench.solvers.solution import Callback, Solution
@@ -100,7 +100,6 @@ class LevenbergMarquardt(Limits):
         return Abilities(
             Derivative.JACOBIAN,
             Boxes.TAKEN,
-            first_step=DAMPED,
             source=f"Levenberg 1944; Marquardt 1963; Moré 1978; Nielsen 1999{further}",
         )
 

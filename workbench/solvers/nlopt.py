@@ -32,7 +32,6 @@ MEANING = {  # of the result codes that end a run by themselves
 }
 GAVE_UP = (nlopt.SUCCESS, nlopt.FTOL_REACHED, nlopt.XTOL_REACHED)  # nothing more to be gained
 
-STEP_SECONDS = {"LD_SLSQP": 1e-8}  # times n^3: a step that NLopt does not interrupt; 10 s at 1,000
 SMALLEST_STEP = 1e-14  # of a trust region: COBYLA halves one for ever, asking for nothing
 NOT_A_POINT = (
     "the algorithm broke down, for it asks for the cost at a point that is not a number; the best "
@@ -53,7 +52,7 @@ _TABLE: Mapping[str, tuple[str, str, tuple[str, ...]]] = {  # the source, a note
     "LD_TNEWTON_RESTART": (_TNEWTON, "", ()),
     "LD_TNEWTON_PRECOND": (_TNEWTON, "", ()),
     "LD_TNEWTON_PRECOND_RESTART": (_TNEWTON, "", ()),
-    "LD_SLSQP": ("Kraft 1994", "O(n^3) per iteration", _BOTH),
+    "LD_SLSQP": ("Kraft 1994", "O(n^3) per iteration, which no limit of time interrupts", _BOTH),
     "LD_MMA": ("Svanberg 2002", "", ("inequalities",)),
     "LD_CCSAQ": ("Svanberg 2002", "", ("inequalities",)),
     "LN_BOBYQA": ("Powell 2009", "to about 30 unknowns", ()),
@@ -153,7 +152,6 @@ class Nlopt(Limits):
         name = f"nlopt {self.algorithm}"
         with Run(name, self, problem, start, callback) as run:
             x0, here = run.x, run.begin()
-            self._check_the_step(x0.size)
             scale = np.where(here.column_norms > 0, here.column_norms, 1.0)
             optimizer = self._optimizer(self.algorithm, x0.size)
             objective = NloptObjective(run, here, scale, optimizer, self.abilities)
@@ -187,17 +185,6 @@ class Nlopt(Limits):
                 run.stall(message)
             raise Stop(status, message)
         return run.solution()
-
-    def _check_the_step(self, n: int) -> None:
-        """Stop the run if a single step in n unknowns would take longer than `max_seconds`."""
-        seconds = STEP_SECONDS.get(self.algorithm, 0.0) * n**3
-        if seconds > self.max_seconds:
-            raise Stop(
-                Status.MAX_SECONDS,
-                f"one step of {self.algorithm} in {n} unknowns takes about {seconds:.0f} s and "
-                f"cannot be interrupted, more than max_seconds ({self.max_seconds:g}); raise it, "
-                "or take a solver for many unknowns",
-            )
 
     def _optimize(self, run: Run, optimizer: nlopt.opt, x0: Array, scale: Array) -> None:
         """Run the optimizer.
