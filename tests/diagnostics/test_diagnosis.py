@@ -275,20 +275,6 @@ def test_gauges_are_counted_in_english(kinds: list[str], said: str) -> None:
     )
 
 
-def test_priors_that_decide_are_named_where_nothing_is_to_be_suggested() -> None:
-    x = Block("x", (4,))
-    data = Residual("data", x.symbol[0], 0.1, blocks=(x,))
-    prior = residuals.gaussian(x.symbol, covariance=1.0, name="prior")
-    found = diagnose(Problem([data, prior], ["x"]), {"x": np.zeros(4)}, priors="prior")
-    assert not found.suggestions
-    said = found.report()
-    assert "prior decides 3 of 4 directions, not the data" in said
-    assert "--data-alone" in said
-    assert "--minima" in said
-    alone = diagnose(Problem([data, prior], ["x"]), {"x": np.zeros(4)})
-    assert "--data-alone" not in alone.report()
-
-
 def test_a_shared_number_is_held_before_entries_of_points() -> None:
     """f x against a depth of many points: a user fixes f, though points move more."""
     f, depth = Block("f", (), "px"), Block("depth", (12,), "m")

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.linalg
 from numpy.linalg import norm
 from scipy.sparse import csc_array, triu
 
@@ -97,20 +96,3 @@ def _main(v: Array) -> tuple[int, ...]:
     order = np.argsort(-abs(v))[:MOST]
     share = np.cumsum(v[order] ** 2) / max(float(v @ v), 1e-300)
     return tuple(int(i) for i in order[: int(np.searchsorted(share, 0.9)) + 1])
-
-
-def leverage(here: Linearization) -> Array | None:
-    """The leverage of each row, 0 to 1 (m,); they add up to the rank.
-
-    A row of leverage 1 determines a direction alone. None where the Jacobian is sparse and large.
-    """
-    if here.estimated:
-        return None
-    if here.shape[0] < here.shape[1]:
-        U, s, _ = here.svd
-        return np.asarray(np.sum(U[:, s > here.spectrum.tolerance] ** 2, axis=1))
-    s, seen = here.spectrum.determined
-    if len(s) == here.shape[1]:
-        Q = scipy.linalg.solve_triangular(here.R, here.dense.T, trans="T", lower=False)
-        return np.asarray(np.sum(Q**2, axis=0))
-    return np.asarray(np.sum(here.along_columns(seen.T / s).dense ** 2, axis=1))

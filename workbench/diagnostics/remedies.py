@@ -120,13 +120,10 @@ def with_more(problem: Problem, residuals: Iterable[Residual]) -> Problem:
 def advise(d: "Diagnosis") -> tuple[Suggestion, ...]:
     """Suggestions that improve the rank or the condition at the point of the diagnosis.
 
-    None where the Jacobian is not finite, as the findings say; and none for null directions along
-    all of which the cost rises.
+    None where the Jacobian is not finite, as the findings say.
     """
     if not d.here.finite:
         return ()
-    if d.has_width:
-        return tuple(_dropped(d))
     least, priors = _least(d), list(_priors(d))
     few = [s for s in priors if s.acts <= FEW]
     if least and few and min(s.acts for s in least) > FEW:

@@ -1,7 +1,7 @@
 """A diagnosis in words: what it found, a summary, and the whole report section by section."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 MOST = 12  # lines of one list
 ILL = 1e8  # condition of J from which half of the digits are gone
 UNEVEN = 1e6  # longest over shortest column
-ALONE = 0.999  # leverage from which on a row determines a direction alone
 NEARBY = 1e-3  # characteristic scales: how far from a point that is not finite to look again
 FAR = 1e3  # times a characteristic scale, or less by that: it may not be what matters
 GAUGES = {  # nouns, one and several, by the kinds of directions that are gauges
@@ -56,16 +55,11 @@ class Finding:
 
 
 def findings(d: "Diagnosis") -> tuple[Finding, ...]:
-    """All findings, warnings first.
-
-    Where the cost rises along every null direction, what is said of rows alone is no warning.
-    """
+    """All findings, warnings first."""
     if not d.here.finite:
         return tuple(_values(d))
-    of_rows = [f for part in (_structure, _rank, _conditioning) for f in part(d)]
-    if d.has_width:
-        of_rows = [replace(finding, warning=False) for finding in of_rows]
-    every = [*_width(d), *of_rows, *_priors(d), *_derivatives(d)]
+    parts = (_structure, _rank, _conditioning, _priors, _derivatives)
+    every = [finding for part in parts for finding in part(d)]
     return tuple(sorted(every, key=lambda finding: not finding.warning))
 
 
@@ -94,24 +88,11 @@ def _values(d: "Diagnosis") -> Iterator[Finding]:
         yield Finding("values", text, False)
 
 
-def _width(d: "Diagnosis") -> Iterator[Finding]:
-    if d.widths:
-        low, high = (f"{width:.2g}" for width in (min(d.widths), max(d.widths)))
-        null = counted(d.shape[1] - d.rank, "null direction")
-        text = (
-            f"the cost rises along {len(d.widths)} of {null}, by its "
-            f"exact Hessian with a standard deviation of "
-            f"{low if low == high else f'{low} to {high}'} characteristic scales: these directions "
-            "have a width, which the Jacobian does not show"
-        )
-        yield Finding("rank", text, False)
-
-
 def _structure(d: "Diagnosis") -> Iterator[Finding]:
     if d.structure.unread.size:
         yield Finding("structure", unread(d))
     under = np.setdiff1d(d.structure.under.columns, d.structure.unread)
-    if under.size and not d.has_width:
+    if under.size:
         text = (
             f"{counted(len(d.structure.under.rows), 'row')} cannot determine {under.size} "
             f"unknowns: {named_groups(d.free, under)}"
@@ -131,10 +112,9 @@ def _rank(d: "Diagnosis") -> Iterator[Finding]:
     n = d.shape[1]
     if d.rank < n:
         text = f"{n - d.rank} of {n} directions change no residual"
-        text += " to first order" if d.widths else ""
         text += f", and no active {_one(d)} forbids them" if d.active.any else ""
         yield Finding("rank", text)
-        if text := gauges_in_words(() if d.widths else d.null_directions):
+        if text := gauges_in_words(d.null_directions):
             yield Finding("rank", text, False)
         for gauge in d.gauges:
             if not is_gauge(gauge, d.problem, d.values, d.constrained.null):
@@ -219,16 +199,6 @@ def _conditioning(d: "Diagnosis") -> Iterator[Finding]:
         pairs = ", ".join(f"{d.free.label(p.first)} and {d.free.label(p.second)}" for p in same[:3])
         text = f"{counted(len(same), 'pair')} of unknowns with parallel columns: {pairs}"
         yield Finding("conditioning", text)
-    if d.leverage is not None:
-        data = np.flatnonzero((d.leverage > ALONE) & ~d.is_prior).tolist()
-        if data:
-            rows = ", ".join(d.problem.row_label(i) for i in data[:3])
-            which = "it determines" if len(data) == 1 else "each determines"
-            text = (
-                f"{counted(len(data), 'row')} with a leverage of 1: {which} a direction alone, so "
-                f"that an outlier there cannot be detected: {rows}"
-            )
-            yield Finding("conditioning", text, False)
 
 
 def _priors(d: "Diagnosis") -> Iterator[Finding]:
@@ -257,19 +227,6 @@ def _derivatives(d: "Diagnosis") -> Iterator[Finding]:
     yield from (Finding("derivatives", fault) for fault in check.faults)
 
 
-def further(d: "Diagnosis") -> str:
-    """What to look at where priors decide directions and nothing else is wrong; or empty."""
-    rest = d.shape[1] - d.identifiability.better_from_data if d.here.finite and d.priors else 0
-    if not rest:
-        return ""
-    verb = "decides" if len(d.priors) == 1 else "decide"
-    return (
-        f"{joined(d.priors)} {verb} {rest} of {d.shape[1]} directions, not the data: a diagnosis "
-        "without the priors (--data-alone) names them, and --minima 3 looks for other answers "
-        "along the weakest"
-    )
-
-
 # A few lines.
 
 
@@ -288,7 +245,7 @@ def summary(d: "Diagnosis") -> Iterator[str]:
     if d.rank == n:
         yield f"full rank, condition {d.condition:.3g}"
     else:
-        if text := gauges_in_words(() if d.widths else d.null_directions):
+        if text := gauges_in_words(d.null_directions):
             yield text
         null = counted(len(d.null_directions), "null direction")
         yield f"{null} (no residual changes along them):"
@@ -342,8 +299,6 @@ def report(d: "Diagnosis") -> str:
             ("derivatives", _checked(d)),
         ]
     parts.append(("suggestions (each was tried out)", _advice(d)))
-    if not d.suggestions and (text := further(d)):
-        parts.append(("where to look further", [text]))
     return sections(parts)
 
 
@@ -385,7 +340,7 @@ def _ranks(d: "Diagnosis") -> Iterator[str]:
     if d.here.estimated:
         yield (
             "the Jacobian is large and sparse: the rank was found by a factorization, without "
-            "singular values; leverage, nearby points and contributions are left out"
+            "singular values; nearby points and contributions are left out"
         )
     if d.structural_rank > d.rank:
         yield (
@@ -412,7 +367,7 @@ def _null(d: "Diagnosis") -> Iterator[str]:
         f"{counted(count, 'direction')}; one unit along {which} changes the residuals by at most "
         f"{worst:.1e} sigma"
     )
-    if text := gauges_in_words(() if d.widths else d.null_directions):
+    if text := gauges_in_words(d.null_directions):
         yield text
     yield from names_of(d.null_directions)
 
@@ -454,10 +409,6 @@ def _columns_and_rows(d: "Diagnosis") -> Iterator[str]:
             f"smallest nonzero singular value ({weak.change:.2g} sigma per characteristic scale): "
             f"along {_columns(d, weak.columns)}; it changes {some_of(rows)}"
         )
-    if d.leverage is not None:
-        top = np.argsort(-d.leverage)[:3]
-        largest = [f"{d.problem.row_label(int(i))} ({d.leverage[i]:.2f})" for i in top]
-        yield f"rows with the largest leverage (at most 1): {', '.join(largest)}"
 
 
 def _columns(d: "Diagnosis", columns: Sequence[int]) -> str:
@@ -477,8 +428,6 @@ def _known(d: "Diagnosis") -> Iterator[str]:
     yield from table(("block", "unit", "sigma", *VERDICTS), rows)
     means = zip(VERDICTS, reversed(EntryIdentifiability), used, strict=True)
     yield "; ".join(f"{head}: {verdict.value}" for head, verdict, some in means if some)
-    if d.widths:
-        yield "sigmas are those of J'J, which does not show the width along null directions"
     if not d.weak_count:
         yield f"the characteristic scales are, {d.scales}"
     for a, b, c in known.correlations[:3]:

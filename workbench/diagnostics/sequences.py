@@ -260,28 +260,13 @@ class SequenceDiagnosis:
     @cached_property
     def largest_sigma(self) -> dict[str, Array]:
         """By block, the largest sigma of its entries in each frame (T,), 0 where none is free."""
-        return {name: np.maximum(most, 0.0) for name, most in self._largest(self.sigma).items()}
-
-    def _largest(self, numbers: Array) -> dict[str, Array]:
-        """By block, the largest of its numbers (n,) in each frame (T,), -1 where none is free."""
         frame_of, place = self.frames.places
         found = {}
         for name, at in self.frames.layout.slices.items():
             some = np.flatnonzero((frame_of >= 0) & (place >= at.start) & (place < at.stop))
-            found[name] = np.full(self.count, -1.0)
-            np.maximum.at(found[name], frame_of[some], numbers[some])
+            found[name] = np.zeros(self.count)
+            np.maximum.at(found[name], frame_of[some], self.sigma[some])
         return found
-
-    @cached_property
-    def insensitive(self) -> dict[str, tuple[int, ...]]:
-        """By block, the frames where it is free but whose own residuals do not depend on it."""
-        length = np.zeros(self.shape[1])
-        for own, R in zip(self.rows.own, self.rows.triangles, strict=True):
-            length[own] = np.linalg.norm(R[:, : len(own)], axis=0)
-        return {
-            name: tuple(np.flatnonzero((most >= 0) & (most <= self.tolerance)).tolist())
-            for name, most in self._largest(length).items()
-        }
 
     @property
     def between(self) -> tuple[str, ...]:
@@ -317,15 +302,6 @@ class SequenceDiagnosis:
             if not count and np.isfinite(self.shared.sigma[i]):
                 text += ": only residuals that belong to no single frame determine it"
             yield Finding("shared", text, bool(count <= FEW * T))
-        for name, some in self.insensitive.items():
-            if some:
-                verb = "sees" if len(some) == 1 else "see"
-                text = f"{frames_in_words(some, T)} {verb} nothing of {name}"
-                warning = bool(np.isinf(self.largest_sigma[name][list(some)]).any())
-                text += (
-                    "" if warning else f": there it is determined by {' and '.join(self.between)}"
-                )
-                yield Finding("frames", text, warning)
         if self.problem.bounded or self.problem.constraints:
             text = "bounds and constraints are ignored in a sequence of this size"
             yield Finding("rank", text, False)
@@ -466,7 +442,6 @@ class SequenceDiagnosis:
             ],
             "shared_ranks": known.ranks,
             "largest_sigma": self.largest_sigma,
-            "insensitive": {name: some for name, some in self.insensitive.items() if some},
         }
 
 

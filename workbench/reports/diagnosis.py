@@ -22,7 +22,7 @@ from workbench.diagnostics import (
 )
 from workbench.diagnostics.conditioning import PARALLEL
 from workbench.diagnostics.diagnosis import diagnose_whole
-from workbench.diagnostics.report import VERDICTS, changed, compared_blocks, further, held
+from workbench.diagnostics.report import VERDICTS, changed, compared_blocks, held
 from workbench.diagnostics.structure import Submatrix, TermBlock
 from workbench.diagnostics.words import gathered, named_groups, named_rows
 from workbench.errors import BadArgument, joined
@@ -119,7 +119,6 @@ def diagnosis_page(
         **_findings(d, title, question),
         d=d,
         suggestions=suggestions_table(d),
-        further=further(d),
         held=held(d) if d.active.any else "",
         sparsity=(None if d.here.estimated else drawn(sparsity_sheet, plots.caption_sparsity, d)),
         terms=terms_table(d),
@@ -236,7 +235,7 @@ def ranks_table(d: Diagnosis) -> Table:
 
 
 def conditioning_table(d: Diagnosis) -> Table:
-    """Column lengths, near-parallel pairs, the weakest direction, leverage."""
+    """Column lengths, near-parallel pairs, the weakest direction."""
     norms = d.here.column_norms
     rows: list[tuple[str, str, str]] = []
     if norms.size:
@@ -261,10 +260,6 @@ def conditioning_table(d: Diagnosis) -> Table:
                 f"{columns}; it changes {seen_by}{more}",
             )
         )
-    if d.leverage is not None:
-        for i in np.argsort(-d.leverage)[:3]:
-            row = d.problem.row_label(int(i))
-            rows.append(("leverage", number(float(d.leverage[i]), 2), f"{row}, of at most 1"))
     return Table(("quantity", "value", "where"), tuple(rows), (1,))
 
 
