@@ -42,13 +42,14 @@ class JointNullMotion:
     undone_by: str = ""
 
     def called(self, v: Array, free: Layout, least: float) -> tuple[str, tuple[str, ...]]:
-        """The name of a direction v (n,) found in it, and the joints that it turns.
+        """The name of a direction v (n,), or (T n,) in T frames, and the joints that it turns.
 
         A limb's motion goes by the joints that turn by at least a tenth of its largest entry; one
         of a joint that another undoes by those that turn by more than `least` of it.
         """
         if self.tree is None:
             return self.name, self.joints
+        v = np.linalg.norm(v.reshape(-1, free.size), axis=0)
         tree, largest = self.tree, float(abs(v).max())
         angles = [np.linalg.norm(v[tree.entries(k, free)]) for k in range(len(tree.names))]
         moves = MOVES if self.kind == "joint" else least

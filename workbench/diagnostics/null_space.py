@@ -131,7 +131,7 @@ def named_by_joints(
     """Directions that span an orthonormal basis (n, d), by the motions of joints near to them."""
     space = NullSpace(np.zeros(free.size), np.ones(free.size), basis, same)
     found = Found(space)
-    motions = list(_of_joints(list(joint_motions(free, trees)), free, found))
+    motions = list(of_joints(list(joint_motions(free, trees)), free, found))
     rest = _sparse(space, null_basis(found.known.T, 0.5), found.known)
     motions += [GaugeMotion("mixed", "", a) for a in rest.T]
     return tuple(_direction(m, signed(basis @ m.coefficients), here, here, free) for m in motions)
@@ -176,16 +176,19 @@ def _named(d: "Diagnosis", found: Found, declared: Sequence[Gauge] = ()) -> Iter
     problem = d.problem
     free = problem.free
     motions = list(joint_motions(free, problem.trees))
-    yield from _of_joints([one for one in motions if one.kind == "entry"], free, found)
+    yield from of_joints([one for one in motions if one.kind == "entry"], free, found)
     if not found.all():
         yield from gauges(problem, d.values, found, d.structure.pattern, declared)
-    yield from _of_joints([one for one in motions if one.kind != "entry"], free, found)
+    yield from of_joints([one for one in motions if one.kind != "entry"], free, found)
 
 
-def _of_joints(
-    motions: Sequence[JointNullMotion], free: Layout, found: Found
+def of_joints(
+    motions: Sequence[JointNullMotion], free: Layout, found: Found, *, apart: bool = True
 ) -> Iterator[GaugeMotion]:
-    """The motions that move the entries of one of these subspaces alone, or nearly so."""
+    """The motions that move the entries of one of these subspaces alone, or nearly so.
+
+    Several of one subspace are told apart by few entries, if they are to be.
+    """
     space = found.space
     parts = np.sum(space.basis**2, axis=1)
     for motion in motions:
@@ -200,7 +203,7 @@ def _of_joints(
             continue
         new = beyond(found.known, inside)[1]
         several = new.shape[1] > 1
-        if several:
+        if several and apart:
             new = _sparse(space, new, found.known)
         for a in new.T:
             v = space.basis @ a
