@@ -63,16 +63,6 @@ def test_a_linear_problem_agrees_with_the_closed_forms(seed: int) -> None:
     assert sizes == sorted(sizes, reverse=True)
 
 
-def test_without_priors_the_data_decide_everything() -> None:
-    rng = np.random.default_rng(0)
-    A = rng.normal(size=(9, 4))
-    known = diagnose(*gaussian_problem(A, 0.1)).identifiability
-    np.testing.assert_array_equal(known.prior_sigma, np.inf)
-    np.testing.assert_array_equal(known.data_share, 1.0)
-    np.testing.assert_array_equal(known.shrinkage, 0.0)
-    assert known.effective == known.better_from_data == 4
-
-
 def test_a_prior_on_some_says_nothing_of_the_others() -> None:
     """And one on a sum says nothing of its parts."""
     x, y, z = Block("x", ()), Block("y", ()), Block("z", (2,))
@@ -148,40 +138,6 @@ def test_an_unknown_prior_is_refused() -> None:
 
 
 # Characteristic scales: what is hardly noticed does not depend on the unit of a block.
-
-
-RAYS = np.linspace(-0.4, 0.4, 20)
-
-
-def focal_length(unit: str, scale: float, *, known_to: float = 5.0) -> Diagnosis:
-    """1000 px, and 20 keypoints that know it to so many; told in a unit of 1 / scale px."""
-    f = Block("focal", (), unit)
-    r = Residual(
-        "seen", (f.symbol / scale - 1000) * RAYS / np.linalg.norm(RAYS), known_to, "px", blocks=(f,)
-    )
-    return diagnose(Problem([r], "focal"), {"focal": np.array(1000 * scale)})
-
-
-@pytest.mark.parametrize(("unit", "scale"), [("px", 1.0), ("kpx", 1e-3), ("1", 1e6)])
-def test_a_focal_length_known_well_is_identified(unit: str, scale: float) -> None:
-    d = focal_length(unit, scale)
-    assert d.identifiability.sigma[0] == pytest.approx(5 * scale)
-    assert d.identifiability.verdicts == (EntryIdentifiability.IDENTIFIED,)
-    assert d.weak_count == 0
-    assert not d.weak_directions
-    assert not d.findings
-
-
-@pytest.mark.parametrize(("unit", "scale"), [("px", 1.0), ("kpx", 1e-3)])
-def test_one_that_may_as_well_be_zero_is_not(unit: str, scale: float) -> None:
-    d = focal_length(unit, scale, known_to=2000.0)
-    assert d.identifiability.verdicts == (EntryIdentifiability.PRACTICAL,)
-    assert d.weak_count == 1
-    assert d.weak_directions[0].change == pytest.approx(0.5)  # sigmas for 1000 px
-    said = f"for focal: {1000 * scale:.4g} {unit}, its size here"
-    assert said in d.findings[0].text
-    assert said[1:-1] in d.report()
-    assert said[1:-1] in str(d)
 
 
 def test_a_prior_is_a_scale() -> None:

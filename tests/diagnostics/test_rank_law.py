@@ -98,7 +98,7 @@ def test_law_singular_values_and_names_agree(batch: int) -> None:
 
         found = named(J, parents, translation)
         assert len(found) == J.shape[1] - rank, (batch, case)
-        assert {d.kind for d in found} <= {"entry", "twist", "joint"}, (batch, case)
+        assert {d.kind for d in found} <= {"entry", "twist", "joint", "mixed"}, (batch, case)
         if found:
             V = np.linalg.qr(np.column_stack([d.vector for d in found]))[0]
             null = Vt[rank:].T
@@ -160,7 +160,7 @@ def test_the_law_holds_for_any_subset_of_a_body(seed: int) -> None:
     assert diagnosis.rank_law is not None
     assert diagnosis.rank_law[0] == diagnosis.rank
     assert len(diagnosis.null_directions) == 75 - diagnosis.rank
-    assert set(kinds(diagnosis)) <= {"entry", "twist", "joint"}
+    assert set(kinds(diagnosis)) <= {"entry", "twist", "joint", "mixed"}
 
 
 def test_law_is_for_observed_joints_alone() -> None:

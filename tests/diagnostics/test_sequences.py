@@ -193,7 +193,6 @@ def test_a_shared_unknown_seen_rarely_is_a_warning() -> None:
         few.assert_no_warnings()
     none = watched(0, 40)
     assert none.rank == none.shape[1] - 1
-    assert none.shared.ranks == {"betas": 4}
     assert [x.described(40) for x in none.null_directions] == ["betas[3]"]
     assert np.isinf(none.shared.sigma[3])
     assert any(f.warning and "seen in 0 of 40 frames" in f.text for f in none.findings)

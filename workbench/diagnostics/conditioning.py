@@ -41,14 +41,12 @@ class WeakestDirection:
     |J d| is small although d has length 1; `columns` carry d, `rows` carry J d.
 
     Attributes:
-        singular_value: the singular value, in sigmas per characteristic scale.
         vector: d (n,), in characteristic scales.
-        change: |J d|, in sigmas.
+        change: |J d|, the singular value, in sigmas per characteristic scale.
         columns: the unknowns that make up most of d.
         rows: the rows that make up most of J d.
     """
 
-    singular_value: float
     vector: Array
     change: float
     columns: tuple[int, ...]
@@ -76,18 +74,16 @@ def parallel_columns(here: Linearization, within: float = NEARLY) -> tuple[Paral
 def weakest(d: "Diagnosis", most: int = 3) -> tuple[WeakestDirection, ...]:
     """The directions of the smallest singular values above the tolerance, under the constraints."""
     if d.sparse is not None:
-        values, vectors = d.sparse.weakest(most)
-        here = d.sparse.here
+        here, vectors = d.sparse.here, d.sparse.weakest(most)[1]
     else:
         here, spectrum = d.measured.here, d.measured.reduced.spectrum
         some = slice(max(0, spectrum.rank - most), spectrum.rank)
-        values, vectors = spectrum.s[some][::-1], spectrum.Vt[some][::-1].T
+        vectors = spectrum.Vt[some][::-1].T
         vectors = d.measured.tangent @ vectors if len(d.measured.rows) else vectors
     found = []
-    for s, v in zip(values.tolist(), vectors.T, strict=True):
+    for v in vectors.T:
         moved = here.along(v)
-        change = float(np.linalg.norm(moved))
-        found.append(WeakestDirection(s, v, change, _main(v), _main(moved)))
+        found.append(WeakestDirection(v, float(norm(moved)), _main(v), _main(moved)))
     return tuple(found)
 
 

@@ -95,7 +95,6 @@ def _numbers(d: "Diagnosis") -> dict[str, Any]:
         ],
         "weakest": [
             {
-                "singular_value": w.singular_value,
                 "change": w.change,
                 "columns": d.free.labels_of(w.columns),
                 "rows": [d.problem.row_label(i) for i in w.rows],

@@ -255,9 +255,8 @@ def _of_rows(d: "Diagnosis", found: Found) -> Iterator[GaugeMotion]:
 def _unnamed(d: "Diagnosis", space: NullSpace, a: Array) -> GaugeMotion:
     """A trade-off of a few numbers, or a direction that has only its entries for a name.
 
-    Numbers that undo each other at points nearby as well, or however far, are a trade-off; not
-    where there are no more rows than directions that they determine, so that counting alone leaves
-    others open everywhere. What holds to first order only says so.
+    Numbers that undo each other nearby too, or however far, are a trade-off, unless there are too
+    few rows for all. What holds to first order only says so.
     """
     free, v = d.problem.free, space.basis @ a
     some = np.flatnonzero(abs(v) > PART * abs(v).max())
@@ -291,10 +290,7 @@ def _parallel(v: Array, w: Array) -> bool:
 
 
 def _one_scale(d: "Diagnosis", v: Array) -> float:
-    """How much the residuals change a step along v (n,) of at most one scale of each unknown.
-
-    In sigmas, or relative to the residuals where these are larger.
-    """
+    """By how much the residuals change a step along v (n,) of at most one scale of each unknown."""
     x, fixed = d.problem.split(d.values)
     before = d.problem.residual(x, fixed)
     step = v / float(np.max(abs(v) / d.scales.sizes))
@@ -320,10 +316,7 @@ def _direction(
 
 
 def _without_rounding(y: Array, lengths: Array, held: Linearization, tolerance: float) -> Array:
-    """The vector x = y / lengths, of length 1, without entries that are only rounding.
-
-    Those are left out that change J x by no more than what counts as nothing.
-    """
+    """The vector y / lengths, of length 1, without entries whose part in J x counts as nothing."""
     x = y / lengths
     least = max(float(np.linalg.norm(held.along(x))), tolerance * float(np.linalg.norm(x)))
     for part in ROUNDING:

@@ -87,11 +87,7 @@ def law_of(problem: Problem, at: Mapping[str, ArrayLike]) -> tuple[int, str] | N
 def _only_joints(
     problem: Problem, at: Mapping[str, ArrayLike]
 ) -> tuple[Tree, Array, tuple[int, ...]] | None:
-    """The tree, the posed joints (K, 3) m and which of them are read, for the rank law.
-
-    None unless all residuals read the joints of one body, coordinate by coordinate, and nothing is
-    free but its pose and perhaps its translation.
-    """
+    """The tree, the posed joints (K, 3) m and which of them are read, if the law applies."""
     if len(problem.points) != 1:
         return None
     (found,) = problem.points

@@ -209,10 +209,7 @@ def _priors(d: "Diagnosis") -> Iterator[Suggestion]:
 
 
 def _fewest(d: "Diagnosis", names: Sequence[str]) -> list[Sequence[str]]:
-    """The smallest sets of blocks in which no null direction stays without a change, best first.
-
-    Of a Jacobian that is large and sparse only all blocks are tried.
-    """
+    """The smallest sets of blocks in which no null direction stays without a change, best first."""
     if d.here.estimated:
         return [names]
     null = d.null_in_scales
@@ -306,10 +303,7 @@ def _rows(null: Array, things: Sequence[HeldPlaces]) -> Array:
 def _chosen(
     null: Array, groups: Sequence[HeldPlaces], *singles: Sequence[HeldPlaces]
 ) -> list[HeldPlaces]:
-    """Things that together determine the null space (n, d), greedily: the largest first.
-
-    `singles` are lists of things of one number, the preferred ones first.
-    """
+    """Things that together determine the null space (n, d), the largest first; then `singles`."""
     chosen: list[HeldPlaces] = []
     left = null
     while left.shape[1]:

@@ -11,7 +11,7 @@ from workbench.diagnostics.gauges import is_gauge
 from workbench.diagnostics.identifiability import EntryIdentifiability
 from workbench.diagnostics.null_space import Direction
 from workbench.diagnostics.scales import METRES
-from workbench.diagnostics.words import counted, gathered, named_groups, named_rows, sections, table
+from workbench.diagnostics.words import counted, gathered, named_groups, sections, table
 from workbench.errors import joined, some_of
 
 if TYPE_CHECKING:
@@ -325,11 +325,6 @@ def _size(d: "Diagnosis") -> Iterator[str]:
         f"square {s.square.rows.size} x {s.square.columns.size}, "
         f"under-determined {s.under.rows.size} x {s.under.columns.size} (rows x unknowns)"
     )
-    if s.under.columns.size:
-        yield (
-            f"the under-determined unknowns are {named_groups(d.free, s.under.columns)}, in "
-            f"{named_rows(d.rows, s.under.rows) or 'no row'}"
-        )
 
 
 def _ranks(d: "Diagnosis") -> Iterator[str]:
@@ -341,11 +336,6 @@ def _ranks(d: "Diagnosis") -> Iterator[str]:
         yield (
             "the Jacobian is large and sparse: the rank was found by a factorization, without "
             "singular values; nearby points and contributions are left out"
-        )
-    if d.structural_rank > d.rank:
-        yield (
-            f"the sparsity pattern allows {d.structural_rank}: {d.structural_rank - d.rank} of the "
-            "null directions are due to the numbers, not to the pattern"
         )
     if d.ranks_nearby:
         yield (
@@ -373,19 +363,10 @@ def _null(d: "Diagnosis") -> Iterator[str]:
 
 
 def _weak(d: "Diagnosis") -> Iterator[str]:
-    """The number of each row decides what is said of it."""
-    shown = d.weak_directions[:MOST]
-    for rows, words in (
-        ([x for x in shown if x.change < 1], "less than one sigma"),
-        (
-            [x for x in shown if x.change >= 1],
-            "one sigma or more: only combinations with others are weak",
-        ),
-    ):
-        if rows:
-            yield f"a whole characteristic scale along each changes the residuals by {words}"
-            numbered = [(f"{x.change:.2g}", x.name) for x in rows]
-            yield from table(("|J d|", "direction"), numbered, numbers=(0,))
+    if shown := d.weak_directions[:MOST]:
+        yield "a whole characteristic scale along each changes the residuals by less than one sigma"
+        numbered = [(f"{x.change:.2g}", x.name) for x in shown]
+        yield from table(("|J d|", "direction"), numbered, numbers=(0,))
     if shown and d.weak_count > len(shown):
         yield f"and {d.weak_count - len(shown)} more"
 
@@ -416,18 +397,17 @@ def _columns(d: "Diagnosis", columns: Sequence[int]) -> str:
 
 
 def _known(d: "Diagnosis") -> Iterator[str]:
-    known, used = d.identifiability, [False] * len(VERDICTS)
+    known = d.identifiability
     rows = []
     for block in d.free.blocks:
         at = d.free.slices[block.name]
         finite = known.sigma[at][np.isfinite(known.sigma[at])]
         spread = f"{finite.min():.2g} .. {finite.max():.2g}" if finite.size else "-"
         counts = [known.verdicts[at].count(v) for v in reversed(EntryIdentifiability)]
-        used = [some or count > 0 for some, count in zip(used, counts, strict=True)]
         rows.append((block.name, block.unit, spread, *map(str, counts)))
     yield from table(("block", "unit", "sigma", *VERDICTS), rows)
-    means = zip(VERDICTS, reversed(EntryIdentifiability), used, strict=True)
-    yield "; ".join(f"{head}: {verdict.value}" for head, verdict, some in means if some)
+    means = zip(VERDICTS, reversed(EntryIdentifiability), strict=True)
+    yield "; ".join(f"{head}: {verdict.value}" for head, verdict in means)
     if not d.weak_count:
         yield f"the characteristic scales are, {d.scales}"
     for a, b, c in known.correlations[:3]:
@@ -437,28 +417,13 @@ def _known(d: "Diagnosis") -> Iterator[str]:
 def _contributions(d: "Diagnosis") -> Iterator[str]:
     if not d.contributions:
         return
-    names, unknown = compared_blocks(d)
-    rows = []
+    names, rows = d.free.names, []
     for c in d.contributions:
         sigmas = [(c.sigma_without[n], c.sigma_with[n]) for n in names]
         both = [changed(*pair, lambda sigma: f"{sigma:.2g}") for pair in sigmas]
         rows.append((c.residual, str(c.rank_without), str(c.rank_with), *both))
     header = ("residual", "rank without", "with", *(f"sigma {n}" for n in names))
     yield from table(header, rows)
-    if unknown:
-        yield f"with or without any one of them the sigmas of {joined(unknown)} are unknown"
-
-
-def compared_blocks(d: "Diagnosis") -> tuple[list[str], list[str]]:
-    """The blocks whose sigmas are known with or without some residual, and the others."""
-    known = {
-        name
-        for c in d.contributions
-        for name in d.free.names
-        if np.isfinite([c.sigma_without[name], c.sigma_with[name]]).any()
-    }
-    names = d.free.names
-    return [n for n in names if n in known], [n for n in names if n not in known]
 
 
 def changed(without: float, with_it: float, number: Callable[[float], str]) -> str:

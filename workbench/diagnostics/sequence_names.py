@@ -79,8 +79,8 @@ def named(
     moved: dict[Key, list[int]] = {}
     for key, direction in _names(_by_frames(vectors[:, tied], frames), frames.layout, motions):
         counts[key] += 1
-        some = np.flatnonzero(np.linalg.norm(direction, axis=1) > TAKES_PART).tolist()
-        moved[key] = sorted({*moved.get(key, ()), *some})
+        in_frames = np.flatnonzero(np.linalg.norm(direction, axis=1) > TAKES_PART)
+        moved[key] = sorted({*moved.get(key, ()), *in_frames.tolist()})
     several += _gathered(counts, moved, tied=True)
     counts, moved = Counter(), {}
     for t, columns in sorted(local.items()):

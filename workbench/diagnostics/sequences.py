@@ -11,7 +11,6 @@ from scipy.sparse import csc_array
 from workbench.arrays import Array, Index, Mask
 from workbench.blocks import Block, Layout, Tree, Values
 from workbench.diagnostics.active_set import check_finite, linearized, not_finite
-from workbench.diagnostics.bases import FRESH
 from workbench.diagnostics.data import plain
 from workbench.diagnostics.diagnosis import Diagnosis, Undiagnosed
 from workbench.diagnostics.elimination import Elimination, FrameRows, frames_of_rows
@@ -117,13 +116,11 @@ class SharedUnknowns:
         layout: the shared unknowns.
         seen: (T, b) in which frames each unknown is seen.
         sigma: (b,) posterior standard deviations by all residuals; infinite where not identified.
-        ranks: by block, its rank once all other unknowns are eliminated.
     """
 
     layout: Layout
     seen: Mask
     sigma: Array
-    ranks: dict[str, int]
 
     @property
     def frames_seen(self) -> Index:
@@ -250,12 +247,7 @@ class SequenceDiagnosis:
             for own, R in zip(rows.own, rows.triangles, strict=True)
         ]
         seen = np.array(lengths).reshape(self.count, layout.size) > rows.tolerance
-        hidden = self.null_vectors.tocsr()[rows.shared].toarray()
-        ranks = {
-            name: at.stop - at.start - int(np.linalg.matrix_rank(hidden[at], tol=FRESH))
-            for name, at in layout.slices.items()
-        }
-        return SharedUnknowns(layout, seen, self.sigma[rows.shared], ranks)
+        return SharedUnknowns(layout, seen, self.sigma[rows.shared])
 
     @cached_property
     def largest_sigma(self) -> dict[str, Array]:
@@ -357,9 +349,6 @@ class SequenceDiagnosis:
     def _ranks(self) -> Iterator[str]:
         columns = f"columns of length 1; tolerance {self.tolerance:.1e}"
         yield f"numerical rank {self.rank} of {self.shape[1]}, {columns}"
-        for name, rank in self.shared.ranks.items():
-            size = self.shared.layout[name].size
-            yield f"{name}: rank {rank} of {size} once all other unknowns are eliminated"
 
     def _null(self) -> list[str]:
         missing = self.shape[1] - self.rank
@@ -440,7 +429,6 @@ class SequenceDiagnosis:
                 }
                 for i in range(known.layout.size)
             ],
-            "shared_ranks": known.ranks,
             "largest_sigma": self.largest_sigma,
         }
 

@@ -22,10 +22,10 @@ from workbench.diagnostics import (
 )
 from workbench.diagnostics.conditioning import PARALLEL
 from workbench.diagnostics.diagnosis import diagnose_whole
-from workbench.diagnostics.report import VERDICTS, changed, compared_blocks, held
+from workbench.diagnostics.report import VERDICTS, changed, held
 from workbench.diagnostics.structure import Submatrix, TermBlock
 from workbench.diagnostics.words import gathered, named_groups, named_rows
-from workbench.errors import BadArgument, joined
+from workbench.errors import BadArgument
 from workbench.fitting.refits import Profile
 from workbench.fitting.setup import View
 from workbench.geometry.rotation import matrix_from_vector
@@ -148,12 +148,7 @@ def _findings(d: Diagnosis | SequenceDiagnosis, title: str, question: str) -> di
 
 def _sigmas(d: Diagnosis) -> dict[str, Any]:
     """The standard deviations, after a remedy where none of them is finite without it."""
-    known, unknown = compared_blocks(d) if d.contributions else ([], [])
-    found: dict[str, Any] = {
-        "sigmas": None,
-        "sigmas_known": bool(known),
-        "sigmas_unknown": joined(unknown) if unknown else "",
-    }
+    found: dict[str, Any] = {"sigmas": None}
     if np.isfinite(d.identifiability.sigma).any():
         return found | {"sigmas": _drawn_sigmas(d)}
     for one in d.suggestions:
@@ -292,7 +287,7 @@ def contributions_table(d: Diagnosis) -> Table | None:
     """The rank and the standard deviations with and without each residual, None if not computed."""
     if not d.contributions:
         return None
-    names, _ = compared_blocks(d)
+    names = d.free.names
     rows = tuple(
         (
             c.residual,

@@ -150,9 +150,7 @@ def end_point(run: "Run", here: Linearization) -> EndPoint:
 def _is_level(end: EndPoint) -> bool:
     """Whether the cost at a stalled end could fall by no more than the tolerance, and by no sigma.
 
-    Near the minimum of a cost in a single row the row itself is level, and any cosine with its
-    short columns is 1. So the fall is estimated by the slope g'd and the curvature d'Hd along the
-    steepest descent d, as (g'd)^2 / (2 d'Hd), H from a second gradient.
+    The fall is estimated by slope and curvature along the steepest descent, as (g'd)^2 / (2 d'Hd).
     """
     here, size = end.here, float(np.linalg.norm(end.here.residual))
     if here.constraints is not None:
@@ -305,10 +303,8 @@ def _converged(
 def _wrapped(run: "Run", here: Linearization, optimality: float) -> tuple[Linearization, float]:
     """Turn the best point's rotation vectors to at most half a turn, where that is free.
 
-    A turn is free if the cost, up to rounding, and the constraints stay as they are. Takes the
-    linearization and the optimality at the best point, and returns both for the point after
-    turning. That is the same body, but its Jacobian has other columns, with other cosines between
-    them and the residual: it stays as it is where the tolerance would no longer be met.
+    Free means that the cost and the constraints stay as they are, and that what has converged stays
+    so. Returns the linearization and the optimality at the best point afterwards.
     """
     problem, best, fixed = run.problem, run.best, run.fixed
     there = problem.stacked_constraints

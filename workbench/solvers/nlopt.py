@@ -187,9 +187,8 @@ class Nlopt(Limits):
         return run.solution()
 
     def _optimize(self, run: Run, optimizer: nlopt.opt, x0: Array, scale: Array) -> None:
-        """Run the optimizer.
+        """Run the optimizer; a local one that uses gradients again, as long as the cost falls.
 
-        A local one that uses gradients is run again from the best point as long as the cost falls:
         MMA and CCSA end as soon as one step happens to gain nothing, even far from a minimum.
         """
         problem, x, cost = run.problem, x0, run.best.cost
@@ -234,11 +233,10 @@ class NloptObjective:
         self.error: BaseException | None = None
         self._descends = abilities.derivative is Derivative.GRADIENT and not abilities.is_global
         self._lowest = run.best.cost
-        self._bounded, self._look = run.problem.bounded, LOOK
+        self._bounded = run.problem.bounded
         self._last = run.x * scale, run.best.cost  # the last good point
         self._worst = run.best.cost
         self._norms = np.where(scale > 0, scale, np.inf)
-        self._error = run.problem.support.norms(run.rounding_noise.at(run.x, here).rows)
 
     def cost(self, y: Array, gradient: Array) -> float:
         """The cost at y, its gradient written into `gradient`, if that has a length."""
@@ -337,27 +335,22 @@ class NloptObjective:
         return float(high)
 
     def _linearization(self, x: Array, g: Array) -> Linearization | None:
-        """The linearization at x (n,) if the point may be nearly stationary, else None.
-
-        The gradient g (n,) and the column norms of the last Jacobian tell whether it may be.
-        """
+        """The linearization at x (n,) if the point may be nearly stationary, else None."""
         run, problem = self.run, self.run.problem
         if not (self._descends and g.size):
             return None
         if problem.stacked_constraints is None and self._is_steep(x, g):
             return None
         here = run.linearize(x)
-        self._look = 1.0  # from here on the norms are good
         self._norms = np.where(here.column_norms > 0, here.column_norms, np.inf)
-        self._error = problem.support.norms(run.rounding_noise.at(x, here).rows)
         return here
 
     def _is_steep(self, x: Array, g: Array) -> bool:
         """Whether the gradient g (n,) at x (n,) is clearly no longer that of a stationary point."""
         run, problem = self.run, self.run.problem
-        more = self._look * run.limits.gradient_tolerance * sqrt(2 * run.best.cost)
         way = g / self._norms
         if self._bounded:
             low, high = (problem.lower - x) * self._norms, (problem.upper - x) * self._norms
             way = np.clip(-way, low, high)
-        return bool((np.abs(way) > self._error + more).any())
+        steep = LOOK * run.limits.gradient_tolerance * sqrt(2 * run.best.cost)
+        return bool((np.abs(way) > steep).any())

@@ -260,8 +260,7 @@ def _searched(
 def _falls(end: EndPoint, d: Array, D: Array) -> Saddle | None:
     """Whether the cost falls along d (n,), of length 1, to one of its sides, and how far it does.
 
-    It is tried at growing distances until it changes by more than rounding. If it bends upwards
-    there, or falls by no more than its gradient says, there is no fall.
+    It is tried at growing distances until it changes by more than rounding.
     """
     here, x = end.here, end.x
     low, high = end.problem.lower, end.problem.upper
@@ -339,10 +338,7 @@ def diverging(end: EndPoint, trace: Sequence[Iterate], noticed: Mask, converged:
 
 
 def _growing(end: EndPoint, trace: Sequence[Iterate], converged: bool) -> Mask:
-    """The unknowns (n,) that grew as fast in the last quarter of the run as before.
-
-    If the run has `converged`, its last step must also be about as long as those before.
-    """
+    """The unknowns (n,) that grew as fast in the last quarter of the run as before."""
     last, pack = len(trace) - 1, end.problem.free.pack
     quarter = (3 * last) // 4
     middle, late, there = (pack(trace[k].values) for k in (last // 2, quarter, last))

@@ -80,10 +80,10 @@ class Scipy(Limits):
 
 
 class _Functions:
-    """Residual and Jacobian as SciPy asks for them, in the `loose` entries: their bounds differ.
+    """Residual and Jacobian as SciPy asks for them, in the `loose` entries.
 
-    MINPACK needs as many rows as columns, so that zeros are added below. A residual that is not
-    finite is replaced by ten times the largest so far, because MINPACK does not notice a NaN.
+    MINPACK needs as many rows as columns, and does not notice a NaN: it gets zeros below, and ten
+    times the largest residual so far.
     """
 
     def __init__(self, run: Run, loose: Mask) -> None:
