@@ -1,6 +1,5 @@
 """Bodies out of files and into them: every array of the family's layouts comes back or is named."""
 
-import copy
 import pickle
 import zipfile
 from collections.abc import Callable
@@ -157,18 +156,6 @@ def test_sparse_regressor_in_its_parts(tmp_path: Path) -> None:
         load_body(saved(tmp_path / "model.npz", wild))
 
 
-def test_wrong_mirror_is_kept_but_not_used(tmp_path: Path) -> None:
-    for wrong in (np.roll(np.arange(40), 1), np.arange(39), np.arange(40) + 5):
-        body = load_body(saved(tmp_path / "m.npz", entries() | {"vert_sym_idxs": wrong}))
-        assert body.mirror is None
-        assert "vert_sym_idxs" in str(body.card)
-        save_body(body, tmp_path / "again.npz")
-        np.testing.assert_array_equal(read_npz(tmp_path / "again.npz")["vert_sym_idxs"], wrong)
-    mirror = np.arange(40)[::-1]
-    body = load_body(saved(tmp_path / "m.npz", entries() | {"vert_sym_idxs": mirror}))
-    np.testing.assert_array_equal(body.mirror, mirror)
-
-
 # What is no body.
 
 
@@ -267,29 +254,6 @@ def test_entries_left_out_are_named_with_the_reason(tmp_path: Path) -> None:
     assert (body.extras["bs_type"].item(), body.extras["scale"].item()) == ("lrotmin", 2.0)
     save_body(body, tmp_path / "again.npz")
     assert load_body(tmp_path / "again.npz").card == body.card  # said once, and kept
-
-
-def test_unread_members_of_an_npz_are_named(tmp_path: Path) -> None:
-    part2num = np.array({"head": 1}, dtype=object)
-    np.savez(tmp_path / "m.npz", **entries(K=55), part2num=part2num)
-    with zipfile.ZipFile(tmp_path / "m.npz", "a") as archive:
-        archive.writestr("LICENSE.txt", "to be read")
-    body = load_body(tmp_path / "m.npz")
-    told = {line.partition(",")[0]: line for line in body.card["left_out"]}
-    assert set(told) == {"part2num", "LICENSE.txt"}
-    assert "Python objects" in told["part2num"]
-    assert "another kind than .npy" in told["LICENSE.txt"]
-
-
-def test_extras_are_read_only_copies() -> None:
-    given = {"hands_mean": np.zeros(45)}
-    body = replace(body_from(entries(), "b", "b"), extras=given)
-    given["hands_mean"][0] = 1
-    assert body.extras["hands_mean"][0] == 0
-    with pytest.raises(ValueError, match="read-only"):
-        body.extras["hands_mean"][0] = 1
-    for other in (copy.deepcopy(body), pickle.loads(pickle.dumps(body)), replace(body, name="x")):
-        np.testing.assert_array_equal(other.extras["hands_mean"], np.zeros(45))
 
 
 def test_extras_that_a_file_cannot_hold_are_refused() -> None:

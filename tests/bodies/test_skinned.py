@@ -24,7 +24,7 @@ from tests.bodies.paper import smpl
 from tests.bodies_made_up import random_body, smpl_like_body
 from tests.tiers import few
 from workbench import Landmarks, SkinnedBody
-from workbench.bodies import skin, skin_vertices
+from workbench.bodies import skin
 from workbench.bodies.files.saving import save_body
 from workbench.bodies.forward.few_points import JointPoints
 from workbench.bodies.forward.kinematics import Skeleton, binding_motions, pose_features
@@ -327,8 +327,6 @@ def test_skinning_function_gives_the_vertices_of_a_body(kind: Any) -> None:
     expected, symbols = BODY.vertices(THETA, BETAS), four(kind)
     W = cs.Function("W", list(symbols), [skin(*symbols, BODY.parents)])
     np.testing.assert_allclose(np.asarray(W(*NUMBERS)).T, expected, atol=1e-12)
-    found = skin_vertices(AT_REST, REGRESSED, BODY.weights, THETA, BODY.parents)
-    np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
 def test_shapes_and_kinds_that_do_not_fit_are_refused() -> None:
@@ -344,8 +342,6 @@ def test_shapes_and_kinds_that_do_not_fit_are_refused() -> None:
             skin(*given, BODY.parents)
     with pytest.raises(BadArgument, match="MX and SX"):
         skin(*four(cs.MX)[:2], *four(cs.SX)[2:], BODY.parents)
-    with pytest.raises(BadArgument, match="three columns"):
-        skin_vertices(AT_REST.T, PLACES, BODY.weights, THETA, BODY.parents)
 
 
 # Joints that are free, or given.
@@ -365,10 +361,8 @@ def test_free_joints_take_the_place_of_the_regressor() -> None:
     values = {"pose": THETA, "betas": BETAS, "trans": np.zeros(3), "joints": PLACES}
     assert problem.free.unit(0) == "m"
     found = problem.linearize(values).residual.reshape(-1, 3)
-    posed = skin_vertices(AT_REST, PLACES, BODY.weights, THETA, BODY.parents)
-    np.testing.assert_allclose(found[:20], posed, atol=1e-12)
+    np.testing.assert_allclose(found[:20], GIVEN.vertices(THETA, BETAS), atol=1e-12)
     np.testing.assert_allclose(found[20:], GIVEN.joints(THETA), atol=1e-12)
-    np.testing.assert_allclose(posed, GIVEN.vertices(THETA, BETAS), atol=1e-12)
     start = BODY.freed("joints").start()["joints"]
     np.testing.assert_allclose(start, BODY.J_regressor @ BODY.template, atol=1e-15)
 

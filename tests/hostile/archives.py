@@ -1,7 +1,6 @@
 """Archives of arrays that are damaged or were made to do harm, each from a good one."""
 
 import io
-import json
 import struct
 import zipfile
 from collections.abc import Callable, Mapping
@@ -43,12 +42,6 @@ def with_arrays(whole: bytes, changed: Mapping[str, object]) -> bytes:
         if array is not None:
             found[f"{name}.npy"] = npy(array)
     return packed(found)
-
-
-def with_facts(whole: bytes, key: str, change: Callable[[Any], object]) -> bytes:
-    """The archive with other facts in its array of JSON."""
-    told = json.loads(str(arrays_in(whole)[key]))
-    return with_arrays(whole, {key: np.array(json.dumps(change(told)))})
 
 
 def first_member(change: Callable[[bytes], bytes]) -> Damage:
@@ -159,24 +152,4 @@ DAMAGES: dict[str, Damage] = {
     "more numbers than it says": first_member(lambda content: content + bytes(8)),
     "letters that are none": first_member(lambda content: LETTERS),
     **{name: headed(header) for name, header in HEADERS.items()},
-}
-
-OTHERS: dict[str, Callable[[NDArray[Any]], object]] = {  # in the place of an array of numbers
-    "complex": lambda a: a.astype(complex),
-    "truth values": lambda a: a > 0,
-    "dates": lambda a: np.zeros(a.shape, "M8[s]"),
-    "columns": lambda a: np.zeros(a.shape, [("x", "f8")]),
-    "text": lambda a: np.full(a.shape, "1.0"),
-    "bytes": lambda a: np.full(a.shape, b"1.0"),
-    "half precision": lambda a: a.astype(np.float16),
-    "long double": lambda a: a.astype(np.longdouble),
-    "huge whole numbers": lambda a: np.full(a.shape, 2**64 - 1, dtype=np.uint64),
-    "the least whole number": lambda a: np.full(a.shape, -(2**63)),
-    "NaN": lambda a: np.full(a.shape, np.nan),
-    "infinite": lambda a: np.full(a.shape, -np.inf),
-    "one axis more": lambda a: a[None],
-    "flat, and of another size": lambda a: np.zeros(a.size + 1, a.dtype),
-    "nothing": lambda a: np.zeros((0, *a.shape), a.dtype),
-    "objects": lambda a: np.full(a.shape, None),
-    "missing": lambda a: None,
 }

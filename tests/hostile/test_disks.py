@@ -21,7 +21,7 @@ from workbench.residuals import gaussian
 from workbench.sampling import Posterior, sample
 from workbench.synthetic.made_up import draw_registrations, jointed_tube, random_smpl
 from workbench.training.blocks import BlockOptions, Plan, alternation
-from workbench.writing import Keeping, replacing
+from workbench.writing import replacing
 
 LIMITED = os.name == "posix" and hasattr(signal, "SIGXFSZ")
 WITH_A_LIMIT = pytest.mark.skipif(not LIMITED, reason="a limit of the size of files")
@@ -101,23 +101,6 @@ def test_training_goes_on_when_the_disk_is_full(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_failures_of_keeping_are_said_once(caplog: pytest.LogCaptureFixture) -> None:
-    keep = Keeping()
-
-    def fail() -> None:
-        raise BadFile("cannot write it")
-
-    with caplog.at_level(logging.WARNING):
-        keep(fail)
-        keep(fail)
-        assert keep.failure == "cannot write it"
-        keep(lambda: None)
-        assert keep.failure == ""
-    assert len(caplog.records) == 1
-    with pytest.raises(LookupError):
-        keep(lambda: {}["a mistake is none"])  # type: ignore[misc]
-
-
 # What is promised, and cannot be written.
 
 
@@ -154,18 +137,3 @@ def run(code: str, *arguments: str, cwd: Path) -> "subprocess.CompletedProcess[s
         timeout=240,
         check=False,
     )
-
-
-@WITH_A_LIMIT
-@pytest.mark.thorough
-def test_cli_prints_numbers_before_its_report_fails(tmp_path: Path) -> None:
-    (tmp_path / "line.py").write_text(LINE)
-    full = run(LIMITS + MAIN, "run", "line.py", "--no-compare", cwd=tmp_path)
-    assert "CONVERGED" in full.stdout
-    assert "File too large" in full.stderr
-    assert list((tmp_path / "runs").iterdir()) == []
-    below_a_file = run(MAIN, "run", "line.py", "--out", "line.py/runs", cwd=tmp_path)
-    assert "Not a directory" in below_a_file.stderr
-    for done in (full, below_a_file):
-        assert done.returncode == 2
-        assert "Traceback" not in done.stderr

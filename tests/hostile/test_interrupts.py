@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.solvers.problems import body_fit, decay
+from tests.solvers.problems import body_fit
 from tests.tiers import few
 from workbench import SOLVERS, Block, Problem, Staged, Status
 from workbench.interrupts import SIGNALS
 from workbench.residuals import gaussian
 from workbench.sampling import SamplingProgress, sample
-from workbench.solvers import Ipopt, Iterate, LevenbergMarquardt, Solution, Sqp, exact_hessian
+from workbench.solvers import Ipopt, Iterate, Solution, Sqp, exact_hessian
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals")
 MOMENTS = 8
@@ -149,19 +149,6 @@ def test_callbacks_that_do_not_end_are_interrupted(name: str) -> None:
     assert "keyboard" in solution.message
 
 
-def test_interrupt_after_convergence_is_told() -> None:
-    problem, start = decay()
-
-    def at_the_end(iterate: Iterate) -> None:
-        if iterate.optimality <= 1e-6:
-            signal.raise_signal(signal.SIGINT)
-
-    solution = LevenbergMarquardt().solve(problem, start, callback=at_the_end)
-    assert solution.status is Status.STOPPED
-    assert solution.message == "interrupted from the keyboard, after it had converged"
-    assert solution.optimality <= 1e-6
-
-
 class Asked(BaseException):
     """What another handler raises."""
 
@@ -185,19 +172,6 @@ def test_handlers_of_others_are_heard_and_come_back(name: str) -> None:
     with pytest.raises(LookupError, match="of the caller"):
         ENTRANTS[name].solve(problem, start, callback=broken)
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-
-
-@pytest.mark.thorough
-def test_other_threads_leave_signals_alone() -> None:
-    during: list[object] = []
-
-    def look(iterate: Iterate) -> None:
-        during.append(signal.getsignal(signal.SIGINT))
-
-    thread = threading.Thread(target=lambda: Ipopt().solve(*body_fit(), callback=look))
-    thread.start()
-    thread.join()
-    assert set(during) == {signal.default_int_handler}
 
 
 @pytest.mark.thorough

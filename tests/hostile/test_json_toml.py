@@ -10,10 +10,8 @@ import pytest
 from builder.bodies import already_made
 from builder.sets import SetRecipe
 from tests.hostile.limits import READ, Reader
-from workbench.cli.train import _origin
 from workbench.comparison.store import FolderStore
-from workbench.errors import BadArgument, BadFile
-from workbench.experiments.experiment import converted
+from workbench.errors import BadFile
 from workbench.reports.folder import SUMMARY, refuse_foreign, replacing_folder
 from workbench.training.evaluation import CARD
 
@@ -186,14 +184,6 @@ def test_summaries_take_away_only_files_that_they_name(tmp_path: Path) -> None:
         assert (tmp_path / "other.txt").read_text() == "kept"
 
 
-@pytest.mark.thorough
-def test_cards_of_registrations_are_read_or_refused(tmp_path: Path) -> None:
-    for content in CONTENTS[: -len(OTHERS)]:
-        written(tmp_path / CARD, content)
-        with pytest.raises(BadFile, match="remove it or correct it"):
-            _origin(tmp_path)
-
-
 TYPED: list[tuple[object, Any]] = [
     (int, "9" * 5000),
     (int, "1e999"),
@@ -207,11 +197,3 @@ TYPED: list[tuple[object, Any]] = [
     (int, [[[[5]]]]),
     (str, 10**5000),
 ]
-
-
-def test_typed_arguments_are_refused_in_short() -> None:
-    for annotation, typed in TYPED:
-        with pytest.raises(BadArgument, match="x must be") as refusal:
-            converted("x", annotation, typed)
-        assert len(str(refusal.value)) < 300
-    assert converted("x", dict, DIGITS) == DIGITS  # what is no JSON is the text that was typed

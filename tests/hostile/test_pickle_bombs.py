@@ -1,8 +1,6 @@
 """Pickles made to hang, to fill the memory or to run code: each ends in a short sentence."""
 
 import json
-import os
-import pickle
 import struct
 from collections.abc import Callable
 from pathlib import Path
@@ -10,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.bodies.random_bodies import entries
 from tests.hostile.limits import READ, Reader
 from tests.hostile.pickle_bombs import (
     BOMBS,
@@ -43,8 +40,6 @@ from tests.hostile.pickle_bombs import (
     text,
     whole,
 )
-from workbench.bodies.catalogue import load_body
-from workbench.errors import BadFile
 
 LOAD = "workbench.bodies.catalogue:load_body"
 MEGABYTES = 500
@@ -215,19 +210,3 @@ NO_BODIES: dict[str, dict[str, bytes]] = {  # numbers that a conversion would ch
 def test_numbers_of_no_body_are_named(reader: Reader, tmp_path: Path) -> None:
     for says, changed in NO_BODIES.items():
         assert says in refused(reader, tmp_path, body(**changed))
-
-
-@pytest.mark.thorough
-def test_large_bodies_are_read(reader: Reader, tmp_path: Path) -> None:
-    """8,000 vertices and 100 blend shapes in float64, as the largest models have: 60 MB."""
-    large = entries(8000, 24, B=100)
-    (tmp_path / "model.pkl").write_bytes(pickle.dumps(large, protocol=2))
-    answer = reader.ask(LOAD, tmp_path / "model.pkl")
-    assert answer.outcome == READ, answer.what
-
-
-@pytest.mark.thorough
-def test_pipes_are_no_bodies(tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / "model.pkl")
-    with pytest.raises(BadFile, match="is a pipe or a device; give a file"):
-        load_body(tmp_path / "model.pkl")
