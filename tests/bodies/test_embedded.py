@@ -66,9 +66,6 @@ def test_a_function_and_a_line_make_a_body(tmp_path: Path, monkeypatch: pytest.M
 
 
 FOLDER = Path(workbench.__file__).parent / "data" / "bodies"
-COUNTS = {"default": (1229, 2454), "small": (369, 734), "full": (12272, 24540)}
-MEGABYTES = {"default": 0.45, "small": 0.15, "full": 4.5}
-STATURE = {"neutral": (1.62, 1.74), "female": (1.58, 1.67), "male": (1.70, 1.80)}  # m
 FLIP = np.array([-1.0, 1.0, 1.0])
 
 

@@ -24,11 +24,6 @@ EVERY_10_DEGREES = np.radians(np.arange(0, 181, 10))
 X, Z = np.eye(3)[0], np.eye(3)[2]
 
 
-def area(around: int = 32, radius: float = 0.05) -> float:
-    """Of a regular polygon."""
-    return around / 2 * radius**2 * np.sin(2 * np.pi / around)
-
-
 # The candy wrapper.
 
 

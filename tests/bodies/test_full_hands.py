@@ -99,12 +99,6 @@ def test_fingers_move_as_the_hand() -> None:
         )
 
 
-def normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    corners = vertices[faces]
-    found = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    return found / np.linalg.norm(found, axis=1, keepdims=True)
-
-
 def degrees(u: np.ndarray, v: np.ndarray) -> np.ndarray:
     return np.degrees(2 * np.arcsin(np.linalg.norm(u - v, axis=1).clip(0, 2) / 2))
 

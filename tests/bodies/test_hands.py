@@ -19,7 +19,6 @@ from workbench.residuals import landmarks
 
 HAND, LEFT = load_skinned("hand"), load_skinned("hand-left")
 SPACE = pose_space(HAND)
-FAR = 0.04  # m
 
 
 def someone(seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -25,7 +25,6 @@ from workbench.writing import replacing
 
 LIMITED = os.name == "posix" and hasattr(signal, "SIGXFSZ")
 WITH_A_LIMIT = pytest.mark.skipif(not LIMITED, reason="a limit of the size of files")
-HOUSE = Path(__file__).parents[2]
 
 
 @contextmanager
@@ -116,15 +115,6 @@ def test_reports_and_exercises_are_written_whole_or_not_at_all(tmp_path: Path) -
             write()
         assert list(tmp_path.iterdir()) == []
     assert hand_out(lecture(1), tmp_path).is_file()
-
-
-LINE = """
-from workbench import Block, Problem, Residual
-x = Block("x")
-problem, start = Problem((Residual("r", x.symbol - 2.0, 1.0),), "x"), {"x": 0.0}
-"""
-LIMITS = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (2048, 2048))\n"
-MAIN = "from workbench.cli import main; main()"
 
 
 def run(code: str, *arguments: str, cwd: Path) -> "subprocess.CompletedProcess[str]":

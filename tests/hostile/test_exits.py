@@ -124,26 +124,6 @@ def work(task):
     time.sleep(300)
 list(Processes(2)(work, range(4)))
 """
-RUNS = """
-import os, sys, time
-from pathlib import Path
-from workbench import compare, Problem, Block, Residual
-from workbench.comparison import Budget
-compare(sys.argv[1], sys.argv[2], budget=Budget(max_seconds=300), workers=2, seeds=2)
-"""
-LINE = """
-from workbench import Block, Problem, Residual
-from workbench.experiments import Setup
-x = Block("x")
-problem, start = Problem((Residual("r", x.symbol - 2.0, 1.0),), "x"), {"x": 0.0}
-def setup(seed: int = 0): return Setup(problem, start, "A line")
-"""
-MARKS = """
-import sys
-from workbench.course.outline import lecture
-from workbench.course.process import ProcessLimits, grade
-grade(lecture(1), sys.argv[1], ProcessLimits(300))
-"""
 
 
 def lines_of(path: Path, count: int, process: "subprocess.Popen[str]") -> list[int]:
@@ -174,12 +154,6 @@ def test_workers_of_a_training_end_with_it(tmp_path: Path) -> None:
     workers = lines_of(told, 2, process)
     killed(process)
     assert gone(workers)
-
-
-ASKED = """
-import signal
-print(signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, []))
-"""
 
 
 PARENT = """

@@ -3,7 +3,6 @@
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -182,18 +181,3 @@ def test_summaries_take_away_only_files_that_they_name(tmp_path: Path) -> None:
             (fresh / SUMMARY).write_text("{}")
         assert (tmp_path / "report/mine.txt").read_text() == "kept"
         assert (tmp_path / "other.txt").read_text() == "kept"
-
-
-TYPED: list[tuple[object, Any]] = [
-    (int, "9" * 5000),
-    (int, "1e999"),
-    (float, "1e999"),
-    (float, "9" * 100_000),
-    (float, "nan"),
-    (bool, LONG),
-    (tuple[str, ...], DEEP),
-    (dict, DEEP),
-    (int, object()),
-    (int, [[[[5]]]]),
-    (str, 10**5000),
-]
