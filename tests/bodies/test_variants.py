@@ -20,7 +20,8 @@ from tests.tiers import few
 from workbench import SkinnedBody
 from workbench.bodies.ablations import without_shape_blend_shapes
 from workbench.bodies.files.gltf import write_gltf
-from workbench.bodies.forward.features import (
+from workbench.bodies.forward.posing import unpose
+from workbench.bodies.forward.surface import (
     Features,
     count_features,
     quaternion_elements,
@@ -28,7 +29,6 @@ from workbench.bodies.forward.features import (
     rotation_vectors,
     star_features,
 )
-from workbench.bodies.forward.posing import unpose
 from workbench.errors import BadBody, BadFile
 
 SKINNINGS = (wb.linear_blend, wb.dual_quaternion_blend)

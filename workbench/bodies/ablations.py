@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from workbench.bodies.forward.features import star_features
+from workbench.bodies.forward.surface import star_features
 from workbench.bodies.skinned import SkinnedBody
 from workbench.errors import BadBody
 

@@ -15,7 +15,7 @@ from workbench.blocks.checks import numbers
 from workbench.bodies.body import Body, Landmarks
 from workbench.bodies.capsules import Capsules
 from workbench.bodies.files.reading import SKINNED, TRIANGLES, clashes
-from workbench.bodies.forward.features import count_features, rotation_elements
+from workbench.bodies.forward.surface import count_features, rotation_elements
 from workbench.errors import BadBody, BadMesh, NotNumbers
 from workbench.geometry.triangles import gradients
 
@@ -194,10 +194,7 @@ def _check_finite(refuse: Refuse, name: str, array: NDArray[Any] | csr_array) ->
 
 
 def _check_sizes(refuse: Refuse, body: Body, names: Iterable[str]) -> None:
-    """Refuse arrays of positions or directions in metres (N, 3, ...) with entries beyond FARTHEST.
-
-    So a body in millimetres is refused: residuals, priors and starts are in m.
-    """
+    """Refuse arrays of positions or directions in metres (N, 3, ...) with entries beyond FARTHEST."""
     for name in names:
         array = np.abs(getattr(body, name))
         if array.size and (largest := float(array.max())) > FARTHEST:

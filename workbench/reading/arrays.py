@@ -274,11 +274,7 @@ class Archive:
 
 
 class _InPieces:
-    """A file that gives no more than `LONGEST_READ` bytes at once.
-
-    zipfile reads an archive's directory in one piece and makes an object of each of its entries,
-    of which there may be as many as the file has bytes for; numbers it reads in small pieces.
-    """
+    """A file that gives no more than `LONGEST_READ` bytes at once."""
 
     def __init__(self, file: BinaryIO) -> None:
         self._file, self.seek, self.tell = file, file.seek, file.tell
@@ -413,10 +409,7 @@ def check_numbers(name: str, numbers: Index, end: int) -> None:
 def _compare(
     name: str, header: Header, wanted: Expected, sizes: dict[str, tuple[int, str]]
 ) -> None:
-    """Raise BadFile unless a header says what is expected.
-
-    `sizes` are those of the letters so far, each with the first array that has it.
-    """
+    """Raise BadFile unless a header says what is expected."""
     kind, shape = f"{header.dtype.kind}{header.dtype.itemsize}", header.shape
     empty = wanted.kind is texts and kind == "f8" and not header.count  # as numpy writes []
     if not empty and kind not in wanted.kind.types and kind[0] not in wanted.kind.types:

@@ -145,11 +145,7 @@ def _of_family(model: ModelArrays) -> Iterator[FileFinding]:
 
 
 def _exchanged(model: ModelArrays) -> Iterator[FileFinding]:
-    """Two joints that would be nearer to where their skins begin if they changed places.
-
-    The skin of a joint begins at the mean of the vertices by the product of its weight and its
-    parent's.
-    """
+    """Two joints that would be nearer to where their skins begin if they changed places."""
     joints, parents, W = model.joints, model.parents, model.weights
     if joints is None or parents is None or W is None or model.template is None:
         return

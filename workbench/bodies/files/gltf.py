@@ -337,11 +337,7 @@ def _animation(
 
 
 def _on_one_side(q: Array) -> Array:
-    """Quaternions (P, K, 4) xyzw, of which neighbours in time lie on one side.
-
-    q and -q are the same rotation, and a viewer may interpolate the long way round between q and
-    what is nearly -q.
-    """
+    """Quaternions (P, K, 4) xyzw, of which neighbours in time lie on one side."""
     same = np.where((q[1:] * q[:-1]).sum(axis=2) < 0, -1.0, 1.0)
     signs = np.concatenate([np.ones((1, q.shape[1])), np.cumprod(same, axis=0)])
     return np.asarray(q * signs[:, :, None])

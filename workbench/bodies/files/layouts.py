@@ -36,7 +36,7 @@ from workbench.bodies.files.reading import (
     Entries,
     sorted_out,
 )
-from workbench.bodies.forward.features import Features, rotation_elements, star_features
+from workbench.bodies.forward.surface import Features, rotation_elements, star_features
 from workbench.bodies.readonly import locked
 from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.triangles.body import TriangleBody
@@ -146,10 +146,7 @@ def parents_from(entries: Entries) -> tuple[int, ...]:
 
 
 def _features(posedirs: Array, K: int) -> Features:
-    """STAR's, if posedirs (N, 3, F) have as many columns: 93 on 24 joints; otherwise SMPL's.
-
-    9 (K - 1), SMPL's number, is never 4 (K - 1) + 1.
-    """
+    """STAR's, if posedirs (N, 3, F) have as many columns: 93 on 24 joints; otherwise SMPL's."""
     return star_features if posedirs.shape[2] == 4 * (K - 1) + 1 else rotation_elements
 
 

@@ -14,8 +14,8 @@ from workbench.bodies.body import why_not_skinned
 from workbench.bodies.files.joint_names import family
 from workbench.bodies.files.layouts import STYLE
 from workbench.bodies.files.reading import LONGEST_NAME, SPARSE_PARTS
-from workbench.bodies.forward.features import rotation_elements, star_features
 from workbench.bodies.forward.skinning import linear_blend
+from workbench.bodies.forward.surface import rotation_elements, star_features
 from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadFile

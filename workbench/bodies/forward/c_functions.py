@@ -63,11 +63,7 @@ def _source(
 
 
 def _in_c(function: cs.Function, put: str, c_of: Mapping[int, str] = SUMS_AND_PRODUCTS) -> str:
-    """A function as C for several vertices; the input called `motion` is the same for all.
-
-    Outputs are set, or with the `put` of `+=` added to what is there. Raises NotSupported for an
-    operation that is not in `c_of`.
-    """
+    """A function as C for several vertices; the input called `motion` is the same for all."""
     names = [function.name_in(i) for i in range(function.n_in())]
     stored = tuple(f"i{i}[" for i, name in enumerate(names) if name in STORED)
 

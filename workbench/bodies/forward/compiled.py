@@ -398,10 +398,7 @@ class CompiledMeshAt(PointsAtMotion):
 
 
 def _addresses(target: RowTarget, copied: list[tuple[Array, Array]]) -> NDArray[np.intp]:
-    """The address that each row is written to, (count,); 0 for a row that is not wanted.
-
-    An array whose rows are not in one piece is written aside, and appended to `copied`.
-    """
+    """The address that each row is written to, (count,); 0 for a row that is not wanted."""
     array = target.array if isinstance(target, Rows) else target
     plain = array
     if array.strides[1] != 8:
@@ -417,10 +414,7 @@ def _addresses(target: RowTarget, copied: list[tuple[Array, Array]]) -> NDArray[
 
 @lru_cache(MANY_PLACES)
 def _places(begin: int, stride: int, count: int) -> NDArray[np.intp]:
-    """The addresses of rows one after the other; only the library reads them.
-
-    Large Jacobians take turns in a few buffers, so that the same addresses are asked for again.
-    """
+    """The addresses of rows one after the other; only the library reads them."""
     return begin + stride * np.arange(count)
 
 

@@ -260,10 +260,7 @@ def _by_betas(chunk: VertexChunk, R: Array, by: MotionDerivatives) -> Array:
 
 
 def _write(into: RowTarget, columns: slice, values: Array, factor: Array | None) -> None:
-    """Planar (k, 3, n), which is used up, into columns of k rows, vertex by vertex.
-
-    Times a factor (3, n).
-    """
+    """Planar (k, 3, n), which is used up, into columns of k rows, vertex by vertex."""
     if factor is not None:
         values *= factor
     if isinstance(into, Rows):
