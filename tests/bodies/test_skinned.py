@@ -26,7 +26,7 @@ from tests.tiers import few
 from workbench import Landmarks, SkinnedBody
 from workbench.bodies import skin
 from workbench.bodies.files.saving import save_body
-from workbench.bodies.forward.few_points import JointPoints
+from workbench.bodies.forward.few_points import LandmarkPoints
 from workbench.bodies.forward.kinematics import Skeleton, binding_motions, pose_features
 from workbench.bodies.forward.motion import Kinematics
 from workbench.bodies.triangles.body import blend_scape
@@ -87,7 +87,7 @@ def test_motions_and_their_derivatives_are_those_of_the_graph(bound: bool) -> No
         G, f, t, dG, df, dt, dG_db = (np.asarray(a) for a in graph(poses[i].T, people[i]))
         on_G, on_f = rng.standard_normal((K, 3, 4)), rng.standard_normal(9 * (K - 1))
         changes = motion.derivatives
-        joints_at = JointPoints(skeleton, kinematics.ancestors).at(motion, people[i])
+        joints_at = LandmarkPoints.of_joints(skeleton, kinematics.ancestors).at(motion, people[i])
         d_features = np.asarray(df).reshape(K - 1, 9, K, 3)
         for found, expected in (
             (motion.G, G),

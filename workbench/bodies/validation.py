@@ -194,7 +194,7 @@ def _check_finite(refuse: Refuse, name: str, array: NDArray[Any] | csr_array) ->
 
 
 def _check_sizes(refuse: Refuse, body: Body, names: Iterable[str]) -> None:
-    """Refuse arrays of positions or directions in metres (N, 3, ...) with entries beyond FARTHEST."""
+    """Refuse positions or directions in metres (N, 3, ...) with entries beyond FARTHEST."""
     for name in names:
         array = np.abs(getattr(body, name))
         if array.size and (largest := float(array.max())) > FARTHEST:
