@@ -245,7 +245,7 @@ def chosen_vertices(body: Body, vertices: object) -> list[int]:
     except NotNumbers as error:
         raise BadBody(f"{error}; {there}") from None
     if found.dtype == bool and found.shape == (N,):
-        return [int(vertex) for vertex in np.flatnonzero(found)]
+        found = np.flatnonzero(found)
     if found.ndim != 1 or (found.size and found.dtype.kind not in "iu"):
         raise BadBody(
             f"{there}; choose some by a list of whole numbers, or by a mask of shape ({N},), "

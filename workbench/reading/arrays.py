@@ -31,16 +31,11 @@ from workbench.arrays import Array, Index, Mask
 from workbench.errors import BadFile, cut, listed
 
 LONGEST_REASON = 400  # characters: what a file says may be as long as it likes
-DAMAGE: tuple[type[Exception], ...] = (
-    # zipfile: no archive, a member that is cut off, packed in a way that zipfile does not
-    # implement (NotImplementedError), or that has a password (RuntimeError)
+DAMAGE: tuple[type[Exception], ...] = (  # what zipfile and numpy's parser of headers raise
     *(zipfile.BadZipFile, zlib.error, EOFError, OSError, NotImplementedError, RuntimeError),
-    *(struct.error, KeyError, IndexError),
-    # numpy's parser of headers calls ast.literal_eval, tokenize and np.dtype on what it finds;
-    # ValueError includes text that cannot be decoded, RuntimeError expressions that are too deep
+    *(struct.error, KeyError, IndexError, OverflowError, MemoryError),
     *(ValueError, SyntaxError, tokenize.TokenError, TypeError, AttributeError),
-    *(OverflowError, MemoryError),
-    Warning,  # of either, where the caller turns warnings into errors
+    Warning,  # where the caller turns warnings into errors
 )
 
 
