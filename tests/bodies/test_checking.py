@@ -148,12 +148,6 @@ FAULTS: dict[str, tuple[str, Change, str, str]] = {
         "Joint 4 .* has parent 7, which does not come before it",
     ),
     "collars exchanged": (BODY, joints_in_order(COLLARS), "kintree_table", "tree is another one"),
-    "regressor in another order": (
-        BODY,
-        computed("J_regressor", lambda rows: rows[ELBOWS]),
-        "J_regressor",
-        "left_shoulder.* and joint 18 .* changed places",
-    ),
     "another model's columns": (
         BOTH,
         put(posedirs=np.zeros((1229, 3, 207))),
@@ -200,7 +194,7 @@ FAULTS: dict[str, tuple[str, Change, str, str]] = {
 BESIDE = {"negative weights": {"J_regressor"}}  # faults from which others follow
 
 
-@pytest.mark.parametrize("fault", few(FAULTS, 14))
+@pytest.mark.parametrize("fault", few(FAULTS, 13))
 def test_fault_is_found_and_nothing_else_blamed(fault: str) -> None:
     base, change, part, says = FAULTS[fault]
     found = checked(base, change)

@@ -99,7 +99,7 @@ def test_motions_and_their_derivatives_are_those_of_the_graph(bound: bool) -> No
             (motion.vjp(on_G, on_f)[0], on_G.ravel() @ dG + on_f @ df),
             (motion.vjp(on_G, on_f)[1], on_G.ravel() @ dG_db),
             (many.numbers[i], motion.numbers),
-            (many.derivatives[i].numbers, changes.numbers),
+            (many.derivatives.numbers[i], changes.numbers),
         ):
             np.testing.assert_allclose(found.ravel(), np.ravel(expected), rtol=0, atol=1e-13)
 

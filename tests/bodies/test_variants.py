@@ -189,7 +189,7 @@ def test_files_of_star_are_told_from_smpls(tmp_path: Path) -> None:
 
 
 def test_star_features_are_refused_where_they_mean_nothing(tmp_path: Path) -> None:
-    with pytest.raises(BadFile, match="star_features, which the package smplx does not know"):
+    with pytest.raises(BadFile, match="star_features, which smplx does not know"):
         wb.save_body(STAR, tmp_path / "star.pkl")
     with pytest.raises(BadBody, match="cannot be unposed"):
         unpose(STAR, POSE, STAR.vertices(POSE))

@@ -84,17 +84,14 @@ def check_triangles(body: TriangleBody) -> None:
         "weights": (F, K),
     }
     _check_arrays(refuse, body, shapes, "face", TRIANGLES)
-    outside = (body.near < 1) | (body.near >= K)
-    if outside.any():
-        face = int(np.argmax(outside.any(axis=1)))
+    wrong = ((body.near < 1) | (body.near >= K)).any(axis=1)
+    wrong |= (np.diff(np.sort(body.near, axis=1), axis=1) == 0).any(axis=1)
+    if wrong.any():
+        face = int(np.argmax(wrong))
         refuse(
-            f"face {face} is near the joints {body.near[face].tolist()}, but joints that bend "
-            f"are 1 to {K - 1}"
+            f"face {face} is near the joints {body.near[face].tolist()}, but must be near "
+            f"different ones of 1 to {K - 1}"
         )
-    twice = np.diff(np.sort(body.near, axis=1), axis=1) == 0
-    if twice.any():
-        face = int(np.argmax(twice.any(axis=1)))
-        refuse(f"face {face} is near the joints {body.near[face].tolist()}: one of them twice")
     try:
         parts = body.stitching.n_components
         with np.errstate(over="ignore", invalid="ignore"):  # what overflows has no area

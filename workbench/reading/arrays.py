@@ -420,13 +420,9 @@ def _compare(
     )
     if not fits:
         raise BadFile(
-            f"{name} has shape {shape}, but must be {_written_shape(wanted.shape)}"
+            f"{name} has shape {shape}, but must be {str(wanted.shape).replace(chr(39), '')}"
             f"{' with ' if known else ''}{' and '.join(known)}"
         )
-
-
-def _written_shape(shape: tuple[Size, ...]) -> str:
-    return f"({', '.join(map(str, shape))}{',' if len(shape) == 1 else ''})"
 
 
 def _finite(array: NDArray[Any]) -> Array:
