@@ -10,10 +10,8 @@ import casadi as cs
 import numpy as np
 import pytest
 
-import workbench as wb
 from tests.bodies_made_up import SMPL_PARENTS, random_body
 from tests.tiers import few
-from workbench import compiling
 from workbench.bodies import SkinnedBody
 from workbench.bodies.forward import compiled, posed_points
 from workbench.bodies.forward.compiled import (
@@ -196,22 +194,6 @@ def test_joints_that_leave_vertices_alone_change_no_number(
 
 
 @NEEDS_COMPILER
-def test_residual_has_the_same_bits_with_its_jacobian() -> None:
-    body = in_whole_steps(body_of("small", 61))
-    points = body.points(*[block.symbol for block in body.blocks()])
-    observed = wb.Block("observed", (61, 3), "m")
-    terms = [wb.residuals.vertices(points, observed.symbol, sigma=0.01)]
-    problem = wb.Problem(terms, ("pose", "betas", "trans"))
-    x, fixed = problem.split(body.start() | {"observed": np.zeros((61, 3))})
-    for seed in range(4):
-        here = x + np.random.default_rng(seed).normal(0, 0.3, x.shape)
-        alone = problem.residual(here, fixed).copy()
-        for other in (1, 2, 3):  # so that nothing is kept of the first answer
-            problem.residual(here + other, fixed)
-        np.testing.assert_array_equal(problem.linearize_at(here, fixed).residual, alone)
-
-
-@NEEDS_COMPILER
 def test_derivatives_go_into_memory_of_any_layout() -> None:
     body, betas, pose = body_of("bound", 13), np.ones(2), pose_at("anywhere", 4)
     motion = body.kinematics.motion(pose, betas)
@@ -230,25 +212,6 @@ def test_derivatives_go_into_memory_of_any_layout() -> None:
     outside = np.ones(whole.shape, dtype=bool)
     outside[3:15, 5:44] = False
     assert not whole[outside].any()
-
-
-@NEEDS_COMPILER
-def test_compiled_code_is_given_arrays_of_its_sizes() -> None:
-    """It trusts its arguments, so that they are checked, and made numbers of one type, before."""
-    body = body_of("smpl", 9)
-    pose, betas = np.arange(72.0).reshape(24, 3), np.ones(10)
-    expected = body.kinematics.motion(pose, betas)
-    for kind in (np.float32, np.int64):
-        found = body.kinematics.motion(pose.astype(kind), betas.astype(kind))
-        np.testing.assert_array_equal(found.G, expected.G)
-    turned = body.kinematics.motion(np.asfortranarray(pose), betas)
-    np.testing.assert_array_equal(turned.G, expected.G)
-    for sizes in (((3,), (10,)), ((3, 24, 3), (2, 10)), ((24, 3), (9,))):
-        with pytest.raises(ValueError, match=r"reshape|betas"):
-            body.kinematics.motion(*map(np.ones, sizes))
-    whole = np.arange(24.0).reshape(4, 6)
-    for array in (whole, np.frombuffer(whole.tobytes()), whole[:, ::2], whole[:0], whole[2:]):
-        assert compiling.address(array) == array.ctypes.data
 
 
 # Kinematics.

@@ -123,7 +123,6 @@ def computed(key: str, function: Callable[[Any], Any]) -> Change:
 BODY, RIGHT, LEFT, BOTH = "SMPL_MALE", "MANO_RIGHT", "MANO_LEFT", "SMPLH_NEUTRAL"
 LENGTHS = ("v_template", "shapedirs", "posedirs")
 COLLARS = [*range(13), 14, 13, *range(15, 24)]
-ELBOWS = [*range(16), 18, 19, 16, 17, *range(20, 24)]
 NEGATIVE = np.eye(369, 24, 1) * 1.2 - np.eye(369, 24) * 1.2
 UNMIRRORED = np.array([-1, 1, 1])[:, None]
 # A name for each fault, the file, what is changed, the key that is blamed, and what is said.

@@ -114,14 +114,11 @@ def test_number_of_joints_tells_the_model(tmp_path: Path) -> None:
 VARIANTS: dict[str, Callable[[Entries], Entries]] = {
     "flat posedirs": lambda e: {"posedirs": e["posedirs"].reshape(3 * len(e["v_template"]), -1)},
     "smplx posedirs": lambda e: {"posedirs": e["posedirs"].reshape(120, -1).T},
-    "flat shapedirs": lambda e: {"shapedirs": e["shapedirs"].reshape(120, -1)},
     "flatter shapedirs": lambda e: {"shapedirs": e["shapedirs"].reshape(40, -1)},
     "fortran": lambda e: {"posedirs": np.asfortranarray(e["posedirs"])},
     "big-endian": lambda e: {"weights": e["weights"].astype(">f8")},
-    "root -1": lambda e: {"kintree_table": with_root(e, -1)},
     "root 2^64 - 1": lambda e: {"kintree_table": with_root(e, -1).astype(np.uint64)},
     "float tree": lambda e: {"kintree_table": e["kintree_table"].astype(np.float32)},
-    "float faces": lambda e: {"f": e["f"].astype(np.float64)},
     "more keys": lambda e: {"vert_sym_idxs": np.arange(40), "bs_style": np.array("lbs")},
 }
 
@@ -165,19 +162,15 @@ NO_BODIES: list[tuple[Entries, type[WorkbenchError], str]] = [
     ({"bs_style": np.array(b"dqbs")}, BadFile, "bs_style 'dqbs'"),
     ({"shapedirs": np.zeros((41, 3, 10))}, BadFile, "shapedirs has shape"),
     ({"v_template": np.zeros((0, 3))}, BadFile, "v_template has shape"),
-    ({"v_template": np.array(["a"])}, BadFile, "v_template holds <U1"),
     ({"v_template": np.full((40, 3), np.nan)}, BadBody, "not finite"),
     ({"v_template": np.full((40, 3), 1800.0)}, BadBody, "beyond 1,000 m"),  # in millimetres
     ({"f": np.full((2, 3), 0.5)}, BadFile, "f must hold whole numbers"),
-    ({"kintree_table": np.zeros((2, 24))}, BadFile, "row 1 of kintree_table"),
     ({"kintree_table": [[-1, 0, 9, *[0] * 21], range(24)]}, BadBody, "joint 2 has parent 9"),
     ({"weights": np.array([{"a": 1}], dtype=object)}, BadFile, "Python objects"),
-    ({"card": np.array("{")}, BadFile, "card is no JSON"),
     ({"joint_names": np.arange(24)}, BadFile, "must be a list of names"),
     (MANY, BadBody, "has shape"),
     (ALL | {"poses": np.zeros((4, 156)), "trans": np.zeros((4, 3))}, BadFile, "like a motion"),
     (ALL | {"vertices": np.zeros((4, 3)), "faces": np.eye(3)}, BadFile, "like a plain mesh"),
-    (ALL | {"eigvec": np.zeros((4, 3, 8))}, BadFile, "looks like .*soft-tissue"),
 ]
 
 

@@ -11,7 +11,7 @@ import trimesh
 
 from builder.full_hands import sewn_mesh
 from tests.bodies.paper import smpl
-from workbench.bodies import capsule_ends, pose_space
+from workbench.bodies import pose_space
 from workbench.bodies.catalogue import embedded, embedded_hand, load_skinned, sewing_of
 from workbench.bodies.files.saving import save_body
 from workbench.bodies.sewn_hands import with_hands
@@ -29,9 +29,6 @@ def in_both(fingers: np.ndarray) -> np.ndarray:
     pose = np.zeros((52, 3))
     pose[RIGHT], pose[LEFT] = fingers[1:], fingers[1:] * AXIAL
     return pose
-
-
-HELD = in_both(MESH.held)
 
 
 @cache
@@ -131,13 +128,3 @@ def test_saved_file_is_smpl_h_and_comes_back(written: Path) -> None:
     tips = dict(zip(BODY.landmark_names("tips"), rows.tolist(), strict=True))
     assert ids["lthumb"] == tips["left_thumb_tip"]
     assert ids["rpinky"] == tips["right_pinky_tip"]
-
-
-def test_capsules_are_those_of_the_body() -> None:
-    betas = np.random.default_rng(1).standard_normal(10)
-    assert BODY.capsules is not None
-    assert FULL.capsules is not None
-    held = capsule_ends(BODY, HELD, betas)
-    np.testing.assert_allclose(held, capsule_ends(FULL, betas=betas), atol=6e-4)  # as the wrists
-    moving = {BODY.joint_names[k] for k in BODY.capsules.joints}
-    assert {"left_middle1", "right_middle1"} < moving

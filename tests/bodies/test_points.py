@@ -12,7 +12,7 @@ from scipy.sparse import csr_array
 
 import workbench as wb
 from tests.bodies.laws import said
-from tests.bodies_made_up import random_body, smpl_like_body
+from tests.bodies_made_up import random_body
 from workbench.bodies.forward import posed_points, surface
 from workbench.errors import BadBody, UnknownName
 
@@ -154,34 +154,6 @@ def test_free_arrays_are_blocks_of_their_shapes() -> None:
     np.testing.assert_array_equal(start["new J_regressor"], body.J_regressor.toarray())
     with pytest.raises(UnknownName, match="'faces'"):
         body.freed("faces")
-
-
-def test_blocks_are_the_same_before_and_after_freeing() -> None:
-    body = smpl_like_body()
-    before = body.blocks("early/")
-    trained = body.freed("template").freed("weights")
-    assert trained.blocks("early/") is before
-    points = trained.points(*(block.symbol for block in before))
-    assert points.source.blocks[:3] == before  # with their units and labels
-    problem = wb.Problem([wb.residuals.vertices(points, body.template, sigma=1.0)], "early/pose")
-    assert problem.free.label(5) == "early/pose[left_hip, z]"
-    assert problem.free.unit(5) == "rad"
-
-
-def test_template_is_trained_in_five_lines() -> None:
-    body = random_body(n_vertices=8, n_joints=3)
-    data = body.template + np.random.default_rng(0).normal(scale=0.01, size=(8, 3))
-
-    student = body.freed("template")
-    points = student.points(*(block.symbol for block in student.blocks()))
-    problem = wb.Problem([wb.residuals.vertices(points, data, sigma=0.001)], free="template")
-    solution = wb.solve(problem, student.start())
-    trained = student.with_values(solution.values)
-
-    assert not trained.free
-    np.testing.assert_allclose(trained.template, data, atol=1e-9)
-    np.testing.assert_allclose(trained.vertices(), data, atol=1e-9)
-    np.testing.assert_array_equal(body.template, student.template)
 
 
 # Shape directions, and joints that go with them.

@@ -154,9 +154,7 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"pose": np.zeros(69)}, "72"),
     ({"betas": np.zeros(5)}, "up to 4 betas"),
     ({"trans": np.zeros(2)}, "trans"),
-    ({"trans": "abc"}, "text"),
     ({"pose": [[0.0], [1.0, 2.0]]}, "different lengths"),
-    ({"betas": [1j]}, "complex"),
     ({"pose": np.zeros((4, 24, 3)), "trans": np.zeros((3, 3))}, "do not fit each other"),
 ]
 
@@ -211,16 +209,6 @@ def test_landmark_sets_have_names_and_joints_are_one() -> None:
         body.landmark("fase")
 
 
-def test_posed_surface_is_a_mesh_of_trimesh() -> None:
-    body = smpl_like_body()
-    pose, betas, trans = some_arguments(body)
-    mesh = body.trimesh(pose, betas, trans)
-    np.testing.assert_array_equal(mesh.vertices, body.vertices(pose, betas, trans))
-    np.testing.assert_array_equal(mesh.faces, body.faces)
-    with pytest.raises(BadBody, match=r"in one pose, not in a batch \(2,\)"):
-        body.trimesh(np.zeros((2, 24, 3)))
-
-
 # Linearity: SMPL is linear in all but its pose, in each array alone.
 
 
@@ -260,17 +248,12 @@ def broken(name: str, index: Any, value: Any) -> dict[str, Any]:
 BROKEN = [
     ({"template": np.zeros((30, 2))}, r"template .*\(N, 3\)"),
     ({"template": np.zeros((0, 3))}, "template has no vertices"),
-    ({"template": [["a", "b", "c"]] * 30}, "template .*text"),
     ({"shapedirs": np.zeros((29, 3, 2))}, r"shapedirs .*\(30, 3, B\)"),
-    ({"shapedirs": np.ones((30, 3, 1), complex)}, "shapedirs .*complex"),
     ({"posedirs": np.zeros((30, 3, 45))}, r"posedirs .*\(30, 3, 36\)"),
     ({"J_regressor": csr_array((4, 30))}, r"J_regressor .*\(5, 30\)"),
-    ({"J_regressor": np.ones(30)}, "J_regressor .*two axes"),
     ({"weights": np.ones((30, 4)) / 4}, r"weights .*\(30, 5\)"),
-    ({"weights": None}, "weights .*NoneType"),
     ({"faces": np.zeros((4, 4), dtype=int)}, r"faces .*\(F, 3\)"),
     ({"faces": np.ones((2, 3))}, "faces .*whole numbers"),
-    ({"joint_names": ("a",)}, "1 names for 5 joints"),
     (broken("template", (4, 1), np.nan), r"template\[4, 1\] is not finite"),
     *(
         (broken(name, (7, 1), -1e10), rf"{name} of vertex 7 has an entry of 1e\+10 m.*body check")
@@ -281,14 +264,10 @@ BROKEN = [
     (broken("weights", 7, (2, -1, 0, 0, 0)), r"weights\[7, 1\] is negative"),
     (broken("J_regressor", 3, 0.0), "J_regressor of joint 3 sum to 0"),
     (broken("faces", (5, 1), 30), r"face 5 is \[.*30"),
-    (broken("faces", (6, 0), -1), r"face 6 is \[-1, "),
     ({"parents": (0, 0, 0, 0, 0)}, "joint 0 must be the root"),
     ({"parents": (-1, 0, 3, 0, 0)}, "joint 2 has parent 3"),
-    ({"parents": (-1, 0, -1, 0, 0)}, "joint 2 has parent -1"),
     ({"mirror": np.roll(np.arange(30), 1)}, "mirror must swap"),
-    ({"mirror": np.arange(31)}, "mirror must swap"),
     ({"bound_in": np.full((5, 3), np.nan)}, "bound_in must be finite"),
-    ({"rest_joints": np.zeros((6, 3))}, "rest_joints must be finite"),
     ({"rest_joints": np.full((5, 3), 1800.0)}, "within 1,000 m, not .* up to 1.8e"),
     ({"landmarks": {"face": Landmarks(("nose",), csr_array((2, 30)))}}, "'face'"),
     (
@@ -376,14 +355,6 @@ def test_given_joints_do_not_follow_the_shape() -> None:
     assert_chain_rule_is_graph(problem, values)
     J = problem.linearize(values).jacobian
     assert not J[3 * 20 :, problem.free.slices["betas"]].any()
-
-
-def test_joints_and_their_regressor_are_not_free_together() -> None:
-    for body, names in ((BODY, ["joints", "J_regressor"]), (GIVEN, ["J_regressor"])):
-        with pytest.raises(BadBody, match="nothing would read J_regressor"):
-            body.freed(*names)
-    with pytest.raises(BadBody, match="nothing would read J_regressor"):
-        BODY.freed("J_regressor").freed("joints")
 
 
 def test_given_joints_are_kept_where_they_can_be(tmp_path: Path) -> None:

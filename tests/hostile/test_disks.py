@@ -7,20 +7,17 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from workbench import Block, Problem, train
+from workbench import Block, Problem
 from workbench.course.outline import hand_out, lecture
 from workbench.errors import BadFile
 from workbench.reports.folder import replacing_folder
 from workbench.residuals import gaussian
 from workbench.sampling import Posterior, sample
-from workbench.synthetic.made_up import draw_registrations, jointed_tube, random_smpl
-from workbench.training.blocks import BlockOptions, Plan, alternation
 from workbench.writing import replacing
 
 LIMITED = os.name == "posix" and hasattr(signal, "SIGXFSZ")
@@ -81,23 +78,6 @@ def test_failed_writing_keeps_the_file_before(tmp_path: Path) -> None:
         temporary.write_bytes(b"x" * 5000)
     assert (tmp_path / "kept").read_text() == "before"
     assert len(list(tmp_path.iterdir())) == 1
-
-
-@WITH_A_LIMIT
-@pytest.mark.thorough
-def test_training_goes_on_when_the_disk_is_full(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    first = jointed_tube(7, 5)
-    data, _ = draw_registrations(random_smpl(first, 2, seed=3), 2, 4, seed=4)
-    options = BlockOptions(linear_tolerance=1e-3, products=20, together_steps=1)
-    stage = alternation(rounds=1).stages[0]
-    plan = Plan((replace(stage, options=options, blocks=("surfaces",), rounds=1),))
-    with caplog.at_level(logging.WARNING), full_disk():
-        found = train(data, first, plan=plan, folder=tmp_path)
-    np.testing.assert_array_equal(found.body.template, train(data, first, plan=plan).body.template)
-    assert ["File too large" in r.getMessage() for r in caplog.records] == [True]
-    assert list(tmp_path.iterdir()) == []
 
 
 # What is promised, and cannot be written.

@@ -116,16 +116,6 @@ def gone(processes: list[int], seconds: float = 10.0) -> bool:
     return True
 
 
-CREW = """
-import os, sys, time
-from workbench.training.execution import Processes
-def work(task):
-    print(os.getpid(), flush=True)
-    time.sleep(300)
-list(Processes(2)(work, range(4)))
-"""
-
-
 def lines_of(path: Path, count: int, process: "subprocess.Popen[str]") -> list[int]:
     """Numbers of processes, once so many are told."""
     until = time.monotonic() + 240
@@ -144,16 +134,6 @@ def killed(process: "subprocess.Popen[str]") -> None:
     for stream in (process.stdout, process.stderr):
         if stream is not None:
             stream.close()
-
-
-@pytest.mark.thorough
-def test_workers_of_a_training_end_with_it(tmp_path: Path) -> None:
-    told = tmp_path / "told"
-    with told.open("w") as file:
-        process = program(CREW, out=file.fileno())
-    workers = lines_of(told, 2, process)
-    killed(process)
-    assert gone(workers)
 
 
 PARENT = """

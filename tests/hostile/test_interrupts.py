@@ -4,8 +4,6 @@ import os
 import random
 import signal
 import sys
-import threading
-import time
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
@@ -121,32 +119,6 @@ def test_solvers_hear_an_interrupt_at_any_moment(name: str, times: int) -> None:
         assert found.message.startswith("interrupted from the keyboard"), where
         assert not np.isfinite(found.cost) or found.cost >= whole.cost * (1 - 1e-6), where
         assert spent(found) <= spent(whole), where
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("name", ["levenberg-marquardt", "ipopt", "sqp", "nlopt-lbfgs"])
-def test_callbacks_that_do_not_end_are_interrupted(name: str) -> None:
-    """A callback of the user's waits for ever; the signal comes once it does."""
-    waits = threading.Event()
-
-    def press() -> None:
-        assert waits.wait(60)
-        os.kill(os.getpid(), signal.SIGINT)
-
-    def wait(iterate: Iterate) -> None:
-        waits.set()
-        began = time.monotonic()
-        while time.monotonic() - began < 60:
-            time.sleep(0.01)
-        raise AssertionError("it was not heard for a minute")
-
-    thread = threading.Thread(target=press)
-    thread.start()
-    problem, start = body_fit()
-    solution = ENTRANTS[name].solve(problem, start, callback=wait)
-    thread.join()
-    assert solution.status is Status.STOPPED
-    assert "keyboard" in solution.message
 
 
 class Asked(BaseException):
