@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 import workbench as wb
-from workbench.bodies.forward.features import (
+from workbench.bodies.forward.surface import (
     quaternion_elements,
     rotation_elements,
     rotation_vectors,

@@ -28,8 +28,8 @@ from examples.studies.simulated_scans import errors, ratio, scanned_set
 from examples.studies.triangle_alternation import TriangleOptions
 from tests.bodies_made_up import random_body
 from tests.training.test_triangles import many_people
-from workbench.bodies.forward.features import count_features, rotation_vectors
 from workbench.bodies.forward.skinning import unskinned
+from workbench.bodies.forward.surface import count_features, rotation_vectors
 from workbench.bodies.triangles import TriangleBody, blend_scape
 from workbench.errors import BadArgument, BadFile, UnknownName
 from workbench.geometry.solids import vertex_normals

@@ -29,7 +29,7 @@ from workbench.bodies import SkinnedBody, dual_quaternion_blend
 from workbench.bodies.ablations import without_blend_weights, without_pose_blend_shapes
 from workbench.bodies.catalogue import load_skinned
 from workbench.bodies.forward import surface
-from workbench.bodies.forward.features import (
+from workbench.bodies.forward.surface import (
     Features,
     quaternion_elements,
     rotation_elements,

@@ -15,7 +15,7 @@ import numpy as np
 
 import workbench as wb
 from workbench.bodies.forward import surface
-from workbench.bodies.forward.features import rotation_elements
+from workbench.bodies.forward.surface import rotation_elements
 from workbench.course import Picture, source
 from workbench.lectures.material.blend_shapes import PosedSurfaces, TrainingData
 from workbench.lectures.material.linearity import linear_in

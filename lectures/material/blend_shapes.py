@@ -12,8 +12,8 @@ import numpy as np
 from workbench.arrays import Array, Index
 from workbench.bodies import SkinnedBody
 from workbench.bodies.forward import surface as symbolic
-from workbench.bodies.forward.features import Features, Posture, rotation_vectors
 from workbench.bodies.forward.skinning import unskinned
+from workbench.bodies.forward.surface import Features, Posture, rotation_vectors
 from workbench.synthetic.teacher import Teacher
 from workbench.training.blend_shapes import MaskedCholesky
 from workbench.training.estimate import bent
