@@ -76,7 +76,6 @@ def test_joints_24_become_52_and_back(fingers: Body, back: bool) -> None:
     motion = clip(source, 5, seed=2)
     found = convert(motion, source, target)
     assert found.mean() < 5e-3
-    assert found.mean(hands=False) < 1e-3
     assert found.motion.joint_names == target.joint_names
 
 
@@ -88,9 +87,6 @@ def test_another_mesh_follows_within_millimetres() -> None:
     copied = conversion_errors(motion.named(SMALL), SMALL, motion, DEFAULT, kept)
     assert found.mean() < 3e-3
     assert found.mean() < 0.3 * np.nanmean(copied)
-    beside = [not name.endswith(("_hand", "_fingers")) for name in found.parts]
-    assert found.mean(hands=False) == pytest.approx(np.nanmean(found.errors[:, beside]))
-    assert found.mean(hands=False) != found.mean()
     places = kept.of(motion.vertices(DEFAULT))
     off = np.linalg.norm(found.motion.vertices(SMALL) - places, axis=2)
     np.testing.assert_allclose(found.errors[:, kept.matched], off[:, kept.matched], atol=1e-12)
@@ -191,17 +187,6 @@ def test_motion_is_recovered_from_joints_with_gaps() -> None:
     assert found.names == SMALL.joint_names
     assert np.isnan(found.errors[6]).all()
     assert "1 of 9 frames were not found" in " ".join(found.motion.notes)
-
-
-def test_frames_of_points_may_jump() -> None:
-    """The person turns round and bends other limbs; from the frame before, 6 mm would be left."""
-    one, other = clip(SMALL, 1, seed=0), clip(SMALL, 1, seed=10)
-    pose = np.concatenate([one.pose, other.pose])
-    pose[:, 0] = [[0.0, 0.0, 0.0], [0.0, 3.0, 0.0]]
-    trans = np.array([[0.0, 0.9, 0.0], [2.0, 0.9, -1.0]])
-    places = wb.Motion(pose, trans, 30, SMALL.joint_names, one.betas).joints(SMALL)
-    found = motion_from_points(places, SMALL.joint_names, SMALL, 30, sigma=2e-3)
-    assert 1e3 * np.linalg.norm(found.motion.joints(SMALL) - places, axis=2).mean() < 2
 
 
 def test_points_of_other_spelling_are_matched() -> None:

@@ -227,22 +227,6 @@ def test_bvh_is_read_as_programs_write_it(tmp_path: Path, name: str) -> None:
     assert found.fps == 30
 
 
-def test_scale_channels_of_one_are_left_out(tmp_path: Path) -> None:
-    head, _, rows = bvh_text(bvh_rows()).partition("0.0333333\n")
-    head = head.replace("CHANNELS 2 Z", "CHANNELS 5 Xscale Yscale Zscale Z")
-    cells = [row.split() for row in rows.splitlines()]
-
-    def scaled(by: str) -> Path:
-        lines = [" ".join([*row[:-2], "1.0", by, "1.0", *row[-2:]]) for row in cells]
-        return saved(tmp_path, "\n".join([f"{head}0.0333333", *lines]))
-
-    found = read_bvh(scaled("1"))
-    np.testing.assert_allclose(places(found), EXPECTED, atol=1e-6)
-    assert "channels of scale are all 1, and are left out" in found.notes
-    with pytest.raises(BadFile, match=r"its bones are scaled, by 1 to 1\.2"):
-        read_bvh(scaled("1.2"))
-
-
 def test_hips_that_move_below_a_root_become_the_root(tmp_path: Path) -> None:
     """In a file that has everything else that is odd as well."""
     path = tmp_path / "odd.bvh"

@@ -6,22 +6,22 @@ from pathlib import Path
 import casadi as cs
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 import workbench as wb
 from tests.motions.test_expressions import played_by_hand
 from workbench.bodies.spaces import body_mass_index
-from workbench.cli.app import app
 from workbench.errors import BadArgument, BadFile
 from workbench.motions import Motion, SoftTissue, load_tissue, save_tissue, write_glb
 from workbench.motions.soft_tissue import (
+    GRAVITY,
+    MovingFrames,
     betas_with_tissue,
     companion,
     displaced_by,
+    tissue_inputs,
     with_dmpls,
     with_tissue,
 )
-from workbench.motions.tissue_inputs import GRAVITY, MovingFrames, tissue_inputs
 from workbench.synthetic.made_up import made_up_motion
 
 BODY = wb.load_body("default")
@@ -177,25 +177,6 @@ def test_body_with_tissue_is_the_model_of_tissue(tmp_path: Path) -> None:
     np.testing.assert_allclose(body.joints(*at), SHORT.joints(BODY), atol=1e-9)
     write_glb(tmp_path / "a.glb", SHORT, body, betas=betas)
     assert np.abs(played_by_hand(tmp_path / "a.glb", SHORT.pose) - expected).max() < 1e-5
-
-
-@pytest.mark.thorough
-def test_command_shows_tissue(tmp_path: Path) -> None:
-    wb.save_motion(tmp_path / "walk.npz", SHORT)
-    out = ["--page", str(tmp_path / "walk.html"), "--out", str(tmp_path / "walk.glb")]
-    said = CliRunner().invoke(
-        app, ["motion", str(tmp_path / "walk.npz"), "--tissue", "--exaggeration", "2", *out]
-    )
-    assert said.exit_code == 0, said.output
-    text = (tmp_path / "walk.html").read_text()
-    by = displaced_by(TISSUE, betas_with_tissue(BODY, TISSUE, TISSUE.prepared(SHORT), 2.0))
-    most = 1e3 * np.linalg.norm(by, axis=2).max()
-    for shown in (" ".join(said.output.split()), text):
-        assert "The soft tissue is simulated, and was learned from no measurement of peo" in shown
-        assert f"{most:.0f} mm at most, 2 times as far as the model says" in shown
-    assert "Charts are shown" not in text
-    assert len(text) > 1e5
-    assert (tmp_path / "walk.glb").stat().st_size > 1e5
 
 
 def test_dmpls_move_the_surface_and_its_joints(tmp_path: Path) -> None:

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 from tests.training.test_symbolic import BODY, ESTIMATE, OBJECTIVE, START
-from workbench.errors import BadArgument
 from workbench.fitting import pose_prior
 from workbench.fitting.body_priors import pose_gaussian
 from workbench.problem import Problem
 from workbench.training.normal_equations import NormalEquations
 from workbench.training.objective import trusted
-from workbench.training.priors import PLACE, PosePrior, smooth_prior
+from workbench.training.priors import PosePrior, smooth_prior
 from workbench.training.registrations import InMemory
 from workbench.training.symbolic import SymbolicTraining
 
@@ -34,33 +33,6 @@ def test_betas_cost_what_a_standard_normal_costs() -> None:
     for k in range(BODY.n_betas):
         d = BODY.shapedirs[None, :, :, k]
         assert 0 < np.vdot(d, PRIOR.precision_product(d)) <= 1
-
-
-def test_edges_do_not_see_the_place() -> None:
-    without = smooth_prior(START.faces, BODY.shapedirs[:, :, :0], 0.01)
-    moved = np.broadcast_to([0.0, 0.0, PLACE], (1, N, 3))
-    assert np.vdot(moved, without.precision_product(moved)) == pytest.approx(1.0)
-
-
-def test_bends_cost_what_neighbours_do_not_share() -> None:
-    """A displacement of all vertices costs nothing more; a bump of one does, by its own square."""
-    nothing = BODY.shapedirs[:, :, :0]
-    plain, bent = (
-        smooth_prior(START.faces, nothing, 0.01),
-        smooth_prior(START.faces, nothing, 0.01, bends=0.002),
-    )
-    moved = np.broadcast_to([0.0, 0.0, 0.1], (1, N, 3))
-    assert np.vdot(moved, bent.precision_product(moved)) == pytest.approx(
-        np.vdot(moved, plain.precision_product(moved)), rel=1e-9
-    )
-    bump = np.zeros((1, N, 3))
-    bump[0, N // 2, 1] = 0.002
-    more = np.vdot(bump, bent.precision_product(bump)) - np.vdot(
-        bump, plain.precision_product(bump)
-    )
-    assert 1 < more < 2  # the vertex itself, and a share of it for each neighbour
-    with pytest.raises(BadArgument, match="bends is above 0 m"):
-        smooth_prior(START.faces, nothing, 0.01, bends=0.0)
 
 
 HELD = replace(OBJECTIVE, freedom=PRIOR, first_posedirs=BODY.posedirs + 0.001)

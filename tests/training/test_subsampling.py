@@ -14,7 +14,7 @@ from builder.collapsing import collapsed
 from workbench.errors import BadArgument
 from workbench.geometry.mirror import find_mirror
 from workbench.geometry.solids import mesh_edges
-from workbench.training.blend_shapes import MaskedCholesky, local_features
+from workbench.training.blend_shapes import local_features
 from workbench.training.blocks import QUICK, BlockInput, BlockOptions, Plan, Stage, fit_poses
 from workbench.training.estimate import Estimate, Sigmas, SkinningPass
 from workbench.training.first_guess import Start
@@ -80,17 +80,6 @@ def test_features_reach_so_many_bones() -> None:
         assert np.array_equal(found, np.repeat(wanted, 9, axis=1))
 
 
-def test_masked_systems_are_solved() -> None:
-    rng = np.random.default_rng(3)
-    A = rng.normal(size=(30, 8))
-    gram, own = A.T @ A, rng.random((12, 8)) < 0.6
-    right = rng.normal(size=(12, 3, 8))
-    found = MaskedCholesky.of(gram, own).solved(right)
-    for x, b, mine in zip(found, right, own, strict=True):
-        assert not x[:, ~mine].any()
-        assert x[:, mine] @ gram[np.ix_(mine, mine)] == pytest.approx(b[:, mine])
-
-
 def test_short_edges_collapse_symmetrically() -> None:
     every = Topology(csr_array(eye_array(BODY.n_vertices)), BODY.faces, BODY.mirror)
     fewer = collapsed(every, BODY.template, 301)
@@ -128,16 +117,6 @@ def test_large_mesh_is_trained_coarse_first(tmp_path: Path) -> None:
     again = train()
     for name, array in found.estimate.arrays().items():
         assert np.array_equal(array, again.estimate.arrays()[name])
-
-
-def test_scan_without_chosen_vertices_is_refused() -> None:
-    few = subsample(BODY.template, BODY.faces, 50)
-    confidence = np.ones((2, BODY.n_vertices))
-    confidence[1, few.vertices] = 0
-    data = InMemory(np.repeat(BODY.template[None], 2, axis=0), np.zeros(2, int), confidence)
-    assert few.registrations(data).read(slice(0, 1)).confidence.all()
-    with pytest.raises(BadArgument, match="registration 1 shows so little"):
-        few.registrations(data).read(slice(0, 2))
 
 
 def test_subsampled_mesh_keeps_its_sides() -> None:

@@ -17,7 +17,6 @@ from builder.triangle_learning import (
     LsqrNotConverged,
     StitchedFit,
     learn_pose_deformations,
-    learn_subject,
 )
 from tests.bodies_made_up import tube_body
 from workbench import LevenbergMarquardt, solve
@@ -25,9 +24,6 @@ from workbench.arrays import Array
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.errors import BadArgument
 from workbench.geometry.triangles import Stitching
-from workbench.lectures.material.variance import (
-    stitched_directions,
-)
 from workbench.training.triangles import (
     PosedMeshes,
     SymbolicTriangles,
@@ -115,26 +111,6 @@ def test_generators_are_learned_back(blended: bool) -> None:
     assert np.linalg.norm(before - true.vertices(poses, new), axis=-1).max() > 0.01
 
 
-@pytest.mark.thorough
-def test_one_person_is_learned_from_posed_meshes() -> None:
-    true = generator()
-    beta = np.array([1.5, -1.0])
-    rng = np.random.default_rng(4)
-    poses = rng.normal(scale=0.7, size=(12, 3, 3))
-    posed = PosedMeshes(true.vertices(poses, beta), poses, np.zeros(12, dtype=np.int64))
-    D = learn_subject(true, posed, smoothness=1e-12, by=Lsqr(1e-9))
-    one = replace(true, shapedirs=(D - np.eye(3))[..., None])
-    new = rng.normal(scale=0.5, size=(10, 3, 3))
-    apart = one.vertices(new, [1.0]) - true.vertices(new, beta)
-    assert abs(apart).max() < 1e-4
-    # and the smoother, the more alike are neighbours, at the cost of the fit
-    roughness = []
-    for smoothness in (1e-6, 1e-3, 1.0):
-        D = learn_subject(true, posed, smoothness=smoothness, by=Lsqr(1e-8))
-        roughness.append(np.linalg.norm(neighbour_differences(true.faces) @ D.reshape(len(D), -1)))
-    assert roughness[0] > roughness[1] > roughness[2]
-
-
 def test_stitched_fit_is_dense_least_squares() -> None:
     rng = np.random.default_rng(6)
     stitching, M, q = Stitching(TETRAHEDRON, 4), 3, 2
@@ -157,22 +133,6 @@ def test_stitched_fit_is_dense_least_squares() -> None:
     np.testing.assert_allclose(fit.solve(ridge, smoothness, Direct()), C, atol=1e-9)
     with pytest.raises(LsqrNotConverged, match="24 unknowns were stopped after 2 iterations"):
         fit.solve(by=Lsqr(most=2))
-
-
-@pytest.mark.thorough
-def test_k_dimensional_people_have_k_components() -> None:
-    rng = np.random.default_rng(8)
-    betas = rng.normal(size=(12, 10))
-    people = SMALL.vertices(betas=betas)
-    shapes = learn_gradient_shapes(people, SMALL.faces, 11)
-    assert (shapes.explained[:10] > 1e-5).all()
-    assert abs(shapes.explained[10]) < 1e-12
-    np.testing.assert_allclose(shapes.explained.sum(), 1)
-    np.testing.assert_allclose(shapes.betas[:, :10].std(axis=0, ddof=1), 1)
-    directions = stitched_directions(shapes, SMALL.faces)
-    rebuilt = shapes.template + np.einsum("nab,pb->pna", directions, shapes.betas)
-    rebuilt -= rebuilt.mean(axis=1, keepdims=True)
-    np.testing.assert_allclose(rebuilt, people - people.mean(axis=1, keepdims=True), atol=1e-10)
 
 
 def test_mismatched_meshes_are_refused() -> None:
