@@ -1,6 +1,5 @@
 """Closest places on a surface: as an exhaustive search finds them, in both ways to compute them."""
 
-import pickle
 from collections.abc import Callable
 from typing import Any
 
@@ -241,12 +240,6 @@ def test_moved_tree_is_as_new(way: Ways, shape: Callable[[], tuple[Array, Index]
                 np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
     back = tree.moved(elsewhere).moved(vertices).closest(points)
     np.testing.assert_array_equal(back.distances, tree.closest(points).distances)
-
-
-def test_tree_pickles() -> None:
-    tree, points = SurfaceTree(*blob()), np.random.default_rng(10).normal(size=(20, 3))
-    again = pickle.loads(pickle.dumps(tree))
-    np.testing.assert_array_equal(again.closest(points).shares, tree.closest(points).shares)
 
 
 # Bad input.

@@ -98,20 +98,6 @@ def tissue_of_small(power: float) -> SoftTissue:
 PHI, PERSON = np.array([1.5, -0.7]), np.array([0.5, -1.0, 2.0])
 
 
-def test_symbolic_gain_is_the_gain_in_numbers() -> None:
-    betas, rng = SMALL.blocks()[1].symbol, np.random.default_rng(1)
-    tissue = tissue_of_small(1.5)
-    gain = tissue.gain_of(SMALL, betas)
-    function = cs.Function("gain", [betas], [gain, cs.gradient(gain, betas)])
-    for person in rng.standard_normal((3, SMALL.n_betas)):
-        number, gradient = function(person)
-        assert float(number) == pytest.approx(tissue.gain(SMALL, person), rel=1e-12)
-        steps = 1e-5 * np.eye(SMALL.n_betas)
-        either = [[tissue.gain(SMALL, person + s * step) for s in (1, -1)] for step in steps]
-        differences = np.array(either) @ [1, -1] / 2e-5
-        np.testing.assert_allclose(gradient.full().ravel(), differences, atol=1e-7)
-
-
 def test_fit_finds_coefficients_of_tissue_with_the_shape_that_decides_their_gain() -> None:
     tissue, truth = tissue_of_small(1.5), {"pose": MOTION.pose[7], "trans": MOTION.trans[7]}
     truth |= {"tissue": PHI, "betas": np.pad(PERSON, (0, SMALL.n_betas - 3))}

@@ -8,12 +8,10 @@ import numpy as np
 import pytest
 
 from tests.tiers import few
-from workbench import load_body
 from workbench.arrays import Array
 from workbench.bodies.forward.posing import unpose
 from workbench.geometry.mirror import NoMirror, find_mirror
 from workbench.synthetic.made_up import (
-    CorruptedRegistrations,
     draw_registrations,
     jointed_tube,
     random_smpl,
@@ -21,7 +19,6 @@ from workbench.synthetic.made_up import (
 from workbench.training.blocks import BLOCKS, BlockInput
 from workbench.training.estimate import NAMES, TERMS, Estimate, Sigmas, SkinningPass
 from workbench.training.execution import Execution, Processes
-from workbench.training.first_guess import Start, joint_guess
 from workbench.training.normal_equations import NormalEquations, dot, steihaug, within
 from workbench.training.objective import Objective
 from workbench.training.poses import fitted_poses
@@ -135,23 +132,6 @@ def test_poses_do_not_depend_on_processes(monkeypatch: pytest.MonkeyPatch) -> No
     np.testing.assert_allclose(fit(execution=Execution(Processes(2))).poses, whole, atol=1e-12)
 
 
-@pytest.mark.thorough
-def test_joint_guess_is_nearer_than_rings() -> None:
-    """The rings of the embedded body's segments lie up to ten centimetres from its joints."""
-    body = load_body("small")
-    start = Start.of(body)
-    data, _ = draw_registrations(body, 3, 12, seed=0, turn=1.0)
-    guess = joint_guess(start, start.weights(), data)
-    np.testing.assert_allclose(np.asarray(guess.sum(axis=1)), 1, atol=1e-12)
-    assert guess.toarray().min() >= 0
-    away, before = (
-        np.linalg.norm((rows - body.J_regressor) @ start.template, axis=1)[1:]
-        for rows in (guess, start.rings())
-    )
-    assert before.max() > 0.08
-    assert away.mean() < 0.6 * before.mean()
-
-
 def test_mirror_is_found_in_noise() -> None:
     noisy = START.template + 0.005 * np.random.default_rng(0).standard_normal((35, 3))
     mirror = find_mirror(noisy, START.faces)
@@ -172,12 +152,6 @@ def test_unposed_meshes_pose_back() -> None:
     strange = DATA.vertices[0] + 0.02 * np.random.default_rng(0).standard_normal((35, 3))
     person = replace(BODY, template=unpose(BODY, TRUTH.poses[0], strange))
     np.testing.assert_allclose(person.vertices(TRUTH.poses[0]), strange, atol=1e-10)
-
-
-def test_missing_patches_cost_nothing() -> None:
-    hidden = CorruptedRegistrations(DATA, seed=7, missing=0.2)
-    exact = Objective(hidden, START.rings(), START.weights(), None, replace(Sigmas(), **OFF))
-    assert exact.cost(true_estimate()) < 1e-18
 
 
 def test_skinning_pass_is_the_body() -> None:
@@ -232,18 +206,6 @@ def test_slope_is_that_of_the_cost_and_curvature_symmetric(mirror: bool) -> None
     left = dot(equations.preconditioned(change), other)
     assert left == pytest.approx(dot(change, equations.preconditioned(other)), rel=1e-9)
     assert dot(equations.preconditioned(change), change) > 0
-
-
-def test_root_joint_stays_where_nothing_holds_it() -> None:
-    """Turning about another point is a translation more: only E_J, or E_Y, says where it is."""
-    names = ("templates", "joints")
-    change = {name: a_change(true_estimate())[name] for name in names}
-    loose = objective(replace(Sigmas(), **OFF))
-    free = NormalEquations(loose, true_estimate(), names).preconditioned(change)
-    assert not free["joints"][:, 0].any()
-    assert free["joints"][:, 1:].all()
-    held = NormalEquations(objective(Sigmas()), true_estimate(), names).preconditioned(change)
-    assert held["joints"].all()
 
 
 def test_conjugate_gradients_solve_and_stay_inside() -> None:

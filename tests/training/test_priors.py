@@ -10,7 +10,6 @@ from workbench.fitting import pose_prior
 from workbench.fitting.body_priors import pose_gaussian
 from workbench.problem import Problem
 from workbench.training.normal_equations import NormalEquations
-from workbench.training.objective import trusted
 from workbench.training.priors import PosePrior, smooth_prior
 from workbench.training.registrations import InMemory
 from workbench.training.symbolic import SymbolicTraining
@@ -66,16 +65,6 @@ def test_slope_with_directed_confidence_is_that_of_the_cost(name: str) -> None:
     assert (behind - ahead) / (2 * h) == pytest.approx(np.vdot(slope, change[name]), rel=1e-5)
 
 
-def test_scalar_confidence_is_isotropic() -> None:
-    alike = np.einsum("jn,ab->jnab", BATCH.confidence, np.eye(3))
-    same = replace(HELD, registrations=InMemory(BATCH.vertices, BATCH.subject, alike))
-    assert same.cost(ESTIMATE) == pytest.approx(HELD.cost(ESTIMATE), rel=1e-12)
-    some = RNG.standard_normal((*BATCH.vertices.shape, 4))
-    by_matrix = trusted(replace(BATCH, confidence=alike), some)
-    np.testing.assert_allclose(by_matrix, trusted(BATCH, some), atol=1e-14)
-    np.testing.assert_allclose(replace(BATCH, confidence=alike).trust, BATCH.confidence, atol=1e-14)
-
-
 PRIOR_RNG = np.random.default_rng(2)
 POSES = 3 * (BODY.n_joints - 1)
 MIXED = PRIOR_RNG.standard_normal((POSES, POSES)) / 4
@@ -90,16 +79,6 @@ def test_pose_prior_costs_its_residual() -> None:
     problem = Problem([pose_prior(BODY)], ["pose"])
     for pose, cost in zip(ESTIMATE.poses, prior.costs(ESTIMATE.poses), strict=True):
         assert problem.linearize({"pose": pose}).cost == pytest.approx(cost, rel=1e-12)
-
-
-def test_pose_prior_curvature_is_symmetric() -> None:
-    a, b = (PRIOR_RNG.standard_normal(ESTIMATE.poses.shape) for _ in range(2))
-    poses = ESTIMATE.poses
-    assert np.vdot(a, POSE_PRIOR.hessian_product(poses, b)) == pytest.approx(
-        np.vdot(b, POSE_PRIOR.hessian_product(poses, a))
-    )
-    flat = (POSE_PRIOR.blocks(poses) @ a.reshape(len(a), -1, 1)).reshape(a.shape)
-    np.testing.assert_allclose(flat, POSE_PRIOR.hessian_product(poses, a), atol=1e-12)
 
 
 def test_objective_has_the_pose_prior_and_its_slope() -> None:

@@ -11,15 +11,9 @@ from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadArgument, BadFile
 from workbench.synthetic.made_up import jointed_tube, random_smpl
-from workbench.training.rigging.bones import (
-    RigidBones,
-    fit_bone_weights,
-    fit_bones,
-)
 from workbench.training.rigging.decomposition import (
     bones_needed,
     noise_of,
-    rigid_clusters,
 )
 from workbench.training.rigging.rig import Rigged, pose_rms, rig
 from workbench.training.rigging.steps import RigProgress, RigSteps, silent
@@ -81,27 +75,6 @@ def compared(found: SkinnedBody, truth: SkinnedBody) -> Compared:
                 edges += 1
                 away.append(float(np.linalg.norm(place - places[child])))
     return Compared(float(gaps[own, other].max()), max(away), edges)
-
-
-GIVEN = driven(12, seed=3)
-
-
-def rough() -> RigidBones:
-    return rigid_clusters(GIVEN.body.template, GIVEN.meshes, 5)
-
-
-def test_alternation_never_raises_the_cost() -> None:
-    rest, meshes = GIVEN.body.template, GIVEN.meshes
-    bones, costs = rough(), []
-    for _ in range(3):
-        for step in (fit_bone_weights, fit_bones):
-            bones = step(bones, rest, meshes)
-            costs.append(bones.rms(rest, meshes))
-    assert costs == sorted(costs, reverse=True)
-    assert costs[-1] < 0.9 * costs[0]
-    np.testing.assert_allclose(bones.weights.sum(axis=1), 1, atol=1e-12)
-    assert bones.weights.min() >= 0
-    assert (bones.weights > 0).sum(axis=1).max() <= 4
 
 
 def test_rank_of_meshes_counts_bones() -> None:

@@ -14,8 +14,7 @@ from builder.collapsing import collapsed
 from workbench.errors import BadArgument
 from workbench.geometry.mirror import find_mirror
 from workbench.geometry.solids import mesh_edges
-from workbench.training.blend_shapes import local_features
-from workbench.training.blocks import QUICK, BlockInput, BlockOptions, Plan, Stage, fit_poses
+from workbench.training.blocks import QUICK, Plan, Stage
 from workbench.training.estimate import Estimate, Sigmas, SkinningPass
 from workbench.training.first_guess import Start
 from workbench.training.objective import Objective
@@ -58,26 +57,6 @@ def _posed() -> tuple[Estimate, Objective]:
     data = InMemory(SkinningPass.of(truth, slice(0, 4), subject).points, subject)
     sigmas = Sigmas(rings=np.inf)
     return truth, Objective(data, BODY.J_regressor, BODY.weights, None, sigmas, BODY.template)
-
-
-def test_poses_are_recovered_from_some_vertices() -> None:
-    truth, objective = _posed()
-    near = truth.moved({"poses": 0.02 * np.random.default_rng(2).normal(size=truth.poses.shape)})
-    for _ in range(4):
-        given = BlockInput(objective, BODY.faces, BlockOptions(pose_vertices=200))
-        near, _ = fit_poses(given, near)
-    assert objective.rms(near) < 1e-7
-
-
-def test_features_reach_so_many_bones() -> None:
-    weights = np.zeros((3, 4))
-    weights[[0, 1], [3, 0]] = 1
-    weights[2] = 0.99, 0.01, 0, 0  # too little to count
-    parents = (-1, 0, 1, 2)
-    for reach, far in ((0, "001 000 000"), (1, "011 100 100"), (3, "111 111 111")):
-        found = local_features(weights, parents, reach)
-        wanted = [[x == "1" for x in row] for row in far.split()]
-        assert np.array_equal(found, np.repeat(wanted, 9, axis=1))
 
 
 def test_short_edges_collapse_symmetrically() -> None:
