@@ -31,8 +31,13 @@ from workbench.lectures.material.tissue import (
     train_tissue,
 )
 from workbench.motions import load_tissue
-from workbench.motions.soft_tissue import companion, free_run, with_tissue
-from workbench.motions.tissue_inputs import MovingFrames, second_differences
+from workbench.motions.soft_tissue import (
+    MovingFrames,
+    companion,
+    free_run,
+    second_differences,
+    with_tissue,
+)
 from workbench.plots import house_style, sheet
 from workbench.synthetic import simulate_tissue
 from workbench.synthetic.made_up import limb, made_up_motion, random_smpl

@@ -17,8 +17,13 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.spaces import body_mass_index
 from workbench.errors import BadArgument
 from workbench.motions import Motion
-from workbench.motions.soft_tissue import SoftTissue, companion, free_run
-from workbench.motions.tissue_inputs import MovingFrames, tissue_inputs
+from workbench.motions.soft_tissue import (
+    MovingFrames,
+    SoftTissue,
+    companion,
+    free_run,
+    tissue_inputs,
+)
 
 HARDLY = 0.01  # of an input's bound: what moves less than this in the clips hardly moves
 MOST_POWERS, CLOSE = 10, 0.02  # of the gain: how often it is improved, and when it stays

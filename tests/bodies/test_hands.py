@@ -10,7 +10,6 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 import workbench as wb
-from builder.geometry import along_edges
 from workbench.blocks import Block
 from workbench.bodies import HAND_POINTS, PoseSpace, hand_points, pose_space
 from workbench.bodies.catalogue import load_skinned
