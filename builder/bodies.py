@@ -27,6 +27,7 @@ from builder.base_mesh import read_topology
 from builder.population import SEARCH_RADIUS, Sources
 from builder.sets import ABOUT, BODY, SetRecipe, make_sets, recipe_text, regress
 from builder.stored import BuiltBody, TrainedOn, card_of, write_body
+from lectures.material.teacher import at_most_four
 from workbench.arrays import Array, Index, Mask
 from workbench.bodies import SkinnedBody
 from workbench.bodies.files.embedded import read_embedded
@@ -34,7 +35,6 @@ from workbench.bodies.forward.posing import unpose
 from workbench.errors import BadBody, BadFile
 from workbench.geometry.mirror import Mirror
 from workbench.reading.arrays import doubles, open_arrays, read_expected, texts
-from workbench.synthetic.teacher import at_most_four
 from workbench.threads import limited_threads
 from workbench.training.blend_shapes import Pair, RidgeSums, local_features, ridge_learned
 from workbench.training.blocks import REACH, alternation

@@ -38,9 +38,9 @@ from workbench.lectures.material.blend_shapes import (
     with_blend_shapes,
 )
 from workbench.lectures.material.kernel_features import Examples, GaussianKernels, Powers, products
+from workbench.lectures.material.teacher import body_on_teachers_rig, teacher_of
 from workbench.lectures.material.tubes import tube
 from workbench.priors.poses import draw_poses, shipped_gaussian
-from workbench.synthetic.teacher import body_on_teachers_rig, teacher_of
 from workbench.training.blend_shapes import RidgeSums, solve_ridge
 from workbench.training.blocks import Plan
 from workbench.training.triangles.alternation import TriangleOptions

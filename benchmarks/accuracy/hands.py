@@ -32,11 +32,11 @@ from workbench.bodies.forward.posing import Posing
 from workbench.fitting import Scan, hand_problem, hand_start, pose_prior, read_scan, shape_prior
 from workbench.fitting.hands import points_of
 from workbench.geometry.surface_tree import SurfaceTree
+from workbench.lectures.material.teacher import joint_positions
 from workbench.priors.joint_limits import hand_limits
 from workbench.registration import fit_hand, random_surface_points, register
 from workbench.solvers import TrustRegion
 from workbench.synthetic import Holes, Noise, SimulatedScan, scan, scanners
-from workbench.synthetic.teacher import joint_positions
 
 SEED, POINTS, SCANS = 2032, 100, 20  # of all hands, and how many hands
 NOISE = 0.002  # m along each axis

@@ -10,11 +10,11 @@ from builder.population import ShapeTargets, Traits, to_t_pose
 from builder.pose_priors import mirrored_pose
 from builder.sets import regress
 from builder.wheel import parse_obj
-from tests.synthetic.test_teacher import skinned
+from tests.lectures.test_teacher import skinned
 from workbench.arrays import Array
 from workbench.bodies.catalogue import load_skinned
 from workbench.geometry.mirror import REFLECTION, Mirror
-from workbench.synthetic.teacher import (
+from workbench.lectures.material.teacher import (
     HALF_OF,
     JOINT,
     JOINT_NAMES,

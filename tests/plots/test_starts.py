@@ -1,4 +1,4 @@
-"""Where many starts end: a step for each minimum, and maps of basins."""
+"""Where many starts end: a step for each minimum."""
 
 import numpy as np
 import pytest
@@ -6,16 +6,12 @@ import pytest
 from tests.solutions_made_up import solution_of
 from workbench.errors import BadArgument
 from workbench.plots import (
-    caption_basins,
     caption_minima,
-    plot_basins,
     plot_minima,
     png,
     sheet,
 )
 from workbench.plots.scans import plot_joint_cost
-from workbench.registration import BasinMap, Stopped
-from workbench.registration.basins import grid
 from workbench.solvers import Solution
 from workbench.training.execution import LogEntry
 
@@ -72,48 +68,6 @@ def test_minima_of_one_start_are_refused() -> None:
     for refused in (lambda one: plot_minima(one, ax=ax), caption_minima):
         with pytest.raises(BadArgument, match=r"solution of made-up holds no minima .* `Starts`"):
             refused(solution_of({}))
-
-
-def made_up(*axes: str, within: float = 60.0) -> BasinMap:
-    """Starts up to an angle end at the truth, the others half a turn away."""
-    angles = grid(axes, 30.0)
-    found = np.abs(angles).max(axis=1) <= within
-    S = len(angles)
-    ends = np.where(found, 0.1, 180.0), np.where(found, 1e-4, 0.4)
-    return BasinMap(axes, angles, *ends, np.full(S, 9), (Stopped.SETTLED,) * S)
-
-
-def test_basins_fill_starts_that_end_at_the_truth() -> None:
-    figure, (ax,) = sheet(6, 4)
-    assert plot_basins([made_up("y"), made_up("z", within=30)], ax=ax) is ax
-    assert png(figure).startswith(b"\x89PNG")
-    line, filled, empty, *others = ax.get_lines()
-    assert line.get_xdata().tolist() == list(range(-150, 181, 30))
-    assert filled.get_xdata().tolist() == [-60, -30, 0, 30, 60]
-    assert set(empty.get_ydata()) == {180.0}
-    assert empty.get_markerfacecolor() == "white"
-    assert others[1].get_xdata().tolist() == [-30, 0, 30]
-    legend = ax.get_legend()
-    assert legend is not None
-    assert [text.get_text() for text in legend.get_texts()] == ["about y", "about z"]
-    assert "degrees" in ax.get_xlabel()
-    assert "degrees" in ax.get_ylabel()
-
-
-def test_caption_says_how_far_a_basin_reaches() -> None:
-    nowhere = made_up("z", within=-1)
-    said = caption_basins([made_up("y"), nowhere])
-    assert "truth for angles up to 60 degrees about y; for no range of angles about z." in said
-    assert "within 20 mm on average" in said
-
-
-def test_basins_refuse_maps_of_other_axes() -> None:
-    _, (ax,) = sheet(4, 3)
-    for maps in ([], [made_up("x", "y")]):
-        with pytest.raises(BadArgument, match="maps of one axis"):
-            plot_basins(maps, ax=ax)
-        with pytest.raises(BadArgument, match="maps of one axis"):
-            caption_basins(maps)
 
 
 def test_joint_cost_draws_more_terms_than_there_are_marks() -> None:

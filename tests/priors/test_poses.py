@@ -19,6 +19,7 @@ from builder.pose_priors import (
 )
 from workbench.errors import BadFile
 from workbench.geometry.mirror import AXIAL, opposites
+from workbench.lectures.material.teacher import JOINT_NAMES, MIRRORED_JOINTS
 from workbench.priors.poses import (
     GAUSSIAN_FILE,
     MIXTURE_FILE,
@@ -29,7 +30,6 @@ from workbench.priors.poses import (
     shipped_student,
 )
 from workbench.priors.recordings import ELBOW_LIMIT, PoseRecording, read_recording
-from workbench.synthetic.teacher import JOINT_NAMES, MIRRORED_JOINTS
 
 SHIPPED = Path(workbench.__file__).parent / "data" / "poses" / GAUSSIAN_FILE
 

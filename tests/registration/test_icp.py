@@ -10,13 +10,12 @@ import trimesh
 from tests.tiers import few
 from workbench.arrays import Array
 from workbench.bodies.catalogue import load_body
-from workbench.errors import BadArgument, UnknownName
+from workbench.errors import BadArgument
 from workbench.geometry.rigid import Similarity, procrustes
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 from workbench.geometry.surface_tree import SurfaceTree
 from workbench.registration import (
     Alignment,
-    BasinMap,
     Contacts,
     GemanMcClure,
     Icp,
@@ -24,7 +23,6 @@ from workbench.registration import (
     LeastSquares,
     PointCloud,
     Stopped,
-    basin_map,
     distance_gauss_newton,
     icp,
     icp_steps,
@@ -32,7 +30,6 @@ from workbench.registration import (
     point_to_point,
     random_surface_points,
 )
-from workbench.registration.basins import grid
 from workbench.registration.icp_steps import Loss, Step, part_of
 
 STEPS_RNG = np.random.default_rng(3)
@@ -398,99 +395,6 @@ def test_bad_arguments_of_icp_are_refused() -> None:
     ]:
         with np.errstate(all="ignore"), pytest.raises(BadArgument, match=said):
             bad()
-
-
-# From which starts a registration ends at the truth.
-
-
-PLACE = Similarity(matrix_from_vector([0.5, -1.0, 0.2]), np.array([1.0, 2.0, -3.0]))
-
-
-def ended(motion: Similarity) -> Alignment:
-    """A registration that stays where it began."""
-    return Alignment(motion, Stopped.SETTLED, (IcpIterate(motion, 0.0, 0.0, 1.0, 0.0),))
-
-
-def test_basin_map_measures_turns_and_distances() -> None:
-    told: list[tuple[int, int]] = []
-    found = basin_map(ended, POINTS, PLACE, ("z",), 45, progress=lambda *at: told.append(at))
-    assert found.angles[:, 0].tolist() == [-135, -90, -45, 0, 45, 90, 135, 180]
-    np.testing.assert_allclose(found.turned, np.abs(found.angles[:, 0]), atol=1e-5)
-    right = PLACE(POINTS) - PLACE(POINTS).mean(axis=0)
-    radius = np.linalg.norm(right[:, :2], axis=1).mean()  # the turn is about the mean
-    expected = 2 * np.sin(np.radians(np.abs(found.angles[:, 0])) / 2) * radius
-    np.testing.assert_allclose(found.off, expected, atol=1e-12)
-    assert found.found.tolist() == [angle == 0 for angle in found.angles[:, 0]]
-    assert found.reach == 0
-    assert told == [(k, 8) for k in range(1, 9)]
-
-
-def test_starts_about_two_axes_compose() -> None:
-    starts: list[Similarity] = []
-
-    def align(start: Similarity) -> Alignment:
-        starts.append(start)
-        return ended(start)
-
-    found = basin_map(align, POINTS, PLACE, ("x", "y"), 90.0)
-    assert found.angles.shape == (16, 2)
-    for start, (x, y) in zip(starts, np.radians(found.angles), strict=True):
-        R = matrix_from_vector([0, y, 0]) @ matrix_from_vector([x, 0, 0]) @ PLACE.R
-        np.testing.assert_allclose(start.R, R, atol=1e-14)
-        middle = PLACE(POINTS).mean(axis=0)
-        np.testing.assert_allclose(start(POINTS).mean(axis=0), middle, atol=1e-12)
-
-
-def test_reach_ends_at_the_first_lost_start() -> None:
-    for angles, lost, reach in [
-        ((-60, -30, 0, 30, 60, 90), (), 90),
-        ((-60, -30, 0, 30, 60, 90), (-60,), 30),
-        ((-30, 0, 30), (30,), 0),
-        ((-30, 0, 30), (0,), np.nan),
-    ]:
-        S = len(angles)
-        off = np.isin(angles, lost).astype(float)
-        ends = np.zeros(S), off, np.full(S, 7), (Stopped.SETTLED,) * S
-        found = BasinMap(("y",), np.array(angles, dtype=float)[:, None], *ends)
-        np.testing.assert_equal(found.reach, reach)
-
-
-def test_grid_has_no_start_twice() -> None:
-    for step, count in [(180.0, 2), (120.0, 3), (100.0, 3), (30.0, 12)]:
-        angles = grid(["y"], step)[:, 0]
-        assert len(angles) == len({angle % 360 for angle in angles}) == count
-        assert 0 in angles
-        assert np.all(np.diff(angles) == step)
-
-
-def test_bad_grids_are_refused() -> None:
-    with pytest.raises(UnknownName, match="no axis is called 'w'; there are x, y, z"):
-        grid(["w"], 30.0)
-    for axes, step, said in [
-        (["y", "y"], 30.0, "several different ones, not 'y and y'"),
-        ([], 30.0, "one axis or several"),
-        (["y"], 0.0, "above 0 and at most 180 degrees"),
-        (["y"], 181.0, "above 0 and at most 180 degrees"),
-        (["y"], np.nan, "above 0 and at most 180 degrees"),
-    ]:
-        with pytest.raises(BadArgument, match=said):
-            grid(axes, step)
-
-
-@pytest.mark.thorough
-def test_ellipsoid_has_known_basins() -> None:
-    """Known basins: an ellipsoid looks the same after a half-turn about each of its axes."""
-    ball = trimesh.creation.icosphere(subdivisions=3)
-    vertices, still = (
-        np.asarray(ball.vertices) * [0.3, 0.5, 0.8],
-        Similarity(np.eye(3), np.zeros(3)),
-    )
-    surface = SurfaceTree(vertices, ball.faces)
-    points, _ = random_surface_points(vertices, ball.faces, 200, RNG)
-    found = basin_map(lambda start: Icp().align(points, surface, start), points, still, ("y",))
-    angles = np.abs(found.angles[:, 0])
-    np.testing.assert_array_equal(found.found[angles != 90], angles[angles != 90] < 90)
-    np.testing.assert_allclose(found.turned[angles > 90], 180, atol=0.01)
 
 
 def test_random_points_are_uniform_over_area() -> None:

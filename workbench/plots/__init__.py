@@ -39,10 +39,6 @@ from workbench.plots.posterior import (
     caption_traces as caption_traces,
     widest as widest,
 )
-from workbench.plots.scans import (
-    caption_basins as caption_basins,
-    plot_basins as plot_basins,
-)
 from workbench.plots.solutions import (
     caption_convergence as caption_convergence,
     caption_minima as caption_minima,

@@ -1,7 +1,6 @@
 """Registration: surfaces and points brought onto scans, without known correspondences."""
 
 from workbench.geometry.solids import random_surface_points
-from workbench.registration.basins import BasinMap, basin_map
 from workbench.registration.doubts import Doubts, Support, doubts, support
 from workbench.registration.free_vertices import (
     QUICK_VERTEX_STAGES,
@@ -69,7 +68,6 @@ __all__ = [
     "SEEN_STAGES",
     "VERTEX_STAGES",
     "Alignment",
-    "BasinMap",
     "BodySize",
     "Contacts",
     "Coupling",
@@ -98,7 +96,6 @@ __all__ = [
     "Support",
     "VertexStage",
     "arms_lowered",
-    "basin_map",
     "body_size",
     "by_edges",
     "by_vertices",

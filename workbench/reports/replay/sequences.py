@@ -16,8 +16,8 @@ from workbench.geometry.surface_tree import SurfaceTree
 from workbench.motions import Motion
 from workbench.problem import Problem
 from workbench.registration import Registration
-from workbench.registration.basins import NEAR
 from workbench.registration.coregistration.folder import FACING
+from workbench.registration.doubts import NEAR
 from workbench.reports.replay.observations import (
     landmarks_of_views,
     observed_points,
