@@ -52,7 +52,7 @@ def test_design_averages_over_points(workbench: Run, line: Path) -> None:
 @pytest.mark.thorough
 def test_design_refuses_what_makes_no_question(workbench: Run, line: Path) -> None:
     for arguments, said in (
-        (["--candidates", "poses"], "there are cameras, keypoints,"),
+        (["--candidates", "poses"], "there are cameras, markers,"),
         (["--candidates", "cameras"], "are of a problem that fits a body in one frame"),
         (["--criterion", "f"], "no criterion is called 'f'"),
         (["--choose", "7"], "1 to 6 of the candidates can be chosen, not 7"),
@@ -67,7 +67,6 @@ def test_design_refuses_what_makes_no_question(workbench: Run, line: Path) -> No
     for candidates, said in (
         ("own", "names no candidates of its own"),
         ("views", "no camera of this problem is held"),
-        ("keypoints", "no camera sees the body"),
     ):
         code, _, err = workbench("design", "known-correspondences", "--candidates", candidates)
         assert code == 2

@@ -96,7 +96,6 @@ def test_key_of_an_image_fit_holds_its_recipe(tmp_path: Path) -> None:
         ByHeight(),
         ByHeight(strict=0.05),
         ByHeight(outlier=0.1),
-        ByHeight(wide=(0.3,)),
         ByHeight(priors=WithStature(1.7)),
         ByHeight(priors=WithStature(1.8)),
         ByHeight(solver=LevenbergMarquardt()),

@@ -12,7 +12,6 @@ from workbench.fitting.candidates import (
     cameras_of,
     cameras_on_a_sphere,
     depth_of,
-    keypoint_candidates,
     looking_at,
     marker_candidates,
     stature_of,
@@ -85,21 +84,6 @@ def test_camera_candidate_equals_its_keypoint_residual() -> None:
         cameras_on_a_sphere(BODY, [0, 0])
     with pytest.raises(BadArgument, match="above zero"):
         cameras_on_a_sphere(BODY, ROOT, distance=0)
-
-
-@pytest.mark.thorough
-def test_keypoint_candidates_sum_to_the_camera() -> None:
-    camera = Camera("candidate/")
-    R, t = looking_at(ROOT, 0, 0, 4.0)
-    K = np.array([[1200.0, 0, 500], [0, 1200, 500], [0, 0, 1]])
-    numbers = camera.values(K=K, R=R, t=t)
-    single = keypoint_candidates(BODY, camera, numbers, sigma=4.0)
-    assert tuple(single) == BODY.landmark_names(landmark_set(BODY))
-    found = wb.design(PROBLEM, single, AT, choose=len(single))
-    whole = cameras_on_a_sphere(BODY, ROOT, around=(0,), up=(0,))
-    expected = wb.design(PROBLEM, whole, AT)
-    np.testing.assert_allclose(found.sd_after, expected.sd_after, rtol=1e-7)
-    assert found.after.sd == pytest.approx(expected.after.sd, rel=1e-9)
 
 
 @pytest.mark.thorough

@@ -235,13 +235,13 @@ def setup_photographs() -> tuple:
 
 
 def test_stages_end_at_the_problem_itself() -> None:
-    recipe = ByHeight(wide=(0.3, 0.05))
+    recipe = Smplify()
     setup = image_fit(seen(person(1), 3.0), BODY, "q", recipe=recipe)
     assert setup.strategy is not None
     solver = setup.strategy(None)
     assert isinstance(solver, Staged)
     solution = solver.solve(setup.problem, setup.start)
-    assert len(solution.stages) == 3
+    assert len(solution.stages) == 5
     assert solution.stages[-1] == len(solution.trace) - 1
     x, fixed = setup.problem.split(setup.start | solution.values)
     r = setup.problem.residual(x, fixed)

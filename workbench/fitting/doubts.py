@@ -2,11 +2,8 @@
 
 A doubt is a sentence: what was seen, what it probably means, and what to do. None of them says that
 a fit is wrong; they name what a converged solver does not look at. Scans are judged by
-`registration.doubts`, in sentences of the same form. The thresholds are judgements. They were tuned
-on other seeds and frames, and doubt 1 of 485 honest fits (synthetic people in 1 to 4 cameras, with
-their arms spread, in markers, meshes and scans; frames of `balance` in one camera, in four, and as
-clips), and 114 of 122 absurd inputs of 18 kinds, of which 110 are told their cause. The other 8 are
-half of the single images of which left and right were exchanged or that were mirrored.
+`registration.doubts`, in sentences of the same form. The thresholds are judgements, tuned on other
+seeds and frames than those on which they were counted.
 """
 
 import warnings

@@ -13,18 +13,16 @@ begins at what a small network reads off the keypoints, and further hypotheses a
 and at turned ones.
 
 The landmarks of a detector are not those of a body: a hip, say, is always found a little farther
-out. Detectors are marker sets whose markers have unknown offsets. If each keypoint k has an offset
-of its own, o_k ~ N(0, (s m_k)^2) m in each direction, seen as s m_k f / z px at the distance z, and
-it is integrated out, then the estimate x of the fit has another covariance than Laplace's
-C = (J'J)^-1:
+out. If each keypoint k has an offset of its own, o_k ~ N(0, (s m_k)^2) m in each direction, seen as
+s m_k f / z px at the distance z, and it is integrated out, then the estimate x of the fit has
+another covariance than Laplace's C = (J'J)^-1:
 
     C + (s f / (z sigma))^2 C J_d' J_d C
 
 with the rows J_d of the keypoints, whitened (White, Maximum likelihood estimation of misspecified
 models, 1982), both up to the curvature that the Gauss-Newton Hessian J'J leaves out. A keypoint
 that is known less well has a larger offset too: m_k is its standard deviation in sigmas, 1 for a
-typical keypoint of confidence 1 (`as_marked`). The estimate stays what it is: fits in which
-keypoints have this larger variance from the outset have larger errors (`benchmarks/DECISIONS.md`).
+typical keypoint of confidence 1 (`as_marked`).
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -133,11 +131,8 @@ def spheres_prior(body: Body) -> Residual:
 
 @dataclass(frozen=True)
 class SmplifyTerms:
-    """The prior on the pose, shape, elbows and knees, and for bodies with capsules E_sp, with the
+    """The prior `pose`, shape, elbows and knees, and for bodies with capsules E_sp, with the
     weights that SMPLify's code has in its last stage.
-
-    Attributes:
-        pose: from a body to the prior on its pose.
     """
 
     pose: Callable[[Body], Residual] = mixture_prior
@@ -151,11 +146,6 @@ class SmplifyTerms:
         capsules = isinstance(body, SkinnedBody) and body.capsules is not None
         terms = WithPosePrior(self.pose, (spheres_prior,) if capsules else ())(body)
         return tuple(p.weighed(counts[p.name]) if p.name in counts else p for p in terms)
-
-
-def wider(sigma: float, *wide: float, solver: Solver | None = None) -> tuple[SolveStage, ...]:
-    """Stages in which keypoints have these larger sigmas in px, before the fit with `sigma`."""
-    return tuple(SolveStage(weights={KEYPOINTS: (sigma / w) ** 2}, solver=solver) for w in wide)
 
 
 def smplify_stages() -> tuple[SolveStage, ...]:
@@ -253,14 +243,7 @@ class Appearance:
 
 @dataclass(frozen=True)
 class Smplify:
-    """SMPLify's own terms, weights and stages, whatever the person looks like.
-
-    Attributes:
-        sigma: the standard deviation of a keypoint, in px.
-        outlier: the scale of Geman and McClure's kernel, in px.
-        priors: the residuals of a body beside its keypoints.
-        solver: what solves each stage.
-    """
+    """SMPLify's terms, weights and stages, whatever the person looks like; see `ImageRecipe`."""
 
     sigma: float = SMPLIFY_SIGMA
     outlier: float = 100.0
@@ -274,27 +257,19 @@ class Smplify:
 
 @dataclass(frozen=True)
 class ByHeight:
-    """A recipe whose lengths grow with the height of the person in the image.
-
-    Whether a keypoint is wrong, or the body still far from where it should be, is a matter of
-    its distance compared with the person, not of px: 100 px are little for a person who fills a
-    photograph, and half of one in its background.
+    """A recipe whose lengths grow with the height of the person in the image: 100 px are little for
+    a person who fills a photograph, and half of one in its background. See also `ImageRecipe`.
 
     Attributes:
         sigma: the standard deviation of a keypoint, in px; without one, `usual_sigma`.
         outlier: from which distance on a coordinate counts as an outlier, as a share of the
             person's height in the image.
         strict: the same if some keypoints are suspected to be wrong already at the start.
-        wide: the sigmas of keypoints in the stages before the last one, as such shares.
-        priors: the residuals of a body beside its keypoints.
-        solver: what solves the last stage; those before are solved roughly.
-        relative: the standard deviations of keypoints by name, in sigmas.
     """
 
     sigma: float | None = None
     outlier: float = OUTLIER
     strict: float = 0.04
-    wide: tuple[float, ...] = ()
     priors: Terms = image_priors
     solver: Solver = NEARLY
     relative: Relative = as_marked
@@ -303,9 +278,8 @@ class ByHeight:
         """The recipe for a person of this appearance."""
         height = person.height
         sigma = usual_sigma(height, (person.side,) * 2) if self.sigma is None else self.sigma
-        stages = wider(sigma, *(share * height for share in self.wide), solver=ROUGHLY)
         outlier = height * (self.strict if person.suspect else self.outlier)
-        return ImageRecipe(sigma, outlier, self.priors, stages, self.solver, self.relative)
+        return ImageRecipe(sigma, outlier, self.priors, (), self.solver, self.relative)
 
 
 @dataclass(frozen=True, eq=False)
@@ -327,7 +301,6 @@ class ImageFits:
         self,
         observations: Observations,
         question: str,
-        *,
         hypotheses: int = 1,
         held_out: Sequence[str] = (),
         reference: Array | None = None,
@@ -391,15 +364,8 @@ def image_fit(
     images, make one `ImageFits`. `reference` is as for `keypoint_fit`. Raises
     BadObservation if the keypoints cannot place the body.
     """
-    fits = ImageFits(body, recipe or ByHeight())
-    return fits.setup(
-        observations,
-        question,
-        hypotheses=hypotheses,
-        held_out=held_out,
-        reference=reference,
-        compared=compared,
-    )
+    fits, rest = ImageFits(body, recipe or ByHeight()), (hypotheses, held_out, reference, compared)
+    return fits.setup(observations, question, *rest)
 
 
 def appearance(body: Body, view: View, values: Values) -> Appearance:
@@ -456,15 +422,15 @@ def depth_interval(setup: Setup, values: Values, offset: float = OFFSET) -> Dept
 
 def depth_measures(setup: Setup, values: Values) -> tuple[Measure, ...]:
     """The distance of `depth_interval` and the ends of its interval; none where it is unknown."""
-    found = depth_interval(setup, values)
-    if found is None:
+    if (found := depth_interval(setup, values)) is None:
         return ()
     name, of = "distance from the camera", "end of the 90 % interval"
-    return (
-        Measure(name, found.mean, "m"),
-        Measure(f"{name}, lower {of}", found.low, "m"),
-        Measure(f"{name}, upper {of}", found.high, "m"),
+    named = (
+        (name, found.mean),
+        (f"{name}, lower {of}", found.low),
+        (f"{name}, upper {of}", found.high),
     )
+    return tuple(Measure(what, metres, "m") for what, metres in named)
 
 
 def depth_spread(setup: Setup, view: View, values: Values) -> tuple[float, float, float]:

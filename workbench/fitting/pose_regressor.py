@@ -18,14 +18,12 @@ from workbench.errors import BadArgument, BadFile
 from workbench.geometry.mirror import AXIAL, REFLECTION, opposites
 from workbench.geometry.rotation import nearest_rotation
 from workbench.reading.arrays import opened, read_expected, reals, texts, wholes
-from workbench.writing import write_arrays
 
 FEWEST = 3  # keypoints, below which nothing says how a body is turned
 COLUMNS = np.outer(REFLECTION, REFLECTION)[:, :2]  # what becomes of them under S R S
 FOLDER = files("workbench") / "data" / "poses"
 REGRESSOR_FILE = "regressor.npz"
 MOST_LAYERS = 9
-LARGEST = 2**15 - 1  # of the whole numbers in which weights are stored
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,28 +153,9 @@ def _median(points: Array, known: Mask) -> Array:
     return np.asarray(np.nanmedian(np.where(known[..., None], points, np.nan), axis=1))
 
 
-def save_regressor(regressor: PoseRegressor, path: str | Path) -> None:
-    """Write a regressor into an .npz; weights become multiples of a step, in 16 bits.
-
-    The step is the largest weight of a layer / 32,767. Raises BadFile if it cannot be written.
-    """
-    arrays = {
-        "keypoint_names": np.array(regressor.keypoint_names),
-        "joint_names": np.array(regressor.joint_names),
-        "mean": regressor.mean.astype(np.float32),
-        "scales": regressor.scales.astype(np.float32),
-    }
-    for i, (W, b) in enumerate(zip(regressor.weights, regressor.biases, strict=True)):
-        step = float(np.abs(W).max()) / LARGEST or 1.0
-        arrays[f"weights_{i}"] = np.rint(W / step).astype(np.int16)
-        arrays[f"step_{i}"] = np.array(step)
-        arrays[f"biases_{i}"] = b.astype(np.float32)
-    write_arrays(path, arrays)
-
-
 def read_regressor(path: str | Path) -> PoseRegressor:
-    """Read a regressor that `save_regressor` wrote. Raises BadFile if there is none in it."""
-    with opened(path, "regressor of poses", "give a file that `save_regressor` wrote") as archive:
+    """Read a regressor; `lectures/material/regressor_training.py` saves it. Raises BadFile."""
+    with opened(path, "regressor of poses", "give a file of such a network") as archive:
         layers = sum(f"weights_{i}" in archive.headers for i in range(MOST_LAYERS))
         expected = {
             "keypoint_names": texts("M"),

@@ -8,16 +8,13 @@ intervals, 1988). It may be lopsided, and it may be open: then no value of the e
 refuted (Raue et al., Structural and practical identifiability analysis, Bioinformatics 2009).
 
 A direction that is weak at one point may be the floor of a valley, along which every point is as
-good, or the way into a second basin: a limb that one camera sees may lean towards it or away from
-it, at nearly the same cost. So the fit is repeated from points on both sides along the weakest
-directions, and the ends are told apart.
+good, or the way into a second basin, at nearly the same cost. So the fit is repeated from points on
+both sides along the weakest directions, and the ends are told apart.
 
-Fits to data that are made anew say how uncertain a solution is without linear algebra. At a point
-x* every whitened row r(x) is replaced by r(x) - r(x*) - e with e ~ N(0, 1): data at which x* is
-exact, and noise of the size that sigma states. Priors count as data about x*, so that the spread
-of the ends is that of the posterior: J'J exactly where residuals are linear (randomized maximum
-likelihood; Oliver, He and Reynolds, Conditioning permeability fields to pressure data, 1996), and
-up to curvature elsewhere.
+In `repeated_fits`, every whitened row r(x) is replaced by r(x) - r(x*) - e with e ~ N(0, 1): data
+at which x* is exact, and noise of the size that sigma states. Priors count as data about x*, so
+that the ends spread as the posterior does: exactly where residuals are linear (randomized maximum
+likelihood; Oliver, He and Reynolds, Conditioning permeability fields to pressure data, 1996).
 """
 
 from collections.abc import Callable, Mapping

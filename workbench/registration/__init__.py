@@ -5,11 +5,9 @@ from workbench.registration.doubts import Doubts, Support, doubts, support
 from workbench.registration.free_vertices import (
     QUICK_VERTEX_STAGES,
     VERTEX_STAGES,
-    Coupling,
     FreeVertices,
     Registered,
     ScanTerm,
-    StageResult,
     VertexStage,
     by_edges,
     by_vertices,
@@ -40,10 +38,8 @@ from workbench.registration.recipe import (
     fit_hand,
     model_alone,
     usual_recipe,
-    with_skeleton,
 )
 from workbench.registration.registering import (
-    BodySize,
     OtherEnd,
     Registration,
     StageOutcome,
@@ -68,9 +64,7 @@ __all__ = [
     "SEEN_STAGES",
     "VERTEX_STAGES",
     "Alignment",
-    "BodySize",
     "Contacts",
-    "Coupling",
     "Doubts",
     "FailedScan",
     "FitProgress",
@@ -91,7 +85,6 @@ __all__ = [
     "ScanJob",
     "ScanTerm",
     "StageOutcome",
-    "StageResult",
     "Stopped",
     "Support",
     "VertexStage",
@@ -117,5 +110,4 @@ __all__ = [
     "support",
     "touched",
     "usual_recipe",
-    "with_skeleton",
 ]
