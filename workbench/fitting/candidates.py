@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
 from workbench.blocks import Block, Values
-from workbench.blocks.checks import reals
+from workbench.blocks.checks import above_zero, reals
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.diagnostics.design import Candidate, Criterion, Quantity, sd_of
@@ -67,11 +67,7 @@ def cameras_on_a_sphere(
     middle = reals("the centre of the cameras", centre)
     if middle.shape != (3,) or not np.isfinite(middle).all():
         raise BadArgument(f"the centre of the cameras is a point (3,) in m, not {middle.tolist()}")
-    if not (distance > 0 and focal > 0 and sigma > 0):
-        raise BadArgument(
-            f"cameras need a distance, a focal length and a sigma above zero, not {distance:g} m, "
-            f"{focal:g} px and {sigma:g} px"
-        )
+    above_zero("cameras", distance=distance, focal=focal, sigma=sigma)
     K, numbers = pinhole(focal, *size), {}
     for u in up:
         for a in around:

@@ -32,6 +32,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.blocks import Values
+from workbench.blocks.checks import above_zero
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.bodies.triangles import TriangleBody
@@ -211,9 +212,7 @@ class ImageRecipe:
     relative: Relative = alike
 
     def __post_init__(self) -> None:
-        for name in ("sigma", "outlier"):
-            if not 0 < getattr(self, name) < np.inf:
-                raise BadArgument(f"{name} is a length in px above 0, not {getattr(self, name)!r}")
+        above_zero("keypoints in px", sigma=self.sigma, outlier=self.outlier)
 
     def stages_of(self, residuals: Iterable[str], solver: Solver | None) -> tuple[SolveStage, ...]:
         """The stages of a problem with residuals of these names, by `solver` if there is one."""

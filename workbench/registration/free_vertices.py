@@ -8,6 +8,7 @@ import numpy as np
 
 from workbench.arrays import Array, Index, Mask
 from workbench.blocks import Block, Points, Values
+from workbench.blocks.checks import above_zero, from_zero
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadArgument
 from workbench.fitting.body_priors import usual_priors
@@ -62,12 +63,8 @@ class ScanTerm:
     form: Form = distance
 
     def __post_init__(self) -> None:
-        if not min(self.sigma, self.outlier, self.within, self.patch) > 0:
-            raise BadArgument(
-                "the sigma, the outlier's distance, the gate and the patch of a scan's term are "
-                f"above zero, not {self.sigma:g}, {self.outlier:g}, {self.within:g} m and "
-                f"{self.patch:g} m^2"
-            )
+        above_zero("a scan's term", sigma=self.sigma, outlier=self.outlier, patch=self.patch)
+        above_zero("a scan's term", within=self.within)
 
     def residual(self, points: Points | cs.MX, faces: Index, scan: Scan, area: float) -> Residual:
         """The residual, in m, of a surface's vertices (N, 3); `area` in m^2 is the template's."""
@@ -179,26 +176,19 @@ class VertexStage:
     prior_scale: float = 1.0
 
     def __post_init__(self) -> None:
-        if not self.free or not 0 <= self.coupling < np.inf:
+        from_zero(f"stage {self.name!r}", coupling=self.coupling)
+        if not self.free or (VERTICES in self.free and self.coupling == 0):
             raise BadArgument(
-                f"stage {self.name!r} needs a free block and a coupling from 0 m on, not "
-                f"{self.free} and {self.coupling:g} m"
-            )
-        if VERTICES in self.free and self.coupling == 0:
-            raise BadArgument(
-                f"in stage {self.name!r}, the coupling is infinite, so that the vertices are the "
-                f"model's; give it a coupling above 0 m, or leave {VERTICES} out of {self.free}"
+                f"stage {self.name!r} needs a free block, and a coupling above 0 m if {VERTICES} "
+                f"are free: else they are the model's; not {self.free} and {self.coupling:g} m"
             )
 
 
 @dataclass
 class Settled:
-    """A callback of a solver that stops it when the cost falls by less than a share of it.
+    """A callback of a solver that stops it when a step lowers the cost by less than a share of it.
 
-    Attributes:
-        share: of the cost, the smallest decrease by one step after which the run goes on.
-        before: the cost of the last iterate.
-        left: how many more steps there may be.
+    `before` is the cost of the last iterate, and `left` how many more steps there may be.
     """
 
     share: float

@@ -8,10 +8,10 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import Mask
 from workbench.blocks import Values
+from workbench.blocks.checks import above_zero, from_zero
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.bodies.hands import is_hand
-from workbench.errors import BadArgument
 from workbench.fitting.hands import SIGMA, checked_hand, hand_landmarks, hand_problem, hand_start
 from workbench.fitting.scans.scan import Scan
 from workbench.registration.doubts import NEAR, Doubts
@@ -103,15 +103,8 @@ class Recipe:
         return self.seen_stages if seen and self.seen_stages is not None else self.fit_stages
 
     def __post_init__(self) -> None:
-        if not 0 <= self.boundary < np.inf:
-            raise BadArgument(
-                f"the width that is left out at the boundary is 0 m or more, not {self.boundary:g}"
-            )
-        if not min(self.within, self.same, self.near) > 0:
-            raise BadArgument(
-                "`within`, `same` and `near` of a recipe are lengths above 0 m, not "
-                f"{self.within:g}, {self.same:g} and {self.near:g}"
-            )
+        from_zero("a recipe", boundary=self.boundary)
+        above_zero("a recipe", within=self.within, same=self.same, near=self.near)
 
     def fit(
         self,

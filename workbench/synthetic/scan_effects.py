@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from scipy.special import ndtr
 
 from workbench.arrays import Array, Index, Mask
+from workbench.blocks.checks import above_zero, from_zero
 from workbench.errors import BadArgument
 from workbench.geometry.solids import face_vectors
 from workbench.synthetic.scanners import NEAR, DepthImage, Scanner
@@ -49,7 +50,7 @@ class Noise:
     grazing: float = 1e-4
 
     def __post_init__(self) -> None:
-        _check_positive("noise", growth=self.growth, floor=self.floor, grazing=self.grazing)
+        from_zero("noise", growth=self.growth, floor=self.floor, grazing=self.grazing)
 
     def sigma(self, depth: Array, angle: Array) -> Array:
         """The standard deviations (...) m at depths (...) m and angles (...) rad."""
@@ -82,7 +83,7 @@ class Holes:
     radius: float = 0.05
 
     def __post_init__(self) -> None:
-        _check_positive("holes", count=self.count, radius=self.radius)
+        from_zero("holes", count=self.count, radius=self.radius)
 
     def discs(self, vertices: Array, faces: Index, rng: np.random.Generator) -> "Discs":
         """The discs on a surface (N, 3) m, (F, 3), drawn by area."""
@@ -135,9 +136,8 @@ class Clothing:
     where: Array | None = None
 
     def __post_init__(self) -> None:
-        _check_positive("clothing", thickest=self.thickest, spread=self.spread)
-        if not self.spread:
-            raise BadArgument("the offset of clothing varies over a spread above 0 m")
+        from_zero("clothing", thickest=self.thickest)
+        above_zero("clothing", spread=self.spread)
 
     def offsets(self, vertices: Array, rng: np.random.Generator) -> Array:
         """The offset of every vertex, (N,) m, none of them negative.
@@ -189,12 +189,6 @@ def unit_vectors(vectors: ArrayLike) -> Array:
     """Vectors (..., 3) divided by their lengths."""
     found = np.asarray(vectors, dtype=float)
     return np.asarray(found / np.linalg.norm(found, axis=-1, keepdims=True))
-
-
-def _check_positive(what: str, **numbers: float) -> None:
-    for name, number in numbers.items():
-        if not 0 <= number < np.inf:
-            raise BadArgument(f"the {name} of {what} must be a number from 0 on, not {number:g}")
 
 
 class Thing(Protocol):

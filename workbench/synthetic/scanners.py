@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, Index, Mask
+from workbench.blocks.checks import above_zero
 from workbench.errors import BadArgument
 from workbench.fitting.observations import pinhole
 
@@ -43,11 +44,7 @@ class Scanner:
     size: tuple[int, int] = SIZE
 
     def __post_init__(self) -> None:
-        if not (self.focal > 0 and min(self.size) >= 1):
-            raise BadArgument(
-                "a scanner has a focal length above 0 px and an image of at least one pixel, not "
-                f"{self.focal:g} and {self.size}"
-            )
+        above_zero("a scanner", focal=self.focal, width=self.size[0], height=self.size[1])
 
     @property
     def K(self) -> Array:

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from workbench.arrays import Array, Index, Mask
-from workbench.errors import BadArgument
+from workbench.blocks.checks import from_zero
 from workbench.fitting.scans.scan import Scan
 from workbench.geometry.solids import face_vectors, sums_over_faces
 
@@ -176,8 +176,7 @@ def boundary(scan: Scan, *, width: float = 0.0) -> Mask:
     whose 48 neighbours, seen along the normal, leave a gap of more than 120 degrees (Bendels et
     al., Detecting Holes in Point Set Surfaces, 2006). Raises BadArgument for a width below 0.
     """
-    if not 0 <= width < np.inf:
-        raise BadArgument(f"a boundary has a width of 0 m or more, not {width:g}")
+    from_zero("a boundary", width=width)
     if scan.faces is not None:
         found = np.zeros(scan.n_points, dtype=np.bool_)
         found[edges_of_one_face(scan.faces)] = True

@@ -24,6 +24,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
+from workbench.blocks.checks import above_zero
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadArgument, BadFile
 from workbench.fitting.body_priors import pose_gaussian
@@ -173,8 +174,7 @@ class CoregistrationPlan:
     options: BlockOptions = field(default_factory=lambda: BlockOptions(linear_tolerance=1e-3))
 
     def __post_init__(self) -> None:
-        if self.rounds < 1:
-            raise BadArgument(f"a coregistration has one round or more, not {self.rounds}")
+        above_zero("a coregistration", rounds=self.rounds)
 
 
 def coregistration_card(start: str, subject: Index, log: Sequence[LogEntry]) -> dict[str, Any]:

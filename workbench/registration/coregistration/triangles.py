@@ -23,6 +23,7 @@ from scipy.sparse import csc_array
 
 from workbench.arrays import Array, Index
 from workbench.blocks import Block, Values
+from workbench.blocks.checks import above_zero
 from workbench.bodies import SkinnedBody
 from workbench.bodies.triangles import TriangleBody, blend_scape
 from workbench.bodies.triangles.numbers import TriangleSurface
@@ -90,11 +91,8 @@ class TrianglePlan:
     term: ScanTerm = CLOSE
 
     def __post_init__(self) -> None:
-        if self.rounds < 1:
-            raise BadArgument(f"a coregistration has one round or more, not {self.rounds}")
-        for name in ("coupling", "neighbours", "bends"):
-            if not 0 < getattr(self, name) < np.inf:
-                raise BadArgument(f"{name} is above zero, not {getattr(self, name):g}")
+        lengths = {name: getattr(self, name) for name in ("coupling", "neighbours", "bends")}
+        above_zero("a coregistration", rounds=self.rounds, **lengths)
         if unknown := set(self.blocks) - {"persons", "bends"}:
             raise BadArgument(f"no block is called {sorted(unknown)[0]!r}; give persons and bends")
 
