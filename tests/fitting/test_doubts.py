@@ -116,7 +116,7 @@ VIEWS: dict[str, Callable[[], Setup]] = {
         lambda ring: [(R, 1000 * t) for R, t in ring]
     ),
     "OpenGL's axes": lambda: from_three(lambda ring: [(FLIP @ R, FLIP @ t) for R, t in ring]),
-    "camera-to-world, not world-to-camera, with translations in mm": lambda: from_three(
+    "not world-to-camera (--camera-to-world), with translations in mm": lambda: from_three(
         lambda ring: [(R.T, -1000 * R.T @ t) for R, t in ring]
     ),
     "in the order 2, 1, 3": lambda: from_three(lambda ring: [ring[1], ring[0], ring[2]]),

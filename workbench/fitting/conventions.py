@@ -151,7 +151,9 @@ def _cost(setup: Setup, views: Sequence[View], changed: Sequence[View]) -> float
 
 Extrinsics = list[tuple[Array, Array]]  # R (3, 3) and t (3,) of each camera
 CONVENTIONS: dict[str, Callable[[Array, Array], tuple[Array, Array]]] = {
-    "the extrinsics are camera-to-world, not world-to-camera": lambda R, t: (R.T, -R.T @ t),
+    "the extrinsics are camera-to-world, not world-to-camera (--camera-to-world)": (
+        lambda R, t: (R.T, -R.T @ t)
+    ),
     "rotations are in degrees": lambda R, t: (
         matrix_from_vector(np.radians(vector_from_matrix(R))),
         t,

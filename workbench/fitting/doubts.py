@@ -119,6 +119,7 @@ def doubts(
 
 
 Views = tuple[View, ...]
+Said = dict[str, str]  # sentences by what they are about
 
 
 def _moments(setup: Setup, values: Values) -> list[tuple[Views, Values]]:
@@ -140,9 +141,6 @@ def _moments(setup: Setup, values: Values) -> list[tuple[Views, Values]]:
         )
         for t in some
     ]
-
-
-Said = dict[str, str]  # sentences by what they are about
 
 
 def _often(moments: Sequence[Said]) -> list[str]:
@@ -188,15 +186,10 @@ def _views(body: Body, views: Views, values: Values) -> Said:
             f"cameras seem to be in {unit}; give them in m"
         }
     size = f"{100 * off:.1f} % of the person's size" if np.isfinite(off) else "no common point"
-    names = body.landmark_names(views[0].landmarks)
-    convention = agreeing_convention(views, values, names)
-    do = (
-        f"they would agree if {convention}"
-        if convention
-        else "compare the calibration with the files, their order, and the person in each"
-    )
-    if convention.startswith("the extrinsics are camera-to-world, not"):
-        do += " (--camera-to-world)"
+    convention = agreeing_convention(views, values, body.landmark_names(views[0].landmarks))
+    do = "compare the calibration with the files, their order, and the person in each"
+    if convention:
+        do = f"they would agree if {convention}"
     text = f"the views contradict each other (rays of a keypoint miss by {size}); {do}"
     return {"views": text}
 

@@ -81,15 +81,7 @@ def reason_of(error: Exception, path: Path, work: str) -> str:
 
 @dataclass(frozen=True)
 class ImageReading:
-    """How files of keypoints are read.
-
-    Attributes:
-        size: width and height of the images in px; None if the files say it.
-        focal: the focal length in px; None to estimate it for each image.
-        calibration: a file with one camera, or None.
-        person: the number of the person in each file; None for the largest.
-        camera_to_world: whether extrinsics without a name that says so are poses of cameras.
-    """
+    """How files of keypoints are read: the arguments of `read_observations`."""
 
     size: tuple[int, int] | None = None
     focal: float | None = None
@@ -98,18 +90,14 @@ class ImageReading:
     camera_to_world: bool = False
 
     def observations(self, files: Sequence[Path]) -> Observations:
-        """The keypoints in files of one moment; see `read_observations`."""
+        """The keypoints in files of one moment."""
         return read_observations(files, **vars(self))
 
 
 @dataclass(frozen=True, eq=False)
 class FittedPicture:
-    """What is drawn of a fitted image, in px.
-
-    Attributes:
-        joints: (K, 2) where the joints of the body are.
-        observed: (M, 2) the keypoints.
-        confidence: (M,) theirs.
+    """What is drawn of a fitted image: the joints (K, 2) px of the body, the keypoints (M, 2) px
+    that were observed, and their confidence (M,).
     """
 
     joints: Array
@@ -154,11 +142,7 @@ class FittedImage:
 class ImageWork:
     """How images are read and fitted; called with some of them, it returns what it found of each.
 
-    Attributes:
-        body: the body that is fitted.
-        recipe: how it is fitted.
-        reading: how files are read.
-        hypotheses: the number of starts of each image.
+    `hypotheses` is the number of starts of each image.
     """
 
     body: SkinnedBody | TriangleBody

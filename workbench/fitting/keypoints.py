@@ -97,8 +97,7 @@ class KeypointProblem:
 
     Attributes:
         body: the body that is fitted.
-        sigma: the standard deviation of a keypoint, in px: one, or one for each photograph.
-        kernel: the robust kernel of keypoints: one, or one for each photograph.
+        sigma, kernel: of keypoints, the first in px: one, or one for each photograph.
         priors: the residuals of a body beside its keypoints.
         relative: the standard deviations of keypoints by name, in sigmas.
     """
@@ -272,13 +271,9 @@ def keypoint_setup(
 
 @dataclass(frozen=True, eq=False)
 class PlacedViews:
-    """What cameras observed of a body that was placed where it was seen.
-
-    Attributes:
-        observations: what was observed.
-        photographs: the same, of the landmarks that are fitted.
-        views: one for each photograph.
-        start: the numbers of the cameras, what they observed, and the placed body.
+    """What cameras observed, also as photographs and views of the landmarks that are fitted;
+    `start` has the numbers of the cameras, what they observed, and the body placed where it was
+    seen.
     """
 
     observations: Observations

@@ -51,12 +51,8 @@ JOINTS = ("pelvis", "spine3", "neck", "head") + tuple(
 
 @dataclass(frozen=True, eq=False)
 class MeasuredPath:
-    """Points of the surface at rest of which a measurement is made.
-
-    Attributes:
-        weights: (P, N) of which vertices each point is made.
-        closed: whether the path through them ends where it begins.
-        vertical: whether only the height of the first above the last counts.
+    """P points of the surface at rest of which a measurement is made, by weights (P, N) of
+    vertices; a path through them that may be closed, or of which the height alone counts.
     """
 
     weights: csr_array

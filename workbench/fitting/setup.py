@@ -256,9 +256,7 @@ class Setup:
             ("known", (KnownAnswer, NoneType), "a KnownAnswer or None"),
             ("compared", (Iterable, Residual), "names of solvers"),
             ("priors", (Iterable, Residual), "names of residuals"),
-            ("synthetic", str, "a text"),
             ("candidates", Mapping, "a dict of residuals by name"),
-            ("made_of", (Mapping, NoneType), "a dict of arrays by block, or None"),
             ("strategy", (Callable, NoneType), "a function that makes a solver out of a solver"),
         ):
             _check_kind(f"`{name}` of a setup", getattr(self, name), kind, wanted)

@@ -72,9 +72,9 @@ def effective_frames(errors: ArrayLike, known: ArrayLike | None = None) -> float
 
     independent ones (Geyer, Practical Markov chain Monte Carlo, 1992). With the sums of x_t x_{t+k}
     of all pairs of frames for r_k this is mean(x^2) / mean(x)^2, so that no lag has to be cut off.
-    One series says little; the squares are therefore summed over all series, one for each
-    coordinate of each landmark, before they are divided. White noise has n = T, a constant has
-    n = 1, and noise with x_t = rho x_{t-1} + e_t has T (1 - rho) / (1 + rho) for large T.
+    The squares are summed over all series, one for each coordinate of each landmark, before they
+    are divided. White noise has n = T, a constant n = 1, and noise with x_t = rho x_{t-1} + e_t
+    T (1 - rho) / (1 + rho) for large T.
 
     `errors` (T, ...) are differences that a fit left, in sigmas, one series for each entry of a
     frame; `known` of the same shape is False where nothing was observed. Errors that the fit took
@@ -158,12 +158,10 @@ def video_fit(
     A detector's errors are alike from frame to frame, so that T frames are not T times the evidence
     on the shape. All terms of frames, data, priors and smoothness, have the weight n / T of the
     fixed block `evidence`, where n is what the frames are worth together: `worth`, or else
-    `effective_frames` of the errors at the start. Terms of what is shared have the weight 1. The
-    weights of poses relative to data stay what they are in one frame, and so do the likeliest poses
-    given the shape; the shape is found, and its uncertainty told, as from n frames. The
-    uncertainty of a single frame's pose is that of one frame only if smoothness joins about T / n
-    frames; with less smoothness, it is overstated. The prior on poses has
-    that weight too because it repeats itself while a person holds a pose (lecture 17).
+    `effective_frames` of the errors at the start. Terms of what is shared have the weight 1. So the
+    likeliest poses given the shape stay what they are, and the shape is found, and its uncertainty
+    told, as from n frames. The uncertainty of a single pose is that of one frame only if smoothness
+    joins about T / n frames; with less, it is overstated (lecture 17).
 
     Raises BadArgument for a worth outside of 1 to T, BadObservation if the keypoints cannot place
     the body in any frame, and what Setup raises.

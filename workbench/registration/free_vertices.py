@@ -224,13 +224,7 @@ fraction of the time, but vertices come less near to the truth."""
 
 @dataclass(frozen=True, eq=False)
 class StageResult:
-    """How a stage ended.
-
-    Attributes:
-        stage: the stage.
-        solution: what its solver found.
-        vertices: (N, 3) m, the surface at its end.
-    """
+    """How a stage ended: what its solver found, and the surface (N, 3) m there."""
 
     stage: VertexStage
     solution: Solution

@@ -1,7 +1,7 @@
 """Limbs that a fit has folded the wrong way: each begins again from poses that are usual.
 
-A fit to a scan goes downhill, and the way from an arm that is folded forwards to one that is folded
-backwards leads uphill. The cost knows which of the two is right, so it is enough to begin at both.
+The way from an arm that is folded forwards to one that is folded backwards leads uphill. The cost
+knows which of the two is right, so it is enough to begin at both.
 """
 
 from collections.abc import Sequence

@@ -38,12 +38,8 @@ HEIGHT, LENGTH = "height", "length"
 
 @dataclass(frozen=True)
 class BodySize:
-    """The size of a body in its bind pose.
-
-    Attributes:
-        name: `height` of a person, from the lowest to the highest vertex; `length` of a hand, from
-            the wrist's joint to the vertex that is farthest from it, a finger's tip.
-        metres: how much it is.
+    """The size of a body in its bind pose: the `height` of a person, from the lowest to the highest
+    vertex, or the `length` of a hand, from the wrist's joint to the tip of a finger.
     """
 
     name: str
@@ -99,11 +95,8 @@ class StageOutcome:
 
 @dataclass(frozen=True)
 class OtherEnd:
-    """Another pose at which the fit of the body could have ended.
-
-    Attributes:
-        excess: by which share its cost is above that of the best end.
-        apart: in m, the mean distance of its vertices from those of the best end.
+    """Another pose at which the fit could have ended, whose cost is higher by a share `excess`, and
+    whose vertices are `apart` m from those of the best end, in the mean.
     """
 
     excess: float

@@ -230,15 +230,10 @@ def _hits(
         depth = np.einsum("pi,pi->p", n, a[face]) / facing
     there = (facing != 0) & (depth > NEAR)
     face, ray, depth, n = face[there], ray[there], depth[there], n[there]
-    shares = _shares(depth[:, None] * d[there], (a[face], b[face], c[face]), n)
-    return ray, depth, face, shares
-
-
-def _shares(points: Array, corners: tuple[Array, Array, Array], n: Array) -> Array:
-    """The barycentric shares (P, 3) of points (P, 3) m in triangles with normals n (P, 3) m^2."""
-    a, b, c = corners
+    points, at = depth[:, None] * d[there], (a[face], b[face], c[face])
     areas = [
-        np.einsum("pi,pi->p", np.cross(q - p, points - p), n) for p, q in ((b, c), (c, a), (a, b))
+        np.einsum("pi,pi->p", np.cross(at[j] - at[i], points - at[i]), n)
+        for i, j in ((1, 2), (2, 0), (0, 1))
     ]
     shares = np.stack(areas, axis=1).clip(0)
-    return np.asarray(shares / shares.sum(axis=1, keepdims=True))
+    return ray, depth, face, shares / shares.sum(axis=1, keepdims=True)

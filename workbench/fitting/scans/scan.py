@@ -133,14 +133,8 @@ class Scan:
 
 @dataclass(frozen=True, eq=False)
 class ScanContents:
-    """What a file of a scan holds, in the file's own unit and axes; numbers may be NaN.
-
-    Attributes:
-        points: (N, 3).
-        normals: (N, 3) of any length, or None.
-        faces: (F, 3) numbers of points, which may not exist, or None.
-        camera_position: (3,), or None.
-        notes: sentences on what was left in the file.
+    """What a file of a scan holds, in the file's own unit and axes; numbers may be NaN, normals of
+    any length, and faces (F, 3) may name points that do not exist.
     """
 
     points: Array
