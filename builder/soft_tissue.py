@@ -15,12 +15,12 @@ from pathlib import Path
 
 import numpy as np
 
+from lectures.material.tissue import TissueLaw, simulate_tissue
 from workbench import SkinnedBody, load_body
 from workbench.arrays import Array
 from workbench.motions import Motion, save_tissue, splined
 from workbench.motions.soft_tissue import SoftTissue
 from workbench.priors.recordings import read_recording, recorded_motions
-from workbench.synthetic import TissueLaw, simulate_tissue
 from workbench.training.soft_tissue import TissueClip, TissuePlan, train_tissue
 
 FPS = 60.0

@@ -21,11 +21,11 @@ import workbench as wb
 from workbench.bodies.forward.posing import Posing
 from workbench.bodies.spaces import body_mass_index
 from workbench.course import Picture, source
+from workbench.lectures.material.tissue import simulate_tissue
 from workbench.motions import load_tissue
 from workbench.motions.soft_tissue import companion, free_run, surface_as_landmarks
 from workbench.motions.tissue_inputs import MovingFrames, second_differences
 from workbench.plots import house_style, sheet
-from workbench.synthetic import simulate_tissue
 from workbench.synthetic.made_up import limb, made_up_motion, random_smpl
 from workbench.training.soft_tissue import (
     OneStep,

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import workbench as wb
+from benchmarks.accuracy.design import repeated_fits
 from tests.tiers import few
 from workbench.arrays import Array
 from workbench.diagnostics.design import (
@@ -22,7 +23,6 @@ from workbench.diagnostics.design import (
     with_candidates,
 )
 from workbench.errors import BadArgument, NotFinite, NotSupported, UnknownName
-from workbench.fitting.refits import repeated_fits
 
 N = 4
 

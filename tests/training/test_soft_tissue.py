@@ -8,10 +8,10 @@ import pytest
 import workbench as wb
 from workbench.arrays import Array
 from workbench.errors import BadArgument
+from workbench.lectures.material.tissue import simulate_tissue
 from workbench.motions import Motion, SoftTissue
 from workbench.motions.soft_tissue import companion
 from workbench.motions.tissue_inputs import input_names
-from workbench.synthetic import simulate_tissue
 from workbench.synthetic.made_up import made_up_motion
 from workbench.training.soft_tissue import (
     TissueClip,

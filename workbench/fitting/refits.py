@@ -1,4 +1,4 @@
-"""What one linearization does not tell: profiles of the cost, other minima, fits to new noise.
+"""What one linearization does not tell: profiles of the cost, and other minima.
 
 Laplace's interval of an entry is what a parabola through the minimum says. The profile follows the
 true cost: at each value of the entry all other unknowns are fitted anew. The interval of level
@@ -10,11 +10,6 @@ refuted (Raue et al., Structural and practical identifiability analysis, Bioinfo
 A direction that is weak at one point may be the floor of a valley, along which every point is as
 good, or the way into a second basin, at nearly the same cost. So the fit is repeated from points on
 both sides along the weakest directions, and the ends are told apart.
-
-In `repeated_fits`, every whitened row r(x) is replaced by r(x) - r(x*) - e with e ~ N(0, 1): data
-at which x* is exact, and noise of the size that sigma states. Priors count as data about x*, so
-that the ends spread as the posterior does: exactly where residuals are linear (randomized maximum
-likelihood; Oliver, He and Reynolds, Conditioning permeability fields to pressure data, 1996).
 """
 
 from collections.abc import Callable, Mapping
@@ -26,14 +21,13 @@ import scipy.linalg
 from numpy.typing import ArrayLike
 from scipy.special import ndtri
 
-from workbench.arrays import Array, Mask
-from workbench.blocks import Block, Layout, Values
+from workbench.arrays import Array
+from workbench.blocks import Values
 from workbench.blocks.directions import in_units
 from workbench.diagnostics import diagnose_whole
 from workbench.errors import BadArgument, UnknownName
 from workbench.problem import Problem
-from workbench.residuals import Residual
-from workbench.solvers import DEFAULT, SOLVERS, Solver, TrustRegion
+from workbench.solvers import DEFAULT, SOLVERS, Solver
 
 FIRST = 0.5  # of Laplace's standard deviation: the first step
 GROWTH, LONGEST = 1.5, 4.0  # of a step while the cost rises slowly, and its limit in deviations
@@ -369,64 +363,13 @@ def other_minima(
     return OtherMinima(len(starts), back, valley, tuple(others), words)
 
 
-@dataclass(frozen=True, eq=False)
-class RepeatedFits:
-    """The ends of N fits.
-
-    Attributes:
-        free: the layout of the unknowns.
-        ends: (N, n) the free numbers at the ends.
-        converged: (N,) which of the fits converged.
+def laplace_points(
+    problem: Problem, values: Mapping[str, ArrayLike], count: int, seed: int = 0
+) -> list[Values]:
+    """Points drawn from N(x*, (J'J)^-1) at the minimum `values`, within the bounds; what the
+    problem does not determine stays.
     """
-
-    free: Layout
-    ends: Array
-    converged: Mask
-
-    def values(self, fit: int, values: Values) -> Values:
-        """The values of all blocks at the end of one fit; fixed ones are taken from `values`."""
-        return dict(values) | self.free.unpack(self.ends[fit])
-
-
-def repeated_fits(
-    problem: Problem,
-    values: Mapping[str, ArrayLike],
-    count: int,
-    *,
-    seed: int = 0,
-    solver: Solver | None = None,
-    progress: Callable[[int, int], object] = lambda done, of: None,
-) -> RepeatedFits:
-    """`count` fits to data with new noise, each of which begins at the point `values`.
-
-    Bounds and constraints hold as usual. Raises BadArgument for less than one fit, and for a
-    problem whose residuals are of a sequence.
-    """
-    if count < 1:
-        raise BadArgument(f"one fit or more can be made, not {count}")
-    if any(residual.by_frame for residual in problem.residuals):
-        raise BadArgument(
-            "the data of a sequence are not made anew; take the problem of one frame, or stack "
-            "residuals of your own in a Problem"
-        )
+    s, V = problem.linearize(values).spectrum.determined
     x, fixed = problem.split(values)
-    exact = problem.residual(x, fixed)
-    noise = Block("noise", (problem.size,), "1")
-    noisy = []
-    for one in problem.residuals:  # zero at the point but for the noise
-        rows = problem.rows[one.name]
-        whitened = one.whitened - exact[rows] - noise.symbol[rows]
-        noisy.append(Residual(one.name, whitened, 1.0, points=one.points, blocks=one.blocks))
-    blocks = (*problem.known.values(), noise)
-    made = Problem(
-        noisy, problem.free.spelled(), problem.bounds, blocks, constraints=problem.constraints
-    )
-    rng, by = np.random.default_rng(seed), solver or TrustRegion()
-    ends, converged = [], []
-    for fit in range(count):
-        data = {noise.name: rng.standard_normal(problem.size)}
-        solution = by.solve(made, {**problem.read(values), **data})
-        ends.append(problem.split(dict(values) | solution.values)[0])
-        converged.append(solution.converged)
-        progress(fit + 1, count)
-    return RepeatedFits(problem.free, np.array(ends), np.array(converged))
+    steps = (np.random.default_rng(seed).standard_normal((count, len(s))) / s) @ V
+    return [problem.values(np.clip(x + one, problem.lower, problem.upper), fixed) for one in steps]

@@ -3,7 +3,7 @@
 Directions are principal components, parts are clusters of vertices that move alike, and the
 matrices that predict the coefficients of the next frame are found by least squares. If a pole is
 too large, all are scaled by one factor. `one_step_problem` says what the motions did not excite.
-There is no open recording of tissue; `synthetic/tissue.py` simulates it with springs that stiffen.
+There is no open recording of tissue; `lectures/material/tissue.py` simulates it with springs.
 """
 
 from collections.abc import Callable, Sequence
