@@ -174,9 +174,8 @@ def camera_residual(
 ) -> tuple[Residual, tuple[Block, Block]]:
     """The residual of M landmarks in one camera, and the blocks of what the camera observed.
 
-    These are `observed` (M, 2) px and `confidence` (M,), whose square is the residual's weight.
-    `relative` (M,) are the keypoints' standard deviations in sigmas, all 1 if they are not given;
-    the weight is divided by their squares.
+    The squares of the confidences are the weights, divided by those of `relative` (M,), the
+    keypoints' standard deviations in sigmas.
     """
     observed, confidence = observed_blocks(camera, landmarks)
     residual = keypoints(
@@ -229,9 +228,8 @@ def keypoint_fit(
     """Pose, betas and trans of a body from its keypoints in photographs; `sigma` in px.
 
     Without a sigma, it follows the person's height in each image (`usual_sigma`). Without a kernel,
-    it is Geman and McClure's, with outliers from OUTLIER times that height on; as such a kernel
-    needs a start that is near, the fit then begins in the pose that a regressor reads off the view
-    that shows most (`regressed_start`), where the body is of its kind.
+    it is Geman and McClure's, with outliers from OUTLIER times that height on; the fit then begins
+    in the pose that a regressor reads off the view that shows most, if the body is of its kind.
 
     A detector's confidence c enters as the weight c^2, outside of the kernel, as in SPIN
     (Kolotouros et al. 2019): without a robust kernel, that keypoint has the standard deviation

@@ -130,16 +130,6 @@ def profile_likelihood(
 
     Raises UnknownName for an entry that is not free, and BadArgument for a level that is not
     between 0 and 1 and for a problem with nothing else free.
-
-    >>> import casadi, numpy as np, workbench as wb
-    >>> from workbench.fitting import profile_likelihood
-    >>> from workbench.residuals import Residual
-    >>> x = wb.Block("x", (2,))
-    >>> seen = Residual("sum and difference", casadi.vertcat(
-    ...     x.symbol[0] + x.symbol[1], x.symbol[0] - x.symbol[1]), 1.0)
-    >>> found = profile_likelihood(wb.Problem([seen], ["x"]), {"x": [0, 0]}, "x[0]", level=0.9)
-    >>> np.round([*found.interval, *found.laplace], 3).tolist()
-    [-1.163, 1.163, -1.163, 1.163]
     """
     if not 0 < level < 1:
         raise BadArgument(f"the level of an interval is between 0 and 1, not {level:g}")
@@ -307,16 +297,6 @@ def other_minima(
     On each side of the minimum there are two starts: at three standard deviations along the
     direction, but at most 1.5 characteristic scales, and at half this distance. Minima in no such
     direction are not found. Raises BadArgument for no directions.
-
-    >>> import casadi, workbench as wb
-    >>> from workbench.fitting import other_minima
-    >>> from workbench.residuals import Residual
-    >>> x = wb.Block("x", (2,))
-    >>> bent = casadi.vertcat(x.symbol[0] ** 2 - 0.5, 0.1 * (x.symbol[0] + 2), x.symbol[1])
-    >>> problem = wb.Problem([Residual("two wells", bent, 1.0)], ["x"])
-    >>> found = other_minima(problem, wb.solve(problem, {"x": [1, 0]}).values)
-    >>> len(found.better), found.better[0].entry
-    (1, 'x[0]')
     """
     if directions < 1:
         raise BadArgument(f"one direction or more is looked along, not {directions}")

@@ -1,14 +1,11 @@
 """Fitting a body to the keypoints of a clip: one problem of all frames, which share the shape.
 
-Errors of a detector are alike from frame to frame: `effective_frames` estimates from the residuals
-how many independent frames they are worth, and the data are weighted by this number. Frames that
-are fitted from the one before are only a start, and are solved roughly.
-
 The likeliest motion and the expected one differ, as in single images (`sampling.posterior_mean`).
-Draws of all frames at once would take minutes. Each frame counts n / T times in a video. Smoothness
-lets about T / n frames tell of one pose, so that a pose is taken to be as uncertain as one frame by
-itself leaves it, given the shape. The mean of that posterior is found in a few frames, and its
-difference from the likeliest pose and place, which changes slowly, is interpolated and smoothed.
+Draws of all frames at once would take minutes. Each frame counts n / T times in a video
+(`effective_frames`), and smoothness lets about T / n frames tell of one pose, so that a pose is
+taken to be as uncertain as one frame by itself leaves it, given the shape. The mean of that
+posterior is found in a few frames, and its difference from the likeliest pose and place, which
+changes slowly, is interpolated and smoothed.
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -185,14 +185,6 @@ class ModelFit:
         seconds: the time of all runs, in s.
         stopped: why the fit ended early, in a sentence; empty if it did not.
         way: the start that led to the best hypothesis, and where each stage ended on the way there.
-
-    >>> from workbench import load_body
-    >>> body = load_body("small")
-    >>> scan = Scan(body.vertices())
-    >>> stages = (FitStage(200, sigma=0.02, reach=0.1, starts=2, iterations=10),)
-    >>> fit = fit_model(body, scan, stages=stages)
-    >>> bool(np.linalg.norm(fit.vertices() - scan.points, axis=1).mean() < 0.1)  # m
-    True
     """
 
     body: Body

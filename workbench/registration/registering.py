@@ -47,14 +47,7 @@ class BodySize:
 
 
 def body_size(body: Body, betas: Array) -> BodySize:
-    """The size of a body with the shape betas (B,).
-
-    >>> from workbench import load_body
-    >>> hand = load_body("hand")
-    >>> size = body_size(hand, np.zeros(hand.n_betas))
-    >>> size.name, round(size.metres, 2)
-    ('length', 0.19)
-    """
+    """The size of a body with the shape betas (B,)."""
     surface = body.vertices(body.bind_pose, betas, np.zeros(3))
     if not is_hand(body):
         return BodySize(HEIGHT, float(np.ptp(surface[:, 1])))
@@ -179,14 +172,6 @@ def register(
 
     Raises BadScan for a scan that cannot be of a person, or of which nothing is left
     without the points near its boundary.
-
-    >>> from workbench import load_body
-    >>> from workbench.registration import FitStage, Recipe, register
-    >>> body = load_body("small")
-    >>> stages = (FitStage(200, sigma=0.02, reach=0.1, starts=2, iterations=10),)
-    >>> found = register(body, Scan(body.vertices()), recipe=Recipe(stages))
-    >>> bool(found.median < 0.01), [stage.name for stage in found.stages]  # m
-    (True, ['model', 'free'])
     """
     scan = Scan.of(scan)
     recipe = usual_recipe(body) if recipe is None else recipe

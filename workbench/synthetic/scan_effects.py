@@ -71,12 +71,6 @@ class Holes:
     Attributes:
         count: the number of discs.
         radius: in m.
-
-    >>> from workbench.synthetic import scan, scanners
-    >>> wall, faces = np.array([[-9.0, -9, 0], [9, -9, 0], [0, 9, 0]]), np.array([[0, 1, 2]])
-    >>> whole = scan(wall, faces, scanners(1), seed=0).scan.n_points
-    >>> scan(wall, faces, scanners(1), seed=0, holes=Holes(200, 0.3)).scan.n_points < whole
-    True
     """
 
     count: int = 6
@@ -124,11 +118,6 @@ class Clothing:
         spread: in m, over about which distance it varies.
         where: (N,) from 0 to 1, by which the offset of each vertex is multiplied; None for 1.
             `clothed` gives the torso, the upper arms and the legs of a body.
-
-    >>> places = np.random.default_rng(0).uniform(-1, 1, (1000, 3))
-    >>> offsets = Clothing(0.02).offsets(places, np.random.default_rng(1))
-    >>> bool(offsets.min() >= 0), bool(0.015 < offsets.max() <= 0.02)
-    (True, True)
     """
 
     thickest: float = 0.02
@@ -200,14 +189,7 @@ class Thing(Protocol):
 
 @dataclass(frozen=True)
 class Floor:
-    """A disc of the floor at the height of the lowest vertex, around the middle of the body.
-
-    `radius` is in m.
-
-    >>> rng = np.random.default_rng(0)
-    >>> Floor().draw(np.array([[0.0, -0.9, 0.0]]), 2, rng)[0][:, 1].tolist()
-    [-0.9, -0.9]
-    """
+    """A disc of the floor, of `radius` m, below the lowest vertex and the middle of the body."""
 
     radius: float = 0.6
 
@@ -221,17 +203,8 @@ class Floor:
 
 @dataclass(frozen=True)
 class Crate:
-    """A cube on the floor, beside the body.
-
-    Attributes:
-        size: in m, the length of its edges.
-        away: in m, how far its middle is from that of the body.
-        angle: in rad, in which direction, from +z to +x.
-
-    >>> rng = np.random.default_rng(0)
-    >>> points, _ = Crate(size=0.4).draw(np.zeros((1, 3)), 10_000, rng)
-    >>> np.ptp(points, axis=0).round(3).tolist()
-    [0.4, 0.4, 0.4]
+    """A cube on the floor with edges of `size` m, `away` m from the middle of the body, in a
+    direction that is `angle` rad from +z to +x.
     """
 
     size: float = 0.4
@@ -254,13 +227,7 @@ class Crate:
 
 @dataclass(frozen=True)
 class Specks:
-    """Loose points around the body: vertices displaced by `reach` m per axis, facing anywhere.
-
-    >>> rng = np.random.default_rng(0)
-    >>> points, _ = Specks(0.1).draw(np.zeros((1, 3)), 10_000, rng)
-    >>> bool(0.095 < points.std() < 0.105)
-    True
-    """
+    """Loose points around the body: vertices displaced by `reach` m per axis, facing anywhere."""
 
     reach: float = 0.1
 
@@ -279,9 +246,6 @@ class Clutter:
     Each of the `things` gives about as many as another. They are where a scanner sees them: in its
     image, facing it, and not behind the body. They hide nothing of the body themselves. Raises
     BadArgument for a share below 0 or from 1 on, and if there are no things.
-
-    >>> Clutter(0.2).count(8000)  # of 10,000 points
-    2000
     """
 
     share: float = 0.2

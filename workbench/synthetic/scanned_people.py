@@ -23,12 +23,6 @@ class ScannedPerson:
         values: pose (K, 3) rad, betas (B,) and trans (3,) m, by the names of the body's blocks.
         vertices: (N, 3) m, posed.
         template: (N, 3) m, the body's template with the person's own displacement.
-
-    >>> from workbench import load_body
-    >>> (one,) = people(load_body("small"), np.zeros((1, 24, 3)), 1, seed=0, own_shape=0.005)
-    >>> moved = np.linalg.norm(one.template - load_body("small").template, axis=1)
-    >>> float(np.sqrt(np.mean(moved**2)).round(6))
-    0.005
     """
 
     values: Values

@@ -42,11 +42,6 @@ class Joining:
     Attributes:
         jump: by how many steps from pixel to pixel, z / focal m each, the depths of the corners of
             a triangle may differ. With fewer, the scan falls into more pieces.
-
-    >>> from workbench.synthetic import scanners
-    >>> (four_pixels,) = scanners(1, size=(2, 2))
-    >>> Joining().triangles(np.arange(4), np.ones(4), four_pixels).tolist()
-    [[0, 2, 1], [1, 2, 3]]
     """
 
     jump: float = JUMP

@@ -259,15 +259,6 @@ def _with_faces_outwards(
 class ReadScan:
     """A scan that was read from a file, and what was guessed about it.
 
-    >>> import numpy as np, tempfile
-    >>> from workbench import load_body
-    >>> body = load_body("small")
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     np.save(f"{folder}/scan.npy", 1000 * body.template)
-    ...     read = read_scan(f"{folder}/scan.npy")
-    >>> read.unit, read.up, read.scan.n_points
-    ('mm', 'y', 369)
-
     Attributes:
         scan: the scan in m, y up.
         unit: the unit of the file: m, cm, mm or in.
@@ -297,12 +288,11 @@ def read_scan(
 
     Formats are .ply, .pcd, .obj, .off, .stl, .glb, .npz, .npy, and .xyz, .txt or .csv with x y z
     and perhaps nx ny nz in each line. A floor and walls are left out. `unit` (m, cm, mm, in, or a
-    number of m as text) and `up` (x, y, z, -x, -y, -z) are guessed if they are not given: see
-    `unit_of` and `up_of`; `sizes` says how long what was scanned usually is. `name` is the array of
-    points in an .npz file. `camera_position` (3,), in the file's own unit and axes, is from where
-    all points were seen. An .npz file may hold it, and so may a .pcd file, as its viewpoint; there
-    0 0 0 is what programs write that do not know it, and is not taken. Of a cloud of more than
-    `most` points so many are drawn.
+    number of m as text) and `up` (x, y, z, -x, -y, -z) are guessed if they are not given; `sizes`
+    says how long what was scanned usually is. `name` is the array of points in an .npz file.
+    `camera_position` (3,), in the file's own unit and axes, is from where all points were seen; an
+    .npz or .pcd file may hold it, but 0 0 0 in a .pcd says nothing. Of a cloud of more than `most`
+    points so many are drawn.
 
     Normals are those of the file, of its faces, or of neighbouring points; of the last it is not
     known on which side they are, unless the camera's position is. Weights are areas in m^2.

@@ -34,10 +34,6 @@ class Scan:
         faces: (T, 3) triangles of the points' numbers, counterclockwise as seen from outside;
             None if it is not known which points are neighbours.
         weights: (M,) the area in m^2 that each point stands for; None if all count the same.
-
-    >>> import numpy as np
-    >>> Scan(np.zeros((2, 3)), normals=np.array([[0.0, 0, 1], [0, 1, 0]])).n_points
-    2
     """
 
     points: Array
