@@ -7,14 +7,14 @@ import trimesh
 from workbench.arrays import Array
 from workbench.errors import BadArgument
 from workbench.fitting import Scan, loose_points
+from workbench.fitting.scans.scan import areas_of_faces
 from workbench.fitting.scans.surface import (
-    areas_of_faces,
     areas_of_neighbours,
     boundary,
-    normals_of_faces,
     normals_of_neighbours,
     towards,
 )
+from workbench.geometry.solids import vertex_normals
 
 
 def on_a_sphere(n: int, seed: int = 0) -> Array:
@@ -31,7 +31,7 @@ def test_normals_of_a_sphere_are_its_points() -> None:
     np.testing.assert_allclose(-normals, towards(normals, points, np.zeros(3)), atol=0)
     mesh = trimesh.creation.icosphere(subdivisions=4)
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
-    np.testing.assert_allclose(normals_of_faces(vertices, faces), vertices, atol=8e-3)
+    np.testing.assert_allclose(vertex_normals(vertices, faces), vertices, atol=8e-3)
     areas = areas_of_faces(vertices, faces)
     np.testing.assert_allclose(areas.sum(), mesh.area, rtol=1e-12)
     np.testing.assert_allclose(areas @ vertices[:, 2] ** 2, 4 * np.pi / 3, rtol=5e-3)

@@ -12,9 +12,9 @@ from workbench.arrays import Array
 from workbench.errors import BadArgument, BadFile, UnknownName, WorkbenchError
 from workbench.fitting import BadScan, Scan
 from workbench.fitting.scans.files import ReadScan, read_scan
-from workbench.fitting.scans.surface import normals_of_faces
 from workbench.geometry.guesses import UP_TO_Y
 from workbench.geometry.meshes import write_mesh
+from workbench.geometry.solids import vertex_normals
 from workbench.registration import random_surface_points
 
 BODY = load_body("small")
@@ -94,7 +94,7 @@ def test_meshes_survive_their_files(tmp_path: Path) -> None:
         np.testing.assert_array_equal(scan.points, STANDING)
         np.testing.assert_array_equal(scan.faces, FACES)
         np.testing.assert_allclose(
-            np.asarray(scan.normals), normals_of_faces(STANDING, FACES), atol=1e-12
+            np.asarray(scan.normals), vertex_normals(STANDING, FACES), atol=1e-12
         )
 
 

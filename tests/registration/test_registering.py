@@ -37,7 +37,6 @@ from workbench.registration import (
     Support,
     body_size,
     facing,
-    fit_hand,
     hand_starts,
     jobs_of,
     model_alone,
@@ -45,6 +44,7 @@ from workbench.registration import (
     registered,
     support,
     usual_recipe,
+    with_skeleton,
 )
 from workbench.synthetic import (
     Noise,
@@ -241,7 +241,8 @@ def test_a_skeleton_starts_the_fit_and_counts_in_it() -> None:
     truth, simulated = made()
     rng = np.random.default_rng(2)
     points = points_of(HAND, truth) + 0.002 * rng.standard_normal((21, 3))
-    fit = fit_hand(HAND, simulated.scan, points, recipe=replace(HAND_RECIPE, fit_stages=FEW))
+    recipe = with_skeleton(replace(HAND_RECIPE, fit_stages=FEW), HAND, points)
+    fit = recipe.fit(HAND, simulated.scan)
     assert [residual.name for residual in fit.problem.residuals] == [
         *("scan", "pose prior", "shape prior", "hand limits", "hand points"),
     ]

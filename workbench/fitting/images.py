@@ -107,11 +107,8 @@ def image_priors(body: SkinnedBody | TriangleBody) -> tuple[Residual, ...]:
 
 @dataclass(frozen=True)
 class WithPosePrior:
-    """The priors of an image, with another one on the pose, and with others beside them.
-
-    Attributes:
-        pose: from a body to the prior on its pose, such as `mixture_prior`.
-        others: from a body to further terms, such as `apart_prior`.
+    """The priors of an image, with another one on the pose, such as `mixture_prior`, and with
+    others beside them, such as `apart_prior`.
     """
 
     pose: Callable[[Body], Residual] = pose_prior
@@ -165,13 +162,7 @@ def smplify_stages() -> tuple[SolveStage, ...]:
 
 @dataclass(frozen=True)
 class WithStature:
-    """The priors of an image and a stature that was measured.
-
-    Attributes:
-        height: the stature in m.
-        sigma: its standard deviation in m.
-        priors: the other terms.
-    """
+    """The priors of an image, and a stature that was measured as `height`, with `sigma`, in m."""
 
     height: float
     sigma: float = MEASURED
@@ -283,11 +274,8 @@ class ByHeight:
 
 @dataclass(frozen=True, eq=False)
 class ImageFits:
-    """Fits of a body to single images by a recipe; what images have in common is made once.
-
-    Attributes:
-        body: the body that is fitted.
-        recipe: how it is fitted, by the appearance of the person.
+    """Fits of a body to single images by a recipe, which depends on the appearance of the person;
+    what images have in common is made once.
     """
 
     body: SkinnedBody | TriangleBody
@@ -305,11 +293,9 @@ class ImageFits:
         reference: Array | None = None,
         compared: tuple[str, ...] = (),
     ) -> Setup:
-        """Pose, betas and trans of the body from the keypoints of one image.
+        """Pose, betas and trans of the body from the keypoints of one image; see `image_fit`.
 
-        The `strategy` of the setup takes the stages of the recipe, from `hypotheses` starts (see
-        `image_starts`). Its measures tell the distance from the camera with its 90 % interval (see
-        `depth_interval`). Other arguments and errors are those of `keypoint_fit`.
+        The measures of the setup tell the distance from the camera with its 90 % interval.
         """
         shown = placed_views(self.body, observations, held_out)
         view = next(view for view in shown.views if not view.held_out)
@@ -360,8 +346,7 @@ def image_fit(
     """Pose, betas and trans of a body from the keypoints of one image, as SMPLify does.
 
     The setup's `strategy` is how it is solved: in stages, from `hypotheses` starts. To fit many
-    images, make one `ImageFits`. `reference` is as for `keypoint_fit`. Raises
-    BadObservation if the keypoints cannot place the body.
+    images, make one `ImageFits`. Other arguments and errors are those of `keypoint_fit`.
     """
     fits, rest = ImageFits(body, recipe or ByHeight()), (hypotheses, held_out, reference, compared)
     return fits.setup(observations, question, *rest)
@@ -380,12 +365,7 @@ def appearance(body: Body, view: View, values: Values) -> Appearance:
 
 @dataclass(frozen=True)
 class DepthInterval:
-    """How far the body's root is from the camera's plane, along the axis of the camera.
-
-    Attributes:
-        mean: the distance in m.
-        sd: its standard deviation in m.
-    """
+    """How far the body's root is from the camera's plane, along the axis of the camera, in m."""
 
     mean: float
     sd: float
@@ -433,10 +413,9 @@ def depth_measures(setup: Setup, values: Values) -> tuple[Measure, ...]:
 
 
 def depth_spread(setup: Setup, view: View, values: Values) -> tuple[float, float, float]:
-    """The distance of a body's root in one view in m, and how uncertain it is.
-
-    What it is at `values`; Laplace's standard deviation; and what an offset of 1 m in each
-    direction, as standard deviation of each typical landmark by itself, adds to that in quadrature.
+    """The distance in m of a body's root in one view, at `values`; its standard deviation by
+    Laplace; and what an offset of 1 m in each direction, as standard deviation of each typical
+    landmark by itself, adds to that in quadrature.
     """
     body, camera, keypoints = setup.body, view.camera, _keypoints_of(setup, view)
     assert body is not None
@@ -475,8 +454,7 @@ class ImageMean:
         names: the landmarks (M,) of the body.
         landmarks: (M, 3) m their places on the body of the means.
         sd: (M,) m the standard deviations of their distances from there, once the middle of all
-            landmarks of a draw is brought to that of the mean. They are those of the posterior
-            near its mode; `SPREAD` says how far landmarks were from measured ones instead.
+            landmarks of a draw is brought to that of the mean (see `SPREAD`).
         moved: how far that middle is from the one of the likeliest body, in m.
         apart: (M,) m how far landmarks are from those of the likeliest body, about their middles.
         error: the standard error of the mean place, from the number of draws, in m.

@@ -110,16 +110,12 @@ class FittedImage:
     """The body that was fitted to one image.
 
     Attributes:
-        job: its name and its file.
         values: pose, betas, trans, and the focal length if it was free.
-        others: the same of the other hypotheses, in the order of their costs.
-        costs: the cost of every hypothesis, the lowest first.
+        others, costs: those of the other hypotheses, and the costs of all, the lowest first.
         status: how the best run ended.
         error: the mean distance in px of keypoints with a confidence above 0.2; NaN without any.
         depth: the distance in m of the body's root from the camera's plane.
         interval: the same with its standard deviation; None if the distance is not determined.
-        picture: what is drawn of it.
-        seconds: how long the fit took.
         notes: sentences on what the file holds and was not read.
         doubts: what speaks against the fit, in sentences.
     """

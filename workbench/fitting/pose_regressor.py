@@ -6,14 +6,14 @@ Only NumPy is needed to use it; `lectures/material/regressor_training.py` trains
 """
 
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache
 from importlib.resources import as_file, files
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import Array, Index, Mask
+from workbench.arrays import Array, Mask
 from workbench.errors import BadArgument, BadFile
 from workbench.geometry.mirror import AXIAL, REFLECTION, opposites
 from workbench.geometry.rotation import nearest_rotation
@@ -64,13 +64,13 @@ class PoseRegressor:
         seen = self._checked(rays, confidence)
         points, known = (one.reshape(-1, *one.shape[seen[1].ndim - 1 :]) for one in seen)
         network, to_virtual = normalised(points, known)
-        swap = self._opposite_keypoints
+        swap = opposites(self.keypoint_names)
         both_ways = np.stack([network, network[:, swap] * [-1, 1, 1]])
         answers = self._forward(both_ways.reshape(2 * len(points), -1))
         answers = answers.reshape(2, len(points), -1)
         columns = answers[..., :6].reshape(2, -1, 3, 2)
         columns = (columns[0] + COLUMNS * columns[1]) / (2 * self.scales[0])
-        K, other = len(self.joint_names), self._opposite_joints
+        K, other = len(self.joint_names), opposites(self.joint_names)
         turns = answers[..., 6:].reshape(2, -1, K - 1, 3) / self.scales[1:, None]
         pose = np.zeros((len(points), K, 3))
         pose[:, 1:] = (self.mean + self.mean[other] * AXIAL)[1:] / 2
@@ -102,14 +102,6 @@ class PoseRegressor:
         if ((trust > 0).sum(axis=-1) < FEWEST).any():
             raise BadArgument(f"an image shows fewer than {FEWEST} keypoints of {M}")
         return points, trust
-
-    @cached_property
-    def _opposite_keypoints(self) -> Index:
-        return opposites(self.keypoint_names)
-
-    @cached_property
-    def _opposite_joints(self) -> Index:
-        return opposites(self.joint_names)
 
 
 def normalised(rays: Array, confidence: Array) -> tuple[Array, Array]:

@@ -32,11 +32,8 @@ BOUNDED = ("ipopt", "ipopt-exact", "nlopt-lbfgs", "nlopt-slsqp")
 
 @dataclass(frozen=True, eq=False)
 class KnownAnswer:
-    """The answer of a problem, or the lowest known cost, and its source.
-
-    Raises BadSetup for an empty source, for a cost or a standard deviation of a residual that is no
-    number from 0 on, and for deviations without values; `check` also compares values with a
-    problem.
+    """The answer of a problem, or the lowest known cost, and its source; raises BadSetup for what
+    is none.
 
     Attributes:
         source: `NIST StRD, certified to 11 digits`, `best of 100 starts, polished`.

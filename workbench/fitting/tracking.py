@@ -128,12 +128,6 @@ class PointTracker:
         priors = (self.prior, shape_prior(self.body))
         return Problem([data, *priors], (trans, pose, betas), blocks=(place, seen))
 
-    @cached_property
-    def _alone(self) -> Problem:
-        """One frame with the betas held, but for its own."""
-        pose, betas, trans = (block.name for block in self.body.blocks())
-        return self.frame.freeing(trans, pose, *(f"{betas}[{b}]" for b in self.own))
-
     def data(self, t: int) -> Values:
         """What frame t shows."""
         known: Mask = np.asarray(np.isfinite(self.observed[t]).all(axis=1))
@@ -171,7 +165,7 @@ class PointTracker:
 
     def _tracker(self, betas: Array) -> Tracker:
         """The tracker with these betas held, but for each frame's own."""
-        name = self.body.blocks()[1].name
+        pose, name, trans = (block.name for block in self.body.blocks())
 
         def starts(t: int, before: Values | None) -> list[Values]:
             begun = []
@@ -182,7 +176,8 @@ class PointTracker:
             return begun
 
         stages = (SolveStage(weights={"points": (self.sigma / w) ** 2}) for w in self.widths)
-        return Tracker(self._alone, starts, tuple(stages))
+        frame = self.frame.freeing(trans, pose, *(f"{name}[{b}]" for b in self.own))
+        return Tracker(frame, starts, tuple(stages))
 
 
 def spread_frames(markers: Array, count: int) -> Index:

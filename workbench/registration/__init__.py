@@ -35,9 +35,9 @@ from workbench.registration.recipe import (
     HAND_RECIPE,
     PERSON_RECIPE,
     Recipe,
-    fit_hand,
     model_alone,
     usual_recipe,
+    with_skeleton,
 )
 from workbench.registration.registering import (
     OtherEnd,
@@ -95,7 +95,6 @@ __all__ = [
     "distance_gauss_newton",
     "doubts",
     "facing",
-    "fit_hand",
     "fit_model",
     "hand_starts",
     "jobs_of",
@@ -110,4 +109,5 @@ __all__ = [
     "support",
     "touched",
     "usual_recipe",
+    "with_skeleton",
 ]

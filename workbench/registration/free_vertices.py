@@ -38,11 +38,9 @@ class ScanTerm:
     """How a scan becomes a residual on a surface: E_S, Geman-McClure's, weighted by areas.
 
     The weight of a point, outside of the kernel, is the area that it stands for, divided by
-    `patch`. The weighted sum approximates the integral of rho over the scanned surface, divided by
-    `patch`. So neither the resolution of the scan nor that of the template changes how much the
-    scan counts beside priors and the coupling. Neighbouring points are not independent observations
-    of a model that is not exact, so that counting every one would trust the scan too much. Points
-    whose areas are not known share the template's area evenly.
+    `patch`, so that neither the resolution of the scan nor that of the template changes how much
+    the scan counts: neighbouring points are not independent observations of a model that is not
+    exact. Points whose areas are not known share the template's area evenly.
 
     Raises BadArgument for a length or an area that is not above zero.
 
@@ -117,9 +115,8 @@ def by_edges(free: cs.MX, model: Points, faces: Index, sigma: float) -> Residual
     V are the free vertices and M the model's (SMPL, section 4.1; Hirshberg et al., Coregistration,
     2012, take the differences along two edges of each triangle).
 
-    The sigma is in m. The term is a membrane: what the scan moves takes its surroundings along,
-    also where nothing was seen. It is blind to translation. On a surface its sum does not depend on
-    the mesh's resolution.
+    The sigma is in m. What the scan moves takes its surroundings along, also where nothing was
+    seen; translations change nothing.
     """
     return edges(model, free, mesh_edges(faces), sigma=sigma, name="coupling")
 
@@ -160,8 +157,7 @@ class VertexStage:
         solver: what solves it.
         settled: the stage ends after a step that lowers the cost by less than this share of it,
             or after 30 steps; with 0 only the solver decides. Contacts go on switching between
-            neighbouring triangles when nothing else happens any more, so that gradients vanish late
-            or never.
+            neighbouring triangles, so that gradients vanish late or never.
         prior_scale: by how much the standard deviations of the priors on pose and betas are
             multiplied. A larger one relaxes the priors, when the vertices have contacts by which
             the model finds its pose.
@@ -268,13 +264,6 @@ class FreeVertices:
         body: its template has the faces of the registration.
         scan: points, and normals and areas if they are known.
         couple: how free vertices are coupled to the model's.
-
-    >>> from workbench import load_body
-    >>> body = load_body("small")
-    >>> scan = Scan(body.vertices() + [0.01, 0, 0])
-    >>> done = FreeVertices(body, scan).register(body.start())
-    >>> done.values["trans"].round(3).tolist(), int(done.touched.sum()) == body.n_vertices
-    ([0.01, 0.0, 0.0], True)
     """
 
     body: SkinnedBody

@@ -50,11 +50,6 @@ class PointCloud:
         normals: (N, 3); without them, distances have no direction to compare with.
 
     Raises BadArgument for arrays of other shapes, or with numbers that are not finite.
-
-    >>> cloud = PointCloud([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
-    >>> found = cloud.closest(np.array([[0.9, 0.2, 0.0]]))
-    >>> found.faces, found.distances.round(3)
-    (array([1]), array([0.224]))
     """
 
     points: Array

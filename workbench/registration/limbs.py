@@ -32,9 +32,6 @@ def limbs(parents: Sequence[int]) -> tuple[tuple[int, ...], ...]:
 
     For SMPL's tree these are the arms from the collar, from the shoulder and from the elbow on, and
     the legs from the hip and from the knee on; for a hand they are the fingers.
-
-    >>> limbs((-1, 0, 1, 2, 3, 0, 5))
-    ((1, 2, 3, 4), (2, 3, 4))
     """
     below: list[list[int]] = [[] for _ in parents]
     for joint, parent in enumerate(parents):

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.special import ndtr
 
 from workbench.arrays import Array, Index, Mask
 from workbench.blocks.checks import above_zero, from_zero
 from workbench.errors import BadArgument
+from workbench.fitting.scans.surface import units
 from workbench.geometry.solids import face_vectors
 from workbench.synthetic.scanners import NEAR, DepthImage, Scanner
 
@@ -40,9 +40,6 @@ class Noise:
         growth: in 1 / m.
         floor: in m, what remains near the scanner.
         grazing: in m^(3/2).
-
-    >>> Noise().sigma(np.array([1.0, 2.0]), np.zeros(2)).round(5).tolist()
-    [0.00142, 0.0057]
     """
 
     growth: float = 1.425e-3
@@ -174,12 +171,6 @@ def smooth_field(points: Array, spread: float, D: int, rng: np.random.Generator)
     return np.asarray(np.cos(points @ waves.T + phases) @ heights)
 
 
-def unit_vectors(vectors: ArrayLike) -> Array:
-    """Vectors (..., 3) divided by their lengths."""
-    found = np.asarray(vectors, dtype=float)
-    return np.asarray(found / np.linalg.norm(found, axis=-1, keepdims=True))
-
-
 class Thing(Protocol):
     """Something that scanners see beside a person."""
 
@@ -234,9 +225,8 @@ class Specks:
     def draw(self, surface: Array, n: int, rng: np.random.Generator) -> tuple[Array, Array]:
         """`n` points (n, 3) m and their normals (n, 3)."""
         near = surface[rng.integers(len(surface), size=n)]
-        return near + self.reach * rng.standard_normal((n, 3)), unit_vectors(
-            rng.standard_normal((n, 3))
-        )
+        points = near + self.reach * rng.standard_normal((n, 3))
+        return points, units(rng.standard_normal((n, 3)))
 
 
 @dataclass(frozen=True)

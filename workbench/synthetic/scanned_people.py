@@ -49,12 +49,6 @@ def people(
     person's shape. Person i depends on the seed and on i alone, and its pose and betas do not
     depend on `own_shape`. Raises BadArgument for poses of another body, none at all, or a negative
     number.
-
-    >>> from workbench import load_body
-    >>> body = load_body("small")
-    >>> one, other = people(body, np.zeros((1, 24, 3)), 2, seed=0)
-    >>> one.vertices.shape == other.vertices.shape == body.template.shape
-    True
     """
     given = np.asarray(poses, dtype=float)
     if given.ndim != 3 or given.shape[1:] != (body.n_joints, 3) or not len(given):

@@ -32,10 +32,6 @@ class Scanner:
         t: (3,) m, the translation from the world to the scanner.
         focal: the focal length in px.
         size: width and height of the depth image in px.
-
-    >>> front, *_ = scanners(4, distance=2.0)
-    >>> front.place.round(6).tolist(), front.directions().shape
-    ([0.0, 0.0, 2.0], (30000, 3))
     """
 
     R: Array

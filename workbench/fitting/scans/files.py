@@ -12,13 +12,11 @@ from workbench.arrays import Array, Index
 from workbench.blocks.checks import reals
 from workbench.errors import BadArgument, BadFile, cut, listed, some
 from workbench.fitting.scans.cleaning import cleaned, far_points, points_are, without_planes
-from workbench.fitting.scans.scan import BadScan, Scan, ScanContents
+from workbench.fitting.scans.scan import BadScan, Scan, ScanContents, areas_of_faces
 from workbench.fitting.scans.surface import (
-    areas_of_faces,
     areas_of_neighbours,
     edges_of_one_face,
     filled,
-    normals_of_faces,
     normals_of_neighbours,
     outline,
     principal_axes,
@@ -30,7 +28,7 @@ from workbench.geometry.guesses import PERSON, UNITS, UP_TO_Y, Sizes, extents, u
 from workbench.geometry.meshes import READERS as MESHES
 from workbench.geometry.meshes import Parts, parse_ply_and_normals, parsed_mesh
 from workbench.geometry.point_clouds import parse_pcd, parse_xyz
-from workbench.geometry.solids import face_vectors, volume
+from workbench.geometry.solids import face_vectors, vertex_normals, volume
 from workbench.reading.arrays import Header, mapped_array, opened, taken_for, widened
 
 POINTS = ("points", "vertices", "xyz", "positions", "scan")
@@ -216,7 +214,7 @@ def with_normals(contents: ScanContents, camera: Array | None) -> ScanContents:
     if normals is not None and normals.any():
         source = "normals are those of the file"
     elif faces is not None:
-        normals = filled(points, normals_of_faces(points, faces))
+        normals = filled(points, vertex_normals(points, faces))
         source = "normals are of the faces"
     elif camera is not None:
         normals, source = normals_of_neighbours(points), "normals are estimated from neighbours"

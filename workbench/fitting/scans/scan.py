@@ -89,9 +89,7 @@ class Scan:
         normals = vertex_normals(points, faces)
         known: Mask = np.asarray(normals.any(axis=1))
         normals[~known] = [0.0, 1.0, 0.0]
-        thirds = np.linalg.norm(face_vectors(points, faces), axis=1, keepdims=True) / 3
-        areas = sums_over_faces(thirds, faces, len(points))[:, 0]
-        return cls(points, normals, faces, areas).some(known)
+        return cls(points, normals, faces, areas_of_faces(points, faces)).some(known)
 
     def some(self, chosen: Mask) -> "Scan":
         """The scan of the points that a mask (M,) chooses, and of the faces between them.
@@ -138,6 +136,12 @@ class ScanContents:
     faces: Index | None = None
     camera_position: Array | None = None
     notes: tuple[str, ...] = ()
+
+
+def areas_of_faces(points: Array, faces: Index) -> Array:
+    """A third of the area of the faces around each point, (M,) m^2; the sum is the whole area."""
+    thirds = np.linalg.norm(face_vectors(points, faces), axis=1, keepdims=True) / 3
+    return sums_over_faces(thirds, faces, len(points))[:, 0]
 
 
 def faces_between(faces: Index, chosen: Mask) -> Index:
