@@ -27,7 +27,6 @@ from examples.studies import (
 from examples.studies.simulated_scans import errors, ratio, scanned_set
 from examples.studies.triangle_alternation import TriangleOptions
 from tests.bodies_made_up import random_body
-from tests.training.test_triangles import many_people
 from workbench.bodies.forward.skinning import unskinned
 from workbench.bodies.forward.surface import count_features, rotation_vectors
 from workbench.bodies.triangles import TriangleBody, blend_scape
@@ -42,9 +41,9 @@ from workbench.lectures.material.blend_shapes import (
     with_blend_shapes,
 )
 from workbench.lectures.material.kernel_features import Examples, GaussianKernels, Powers, products
+from workbench.lectures.material.teacher import body_on_teachers_rig, teacher_of
 from workbench.lectures.material.tubes import tube
 from workbench.priors.poses import draw_poses, shipped_gaussian
-from workbench.synthetic.teacher import body_on_teachers_rig, teacher_of
 from workbench.training.blocks import Plan
 
 pytestmark = pytest.mark.thorough
@@ -69,6 +68,16 @@ def data() -> TrainingData:
     return TrainingData(
         LBS, PosedSurfaces.of(teacher, training), PosedSurfaces.of(teacher, validation)
     )
+
+
+def many_people(seed: int) -> np.ndarray:
+    """The small body's shapes, and bumps that no shape direction has: full rank."""
+    rng = np.random.default_rng(seed)
+    people = SMALL.vertices(betas=rng.normal(size=(24, 10)))
+    middles = SMALL.template[rng.integers(SMALL.n_vertices, size=(24, 5))]
+    apart = np.linalg.norm(SMALL.template[None, :, None] - middles[:, None], axis=-1)
+    bumps = np.einsum("pnc,pca->pna", np.exp(-((apart / 0.1) ** 2)), rng.normal(size=(24, 5, 3)))
+    return np.asarray(people + 0.01 * bumps)
 
 
 @pytest.fixture(scope="module")

@@ -30,6 +30,7 @@ from workbench.lectures.material.tissue import (
     score_tissue,
     train_tissue,
 )
+from workbench.lectures.material.tissue_simulation import simulate_tissue
 from workbench.motions import load_tissue
 from workbench.motions.soft_tissue import (
     MovingFrames,
@@ -39,7 +40,6 @@ from workbench.motions.soft_tissue import (
     with_tissue,
 )
 from workbench.plots import house_style, sheet
-from workbench.synthetic import simulate_tissue
 from workbench.synthetic.made_up import limb, made_up_motion, random_smpl
 
 body = wb.load_body("small")

@@ -2,7 +2,7 @@
 
 Directions are principal components, parts are clusters of vertices that move alike, and the
 matrices that predict the coefficients of the next frame are found by least squares. There is no
-open recording of tissue; `synthetic/tissue.py` simulates it with springs that stiffen.
+open recording of tissue; `tissue_simulation` simulates it with springs that stiffen.
 """
 
 from collections.abc import Callable, Sequence

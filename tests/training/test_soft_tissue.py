@@ -15,8 +15,8 @@ from workbench.lectures.material.tissue import (
     soft_parts,
     train_tissue,
 )
+from workbench.lectures.material.tissue_simulation import simulate_tissue
 from workbench.motions import Motion, SoftTissue
-from workbench.synthetic import simulate_tissue
 from workbench.synthetic.made_up import made_up_motion
 
 SMALL = wb.load_body("small")
