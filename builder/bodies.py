@@ -30,6 +30,7 @@ from builder.ridge import Pair, RidgeSums, ridge_learned
 from builder.sets import ABOUT, BODY, SetRecipe, make_sets, recipe_text, regress
 from builder.stored import BuiltBody, TrainedOn, card_of, write_body
 from builder.training import BlockLines, training_and_held_out
+from lectures.material.teacher import at_most_four
 from workbench.arrays import Array, Index, Mask
 from workbench.bodies import SkinnedBody
 from workbench.bodies.catalogue import read_embedded
@@ -37,7 +38,6 @@ from workbench.bodies.forward.posing import unpose
 from workbench.errors import BadBody, BadFile
 from workbench.geometry.mirror import Mirror
 from workbench.reading.arrays import doubles, open_arrays, read_expected, texts
-from workbench.synthetic.teacher import at_most_four
 from workbench.threads import limited_threads
 from workbench.training.blend_shapes import local_features
 from workbench.training.blocks import REACH, alternation

@@ -15,11 +15,11 @@ from scipy.special import logsumexp
 
 from builder.recordings import PoseRecording, read_recording
 from builder.stored import write_arrays
-from lectures.material.regressor_training import train_pose_regressor
+from lectures.material.regressor_training import save_regressor, train_pose_regressor
 from workbench import load_body
 from workbench.arrays import Array, Index, Mask
 from workbench.errors import BadArgument
-from workbench.fitting.pose_regressor import REGRESSOR_FILE, save_regressor
+from workbench.fitting.pose_regressor import REGRESSOR_FILE
 from workbench.geometry.mirror import AXIAL, opposites
 from workbench.priors.poses import (
     GAUSSIAN_FILE,

@@ -17,11 +17,11 @@ import numpy as np
 
 from builder.recordings import read_recording, recorded_motions
 from lectures.material.tissue import TissueClip, TissuePlan, train_tissue
+from lectures.material.tissue_simulation import TissueLaw, simulate_tissue
 from workbench import SkinnedBody, load_body
 from workbench.arrays import Array
 from workbench.motions import Motion, save_tissue, splined
 from workbench.motions.soft_tissue import SoftTissue
-from workbench.synthetic import TissueLaw, simulate_tissue
 
 FPS = 60.0
 LEAST = 20  # frames of the recording

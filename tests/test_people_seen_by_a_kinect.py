@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.fitting.test_scan_surface import from_behind, rounded
-from workbench import load_body
-from workbench.registration import FitStage
+from workbench import SkinnedBody, load_body
+from workbench.arrays import Array
+from workbench.registration import FitStage, arms_lowered
+from workbench.synthetic import Clothing, Scanner, SimulatedScan, clothed, scan, scanners
 
 pytestmark = pytest.mark.thorough
 
@@ -18,6 +19,31 @@ FEW_STAGES = (
     FitStage(600, 0.02, 0.05, 4, 20),
     FitStage(1500, 0.008, 0.03, 1, 30),
 )
+STEP = 2.85e-3  # 1/m, of a Kinect: depths z are multiples of about this times z^2
+
+
+def from_behind(body: SkinnedBody, clothing: float = 0.0, seed: int = 0) -> SimulatedScan:
+    """A person who stands, one foot ahead, with the back to a depth camera 2.3 m away."""
+    pose = arms_lowered(body, 1.2)
+    pose[0] = [0.0, np.pi, 0.0]
+    for joint, turn in {"left_hip": -0.35, "right_hip": 0.25, "right_knee": 0.3}.items():
+        pose[body.joint_names.index(joint)] += [turn, 0.0, 0.0]
+    vertices = body.vertices(pose)
+    vertices[:, 1] -= vertices[:, 1].min()
+    return scan(
+        vertices,
+        body.faces,
+        scanners(1, distance=2.3, height=0.3, target=(0.0, 1.0, 0.0), focal=525.0, size=(480, 640)),
+        seed=seed,
+        clothing=Clothing(clothing, where=clothed(body)),
+    )
+
+
+def rounded(points: Array, camera: Scanner) -> Array:
+    """The points (N, 3) m, their depths moved to the nearest terrace of the camera."""
+    depth = camera.seen(points)[:, 2]
+    terrace = 1 / (STEP * np.round(1 / (STEP * depth)))
+    return np.asarray(camera.place + (points - camera.place) * (terrace / depth)[:, None])
 
 
 def test_a_simulated_person_is_found_from_behind(tmp_path: Path) -> None:

@@ -21,9 +21,8 @@ from examples.studies import (
 )
 from examples.studies.triangle_alternation import TriangleOptions
 from tests.bodies_made_up import random_body
-from tests.training.test_triangles import many_people
 from workbench.errors import BadArgument, BadFile, UnknownName
-from workbench.synthetic.teacher import body_on_teachers_rig, teacher_of
+from workbench.lectures.material.teacher import body_on_teachers_rig, teacher_of
 from workbench.training.blocks import Plan
 
 pytestmark = pytest.mark.thorough
@@ -37,6 +36,16 @@ def silent(line: str) -> None:
 
 
 # Blend shapes.
+
+
+def many_people(seed: int) -> np.ndarray:
+    """The small body's shapes, and bumps that no shape direction has: full rank."""
+    rng = np.random.default_rng(seed)
+    people = SMALL.vertices(betas=rng.normal(size=(24, 10)))
+    middles = SMALL.template[rng.integers(SMALL.n_vertices, size=(24, 5))]
+    apart = np.linalg.norm(SMALL.template[None, :, None] - middles[:, None], axis=-1)
+    bumps = np.einsum("pnc,pca->pna", np.exp(-((apart / 0.1) ** 2)), rng.normal(size=(24, 5, 3)))
+    return np.asarray(people + 0.01 * bumps)
 
 
 def test_body_on_teachers_rig_moves_as_the_teacher() -> None:

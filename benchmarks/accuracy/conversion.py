@@ -53,7 +53,8 @@ def pair(first: str, second: str, seeds: Sequence[int]) -> dict[str, Any]:
         copied = conversion_errors(motion.named(target), target, motion, source, kept)
         off = 1e3 * found.errors[np.isfinite(found.errors)]
         each["mean"].append(float(off.mean()))
-        each["body"].append(1e3 * found.mean(hands=False))
+        beside = [not part.endswith(("_hand", "_fingers")) for part in found.parts]
+        each["body"].append(1e3 * float(np.nanmean(found.errors[:, beside])))
         each["p95"].append(float(np.percentile(off, 95)))
         each["largest"].append(off.max())
         each["copied"].append(float(1e3 * np.nanmean(copied)))

@@ -4,7 +4,7 @@ People and poses are drawn by `builder.sets`; no body in them was measured. The 
 other people, in poses of clips that nothing was learned from.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from math import inf
 from pathlib import Path
@@ -20,7 +20,7 @@ from builder.recordings import read_recording
 from builder.sets import SetRecipe, make_sets
 from builder.wheel import Wheel
 from workbench import load_body
-from workbench.arrays import Array, Index
+from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
 from workbench.bodies.forward.posing import Posing
 from workbench.geometry.rotation import vector_from_matrix
@@ -32,7 +32,6 @@ from workbench.training.estimate import Sigmas
 from workbench.training.evaluation import evaluate_held_out
 from workbench.training.first_guess import Start, first_estimate, first_poses, read_start
 from workbench.training.folder import open_folder
-from workbench.training.poses import DataTerm, EdgeTerm, VertexTerm
 from workbench.training.registrations import InMemory, Registrations
 from workbench.training.training import Trained, train
 
@@ -143,14 +142,10 @@ def turn_errors(
     meshes = InMemory(plain.vertices(poses, betas), np.arange(len(poses)))
     start = Start.of(body)
     first = first_estimate(meshes, start, weights=body.weights, rings=body.J_regressor)
-    ways: dict[str, Callable[[Index], DataTerm]] = {
-        "edges": EdgeTerm,
-        "vertices": lambda faces: VertexTerm(),
-    }
     true = Posing.of(poses, body.parents).local
     errors = {}
-    for name, compared in ways.items():
-        found = first_poses(first, meshes, start, compared).posing.local
+    for name in ("edges", "vertices"):
+        found = first_poses(first, meshes, start, by_edges=name == "edges").posing.local
         away = vector_from_matrix(found @ true.swapaxes(-1, -2))
         errors[name] = np.linalg.norm(away, axis=2)
     return errors

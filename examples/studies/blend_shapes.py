@@ -29,7 +29,7 @@ from workbench.bodies import SkinnedBody, dual_quaternion_blend
 from workbench.bodies.ablations import without_blend_weights, without_pose_blend_shapes
 from workbench.bodies.catalogue import load_skinned
 from workbench.bodies.forward import surface
-from workbench.bodies.forward.features import (
+from workbench.bodies.forward.surface import (
     Features,
     quaternion_elements,
     rotation_elements,
@@ -47,11 +47,11 @@ from workbench.lectures.material.blend_shapes import (
     with_blend_shapes,
 )
 from workbench.lectures.material.kernel_features import Powers, products
+from workbench.lectures.material.teacher import body_on_teachers_rig, teacher_of
 from workbench.plots.palette import BLUE, DASHES, FAINT, INK, LINES, VERMILLION
 from workbench.plots.style import plain
 from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.reports.page import Columns, Table
-from workbench.synthetic.teacher import body_on_teachers_rig, teacher_of
 from workbench.training.estimate import bent
 
 STEPS = 400  # of the accelerated proximal gradient method, at most

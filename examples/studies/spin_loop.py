@@ -27,12 +27,13 @@ from workbench.fitting.images import NEARLY, image_priors
 from workbench.fitting.keypoints import KeypointProblem, keypoint_setup
 from workbench.fitting.observations import LIMBS, SIDES, BadObservation
 from workbench.fitting.placing import regressed_start
-from workbench.fitting.pose_regressor import PoseRegressor, save_regressor, shipped_regressor
+from workbench.fitting.pose_regressor import PoseRegressor, shipped_regressor
 from workbench.lectures.material.photographs import Shot, made_up_shots
 from workbench.lectures.material.regressor_training import (
     draw_facings,
     neural_networks,
     people_in,
+    save_regressor,
     trained,
 )
 from workbench.plots.palette import FAINT, LINES, MARKERS

@@ -44,6 +44,7 @@ from workbench.bodies.catalogue import load_skinned
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.errors import BadArgument
 from workbench.geometry.triangles import gradients
+from workbench.lectures.material.teacher import Teacher
 from workbench.lectures.material.variance import (
     ExplainedVariance,
     additivity_gap,
@@ -56,7 +57,6 @@ from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.problem import Problem
 from workbench.reports.page import Columns, Table
 from workbench.residuals import vertices as on_vertices
-from workbench.synthetic.teacher import Teacher
 from workbench.training.blocks import BLOCKS, QUICK, REACH, BlockInput, Plan, alternation
 from workbench.training.estimate import Estimate, Sigmas
 from workbench.training.first_guess import Start

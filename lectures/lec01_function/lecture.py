@@ -15,13 +15,13 @@ import numpy as np
 
 import workbench as wb
 from workbench.bodies.forward import surface
-from workbench.bodies.forward.features import rotation_elements
+from workbench.bodies.forward.surface import rotation_elements
 from workbench.course import Picture, source
 from workbench.lectures.material.blend_shapes import PosedSurfaces, TrainingData
 from workbench.lectures.material.linearity import linear_in
+from workbench.lectures.material.teacher import body_on_teachers_rig, teacher_of
 from workbench.plots import house_style, plot_differences, sheet
 from workbench.priors.poses import draw_poses, shipped_gaussian
-from workbench.synthetic.teacher import body_on_teachers_rig, teacher_of
 
 # %% [markdown]
 # ## One input and one output

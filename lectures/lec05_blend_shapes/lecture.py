@@ -15,9 +15,9 @@ import numpy as np
 import workbench as wb
 from workbench.bodies.ablations import without_pose_blend_shapes
 from workbench.bodies.forward import surface
-from workbench.bodies.forward.features import rotation_elements, rotation_vectors
 from workbench.bodies.forward.kinematics import pose_features
 from workbench.bodies.forward.posing import unpose
+from workbench.bodies.forward.surface import rotation_elements, rotation_vectors
 from workbench.course import Picture, source
 from workbench.geometry.rigid import procrustes
 from workbench.geometry.rotation import matrix_from_vector

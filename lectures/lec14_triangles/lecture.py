@@ -21,7 +21,7 @@ from workbench.comparison.statistics import median
 from workbench.course import Picture, source
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 from workbench.geometry.solids import mesh_edges, volume
-from workbench.geometry.triangles import Stitching, edges, frames_on, gradients, soup
+from workbench.geometry.triangles import Stitching, edges, frames_on, gradients
 from workbench.lectures.material.replays import recorded_side_by_side
 from workbench.lectures.material.variance import (
     additivity_gap,
@@ -54,7 +54,8 @@ pose = np.zeros((24, 3))
 pose[elbow, 2] = 1.6  # rad, upwards
 rigid = scape(body)
 X = rigid.deformations(pose, np.zeros(body.n_betas))  # (F, 3, 3)
-torn = soup(template, faces, X)  # (F, 3, 3): the corners of each triangle
+about = template[faces].mean(axis=1, keepdims=True)
+torn = about + (template[faces] - about) @ X.transpose(0, 2, 1)  # (F, 3, 3): corners
 
 
 def gaps(corners):

@@ -25,7 +25,7 @@ from workbench.fitting import pose_prior, shape_prior
 from workbench.geometry.rigid import Similarity, procrustes
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.geometry.surface_tree import SurfaceTree
-from workbench.lectures.material.basins import caption_basins, plot_basins
+from workbench.lectures.material.basins import basin_map, caption_basins, plot_basins
 from workbench.plots import house_style, plot_differences, sheet
 from workbench.plots.body import Figurine, back, front, line_up_coloured, painted
 from workbench.priors.poses import draw_poses, shipped_gaussian
@@ -37,7 +37,6 @@ from workbench.registration import (
     Icp,
     LeastSquares,
     VertexStage,
-    basin_map,
     by_edges,
     by_vertices,
     distance_gauss_newton,

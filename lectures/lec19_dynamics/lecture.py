@@ -30,11 +30,16 @@ from workbench.lectures.material.tissue import (
     score_tissue,
     train_tissue,
 )
+from workbench.lectures.material.tissue_simulation import simulate_tissue
 from workbench.motions import load_tissue
-from workbench.motions.soft_tissue import companion, free_run, with_tissue
-from workbench.motions.tissue_inputs import MovingFrames, second_differences
+from workbench.motions.soft_tissue import (
+    MovingFrames,
+    companion,
+    free_run,
+    second_differences,
+    with_tissue,
+)
 from workbench.plots import house_style, sheet
-from workbench.synthetic import simulate_tissue
 from workbench.synthetic.made_up import limb, made_up_motion, random_smpl
 
 body = wb.load_body("small")

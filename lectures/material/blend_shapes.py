@@ -12,9 +12,8 @@ import numpy as np
 from workbench.arrays import Array, Index
 from workbench.bodies import SkinnedBody
 from workbench.bodies.forward import surface as symbolic
-from workbench.bodies.forward.features import Features, Posture, rotation_vectors
 from workbench.bodies.forward.skinning import unskinned
-from workbench.synthetic.teacher import Teacher
+from workbench.bodies.forward.surface import Features, Posture, rotation_vectors
 from workbench.training.blend_shapes import MaskedCholesky
 from workbench.training.estimate import bent
 
@@ -24,6 +23,7 @@ from .kernel_features import (
     NormalisedKernels,
     as_posedirs,
 )
+from .teacher import Teacher
 
 RIDGES = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1)  # that are tried, per pose
 WIDTHS = (0.15, 0.25, 0.5, 1.0, 2.0, 4.0)  # of kernels, in median distances between two poses

@@ -2,7 +2,7 @@
 
 Directions are principal components, parts are clusters of vertices that move alike, and the
 matrices that predict the coefficients of the next frame are found by least squares. There is no
-open recording of tissue; `synthetic/tissue.py` simulates it with springs that stiffen.
+open recording of tissue; `tissue_simulation` simulates it with springs that stiffen.
 """
 
 from collections.abc import Callable, Sequence
@@ -17,8 +17,13 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.spaces import body_mass_index
 from workbench.errors import BadArgument
 from workbench.motions import Motion
-from workbench.motions.soft_tissue import SoftTissue, companion, free_run
-from workbench.motions.tissue_inputs import MovingFrames, tissue_inputs
+from workbench.motions.soft_tissue import (
+    MovingFrames,
+    SoftTissue,
+    companion,
+    free_run,
+    tissue_inputs,
+)
 
 HARDLY = 0.01  # of an input's bound: what moves less than this in the clips hardly moves
 MOST_POWERS, CLOSE = 10, 0.02  # of the gain: how often it is improved, and when it stays

@@ -123,7 +123,6 @@ def computed(key: str, function: Callable[[Any], Any]) -> Change:
 BODY, RIGHT, LEFT, BOTH = "SMPL_MALE", "MANO_RIGHT", "MANO_LEFT", "SMPLH_NEUTRAL"
 LENGTHS = ("v_template", "shapedirs", "posedirs")
 COLLARS = [*range(13), 14, 13, *range(15, 24)]
-ELBOWS = [*range(16), 18, 19, 16, 17, *range(20, 24)]
 NEGATIVE = np.eye(369, 24, 1) * 1.2 - np.eye(369, 24) * 1.2
 UNMIRRORED = np.array([-1, 1, 1])[:, None]
 # A name for each fault, the file, what is changed, the key that is blamed, and what is said.
@@ -148,12 +147,6 @@ FAULTS: dict[str, tuple[str, Change, str, str]] = {
         "Joint 4 .* has parent 7, which does not come before it",
     ),
     "collars exchanged": (BODY, joints_in_order(COLLARS), "kintree_table", "tree is another one"),
-    "regressor in another order": (
-        BODY,
-        computed("J_regressor", lambda rows: rows[ELBOWS]),
-        "J_regressor",
-        "left_shoulder.* and joint 18 .* changed places",
-    ),
     "another model's columns": (
         BOTH,
         put(posedirs=np.zeros((1229, 3, 207))),
@@ -200,7 +193,7 @@ FAULTS: dict[str, tuple[str, Change, str, str]] = {
 BESIDE = {"negative weights": {"J_regressor"}}  # faults from which others follow
 
 
-@pytest.mark.parametrize("fault", few(FAULTS, 14))
+@pytest.mark.parametrize("fault", few(FAULTS, 13))
 def test_fault_is_found_and_nothing_else_blamed(fault: str) -> None:
     base, change, part, says = FAULTS[fault]
     found = checked(base, change)

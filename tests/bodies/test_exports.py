@@ -18,7 +18,7 @@ from tests.bodies.laws import some_arguments
 from tests.bodies_made_up import tube_body
 from tests.tiers import few
 from workbench.bodies.files.c_code import write_c
-from workbench.bodies.files.gltf import correctives_of, write_gltf
+from workbench.bodies.files.gltf import write_gltf
 from workbench.bodies.triangles import scape
 from workbench.errors import BadArgument, BadBody, UnknownName
 from workbench.geometry.meshes import read_mesh, write_mesh
@@ -132,19 +132,6 @@ def test_error_of_few_correctives_is_said(tmp_path: Path, count: int | None) -> 
     extras = document["asset"]["extras"]
     assert extras["correctives"] == len(found.shapes) == (3 if count is None else count)
     assert (extras["mean_error_m"], extras["largest_error_m"]) == (found.mean, found.largest)
-
-
-def test_correctives_are_the_best_of_their_number() -> None:
-    """No others leave less, in the sum of squares: Eckart and Young."""
-    poses, betas = np.random.default_rng(3).normal(scale=0.3, size=(6, 24, 3)), np.zeros(10)
-    added = np.array([SMALL.posedirs @ SMALL.kinematics.motion(p, betas).features for p in poses])
-    flat = added.reshape(6, -1)
-    sizes = np.linalg.svd(flat, compute_uv=False)
-    for count in (1, 2, 5):
-        found = correctives_of(SMALL, poses, betas, count)
-        left = flat - found.shares @ found.shapes.reshape(count, -1)
-        assert (left**2).sum() == pytest.approx((sizes[count:] ** 2).sum(), rel=1e-6)
-        assert abs(found.shares).max() == pytest.approx(1.0)
 
 
 def test_gltf_holds_shape_directions_and_normals(tmp_path: Path) -> None:

@@ -9,11 +9,11 @@ from builder.bodies import regression_errors
 from builder.population import to_t_pose
 from builder.pose_priors import mirrored_pose
 from builder.sets import regress
-from tests.synthetic.test_teacher import skinned
+from tests.lectures.test_teacher import skinned
 from workbench.arrays import Array
 from workbench.bodies.catalogue import load_skinned
 from workbench.geometry.mirror import Mirror
-from workbench.synthetic.teacher import (
+from workbench.lectures.material.teacher import (
     JOINT,
     JOINT_NAMES,
     MIRRORED_JOINTS,

@@ -24,7 +24,7 @@ from builder.wheel import Wheel, WheelUnreadable, read_tensors
 from workbench.bodies.catalogue import SYNTHETIC, read_embedded
 from workbench.errors import BadFile
 from workbench.geometry.mirror import Mirror
-from workbench.synthetic.teacher import MIRRORED_JOINTS, PARENTS
+from workbench.lectures.material.teacher import MIRRORED_JOINTS, PARENTS
 
 DATA = Path(workbench.__file__).parent / "data"
 

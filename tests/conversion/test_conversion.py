@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 import workbench as wb
 from tests.bodies.model_files import with_fingers, written
@@ -76,7 +75,6 @@ def test_joints_24_become_52_and_back(fingers: Body, back: bool) -> None:
     motion = clip(source, 5, seed=2)
     found = convert(motion, source, target)
     assert found.mean() < 5e-3
-    assert found.mean(hands=False) < 1e-3
     assert found.motion.joint_names == target.joint_names
 
 
@@ -88,9 +86,6 @@ def test_another_mesh_follows_within_millimetres() -> None:
     copied = conversion_errors(motion.named(SMALL), SMALL, motion, DEFAULT, kept)
     assert found.mean() < 3e-3
     assert found.mean() < 0.3 * np.nanmean(copied)
-    beside = [not name.endswith(("_hand", "_fingers")) for name in found.parts]
-    assert found.mean(hands=False) == pytest.approx(np.nanmean(found.errors[:, beside]))
-    assert found.mean(hands=False) != found.mean()
     places = kept.of(motion.vertices(DEFAULT))
     off = np.linalg.norm(found.motion.vertices(SMALL) - places, axis=2)
     np.testing.assert_allclose(found.errors[:, kept.matched], off[:, kept.matched], atol=1e-12)
@@ -126,9 +121,6 @@ def test_triangle_bodies_are_written_with_bones_at_rest(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.joints()[:, order], own, atol=1e-5)
 
 
-SMALL, DEFAULT = wb.load_body("small"), wb.load_body("default")
-
-
 def test_the_same_triangles_correspond_one_to_one() -> None:
     found = correspond(DEFAULT, wb.load_body("default-male"))
     assert found.same
@@ -147,21 +139,6 @@ def test_vertices_of_a_coarse_mesh_lie_on_the_fine_one() -> None:
     there = SMALL.vertices(*(found.rest[name] for name in ("pose", "betas", "trans")))
     off = np.linalg.norm(found.of(DEFAULT.vertices()) - there, axis=1)
     np.testing.assert_allclose(off, found.distances, atol=1e-5)
-
-
-def test_a_body_that_is_drawn_elsewhere_and_in_another_pose_is_found() -> None:
-    """The target's rest pose has its arms down, and stands turned, in another place."""
-    pose = np.zeros((24, 3))
-    for side, sign in (("left", -1), ("right", 1)):
-        pose[SMALL.joint_names.index(f"{side}_shoulder"), 2] = 0.6 * sign
-    turn = Rotation.from_rotvec([0.0, 1.0, 0.0]).as_matrix()
-    drawn = SMALL.vertices(pose) @ turn.T + [0.5, -0.2, 0.3]
-    other = replace(SMALL, template=drawn, posedirs=0 * SMALL.posedirs, faces=SMALL.faces[::-1])
-    plain, moved = correspond(DEFAULT, SMALL), correspond(DEFAULT, other)
-    assert moved.matched.mean() > 0.95
-    apart = np.linalg.norm((plain.places - moved.places) @ DEFAULT.template, axis=1)
-    assert np.median(apart) < 0.008
-    assert np.percentile(apart, 90) < 0.02
 
 
 def test_bodies_without_common_joints_are_refused() -> None:
@@ -191,17 +168,6 @@ def test_motion_is_recovered_from_joints_with_gaps() -> None:
     assert found.names == SMALL.joint_names
     assert np.isnan(found.errors[6]).all()
     assert "1 of 9 frames were not found" in " ".join(found.motion.notes)
-
-
-def test_frames_of_points_may_jump() -> None:
-    """The person turns round and bends other limbs; from the frame before, 6 mm would be left."""
-    one, other = clip(SMALL, 1, seed=0), clip(SMALL, 1, seed=10)
-    pose = np.concatenate([one.pose, other.pose])
-    pose[:, 0] = [[0.0, 0.0, 0.0], [0.0, 3.0, 0.0]]
-    trans = np.array([[0.0, 0.9, 0.0], [2.0, 0.9, -1.0]])
-    places = wb.Motion(pose, trans, 30, SMALL.joint_names, one.betas).joints(SMALL)
-    found = motion_from_points(places, SMALL.joint_names, SMALL, 30, sigma=2e-3)
-    assert 1e3 * np.linalg.norm(found.motion.joints(SMALL) - places, axis=2).mean() < 2
 
 
 def test_points_of_other_spelling_are_matched() -> None:

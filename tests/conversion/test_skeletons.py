@@ -1,6 +1,5 @@
 """Skeletons of many kinds become motions of a body by the names of their joints."""
 
-import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,7 +8,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import workbench as wb
-from builder.recordings import recorded_motions
 from tests.clips_made_up import clip
 from tests.conversion.made_skeletons import KINDS, Kind, still, write_skeleton
 from workbench.bodies.files.joint_names import BODY, HANDS
@@ -19,20 +17,15 @@ from workbench.motions import Motion, read_bvh
 from workbench.motions.skeleton_names import reading, readings, skeletons, words_of
 
 SMALL, MALE = wb.load_body("small"), wb.load_body("default-male")
-MOCAP = os.environ.get("WORKBENCH_MOCAP")  # a recording as `builder.recordings` reads it
 QUICK = ("CMU (cgspeed)", "Bandai-Namco", "Unreal mannequin")
 
 
 def person(frames: int, seed: int) -> Motion:
-    """A man who moves upright through recorded poses, at 30 frames a second."""
+    """A man who stands upright and moves, at 30 frames a second."""
     made_up = clip(MALE, frames, seed)
-    if MOCAP is None:
-        pose = made_up.pose.copy()
-        pose[:, 0] = [0.05, seed, 0.0]
-        return replace(made_up, pose=pose)
-    walks = [walk for walk in recorded_motions(Path(MOCAP)) if walk.seconds * 30 > frames]
-    walk = walks[7 * seed % len(walks)].resampled(30.0)[:frames]
-    return replace(walk, betas=made_up.betas, joint_names=MALE.joint_names, notes=())
+    pose = made_up.pose.copy()
+    pose[:, 0] = [0.05, seed, 0.0]
+    return replace(made_up, pose=pose)
 
 
 def fitted(folder: Path, kind: Kind, motion: Motion, target: wb.SkinnedBody) -> PointFit:

@@ -1,12 +1,9 @@
 """Further problems whose null directions are known: less common forms and other fields."""
 
-from itertools import combinations
-
 import casadi as cs
 import numpy as np
 
 from tests.diagnostics.zoo import (
-    PLANE,
     RIGID,
     SIMILARITY,
     Specimen,
@@ -124,29 +121,6 @@ def one_view_of_a_plane() -> tuple[Problem, Values]:
     }
 
 
-def hand_and_eye_with_unknown_squares() -> tuple[Problem, Values]:
-    """A camera on a hand of known motions and a board of unknown size: all is seen."""
-    rng = np.random.default_rng(303)
-    turn, place = Block("eye/turn", (3,), "rad"), Block("eye/place", (3,), "m")
-    board_turn, board_place = Block("board/turn", (3,), "rad"), Block("board/place", (3,), "m")
-    size = Block("square", (), "m")
-    corners = cs.MX(cs.DM(np.array([[i, j, 0.0] for i in range(3) for j in range(4)]).T))
-    seen = []
-    for k in range(5):
-        R = turned(cs.MX(cs.DM(rng.normal(scale=0.3, size=3))), cs.MX.eye(3))
-        world = size.symbol * turned(board_turn.symbol, corners) + beside(board_place.symbol, 12)
-        hand = R.T @ (world - beside(cs.DM(rng.normal(scale=0.4, size=3)), 12))
-        eye = turned(turn.symbol, hand) + beside(place.symbol, 12)
-        seen.append(observed(f"image {k}", pixels(eye), 0.3, "px"))
-    return problem_of(seen, turn, place, board_turn, board_place, size), {
-        "eye/turn": np.array([0.2, -0.1, 0.1]),
-        "eye/place": np.array([0.1, 0.0, 0.2]),
-        "board/turn": np.array([0.3, 0.1, -0.2]),
-        "board/place": np.array([-0.2, -0.1, 3.0]),
-        "square": np.array(0.1),
-    }
-
-
 def template_and_shapes() -> tuple[Problem, Values]:
     """Training: five people as a template and two shapes, with free betas.
 
@@ -177,36 +151,6 @@ def weights_by_softmax() -> tuple[Problem, Values]:
         for _ in range(3):
             rows.append(cs.DM(rng.normal(size=(3, 3))) @ share / cs.sum1(share))
     return problem_of(all_of(rows, 0.01, "m"), logits), {"logits": rng.normal(size=(5, 3))}
-
-
-def survey_in_east_and_north() -> tuple[Problem, Values]:
-    """Distances of places whose two coordinates are blocks of their own."""
-    rng = np.random.default_rng(212)
-    east, north = Block("east", (7,), "m"), Block("north", (7,), "m")
-    rows = [
-        cs.sqrt((east.symbol[i] - east.symbol[j]) ** 2 + (north.symbol[i] - north.symbol[j]) ** 2)
-        for i, j in combinations(range(7), 2)
-    ]
-    at = {"east": rng.normal(size=7), "north": rng.normal(size=7)}
-    return problem_of(all_of(rows, 0.01, "m"), east, north), at
-
-
-def coils_and_image() -> tuple[Problem, Values]:
-    """Magnetic resonance: a complex image times linear, complex sensitivities of three coils.
-
-    A complex number common to all coils may be taken out of the image: a factor and a phase.
-    """
-    rng = np.random.default_rng(800)
-    image = Block("image", (10, 2))
-    coils = [Block(f"coil{c}", (3, 2)) for c in range(3)]
-    rows = []
-    for p in range(10):
-        basis = cs.DM([1.0, *rng.uniform(-1, 1, size=2)])
-        for coil in coils:
-            s, m = coil.symbol @ basis, image.symbol[:, p]
-            rows += [s[0] * m[0] - s[1] * m[1], s[0] * m[1] + s[1] * m[0]]
-    at = {coil.name: rng.normal(size=(3, 2)) for coil in coils}
-    return problem_of(all_of(rows), image, *coils), at | {"image": rng.normal(size=(10, 2))}
 
 
 def tucker_factors() -> tuple[Problem, Values]:
@@ -272,11 +216,8 @@ FURTHER_ZOO = (
         projective_cameras, RIGID | {"scale": 4, "mixing": 5, "projective": 3}, 18, 4, "points cam0"
     ),
     Specimen(one_view_of_a_plane, {}, 3, 1, "focal middle"),
-    Specimen(hand_and_eye_with_unknown_squares, {}, 0, 0),
     Specimen(template_and_shapes, {"offset": 2, "scale": 2, "mixing": 2}, 6, 3, "betas"),
     Specimen(weights_by_softmax, {"offset": 5}, 5, 5, "logits"),
-    Specimen(survey_in_east_and_north, PLANE, 3, 3, "east north"),
-    Specimen(coils_and_image, {"scale": 1, "rotation": 1}, 2, 1, "image"),
     Specimen(tucker_factors, {"scale": 6, "mixing": 6}, 12, 3, "A B C core"),
     Specimen(factors_of_a_covariance, {"rotation": 3}, 3, 3, "loadings"),
     Specimen(age_period_cohort, {"offset": 2}, 3, 3, "age period cohort"),

@@ -20,7 +20,6 @@ from workbench.diagnostics.design import (
     with_candidates,
 )
 from workbench.errors import BadArgument, NotFinite, UnknownName
-from workbench.fitting.refits import repeated_fits
 
 N = 4
 
@@ -103,35 +102,6 @@ def test_many_combinations_are_searched_greedily() -> None:
     assert len(set(found.chosen)) == 6
     sds = [found.before.sd, *(score.sd for score in found.steps)]
     assert sds == sorted(sds, reverse=True)
-
-
-@pytest.mark.thorough
-def test_volume_alone_is_independent_of_units() -> None:
-    """The same candidates in unknowns y = T x: D chooses the same, A and E need not."""
-    rng = np.random.default_rng(5)
-    differs = dict.fromkeys(("a", "e"), 0)
-    for seed in range(4):
-        problem, several, at, x = linear(seed)
-        T = rng.normal(size=(N, N)) * [1.0, 100.0, 0.01, 1.0]
-        y = wb.Block("y", (N,), "m")
-
-        def in_y(residual: wb.Residual, x: wb.Block = x, T: Array = T, y: wb.Block = y):
-            (other,) = cs.substitute([residual.expression], [x.symbol], [cs.DM(T) @ y.symbol])
-            return wb.Residual(residual.name, other, 1.0, blocks=(y,))
-
-        changed = wb.Problem([in_y(problem.residuals[0])], ["y"], blocks=[y])
-        others = {name: in_y(one) for name, one in several.items()}
-        there = {"y": np.linalg.solve(T, at["x"])}
-        one = design(problem, several, at, choose=2)
-        two = design(changed, others, there, choose=2)
-        assert one.chosen == two.chosen
-        assert [r.name for r in one.ranking] == [r.name for r in two.ranking]
-        assert one.gain == pytest.approx(two.gain, rel=1e-7)
-        for name, criterion in (("a", a_optimal), ("e", e_optimal)):
-            first = design(problem, several, at, criterion=criterion)
-            second = design(changed, others, there, criterion=criterion)
-            differs[name] += first.best != second.best
-    assert min(differs.values()) > 0
 
 
 def test_a_candidate_that_says_nothing_adds_nothing() -> None:
@@ -274,7 +244,7 @@ def test_bad_input_gets_a_sentence() -> None:
         with_candidates(problem, several, ["far"])
 
 
-def test_equations_hold_exactly_and_bounds_are_named() -> None:
+def test_equations_hold_exactly_and_bounds_do_not_count() -> None:
     """Three numbers of four in a plane: the covariance is that of what is left of the plane."""
     rng = np.random.default_rng(3)
     x = wb.Block("x", (N,), "m")
@@ -300,35 +270,8 @@ def test_equations_hold_exactly_and_bounds_are_named() -> None:
         assert found.before.sd == pytest.approx(size(known()), rel=1e-9)
         by_hand = {name: size(known(name)) for name in several}
         assert {one.name: one.sd for one in found.ranking} == pytest.approx(by_hand, rel=1e-9)
-    assert found.uncounted == (f"x[1] >= {at['x'][1]:g}",)
-    assert f"x[1] >= {at['x'][1]:g} is active and does not count" in found.report()
     np.testing.assert_allclose(found.sd_before, np.sqrt(np.diag(known())), rtol=1e-9)
     all_known = wb.Constraint("all", x.symbol, at["x"], at["x"])
     held = wb.Problem([rows("known", A, x)], ["x"], blocks=[x], constraints=[all_known])
     with pytest.raises(BadArgument, match="equations hold all that matters"):
         design(held, several, at)
-
-
-@pytest.mark.thorough
-def test_simulated_fits_spread_as_predicted() -> None:
-    """Linear, 150 fits: a standard deviation is known to 5.8 %, and 4 of these are allowed."""
-    problem, several, at, _ = linear(7)
-    criterion = sd_of("x[1]")
-    found = design(problem, several, at, criterion=criterion)
-    for whole, score in (
-        (problem, found.before),
-        (with_candidates(problem, several, found.chosen), found.after),
-    ):
-        fits = repeated_fits(whole, at, 150, seed=2)
-        assert fits.converged.all()
-        spread = np.std(fits.ends[:, 1], ddof=1)
-        assert spread == pytest.approx(score.sd, rel=4 / np.sqrt(300))
-        errors = fits.ends - at["x"]
-        assert abs(errors.mean(axis=0)).max() < 5 * found.sd_before.max() / np.sqrt(150)
-    again = repeated_fits(problem, at, 3, seed=2)
-    np.testing.assert_array_equal(again.ends, repeated_fits(problem, at, 3, seed=2).ends)
-    with pytest.raises(BadArgument, match="one fit or more"):
-        repeated_fits(problem, at, 0)
-    both = wb.sequence([problem] * 2)
-    with pytest.raises(BadArgument, match="sequence"):
-        repeated_fits(both, {"x": np.zeros((2, N))}, 2)

@@ -1,7 +1,6 @@
 """Null spaces and near-dependencies that were planted are found, whatever the units."""
 
 import casadi as cs
-import mpmath as mp
 import numpy as np
 import pytest
 
@@ -75,32 +74,7 @@ def test_near_dependencies_are_ranked_by_distance(seed: int) -> None:
     assert 1e-7 < next_ < 1e-5
     first, second = found.weakest[:2]
     assert (set(first.columns), set(second.columns)) == ({c, d}, {a, b})
-    assert first.change == pytest.approx(first.singular_value, rel=1e-3)
     assert first.change < 1e-8 < second.change < 1e-4
-
-
-def test_dependency_of_three_columns_is_no_pair() -> None:
-    rng = np.random.default_rng(3)
-    A = rng.normal(size=(40, 12))
-    A[:, 7] = 2 * A[:, 2] - A[:, 5] + 1e-9 * rng.normal(size=40)
-    found = linear(A)
-    assert found.parallel_columns == ()
-    assert set(found.weakest[0].columns) == {2, 5, 7}
-    np.testing.assert_allclose(
-        found.weakest[0].vector[[2, 5, 7]] * np.sqrt(6),
-        np.array([2, -1, -1]) * np.sign(found.weakest[0].vector[2]),
-        rtol=1e-6,
-    )
-
-
-def test_equal_columns_are_a_trade_off() -> None:
-    rng = np.random.default_rng(0)
-    A = rng.normal(size=(30, 6))
-    A[:, 4] = A[:, 1]
-    found = linear(A)
-    (direction,) = found.null_directions
-    assert direction.name == "a trade-off within b0: +1 of b0[1] with -1 of b0[4]"
-    assert "1 pair of unknowns with parallel columns: b0[1] and b0[4]" in found.report()
 
 
 @pytest.mark.parametrize("count", [12, pytest.param(100, marks=pytest.mark.thorough)])
@@ -176,19 +150,6 @@ def test_rank_does_not_depend_on_units(seed: int, spread: float) -> None:
             A[:, 3] = A[:, 1] + A[:, 2]
         else:
             A[:, 5] = 0.0
-
-
-def test_small_singular_values_have_all_digits() -> None:
-    rng = np.random.default_rng(3)
-    A = rng.standard_normal((M, N)) * scales(rng, 12.0)
-    with mp.workdps(60):
-        exact = [float(s) for s in mp.svd_r(mp.matrix(A.tolist()), compute_uv=False)]
-    found = Linearization(np.zeros(M), A).spectrum
-    s, Vt = found.s, found.Vt
-    # the columns are well-conditioned but for their lengths (about 5): eps times that, and more
-    np.testing.assert_allclose(s, exact, rtol=1e-12)
-    np.testing.assert_allclose(Vt @ Vt.T, np.eye(N), atol=1e-13)
-    np.testing.assert_allclose(np.linalg.norm(A @ Vt.T, axis=0), exact, rtol=1e-10)
 
 
 @pytest.mark.parametrize("long", [1e8, 1e12])

@@ -1,7 +1,5 @@
 """Large sparse Jacobians take another way, to the same answers as far as it goes."""
 
-import json
-
 import casadi as cs
 import numpy as np
 import pytest
@@ -89,34 +87,6 @@ def test_sparse_numbers_are_the_dense_ones(active: bool, monkeypatch: pytest.Mon
     assert [t.nonzeros for t in sparse.terms] == [t.nonzeros for t in dense.terms]
     assert {(p.first, p.second) for p in sparse.parallel_columns if p.sine == 0} == {(8, 9)}
     assert sparse.derivatives.passed
-
-
-def test_sparse_report_says_what_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    always_sparse(monkeypatch)
-    sparse = diagnose(*limited(active=False), priors=("prior",))
-    text = sparse.report()
-    assert "without singular values" in text
-    assert "are left out" in text
-    assert "no residual depends on x[7]" in text
-    data = json.loads(json.dumps(sparse.data(), allow_nan=False))
-    assert data["estimated"] is True
-    assert sparse.suggestions
-    for suggestion in sparse.suggestions:
-        after = diagnose(suggestion.problem, suggestion.values)
-        assert (after.rank, after.shape[1]) == (suggestion.after.rank, suggestion.after.unknowns)
-    assert any(suggestion.cured for suggestion in sparse.suggestions)
-
-
-def test_sparse_duplicates_and_infinities_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    always_sparse(monkeypatch)
-    x = Block("x", (6,))
-    terms = [Residual(name, factor * x.symbol, 1.0) for name, factor in (("a", 1), ("b", -3))]
-    problem = Problem((*terms, Residual("root", cs.sqrt(x.symbol), 1.0)), ("x",), blocks=(x,))
-    assert diagnose(problem, {"x": np.ones(6)}).duplicates == (("a", "b"),)
-    found = diagnose(problem, {"x": np.array([1.0, 0, 1, 1, 1, 1])})
-    assert found.not_finite == ((13, 1),)
-    assert "the Jacobian is not finite: root[1] by x[1]" in found.report()
-    json.dumps(found.data(), allow_nan=False)
 
 
 # One factorization against the singular values of the whole matrix.
@@ -282,7 +252,7 @@ def test_diagnosis_by_factorization_is_the_dense_one(
     J, A = made(name)
     dense = diagnosed(J, A)
     weak_count, condition, rank = dense.weak_count, dense.condition, dense.rank
-    weakest, sigma = dense.weakest[0].singular_value, dense.identifiability.sigma
+    weakest, sigma = dense.weakest[0].change, dense.identifiability.sigma
     verdicts = dense.identifiability.verdicts
     always_sparse(monkeypatch)
     without_singular_values(monkeypatch)
@@ -335,7 +305,6 @@ def test_null_directions_too_many_for_names_are_said_by_entries(
         unread = np.flatnonzero(~J.any(axis=0))
         said = [d.name for d in found.null_directions if d.kind == "entry"]
         assert {f"x[{i}]" for i in unread} <= set(said)
-        assert found.constrained.null_rank(slice(0, 300)) == np.linalg.matrix_rank(vectors[:300])
     else:
         terms = {d.terms for d in found.null_directions}
         assert "+1 m of x[1] with +1 m of x[0], +1 m of x[2]" in terms

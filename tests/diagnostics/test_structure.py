@@ -91,18 +91,6 @@ def test_a_residual_that_reads_nothing_free_is_named() -> None:
     assert warning.text == "the residual of b depends on no free block, so it is constant"
 
 
-def test_the_structure_allows_more_than_the_numbers() -> None:
-    x = Block("x", (3,))
-    A = np.ones((3, 3))
-    problem = Problem((Residual("sums", cs.DM(A) @ x.symbol, 1.0),), ("x",))
-    found = diagnose(problem, {"x": np.zeros(3)})
-    assert (found.rank, found.structural_rank) == (1, 3)
-    assert (
-        "the sparsity pattern allows 3: 2 of the null directions are due to the numbers"
-        in found.report()
-    )
-
-
 def test_entries_are_named_in_few_words() -> None:
     pose = Block("pose", (3, 3), "rad", ("hip", "knee", "foot"))
     layout = Layout((Block("scale", ()), pose, Block("betas", (4,))))

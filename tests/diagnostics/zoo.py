@@ -128,20 +128,6 @@ def affine_cameras() -> tuple[Problem, Values]:
     return problem_of(seen, *blocks), at
 
 
-def panorama() -> tuple[Problem, Values]:
-    """Three views from one place of seven rays: no view tells how long a ray is."""
-    rng = np.random.default_rng(201)
-    rays = Block("rays", (7, 3))
-    blocks, at, seen = [rays], {"rays": rng.normal(size=(7, 3)) + [0.0, 0.0, 4.0]}, []
-    for k in range(3):
-        turn = Block(f"view{k}", (3,), "rad")
-        blocks.append(turn)
-        at[turn.name] = rng.normal(scale=0.2, size=3)
-        there = turned(turn.symbol, rays.symbol)
-        seen.append(observed(f"image {k}", pixels(there), 1.0, "px"))
-    return problem_of(seen, *blocks), at
-
-
 def body_and_camera() -> tuple[Problem, Values]:
     """A body of fixed pose, whose root, place and camera are free: they move together."""
     rng = np.random.default_rng(2)
@@ -372,23 +358,9 @@ def springs_and_masses() -> tuple[Problem, Values]:
     }
 
 
-def wind_and_compass() -> tuple[Problem, Values]:
-    """Velocities over ground at known headings and speeds through the air: all is seen."""
-    rng = np.random.default_rng(824)
-    wind, factor, bias = Block("wind", (2,), "m/s"), Block("factor", ()), Block("bias", (), "rad")
-    rows = []
-    for heading, speed in zip(rng.uniform(0, 6, size=7), rng.uniform(8, 12, size=7), strict=True):
-        course = heading + bias.symbol
-        way = cs.vertcat(cs.cos(course), cs.sin(course))
-        rows.append(factor.symbol * speed * way + wind.symbol)
-    at = {"wind": np.array([2.0, -1.0]), "factor": np.array(1.1), "bias": np.array(0.05)}
-    return problem_of(all_of(rows, 0.1, "m/s"), wind, factor, bias), at
-
-
 ZOO = (
     Specimen(three_cameras, SIMILARITY, 7, 2, "points"),
     Specimen(affine_cameras, SIMILARITY | {"mixing": 5}, 12, 3, "points"),
-    Specimen(panorama, {"rotation": 3, "scale": 7}, 10, 8, "rays"),
     Specimen(body_and_camera, RIGID, 6, 1, "camera/"),
     Specimen(joints_of_a_body, {}, 32, 22, "pose"),
     Specimen(people_of_one_shape, {"scale": 1}, 1, 1, "template size"),
@@ -406,5 +378,4 @@ ZOO = (
     Specimen(two_compartments_by_one, {"trade-off": 1}, 1, 1, "out1 over back out2"),
     Specimen(pill, {"scale": 1}, 1, 1, "share volume clearance"),
     Specimen(springs_and_masses, {"scale": 4}, 4, 1, "stiffness mass"),
-    Specimen(wind_and_compass, {}, 0, 0),
 )

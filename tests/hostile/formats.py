@@ -28,6 +28,7 @@ from tests.fitting.mediapipe_made import mediapipe_results
 from tests.fitting.test_cameras import CALIBRATIONS, colmap, put, stored
 from tests.fitting.test_detector_files import READ
 from tests.geometry.mesh_files import skinned
+from tests.hostile.limits import Answer, Reader
 from tests.motions.made_files import MARKER_FILES, MOTION_FILES
 from tests.motions.made_results import RESULTS, truth
 from workbench import Block, Problem, Residual, load_body, save_body, solve
@@ -102,6 +103,17 @@ def whole(name: str) -> dict[str, bytes]:
         FORMATS[name].make(Path(folder))
         paths = sorted(path for path in Path(folder).rglob("*") if path.is_file())
         return {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
+
+
+def ask(
+    reader: Reader, name: str, folder: Path, file: str | None = None, content: bytes = b""
+) -> Answer:
+    """What becomes of a format's valid files in a folder if one of them has another content."""
+    for other, kept in whole(name).items():
+        path = folder / other
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content if other == file else kept)
+    return reader.ask(name, folder, megabytes=FORMATS[name].megabytes)
 
 
 # ---- bodies ------------------------------------------------------------------------------------

@@ -11,7 +11,7 @@ from workbench.course.cells import apart, carried_out, cells
 from workbench.course.formulas import in_letters
 from workbench.course.outline import course
 from workbench.errors import BadFile
-from workbench.motions.tissue_inputs import MovingFrames, second_differences
+from workbench.motions.soft_tissue import MovingFrames, second_differences
 from workbench.sampling.mixing import integrated_time
 
 THERE = course()
@@ -76,7 +76,7 @@ def test_source_shows_constants_above_the_code_that_reads_them() -> None:
     shown = source(second_differences, MovingFrames.forces)
     order = [shown.text.index(part) for part in ("GRAVITY = ", "def second_d", "def forces")]
     assert order == sorted(order)
-    assert shown.where.count("workbench.motions.tissue_inputs.") == 2
+    assert shown.where.count("workbench.motions.soft_tissue.") == 2
     assert source(wb.Linearization.gradient).text.startswith("@cached_property\ndef gradient")
 
 

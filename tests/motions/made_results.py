@@ -10,7 +10,7 @@ import struct
 import sys
 import zipfile
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -21,12 +21,11 @@ from scipy.spatial.transform import Rotation
 
 from workbench import load_body
 from workbench.arrays import Array
-from workbench.bodies.files.joint_names import BODY, HANDS, TREES
+from workbench.bodies.files.joint_names import BODY, HANDS
 from workbench.motions import Motion
 
 SMALL = load_body("small")
 NAMES = (*BODY, "jaw", "left_eye", "right_eye", *HANDS)
-TREE = TREES["SMPL-X"]
 F = 12  # frames
 BETAS = np.random.default_rng(5).normal(0, 1, 10)
 ROOT = SMALL.joints(betas=BETAS[: SMALL.n_betas])[0]
@@ -40,38 +39,15 @@ def truth() -> Motion:
     return Motion(pose, trans, 30.0, NAMES, BETAS)
 
 
-def joints_of(motion: Motion, root: Array) -> dict[str, Array]:
-    """Places (T, 3) of joints by forward kinematics of our own, on bones that are made up.
-
-    The root rests at `root`; bones of the 22 joints of the body and of SMPL's two hands.
-    """
-    bones = np.random.default_rng(4).normal(0, 0.2, (55, 3))
-    at: dict[str, Array] = {"pelvis": root + motion.trans}
-    turned: dict[str, Array] = {}
-    for k, name in enumerate(NAMES[:22]):
-        j = motion.joint_names.index(name)
-        local = Rotation.from_rotvec(motion.pose[:, j]).as_matrix()
-        if k == 0:
-            turned[name] = local
-            continue
-        parent = NAMES[TREE[k]]
-        at[name] = at[parent] + turned[parent] @ bones[k]
-        turned[name] = turned[parent] @ local
-    for k, name in enumerate(NAMES[25:], start=25):
-        if name in motion.joint_names:
-            parent = NAMES[TREE[k]]
-            j = motion.joint_names.index(name)
-            local = Rotation.from_rotvec(motion.pose[:, j]).as_matrix()
-            at[name] = at[parent] + turned[parent] @ bones[k]
-            turned[name] = turned[parent] @ local
-            at[f"tip of {name}"] = at[name] + turned[name] @ bones[k]
-    return at
-
-
 def matrices(pose: Array) -> Array:
     """Rotation matrices (..., 3, 3) of vectors (..., 3)."""
     flat = Rotation.from_rotvec(pose.reshape(-1, 3)).as_matrix()
     return flat.reshape(*pose.shape[:-1], 3, 3)
+
+
+def rotations(motion: Motion, names: Sequence[str]) -> Array:
+    """Those of the named joints, (T, K, 3, 3)."""
+    return matrices(motion.pose[:, [motion.joint_names.index(name) for name in names]])
 
 
 def flat(motion: Motion, K: int) -> Array:

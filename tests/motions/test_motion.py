@@ -1,6 +1,5 @@
 """Motions: frames, names, bones, and what is refused."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,6 @@ import workbench as wb
 from builder.recordings import recorded_motions
 from tests.motions.made_files import random_motion
 from tests.tiers import few
-from workbench import load_body
 from workbench.bodies.files.joint_names import BODY, HANDS
 from workbench.errors import BadArgument, BadFile
 from workbench.geometry.guesses import UP_TO_Y
@@ -223,22 +221,3 @@ def test_recordings_are_cut_at_bad_frames(tmp_path: Path) -> None:
     for wrong in ({"fps": np.array(0.0)}, {"poses": np.zeros((12, 71))}):
         with pytest.raises(BadFile, match="is no recording in the layout described"):
             recorded_motions(recording(tmp_path / "mocap.npz", **wrong))
-
-
-BODY_JOINTS = load_body("small").joint_names
-
-
-def motion(names: tuple[str, ...]) -> Motion:
-    rng = np.random.default_rng(0)
-    pose = 0.1 * rng.normal(size=(3, len(names), 3))
-    return Motion(pose, np.zeros((3, 3)), 30.0, names, np.zeros(10))
-
-
-def test_motion_of_a_part_is_played_and_the_rest_is_noted() -> None:
-    part = BODY_JOINTS[:14]
-    played = motion(part).named(load_body("small"))
-    assert played.joint_names == BODY_JOINTS
-    np.testing.assert_array_equal(played.pose[:, :14], motion(part).pose)
-    assert any("stay at rest" in note for note in played.notes)
-    again = replace(played).named(load_body("small"))
-    np.testing.assert_array_equal(again.pose, played.pose)

@@ -16,13 +16,15 @@ from workbench.errors import BadArgument, BadFile
 from workbench.geometry.meshes import write_mesh
 from workbench.motions import Motion, SoftTissue, load_tissue, save_tissue, write_glb
 from workbench.motions.soft_tissue import (
+    GRAVITY,
+    MovingFrames,
     betas_with_tissue,
     companion,
     displaced_by,
+    tissue_inputs,
     with_dmpls,
     with_tissue,
 )
-from workbench.motions.tissue_inputs import GRAVITY, MovingFrames, tissue_inputs
 from workbench.synthetic.made_up import made_up_motion
 
 BODY = wb.load_body("default")
@@ -99,20 +101,6 @@ def tissue_of_small(power: float) -> SoftTissue:
 PHI, PERSON = np.array([1.5, -0.7]), np.array([0.5, -1.0, 2.0])
 
 
-def test_symbolic_gain_is_the_gain_in_numbers() -> None:
-    betas, rng = SMALL.blocks()[1].symbol, np.random.default_rng(1)
-    tissue = tissue_of_small(1.5)
-    gain = tissue.gain_of(SMALL, betas)
-    function = cs.Function("gain", [betas], [gain, cs.gradient(gain, betas)])
-    for person in rng.standard_normal((3, SMALL.n_betas)):
-        number, gradient = function(person)
-        assert float(number) == pytest.approx(tissue.gain(SMALL, person), rel=1e-12)
-        steps = 1e-5 * np.eye(SMALL.n_betas)
-        either = [[tissue.gain(SMALL, person + s * step) for s in (1, -1)] for step in steps]
-        differences = np.array(either) @ [1, -1] / 2e-5
-        np.testing.assert_allclose(gradient.full().ravel(), differences, atol=1e-7)
-
-
 def test_fit_finds_coefficients_of_tissue_with_the_shape_that_decides_their_gain() -> None:
     tissue, truth = tissue_of_small(1.5), {"pose": MOTION.pose[7], "trans": MOTION.trans[7]}
     truth |= {"tissue": PHI, "betas": np.pad(PERSON, (0, SMALL.n_betas - 3))}
@@ -178,25 +166,6 @@ def test_body_with_tissue_is_the_model_of_tissue(tmp_path: Path) -> None:
     np.testing.assert_allclose(body.joints(*at), SHORT.joints(BODY), atol=1e-9)
     write_glb(tmp_path / "a.glb", SHORT, body, betas=betas)
     assert np.abs(played_by_hand(tmp_path / "a.glb", SHORT.pose) - expected).max() < 1e-5
-
-
-@pytest.mark.thorough
-def test_command_shows_tissue(tmp_path: Path) -> None:
-    wb.save_motion(tmp_path / "walk.npz", SHORT)
-    out = ["--page", str(tmp_path / "walk.html"), "--out", str(tmp_path / "walk.glb")]
-    said = CliRunner().invoke(
-        app, ["motion", str(tmp_path / "walk.npz"), "--tissue", "--exaggeration", "2", *out]
-    )
-    assert said.exit_code == 0, said.output
-    text = (tmp_path / "walk.html").read_text()
-    by = displaced_by(TISSUE, betas_with_tissue(BODY, TISSUE, TISSUE.prepared(SHORT), 2.0))
-    most = 1e3 * np.linalg.norm(by, axis=2).max()
-    for shown in (" ".join(said.output.split()), text):
-        assert "The soft tissue is simulated, and was learned from no measurement of peo" in shown
-        assert f"{most:.0f} mm at most, 2 times as far as the model says" in shown
-    assert "Charts are shown" not in text
-    assert len(text) > 1e5
-    assert (tmp_path / "walk.glb").stat().st_size > 1e5
 
 
 def test_command_fits_tissue_to_a_mesh(tmp_path: Path) -> None:

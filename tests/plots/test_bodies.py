@@ -8,7 +8,7 @@ import pytest
 from matplotlib.collections import LineCollection, PathCollection, PolyCollection
 
 from tests.outcomes_made_up import outcome_made_up
-from workbench.lectures.material.basins import caption_basins, plot_basins
+from workbench.lectures.material.basins import BasinMap, caption_basins, grid, plot_basins
 from workbench.plots import (
     caption_body,
     caption_distances,
@@ -25,8 +25,7 @@ from workbench.plots.body import back, front, plot_body, shape_gallery_sheet, si
 from workbench.plots.scans import plot_joint_cost
 from workbench.plots.style import house_style, plain
 from workbench.plots.views import reprojection
-from workbench.registration import BasinMap, Stopped
-from workbench.registration.basins import grid
+from workbench.registration import Stopped
 from workbench.training.execution import LogEntry
 
 pytestmark = pytest.mark.browser

@@ -18,6 +18,7 @@ from builder.pose_priors import (
 )
 from builder.recordings import ELBOW_LIMIT, PoseRecording, read_recording
 from workbench.errors import BadFile
+from workbench.lectures.material.teacher import JOINT_NAMES, MIRRORED_JOINTS
 from workbench.priors.poses import (
     GAUSSIAN_FILE,
     MIXTURE_FILE,
@@ -25,7 +26,6 @@ from workbench.priors.poses import (
     read_pose_gaussian,
     read_pose_mixture,
 )
-from workbench.synthetic.teacher import JOINT_NAMES, MIRRORED_JOINTS
 
 SHIPPED = Path(workbench.__file__).parent / "data" / "poses" / GAUSSIAN_FILE
 

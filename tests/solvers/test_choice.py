@@ -3,12 +3,10 @@
 import casadi as cs
 import numpy as np
 import pytest
-import scipy.optimize
 
 import workbench as wb
 from tests.solvers.problems import body_fit, rosenbrock
 from workbench.errors import BadArgument, UnknownName
-from workbench.experiments.catalogue import find
 from workbench.solvers.choice import recommend
 
 
@@ -75,13 +73,6 @@ def test_a_problem_without_unknowns_needs_no_solver() -> None:
         recommend(problem, {"x": np.zeros(2)})
 
 
-def test_recommended_solver_fits_a_body() -> None:
-    problem, start = body_fit()
-    cost = wb.solve(problem, start, recommend(problem, start).solver).cost
-    others = [wb.solve(problem, start, name).cost for name in ("dogleg", "ipopt")]
-    assert cost <= min(others) + 1e-6 * (1 + min(others))
-
-
 def test_solvers_are_taken_by_the_names_of_the_commands() -> None:
     problem, start = body_fit()
     for name in ("ipopt", "levenberg-marquardt-columns"):
@@ -90,40 +81,3 @@ def test_solvers_are_taken_by_the_names_of_the_commands() -> None:
         assert by_name.solver == by_object.solver
     with pytest.raises(UnknownName, match=r"no solver is called 'ipot'; there are .*ipopt, ipopt-"):
         wb.solve(problem, start, "ipot")
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize(
-    "name",
-    [
-        "nist-misra1a",
-        "nist-rat42",
-        "nist-gauss1",
-        "nist-kirby2",
-        "more-wild-watson-9",
-        "more-wild-kowalik-osborne",
-        "body-vertices",
-        "body-joints",
-        "body-four-cameras",
-        "body-outliers-huber",
-    ],
-)
-def test_scipy_called_directly_ends_at_the_same_cost(name: str) -> None:
-    setup = find(name).setup()
-    problem, start = setup.problem, setup.start
-    x, fixed = problem.split(start)
-    expected = scipy.optimize.least_squares(
-        lambda x: problem.residual(x, fixed),
-        x,
-        jac=lambda x: problem.linearize_at(x, fixed).jacobian,
-        x_scale="jac",
-        ftol=1e-15,
-        xtol=1e-15,
-        gtol=1e-15,
-        max_nfev=1000,
-    ).cost
-    # scaled by columns, the method ends in another basin of the robust fit
-    ours = "levenberg-marquardt" if "huber" in name else "levenberg-marquardt-columns"
-    tolerance = 1e-6 * expected + 1e-12 * problem.linearize(start).cost
-    for solver in (ours, "scipy-trf"):
-        assert wb.solve(problem, start, solver).cost == pytest.approx(expected, abs=tolerance)

@@ -8,7 +8,6 @@ from typing import Any
 import casadi as cs
 import numpy as np
 import pytest
-from scipy.sparse import csc_array
 
 from tests.bodies_made_up import random_body
 from tests.tiers import few
@@ -16,7 +15,6 @@ from workbench import (
     SOLVERS,
     Block,
     Constraint,
-    Newton,
     Nlopt,
     Problem,
     Residual,
@@ -29,7 +27,6 @@ from workbench.errors import NotSupported, TooLarge
 from workbench.problem import storage
 from workbench.problem.naming import Bounds
 from workbench.solvers import Ipopt, Solver, exact_hessian
-from workbench.solvers.nlopt import ALGORITHMS
 
 X = Block("x", (2,)).symbol
 SOLUTION = np.array([2.0, 1.0]) / np.sqrt(5)
@@ -94,13 +91,6 @@ def test_equations_are_honoured(name: str) -> None:
     assert_at_the_end(name, solution)
     np.testing.assert_allclose(solution.values["x"], SOLUTION, atol=1e-5)
     assert solution.evaluations.constraint + solution.evaluations.jacobian > 0
-
-
-@pytest.mark.parametrize("name", few(INEQUALITIES, TAKERS))
-def test_inactive_constraints_change_nothing(name: str) -> None:
-    solution = LOCAL[name].solve(near(Constraint("disc", cs.sumsqr(X), upper=9.0)), START)
-    np.testing.assert_allclose(solution.values["x"], [2.0, 1.0], atol=1e-5)
-    assert solution.violation == 0
 
 
 @pytest.mark.parametrize("name", few(INEQUALITIES, TAKERS))
@@ -169,15 +159,6 @@ def test_a_body_stays_above_the_floor() -> None:
         assert solution.converged, solution.message
         height = body.joints(**(solution.values | {"betas": start["betas"]}))[:, 1]
         assert height.min() == pytest.approx(0, abs=2e-6)
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("name", [n for n, a in ALGORITHMS.items() if a.inequalities])
-def test_nlopt_algorithms_come_near_a_constrained_minimum(name: str) -> None:
-    """The global ones too, as far as they come."""
-    solution = Nlopt(name, max_evaluations=3000, max_seconds=5.0).solve(near(INSIDE), START)
-    assert solution.violation <= 1
-    np.testing.assert_allclose(solution.values["x"], SOLUTION, atol=0.1)
 
 
 # What IPOPT says.
@@ -266,49 +247,6 @@ def test_sparse_problems_end_where_dense_ones_do(
     assert found.cost == pytest.approx(expected.cost, rel=1e-6)
 
 
-def test_sparse_derivatives_are_those_of_dense_problems(monkeypatch: pytest.MonkeyPatch) -> None:
-    problem = frames()
-    x, fixed = problem.split(start())
-    y = np.random.default_rng(2).standard_normal(problem.stacked_constraints.size)
-    dense = problem.stacked_constraints.linearize(x, fixed)
-    H, bend = problem.hessian_at(x, fixed), problem.stacked_constraints.hessian(x, fixed, y)
-    always_sparse(monkeypatch)
-    problem = frames()
-    there = problem.stacked_constraints
-    sparse = there.linearize(x, fixed)
-    assert isinstance(dense.jacobian, np.ndarray)
-    assert there.sparse
-    assert problem.sparse
-    for found, expected, pattern in (
-        (sparse.jacobian, dense.jacobian, there.pattern),
-        (there.hessian(x, fixed, y), bend, there.hessian_pattern),
-        (problem.hessian_at(x, fixed), H, None),
-    ):
-        assert isinstance(found, csc_array)
-        assert found.nnz < expected.size / 2
-        np.testing.assert_allclose(found.toarray(), expected, rtol=1e-13, atol=1e-13)
-        if pattern is not None:
-            outside = pattern.toarray() == 0
-            assert outside.any()
-            assert not expected[outside].any()
-
-
-@pytest.mark.parametrize("bounds", [None, {"q": (-0.4, 0.5)}], ids=["free", "bounded"])
-def test_optimality_of_sparse_problems_is_that_of_dense_ones(
-    monkeypatch: pytest.MonkeyPatch, bounds: Bounds | None
-) -> None:
-    rng, problem = np.random.default_rng(4), frames(bounds=bounds)
-    points = [problem.split({"q": q}) for q in rng.uniform(-0.3, 0.4, (20, FRAMES * SIZE))]
-    solved = problem.split(Ipopt().solve(problem, start()).values)
-    expected = [problem.optimality(at[0], problem.linearize_at(*at)) for at in (*points, solved)]
-    always_sparse(monkeypatch)
-    problem = frames(bounds=bounds)
-    found = [problem.optimality(at[0], problem.linearize_at(*at)) for at in (*points, solved)]
-    # least-squares problems of condition below a hundred or so, in double precision
-    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-11)
-    assert expected[-1] < 1e-6 < min(expected[:-1])
-
-
 @pytest.mark.thorough
 @pytest.mark.parametrize("name", ["ipopt", "exact", "lbfgs"])
 def test_long_sequences_make_no_dense_arrays(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
@@ -329,16 +267,3 @@ def test_long_sequences_make_no_dense_arrays(monkeypatch: pytest.MonkeyPatch, na
     tracemalloc.stop()
     assert found.status is Status.MAX_ITERATIONS, found.message
     assert most < 8 * 3000**2 / 2  # bytes that NumPy took, where one array of n x n takes twice it
-
-
-def test_newton_takes_a_sparse_hessian(monkeypatch: pytest.MonkeyPatch) -> None:
-    def free() -> Problem:
-        whole = frames()
-        return Problem(whole.residuals, ("q",), blocks=(unknowns(FRAMES),))
-
-    expected = Newton().solve(free(), start())
-    always_sparse(monkeypatch)
-    found = Newton().solve(free(), start())
-    assert found.status is Status.CONVERGED is expected.status
-    np.testing.assert_allclose(found.values["q"], expected.values["q"], rtol=0, atol=1e-6)
-    assert len(found.trace) == len(expected.trace)

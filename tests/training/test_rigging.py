@@ -6,21 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment
-from scipy.spatial.transform import Rotation
 
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadArgument, BadFile
 from workbench.synthetic.made_up import jointed_tube, random_smpl
-from workbench.training.rigging.bones import (
-    RigidBones,
-    fit_bone_weights,
-    fit_bones,
-)
 from workbench.training.rigging.decomposition import (
     bones_needed,
     noise_of,
-    rigid_clusters,
 )
 from workbench.training.rigging.rig import Rigged, pose_rms, rig
 from workbench.training.rigging.steps import RigProgress, RigSteps, silent
@@ -82,27 +75,6 @@ def compared(found: SkinnedBody, truth: SkinnedBody) -> Compared:
                 edges += 1
                 away.append(float(np.linalg.norm(place - places[child])))
     return Compared(float(gaps[own, other].max()), max(away), edges)
-
-
-GIVEN = driven(12, seed=3)
-
-
-def rough() -> RigidBones:
-    return rigid_clusters(GIVEN.body.template, GIVEN.meshes, 5)
-
-
-def test_alternation_never_raises_the_cost() -> None:
-    rest, meshes = GIVEN.body.template, GIVEN.meshes
-    bones, costs = rough(), []
-    for _ in range(3):
-        for step in (fit_bone_weights, fit_bones):
-            bones = step(bones, rest, meshes)
-            costs.append(bones.rms(rest, meshes))
-    assert costs == sorted(costs, reverse=True)
-    assert costs[-1] < 0.9 * costs[0]
-    np.testing.assert_allclose(bones.weights.sum(axis=1), 1, atol=1e-12)
-    assert bones.weights.min() >= 0
-    assert (bones.weights > 0).sum(axis=1).max() <= 4
 
 
 def test_rank_of_meshes_counts_bones() -> None:
@@ -189,21 +161,6 @@ def test_interrupted_rig_continues_and_is_the_same(tmp_path: Path) -> None:
     np.testing.assert_array_equal(found.body.weights, whole.body.weights)
     np.testing.assert_array_equal(found.poses, whole.poses)
     assert found.rms == whole.rms < 1e-8
-
-
-@pytest.mark.thorough
-def test_rig_does_not_depend_on_place_and_facing() -> None:
-    given = driven(24, seed=1)
-    R = Rotation.random(24, random_state=0).as_matrix()
-    away = 3 * np.random.default_rng(1).standard_normal((24, 1, 3))
-    placed = given.meshes @ R.swapaxes(1, 2) + away
-    first, found = (
-        rig(meshes, given.body.faces, rest=given.body.template) for meshes in (given.meshes, placed)
-    )
-    assert found.body.parents == first.body.parents
-    np.testing.assert_allclose(found.body.weights, first.body.weights, atol=1e-8)
-    np.testing.assert_allclose(found.body.joints()[1:], first.body.joints()[1:], atol=1e-8)
-    np.testing.assert_allclose(found.motion(30.0).vertices(found.body), placed, atol=1e-8)
 
 
 @pytest.mark.thorough

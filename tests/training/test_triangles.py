@@ -3,31 +3,21 @@
 from dataclasses import replace
 from functools import cache
 
-import casadi as cs
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 from scipy.linalg import lstsq
 from scipy.sparse.linalg import LinearOperator
 
-import workbench as wb
 from builder.triangle_learning import (
     LSQR,
     Lsqr,
-    LsqrNotConverged,
-    StitchedFit,
     learn_pose_deformations,
-    learn_subject,
 )
 from tests.bodies_made_up import tube_body
-from workbench import LevenbergMarquardt, solve
 from workbench.arrays import Array
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.errors import BadArgument
-from workbench.geometry.triangles import Stitching
-from workbench.lectures.material.variance import (
-    stitched_directions,
-)
 from workbench.training.triangles import (
     PosedMeshes,
     SymbolicTriangles,
@@ -65,8 +55,6 @@ def learn(
     return learn_pose_deformations(shaped, posed, shapes.betas, ridge=ridge, by=by)
 
 
-SMALL = wb.load_body("small")
-TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
 P, B = 6, 2
 
 
@@ -115,66 +103,6 @@ def test_generators_are_learned_back(blended: bool) -> None:
     assert np.linalg.norm(before - true.vertices(poses, new), axis=-1).max() > 0.01
 
 
-@pytest.mark.thorough
-def test_one_person_is_learned_from_posed_meshes() -> None:
-    true = generator()
-    beta = np.array([1.5, -1.0])
-    rng = np.random.default_rng(4)
-    poses = rng.normal(scale=0.7, size=(12, 3, 3))
-    posed = PosedMeshes(true.vertices(poses, beta), poses, np.zeros(12, dtype=np.int64))
-    D = learn_subject(true, posed, smoothness=1e-12, by=Lsqr(1e-9))
-    one = replace(true, shapedirs=(D - np.eye(3))[..., None])
-    new = rng.normal(scale=0.5, size=(10, 3, 3))
-    apart = one.vertices(new, [1.0]) - true.vertices(new, beta)
-    assert abs(apart).max() < 1e-4
-    # and the smoother, the more alike are neighbours, at the cost of the fit
-    roughness = []
-    for smoothness in (1e-6, 1e-3, 1.0):
-        D = learn_subject(true, posed, smoothness=smoothness, by=Lsqr(1e-8))
-        roughness.append(np.linalg.norm(neighbour_differences(true.faces) @ D.reshape(len(D), -1)))
-    assert roughness[0] > roughness[1] > roughness[2]
-
-
-def test_stitched_fit_is_dense_least_squares() -> None:
-    rng = np.random.default_rng(6)
-    stitching, M, q = Stitching(TETRAHEDRON, 4), 3, 2
-    left, features = rng.normal(size=(4, M, 3, 3)), rng.normal(size=(4, 2, M, q))
-    wanted = rng.normal(size=(4, 2, M, 3))
-    ridge, smoothness = 0.3, 0.2
-    fit = StitchedFit(stitching, left, features, wanted)
-    C = fit.solve(ridge, smoothness, Lsqr(1e-14))
-    S = np.linalg.pinv(stitching.A.toarray())  # of vertices about their mean
-    columns = []
-    for unit in np.eye(4 * 3 * q):
-        e = np.einsum("fmac,fcq,fimq->fima", left, unit.reshape(4, 3, q), features)
-        tied = neighbour_differences(TETRAHEDRON).toarray() @ unit.reshape(4, -1)
-        parts = S @ e.reshape(8, -1), np.sqrt(smoothness) * tied, np.sqrt(ridge) * unit
-        columns.append(np.concatenate([part.ravel() for part in parts]))
-    J = np.array(columns).T
-    target = (S @ wanted.reshape(8, -1)).ravel()
-    right = np.concatenate([target, np.zeros(len(J) - target.size)])
-    np.testing.assert_allclose(C.ravel(), np.linalg.lstsq(J, right)[0], atol=1e-9)
-    np.testing.assert_allclose(fit.solve(ridge, smoothness, Direct()), C, atol=1e-9)
-    with pytest.raises(LsqrNotConverged, match="24 unknowns were stopped after 2 iterations"):
-        fit.solve(by=Lsqr(most=2))
-
-
-@pytest.mark.thorough
-def test_k_dimensional_people_have_k_components() -> None:
-    rng = np.random.default_rng(8)
-    betas = rng.normal(size=(12, 10))
-    people = SMALL.vertices(betas=betas)
-    shapes = learn_gradient_shapes(people, SMALL.faces, 11)
-    assert (shapes.explained[:10] > 1e-5).all()
-    assert abs(shapes.explained[10]) < 1e-12
-    np.testing.assert_allclose(shapes.explained.sum(), 1)
-    np.testing.assert_allclose(shapes.betas[:, :10].std(axis=0, ddof=1), 1)
-    directions = stitched_directions(shapes, SMALL.faces)
-    rebuilt = shapes.template + np.einsum("nab,pb->pna", directions, shapes.betas)
-    rebuilt -= rebuilt.mean(axis=1, keepdims=True)
-    np.testing.assert_allclose(rebuilt, people - people.mean(axis=1, keepdims=True), atol=1e-10)
-
-
 def test_mismatched_meshes_are_refused() -> None:
     true = generator()
     betas, posed = drawn(true, 3, 9)
@@ -204,25 +132,6 @@ def symbolic() -> SymbolicTriangles:
     return SymbolicTriangles.of(generator(blended=True), *meshes())
 
 
-@pytest.mark.parametrize("blended", [False, True])
-def test_freed_arrays_move_points_as_new_arrays(blended: bool) -> None:
-    body = generator(blended)
-    learning = body.freed("template", "shapedirs", "posedirs")
-    pose, betas, trans = (block.symbol for block in learning.blocks())
-    points = learning.points(pose, betas, trans)
-    assert points.source.numeric is None
-    values = learning.start() | {"pose": RNG.normal(size=(3, 3)), "betas": RNG.normal(size=2)}
-    for name in ("template", "shapedirs", "posedirs"):
-        values[name] = values[name] + 0.01 * RNG.normal(size=values[name].shape)
-    expected = learning.with_values(values).vertices(values["pose"], values["betas"])
-    symbols = {s.name(): s for s in cs.symvar(points.graph())}
-    function = cs.Function("f", list(symbols.values()), [points.graph()])
-    given = [np.asarray(values[name]).reshape(-1, order="C") for name in symbols]
-    given = [g.reshape(s.shape, order="F") for g, s in zip(given, symbols.values(), strict=True)]
-    np.testing.assert_allclose(np.asarray(function(*given)).T, expected, atol=1e-13)
-    assert learning.joint_points(pose, betas, trans).source.blocks[-1].name == "posedirs"
-
-
 @pytest.mark.thorough
 def test_terms_are_those_of_the_blocks() -> None:
     form, (D, posed) = symbolic(), meshes()
@@ -248,16 +157,3 @@ def test_terms_are_those_of_the_blocks() -> None:
     }
     costs = {name: problem.linearize(values).cost for name, problem in found.items()}
     assert costs == pytest.approx(expected, rel=1e-12)
-
-
-@pytest.mark.thorough
-def test_learned_bends_are_a_minimum_of_the_problem() -> None:
-    form, (D, posed) = symbolic(), meshes()
-    shaped = replace(generator(blended=True), shapedirs=np.moveaxis(D - np.eye(3), 0, 3))
-    learned = learn_pose_deformations(shaped, posed, np.eye(2), ridge=SYMBOLIC_RIDGE, by=Direct())
-    terms = [*form.data(), *form.small_posedirs(SYMBOLIC_RIDGE)]
-    free = ["posedirs", *(f"mesh {j}/trans" for j in range(8))]
-    problem = form.problem(terms, free)
-    solver = LevenbergMarquardt(gradient_tolerance=1e-13)
-    found = solve(problem, form.values(), solver).values
-    np.testing.assert_allclose(found["posedirs"], learned.posedirs, atol=1e-9)

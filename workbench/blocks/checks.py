@@ -85,3 +85,15 @@ def numbers(what: str, value: object) -> NDArray[Any]:
 def reals(what: str, value: object) -> Array:
     """`value` as float64, itself if it is that already. Raises NotNumbers."""
     return numbers(what, value).astype(np.float64, copy=False)
+
+
+def above_zero(what: str, /, **given: float) -> None:
+    """Raise BadArgument unless these numbers of `what` are finite and above zero."""
+    for name, number in given.items():
+        if not 0 < number < np.inf:
+            raise BadArgument(f"{name} of {what} must be finite and above 0, not {number!r}")
+
+
+def from_zero(what: str, /, **given: float) -> None:
+    """Raise BadArgument unless these numbers of `what` are finite, and zero or above."""
+    above_zero(what, **{name: number for name, number in given.items() if number != 0})

@@ -17,7 +17,7 @@ from scipy.sparse import csr_array
 from workbench.arrays import Array, Index
 from workbench.blocks import Block, Layout, Points, Values
 from workbench.blocks.checks import reals, texts
-from workbench.bodies.readonly import locked, parts_of, readonly_matrix, remade
+from workbench.bodies.readonly import locked, maker_of, readonly_matrix
 from workbench.errors import BadBlock, BadBody, NotSupported, UnknownName
 from workbench.geometry.meshes import Mesh, fitting_texture
 
@@ -96,7 +96,7 @@ class Body(ABC):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Its parts, without the blocks it made and what it computed with."""
-        return remade, (type(self), parts_of(self))
+        return maker_of(self), ()
 
     @property
     def n_vertices(self) -> int:

@@ -256,10 +256,7 @@ def _gauss_newton(
 def _rows(
     capsule: Array, person: Array, part: Mask, tree: cKDTree, outward: Array, outside: float
 ) -> tuple[Array, Array]:
-    """Both distances of one person and their derivatives by the capsule, (rows,), (rows, 7).
-
-    Points of the capsule inside of the person that are nearer to another part count for nothing.
-    """
+    """Both distances of one person and their derivatives by the capsule, (rows,), (rows, 7)."""
     a, b, r = capsule[:3], capsule[3:6], capsule[6]
     distance, t, normal = _from_segment(person[part], a, b)
     scale = np.where(distance > r, outside, 1.0) / np.sqrt(len(distance))

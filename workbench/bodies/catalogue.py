@@ -268,16 +268,11 @@ EmbeddedTriangles = Literal[
 ]
 
 
-def embedded_left_hand() -> SkinnedBody:
-    """The embedded hand in a mirror, which has no file of its own."""
-    return mirrored(embedded_hand(), "hand-left")
-
-
 BODIES: dict[str, Callable[[], SkinnedBody | TriangleBody]] = {
     **{name: partial(embedded, name) for name in get_args(Embedded)},
     **{name: partial(embedded_with_hands, name) for name in get_args(WithHands)},
     "hand": embedded_hand,
-    "hand-left": embedded_left_hand,
+    "hand-left": lambda: mirrored(embedded_hand(), "hand-left"),
     **{name: partial(embedded_triangles, name) for name in get_args(EmbeddedTriangles)},
 }  # a body of your own is a function without arguments that returns it, and a line here
 

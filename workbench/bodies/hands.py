@@ -36,15 +36,10 @@ def hand_points(
     names = tuple(prefix + name for name in HAND_POINTS)
     known = {*body.joint_names, *(body.landmarks[TIPS].names if TIPS in body.landmarks else ())}
     if missing := [name for name in names if name not in known]:
-        two = "left_wrist" in known and side is None
-        instead = (
-            "say which hand, side='left' or side='right'"
-            if two
-            else "take the embedded body 'hand' or 'full-hands', or give one of MANO's a landmark "
-            "set called 'tips'"
-        )
         raise BadBody(
-            f"body {body.name!r} has no {', '.join(missing[:3])}, which a hand has; {instead}"
+            f"body {body.name!r} has no {', '.join(missing[:3])}, which a hand has; say which hand "
+            "of two (side='left'), take the embedded body 'hand' or 'full-hands', or give one of "
+            "MANO's a landmark set called 'tips'"
         )
     at = pose, betas, trans
     every = [body.joint_points(*at), body.landmark_points(TIPS, *at)]

@@ -140,11 +140,7 @@ def _straightened(body: SkinnedBody, hand: SkinnedBody, mesh: Sewing) -> tuple[A
 
 
 def _weights(body: SkinnedBody, hands: Hands, mesh: Sewing) -> Array:
-    """What a hand gives to its wrist is divided among the body's joints as the body does it.
-
-    At most four joints carry a vertex, as glTF and the page of sliders have it: where there would
-    be more, the body's smallest share goes.
-    """
+    """What a hand gives to its wrist is divided among the body's joints as the body does it."""
     weights, own = np.zeros((len(mesh.origin), len(JOINTS))), body.weights[mesh.origin]
     weights[:, :OF_BODY] = own[:, :OF_BODY]
     weights[:, list(WRISTS.values())] += own[:, OF_BODY:]  # of left_hand and right_hand
@@ -215,11 +211,7 @@ def _landmarks(
 
 
 def _capsules(body: SkinnedBody, joints: Array, slopes: Array, mesh: Sewing) -> Capsules | None:
-    """The body's capsules; that of four fingers moves with the middle finger's first joint.
-
-    At rest it is straightened with this joint. `joints` (52, 3) m and `slopes` (52, 3, B) say where
-    joints are.
-    """
+    """The body's capsules; that of four fingers moves with the middle finger's first joint."""
     if body.capsules is None:
         return None
     parts = body.capsules.arrays()

@@ -23,7 +23,6 @@ from workbench.bodies.body import (
     no_offsets,
 )
 from workbench.bodies.capsules import Capsules
-from workbench.bodies.forward.features import Features, rotation_elements
 from workbench.bodies.forward.mesh import batch_points
 from workbench.bodies.forward.motion import Kinematics
 from workbench.bodies.forward.posed_points import BodyNumbers
@@ -34,7 +33,7 @@ from workbench.bodies.forward.sources import (
     landmark_points,
     surface_points,
 )
-from workbench.bodies.forward.surface import ALL
+from workbench.bodies.forward.surface import ALL, Features, rotation_elements
 from workbench.bodies.readonly import readonly_parts
 from workbench.bodies.validation import check_skinned, chosen_vertices
 from workbench.errors import BadBody

@@ -15,7 +15,7 @@ from workbench.blocks.checks import numbers
 from workbench.bodies.body import Body, Landmarks
 from workbench.bodies.capsules import Capsules
 from workbench.bodies.files.reading import SKINNED, TRIANGLES, clashes
-from workbench.bodies.forward.features import count_features, rotation_elements
+from workbench.bodies.forward.surface import count_features, rotation_elements
 from workbench.errors import BadBody, BadMesh, NotNumbers
 from workbench.geometry.triangles import gradients
 
@@ -84,17 +84,14 @@ def check_triangles(body: TriangleBody) -> None:
         "weights": (F, K),
     }
     _check_arrays(refuse, body, shapes, "face", TRIANGLES)
-    outside = (body.near < 1) | (body.near >= K)
-    if outside.any():
-        face = int(np.argmax(outside.any(axis=1)))
+    wrong = ((body.near < 1) | (body.near >= K)).any(axis=1)
+    wrong |= (np.diff(np.sort(body.near, axis=1), axis=1) == 0).any(axis=1)
+    if wrong.any():
+        face = int(np.argmax(wrong))
         refuse(
-            f"face {face} is near the joints {body.near[face].tolist()}, but joints that bend "
-            f"are 1 to {K - 1}"
+            f"face {face} is near the joints {body.near[face].tolist()}, but must be near "
+            f"different ones of 1 to {K - 1}"
         )
-    twice = np.diff(np.sort(body.near, axis=1), axis=1) == 0
-    if twice.any():
-        face = int(np.argmax(twice.any(axis=1)))
-        refuse(f"face {face} is near the joints {body.near[face].tolist()}: one of them twice")
     try:
         parts = body.stitching.n_components
         with np.errstate(over="ignore", invalid="ignore"):  # what overflows has no area
@@ -194,10 +191,7 @@ def _check_finite(refuse: Refuse, name: str, array: NDArray[Any] | csr_array) ->
 
 
 def _check_sizes(refuse: Refuse, body: Body, names: Iterable[str]) -> None:
-    """Refuse arrays of positions or directions in metres (N, 3, ...) with entries beyond FARTHEST.
-
-    So a body in millimetres is refused: residuals, priors and starts are in m.
-    """
+    """Refuse positions or directions in metres (N, 3, ...) with entries beyond FARTHEST."""
     for name in names:
         array = np.abs(getattr(body, name))
         if array.size and (largest := float(array.max())) > FARTHEST:
@@ -248,7 +242,7 @@ def chosen_vertices(body: Body, vertices: object) -> list[int]:
     except NotNumbers as error:
         raise BadBody(f"{error}; {there}") from None
     if found.dtype == bool and found.shape == (N,):
-        return [int(vertex) for vertex in np.flatnonzero(found)]
+        found = np.flatnonzero(found)
     if found.ndim != 1 or (found.size and found.dtype.kind not in "iu"):
         raise BadBody(
             f"{there}; choose some by a list of whole numbers, or by a mask of shape ({N},), "

@@ -127,7 +127,7 @@ def solvers(
         None, "--for", help="Recommend solvers for a problem, with reasons."
     ),
 ) -> None:
-    """List the solvers: derivatives, bounds, constraints, kind of search, first step, and sources.
+    """List the solvers: derivatives, bounds, constraints, kind of search, and sources.
 
     With --for, recommend one for a problem from its size, structure, bounds and conditioning.
     benchmarks/SOLVERS.md compares solvers on problems of each kind.
@@ -156,7 +156,6 @@ COLUMNS: Columns[tuple[str, Abilities]] = {
         ("everywhere" if of[1].is_global else "downhill")
         + (", at random" if of[1].stochastic else "")
     ),
-    "first step": lambda of: of[1].first_step,
     "described in": lambda of: "; ".join(
         filter(None, (of[1].source, "for teaching" if of[1].teaching else "", of[1].note))
     ),

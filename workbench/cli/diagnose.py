@@ -33,9 +33,9 @@ from workbench.errors import BadArgument, check_known
 from workbench.experiments import Experiment, find
 from workbench.fitting.candidates import CANDIDATES, OWN, QUANTITIES, sd_named
 from workbench.fitting.refits import (
+    laplace_points,
     other_minima,
     profile_likelihood,
-    repeated_fits,
 )
 from workbench.fitting.setup import Setup
 from workbench.reports import write_design, write_diagnosis
@@ -230,9 +230,7 @@ def design(
     several = [values]
     with Bars(console) as bars:
         if points > 1:
-            drawing = partial(bars, "drawing points")
-            drawn = repeated_fits(setup.problem, values, points, seed=seed, progress=drawing)
-            several = [drawn.values(i, values) for i in range(points)]
+            several = laplace_points(setup.problem, values, points, seed)
         found = diagnostics.design(
             setup.problem,
             given,

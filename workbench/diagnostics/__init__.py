@@ -44,7 +44,6 @@ from workbench.diagnostics.identifiability import (
 )
 from workbench.diagnostics.null_space import Direction
 from workbench.diagnostics.over_points import PointsDiagnosis, Recurring, diagnose_over, prior_draws
-from workbench.diagnostics.rank_law import JointTurn
 from workbench.diagnostics.remedies import RankAndCondition, Suggestion
 from workbench.diagnostics.report import Finding
 from workbench.diagnostics.scales import Scales
@@ -66,7 +65,6 @@ __all__ = [
     "Finding",
     "Gauge",
     "Identifiability",
-    "JointTurn",
     "MeasurementDesign",
     "NullDirections",
     "PointsDiagnosis",

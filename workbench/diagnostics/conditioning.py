@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.linalg
 from numpy.linalg import norm
 from scipy.sparse import csc_array, triu
 
@@ -42,14 +41,12 @@ class WeakestDirection:
     |J d| is small although d has length 1; `columns` carry d, `rows` carry J d.
 
     Attributes:
-        singular_value: the singular value, in sigmas per characteristic scale.
         vector: d (n,), in characteristic scales.
-        change: |J d|, in sigmas.
+        change: |J d|, the singular value, in sigmas per characteristic scale.
         columns: the unknowns that make up most of d.
         rows: the rows that make up most of J d.
     """
 
-    singular_value: float
     vector: Array
     change: float
     columns: tuple[int, ...]
@@ -77,18 +74,16 @@ def parallel_columns(here: Linearization, within: float = NEARLY) -> tuple[Paral
 def weakest(d: "Diagnosis", most: int = 3) -> tuple[WeakestDirection, ...]:
     """The directions of the smallest singular values above the tolerance, under the constraints."""
     if d.sparse is not None:
-        values, vectors = d.sparse.weakest(most)
-        here = d.sparse.here
+        here, vectors = d.sparse.here, d.sparse.weakest(most)[1]
     else:
         here, spectrum = d.measured.here, d.measured.reduced.spectrum
         some = slice(max(0, spectrum.rank - most), spectrum.rank)
-        values, vectors = spectrum.s[some][::-1], spectrum.Vt[some][::-1].T
+        vectors = spectrum.Vt[some][::-1].T
         vectors = d.measured.tangent @ vectors if len(d.measured.rows) else vectors
     found = []
-    for s, v in zip(values.tolist(), vectors.T, strict=True):
+    for v in vectors.T:
         moved = here.along(v)
-        change = float(np.linalg.norm(moved))
-        found.append(WeakestDirection(s, v, change, _main(v), _main(moved)))
+        found.append(WeakestDirection(v, float(norm(moved)), _main(v), _main(moved)))
     return tuple(found)
 
 
@@ -97,20 +92,3 @@ def _main(v: Array) -> tuple[int, ...]:
     order = np.argsort(-abs(v))[:MOST]
     share = np.cumsum(v[order] ** 2) / max(float(v @ v), 1e-300)
     return tuple(int(i) for i in order[: int(np.searchsorted(share, 0.9)) + 1])
-
-
-def leverage(here: Linearization) -> Array | None:
-    """The leverage of each row, 0 to 1 (m,); they add up to the rank.
-
-    A row of leverage 1 determines a direction alone. None where the Jacobian is sparse and large.
-    """
-    if here.estimated:
-        return None
-    if here.shape[0] < here.shape[1]:
-        U, s, _ = here.svd
-        return np.asarray(np.sum(U[:, s > here.spectrum.tolerance] ** 2, axis=1))
-    s, seen = here.spectrum.determined
-    if len(s) == here.shape[1]:
-        Q = scipy.linalg.solve_triangular(here.R, here.dense.T, trans="T", lower=False)
-        return np.asarray(np.sum(Q**2, axis=0))
-    return np.asarray(np.sum(here.along_columns(seen.T / s).dense ** 2, axis=1))

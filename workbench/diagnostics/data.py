@@ -93,10 +93,8 @@ def _numbers(d: "Diagnosis") -> dict[str, Any]:
             {"first": d.free.label(p.first), "second": d.free.label(p.second), "sine": p.sine}
             for p in d.parallel_columns
         ],
-        "turns": [vars(turn) for turn in d.joint_turns],
         "weakest": [
             {
-                "singular_value": w.singular_value,
                 "change": w.change,
                 "columns": d.free.labels_of(w.columns),
                 "rows": [d.problem.row_label(i) for i in w.rows],

@@ -176,22 +176,14 @@ def _gradient_error(problem: Problem, x: Array, fixed: Array, here: Linearizatio
     return float(np.linalg.norm(g - here.gradient)) / max(size, 1e-300)
 
 
-def exact_hessian(problem: Problem, x: Array, fixed: Array) -> Array | None:
-    """The exact Hessian of the cost (n, n), which may not be finite.
-
-    None of a large problem, and of functions that have no second derivatives or no graph.
-    """
+def _neglected(problem: Problem, x: Array, fixed: Array, here: Linearization) -> float | None:
+    """None of a large problem, and of functions that have no second derivatives or no graph."""
     if x.size > HESSIAN_UP_TO or problem.size > HESSIAN_ROWS or not x.size:
         return None
     try:
-        return dense(problem.hessian_at(x, fixed))
+        H = dense(problem.hessian_at(x, fixed))
     except (RuntimeError, NotSupported):
         return None
-
-
-def _neglected(problem: Problem, x: Array, fixed: Array, here: Linearization) -> float | None:
-    H = exact_hessian(problem, x, fixed)
-    if H is None or not np.isfinite(H).all():
+    if not np.isfinite(H).all():
         return None
-    size = max(float(np.linalg.norm(H)), 1e-300)
-    return float(np.linalg.norm(H - dense(here.normal))) / size
+    return float(np.linalg.norm(H - dense(here.normal))) / max(float(np.linalg.norm(H)), 1e-300)

@@ -30,10 +30,9 @@ from workbench.diagnostics.identifiability import (
     contributions,
     identifiability,
     sigma_of_priors,
-    widths_by_curvature,
 )
 from workbench.diagnostics.null_space import Direction
-from workbench.diagnostics.rank_law import JointTurn, joint_turns, law_of
+from workbench.diagnostics.rank_law import law_of
 from workbench.diagnostics.remedies import RankAndCondition, Suggestion, rank_and_condition
 from workbench.diagnostics.report import Finding
 from workbench.diagnostics.scales import Scales, checked, scales
@@ -272,19 +271,9 @@ class Diagnosis:
         return conditioning.parallel_columns(self.constrained.stacked)
 
     @cached_property
-    def joint_turns(self) -> tuple[JointTurn, ...]:
-        """The strongest two turns of each joint that the residuals depend on."""
-        return joint_turns(self)
-
-    @cached_property
     def weakest(self) -> tuple[conditioning.WeakestDirection, ...]:
         """The directions of the smallest nonzero singular values, in scales."""
         return conditioning.weakest(self)
-
-    @cached_property
-    def leverage(self) -> Array | None:
-        """(m,) the leverage of each row, 0 to 1; None for a large sparse Jacobian."""
-        return conditioning.leverage(self.constrained.reduced)
 
     @cached_property
     def identifiability(self) -> Identifiability:
@@ -299,17 +288,6 @@ class Diagnosis:
         )
 
     @cached_property
-    def widths(self) -> tuple[float, ...]:
-        """Standard deviations, in characteristic scales, of null directions that the cost rises in.
-
-        The Jacobian does not show them, the exact Hessian does; see `widths_by_curvature`.
-        """
-        if self.here.estimated or self.active.any or self.rank == self.shape[1]:
-            return ()
-        scales = self.scales.sizes
-        return widths_by_curvature(self.problem, self.values, self.null_in_scales, scales)
-
-    @cached_property
     def null_in_scales(self) -> Array:
         """(n, d) an orthonormal basis of the null space, with unknowns in characteristic scales.
 
@@ -318,11 +296,6 @@ class Diagnosis:
         if self.measured.rank == self.rank:
             return self.measured.null
         return np.asarray(np.linalg.qr(self.constrained.null / self.scales.sizes[:, None])[0])
-
-    @property
-    def has_width(self) -> bool:
-        """Whether the cost rises along every null direction, though no residual changes."""
-        return 0 < self.shape[1] - self.rank == len(self.widths)
 
     @cached_property
     def contributions(self) -> tuple[Contribution, ...]:

@@ -254,10 +254,7 @@ def _looked_at(
 def _catalogue(
     problem: Problem, space: NullSpace, blocks: Sequence[Block], points: Sequence[Cloud]
 ) -> Iterator[Iterator[Generator]]:
-    """All generators of a problem: what acts on most unknowns in a known form comes first.
-
-    The second stage comes after numbers that change in a fixed ratio.
-    """
+    """All generators of a problem, in two stages: numbers in a fixed ratio are asked in between."""
     free = problem.free
     of_points = {b.name for cloud in points for b in cloud.blocks}
     matrices = [
@@ -287,11 +284,7 @@ def _catalogue(
 
 
 def _turns(problem: Problem, space: NullSpace) -> Iterator[Generator]:
-    """Turns of roots and of rotation vectors.
-
-    A single turn that others undo in every way, or in all but one, says little: these have to be
-    turns and places.
-    """
+    """Turns of roots and rotation vectors; a single one that others undo anyhow says little."""
     free = problem.free
     posed = {name for tree in problem.trees for name in tree.blocks}
     angles = [b for b in free.blocks if b.unit in generators.ANGLES and b.name not in posed]
@@ -381,8 +374,7 @@ def _of_generator(
 def _chosen(Q: Array, generator: Generator) -> Iterator[tuple[Segment, Array]]:
     """Combinations (g,) that span those in Q (g, k), by segments: single columns, where it may be.
 
-    A combination has a one in a column of its own segment, and parts in earlier ones: a rotation
-    about a point that is held is a turn and a shift.
+    A combination has parts in earlier segments: a rotation about a point is a turn and a shift.
     """
     first, g = 0, len(Q)
     known = np.zeros((g, 0))
@@ -475,10 +467,9 @@ def _title(
 def _of_groups(
     groups: list[Group], found: Found, of_points: Collection[str] = ()
 ) -> Iterator[GaugeMotion]:
-    """Offsets and factors of groups of unknowns that cancel: combinations of few, the same ratio
-    at all points. Offsets are asked first, then factors, then both together.
+    """Offsets and factors of groups that cancel: combinations of few, the same ratio everywhere.
 
-    A factor of the blocks `of_points` is called a scale.
+    Offsets are asked first, then factors, then both. A factor `of_points` is called a scale.
     """
     space = found.space
     kinds = [[g for g in groups if not g.factor], [g for g in groups if g.factor]]
@@ -548,10 +539,7 @@ def _cross(parts: Sequence[tuple[Group, float]]) -> bool:
 
 
 def _in_ratio(parts: Sequence[tuple[Group, float]], exact: bool) -> tuple[str, str] | None:
-    """The kind and the title of a combination: `a common factor of ability, undone by slope`.
-
-    None for single numbers that are offset by unlike amounts, which is a trade-off.
-    """
+    """The kind and the title of a combination; None for single numbers in an unlike ratio."""
     factors = [(group, c) for group, c in parts if group.factor]
     several = [(g, c) for g, c in parts if g.places.size > 1]
     by_block: dict[str, list[float]] = {}

@@ -13,23 +13,18 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.sparse import csc_array
 
 from workbench.arrays import Array, Index, Mask
 from workbench.blocks import Layout
 from workbench.diagnostics.active_set import ConstrainedJacobian
-from workbench.diagnostics.derivatives import exact_hessian
 from workbench.diagnostics.sparse_jacobian import SparseJacobian
-from workbench.problem import Linearization, Problem
-from workbench.problem.sparsity import tied_columns
+from workbench.problem import Linearization
 from workbench.problem.storage import unblocked
 from workbench.threads import limited_threads
 
 MOST = 20  # correlations that are listed
 STRONG = 0.5  # size from which on a correlation is listed
-RISES = 10.0  # times the gradient: more than an orbit of a gauge bends
-MOST_OF_A_STEP = 0.999  # at its end r = sqrt(2 c) has no derivative
 UNCHANGED = 0.9  # posterior over prior sigma from which on the data added nothing
 
 
@@ -139,25 +134,14 @@ def sigma_of_priors(here: Linearization, prior_rows: Mask) -> Array:
         return sigma
     rows = here.rows(np.flatnonzero(prior_rows))
     read = np.flatnonzero(rows.column_norms)
-    sigma[read] = 1 / rows.column_norms[read]  # where no row reads another unknown as well
-    for some in _apart(rows, read):
-        if some.size > 1:
-            unit = rows.columns(some).scaled(sigma[some])  # columns of length 1
-            sigma[some] *= _sigma(ConstrainedJacobian(unit, np.zeros((0, some.size))))
+    sigma[read] = 1 / rows.column_norms[read]
+    if rows.estimated and csc_array(unblocked(rows.jacobian)).nnz == read.size:
+        return sigma  # each row reads one of them
+    unit = rows.columns(read).scaled(sigma[read])  # columns of length 1
+    alone = ConstrainedJacobian(unit, np.zeros((0, read.size)))
+    sparse = alone.sparse
+    sigma[read] *= alone.laplace[0] if sparse is None else np.sqrt(sparse.variances)
     return sigma
-
-
-def _sigma(constrained: ConstrainedJacobian) -> Array:
-    sparse = constrained.sparse
-    return constrained.laplace[0] if sparse is None else np.sqrt(sparse.variances)
-
-
-def _apart(rows: Linearization, read: Index) -> list[Index]:
-    """The unknowns that these rows read, apart where no row reads both, if J is sparse."""
-    if not rows.estimated:
-        return [read]
-    J = csc_array(unblocked(rows.jacobian))[:, read]
-    return [read[some] for some in tied_columns(J.tocoo())]
 
 
 def _verdicts(
@@ -184,37 +168,6 @@ def _correlated(half: Array, null: Mask) -> tuple[tuple[int, int, float], ...]:
     return tuple(
         (int(known[a]), int(known[b]), float(C[a, b])) for a, b in pairs if abs(C[a, b]) > STRONG
     )
-
-
-def widths_by_curvature(
-    problem: Problem, values: Mapping[str, ArrayLike], null: Array, scales: Array
-) -> tuple[float, ...]:
-    """Standard deviations along null directions in which the cost rises, in characteristic scales.
-
-    J d = 0 says that no residual changes to first order. With r = sqrt(2 c), one row for a whole
-    negative logarithm c of a density, the exact Hessian H of the cost has d'H d > 0 all the same,
-    and the width along d is 1 / sqrt(d'H d). Along the orbit x(t) of a gauge x'H x' = -x''g, with
-    the gradient g, which is nothing at a minimum: only a curvature far above |g| counts. It is
-    asked for at `values`, and if H is definite most of a Newton step further.
-
-    `null` (n, k) is orthonormal in unknowns in their `scales` (n,). Empty where the cost rises
-    along none of them, and where there is no exact Hessian.
-    """
-    x, fixed = problem.split(values)
-    for _ in range(2 if null.shape[1] else 0):
-        H = exact_hessian(problem, x, fixed)
-        if H is None or not np.isfinite(H).all():
-            break
-        H = H * np.outer(scales, scales)
-        g = problem.cost_and_gradient(x, fixed)[1] * scales
-        curvatures, rounding = np.linalg.eigvalsh(null.T @ H @ null), 1e-8 * float(abs(H).max())
-        rises = curvatures > max(RISES * float(np.linalg.norm(g)), rounding)
-        if rises.any():
-            return tuple((1 / np.sqrt(curvatures[rises])).tolist())
-        if np.linalg.eigvalsh(H)[0] <= rounding:
-            break
-        x = x - MOST_OF_A_STEP * scales * np.linalg.solve(H, g)
-    return ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -34,13 +34,11 @@ class Recurring:
             no name but a combination of entries are `mixed directions of betas and pose`.
         count: at how many points there are some.
         most: the largest number of them at one point.
-        first: the number of the first point that has some, from 0.
     """
 
     name: str
     count: int
     most: int
-    first: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,8 +99,7 @@ class PointsDiagnosis:
         several = f", up to {one.most} at one point" if one.most > 1 else ""
         if one.count == self.count:
             return f"{one.name}{several}"
-        times = f"at {one.count} of {self.count} points{several}, first at number {one.first}"
-        return f"{one.name}: {times}"
+        return f"{one.name}: at {one.count} of {self.count} points{several}"
 
 
 def diagnose_over(
@@ -156,8 +153,8 @@ def _family(direction: Direction, free: Layout) -> str:
 
 
 def _by_frequency(families: Mapping[str, Counter[int]]) -> tuple[Recurring, ...]:
-    ranked = [Recurring(name, len(at), max(at.values()), min(at)) for name, at in families.items()]
-    return tuple(sorted(ranked, key=lambda one: (-one.count, one.first, one.name)))
+    ranked = [Recurring(name, len(at), max(at.values())) for name, at in families.items()]
+    return tuple(sorted(ranked, key=lambda one: (-one.count, one.name)))
 
 
 def prior_draws(

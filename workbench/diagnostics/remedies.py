@@ -120,13 +120,10 @@ def with_more(problem: Problem, residuals: Iterable[Residual]) -> Problem:
 def advise(d: "Diagnosis") -> tuple[Suggestion, ...]:
     """Suggestions that improve the rank or the condition at the point of the diagnosis.
 
-    None where the Jacobian is not finite, as the findings say; and none for null directions along
-    all of which the cost rises.
+    None where the Jacobian is not finite, as the findings say.
     """
     if not d.here.finite:
         return ()
-    if d.has_width:
-        return tuple(_dropped(d))
     least, priors = _least(d), list(_priors(d))
     few = [s for s in priors if s.acts <= FEW]
     if least and few and min(s.acts for s in least) > FEW:
@@ -134,7 +131,7 @@ def advise(d: "Diagnosis") -> tuple[Suggestion, ...]:
     fixes = list(_fixed(d))
     if any(s.cured for s in (*least, *priors)):
         fixes = [s for s in fixes if s.cured]  # half a remedy helps nobody then
-    return (*least, *_unread(d), *_dropped(d), *priors, *fixes)
+    return (*least, *_dropped(d), *priors, *fixes)
 
 
 def fewer_null(before: RankAndCondition, after: RankAndCondition) -> bool:
@@ -162,27 +159,6 @@ def _tried(
         return
     if after.finite and better(d.state, after):
         yield Suggestion(what, why, cost, d.state, after, problem, at, kind, acts, numbers)
-
-
-def _unread(d: "Diagnosis") -> Iterator[Suggestion]:
-    """Do not free blocks on which no residual depends."""
-    whole = [name for name in d.free.names if _is_unread(d, name)]
-    others = d.free.spelled(whole)
-    if whole and others:
-        blocks = _together(whole)
-        yield from _tried(
-            d,
-            "fix",
-            f"do not free {blocks}",
-            f"no residual depends on {blocks}",
-            "nothing: the fit cannot change it",
-            d.problem.freeing(*others),
-        )
-
-
-def _is_unread(d: "Diagnosis", name: str) -> bool:
-    part = d.free.slices[name]
-    return part.stop > part.start and bool(np.isin(np.r_[part], d.structure.unread).all())
 
 
 def _dropped(d: "Diagnosis") -> Iterator[Suggestion]:
@@ -233,10 +209,7 @@ def _priors(d: "Diagnosis") -> Iterator[Suggestion]:
 
 
 def _fewest(d: "Diagnosis", names: Sequence[str]) -> list[Sequence[str]]:
-    """The smallest sets of blocks in which no null direction stays without a change, best first.
-
-    Of a Jacobian that is large and sparse only all blocks are tried.
-    """
+    """The smallest sets of blocks in which no null direction stays without a change, best first."""
     if d.here.estimated:
         return [names]
     null = d.null_in_scales
@@ -259,22 +232,15 @@ def _fixed(d: "Diagnosis") -> Iterator[Suggestion]:
     if d.shape[1] - d.rank > SEARCHED:
         return
     for name in _null_blocks(d)[: 3 if d.here.estimated else None]:
-        others = d.free.spelled([name])
-        if not others or _is_unread(d, name):
-            continue
-        part = d.free.slices[name]
-        null = d.constrained.null_rank(part)
-        known = part.stop - part.start - int(null)
-        noun = "number that is" if known == 1 else "numbers that are"
-        yield from _tried(
-            d,
-            "fix",
-            f"fix {name}",
-            f"{name} takes part in null directions",
-            f"{name} stays at its present value, whether right or wrong"
-            + (f", and with it {known} {noun} known already" if known else ""),
-            d.problem.freeing(*others),
-        )
+        if others := d.free.spelled([name]):
+            yield from _tried(
+                d,
+                "fix",
+                f"fix {name}",
+                f"{name} takes part in null directions",
+                f"{name} stays at its present value, whether right or wrong",
+                d.problem.freeing(*others),
+            )
 
 
 def _null_blocks(d: "Diagnosis") -> list[str]:
@@ -337,10 +303,7 @@ def _rows(null: Array, things: Sequence[HeldPlaces]) -> Array:
 def _chosen(
     null: Array, groups: Sequence[HeldPlaces], *singles: Sequence[HeldPlaces]
 ) -> list[HeldPlaces]:
-    """Things that together determine the null space (n, d), greedily: the largest first.
-
-    `singles` are lists of things of one number, the preferred ones first.
-    """
+    """Things that together determine the null space (n, d), the largest first; then `singles`."""
     chosen: list[HeldPlaces] = []
     left = null
     while left.shape[1]:

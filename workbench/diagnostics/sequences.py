@@ -11,7 +11,6 @@ from scipy.sparse import csc_array
 from workbench.arrays import Array, Index, Mask
 from workbench.blocks import Block, Layout, Tree, Values
 from workbench.diagnostics.active_set import check_finite, linearized, not_finite
-from workbench.diagnostics.bases import FRESH
 from workbench.diagnostics.data import plain
 from workbench.diagnostics.diagnosis import Diagnosis, Undiagnosed
 from workbench.diagnostics.elimination import Elimination, FrameRows, frames_of_rows
@@ -117,13 +116,11 @@ class SharedUnknowns:
         layout: the shared unknowns.
         seen: (T, b) in which frames each unknown is seen.
         sigma: (b,) posterior standard deviations by all residuals; infinite where not identified.
-        ranks: by block, its rank once all other unknowns are eliminated.
     """
 
     layout: Layout
     seen: Mask
     sigma: Array
-    ranks: dict[str, int]
 
     @property
     def frames_seen(self) -> Index:
@@ -250,38 +247,18 @@ class SequenceDiagnosis:
             for own, R in zip(rows.own, rows.triangles, strict=True)
         ]
         seen = np.array(lengths).reshape(self.count, layout.size) > rows.tolerance
-        hidden = self.null_vectors.tocsr()[rows.shared].toarray()
-        ranks = {
-            name: at.stop - at.start - int(np.linalg.matrix_rank(hidden[at], tol=FRESH))
-            for name, at in layout.slices.items()
-        }
-        return SharedUnknowns(layout, seen, self.sigma[rows.shared], ranks)
+        return SharedUnknowns(layout, seen, self.sigma[rows.shared])
 
     @cached_property
     def largest_sigma(self) -> dict[str, Array]:
         """By block, the largest sigma of its entries in each frame (T,), 0 where none is free."""
-        return {name: np.maximum(most, 0.0) for name, most in self._largest(self.sigma).items()}
-
-    def _largest(self, numbers: Array) -> dict[str, Array]:
-        """By block, the largest of its numbers (n,) in each frame (T,), -1 where none is free."""
         frame_of, place = self.frames.places
         found = {}
         for name, at in self.frames.layout.slices.items():
             some = np.flatnonzero((frame_of >= 0) & (place >= at.start) & (place < at.stop))
-            found[name] = np.full(self.count, -1.0)
-            np.maximum.at(found[name], frame_of[some], numbers[some])
+            found[name] = np.zeros(self.count)
+            np.maximum.at(found[name], frame_of[some], self.sigma[some])
         return found
-
-    @cached_property
-    def insensitive(self) -> dict[str, tuple[int, ...]]:
-        """By block, the frames where it is free but whose own residuals do not depend on it."""
-        length = np.zeros(self.shape[1])
-        for own, R in zip(self.rows.own, self.rows.triangles, strict=True):
-            length[own] = np.linalg.norm(R[:, : len(own)], axis=0)
-        return {
-            name: tuple(np.flatnonzero((most >= 0) & (most <= self.tolerance)).tolist())
-            for name, most in self._largest(length).items()
-        }
 
     @property
     def between(self) -> tuple[str, ...]:
@@ -317,15 +294,6 @@ class SequenceDiagnosis:
             if not count and np.isfinite(self.shared.sigma[i]):
                 text += ": only residuals that belong to no single frame determine it"
             yield Finding("shared", text, bool(count <= FEW * T))
-        for name, some in self.insensitive.items():
-            if some:
-                verb = "sees" if len(some) == 1 else "see"
-                text = f"{frames_in_words(some, T)} {verb} nothing of {name}"
-                warning = bool(np.isinf(self.largest_sigma[name][list(some)]).any())
-                text += (
-                    "" if warning else f": there it is determined by {' and '.join(self.between)}"
-                )
-                yield Finding("frames", text, warning)
         if self.problem.bounded or self.problem.constraints:
             text = "bounds and constraints are ignored in a sequence of this size"
             yield Finding("rank", text, False)
@@ -381,9 +349,6 @@ class SequenceDiagnosis:
     def _ranks(self) -> Iterator[str]:
         columns = f"columns of length 1; tolerance {self.tolerance:.1e}"
         yield f"numerical rank {self.rank} of {self.shape[1]}, {columns}"
-        for name, rank in self.shared.ranks.items():
-            size = self.shared.layout[name].size
-            yield f"{name}: rank {rank} of {size} once all other unknowns are eliminated"
 
     def _null(self) -> list[str]:
         missing = self.shape[1] - self.rank
@@ -464,9 +429,7 @@ class SequenceDiagnosis:
                 }
                 for i in range(known.layout.size)
             ],
-            "shared_ranks": known.ranks,
             "largest_sigma": self.largest_sigma,
-            "insensitive": {name: some for name, some in self.insensitive.items() if some},
         }
 
 

@@ -14,14 +14,12 @@ from workbench.fitting.body_priors import (
     pose_prior,
     shape_prior,
     stature,
-    stature_prior,
     usual_priors,
 )
 from workbench.fitting.candidates import (
     cameras_of,
     cameras_on_a_sphere,
     depth_of,
-    keypoint_candidates,
     marker_candidates,
     stature_of,
 )
@@ -29,23 +27,19 @@ from workbench.fitting.files.cameras import read_calibration
 from workbench.fitting.files.clips import read_clip
 from workbench.fitting.files.keypoints import read_keypoints, read_observations
 from workbench.fitting.files.layouts import KEYPOINT_SCHEMAS
-from workbench.fitting.hands import hand_landmarks, hand_problem, hand_start
+from workbench.fitting.hands import hand_problem, hand_start
 from workbench.fitting.images import (
-    Appearance,
     ByHeight,
     ImageFits,
-    ImageRecipe,
     Smplify,
     WithStature,
     image_fit,
     image_priors,
-    wider,
 )
 from workbench.fitting.keypoints import keypoint_fit
 from workbench.fitting.known_points import (
     STARTS,
     from_correspondences,
-    joint_fit,
     mesh_fit,
     own_mesh,
 )
@@ -53,7 +47,6 @@ from workbench.fitting.marker_files import MarkerRecording, read_markers
 from workbench.fitting.marker_sets import (
     MarkerSet,
     default_markers,
-    known_markers,
     read_marker_set,
 )
 from workbench.fitting.markers import marker_fit, marker_solver
@@ -64,24 +57,19 @@ from workbench.fitting.observations import (
     Film,
     Observations,
     Photograph,
-    clip_of,
     photograph,
 )
-from workbench.fitting.placing import placed, regressed_start
+from workbench.fitting.placing import regressed_start
 from workbench.fitting.pose_regressor import (
     PoseRegressor,
     read_regressor,
-    save_regressor,
     shipped_regressor,
 )
 from workbench.fitting.refits import (
     OtherMinima,
-    OtherMinimum,
     Profile,
-    RepeatedFits,
     other_minima,
     profile_likelihood,
-    repeated_fits,
 )
 from workbench.fitting.scans.files import ReadScan, read_scan
 from workbench.fitting.scans.scan import BadScan, Scan
@@ -93,14 +81,12 @@ from workbench.fitting.videos import Smoothness, effective_frames, video_fit, vi
 __all__ = [
     "KEYPOINT_SCHEMAS",
     "STARTS",
-    "Appearance",
     "BadObservation",
     "BadScan",
     "ByHeight",
     "Clip",
     "Film",
     "ImageFits",
-    "ImageRecipe",
     "KnownAnswer",
     "MarkerFit",
     "MarkerRecording",
@@ -109,12 +95,10 @@ __all__ = [
     "Moving",
     "Observations",
     "OtherMinima",
-    "OtherMinimum",
     "Photograph",
     "PoseRegressor",
     "Profile",
     "ReadScan",
-    "RepeatedFits",
     "Scan",
     "Setup",
     "Smoothness",
@@ -124,20 +108,15 @@ __all__ = [
     "boundary",
     "cameras_of",
     "cameras_on_a_sphere",
-    "clip_of",
     "default_markers",
     "depth_of",
     "effective_frames",
     "from_correspondences",
-    "hand_landmarks",
     "hand_problem",
     "hand_start",
     "image_fit",
     "image_priors",
-    "joint_fit",
-    "keypoint_candidates",
     "keypoint_fit",
-    "known_markers",
     "loose_points",
     "marker_candidates",
     "marker_fit",
@@ -147,7 +126,6 @@ __all__ = [
     "other_minima",
     "own_mesh",
     "photograph",
-    "placed",
     "pose_prior",
     "profile_likelihood",
     "read_calibration",
@@ -159,16 +137,12 @@ __all__ = [
     "read_regressor",
     "read_scan",
     "regressed_start",
-    "repeated_fits",
-    "save_regressor",
     "shape_prior",
     "shipped_regressor",
     "spread_frames",
     "stature",
     "stature_of",
-    "stature_prior",
     "usual_priors",
     "video_fit",
     "video_mean",
-    "wider",
 ]

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
 from workbench.blocks import Block, Values
-from workbench.blocks.checks import reals
+from workbench.blocks.checks import above_zero, reals
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.diagnostics.design import Candidate, Criterion, Quantity, sd_of
@@ -67,11 +67,7 @@ def cameras_on_a_sphere(
     middle = reals("the centre of the cameras", centre)
     if middle.shape != (3,) or not np.isfinite(middle).all():
         raise BadArgument(f"the centre of the cameras is a point (3,) in m, not {middle.tolist()}")
-    if not (distance > 0 and focal > 0 and sigma > 0):
-        raise BadArgument(
-            f"cameras need a distance, a focal length and a sigma above zero, not {distance:g} m, "
-            f"{focal:g} px and {sigma:g} px"
-        )
+    above_zero("cameras", distance=distance, focal=focal, sigma=sigma)
     K, numbers = pinhole(focal, *size), {}
     for u in up:
         for a in around:
@@ -105,20 +101,6 @@ def _cameras(body: Body, numbers: dict[str, Values], sigma: float) -> dict[str, 
     return {name: Candidate((seen,), one) for name, one in numbers.items()}
 
 
-def keypoint_candidates(
-    body: Body, camera: Camera, numbers: Values, *, sigma: float = 4.0
-) -> dict[str, Candidate]:
-    """Each of the body's keypoints by itself, seen by one camera with these numbers; sigma in px.
-
-    Points of a detector's layout are candidates too, if the body has them as landmarks.
-    """
-    labels = body.landmark_names(landmark_set(body))
-    seen, one = _one_of(labels)
-    own = {block.name: np.asarray(numbers[block.name], dtype=float) for block in camera.blocks}
-    rows = _keypoints(body, camera, seen.symbol, sigma)
-    return {label: Candidate((rows,), own | only) for label, only in one.items()}
-
-
 def marker_candidates(
     body: SkinnedBody,
     marker_set: MarkerSet,
@@ -131,13 +113,15 @@ def marker_candidates(
     A marker is beside its nominal place by an offset that one moment cannot tell from the body, so
     its rows have the standard deviation sqrt(sigma^2 + offset_sigma^2).
     """
-    seen, one = _one_of(marker_set.names)
+    names = marker_set.names
+    seen = Block(PREFIX + "seen", (len(names),), "1", names)  # weights, which count one alone
     at = [block.symbol for block in body.blocks()]
     points = marker_set.on(body).landmark_points(MARKERS, *at)
-    origin = np.zeros((len(marker_set.names), 3))
+    origin = np.zeros((len(names), 3))
     spread = float(np.hypot(sigma, offset_sigma))
     rows = replace(landmarks(points, origin, sigma=spread, name=MARKERS), weights=seen.symbol)
-    return {label: Candidate((rows,), only) for label, only in one.items()}
+    only = np.eye(len(names))
+    return {label: Candidate((rows,), {seen.name: only[i]}) for i, label in enumerate(names)}
 
 
 def stature_of(body: SkinnedBody) -> Quantity:
@@ -154,13 +138,6 @@ def depth_of(body: Body, camera: Camera, numbers: Values) -> Quantity:
     away = float(np.asarray(numbers[camera.translation.name], dtype=float)[2])
     name = f"the distance from {camera.prefix.rstrip('/') or 'the camera'}"
     return Quantity(name, cs.dot(axis, joints.symbol[:, 0]) + away, "m", (joints,))
-
-
-def _one_of(labels: tuple[str, ...]) -> tuple[Block, dict[str, Values]]:
-    """A block of weights (M,), and by label the values of it that count this one alone."""
-    seen = Block(PREFIX + "seen", (len(labels),), "1", labels)
-    only = np.eye(len(labels))
-    return seen, {label: {seen.name: only[i]} for i, label in enumerate(labels)}
 
 
 def _keypoints(body: Body, camera: Camera, confidence: cs.MX | Array, sigma: float) -> Residual:
@@ -212,10 +189,6 @@ CANDIDATES: Mapping[str, Candidates] = {
     "views": held_out_views,
     "markers": lambda setup, values: marker_candidates(
         _skinned(setup), default_markers(_skinned(setup))
-    ),
-    # each keypoint, seen once more by the first camera
-    "keypoints": lambda setup, values: keypoint_candidates(
-        _body(setup), _view(setup).camera, values
     ),
 }
 QUANTITIES: Mapping[str, Callable[[Setup, Values], Quantity]] = {

@@ -2,11 +2,8 @@
 
 A doubt is a sentence: what was seen, what it probably means, and what to do. None of them says that
 a fit is wrong; they name what a converged solver does not look at. Scans are judged by
-`registration.doubts`, in sentences of the same form. The thresholds are judgements. They were tuned
-on other seeds and frames, and doubt 1 of 485 honest fits (synthetic people in 1 to 4 cameras, with
-their arms spread, in markers, meshes and scans; frames of `balance` in one camera, in four, and as
-clips), and 114 of 122 absurd inputs of 18 kinds, of which 110 are told their cause. The other 8 are
-half of the single images of which left and right were exchanged or that were mirrored.
+`registration.doubts`, in sentences of the same form. The thresholds are judgements, tuned on other
+seeds and frames than those on which they were counted.
 """
 
 import warnings
@@ -122,6 +119,7 @@ def doubts(
 
 
 Views = tuple[View, ...]
+Said = dict[str, str]  # sentences by what they are about
 
 
 def _moments(setup: Setup, values: Values) -> list[tuple[Views, Values]]:
@@ -143,9 +141,6 @@ def _moments(setup: Setup, values: Values) -> list[tuple[Views, Values]]:
         )
         for t in some
     ]
-
-
-Said = dict[str, str]  # sentences by what they are about
 
 
 def _often(moments: Sequence[Said]) -> list[str]:
@@ -191,15 +186,10 @@ def _views(body: Body, views: Views, values: Values) -> Said:
             f"cameras seem to be in {unit}; give them in m"
         }
     size = f"{100 * off:.1f} % of the person's size" if np.isfinite(off) else "no common point"
-    names = body.landmark_names(views[0].landmarks)
-    convention = agreeing_convention(views, values, names)
-    do = (
-        f"they would agree if {convention}"
-        if convention
-        else "compare the calibration with the files, their order, and the person in each"
-    )
-    if convention.startswith("the extrinsics are camera-to-world, not"):
-        do += " (--camera-to-world)"
+    convention = agreeing_convention(views, values, body.landmark_names(views[0].landmarks))
+    do = "compare the calibration with the files, their order, and the person in each"
+    if convention:
+        do = f"they would agree if {convention}"
     text = f"the views contradict each other (rays of a keypoint miss by {size}); {do}"
     return {"views": text}
 

@@ -1,4 +1,4 @@
-"""What one linearization does not tell: profiles of the cost, other minima, fits to new noise.
+"""What one linearization does not tell: profiles of the cost, and other minima.
 
 Laplace's interval of an entry is what a parabola through the minimum says. The profile follows the
 true cost: at each value of the entry all other unknowns are fitted anew. The interval of level
@@ -8,16 +8,8 @@ intervals, 1988). It may be lopsided, and it may be open: then no value of the e
 refuted (Raue et al., Structural and practical identifiability analysis, Bioinformatics 2009).
 
 A direction that is weak at one point may be the floor of a valley, along which every point is as
-good, or the way into a second basin: a limb that one camera sees may lean towards it or away from
-it, at nearly the same cost. So the fit is repeated from points on both sides along the weakest
-directions, and the ends are told apart.
-
-Fits to data that are made anew say how uncertain a solution is without linear algebra. At a point
-x* every whitened row r(x) is replaced by r(x) - r(x*) - e with e ~ N(0, 1): data at which x* is
-exact, and noise of the size that sigma states. Priors count as data about x*, so that the spread
-of the ends is that of the posterior: J'J exactly where residuals are linear (randomized maximum
-likelihood; Oliver, He and Reynolds, Conditioning permeability fields to pressure data, 1996), and
-up to curvature elsewhere.
+good, or the way into a second basin, at nearly the same cost. So the fit is repeated from points on
+both sides along the weakest directions, and the ends are told apart.
 """
 
 from collections.abc import Callable, Mapping
@@ -29,14 +21,13 @@ import scipy.linalg
 from numpy.typing import ArrayLike
 from scipy.special import ndtri
 
-from workbench.arrays import Array, Mask
-from workbench.blocks import Block, Layout, Values
+from workbench.arrays import Array
+from workbench.blocks import Values
 from workbench.blocks.layout import in_units
 from workbench.diagnostics import diagnose_whole
 from workbench.errors import BadArgument, UnknownName
 from workbench.problem import Problem
-from workbench.residuals import Residual
-from workbench.solvers import DEFAULT, SOLVERS, Solver, TrustRegion
+from workbench.solvers import DEFAULT, SOLVERS, Solver
 
 FIRST = 0.5  # of Laplace's standard deviation: the first step
 GROWTH, LONGEST = 1.5, 4.0  # of a step while the cost rises slowly, and its limit in deviations
@@ -139,16 +130,6 @@ def profile_likelihood(
 
     Raises UnknownName for an entry that is not free, and BadArgument for a level that is not
     between 0 and 1 and for a problem with nothing else free.
-
-    >>> import casadi, numpy as np, workbench as wb
-    >>> from workbench.fitting import profile_likelihood
-    >>> from workbench.residuals import Residual
-    >>> x = wb.Block("x", (2,))
-    >>> seen = Residual("sum and difference", casadi.vertcat(
-    ...     x.symbol[0] + x.symbol[1], x.symbol[0] - x.symbol[1]), 1.0)
-    >>> found = profile_likelihood(wb.Problem([seen], ["x"]), {"x": [0, 0]}, "x[0]", level=0.9)
-    >>> np.round([*found.interval, *found.laplace], 3).tolist()
-    [-1.163, 1.163, -1.163, 1.163]
     """
     if not 0 < level < 1:
         raise BadArgument(f"the level of an interval is between 0 and 1, not {level:g}")
@@ -316,16 +297,6 @@ def other_minima(
     On each side of the minimum there are two starts: at three standard deviations along the
     direction, but at most 1.5 characteristic scales, and at half this distance. Minima in no such
     direction are not found. Raises BadArgument for no directions.
-
-    >>> import casadi, workbench as wb
-    >>> from workbench.fitting import other_minima
-    >>> from workbench.residuals import Residual
-    >>> x = wb.Block("x", (2,))
-    >>> bent = casadi.vertcat(x.symbol[0] ** 2 - 0.5, 0.1 * (x.symbol[0] + 2), x.symbol[1])
-    >>> problem = wb.Problem([Residual("two wells", bent, 1.0)], ["x"])
-    >>> found = other_minima(problem, wb.solve(problem, {"x": [1, 0]}).values)
-    >>> len(found.better), found.better[0].entry
-    (1, 'x[0]')
     """
     if directions < 1:
         raise BadArgument(f"one direction or more is looked along, not {directions}")
@@ -372,64 +343,13 @@ def other_minima(
     return OtherMinima(len(starts), back, valley, tuple(others), words)
 
 
-@dataclass(frozen=True, eq=False)
-class RepeatedFits:
-    """The ends of N fits.
-
-    Attributes:
-        free: the layout of the unknowns.
-        ends: (N, n) the free numbers at the ends.
-        converged: (N,) which of the fits converged.
+def laplace_points(
+    problem: Problem, values: Mapping[str, ArrayLike], count: int, seed: int = 0
+) -> list[Values]:
+    """Points drawn from N(x*, (J'J)^-1) at the minimum `values`, within the bounds; what the
+    problem does not determine stays.
     """
-
-    free: Layout
-    ends: Array
-    converged: Mask
-
-    def values(self, fit: int, values: Values) -> Values:
-        """The values of all blocks at the end of one fit; fixed ones are taken from `values`."""
-        return dict(values) | self.free.unpack(self.ends[fit])
-
-
-def repeated_fits(
-    problem: Problem,
-    values: Mapping[str, ArrayLike],
-    count: int,
-    *,
-    seed: int = 0,
-    solver: Solver | None = None,
-    progress: Callable[[int, int], object] = lambda done, of: None,
-) -> RepeatedFits:
-    """`count` fits to data with new noise, each of which begins at the point `values`.
-
-    Bounds and constraints hold as usual. Raises BadArgument for less than one fit, and for a
-    problem whose residuals are of a sequence.
-    """
-    if count < 1:
-        raise BadArgument(f"one fit or more can be made, not {count}")
-    if any(residual.by_frame for residual in problem.residuals):
-        raise BadArgument(
-            "the data of a sequence are not made anew; take the problem of one frame, or stack "
-            "residuals of your own in a Problem"
-        )
+    s, V = problem.linearize(values).spectrum.determined
     x, fixed = problem.split(values)
-    exact = problem.residual(x, fixed)
-    noise = Block("noise", (problem.size,), "1")
-    noisy = []
-    for one in problem.residuals:  # zero at the point but for the noise
-        rows = problem.rows[one.name]
-        whitened = one.whitened - exact[rows] - noise.symbol[rows]
-        noisy.append(Residual(one.name, whitened, 1.0, points=one.points, blocks=one.blocks))
-    blocks = (*problem.known.values(), noise)
-    made = Problem(
-        noisy, problem.free.spelled(), problem.bounds, blocks, constraints=problem.constraints
-    )
-    rng, by = np.random.default_rng(seed), solver or TrustRegion()
-    ends, converged = [], []
-    for fit in range(count):
-        data = {noise.name: rng.standard_normal(problem.size)}
-        solution = by.solve(made, {**problem.read(values), **data})
-        ends.append(problem.split(dict(values) | solution.values)[0])
-        converged.append(solution.converged)
-        progress(fit + 1, count)
-    return RepeatedFits(problem.free, np.array(ends), np.array(converged))
+    steps = (np.random.default_rng(seed).standard_normal((count, len(s))) / s) @ V
+    return [problem.values(np.clip(x + one, problem.lower, problem.upper), fixed) for one in steps]

@@ -1,16 +1,13 @@
 """Registration: surfaces and points brought onto scans, without known correspondences."""
 
 from workbench.geometry.solids import random_surface_points
-from workbench.registration.basins import BasinMap, basin_map
 from workbench.registration.doubts import Doubts, Support, doubts, support
 from workbench.registration.free_vertices import (
     QUICK_VERTEX_STAGES,
     VERTEX_STAGES,
-    Coupling,
     FreeVertices,
     Registered,
     ScanTerm,
-    StageResult,
     VertexStage,
     by_edges,
     by_vertices,
@@ -38,13 +35,11 @@ from workbench.registration.recipe import (
     HAND_RECIPE,
     PERSON_RECIPE,
     Recipe,
-    fit_hand,
     model_alone,
     usual_recipe,
     with_skeleton,
 )
 from workbench.registration.registering import (
-    BodySize,
     OtherEnd,
     Registration,
     StageOutcome,
@@ -69,10 +64,7 @@ __all__ = [
     "SEEN_STAGES",
     "VERTEX_STAGES",
     "Alignment",
-    "BasinMap",
-    "BodySize",
     "Contacts",
-    "Coupling",
     "Doubts",
     "FailedScan",
     "FitProgress",
@@ -93,19 +85,16 @@ __all__ = [
     "ScanJob",
     "ScanTerm",
     "StageOutcome",
-    "StageResult",
     "Stopped",
     "Support",
     "VertexStage",
     "arms_lowered",
-    "basin_map",
     "body_size",
     "by_edges",
     "by_vertices",
     "distance_gauss_newton",
     "doubts",
     "facing",
-    "fit_hand",
     "fit_model",
     "hand_starts",
     "jobs_of",

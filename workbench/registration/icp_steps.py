@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.arrays import Array
+from workbench.blocks.checks import above_zero
 from workbench.errors import BadArgument
 from workbench.geometry.rigid import Similarity, procrustes
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
@@ -41,8 +42,7 @@ class GemanMcClure:
     scale: float
 
     def __post_init__(self) -> None:
-        if not 0 < self.scale < np.inf:
-            raise BadArgument(f"the scale of a robust loss must be above 0 m, not {self.scale}")
+        above_zero("a robust loss", scale=self.scale)
 
     def costs(self, distances: Array) -> Array:
         """1/2 rho of distances (M,) m: (M,) m^2."""

@@ -1,7 +1,7 @@
 """Limbs that a fit has folded the wrong way: each begins again from poses that are usual.
 
-A fit to a scan goes downhill, and the way from an arm that is folded forwards to one that is folded
-backwards leads uphill. The cost knows which of the two is right, so it is enough to begin at both.
+The way from an arm that is folded forwards to one that is folded backwards leads uphill. The cost
+knows which of the two is right, so it is enough to begin at both.
 """
 
 from collections.abc import Sequence
@@ -32,9 +32,6 @@ def limbs(parents: Sequence[int]) -> tuple[tuple[int, ...], ...]:
 
     For SMPL's tree these are the arms from the collar, from the shoulder and from the elbow on, and
     the legs from the hip and from the knee on; for a hand they are the fingers.
-
-    >>> limbs((-1, 0, 1, 2, 3, 0, 5))
-    ((1, 2, 3, 4), (2, 3, 4))
     """
     below: list[list[int]] = [[] for _ in parents]
     for joint, parent in enumerate(parents):

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, Index, Mask
 from workbench.blocks import Values
+from workbench.blocks.checks import above_zero, from_zero
 from workbench.bodies.body import Body
 from workbench.errors import BadArgument
 from workbench.fitting.body_priors import usual_priors
@@ -61,12 +62,9 @@ class FitStage:
     limbs: int = 0
 
     def __post_init__(self) -> None:
-        least = min(self.points, self.sigma, self.reach, self.starts, self.iterations)
-        if not least > 0 or not 0 <= self.settled < 1 or self.limbs < 0:
-            raise BadArgument(
-                "the numbers of a stage are above zero, settled < 1 and limbs 0 or more, "
-                f"not {self}"
-            )
+        several = {name: getattr(self, name) for name in ("points", "starts", "iterations")}
+        above_zero("a stage", sigma=self.sigma, reach=self.reach, **several)
+        from_zero("a stage", settled=self.settled, limbs=self.limbs)
 
 
 @dataclass(frozen=True)
@@ -83,19 +81,11 @@ class FitProgress:
 
 @dataclass
 class StageRuns:
-    """The runs of one stage, one after the other, until somebody stops them.
+    """The runs of one stage, until `progress` returns True or Ctrl-C is pressed.
 
-    Attributes:
-        body: the body.
-        problem: what they solve.
-        solver: what solves it.
-        progress: is told of every iterate, and stops all runs by returning True.
-        interrupted: whether Ctrl-C was pressed.
-        stage: the number of the stage, and how many there are.
-        starts: how many starts there are.
-        iterations: of all runs together.
-        stopped: why the runs were stopped, in a sentence; empty if they were not.
-        given_up: whether the last run was, so that its end is only a place on its way.
+    `stage` is its number and how many there are, `iterations` those of all runs together; `stopped`
+    says why the runs were stopped, in a sentence, and `given_up` whether the last run was, so that
+    its end is only a place on its way.
     """
 
     body: Body
@@ -195,14 +185,6 @@ class ModelFit:
         seconds: the time of all runs, in s.
         stopped: why the fit ended early, in a sentence; empty if it did not.
         way: the start that led to the best hypothesis, and where each stage ended on the way there.
-
-    >>> from workbench import load_body
-    >>> body = load_body("small")
-    >>> scan = Scan(body.vertices())
-    >>> stages = (FitStage(200, sigma=0.02, reach=0.1, starts=2, iterations=10),)
-    >>> fit = fit_model(body, scan, stages=stages)
-    >>> bool(np.linalg.norm(fit.vertices() - scan.points, axis=1).mean() < 0.1)  # m
-    True
     """
 
     body: Body
@@ -253,27 +235,22 @@ def fit_model(
     """Find pose, betas and trans of a body from a scan alone; y is up, lengths are in m.
 
     Every stage minimises the robust distances of some points of the scan to the surface, each
-    weighted by its area, and the priors, `usual_priors` unless others are given.
-    Normals of the scan, if it has them, must point outwards: a point is then compared only with
-    surface that faces its way. `keep` (M,) leaves out points, such as those at the boundary of a
-    scan. `others` are further residuals in the symbols of `body.blocks()`, such as landmarks.
+    weighted by its area, and the priors, `usual_priors` unless others are given. Normals of the
+    scan must point outwards: a point is compared only with surface that faces its way, and at most
+    `within` m away. `keep` (M,) leaves out points, such as those at the boundary of a scan.
+    `others` are further residuals in the symbols of `body.blocks()`, such as landmarks.
 
     The first stage begins at all `starts`; each following one at the best different ends of the
     one before, whose joints are `same` m apart or more in the mean. A run that will not come among
-    them, or in the last stage near the best, is given up, and so is one that comes to an end that
-    was found before. A stage may try other poses of
-    arms and legs as well (`FitStage.limbs`). A point farther than `within` m from the surface has
-    no contact.
+    them, or that comes to an end that was found before, is given up.
 
     `camera` (3,) m is where the whole scan was taken from, if that was one place. Then the body is
-    kept out of the space that was seen to be empty (see `residuals.free_space`),
-    and the first stage begins at those of many more starts that are most like the scan (see
-    `seen_starts`). Loose points are left out (see `fitting.loose_points`), because a limb that was
-    not seen would be drawn to them. Points that `keep` leaves out count as seen. `SEEN_STAGES` are
-    stages for all this.
+    kept out of the space that was seen to be empty (see `residuals.free_space`), the first stage
+    begins at `seen_starts`, and loose points are left out, because a limb that was not seen would
+    be drawn to them. Points that `keep` leaves out count as seen. `SEEN_STAGES` suit this.
 
-    `progress` is told of every iterate, and stops the fit by
-    returning True; Ctrl-C does so too. Either way, what was found is returned.
+    `progress` is told of every iterate, and stops the fit by returning True; Ctrl-C does so too.
+    Either way, what was found is returned.
 
     Raises BadScan for a scan that cannot be of a person, BadArgument for no stages, no starts, or
     a camera that stands among the points.

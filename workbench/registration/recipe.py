@@ -8,10 +8,10 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import Mask
 from workbench.blocks import Values
+from workbench.blocks.checks import above_zero, from_zero
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.bodies.hands import is_hand
-from workbench.errors import BadArgument
 from workbench.fitting.hands import SIGMA, checked_hand, hand_landmarks, hand_problem, hand_start
 from workbench.fitting.scans.scan import Scan
 from workbench.registration.doubts import NEAR, Doubts
@@ -103,15 +103,8 @@ class Recipe:
         return self.seen_stages if seen and self.seen_stages is not None else self.fit_stages
 
     def __post_init__(self) -> None:
-        if not 0 <= self.boundary < np.inf:
-            raise BadArgument(
-                f"the width that is left out at the boundary is 0 m or more, not {self.boundary:g}"
-            )
-        if not min(self.within, self.same, self.near) > 0:
-            raise BadArgument(
-                "`within`, `same` and `near` of a recipe are lengths above 0 m, not "
-                f"{self.within:g}, {self.same:g} and {self.near:g}"
-            )
+        from_zero("a recipe", boundary=self.boundary)
+        above_zero("a recipe", within=self.within, same=self.same, near=self.near)
 
     def fit(
         self,
@@ -183,7 +176,9 @@ def with_skeleton(
 ) -> Recipe:
     """The recipe for the scan of a hand of which points of the skeleton are known too.
 
-    The fit begins where the hand is that fits the skeleton alone, and the points count in it.
+    The energy is E_S + E_J + E_theta + E_beta + E_L: robust distances of the scan's points, each
+    weighted by its area, squared distances of the skeleton's points, the priors on pose and shape,
+    and what is beyond the limits of joints. The fit begins at the hand that fits the skeleton.
     `points` (m) are (16, 3) in the order of the body's joints or (21, 3) in that of `HAND_POINTS`,
     NaN where one was not seen; `sigma` in m and `kernel` are theirs, along each axis. Raises
     BadBody for a body that is no hand, and BadObservation for other points.
@@ -194,30 +189,3 @@ def with_skeleton(
     own = {block.name: end[block.name] for block in hand.blocks()}
     term = hand_landmarks(hand, points, sigma=sigma, kernel=kernel)
     return replace(recipe, starts=lambda body, scan: (own,), others=(*recipe.others, term))
-
-
-def fit_hand(
-    body: SkinnedBody,
-    scan: Scan,
-    points: ArrayLike | None = None,
-    *,
-    sigma: float = SIGMA,
-    kernel: Kernel = quadratic,
-    recipe: Recipe = HAND_RECIPE,
-    progress: Callable[[FitProgress], object] | None = None,
-) -> ModelFit:
-    """Find pose, betas and trans of a hand from a scan, with or without a skeleton; lengths in m.
-
-    The energy is E_S + E_J + E_theta + E_beta + E_L: robust distances of the scan's points, each
-    weighted by its area, squared distances of the skeleton's points, the priors on pose and shape,
-    and what is beyond the limits of joints. The stages of the recipe lead from few points of the
-    scan and a wide kernel to many and a narrow one. Without a skeleton the fit begins from all
-    starts of the recipe, and with one as `with_skeleton` says, which the points are for.
-
-    Raises BadBody for a body that is no hand, BadObservation for other points, and what `fit_model`
-    raises.
-    """
-    checked_hand(body)
-    if points is not None:
-        recipe = with_skeleton(recipe, body, points, sigma=sigma, kernel=kernel)
-    return recipe.fit(body, scan, progress=progress)

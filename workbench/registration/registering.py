@@ -38,12 +38,8 @@ HEIGHT, LENGTH = "height", "length"
 
 @dataclass(frozen=True)
 class BodySize:
-    """The size of a body in its bind pose.
-
-    Attributes:
-        name: `height` of a person, from the lowest to the highest vertex; `length` of a hand, from
-            the wrist's joint to the vertex that is farthest from it, a finger's tip.
-        metres: how much it is.
+    """The size of a body in its bind pose: the `height` of a person, from the lowest to the highest
+    vertex, or the `length` of a hand, from the wrist's joint to the tip of a finger.
     """
 
     name: str
@@ -51,14 +47,7 @@ class BodySize:
 
 
 def body_size(body: Body, betas: Array) -> BodySize:
-    """The size of a body with the shape betas (B,).
-
-    >>> from workbench import load_body
-    >>> hand = load_body("hand")
-    >>> size = body_size(hand, np.zeros(hand.n_betas))
-    >>> size.name, round(size.metres, 2)
-    ('length', 0.19)
-    """
+    """The size of a body with the shape betas (B,)."""
     surface = body.vertices(body.bind_pose, betas, np.zeros(3))
     if not is_hand(body):
         return BodySize(HEIGHT, float(np.ptp(surface[:, 1])))
@@ -99,11 +88,8 @@ class StageOutcome:
 
 @dataclass(frozen=True)
 class OtherEnd:
-    """Another pose at which the fit of the body could have ended.
-
-    Attributes:
-        excess: by which share its cost is above that of the best end.
-        apart: in m, the mean distance of its vertices from those of the best end.
+    """Another pose at which the fit could have ended, whose cost is higher by a share `excess`, and
+    whose vertices are `apart` m from those of the best end, in the mean.
     """
 
     excess: float
@@ -186,14 +172,6 @@ def register(
 
     Raises BadScan for a scan that cannot be of a person, or of which nothing is left
     without the points near its boundary.
-
-    >>> from workbench import load_body
-    >>> from workbench.registration import FitStage, Recipe, register
-    >>> body = load_body("small")
-    >>> stages = (FitStage(200, sigma=0.02, reach=0.1, starts=2, iterations=10),)
-    >>> found = register(body, Scan(body.vertices()), recipe=Recipe(stages))
-    >>> bool(found.median < 0.01), [stage.name for stage in found.stages]  # m
-    (True, ['model', 'free'])
     """
     scan = Scan.of(scan)
     recipe = usual_recipe(body) if recipe is None else recipe

@@ -18,7 +18,7 @@ from workbench.diagnostics import (
     SequenceDiagnosis,
 )
 from workbench.diagnostics.conditioning import PARALLEL
-from workbench.diagnostics.report import VERDICTS, compared_blocks, further, held
+from workbench.diagnostics.report import VERDICTS, compared_blocks, held
 from workbench.diagnostics.structure import Submatrix, TermBlock
 from workbench.diagnostics.words import gathered, named_groups, named_rows
 from workbench.errors import BadArgument
@@ -102,7 +102,6 @@ def diagnosis_page(
         **_findings(d, title, question),
         d=d,
         suggestions=suggestions_table(d),
-        further=further(d),
         held=held(d) if d.active.any else "",
         sparsity=None if d.here.estimated else sparsity_figure(d),
         terms=terms_table(d),
@@ -194,7 +193,7 @@ def ranks_table(d: Diagnosis) -> Table:
 
 
 def conditioning_table(d: Diagnosis) -> Table:
-    """Column lengths, near-parallel pairs, the weakest direction, leverage."""
+    """Column lengths, near-parallel pairs, the weakest direction."""
     norms = d.here.column_norms
     rows: list[tuple[str, str, str]] = []
     if norms.size:
@@ -219,10 +218,6 @@ def conditioning_table(d: Diagnosis) -> Table:
                 f"{columns}; it changes {seen_by}{more}",
             )
         )
-    if d.leverage is not None:
-        for i in np.argsort(-d.leverage)[:3]:
-            row = d.problem.row_label(int(i))
-            rows.append(("leverage", number(float(d.leverage[i]), 2), f"{row}, of at most 1"))
     return Table(("quantity", "value", "where"), tuple(rows), (1,))
 
 

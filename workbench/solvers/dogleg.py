@@ -8,7 +8,7 @@ from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.problem import Linearization, Problem
 from workbench.problem.steps import LinearAlgebra, automatic
-from workbench.solvers.abilities import IN_A_RADIUS, WHOLE, Abilities, Boxes, Derivative
+from workbench.solvers.abilities import Abilities, Boxes, Derivative
 from workbench.solvers.limits import Limits
 from workbench.solvers.run import Run
 from workbench.solvers.solution import Callback, Solution
@@ -119,7 +119,6 @@ class Dogleg(Limits):
             Derivative.JACOBIAN,
             Boxes.UNKNOWN,
             source="Powell 1970; Madsen, Nielsen and Tingleff 2004",
-            first_step=WHOLE if np.isinf(self.rule.first) else IN_A_RADIUS,
             note="with the radius rules of chumpy, with which SMPL was first fitted"
             if self.rule is chumpy
             else "",

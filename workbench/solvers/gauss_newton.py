@@ -9,7 +9,7 @@ from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.problem import Linearization, Problem
 from workbench.problem.steps import LinearAlgebra, automatic
-from workbench.solvers.abilities import IN_A_RADIUS, WHOLE, Abilities, Boxes, Derivative
+from workbench.solvers.abilities import Abilities, Boxes, Derivative
 from workbench.solvers.dogleg import cauchy_point, first_radius, model_holds
 from workbench.solvers.limits import Limits
 from workbench.solvers.run import Run
@@ -74,7 +74,6 @@ class GaussNewton(Limits):
             Derivative.JACOBIAN,
             Boxes.UNKNOWN,
             teaching=self.line_search is not backtracking,
-            first_step=WHOLE if self.line_search is full_step else IN_A_RADIUS,
             source="Gauss 1809; Armijo 1966 (the line search)",
         )
 
@@ -141,7 +140,6 @@ class SteepestDescent(Limits):
             Derivative.JACOBIAN,
             Boxes.UNKNOWN,
             teaching=True,
-            first_step=WHOLE,
             source="Cauchy 1847",
         )
 

@@ -10,7 +10,7 @@ from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.problem import Problem
 from workbench.problem.storage import dense
-from workbench.solvers.abilities import WHOLE, Abilities, Boxes, Derivative
+from workbench.solvers.abilities import Abilities, Boxes, Derivative
 from workbench.solvers.gauss_newton import LineSearch, backtracking
 from workbench.solvers.limits import Limits
 from workbench.solvers.run import Run
@@ -75,7 +75,6 @@ class Newton(Limits):
         return Abilities(
             Derivative.HESSIAN,
             Boxes.UNKNOWN,
-            first_step=WHOLE,
             source="Nocedal and Wright 2006, section 3.4",
         )
 

@@ -23,9 +23,8 @@ import scipy.linalg
 
 from workbench.arrays import Array, Mask
 from workbench.problem import Linearization, Problem
-from workbench.problem.linearization import inverse_times
 from workbench.problem.optimality import FACTOR, Rounding, decrease, half_squared
-from workbench.problem.steps import EPS, SLIGHT, factor_of
+from workbench.problem.steps import EPS, factor_of
 from workbench.solvers.solution import Evaluations, Iterate
 
 WORTH = 10.0  # times the tolerance's share of the cost: a fall by less is none
@@ -52,7 +51,6 @@ FARTHER = (*NEAR, 100.0, 1e4, 1e6, 1e8)  # of these is tried; at a minimum betwe
 SURELY = 8  # of these, at least, must be tried; beyond, the residual may be infinite
 FOLLOWED = 5  # Gauss-Newton steps of the other unknowns at each of them
 IMPERFECT = 1e-6  # of the cost: what these steps may leave above the least
-HELD = 1e20  # times the squared length of a column: added to it, holds its unknown
 SHORTER = (1.0, 0.25, 0.06)  # parts of such a step that are tried
 
 Product = Callable[[Array], Array]
@@ -262,8 +260,7 @@ def _searched(
 def _falls(end: EndPoint, d: Array, D: Array) -> Saddle | None:
     """Whether the cost falls along d (n,), of length 1, to one of its sides, and how far it does.
 
-    It is tried at growing distances until it changes by more than rounding. If it bends upwards
-    there, or falls by no more than its gradient says, there is no fall.
+    It is tried at growing distances until it changes by more than rounding.
     """
     here, x = end.here, end.x
     low, high = end.problem.lower, end.problem.upper
@@ -341,10 +338,7 @@ def diverging(end: EndPoint, trace: Sequence[Iterate], noticed: Mask, converged:
 
 
 def _growing(end: EndPoint, trace: Sequence[Iterate], converged: bool) -> Mask:
-    """The unknowns (n,) that grew as fast in the last quarter of the run as before.
-
-    If the run has `converged`, its last step must also be about as long as those before.
-    """
+    """The unknowns (n,) that grew as fast in the last quarter of the run as before."""
     last, pack = len(trace) - 1, end.problem.free.pack
     quarter = (3 * last) // 4
     middle, late, there = (pack(trace[k].values) for k in (last // 2, quarter, last))
@@ -391,24 +385,11 @@ def _lower(end: EndPoint, x: Array, step: Array, cost: float) -> Array | None:
 def _step_of_others(end: EndPoint, x: Array, held: Mask) -> tuple[float, Array | None]:
     """The cost at x, and the Gauss-Newton step (n,) of the unknowns that are not `held` (n,).
 
-    There is no step where the linearization is not finite. In a sequence no columns are copied,
-    because the copy would take much more memory than the Jacobian. Instead, a
-    number is added on the diagonal of those held that is so large that their step is zero.
-    The others are slightly damped if their columns are dependent.
+    There is no step where the linearization is not finite.
     """
     here = end.linearize(x)
-    cost = here.cost
     if not here.finite:
-        return cost, None
-    if not here.by_frames:
-        rest, found = np.flatnonzero(~held), np.zeros(len(x))
-        found[rest] = here.columns(rest).step()
-        return cost, found
-    gradient, normal = here.gradient, here.normal
-    squares = np.where(here.column_norms > 0, here.column_norms, 1.0) ** 2
-    del here  # and its Jacobian, before the normal equations are copied
-    for damping in (0.0, SLIGHT):
-        step = inverse_times(normal, -gradient, np.where(held, HELD, damping) * squares)
-        if step is not None:
-            return cost, np.where(held, 0.0, step)
-    return cost, None
+        return here.cost, None
+    rest, step = np.flatnonzero(~held), np.zeros(len(x))
+    step[rest] = here.columns(rest).step()
+    return here.cost, step

@@ -159,8 +159,7 @@ class Oracle:
 def _numbers_of(run: Run, of_cost: StoredBy) -> dict[str, Compute]:
     """What the functions of an oracle compute for a run, by their names.
 
-    Where constraints or bounds have to be met, the cost may well rise, and no trial is linearized
-    at once. The gradient is asked for at trials that are taken.
+    With constraints or bounds the cost may well rise, and no trial is linearized at once.
     """
     problem, at, there = run.problem, run.linearize, run.problem.stacked_constraints
     n = problem.free.size

@@ -10,7 +10,7 @@ from workbench.blocks import Values
 from workbench.errors import BadArgument
 from workbench.problem import Linearization, Problem
 from workbench.problem.steps import LinearAlgebra, Step, sparing
-from workbench.solvers.abilities import IN_A_RADIUS, Abilities, Boxes, Derivative
+from workbench.solvers.abilities import Abilities, Boxes, Derivative
 from workbench.solvers.limits import Limits
 from workbench.solvers.run import Run
 from workbench.solvers.solution import Callback, Solution
@@ -102,7 +102,6 @@ class TrustRegion(Limits):
         return Abilities(
             Derivative.JACOBIAN,
             Boxes.TAKEN,
-            first_step=IN_A_RADIUS,
             source="Moré 1978; Transtrum and Sethna 2012",
         )
 

@@ -14,7 +14,6 @@ from workbench.synthetic.scan_effects import (
 from workbench.synthetic.scanned_people import ScannedPerson, clothed, people
 from workbench.synthetic.scanners import Scanner, scanners
 from workbench.synthetic.scans import Joining, SimulatedScan, scan
-from workbench.synthetic.tissue import TissueLaw, simulate_tissue
 
 __all__ = [
     "Clothing",
@@ -30,10 +29,8 @@ __all__ = [
     "SimulatedScan",
     "Specks",
     "Thing",
-    "TissueLaw",
     "clothed",
     "people",
     "scan",
     "scanners",
-    "simulate_tissue",
 ]

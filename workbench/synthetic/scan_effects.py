@@ -8,11 +8,12 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.special import ndtr
 
 from workbench.arrays import Array, Index, Mask
+from workbench.blocks.checks import above_zero, from_zero
 from workbench.errors import BadArgument
+from workbench.fitting.scans.surface import units
 from workbench.geometry.solids import face_vectors
 from workbench.synthetic.scanners import NEAR, DepthImage, Scanner
 
@@ -39,9 +40,6 @@ class Noise:
         growth: in 1 / m.
         floor: in m, what remains near the scanner.
         grazing: in m^(3/2).
-
-    >>> Noise().sigma(np.array([1.0, 2.0]), np.zeros(2)).round(5).tolist()
-    [0.00142, 0.0057]
     """
 
     growth: float = 1.425e-3
@@ -49,7 +47,7 @@ class Noise:
     grazing: float = 1e-4
 
     def __post_init__(self) -> None:
-        _check_positive("noise", growth=self.growth, floor=self.floor, grazing=self.grazing)
+        from_zero("noise", growth=self.growth, floor=self.floor, grazing=self.grazing)
 
     def sigma(self, depth: Array, angle: Array) -> Array:
         """The standard deviations (...) m at depths (...) m and angles (...) rad."""
@@ -70,19 +68,13 @@ class Holes:
     Attributes:
         count: the number of discs.
         radius: in m.
-
-    >>> from workbench.synthetic import scan, scanners
-    >>> wall, faces = np.array([[-9.0, -9, 0], [9, -9, 0], [0, 9, 0]]), np.array([[0, 1, 2]])
-    >>> whole = scan(wall, faces, scanners(1), seed=0).scan.n_points
-    >>> scan(wall, faces, scanners(1), seed=0, holes=Holes(200, 0.3)).scan.n_points < whole
-    True
     """
 
     count: int = 6
     radius: float = 0.05
 
     def __post_init__(self) -> None:
-        _check_positive("holes", count=self.count, radius=self.radius)
+        from_zero("holes", count=self.count, radius=self.radius)
 
     def discs(self, vertices: Array, faces: Index, rng: np.random.Generator) -> "Discs":
         """The discs on a surface (N, 3) m, (F, 3), drawn by area."""
@@ -123,11 +115,6 @@ class Clothing:
         spread: in m, over about which distance it varies.
         where: (N,) from 0 to 1, by which the offset of each vertex is multiplied; None for 1.
             `clothed` gives the torso, the upper arms and the legs of a body.
-
-    >>> places = np.random.default_rng(0).uniform(-1, 1, (1000, 3))
-    >>> offsets = Clothing(0.02).offsets(places, np.random.default_rng(1))
-    >>> bool(offsets.min() >= 0), bool(0.015 < offsets.max() <= 0.02)
-    (True, True)
     """
 
     thickest: float = 0.02
@@ -135,9 +122,8 @@ class Clothing:
     where: Array | None = None
 
     def __post_init__(self) -> None:
-        _check_positive("clothing", thickest=self.thickest, spread=self.spread)
-        if not self.spread:
-            raise BadArgument("the offset of clothing varies over a spread above 0 m")
+        from_zero("clothing", thickest=self.thickest)
+        above_zero("clothing", spread=self.spread)
 
     def offsets(self, vertices: Array, rng: np.random.Generator) -> Array:
         """The offset of every vertex, (N,) m, none of them negative.
@@ -185,18 +171,6 @@ def smooth_field(points: Array, spread: float, D: int, rng: np.random.Generator)
     return np.asarray(np.cos(points @ waves.T + phases) @ heights)
 
 
-def unit_vectors(vectors: ArrayLike) -> Array:
-    """Vectors (..., 3) divided by their lengths."""
-    found = np.asarray(vectors, dtype=float)
-    return np.asarray(found / np.linalg.norm(found, axis=-1, keepdims=True))
-
-
-def _check_positive(what: str, **numbers: float) -> None:
-    for name, number in numbers.items():
-        if not 0 <= number < np.inf:
-            raise BadArgument(f"the {name} of {what} must be a number from 0 on, not {number:g}")
-
-
 class Thing(Protocol):
     """Something that scanners see beside a person."""
 
@@ -206,14 +180,7 @@ class Thing(Protocol):
 
 @dataclass(frozen=True)
 class Floor:
-    """A disc of the floor at the height of the lowest vertex, around the middle of the body.
-
-    `radius` is in m.
-
-    >>> rng = np.random.default_rng(0)
-    >>> Floor().draw(np.array([[0.0, -0.9, 0.0]]), 2, rng)[0][:, 1].tolist()
-    [-0.9, -0.9]
-    """
+    """A disc of the floor, of `radius` m, below the lowest vertex and the middle of the body."""
 
     radius: float = 0.6
 
@@ -227,17 +194,8 @@ class Floor:
 
 @dataclass(frozen=True)
 class Crate:
-    """A cube on the floor, beside the body.
-
-    Attributes:
-        size: in m, the length of its edges.
-        away: in m, how far its middle is from that of the body.
-        angle: in rad, in which direction, from +z to +x.
-
-    >>> rng = np.random.default_rng(0)
-    >>> points, _ = Crate(size=0.4).draw(np.zeros((1, 3)), 10_000, rng)
-    >>> np.ptp(points, axis=0).round(3).tolist()
-    [0.4, 0.4, 0.4]
+    """A cube on the floor with edges of `size` m, `away` m from the middle of the body, in a
+    direction that is `angle` rad from +z to +x.
     """
 
     size: float = 0.4
@@ -260,22 +218,15 @@ class Crate:
 
 @dataclass(frozen=True)
 class Specks:
-    """Loose points around the body: vertices displaced by `reach` m per axis, facing anywhere.
-
-    >>> rng = np.random.default_rng(0)
-    >>> points, _ = Specks(0.1).draw(np.zeros((1, 3)), 10_000, rng)
-    >>> bool(0.095 < points.std() < 0.105)
-    True
-    """
+    """Loose points around the body: vertices displaced by `reach` m per axis, facing anywhere."""
 
     reach: float = 0.1
 
     def draw(self, surface: Array, n: int, rng: np.random.Generator) -> tuple[Array, Array]:
         """`n` points (n, 3) m and their normals (n, 3)."""
         near = surface[rng.integers(len(surface), size=n)]
-        return near + self.reach * rng.standard_normal((n, 3)), unit_vectors(
-            rng.standard_normal((n, 3))
-        )
+        points = near + self.reach * rng.standard_normal((n, 3))
+        return points, units(rng.standard_normal((n, 3)))
 
 
 @dataclass(frozen=True)
@@ -285,9 +236,6 @@ class Clutter:
     Each of the `things` gives about as many as another. They are where a scanner sees them: in its
     image, facing it, and not behind the body. They hide nothing of the body themselves. Raises
     BadArgument for a share below 0 or from 1 on, and if there are no things.
-
-    >>> Clutter(0.2).count(8000)  # of 10,000 points
-    2000
     """
 
     share: float = 0.2

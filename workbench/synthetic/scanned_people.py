@@ -23,12 +23,6 @@ class ScannedPerson:
         values: pose (K, 3) rad, betas (B,) and trans (3,) m, by the names of the body's blocks.
         vertices: (N, 3) m, posed.
         template: (N, 3) m, the body's template with the person's own displacement.
-
-    >>> from workbench import load_body
-    >>> (one,) = people(load_body("small"), np.zeros((1, 24, 3)), 1, seed=0, own_shape=0.005)
-    >>> moved = np.linalg.norm(one.template - load_body("small").template, axis=1)
-    >>> float(np.sqrt(np.mean(moved**2)).round(6))
-    0.005
     """
 
     values: Values
@@ -48,19 +42,13 @@ def people(
     """`n` people of a body, in some of the poses (P, K, 3) rad, which are drawn at random.
 
     For poses that the pose prior was not learned from, give `held_out_poses(FILE)` of
-    `priors.recordings`; without a recording, `priors.poses.draw_poses` draws from the prior, which
+    `builder.recordings`; without a recording, `priors.poses.draw_poses` draws from the prior, which
     makes fits look better than they are. Betas are from N(0, 1). Each person is turned about the
     vertical by up to `turn` rad to either side, and moved by 0.1 m per axis. `own_shape` in m is
     the rms length of a smooth random displacement of the template: with it, no betas give the
     person's shape. Person i depends on the seed and on i alone, and its pose and betas do not
     depend on `own_shape`. Raises BadArgument for poses of another body, none at all, or a negative
     number.
-
-    >>> from workbench import load_body
-    >>> body = load_body("small")
-    >>> one, other = people(body, np.zeros((1, 24, 3)), 2, seed=0)
-    >>> one.vertices.shape == other.vertices.shape == body.template.shape
-    True
     """
     given = np.asarray(poses, dtype=float)
     if given.ndim != 3 or given.shape[1:] != (body.n_joints, 3) or not len(given):

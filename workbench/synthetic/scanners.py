@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, Index, Mask
+from workbench.blocks.checks import above_zero
 from workbench.errors import BadArgument
 from workbench.fitting.observations import pinhole
 
@@ -31,10 +32,6 @@ class Scanner:
         t: (3,) m, the translation from the world to the scanner.
         focal: the focal length in px.
         size: width and height of the depth image in px.
-
-    >>> front, *_ = scanners(4, distance=2.0)
-    >>> front.place.round(6).tolist(), front.directions().shape
-    ([0.0, 0.0, 2.0], (30000, 3))
     """
 
     R: Array
@@ -43,11 +40,7 @@ class Scanner:
     size: tuple[int, int] = SIZE
 
     def __post_init__(self) -> None:
-        if not (self.focal > 0 and min(self.size) >= 1):
-            raise BadArgument(
-                "a scanner has a focal length above 0 px and an image of at least one pixel, not "
-                f"{self.focal:g} and {self.size}"
-            )
+        above_zero("a scanner", focal=self.focal, width=self.size[0], height=self.size[1])
 
     @property
     def K(self) -> Array:
@@ -233,15 +226,10 @@ def _hits(
         depth = np.einsum("pi,pi->p", n, a[face]) / facing
     there = (facing != 0) & (depth > NEAR)
     face, ray, depth, n = face[there], ray[there], depth[there], n[there]
-    shares = _shares(depth[:, None] * d[there], (a[face], b[face], c[face]), n)
-    return ray, depth, face, shares
-
-
-def _shares(points: Array, corners: tuple[Array, Array, Array], n: Array) -> Array:
-    """The barycentric shares (P, 3) of points (P, 3) m in triangles with normals n (P, 3) m^2."""
-    a, b, c = corners
+    points, at = depth[:, None] * d[there], (a[face], b[face], c[face])
     areas = [
-        np.einsum("pi,pi->p", np.cross(q - p, points - p), n) for p, q in ((b, c), (c, a), (a, b))
+        np.einsum("pi,pi->p", np.cross(at[j] - at[i], points - at[i]), n)
+        for i, j in ((1, 2), (2, 0), (0, 1))
     ]
     shares = np.stack(areas, axis=1).clip(0)
-    return np.asarray(shares / shares.sum(axis=1, keepdims=True))
+    return ray, depth, face, shares / shares.sum(axis=1, keepdims=True)

@@ -15,6 +15,7 @@ from workbench.arrays import Array, Index, Mask
 from workbench.blocks.checks import numbers, reals, several
 from workbench.errors import BadArgument
 from workbench.fitting.scans.scan import BadScan, Scan
+from workbench.fitting.scans.surface import units
 from workbench.geometry.meshes import Mesh
 from workbench.geometry.solids import face_vectors, vertex_normals
 from workbench.synthetic.scan_effects import (
@@ -25,7 +26,6 @@ from workbench.synthetic.scan_effects import (
     Holes,
     Noise,
     scatter_clutter,
-    unit_vectors,
 )
 from workbench.synthetic.scanners import DepthImage, Scanner, depth_image, visible
 
@@ -42,11 +42,6 @@ class Joining:
     Attributes:
         jump: by how many steps from pixel to pixel, z / focal m each, the depths of the corners of
             a triangle may differ. With fewer, the scan falls into more pieces.
-
-    >>> from workbench.synthetic import scanners
-    >>> (four_pixels,) = scanners(1, size=(2, 2))
-    >>> Joining().triangles(np.arange(4), np.ones(4), four_pixels).tolist()
-    [[0, 2, 1], [1, 2, 3]]
     """
 
     jump: float = JUMP
@@ -144,7 +139,7 @@ def measured_view(
     before them; `errors` holds a number from a standard normal distribution for every pixel.
     """
     image = depth_image(surface, faces, scanner)
-    normals = unit_vectors(face_vectors(surface, faces[image.face]))
+    normals = units(face_vectors(surface, faces[image.face]))
     hit = np.einsum("hk,hki->hi", image.shares, surface[faces[image.face]])
     left = is_measured(hit, normals, scanner)
     pixel, depth = image.pixel[left], image.depth[left]
@@ -172,7 +167,7 @@ def noisy(depth: Array, angle: Array, noise: Noise | None, errors: Array) -> Arr
 
 def angles(points: Array, normals: Array, scanner: Scanner) -> Array:
     """The angles (M,) rad, of at most a right angle, between rays and normals, (M, 3) m each."""
-    rays = unit_vectors(points - scanner.place)
+    rays = units(points - scanner.place)
     return np.asarray(np.arccos(np.abs(np.einsum("mi,mi->m", rays, normals)).clip(0, 1)))
 
 
@@ -193,14 +188,6 @@ class SimulatedScan:
         seen: (N,) which vertices some scanner saw, at whatever resolution: in its image, with
             nothing before them, not in a hole, not too steep, and not cut off.
         scanners: the scanners, in the order of their numbers.
-
-    >>> from workbench import load_body
-    >>> from workbench.synthetic import Noise, scan, scanners
-    >>> body = load_body("small")
-    >>> simulated = scan(body.vertices(), body.faces, scanners(2), noise=Noise(), seed=0)
-    >>> off = simulated.scan.points - simulated.true_points
-    >>> bool(0.004 < off.std() * 3**0.5 < 0.01)  # m, at a distance of 2 m
-    True
     """
 
     scan: Scan

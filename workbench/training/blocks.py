@@ -24,7 +24,7 @@ from workbench.training.estimate import NAMES, Estimate, Sigmas
 from workbench.training.execution import SERIAL, Execution
 from workbench.training.normal_equations import NormalEquations, steihaug
 from workbench.training.objective import Objective, weight_grams
-from workbench.training.poses import VertexTerm, fitted_poses
+from workbench.training.poses import fitted_poses
 from workbench.training.shares import MOST_WEIGHTS, few_shares, fit_joint_regressor
 from workbench.training.subsampling import ENOUGH, subsample
 
@@ -96,10 +96,9 @@ def fit_poses(context: BlockInput, estimate: Estimate) -> tuple[Estimate, Facts]
         few.estimate(estimate),
         few.registrations(objective.registrations),
         few.faces,
-        VertexTerm(),
         objective.sigmas.data,
         POSE_STEPS,
-        context.execution,
+        execution=context.execution,
     ).poses
     fitted = objective.by_registration(replace(estimate, poses=found))
     better = fitted < objective.by_registration(estimate)
@@ -288,7 +287,7 @@ def alternation(sigmas: Sigmas | None = None, rounds: int = 2, reach: int | None
     return Plan(stages, reach)
 
 
-def without_blend_shapes(sigmas: Sigmas | None = None, rounds: int = 2) -> Plan:
+def without_blend_shapes(rounds: int = 2) -> Plan:
     """The alternation without pose blend shapes: templates, joints, weights and poses alone.
 
     What skinning alone leaves of the data is then the cost, and not compensated by 9 (K - 1) free
@@ -297,7 +296,7 @@ def without_blend_shapes(sigmas: Sigmas | None = None, rounds: int = 2) -> Plan:
     """
     last = ("skinning", "weights", "regressor", "rest", "poses", "regressor", "rest")
     first, each = ("rest", "poses", "weights"), ("regressor", "rest", "poses")
-    return Plan(_alternating(sigmas, first, each, rounds, last))
+    return Plan(_alternating(None, first, each, rounds, last))
 
 
 def _alternating(

@@ -157,11 +157,11 @@ def open_folder(folder: Path, n_vertices: int, faces: Index) -> FolderRegistrati
     finite, a mirrored mesh, another unit than metres.
     """
     found = FolderRegistrations(folder, read_table(folder / TABLE), n_vertices, faces)
-    check_registrations(found, faces, str(folder))
+    check_every_file(found, faces, str(folder))
     return found
 
 
-def check_registrations(found: FolderRegistrations, faces: Index, place: str) -> None:
+def check_every_file(found: FolderRegistrations, faces: Index, place: str) -> None:
     """Read every registration in a place. Raises BadFile that names all that cannot be used."""
     rows = found.rows
     bad, mirrored = list[str](), list[str]()
@@ -319,7 +319,7 @@ def read_meshes(
             "--rest"
         )
     found = FolderRegistrations(Path(), tuple(rows), N, faces)
-    check_registrations(found, faces, place)
+    check_every_file(found, faces, place)
     batch = found.read(slice(0, len(rows)))
     if (batch.confidence < 1).any():
         bad = int((batch.confidence < 1).any(axis=1).argmax())

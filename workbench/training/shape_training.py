@@ -16,7 +16,7 @@ from workbench.geometry.solids import volume
 from workbench.training.execution import SERIAL, Execution, NotLowered
 from workbench.training.first_guess import FIRST_SIGMA, Start
 from workbench.training.pose_training import KKT, PoseModel
-from workbench.training.poses import JOB_SIZE, EdgeTerm, PoseFit, poses_of_segments
+from workbench.training.poses import JOB_SIZE, PoseFit, poses_of_segments
 from workbench.training.registrations import Batch, Registrations, rows_of_jobs
 from workbench.training.shares import JointRegressor, fit_joint_regressor
 from workbench.training.subsampling import subsample
@@ -89,7 +89,7 @@ def unposed_people(
     batch, starts = job
     few = subsample(body.template, body.faces)
     sparse, n = few.body(body), len(few.vertices)
-    fit = PoseFit(sparse, n, EdgeTerm(few.faces), FIRST_SIGMA, STEPS, shape_sigma)
+    fit = PoseFit(sparse, n, FIRST_SIGMA, STEPS, few.faces, shape_sigma)
     poses, people = [], []
     for i, (V, confidence) in enumerate(zip(batch.vertices, batch.trust, strict=True)):
         own, trusted = V[few.vertices], confidence[few.vertices]

@@ -81,7 +81,6 @@ def _posedirs(model: ModelArrays) -> Iterator[FileFinding]:
         )
 
 
-EXCHANGED = 0.03  # by how much two joints together are closer to their skin if they change places
 REORDER = (
     "Sort the joints so that parents come before their children: the columns of kintree_table and "
     "weights, the rows of J_regressor, and the groups of 9 columns of posedirs, all in one order"
@@ -107,7 +106,6 @@ def about_tree(model: ModelArrays) -> Iterator[FileFinding]:
         return
     yield from _order(model, table)
     yield from _of_family(model)
-    yield from _exchanged(model)
 
 
 def _order(model: ModelArrays, table: Index) -> Iterator[FileFinding]:
@@ -141,34 +139,6 @@ def _of_family(model: ModelArrays) -> Iterator[FileFinding]:
             f"{row_name(names, k)} is {row_name(names, parents[k])}, and in {name} it is "
             f"{row_name(names, TREES[name][k])}. The names that are shown are {name}'s and may be "
             "wrong. If the joints are in another order, sort them; otherwise add joint_names.",
-        )
-
-
-def _exchanged(model: ModelArrays) -> Iterator[FileFinding]:
-    """Two joints that would be nearer to where their skins begin if they changed places.
-
-    The skin of a joint begins at the mean of the vertices by the product of its weight and its
-    parent's.
-    """
-    joints, parents, W = model.joints, model.parents, model.weights
-    if joints is None or parents is None or W is None or model.template is None:
-        return
-    shared = W[:, 1:] * W[:, list(parents[1:])]
-    begins = (shared.T @ model.template) / shared.sum(axis=0)[:, None]  # NaN where they never meet
-    away = np.linalg.norm(joints[1:, None] - begins, axis=2) / model.size
-    own = np.diag(away)
-    gains = own[:, None] + own - away - away.T
-    if not np.isfinite(gains).any():
-        return
-    i, j = sorted(1 + int(k) for k in np.unravel_index(int(np.nanargmax(gains)), gains.shape))
-    if gains[i - 1, j - 1] > EXCHANGED:
-        yield FileFinding(
-            "J_regressor",
-            f"{row_name(model.names, i).capitalize()} and {row_name(model.names, j)} would be "
-            "closer to the skin that they move if they changed places. The rows of J_regressor, "
-            "the columns of weights and the tree are in different orders, or the vertices are "
-            "those of another mesh: take all from one file.",
-            model.family in TREES,  # in a tree that nobody knows, it may be meant
         )
 
 
@@ -366,6 +336,7 @@ def hands_in_file(model: ModelArrays) -> list[Hand]:
     if joints is None or len(model.names) != len(joints):
         return []
     at, found = dict(zip(model.names, joints, strict=True)), []
+    in_name = [side for side in ("left", "right") if side in Path(model.where).stem.lower()]
     for letter, side in (("", ""), ("l", "left"), ("r", "right")):
         prefix = f"{side}_" if side else ""
         places = {name: at.get(prefix + name) for name in ("wrist", *FINGERS)}
@@ -373,7 +344,7 @@ def hands_in_file(model: ModelArrays) -> list[Hand]:
         if len(known) == len(places):
             mean = model.extra(f"hands_mean{letter}")
             pose = np.zeros(45) if mean is None or mean.size != 45 else mean.astype(np.float64)
-            said = side or side_in_name(model.where)
+            said = side or (in_name[0] if len(in_name) == 1 else "")
             found.append(Hand(letter, said, _chirality(known, pose.reshape(15, 3))))
     return found
 
@@ -391,12 +362,6 @@ def _chirality(at: Mapping[str, Array], pose: Array) -> float:
     if lengths.min() <= 0 or lengths[2] < 0.01 * lengths[0]:
         return 0.0
     return float(np.linalg.det(ways) / np.prod(lengths))
-
-
-def side_in_name(where: str) -> str:
-    """Left or right, if the name of a file says one of them."""
-    said = [side for side in ("left", "right") if side in Path(where).stem.lower()]
-    return said[0] if len(said) == 1 else ""
 
 
 def about_hands(model: ModelArrays) -> Iterator[FileFinding]:

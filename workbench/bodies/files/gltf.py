@@ -8,12 +8,10 @@ surface alone, as a glTF has no means to move joints with them. Those of betas t
 frames, and the joints with them: a joint at J that such betas take to J + d turns about there,
 so that v goes to R (v - J - d) + J + d = R (v - J) + J + (I - R) d. A node's place gets (I - R) d.
 
-Pose blend shapes are written as a few morph targets. A body adds P f(theta) to its rest surface,
-with F columns in P. Poses theta_1 .. theta_T use only the space of P f(theta_1) .. P f(theta_T),
-and most of it is in a few directions. The best C of them in the sum of squares are the singular
-vectors of that (3 N, T) matrix (Eckart and Young, 1936). With P = Q R they are Q times those of
-the small matrix R f. (Khronos Group, glTF 2.0 Specification, sections 3.6, buffers and accessors,
-and 4.4, the file.)
+Pose blend shapes P f(theta) are written as a few morph targets: the best C directions for the poses
+of the file, in the sum of squares, are singular vectors of the (3 N, T) matrix of P f(theta_t)
+(Eckart and Young, 1936); with P = Q R, they are Q times those of the small matrix R f. (Khronos
+Group, glTF 2.0 Specification, sections 3.6, buffers and accessors, and 4.4, the file.)
 """
 
 import json
@@ -337,11 +335,7 @@ def _animation(
 
 
 def _on_one_side(q: Array) -> Array:
-    """Quaternions (P, K, 4) xyzw, of which neighbours in time lie on one side.
-
-    q and -q are the same rotation, and a viewer may interpolate the long way round between q and
-    what is nearly -q.
-    """
+    """Quaternions (P, K, 4) xyzw, of which neighbours in time lie on one side."""
     same = np.where((q[1:] * q[:-1]).sum(axis=2) < 0, -1.0, 1.0)
     signs = np.concatenate([np.ones((1, q.shape[1])), np.cumprod(same, axis=0)])
     return np.asarray(q * signs[:, :, None])

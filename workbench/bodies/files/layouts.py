@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
 from workbench.bodies.body import Landmarks
@@ -36,7 +35,7 @@ from workbench.bodies.files.reading import (
     Entries,
     sorted_out,
 )
-from workbench.bodies.forward.features import Features, rotation_elements, star_features
+from workbench.bodies.forward.surface import Features, rotation_elements, star_features
 from workbench.bodies.readonly import locked
 from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.triangles.body import TriangleBody
@@ -63,7 +62,6 @@ def body_from(raw: Contents, name: str, where: str) -> SkinnedBody:
     entries = Entries(raw, where)
     _check_keys(entries)
     N, parents = _vertices(entries), parents_from(entries)
-    _refuse_supr(entries, N, len(parents))
     mirror, posedirs = _mirror(entries, N), entries.directions("posedirs", N)
     own = SKINNED if mirror is None else SKINNED | {MIRROR}
     extras, left_out = sorted_out(raw, own)
@@ -85,7 +83,7 @@ def body_from(raw: Contents, name: str, where: str) -> SkinnedBody:
         bound_in=entries.reals("bind_pose") if "bind_pose" in entries else None,
         rest_joints=entries.reals("rest_joints") if "rest_joints" in entries else None,
         capsules=capsules_from(entries),
-        card=_card(entries, _model(posedirs, parents), mirror, left_out),
+        card=_card(entries, _model(posedirs, parents), left_out),
         extras=extras,
     )
 
@@ -116,17 +114,6 @@ def _vertices(entries: Entries) -> int:
     return int(shape[0])
 
 
-def _refuse_supr(entries: Entries, N: int, K: int) -> None:
-    """Raise BadFile for SUPR, whose joints are an affine map of all coordinates."""
-    value = entries.raw.get("J_regressor")
-    if isinstance(value, np.ndarray | csr_array) and value.shape == (3 * K, 3 * N + 1):
-        raise BadFile(
-            f"{entries.where} holds SUPR (Osman et al., 2022), whose joints are an affine map of "
-            "all coordinates of the vertices, and whose pose features include the root; such "
-            "models are not read. Take STAR, SMPL, SMPL-H or SMPL-X"
-        )
-
-
 def parents_from(entries: Entries) -> tuple[int, ...]:
     """Row 0 of kintree_table with -1 at the root, which files mark in many ways."""
     table = entries.wholes("kintree_table")
@@ -146,10 +133,7 @@ def parents_from(entries: Entries) -> tuple[int, ...]:
 
 
 def _features(posedirs: Array, K: int) -> Features:
-    """STAR's, if posedirs (N, 3, F) have as many columns: 93 on 24 joints; otherwise SMPL's.
-
-    9 (K - 1), SMPL's number, is never 4 (K - 1) + 1.
-    """
+    """STAR's, if posedirs (N, 3, F) have as many columns: 93 on 24 joints; otherwise SMPL's."""
     return star_features if posedirs.shape[2] == 4 * (K - 1) + 1 else rotation_elements
 
 
@@ -198,28 +182,18 @@ def _model(posedirs: Array, parents: tuple[int, ...]) -> str:
     return "STAR" if _features(posedirs, K) is star_features else family(K, parents)
 
 
-def _card(
-    entries: Entries, model: str, mirror: Index | None, left_out: list[str]
-) -> dict[str, Any]:
+def _card(entries: Entries, model: str, left_out: list[str]) -> dict[str, Any]:
     """The file's own card, or what can be said of a file without one; and what was left out."""
     if "card" in entries:
         return own_card(entries, left_out)
-    file, notes = Path(entries.where).name, []
+    file = Path(entries.where).name
     guessed = next((g for g in ("female", "male", "neutral") if g in file.lower()), "unknown")
-    if model in ("SMPL-X", "FLAME"):
-        notes.append("betas are the shape's, followed by the expression's (`shape_space`)")
-    if MIRROR in entries and mirror is None:
-        notes.append(
-            f"{MIRROR} do not swap the vertices in pairs: they are kept as they are, but the body "
-            "has no mirror"
-        )
     return {
         "name": file,
         "model": model,
         "gender": entries.name("gender", guessed),
         "source": file,
         "licence": "its owners'; do not pass it on without theirs",
-        **({"provenance": notes} if notes else {}),
         **({"left_out": left_out} if left_out else {}),
     }
 

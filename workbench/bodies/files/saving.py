@@ -14,8 +14,8 @@ from workbench.bodies.body import why_not_skinned
 from workbench.bodies.files.joint_names import family
 from workbench.bodies.files.layouts import STYLE
 from workbench.bodies.files.reading import LONGEST_NAME, SPARSE_PARTS
-from workbench.bodies.forward.features import rotation_elements, star_features
 from workbench.bodies.forward.skinning import linear_blend
+from workbench.bodies.forward.surface import rotation_elements, star_features
 from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadFile
@@ -29,11 +29,9 @@ ROOT = 2**32 - 1  # the parent of the root in SMPL's files: -1, unsigned
 def save_body(body: SkinnedBody | TriangleBody, path: str | Path) -> None:
     """Write a body to `path`, whole or not at all: .npz, or .pkl for the package smplx.
 
-    Both have SMPL's keys, float64 arrays, and the body's name, joint names, mirror, landmarks,
-    bind pose, joints at rest where they are given, capsules, card and `extras`; `load_body`
-    returns the same numbers. A pickle holds numpy arrays only. The features are SMPL's or, in
-    .npz alone, STAR's, which are told by the number of columns of posedirs. A TriangleBody is
-    saved as .npz, with the keys that `layouts.py` lists.
+    Both have SMPL's keys, float64 arrays, and all that a body has beside them; `load_body` returns
+    the same numbers. A pickle holds numpy arrays only. STAR's features, bind poses, given joints
+    and a TriangleBody are saved as .npz alone.
 
     The package smplx opens the .pkl of a body of 24 joints (SMPL), 52 (SMPL-H) and 16 (MANO), and
     the .npz of one of 55 (SMPL-X) that has SMPL-X's landmarks among its extras. It asks for a pose

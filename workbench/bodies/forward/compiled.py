@@ -18,8 +18,9 @@ import ctypes
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property, lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from functools import cache, cached_property
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,7 +53,6 @@ if TYPE_CHECKING:
 LOG = logging.getLogger(__name__)
 MESH, JOINTS = "mesh", "joints"  # the names of libraries
 ROLES = ("pose", "betas", "trans")
-MANY_PLACES = 64  # of arrays whose rows' addresses are remembered
 FLAGS = ("-O3",)  # a quarter less time than with -O2, and the same numbers
 # how many arguments their functions take
 OF_MESH = {"points": 4, "write_jacobian": 9, "vjp": 5}
@@ -65,15 +65,6 @@ SMALL = 1e-3  # rad: so near to zero, rotations are series
 
 
 Scalar = TypeVar("Scalar", bound=np.generic)
-
-
-class TrialArrays(NamedTuple):
-    """The arrays of a surface that is tried, as those of a SkinnedBody."""
-
-    template: Array
-    shapedirs: Array
-    posedirs: Array
-    weights: Array
 
 
 PACKED = 1024  # vertices at a time, so that packing needs little memory beside the result
@@ -161,7 +152,7 @@ class PackedVertices:
 
     @staticmethod
     def of(
-        arrays: SkinnedBody | TrialArrays,
+        arrays: SkinnedBody,
         parents: Sequence[int],
         vertices: slice | list[int],
         lanes: int,
@@ -398,30 +389,18 @@ class CompiledMeshAt(PointsAtMotion):
 
 
 def _addresses(target: RowTarget, copied: list[tuple[Array, Array]]) -> NDArray[np.intp]:
-    """The address that each row is written to, (count,); 0 for a row that is not wanted.
-
-    An array whose rows are not in one piece is written aside, and appended to `copied`.
-    """
+    """The address that each row is written to, (count,); 0 for a row that is not wanted."""
     array = target.array if isinstance(target, Rows) else target
     plain = array
     if array.strides[1] != 8:
         plain = np.zeros(array.shape)
         copied.append((array, plain))
-    places = _places(address(plain), plain.strides[0], len(plain))
+    places = address(plain) + plain.strides[0] * np.arange(len(plain))
     if not isinstance(target, Rows):
         return places
     table = np.zeros(target.count, dtype=np.intp)
     table[target.rows] = places
     return table
-
-
-@lru_cache(MANY_PLACES)
-def _places(begin: int, stride: int, count: int) -> NDArray[np.intp]:
-    """The addresses of rows one after the other; only the library reads them.
-
-    Large Jacobians take turns in a few buffers, so that the same addresses are asked for again.
-    """
-    return begin + stride * np.arange(count)
 
 
 def _mesh_agrees(loaded: ctypes.CDLL, parents: tuple[int, ...], B: int, single: bool) -> bool:
@@ -439,7 +418,9 @@ def _mesh_agrees(loaded: ctypes.CDLL, parents: tuple[int, ...], B: int, single: 
         )
     )
     weights = rng.standard_normal((TRIED, K)) * (rng.random((TRIED, K)) < TRIED_SHARE)
-    arrays = TrialArrays(rng.standard_normal((TRIED, 3)), shapedirs, posedirs, weights)
+    template = rng.standard_normal((TRIED, 3))
+    made = {"template": template, "shapedirs": shapedirs, "posedirs": posedirs, "weights": weights}
+    arrays = cast("SkinnedBody", SimpleNamespace(**made))  # as far as it is read
     kinematics, pose, betas = _random_kinematics(parents, B)
     motion, scale = kinematics.motion(pose, betas), rng.standard_normal(3 * TRIED)
 

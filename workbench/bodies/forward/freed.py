@@ -9,10 +9,8 @@ D_m = Q_parent(m) - Q_m (the identity for the root's parent),
 so that the points are linear in T, S, P, in the joints j and in the weights, each alone. Only the
 derivative by the pose needs more than products of these; it is that of `mesh`.
 
-A vertex moves with its own numbers in the template, the blend shapes and the weights, and with the
-joints at and above which it hangs. Where the regressor finds the joints, it also moves with the
-template and the shape blend shapes of those vertices that these joints are means of. So the
-derivatives by arrays are sparse, in places that are known (`pattern`).
+Derivatives by arrays are sparse: a vertex moves with its own numbers and with the joints at and
+above which it hangs, and through the regressor with the vertices that these are means of.
 """
 
 from __future__ import annotations

@@ -30,7 +30,6 @@ from workbench.bodies.forward.motion import JointMotion, MotionDerivatives, Poin
 from workbench.bodies.forward.named_points import Rows, RowTarget
 
 if TYPE_CHECKING:
-    from workbench.bodies.forward.compiled import TrialArrays
     from workbench.bodies.skinned import SkinnedBody
 
 CHUNK = 512  # vertices: measured, and flat from there on
@@ -87,7 +86,7 @@ class VertexChunk:
         return np.asarray((motion.G.reshape(K, 12).T @ self.weights).reshape(3, 4, n))
 
 
-def chunks_of(arrays: SkinnedBody | TrialArrays, vertices: slice | list[int]) -> list[VertexChunk]:
+def chunks_of(arrays: SkinnedBody, vertices: slice | list[int]) -> list[VertexChunk]:
     """A body's vertices, or some of them, in order.
 
     The directions of all chunks stand in one array, one chunk after the other. NumPy asks the
@@ -95,7 +94,8 @@ def chunks_of(arrays: SkinnedBody | TrialArrays, vertices: slice | list[int]) ->
     """
     chosen = np.arange(len(arrays.template))[vertices]
     pieces = [chosen[first : first + CHUNK] for first in range(0, len(chosen), CHUNK)]
-    corrected = [_corrected(arrays.posedirs[rows]) for rows in pieces]
+    acting = [arrays.posedirs[rows].any(axis=(0, 1)).reshape(-1, 9) for rows in pieces]
+    corrected = [1 + np.flatnonzero(features.any(axis=1)) for features in acting]  # no root
     edge = 1 + arrays.shapedirs.shape[2]
     sizes = [3 * len(r) * (edge + 9 * len(b)) for r, b in zip(pieces, corrected, strict=True)]
     every, ends = np.empty(sum(sizes)), accumulate(sizes)
@@ -110,11 +110,6 @@ def chunks_of(arrays: SkinnedBody | TrialArrays, vertices: slice | list[int]) ->
         weights = np.ascontiguousarray(arrays.weights[rows].T)
         packed.append(VertexChunk(places, directions, edge, weights, joints, used))
     return packed
-
-
-def _corrected(posedirs: Array) -> Index:
-    """The joints whose posedirs (n, 3, 9 (K - 1)) are not all zero; never the root."""
-    return 1 + np.flatnonzero(posedirs.any(axis=(0, 1)).reshape(-1, 9).any(axis=1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -260,10 +255,7 @@ def _by_betas(chunk: VertexChunk, R: Array, by: MotionDerivatives) -> Array:
 
 
 def _write(into: RowTarget, columns: slice, values: Array, factor: Array | None) -> None:
-    """Planar (k, 3, n), which is used up, into columns of k rows, vertex by vertex.
-
-    Times a factor (3, n).
-    """
+    """Planar (k, 3, n), which is used up, into columns of k rows, vertex by vertex."""
     if factor is not None:
         values *= factor
     if isinstance(into, Rows):

@@ -1,7 +1,7 @@
 """Points of a body in numbers: at a pose, betas and a translation, and offsets of landmarks if any.
 
-The kinematics are found once for a pose; from them and the betas, one of four kinds of arithmetic
-finds points before translation: `NumpyMesh` or `CompiledMesh`, `JointPoints`, `LandmarkPoints`.
+The kinematics are found once for a pose; from them and the betas, one of three kinds of arithmetic
+finds points before translation: `NumpyMesh` or `CompiledMesh`, `LandmarkPoints`.
 """
 
 from __future__ import annotations
@@ -18,12 +18,7 @@ from workbench.arrays import Array
 from workbench.blocks.points import PointsOfEach, stacked
 from workbench.bodies.forward import surface
 from workbench.bodies.forward.compiled import CompiledJoints, CompiledMesh, Packing
-from workbench.bodies.forward.few_points import (
-    FewPointsAt,
-    JointPoints,
-    LandmarkPoints,
-    RestPoints,
-)
+from workbench.bodies.forward.few_points import LandmarkPoints, LandmarkPointsAt, RestPoints
 from workbench.bodies.forward.freed import BLOCKS, FreedSurface
 from workbench.bodies.forward.kinematics import Skeleton
 from workbench.bodies.forward.mesh import NumpyMesh, VertexChunk, batch_points, chunks_of
@@ -40,7 +35,7 @@ WORTH_COMPILING = 1000  # vertices: with fewer NumPy needs at most two milliseco
 PART = 100  # vertices, from which on a part of a body with so many is compiled as well
 LARGE_TREE = 16  # joints, from which on kinematics are compiled
 
-Arithmetic: TypeAlias = NumpyMesh | CompiledMesh | JointPoints | LandmarkPoints
+Arithmetic: TypeAlias = NumpyMesh | CompiledMesh | LandmarkPoints
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +141,7 @@ class PosedFrames:
     """
 
     of: PosedPoints
-    arithmetic: JointPoints | LandmarkPoints
+    arithmetic: LandmarkPoints
     names: Mapping[str, str]
     arguments: tuple[Array, ...]
 
@@ -156,7 +151,7 @@ class PosedFrames:
         return np.asarray(self._at_origin.points + self.arguments[2][:, None])
 
     @cached_property
-    def _at_origin(self) -> FewPointsAt:
+    def _at_origin(self) -> LandmarkPointsAt:
         poses, betas, _, *offsets = self.arguments
         return self.arithmetic.at(self.of.kinematics.motion(poses, betas), betas, *offsets)
 
@@ -207,7 +202,8 @@ class BodyNumbers:
     @cached_property
     def joints(self) -> PosedPoints:
         """The posed joints in numbers."""
-        return PosedPoints(self.kinematics, JointPoints(self.skeleton, self.kinematics.ancestors))
+        points = LandmarkPoints.of_joints(self.skeleton, self.kinematics.ancestors)
+        return PosedPoints(self.kinematics, points)
 
     def chunks_of(self, some: slice | list[int]) -> list[VertexChunk]:
         """The arrays of all vertices or some, in chunks of vertices."""

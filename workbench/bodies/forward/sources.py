@@ -80,29 +80,14 @@ class Arguments:
         return own if self.displaced is None else (*own, self.displaced)
 
     def blocks(self) -> tuple[Block, ...]:
-        """The block behind each symbol, the body's own (with unit and labels) where it is one.
-
-        A symbol of another origin has the joints' names if it holds nothing but rotation vectors.
-        """
+        """The block behind each symbol, the body's own (with unit and labels) where it is one."""
         known = {b.symbol.__hash__(): b for b in self.body.known_blocks}
         if self.displaced is not None:
             block, given = self.displaced
             if given.is_symbolic() and given.__hash__() not in known:
                 known[given.__hash__()] = Block.of(given, block.unit, block.labels)
         read = cs.symvar(cs.veccat(*(given for _, given in self._given)))
-        return tuple(known.get(s.__hash__()) or self._piece(s) for s in read)
-
-    def _piece(self, symbol: cs.MX) -> Block:
-        """A block of rotation vectors, or one of which nothing is known."""
-        block, tree = Block.of(symbol), self.tree
-        at = {} if tree is None else {place: k for k, place in enumerate(tree.places)}
-        joints = [at.get((block.name, 3 * row)) for row in range(block.size // 3)]
-        names = [self.body.joint_names[k] for k in joints if k is not None]
-        if not names or 3 * len(names) != block.size:
-            return block
-        if len(block.shape) == 1:
-            names = [f"{name}, {axis}" for name in names for axis in "xyz"]
-        return Block.of(symbol, "rad", tuple(names))
+        return tuple(known.get(s.__hash__()) or Block.of(s) for s in read)
 
     @cached_property
     def tree(self) -> Tree | None:

@@ -100,14 +100,11 @@ def directions_left(d: Diagnosis, scales: Array) -> Array | None:
 
     Equations are those among the constraints, and equal bounds of an unknown.
     """
-    rows = d.active.rows[_equations(d)]
-    return tangent_space(rows * scales) if len(rows) else None
-
-
-def active_inequalities(d: Diagnosis) -> tuple[str, ...]:
-    """The bounds and inequality constraints that are active, such as `x[0] >= 0`."""
-    equations = _equations(d)
-    return tuple(name for name, holds in zip(d.active.names, equations, strict=True) if not holds)
+    problem, active = d.problem, d.active
+    there = problem.stacked_constraints
+    of_constraints = np.zeros(0, dtype=bool) if there is None else there.equal[active.active]
+    equal = np.append(of_constraints, (problem.lower == problem.upper)[active.bounded])
+    return tangent_space(active.rows[equal] * scales) if equal.any() else None
 
 
 def combinations_left(gradients: Array, left: Array) -> Array:
@@ -118,14 +115,6 @@ def combinations_left(gradients: Array, left: Array) -> Array:
     along = left.T @ gradients
     _, s, Vt = np.linalg.svd(along, full_matrices=False)
     return np.asarray(gradients @ Vt[s > NOTHING * np.linalg.norm(gradients)].T)
-
-
-def _equations(d: Diagnosis) -> Array:
-    """Which active rows are equations, (k,)."""
-    problem, active = d.problem, d.active
-    there = problem.stacked_constraints
-    of_constraints = np.zeros(0, dtype=bool) if there is None else there.equal[active.active]
-    return np.concatenate([of_constraints, (problem.lower == problem.upper)[active.bounded]])
 
 
 State = tuple[Uncertainty, ...]  # one for each point

@@ -16,11 +16,9 @@ from workbench.registration.coregistration.coregistering import (
     State,
 )
 from workbench.registration.coregistration.scan_block import Scans, ScansInMemory
-from workbench.registration.coregistration.triangle_steps import learned_bends
 from workbench.registration.coregistration.triangles import (
     TriangleCoregistration,
     TrianglePlan,
-    TriangleState,
     bent_as,
 )
 
@@ -33,7 +31,5 @@ __all__ = [
     "State",
     "TriangleCoregistration",
     "TrianglePlan",
-    "TriangleState",
     "bent_as",
-    "learned_bends",
 ]

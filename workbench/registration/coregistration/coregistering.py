@@ -24,6 +24,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
+from workbench.blocks.checks import above_zero
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadArgument, BadFile
 from workbench.fitting.body_priors import pose_gaussian
@@ -151,9 +152,8 @@ SETTINGS = Sigmas(data=0.003, rings=0.002, posedirs=0.001, weights=0.05)
 
 @dataclass(frozen=True)
 class CoregistrationPlan:
-    """What a coregistration does, and how strongly its terms hold.
-
-    Raises BadArgument for no rounds.
+    """What a coregistration does, and how strongly its terms hold. Raises BadArgument for no
+    rounds.
 
     Attributes:
         rounds: how often registrations and the model are found in turn; at the end the
@@ -173,8 +173,7 @@ class CoregistrationPlan:
     options: BlockOptions = field(default_factory=lambda: BlockOptions(linear_tolerance=1e-3))
 
     def __post_init__(self) -> None:
-        if self.rounds < 1:
-            raise BadArgument(f"a coregistration has one round or more, not {self.rounds}")
+        above_zero("a coregistration", rounds=self.rounds)
 
 
 def coregistration_card(start: str, subject: Index, log: Sequence[LogEntry]) -> dict[str, Any]:
@@ -195,12 +194,8 @@ SHARES = (1.0, 0.5, 0.25, 0.1)  # of the model's step, until the joint cost fall
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """A body fitted to one scan, from which coregistration starts.
-
-    Attributes:
-        pose: (K, 3) rad.
-        betas: (B,).
-        trans: (3,) m.
+    """A body fitted to one scan, from which coregistration starts: pose (K, 3) rad, betas (B,) and
+    trans (3,) m.
     """
 
     pose: Array

@@ -116,12 +116,7 @@ class Scans(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class ScansInMemory:
-    """Scans that are in memory.
-
-    Attributes:
-        scans: J of them.
-        subject: (J,) the number of each scan's subject, counted from 0.
-    """
+    """J scans in memory, and the number (J,) of each scan's subject, counted from 0."""
 
     scans: tuple[Scan, ...]
     subject: Index
@@ -135,11 +130,8 @@ class ScansInMemory:
 class ScanCoupling:
     """How scans act on the vertices, and how strongly the model holds them.
 
-    Attributes:
-        faces: (F, 3) of the template.
-        area: m^2, of the starting body's surface, which points without areas share evenly.
-        coupling: sigma_C in m, of each coordinate of a vertex from the model's.
-        term: that of a scan, E_S.
+    `area` (m^2) is that of the starting body's surface, which points without areas share evenly;
+    `coupling` is sigma_C in m, of each coordinate of a vertex from the model's; `term` is E_S.
     """
 
     faces: Index
@@ -150,16 +142,7 @@ class ScanCoupling:
 
 @dataclass(frozen=True, eq=False)
 class OnScan:
-    """A surface on one scan.
-
-    Attributes:
-        vertices: (N, 3) m.
-        pose: (K, 3) rad.
-        trans: (3,) m.
-        scan_costs: E_S of the vertices.
-        targets: (N, 3) m, where the scan alone would put the vertices.
-        confidence: (N, 3, 3), how surely; see `scan_evidence`.
-    """
+    """What `State` holds of one scan."""
 
     vertices: Array
     pose: Array
@@ -171,14 +154,8 @@ class OnScan:
 
 @dataclass(frozen=True, eq=False)
 class ScanBatch:
-    """Some scans of some subjects, whose arrays alone are in the estimate.
-
-    Attributes:
-        estimate: the subjects' templates and joints, and the poses (c, K, 3) of the scans.
-        rows: (c,) the scans.
-        subject: (c,) their subjects, as numbered in the estimate.
-        vertices: (c, N, 3) m, from where to begin.
-        trans: (c, 3) m.
+    """Some scans, `rows` (c,), of some subjects (c,), whose arrays alone are in the estimate, and
+    the vertices (c, N, 3) m and translations (c, 3) m where they begin.
     """
 
     estimate: Estimate

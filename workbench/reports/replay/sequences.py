@@ -11,8 +11,8 @@ from workbench.fitting.setup import Setup
 from workbench.geometry.surface_tree import SurfaceTree
 from workbench.motions import Motion
 from workbench.registration import Registration
-from workbench.registration.basins import NEAR
 from workbench.registration.coregistration.folder import FACING
+from workbench.registration.doubts import NEAR
 from workbench.reports.replay.observations import landmarks_of_views, spread, view_data
 from workbench.reports.replay.recording import Recording, Series, packed, recording, shown_body
 

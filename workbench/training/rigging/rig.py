@@ -25,7 +25,7 @@ from workbench.threads import limited_threads
 from workbench.training.blocks import BLOCKS, BlockInput, BlockOptions
 from workbench.training.estimate import Estimate, Sigmas, SkinningPass
 from workbench.training.objective import Objective
-from workbench.training.poses import PoseFit, VertexTerm, poses_of_segments
+from workbench.training.poses import PoseFit, poses_of_segments
 from workbench.training.registrations import InMemory
 from workbench.training.rigging.bones import (
     RigidBones,
@@ -70,7 +70,6 @@ DATA = Sigmas(SIGMA, inf, inf, inf, inf, inf, inf)
 EXACT = 1e-11  # m, rms per coordinate: what rounding leaves of meshes a few metres across
 STEPS = BlockOptions(together_tolerance=1e-2, together_steps=4, products=200, enough=EXACT)
 LAST = replace(STEPS, together_tolerance=1e-4, products=2000)
-EMPTY = 1e-8  # a bone whose weights are all below it moves no vertex
 LITTLE = 0.02  # of the rms: a round that lowers it by a smaller share is the last
 
 
@@ -201,14 +200,14 @@ def rig(
         rounding = SINGLE * np.abs(meshes).max()
         if not free and every.rms(estimate) > rounding:
             estimate = every.refined(estimate, "skinning", LAST_ROUNDS, steps)
-        estimate = turned(without_empty(put_back(estimate, shape)), turns)
+        estimate = turned(put_back(estimate, shape), turns)
         every = replace(every, meshes=meshes)
         return _result(every, estimate, merged, untold, steps, dict(card or {}))
 
 
 def pose_rms(body: SkinnedBody, meshes: Array) -> float:
     """The root mean square distance of further meshes (M, N, 3) m from the body posed onto them."""
-    fit = PoseFit(body, body.n_vertices, VertexTerm(), FIT_SIGMA, FIT_STEPS)
+    fit = PoseFit(body, body.n_vertices, FIT_SIGMA, FIT_STEPS)
     trusted = np.ones(body.n_vertices)
     starts = [
         poses_of_segments(body.template, body.weights, body.parents, V, trusted) for V in meshes
@@ -422,22 +421,3 @@ def turned(estimate: Estimate, turns: Array) -> Estimate:
     root = vector_from_matrix(turns @ matrix_from_vector(estimate.poses[:, 0]))
     poses = np.concatenate([root[:, None], estimate.poses[:, 1:]], axis=1)
     return replace(estimate, poses=poses)
-
-
-def without_empty(estimate: Estimate) -> Estimate:
-    """The same motion without bones that move no vertex and carry no other bone."""
-    weights, parents = estimate.weights, estimate.parents
-    carrying = {*parents}
-    empty = [k for k in range(len(parents)) if k not in carrying and weights[:, k].max() < EMPTY]
-    if not empty:
-        return estimate
-    kept = [k for k in range(len(parents)) if k not in empty]
-    left = weights[:, kept]
-    fewer = replace(
-        estimate,
-        joints=estimate.joints[:, kept],
-        weights=left / left.sum(axis=1, keepdims=True),
-        poses=estimate.poses[:, kept],
-        parents=tuple(kept.index(parents[k]) if k else -1 for k in kept),
-    )
-    return without_empty(fewer)  # what carried only those may carry nothing now
