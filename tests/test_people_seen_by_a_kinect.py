@@ -1,8 +1,5 @@
-"""The example on people seen by a Kinect: one who is simulated, and the file if it is there."""
+"""The example on people seen by a Kinect: one who is simulated."""
 
-import os
-import subprocess
-import sys
 from importlib import import_module
 from pathlib import Path
 
@@ -17,7 +14,6 @@ from workbench.synthetic import Clothing, Scanner, SimulatedScan, clothed, scan,
 pytestmark = pytest.mark.thorough
 
 EXAMPLE = import_module("examples.26_people_seen_by_a_kinect")
-SCRIPT = Path(EXAMPLE.__file__)
 FEW_STAGES = (
     FitStage(200, 0.05, 0.10, 16, 15),
     FitStage(600, 0.02, 0.05, 4, 20),
@@ -50,15 +46,6 @@ def rounded(points: Array, camera: Scanner) -> Array:
     return np.asarray(camera.place + (points - camera.place) * (terrace / depth)[:, None])
 
 
-def test_without_the_file_it_says_which_one_it_needs() -> None:
-    done = subprocess.run(
-        [sys.executable, SCRIPT.name], cwd=SCRIPT.parent, capture_output=True, text=True, check=True
-    )
-    for word in ("kinect_people.npz", "person_a", "camera_position", "BSD", "PointCloudLibrary"):
-        assert word in done.stdout
-    assert not done.stderr
-
-
 def test_a_simulated_person_is_found_from_behind(tmp_path: Path) -> None:
     body = load_body("small")
     simulated = from_behind(body, clothing=0.02)
@@ -80,24 +67,3 @@ def test_a_simulated_person_is_found_from_behind(tmp_path: Path) -> None:
     assert f"model {np.median(np.abs(model)):.1f} mm" in said
     EXAMPLE.draw({"person_a": one}, body.faces, tmp_path / "people.png")
     assert (tmp_path / "people.png").stat().st_size > 10_000
-
-
-@pytest.mark.skipif(
-    "WORKBENCH_KINECT" not in os.environ, reason="set WORKBENCH_KINECT to kinect_people.npz"
-)
-def test_real_people_are_found_from_behind(tmp_path: Path) -> None:
-    body = load_body()
-    people = EXAMPLE.main(Path(os.environ["WORKBENCH_KINECT"]), body, tmp_path / "people.png")
-    assert len(people) == 3
-    for one in people.values():
-        assert EXAMPLE.facing_away(one) > 0.8
-        model, free = (
-            np.abs(EXAMPLE.away(one, vertices, body.faces))
-            for vertices in (one.fits["distance"].vertices(), one.registered.vertices)
-        )
-        assert np.median(model) < 7  # mm
-        assert np.median(free) < 5
-        for fit in one.fits.values():
-            low, high = fit.vertices()[:, 1].min(), fit.vertices()[:, 1].max()
-            assert abs(low) < 0.25  # m: feet that were not seen, on a floor that is not told
-            assert 1.6 < high < 1.85

@@ -1,10 +1,9 @@
 """From C source to a loaded library: compiled once, kept on disk, checked before it is trusted.
 
-The environment decides: WORKBENCH_COMPILE=0 switches compiling off, CC names the compiler, and
-WORKBENCH_CACHE (else XDG_CACHE_HOME/workbench, else ~/.cache/workbench) the folder that libraries
-are kept in. They are never needed: whoever asks for a library can compute the same numbers in
-another way. What is loaded runs with all rights of the user, so that a folder or a library which
-belongs to somebody else, or which others can write to, is not used.
+WORKBENCH_COMPILE=0 switches compiling off, CC names the compiler, and WORKBENCH_CACHE (else
+XDG_CACHE_HOME/workbench, else ~/.cache/workbench) the folder of libraries. What is loaded runs with
+all rights of the user, so that a folder or a library which belongs to somebody else, or which
+others can write to, is not used.
 """
 
 import ctypes
@@ -43,17 +42,11 @@ class NoLibrary(WorkbenchError):
 
 @dataclass(frozen=True)
 class Compiler:
-    """A C compiler that works.
+    """A C compiler that works."""
 
-    Attributes:
-        command: its path, and arguments that CC gives after that.
-        native: the flag with which it compiles for this processor.
-        target: the macros that it defines, which name its version and the processor.
-    """
-
-    command: tuple[str, ...]
-    native: str
-    target: str
+    command: tuple[str, ...]  # its path, and arguments that CC gives after that
+    native: str  # the flag with which it compiles for this processor
+    target: str  # the macros that it defines, which name its version and the processor
 
     @property
     def version(self) -> str:

@@ -64,10 +64,11 @@ spread = np.sqrt(np.einsum("c,cjk->jk", space.deviations**2, space.components**2
 alone = np.zeros((MANY, 16, 3))
 alone[:, 1:] = space.mean + spread * draw.standard_normal((MANY, 15, 3))
 together = space.poses(hand, space.deviations * draw.standard_normal((MANY, space.n_components)))
-rule = hand_limits()
+rule = wb.Problem([hand_limits().residual(hand, sigma=1.0)], ["pose"])  # in rad
 beyond = {}
 for name, poses in (("each by itself", alone), ("together", together)):
-    beyond[name] = np.degrees(np.abs(rule.beyond(hand, poses)).max(axis=1))
+    farthest = [np.abs(rule.linearize({"pose": pose}).residual).max() for pose in poses]
+    beyond[name] = np.degrees(farthest)
     many = 100 * np.mean(beyond[name] > 5)
     print(f"drawn {name}: {many:.0f} % of the hands are more than 5 degrees beyond a limit")
 

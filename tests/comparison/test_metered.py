@@ -8,13 +8,12 @@ import casadi as cs
 import numpy as np
 import pytest
 
-from tests.comparison import askers
 from tests.comparison.made_up import in_this_process
 from tests.comparison.problems import LINE, line, slide
 from tests.solvers.problems import body_fit, decay
 from tests.tiers import few
 from workbench import SOLVERS, Block, Constraint, GaussNewton, Problem, Residual, Solution, Values
-from workbench.comparison import Budget, Comparison, compare
+from workbench.comparison import compare
 from workbench.comparison.metered import RunMeter
 from workbench.comparison.record import KINDS, ObservedRun, RunLog
 from workbench.errors import NotSupported
@@ -154,31 +153,6 @@ def line_watched(tmp_path: Path, most: int = 1000) -> tuple[Problem, Callable[[]
 
 def counts(seen: ObservedRun) -> dict[str, int]:
     return {kind: n for kind, n in zip(KINDS, seen.counts, strict=True) if n}
-
-
-@pytest.fixture(scope="module")
-def found() -> Comparison:
-    solvers = {
-        "by batches": askers.Asker(askers.by_batches),
-        "own graph": askers.OwnGraph(),
-        "house": GaussNewton(),
-    }
-    with in_this_process():
-        return compare(LINE, solvers, budget=Budget(max_seconds=20.0))
-
-
-def test_batches_are_counted_and_followed(found: Comparison) -> None:
-    name, instance = "by batches", found.instances[0].name
-    record = found.records[instance, name]
-    assert counts(record.observed).keys() == {"residual", "gradient"}
-    spent = zip(record.observed.spent, record.observed.counts, strict=True)
-    assert all(s > 0 for s, n in spent if n)
-    assert len(record.observed.trace) > 1
-    assert record.lowest == pytest.approx(record.cost, rel=1e-9)  # whole way, to rounding
-    assert found.success(name, 1e-3).value == 1
-    assert np.isfinite(found.effort(name, 1e-3).value)
-    assert not found.uncounted(instance, name)
-    assert found.uncounted(instance, "own graph")
 
 
 @dataclass(frozen=True)

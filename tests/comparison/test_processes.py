@@ -85,38 +85,6 @@ def test_worker_that_does_not_begin_ends_the_comparison(monkeypatch: pytest.Monk
         compare(SLIDE, GOOD, budget=SHORT)
 
 
-@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="asks Linux for children")
-def test_killed_comparison_leaves_no_process() -> None:
-    """A solver that never stops, and whoever waits for it is killed."""
-    command = (
-        "from tests.comparison.problems import *; from workbench.comparison import *;"
-        "compare(LINE, {'forever': Forever()}, budget=Budget(max_seconds=1, grace=0.5))"
-    )
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
-    parent = subprocess.Popen([sys.executable, "-c", command], env=environment)
-    below: set[int] = set()
-    while not below:
-        assert parent.poll() is None
-        time.sleep(0.02)
-        below = descendants(parent.pid)
-    time.sleep(0.5)  # by now the solver is at it, as a rule
-    parent.kill()
-    parent.wait()
-    until = time.monotonic() + 60
-    while any(Path(f"/proc/{pid}").exists() for pid in below):
-        assert time.monotonic() < until
-        time.sleep(0.1)
-
-
-def descendants(pid: int) -> set[int]:
-    """Of a process of this machine, on Linux."""
-    found = set()
-    for children in Path(f"/proc/{pid}/task").glob("*/children"):
-        for child in children.read_text().split():
-            found |= {int(child)} | descendants(int(child))
-    return found
-
-
 TWO = {"lm": LevenbergMarquardt(), "gauss-newton": GaussNewton()}
 
 

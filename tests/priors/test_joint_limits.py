@@ -7,15 +7,13 @@ import numpy as np
 import pytest
 
 import workbench
-from builder.hands.sets import HandPoses
-from builder.joint_limits import anatomical, recorded
+from builder.joint_limits import anatomical
 from builder.joint_limits import hand_limits as built
 from builder.pose_priors import mirrored_pose
-from builder.recordings import PoseRecording
 from workbench import Block, LevenbergMarquardt, Problem, load_body, residuals
 from workbench.bodies import hand_motions, is_hand
 from workbench.bodies.catalogue import load_skinned
-from workbench.errors import BadArgument, BadBody, BadResidual, UnknownName
+from workbench.errors import BadArgument, BadBody, UnknownName
 from workbench.fitting import usual_priors
 from workbench.geometry.mirror import AXIAL, opposites
 from workbench.priors.joint_limits import hand_limits, joint_limits
@@ -80,22 +78,6 @@ def test_limits_are_on_the_side_of_their_motion() -> None:
         limit = joint_limits("anatomical").limits[joint, axis][end]
         away = moved(joint, axis, np.sign(limit) * 0.3, seen)
         assert away @ direction > 0.5 * np.linalg.norm(away) > 0
-
-
-def test_recorded_limits_are_the_extremes() -> None:
-    rng = np.random.default_rng(0)
-    poses = 0.3 * rng.normal(size=(400, 24, 3))
-    poses[:, NAMES.index("left_foot")] = 0
-    content = recorded(PoseRecording(poses, np.arange(400) // 50, tuple("abcdefgh"), NAMES))
-    rows = {(row["joint"], row["axis"]): row for row in content["limits"]}
-    knee = np.degrees(poses[:, NAMES.index("left_knee"), 0])
-    assert rows["left_knee", "x"]["lower"] == pytest.approx(knee.min(), abs=0.06)
-    assert rows["left_knee", "x"]["percentile_99"] == pytest.approx(
-        np.percentile(knee, 99), abs=0.06
-    )
-    assert ("left_foot", "x") not in rows  # does not move
-    assert ("pelvis", "x") not in rows  # is where the body is
-    assert content["clips"] == 8
 
 
 def test_limits_are_bounds_of_a_pose() -> None:
@@ -200,15 +182,6 @@ def test_backward_bends_are_beyond_limits(body: workbench.SkinnedBody) -> None:
     assert term.label(int(beyond.argmin())) == "hand limits[index2, flexion]"
 
 
-def test_training_poses_are_mostly_within_limits() -> None:
-    poses = HandPoses(HAND.joints(), HAND.landmark("tips")).draw(200, np.random.default_rng(5))
-    problem = Problem([LIMITS.residual(HAND, sigma=1.0)], ("pose",))
-    beyond = np.abs([problem.linearize({"pose": pose}).residual for pose in poses])
-    assert beyond.shape == (200, 43)
-    assert np.count_nonzero(beyond) <= 10
-    assert np.degrees(beyond.max()) < 5
-
-
 def test_only_hands_have_hand_limits() -> None:
     assert [term.name for term in usual_priors(HAND)] == [
         "pose prior",
@@ -223,17 +196,3 @@ def test_only_hands_have_hand_limits() -> None:
         LIMITS.residual(person)
     with pytest.raises(BadBody, match="no joints left_wrist"):
         hand_motions(HAND, "left_")
-
-
-def test_limits_of_expressions_name_what_is_beyond() -> None:
-    x = Block("x", (2,))
-    term = residuals.limits(
-        2 * x.symbol, [-1, -np.inf], [1, np.inf], sigma=0.5, unit="rad", labels=("first", "second")
-    )
-    assert (term.size, term.unit, term.labels) == (1, "rad", ("first",))
-    found = Problem([term], ("x",)).linearize({"x": np.array([2.0, 9.0])})
-    np.testing.assert_allclose(found.residual, [(4 - 1) / 0.5])
-    with pytest.raises(BadResidual, match="a column"):
-        residuals.limits(x.symbol.T, -1, 1, sigma=1, labels=("first", "second"))
-    with pytest.raises(BadResidual, match="second has the lower limit 2"):
-        residuals.limits(x.symbol, [0, 2], [1, 1], sigma=1, labels=("first", "second"))

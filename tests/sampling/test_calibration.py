@@ -5,9 +5,7 @@ import pytest
 import scipy.stats
 
 import workbench as wb
-from workbench.experiments import find
 from workbench.problem.costs import compiled
-from workbench.sampling import Usability, sample
 from workbench.sampling.ensembles import SamplerSettings, run
 from workbench.sampling.log_density import LogDensity
 from workbench.sampling.subspace import fixed, subspace_of
@@ -82,13 +80,3 @@ def test_ranks_of_truths_are_uniform() -> None:
     low, high = scipy.stats.binom(REPLICATIONS, 0.9).ppf([UNLIKELY / k / 2, 1 - UNLIKELY / k / 2])
     assert (covered >= low).all(), dict(zip(labels, covered, strict=True))
     assert (covered <= high).all(), dict(zip(labels, covered, strict=True))
-
-
-def test_ensembles_of_the_whole_body_are_not_called_converged() -> None:
-    """85 numbers: more than ensembles can do at any length that people wait for."""
-    setup = find("balance-monocular").setup()
-    at = setup.start | wb.solve(setup.problem, setup.start).values
-    posterior = sample(setup.problem, at, steps=1000, seed=0)
-    assert posterior.size == 85
-    assert posterior.mixing.verdict is not Usability.USABLE
-    assert str(posterior).startswith("NOT CONVERGED")

@@ -25,19 +25,12 @@ GRADIENTS = 200  # at most, that are taken to find a direction along which the c
 
 @dataclass(frozen=True, eq=False)
 class Basin:
-    """A minimum that some ends lead to.
+    """A minimum that some ends lead to."""
 
-    Attributes:
-        x: (n,) its lowest point.
-        cost: the cost there.
-        optimality: `Problem.optimality` there.
-        residual: (m,) the whitened residual there.
-    """
-
-    x: Array
-    cost: float
-    optimality: float
-    residual: Array
+    x: Array  # (n,) its lowest point
+    cost: float  # the cost there
+    optimality: float  # `Problem.optimality` there
+    residual: Array  # (m,) the whitened residual there
 
 
 def polished(problem: Problem, x: Array, fixed: Array) -> Array:
@@ -116,23 +109,15 @@ def is_saddle(problem: Problem, fixed: Array, x: Array) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class EndAnalysis:
-    """The ends of all runs on one problem, from any start. Basins are numbered from 0, the lowest.
+    """The ends of all runs on one problem. Basins are numbered from 0, the lowest."""
 
-    Attributes:
-        where: the basin of each end, in the order in which the ends were given.
-        costs: the cost of each basin.
-        optimality: `Problem.optimality` at the lowest point of each basin.
-        saddles: whether these points are saddles, of the lowest basins.
-        points: (basins, n) the lowest point of each basin.
-        message: why there is no analysis; empty if there is one.
-    """
-
-    where: tuple[int, ...] = ()
-    costs: tuple[float, ...] = ()
-    optimality: tuple[float, ...] = ()
-    saddles: tuple[bool, ...] = ()
+    where: tuple[int, ...] = ()  # the basin of each end, in the order in which the ends were given
+    costs: tuple[float, ...] = ()  # the cost of each basin
+    optimality: tuple[float, ...] = ()  # `Problem.optimality` at the lowest point of each basin
+    saddles: tuple[bool, ...] = ()  # whether these points are saddles, of the lowest basins
+    # (basins, n) the lowest point of each basin
     points: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    message: str = ""
+    message: str = ""  # why there is no analysis; empty if there is one
 
     def at_saddle(self, basin: int) -> bool:
         """Whether the lowest point of a basin is a saddle; False where that is not known."""

@@ -36,26 +36,17 @@ ROWS = 20_000  # improvements that are kept
 
 @dataclass(frozen=True, eq=False)
 class ObservedRun:
-    """What a metered problem observed of one run.
+    """What a metered problem observed of one run."""
 
-    Attributes:
-        counts: the number of evaluations by kind, in the order of KINDS.
-        spent: the seconds spent in the problem by kind, likewise.
-        not_finite: the number of evaluations whose cost was NaN or infinite.
-        seconds: how long the run took.
-        best: (n,) the point of least cost; empty if no cost was finite.
-        trace: (k, kinds + 2) for every improvement the evaluations by kind, the seconds and the
-            cost, which falls.
-        taken: whether a graph was taken to where its evaluations cannot be counted.
-    """
-
-    counts: tuple[int, ...]
-    spent: tuple[float, ...]
-    not_finite: int
-    seconds: float
-    best: Array
+    counts: tuple[int, ...]  # the number of evaluations by kind, in the order of KINDS
+    spent: tuple[float, ...]  # the seconds spent in the problem by kind, likewise
+    not_finite: int  # the number of evaluations whose cost was NaN or infinite
+    seconds: float  # how long the run took
+    best: Array  # (n,) the point of least cost; empty if no cost was finite
+    # (k, kinds + 2) for every improvement the evaluations by kind, the seconds and the cost,
+    # which falls
     trace: Array
-    taken: bool = False
+    taken: bool = False  # whether a graph was taken to where its evaluations cannot be counted
 
     @property
     def evaluations(self) -> Evaluations:
@@ -238,29 +229,17 @@ def array_of(arrays: Mapping[str, Array], name: str, axes: int) -> Array:
 
 @dataclass(frozen=True)
 class Description:
-    """An instance as a worker process found it.
+    """An instance as a worker process found it."""
 
-    Attributes:
-        instance: its name.
-        rows: m, the number of residual rows.
-        unknowns: n, the number of free numbers.
-        bounded: whether there are bounds.
-        start_cost: the cost at the start.
-        known_cost: the cost of the known answer; NaN if none is known.
-        known_source: where the known answer comes from.
-        certified: whether the values of the known answer are known.
-        question: the question that the experiment asks.
-    """
-
-    instance: str
-    rows: int
-    unknowns: int
-    bounded: bool
-    start_cost: float
-    known_cost: float
-    known_source: str
-    certified: bool
-    question: str
+    instance: str  # its name
+    rows: int  # m, the number of residual rows
+    unknowns: int  # n, the number of free numbers
+    bounded: bool  # whether there are bounds
+    start_cost: float  # the cost at the start
+    known_cost: float  # the cost of the known answer; NaN if none is known
+    known_source: str  # where the known answer comes from
+    certified: bool  # whether the values of the known answer are known
+    question: str  # the question that the experiment asks
 
     def stored(self) -> Stored:
         """The description as facts; `of` reads them."""

@@ -102,19 +102,12 @@ EARLY = {
 
 @dataclass(frozen=True)
 class ReferenceCosts:
-    """The two costs by which the runs from one start are measured.
+    """The two costs by which the runs from one start are measured."""
 
-    Attributes:
-        start: f_0, the cost at the start.
-        best: f*, the lowest cost known.
-        origin: where f* comes from.
-        alone: whether f* comes from the only run that ended, and no other cost is known.
-    """
-
-    start: float
-    best: float
-    origin: str
-    alone: bool = False
+    start: float  # f_0, the cost at the start
+    best: float  # f*, the lowest cost known
+    origin: str  # where f* comes from
+    alone: bool = False  # whether f* comes from the only run that ended, and no other cost is known
 
     def target(self, tau: float) -> float:
         """The largest cost that meets the target; NaN where start or best is not finite.

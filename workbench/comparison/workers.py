@@ -28,40 +28,24 @@ STARTING = 120.0  # s, for Python to start and import the workbench
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SolverJob:
-    """What is asked of a worker process: to build an instance, and to describe it.
+    """What is asked of a worker process: to build an instance, and to describe it."""
 
-    Attributes:
-        key: the key under which the answer is stored.
-        open_experiment: gives the experiment with its arguments.
-        instance: the name of the instance.
-        budget: the limits.
-    """
-
-    key: str
-    open_experiment: Callable[[], Experiment]
-    instance: str
-    budget: Budget
+    key: str  # the key under which the answer is stored
+    open_experiment: Callable[[], Experiment]  # gives the experiment with its arguments
+    instance: str  # the name of the instance
+    budget: Budget  # the limits
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Solve(SolverJob):
-    """Run a solver once on an instance.
+    """Run a solver once on an instance."""
 
-    Attributes:
-        solver: the name of the solver.
-        open_solver: gives the solver.
-        source: the file that defines it; empty if none does.
-        own: the solver whose process it needs; empty if the process is shared.
-        repetition: the number of the repetition, which seeds random numbers.
-        log: the path of the file in which the metered problem records the run.
-    """
-
-    solver: str
-    open_solver: Callable[[], Solver]
-    source: str = ""
-    own: str = ""
-    repetition: int = 0
-    log: str = ""
+    solver: str  # the name of the solver
+    open_solver: Callable[[], Solver]  # gives the solver
+    source: str = ""  # the file that defines it; empty if none does
+    own: str = ""  # the solver whose process it needs; empty if the process is shared
+    repetition: int = 0  # the number of the repetition, which seeds random numbers
+    log: str = ""  # the path of the file in which the metered problem records the run
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -73,28 +57,18 @@ class AnalyseEnds(SolverJob):
 
 @dataclass(frozen=True)
 class JobFailed:
-    """The answer of a worker process that could not do its job.
+    """The answer of a worker process that could not do its job."""
 
-    Attributes:
-        message: why it could not.
-        argument: whether the experiment has no such start or seed.
-    """
-
-    message: str
-    argument: bool = False
+    message: str  # why it could not
+    argument: bool = False  # whether the experiment has no such start or seed
 
 
 @dataclass(frozen=True)
 class WorkerLost:
-    """What is known of a worker process that gave no answer.
+    """What is known of a worker process that gave no answer."""
 
-    Attributes:
-        killed: whether it was killed for taking too long; otherwise it died by itself.
-        message: the reason, as a sentence.
-    """
-
-    killed: bool
-    message: str
+    killed: bool  # whether it was killed for taking too long; otherwise it died by itself
+    message: str  # the reason, as a sentence
 
 
 class NotBegun(WorkbenchError):

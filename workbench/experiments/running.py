@@ -79,64 +79,37 @@ def ending_in_words(status: Status, above: bool) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Overlay:
-    """A fitted body as one camera sees it, in pixels of its image.
+    """A fitted body as one camera sees it, in pixels of its image."""
 
-    Attributes:
-        view: the camera and what it observed.
-        landmarks: the names of the M landmarks.
-        projected: (M, 2) where the fitted body has them.
-        surface: (N, 2) the body's vertices.
-        depth: (N,) their distances from the camera's plane in m.
-        vertices: (N, 3) the vertices in space, in m.
-    """
-
-    view: View
-    landmarks: tuple[str, ...]
-    projected: Array
-    surface: Array
-    depth: Array
-    vertices: Array
+    view: View  # the camera and what it observed
+    landmarks: tuple[str, ...]  # the names of the M landmarks
+    projected: Array  # (M, 2) where the fitted body has them
+    surface: Array  # (N, 2) the body's vertices
+    depth: Array  # (N,) their distances from the camera's plane in m
+    vertices: Array  # (N, 3) the vertices in space, in m
 
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """All that a run of an experiment found; figures and reports are made from it.
+    """All that a run of an experiment found; figures and reports are made from it."""
 
-    Attributes:
-        name: the experiment's name.
-        setup: what was solved.
-        solver: the solver's name in `SOLVERS`, or what it calls itself if it has other options.
-        solution: what that solver found.
-        values: the values of every block at the solution, free and fixed.
-        costs: what each residual adds to the cost, by its name.
-        diagnosis: the diagnosis at the solution.
-        data_alone: the diagnosis without the priors, if there are both priors and data.
-        compared: the solutions of all solvers from the same start, by name.
-        skipped: the solvers that an interrupt prevented from running.
-        measures: the numbers of the summary.
-        overlays: the fitted body in each view.
-        surface: (N, 3) m, the posed body, if there is one.
-        source: the user's file that the run is about.
-        doubts: what speaks against the fit, in sentences.
-        measurements: those of the person, if one is fitted.
-    """
-
-    name: str
-    setup: Setup
-    solver: str
-    solution: Solution
-    values: Values
-    costs: Mapping[str, float]
-    diagnosis: Diagnosis
+    name: str  # the experiment's name
+    setup: Setup  # what was solved
+    solver: str  # the solver's name in `SOLVERS`, or what it calls itself if it has other options
+    solution: Solution  # what that solver found
+    values: Values  # the values of every block at the solution, free and fixed
+    costs: Mapping[str, float]  # what each residual adds to the cost, by its name
+    diagnosis: Diagnosis  # the diagnosis at the solution
+    # the diagnosis without the priors, if there are both priors and data
     data_alone: Diagnosis | None
-    compared: Mapping[str, Solution]
-    skipped: tuple[str, ...]
-    measures: tuple[Measure, ...]
-    overlays: tuple[Overlay, ...]
-    surface: Array | None
-    source: str = ""
-    doubts: tuple[str, ...] = ()
-    measurements: tuple[Measurement, ...] = ()
+    compared: Mapping[str, Solution]  # the solutions of all solvers from the same start, by name
+    skipped: tuple[str, ...]  # the solvers that an interrupt prevented from running
+    measures: tuple[Measure, ...]  # the numbers of the summary
+    overlays: tuple[Overlay, ...]  # the fitted body in each view
+    surface: Array | None  # (N, 3) m, the posed body, if there is one
+    source: str = ""  # the user's file that the run is about
+    doubts: tuple[str, ...] = ()  # what speaks against the fit, in sentences
+    measurements: tuple[Measurement, ...] = ()  # those of the person, if one is fitted
 
     @property
     def best_cost(self) -> float:

@@ -26,14 +26,11 @@ class JointLimits:
 
     A limit that is infinite or missing is no limit. Each range is that of a turn about its axis
     alone, from the T-pose; for turns about several axes at once the box is an approximation.
-
-    Attributes:
-        limits: (lower, upper) in rad, by joint and axis.
-        sources: where the limits are from.
     """
 
+    # (lower, upper) in rad, by joint and axis
     limits: Mapping[tuple[str, int], tuple[float, float]]
-    sources: Mapping[str, str]
+    sources: Mapping[str, str]  # where the limits are from
 
     def bounds(self, pose: Block) -> tuple[Array, Array]:
         """Lower and upper (K, 3) rad for a block of rotation vectors labelled by joints.
@@ -93,14 +90,11 @@ class HandLimits:
     The angle of a motion is a . theta + a0, with the rotation vector theta of the joint, the axis a
     of the motion and its angle a0 at rest (`hand_motions`). For turns about one axis alone this is
     exact, as the measured ranges are; for several together it is an approximation.
-
-    Attributes:
-        limits: (lower, upper) in rad, by joint (without a side) and motion.
-        sources: where the limits are from.
     """
 
+    # (lower, upper) in rad, by joint (without a side) and motion
     limits: Mapping[tuple[str, str], tuple[float, float]]
-    sources: Mapping[str, str]
+    sources: Mapping[str, str]  # where the limits are from
 
     def residual(
         self,

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy.linalg
 
 from workbench.arrays import Array, Index
 from workbench.errors import BadFile
@@ -37,23 +36,15 @@ LARGEST_ANGLE = np.radians(150)  # blending two rotations 180 degrees apart has 
 
 @dataclass(frozen=True, eq=False)
 class PoseGaussian:
-    """pose[3:] ~ N(mean, covariance) in rad, the same on both sides; the pelvis is left out.
+    """pose[3:] ~ N(mean, covariance) in rad, the same on both sides; the pelvis is left out."""
 
-    Attributes:
-        mean: (69,) rad.
-        covariance: (69, 69) rad^2.
-        joint_names: the names of the 23 joints.
-        n_frames: the number of recorded poses that it was learned from.
-        unmeasured: the joints that move in no recording, whose standard deviation is a guess.
-        held_out: the names of the clips that it was not learned from.
-    """
-
-    mean: Array
-    covariance: Array
-    joint_names: tuple[str, ...]
-    n_frames: int
+    mean: Array  # (69,) rad
+    covariance: Array  # (69, 69) rad^2
+    joint_names: tuple[str, ...]  # the names of the 23 joints
+    n_frames: int  # the number of recorded poses that it was learned from
+    # the joints that move in no recording, whose standard deviation is a guess
     unmeasured: tuple[str, ...]
-    held_out: tuple[str, ...]
+    held_out: tuple[str, ...]  # the names of the clips that it was not learned from
 
     def draw(self, n: int, rng: np.random.Generator) -> Array:
         """Draw n poses (n, 24, 3) rad, in which the pelvis is not turned."""
@@ -63,23 +54,14 @@ class PoseGaussian:
 
 @dataclass(frozen=True, eq=False)
 class PoseMixture:
-    """pose[3:] ~ sum over c of shares_c N(means_c, covariances_c) in rad, without the pelvis.
+    """pose[3:] ~ sum over c of shares_c N(means_c, covariances_c) in rad, without the pelvis."""
 
-    Attributes:
-        shares: (C,) the weights of the components, which sum to one.
-        means: (C, D) rad.
-        covariances: (C, D, D) rad^2.
-        joint_names: the names of the D / 3 joints.
-        n_frames: the number of recorded poses that it was learned from.
-        held_out: the names of the clips that it was not learned from.
-    """
-
-    shares: Array
-    means: Array
-    covariances: Array
-    joint_names: tuple[str, ...]
-    n_frames: int
-    held_out: tuple[str, ...]
+    shares: Array  # (C,) the weights of the components, which sum to one
+    means: Array  # (C, D) rad
+    covariances: Array  # (C, D, D) rad^2
+    joint_names: tuple[str, ...]  # the names of the D / 3 joints
+    n_frames: int  # the number of recorded poses that it was learned from
+    held_out: tuple[str, ...]  # the names of the clips that it was not learned from
 
     def draw(self, n: int, rng: np.random.Generator) -> Array:
         """Draw n poses (n, K, 3) rad, in which the pelvis is not turned."""
@@ -91,21 +73,13 @@ class PoseMixture:
 
     def log_density(self, flat: Array) -> Array:
         """The log density of each component at poses (n, D), log shares included: (n, C)."""
-        found = np.empty((len(flat), len(self.shares)))
-        for c, (mean, covariance) in enumerate(zip(self.means, self.covariances, strict=True)):
-            squares, log_volume = squared_distances(flat, mean, covariance)
-            scale = log_volume + 0.5 * len(mean) * np.log(2 * np.pi)
-            found[:, c] = np.log(self.shares[c]) - 0.5 * squares - scale
-        return found
+        from scipy.stats import multivariate_normal  # a second to import
 
-
-def squared_distances(flat: Array, mean: Array, covariance: Array) -> tuple[Array, float]:
-    """The squared distances (n,) of points (n, D) from a mean (D,) by a covariance (D, D), and half
-    the logarithm of its determinant (Mahalanobis, On the generalised distance in statistics, 1936).
-    """
-    L = scipy.linalg.cholesky(covariance, lower=True)
-    white = scipy.linalg.solve_triangular(L, (flat - mean).T, lower=True)
-    return np.asarray((white**2).sum(axis=0)), float(np.log(np.diag(L)).sum())
+        components = zip(np.log(self.shares), self.means, self.covariances, strict=True)
+        each = [
+            share + multivariate_normal.logpdf(flat, *moments) for share, *moments in components
+        ]
+        return np.column_stack(each)
 
 
 def numbers_of(some: Sequence[str], names: Sequence[str]) -> Index:

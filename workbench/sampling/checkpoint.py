@@ -28,19 +28,12 @@ TWISTER = 624  # words in the state of NumPy's RandomState
 
 @dataclass(frozen=True, eq=False)
 class SavedEnsemble:
-    """One ensemble as it was after its last stored step.
+    """One ensemble as it was after its last stored step."""
 
-    Attributes:
-        chain: (S, W, k) the draws: steps, walkers, entries.
-        log_prob: (S, W) their log densities.
-        accepted: (W,) how many proposals of each walker were accepted.
-        random_state: the state of NumPy's RandomState.
-    """
-
-    chain: Array
-    log_prob: Array
-    accepted: Array
-    random_state: Sequence[Any]
+    chain: Array  # (S, W, k) the draws: steps, walkers, entries
+    log_prob: Array  # (S, W) their log densities
+    accepted: Array  # (W,) how many proposals of each walker were accepted
+    random_state: Sequence[Any]  # the state of NumPy's RandomState
 
 
 class Checkpoint:

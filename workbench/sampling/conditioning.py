@@ -25,23 +25,14 @@ UNNAMED = 6  # blocks in a sentence
 
 @dataclass(frozen=True, eq=False)
 class Conditioning:
-    """What is held fixed, and Laplace's standard deviations with and without it, (k,) each.
+    """What is held fixed, and Laplace's standard deviations with and without it, (k,) each."""
 
-    Attributes:
-        labels: the entries that are sampled.
-        names: what is held fixed, such as `betas` or `66 of the 72 numbers of pose`.
-        count: how many numbers are held fixed.
-        given: the blocks that are fixed in the problem itself.
-        conditional: (k,) standard deviations with these numbers held fixed.
-        marginal: (k,) standard deviations with all numbers free; infinite where nothing determines
-            them.
-    """
-
-    labels: tuple[str, ...]
-    names: tuple[str, ...]
-    count: int
-    given: tuple[str, ...]
-    conditional: Array
+    labels: tuple[str, ...]  # the entries that are sampled
+    names: tuple[str, ...]  # what is held fixed, such as `betas` or `66 of the 72 numbers of pose`
+    count: int  # how many numbers are held fixed
+    given: tuple[str, ...]  # the blocks that are fixed in the problem itself
+    conditional: Array  # (k,) standard deviations with these numbers held fixed
+    # (k,) standard deviations with all numbers free; infinite where nothing determines them
     marginal: Array
 
     def of_entries(self, at: Index) -> "Conditioning":

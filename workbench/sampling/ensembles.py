@@ -70,21 +70,13 @@ def _moves() -> tuple[Any, Any]:
 
 @dataclass(frozen=True)
 class SamplingProgress:
-    """How far a run is.
+    """How far a run is."""
 
-    Attributes:
-        step: how many steps each walker has taken.
-        steps: how many it takes at most.
-        acceptance: the share of the proposals that were accepted.
-        seconds: the time since the run began.
-        all_free: whether all free numbers are being sampled, by Hamiltonian Monte Carlo.
-    """
-
-    step: int
-    steps: int
-    acceptance: float
-    seconds: float
-    all_free: bool = False
+    step: int  # how many steps each walker has taken
+    steps: int  # how many it takes at most
+    acceptance: float  # the share of the proposals that were accepted
+    seconds: float  # the time since the run began
+    all_free: bool = False  # whether all free numbers are being sampled, by Hamiltonian Monte Carlo
 
 
 Callback = Callable[[SamplingProgress], object] | None  # called after each step
@@ -101,22 +93,14 @@ class SamplerSettings:
 
     Ensembles of walkers end early, after 1/16, 1/8, 1/4 or 1/2 of the steps, if their draws are
     usable by then; chains are judged after 150, 300, 600, ... trajectories.
-
-    Attributes:
-        walkers: how many walkers or chains an ensemble has.
-        ensembles: how many independent ensembles there are.
-        steps: how many steps, or leapfrog steps, each takes at most.
-        thin: every how many steps of a walker one is kept.
-        seed: the seed of all random numbers.
-        whole: whether to take all steps, even if the draws are usable earlier.
     """
 
-    walkers: int
-    ensembles: int
-    steps: int
-    thin: int = 1
-    seed: int = 0
-    whole: bool = False
+    walkers: int  # how many walkers or chains an ensemble has
+    ensembles: int  # how many independent ensembles there are
+    steps: int  # how many steps, or leapfrog steps, each takes at most
+    thin: int = 1  # every how many steps of a walker one is kept
+    seed: int = 0  # the seed of all random numbers
+    whole: bool = False  # whether to take all steps, even if the draws are usable earlier
 
     def generator(self, stream: int) -> np.random.Generator:
         """Random numbers of what follows the ensembles, one stream for each purpose."""
@@ -161,25 +145,15 @@ def without_burn_in(chain: Array, thin: int, acceptance: float, labels: tuple[st
 
 @dataclass(frozen=True, eq=False)
 class EnsembleRun:
-    """What a run has drawn.
+    """What a run has drawn."""
 
-    Attributes:
-        chain: (E, S, W, k) the draws: ensembles, steps, walkers, entries.
-        log_prob: (E, S, W) their log densities.
-        acceptance: the share of the proposals that were accepted.
-        mode_search: the modes that were found before sampling.
-        seconds: how long the run took.
-        interrupted: whether it was stopped early.
-        unsaved: why the last checkpoint could not be written; empty if it was.
-    """
-
-    chain: Array
-    log_prob: Array
-    acceptance: float
-    mode_search: ModeSearch
-    seconds: float
-    interrupted: bool
-    unsaved: str
+    chain: Array  # (E, S, W, k) the draws: ensembles, steps, walkers, entries
+    log_prob: Array  # (E, S, W) their log densities
+    acceptance: float  # the share of the proposals that were accepted
+    mode_search: ModeSearch  # the modes that were found before sampling
+    seconds: float  # how long the run took
+    interrupted: bool  # whether it was stopped early
+    unsaved: str  # why the last checkpoint could not be written; empty if it was
 
 
 def run(
@@ -194,8 +168,8 @@ def run(
 
     A run that was killed and is taken up ends bit for bit as one that was not. An interrupt from
     the keyboard ends the run; what was drawn is kept. A checkpoint that cannot be written is said
-    in the log, and the run goes on. Raises Improper, or BadFile for a checkpoint of
-    another run or in a folder that does not exist.
+    in the log, and the run goes on. Raises Improper, or BadFile for a checkpoint of another run or
+    in a folder that does not exist.
     """
     if checkpoint is not None and not checkpoint.parent.is_dir():
         raise BadFile(f"cannot write {checkpoint}: there is no such folder; choose another")
@@ -305,7 +279,8 @@ class _Ensembles:
                         one.advance()
                 step, seconds = self._count * self._plan.thin, time.perf_counter() - began
                 yield SamplingProgress(step, self._plan.steps, self.acceptance, seconds)
-                if self._count % ASKED == 0 and self._improper(self.chain[:, -1]):
+                last = [one.chain[self._count - 1] for one in self._each]
+                if self._count % ASKED == 0 and self._improper(np.stack(last)):
                     return
             if goal < self._plan.kept and self._enough:
                 return

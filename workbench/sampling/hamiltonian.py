@@ -55,15 +55,7 @@ WORTH = 5.0  # successive points of a chain that tell as much of a covariance as
 
 
 class Chains:
-    """Positions u (N, d) with their log densities (N,) and gradients (N, d).
-
-    Attributes:
-        centre: (d,) where u = 0.
-        half: (d, d) how z = centre + half u moves with u.
-        u: (N, d) where the chains are.
-        log_p: (N,) their log densities.
-        slope: (N, d) the gradients of these.
-    """
+    """Chains at u (N, d), z = centre + half u; their log densities (N,), and gradients (N, d)."""
 
     def __init__(self, target: LogDensity, centre: Array, half: Array, u: Array) -> None:
         self._target, self.centre, self.half, self.u = target, centre, half, u
@@ -154,21 +146,13 @@ class Chains:
 
 @dataclass(frozen=True, eq=False)
 class HamiltonianRun:
-    """What a run has drawn.
+    """What a run has drawn."""
 
-    Attributes:
-        mixing: the draws (E, S, W, k) of what is judged, and what is known of them.
-        log_prob: (E, S, W) their log densities.
-        points: (R, n) every tenth of the points, with all free numbers.
-        seconds: how long the run took.
-        interrupted: whether it was stopped early.
-    """
-
-    mixing: Mixing
-    log_prob: Array
-    points: Array
-    seconds: float
-    interrupted: bool
+    mixing: Mixing  # the draws (E, S, W, k) of what is judged, and what is known of them
+    log_prob: Array  # (E, S, W) their log densities
+    points: Array  # (R, n) every tenth of the points, with all free numbers
+    seconds: float  # how long the run took
+    interrupted: bool  # whether it was stopped early
 
 
 def adapted(step: float, chance: float, wanted: float) -> float:

@@ -28,34 +28,23 @@ SURELY = 0.4  # of all of these limits: no closer look is needed
 
 @dataclass(frozen=True, eq=False)
 class Importance:
-    """k-hat, how many draws out of `tried` the weights leave, and what the weights correct.
+    """k-hat, how many draws out of `tried` the weights leave, and what the weights correct."""
 
-    Attributes:
-        k_hat: the shape of the Pareto distribution fitted to the largest weights.
-        effective: the effective number of draws.
-        tried: the number of draws.
-        outside: the share of the draws that bounds, constraints or domains of residuals forbid.
-        cut_off: the share of what constraints allow that the Gaussian leaves out.
-        errors: (k,) the largest correction of a quantile's level of each entry: 0.02 if the 5 %
-            quantile holds 7 %.
-        widths: (k,) the corrected width of the interval of 90 % of each entry, over its width.
-        labels: the entries.
-        what: the name of the approximation.
-        remedy: what to do if it does not hold.
-        beside: what the entries were compared with; empty if the weights themselves tell.
-    """
-
-    k_hat: float
-    effective: float
-    tried: int
+    k_hat: float  # the shape of the Pareto distribution fitted to the largest weights
+    effective: float  # the effective number of draws
+    tried: int  # the number of draws
+    # the share of the draws that bounds, constraints or domains of residuals forbid
     outside: float = 0.0
-    cut_off: float = 0.0
+    cut_off: float = 0.0  # the share of what constraints allow that the Gaussian leaves out
+    # (k,) the largest correction of a quantile's level of each entry: 0.02 if the 5 % quantile
+    # holds 7 %
     errors: Array = field(default_factory=lambda: np.zeros(1))
+    # (k,) the corrected width of the interval of 90 % of each entry, over its width
     widths: Array = field(default_factory=lambda: np.ones(1))
-    labels: tuple[str, ...] = ("",)
-    what: str = "the Gaussian conditional of the rest"
-    remedy: str = "sample more of it, or fix it"
-    beside: str = ""
+    labels: tuple[str, ...] = ("",)  # the entries
+    what: str = "the Gaussian conditional of the rest"  # the name of the approximation
+    remedy: str = "sample more of it, or fix it"  # what to do if it does not hold
+    beside: str = ""  # what the entries were compared with; empty if the weights themselves tell
 
     def of_entries(self, at: Index) -> "Importance":
         """The same of some entries (m,)."""

@@ -53,25 +53,15 @@ SKEWED = 0.5  # third moment over the cube of the standard deviation
 
 @dataclass(frozen=True, eq=False)
 class TruncatedGaussian:
-    """z = mean + half w, w standard normal where F w + g >= 0; `start` is a w that meets it.
+    """z = mean + half w, w standard normal where F w + g >= 0; `start` is a w that meets it."""
 
-    Attributes:
-        mean: (k,).
-        half: (k, k) a square root of the covariance.
-        F: (c, k) the gradients of the limits.
-        g: (c,) their offsets.
-        start: (k,) a w that meets all limits.
-        cost: the cost at the start.
-        boxed: how many rows of F are bounds; the others are linearized constraints.
-    """
-
-    mean: Array
-    half: Array
-    F: Array
-    g: Array
-    start: Array
-    cost: float
-    boxed: int = 0
+    mean: Array  # (k,)
+    half: Array  # (k, k) a square root of the covariance
+    F: Array  # (c, k) the gradients of the limits
+    g: Array  # (c,) their offsets
+    start: Array  # (k,) a w that meets all limits
+    cost: float  # the cost at the start
+    boxed: int = 0  # how many rows of F are bounds; the others are linearized constraints
 
 
 def truncated_laplace(target: LogDensity, mode: Mode) -> TruncatedGaussian:

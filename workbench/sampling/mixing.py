@@ -77,24 +77,15 @@ class Usability(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Mixing:
-    """What is known of chains (E, S, W, k) after `discarded` steps each; times are in steps.
+    """What is known of chains (E, S, W, k) after `discarded` steps each; times are in steps."""
 
-    Attributes:
-        labels: the entries.
-        draws: (E, S, W, k) ensembles, steps, walkers, entries.
-        acceptance: the share of all proposals that were accepted.
-        discarded: how many steps were discarded as burn-in.
-        thin: how many steps lie between two draws that are kept.
-        exact: whether the draws are independent by construction.
-        proposals: how many there were between two kept draws; 0 if there was one at every step.
-    """
-
-    labels: tuple[str, ...]
-    draws: Array = field(repr=False)
-    acceptance: float
-    discarded: int
-    thin: int = 1
-    exact: bool = False
+    labels: tuple[str, ...]  # the entries
+    draws: Array = field(repr=False)  # (E, S, W, k) ensembles, steps, walkers, entries
+    acceptance: float  # the share of all proposals that were accepted
+    discarded: int  # how many steps were discarded as burn-in
+    thin: int = 1  # how many steps lie between two draws that are kept
+    exact: bool = False  # whether the draws are independent by construction
+    # how many there were between two kept draws; 0 if there was one at every step
     proposals: int = 0
 
     @property

@@ -37,25 +37,14 @@ class NoMinimum(WorkbenchError):
 
 @dataclass(frozen=True, eq=False)
 class Mode:
-    """A minimum of the cost in z, and Laplace's approximation there.
+    """A minimum of the cost in z, and Laplace's approximation there."""
 
-    Attributes:
-        z: (k,) where the cost is least.
-        cost: the cost there.
-        half: (k, k) such that half @ half.T is the covariance.
-        log_mass: the log of its integral, up to a constant that all modes share.
-        share: its share of the mass of all modes.
-        found: how many searches ended here.
-        settled: whether the linear model predicts almost no further decrease of the cost.
-    """
-
-    z: Array
-    cost: float
-    half: Array
-    log_mass: float
-    share: float = 1.0
-    found: int = 1
-    settled: bool = True
+    z: Array  # (k,) where the cost is least
+    cost: float  # the cost there
+    half: Array  # (k, k) such that half @ half.T is the covariance
+    log_mass: float  # the log of its integral, up to a constant that all modes share
+    share: float = 1.0  # its share of the mass of all modes
+    settled: bool = True  # whether the linear model predicts almost no further decrease of the cost
 
     def seen(self, into: Array, z: Array) -> "Mode":
         """The same minimum at z (m,) in other coordinates, of which `into` (m, k) is the Jacobian.
@@ -264,21 +253,13 @@ def _predicted_decrease(r: Array, J: Array, z: Array, low: Array, high: Array) -
 
 @dataclass(frozen=True, eq=False)
 class ModeSearch:
-    """The modes that were found, the largest first, and how widely they were looked for.
+    """The modes that were found, the largest first, and how widely they were looked for."""
 
-    Attributes:
-        modes: the modes.
-        starts: how many searches there were.
-        farthest: the largest distance of a start, in Laplace's standard deviations.
-        boxed: how many entries have two bounds, over which starts were spread as well.
-        components: how many of the searches began at a component of a mixture.
-    """
-
-    modes: tuple[Mode, ...]
-    starts: int
-    farthest: float
-    boxed: int
-    components: int = 0
+    modes: tuple[Mode, ...]  # the modes
+    starts: int  # how many searches there were
+    farthest: float  # the largest distance of a start, in Laplace's standard deviations
+    boxed: int  # how many entries have two bounds, over which starts were spread as well
+    components: int = 0  # how many of the searches began at a component of a mixture
 
     def __str__(self) -> str:
         if not self.starts:
@@ -319,8 +300,7 @@ def modes(target: LogDensity, first: Mode, rng: np.random.Generator) -> ModeSear
             turned = shortest_rotations(target, known.z)
             near = min(known.away(mode.z), mode.away(turned)) < APART
             if near and abs(known.cost - mode.cost) < 0.1:
-                best = min(known, mode, key=lambda m: m.cost)
-                found[j] = replace(best, found=known.found + 1)
+                found[j] = min(known, mode, key=lambda m: m.cost)
                 break
         else:
             found.append(mode)

@@ -131,8 +131,7 @@ def _seen(found: tuple[Mode, ...], space: Subspace, centre: Array, into: Array) 
         one = mode.seen(into, space.centre + into @ (mode.z - centre))
         for i, known in enumerate(kept):
             if max(known.away(one.z), one.away(known.z)) < SAME:
-                share, count = known.share + one.share, known.found + one.found
-                kept[i] = replace(known, share=share, found=count)
+                kept[i] = replace(known, share=known.share + one.share)
                 break
         else:
             kept.append(one)

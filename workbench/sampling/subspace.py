@@ -33,24 +33,15 @@ class Subspace:
 
     z (k,) are named entries. w (c,) is standard normal and stands for what is integrated out; see
     the module.
-
-    Attributes:
-        origin: (n,) the point at z = centre and w = 0.
-        along: (n, k) how the unknowns move with z.
-        centre: (k,) z at the origin.
-        rest: (n, c) how the unknowns move with w.
-        labels: a name for each entry of z.
-        units: the unit of each entry of z.
-        entries: the places of z among the unknowns.
     """
 
-    origin: Array
-    along: Array
-    centre: Array
-    rest: Array
-    labels: tuple[str, ...]
-    units: tuple[str, ...]
-    entries: Index
+    origin: Array  # (n,) the point at z = centre and w = 0
+    along: Array  # (n, k) how the unknowns move with z
+    centre: Array  # (k,) z at the origin
+    rest: Array  # (n, c) how the unknowns move with w
+    labels: tuple[str, ...]  # a name for each entry of z
+    units: tuple[str, ...]  # the unit of each entry of z
+    entries: Index  # the places of z among the unknowns
 
     @property
     def size(self) -> int:
