@@ -218,19 +218,12 @@ class BandedMatrix:
 
 @dataclass(frozen=True, eq=False)
 class BandedFactor:
-    """The factors of a banded matrix: D = L L', Y = L^-1 B, and that of C - Y'Y.
-
-    Attributes:
-        order: which unknowns make the band and which the border.
-        L: Cholesky's factor of the band, stored as the band is.
-        answer: Y (N, b).
-        corner: Cholesky's factor of the Schur complement, lower, (b, b).
-    """
+    """The factors of a banded matrix: D = L L', Y = L^-1 B, and that of C - Y'Y."""
 
     order: BandOrder
-    L: Array
-    answer: Array
-    corner: Array
+    L: Array  # Cholesky's factor of the band, stored as the band is
+    answer: Array  # Y (N, b)
+    corner: Array  # Cholesky's factor of the Schur complement, lower, (b, b)
 
     def solve(self, right: Array) -> Array:
         """The solution (n,) or (n, k) of the linear system with this right-hand side."""
@@ -323,11 +316,6 @@ class BlockMatrix:
             part = (r[at.rows][:, None, :] @ block)[:, 0, :]
             np.add.at(found, at.columns, part)
         return found
-
-    @property
-    def entries(self) -> Array:
-        """All stored numbers, flat."""
-        return np.concatenate([self.rest.data, *(block.ravel() for block in self.blocks)])
 
     def column_squares(self) -> Array:
         """The sum of the squares of every column, (n,)."""

@@ -1,12 +1,10 @@
 """Many similar problems as one: the frames of a video or a motion, the scans of one person.
 
-A sequence is a `Problem`. Its residuals are those of the frames, stacked; each records which
-residual of which frame its rows come from, and its graph is CasADi's map of one frame, as small for
-a thousand frames as for one. Names, bounds, diagnosis and sampling therefore need no further code.
-Numbers come from `FrameChain`, which evaluates frames of the same residuals together. The Jacobian
-is a `BlockMatrix` with dense blocks for frames, its normal equations a `BandedMatrix` with the
-shared unknowns as a border; where a band would be mostly zeros (free meshes, or a residual from the
-last frame to the first), they are ordinary sparse matrices.
+A sequence is a `Problem` whose residuals are those of the frames, stacked; its graph is CasADi's
+map of one frame. Numbers come from `FrameChain`. The Jacobian is a `BlockMatrix` with dense blocks
+for frames, its normal equations a `BandedMatrix` with the shared unknowns as a border; where a band
+would be mostly zeros (free meshes, or a residual from the last frame to the first), they are
+ordinary sparse matrices.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -47,10 +45,8 @@ def sequence(
     differ in their residuals. The name and the shape of a block, and whether it is free, must be
     the same in all frames that read it.
 
-    The result is a Problem like others. A large Jacobian is never formed as an array: frames meet
-    only in shared blocks and in the residuals `between` them, so that the normal equations are a
-    band with a border (`BlockMatrix`), and time and memory are proportional to the number of
-    frames.
+    Frames meet only in shared blocks and in the residuals `between` them, so that time and memory
+    are proportional to the number of frames.
 
     Raises BadArgument for no frames and for those that do not go together, UnknownName for a shared
     block that no frame reads, and what Problem raises.

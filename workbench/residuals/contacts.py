@@ -2,14 +2,8 @@
 
 Each point of a scan is compared with the closest place on a surface whose vertices move with the
 unknowns. Which place that is changes with them, so that no graph can express it. With the contact
-held, what is compared is an affine function of the vertices,
-
-    q(V) = q_0 + W (V - V_0),
-
-and its derivative W is, for a distance, the derivative of the true distance too.
-
-`Problem.frozen(values)` puts such affine functions in the place of all searches. They have a graph,
-and the diagnosis works with that problem.
+held, what is compared is an affine function of the vertices, q(V) = q_0 + W (V - V_0), which has a
+graph (`Problem.frozen`). For a distance, W is the derivative of the true distance too.
 """
 
 from collections.abc import Callable, Mapping
@@ -199,17 +193,11 @@ TOUCHING = 1e-9  # m: the direction of a shorter offset is one of rounding error
 
 @dataclass(frozen=True, eq=False)
 class Offsets:
-    """The offsets of M points from the places on a surface with which they are in contact.
+    """The offsets of M points from the places on a surface with which they are in contact."""
 
-    Attributes:
-        vectors: (M, 3) m, o = p - s.
-        normals: (M, 3) the unit normals of the surface at these places.
-        distances: (M,) m, |o|, below zero behind the surface.
-    """
-
-    vectors: Array
-    normals: Array
-    distances: Array
+    vectors: Array  # (M, 3) m, o = p - s
+    normals: Array  # (M, 3) the unit normals of the surface at these places
+    distances: Array  # (M,) m, |o|, below zero behind the surface
 
     @property
     def directions(self) -> Array:
