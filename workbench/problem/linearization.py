@@ -377,7 +377,7 @@ class Linearization:
         """The p (n,) that minimises |J p + r|^2 + damping |D p|^2, D = diag(scaling).
 
         Without damping, this is the Gauss-Newton step; where J has no full rank, the shortest one.
-        The scaling must be above zero. `steps.automatic` says how it is computed.
+        The scaling must be above zero. `steps.automatic` computes it.
         """
         D = np.array(np.broadcast_to(scaling, self.shape[1:]), dtype=float)
         return automatic(self, damping, D).p

@@ -10,6 +10,7 @@ ordinary sparse matrices.
 from collections.abc import Callable, Iterable, Sequence
 from typing import TypeVar
 
+import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -143,16 +144,11 @@ def _gathered(
         elif not same:  # every different one once
             distinct = {id(part): t for t, part in reversed(parts.items())}
             gathered.append(stack({t: parts[t] for t in sorted(distinct.values())}))
-        elif all(_same(problems[t].known[name], once[name]) for name in first.reads):
+        elif all(cs.is_equal(problems[t].known[n].symbol, once[n].symbol) for n in first.reads):
             gathered.append(first)
         else:  # the frame has its own symbols for shared blocks
             gathered.append(stack({t: first}))
     return gathered
-
-
-def _same(one: Block, other: Block) -> bool:
-    """Whether two blocks have the same symbol."""
-    return bool(one.symbol.__hash__() == other.symbol.__hash__())
 
 
 def _limited(

@@ -22,17 +22,11 @@ from workbench.errors import BadResidual
 
 @dataclass(frozen=True, eq=False)
 class ContactNumbers:
-    """What contacts say where a surface is now, and how it changes with the surface's vertices.
+    """What contacts say where a surface is now, and how it changes with the surface's vertices."""
 
-    Attributes:
-        numbers: (M, d) m, such as one signed distance of each of M points.
-        found: (M,) which points have a contact; the numbers of the others are constant.
-        derivative: makes `jacobian`, which many a point of a solver is left without.
-    """
-
-    numbers: Array
-    found: Mask
-    derivative: Callable[[], csr_array]
+    numbers: Array  # (M, d) m, such as one signed distance of each of M points
+    found: Mask  # (M,) which points have a contact; the numbers of the others are constant
+    derivative: Callable[[], csr_array]  # makes `jacobian`, which many a point is left without
 
     @cached_property
     def jacobian(self) -> csr_array:
@@ -47,19 +41,12 @@ Search = Callable[[Array], ContactNumbers]  # from the vertices (N, 3) m of a su
 
 @dataclass(frozen=True, eq=False)
 class MovingContacts(NumericPoints):
-    """A source of d numbers for each of M points in contact with a surface; see PointSource.
+    """A source of d numbers for each of M points in contact with a surface; see PointSource."""
 
-    Attributes:
-        surface: the source of the surface's N vertices.
-        arithmetic: the vertices by arithmetic.
-        count: M, the number of points.
-        search: finds the contacts with vertices at given places.
-    """
-
-    surface: PointSource
-    arithmetic: NumericPoints
-    count: int
-    search: Search
+    surface: PointSource  # of the surface's N vertices
+    arithmetic: NumericPoints  # the vertices by arithmetic
+    count: int  # M, the number of points
+    search: Search  # finds the contacts with vertices at given places
     labels = None
 
     @property
@@ -223,15 +210,7 @@ class Form:
     of: Callable[[Offsets], tuple[Array, Array]]
 
 
-def _distance(o: Offsets) -> tuple[Array, Array]:
-    return o.distances[:, None], o.directions[:, None]
-
-
-def _plane(o: Offsets) -> tuple[Array, Array]:
-    return np.einsum("mc,mc->m", o.normals, o.vectors)[:, None], o.normals[:, None]
-
-
-distance = Form("distance", 1, _distance)
+distance = Form("distance", 1, lambda o: (o.distances[:, None], o.directions[:, None]))
 """u . (p - s), the signed distance of the point from the surface: one number.
 
 The direction u = (p - s) / |p - s| is held with the contact. Where the surface moves by ds, the
@@ -247,7 +226,9 @@ Its length is the distance and its cost the same, but with the contact held a po
 from sliding along the surface. Gauss-Newton takes shorter steps, and more of them.
 """
 
-plane = Form("plane", 1, _plane)
+plane = Form(
+    "plane", 1, lambda o: ((o.normals * o.vectors).sum(axis=1)[:, None], o.normals[:, None])
+)
 """n . (p - s), the distance from the tangent plane (Chen and Medioni, Object modelling by
 registration of multiple range images, 1992): one number.
 
