@@ -209,7 +209,7 @@ def responses_of_a_system() -> tuple[Problem, Values]:
 
 
 FURTHER_ZOO = (
-    Specimen(five_cameras_in_two_blocks, SIMILARITY, 7, 2, "points"),
+    Specimen(five_cameras_in_two_blocks, SIMILARITY, 7, 3, "points"),
     Specimen(four_cameras_in_quaternions, SIMILARITY, 7, 3, "points"),
     Specimen(rig_in_a_frame_of_its_own, {"translation": 6, "rotation": 6, "scale": 1}, 13, 3),
     Specimen(
