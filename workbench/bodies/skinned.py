@@ -21,6 +21,7 @@ from workbench.bodies.body import (
     check_prefix,
     landmark_set,
     no_offsets,
+    of_joints,
 )
 from workbench.bodies.capsules import Capsules
 from workbench.bodies.forward.mesh import batch_points
@@ -144,7 +145,7 @@ class SkinnedBody(Body):
 
         See `landmark_points`. Raises UnknownName, and NotSupported for joints.
         """
-        if name == "joints":
+        if of_joints(name):
             raise no_offsets("of joints")
         names = landmark_set(self.landmarks, name).names
         check_prefix(prefix)
@@ -158,7 +159,7 @@ class SkinnedBody(Body):
 
         Raises UnknownName.
         """
-        return self.numeric.skeleton.mean if name == "joints" else super().array(name)
+        return self.numeric.skeleton.mean if of_joints(name) else super().array(name)
 
     def _replaced(self, **parts: Any) -> "SkinnedBody":
         if "joints" in parts:
@@ -211,7 +212,7 @@ class SkinnedBody(Body):
         return joints.reshape(*batch, self.n_joints, 3)
 
     def _displaced(self, name: str, given: tuple[Given, Given, Given], offsets: ArrayLike) -> Array:
-        if name == "joints":
+        if of_joints(name):
             raise no_offsets("of joints")
         landmarks = landmark_set(self.landmarks, name)
         moved, count = reals("offsets", offsets), len(landmarks.names)
