@@ -200,9 +200,7 @@ class SkinnedBody(Body):
         if self.is_smpl:
             surfaces = batch_points(numeric.chunks, numeric.kinematics.motion(theta, beta), beta)
         else:
-            each = zip(theta, beta, strict=True)
-            alone = [np.asarray(numeric.skinned_rest(t.T, b)).T for t, b in each]
-            surfaces = np.array(alone).reshape(len(theta), self.n_vertices, 3)
+            surfaces = _each(numeric.skinned_rest, self.n_vertices, theta, beta)
         return (surfaces + move[:, None]).reshape(*batch, self.n_vertices, 3)
 
     def joints(self, pose: Given = None, betas: Given = None, trans: Given = None) -> Array:
@@ -225,12 +223,8 @@ class SkinnedBody(Body):
         if self.is_smpl:
             points = self.numeric.landmarks(landmarks).evaluate_batch(theta, beta, move, moved)
         else:
-            posed, each = (
-                self.numeric.displaced_rest(landmarks),
-                zip(theta, beta, moved, strict=True),
-            )
-            alone = [np.asarray(posed(t.T, b, o.T)).T for t, b, o in each]
-            points = np.array(alone).reshape(len(theta), count, 3) + move[:, None]
+            posed = self.numeric.displaced_rest(landmarks)
+            points = _each(posed, count, theta, beta, moved) + move[:, None]
         return points.reshape(*batch, count, 3)
 
     @cached_property
@@ -247,3 +241,9 @@ class SkinnedBody(Body):
     def kinematics(self) -> Kinematics:
         """The joints' motions and their derivatives in numbers."""
         return self.numeric.kinematics
+
+
+def _each(graph: cs.Function, count: int, *arguments: Array) -> Array:
+    """The points (M, count, 3) of a graph at each of M arguments."""
+    found = [np.asarray(graph(*(a.T for a in one))).T for one in zip(*arguments, strict=True)]
+    return np.array(found).reshape(len(arguments[0]), count, 3)
