@@ -208,7 +208,7 @@ def check_contents(raw: Contents, where: str, size: int = 0) -> FileCheck:
         model = model_arrays(raw, where)
         findings += model.findings
         with np.errstate(all="ignore"):  # what is made of absurd numbers passes no comparison
-            findings += [finding for check in CHECKS for finding in check(model)]
+            findings += [finding for check in about.CHECKS for finding in check(model)]
             facts = facts_of(model, size)
     if refused and not any(finding.warning for finding in findings):
         findings.append(FileFinding("file", f"The file is refused by load_body: {refused}."))

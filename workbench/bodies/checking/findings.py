@@ -303,7 +303,7 @@ DECIDED = 0.1  # of the largest chirality, 1: below it a hand may be either
 
 @dataclass(frozen=True)
 class Hand:
-    """A hand by the `letter` at the end of its keys, its `side` as the file says, and its chirality.
+    """A hand: the `letter` at the end of its keys, its `side` as the file says, its chirality.
 
     That is above 0 for a left hand and below 0 for a right one, if the mean pose closes the
     fingers: the volume that is spanned by the direction of the fingers, that from the little
@@ -390,3 +390,6 @@ def _unmirrored_shapes(model: ModelArrays) -> Iterator[FileFinding]:
             "left hand. Change its sign, shapedirs[:, 0, :] *= -1; betas that were fitted before "
             "belong to the file as it was.",
         )
+
+
+CHECKS = (about_numbers, about_tree, about_places, about_spaces, about_hands)
