@@ -132,13 +132,6 @@ def keys_of(raw: Contents) -> tuple[tuple[str, str, str], ...]:
     return tuple((cut(key, 60), kind_of(raw[key]), fates[key]) for key in order)
 
 
-CHECKS = (
-    about.about_numbers,
-    about.about_tree,
-    about.about_places,
-    about.about_spaces,
-    about.about_hands,
-)
 LEAST = 3  # arrays of SMPL's that a file must have to count as a body's
 
 
