@@ -171,9 +171,7 @@ def mirrored(body: SkinnedBody, name: str) -> SkinnedBody:
     Vertices and joints keep their numbers, and faces look outwards again. Where its pose is
     theta * (1, -1, -1) and trans is reflected, its vertices are those of the body reflected, for
     all betas. Names change sides (left_index1 becomes right_index1), and so do the pose spaces of
-    the hands of a whole body. What is a position or a direction in space (template, shapedirs,
-    posedirs) turns its x; a file of a left MANO whose shapedirs were not turned puts vertices
-    centimetres away.
+    the hands of a whole body.
 
     Raises NotSupported for a body that does not have SMPL's pose features, is bound in a pose, or
     has free arrays or capsules.
