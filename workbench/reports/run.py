@@ -227,9 +227,7 @@ MOST_STARTS = 12  # that are listed by number
 def measures_table(measures: tuple[Measure, ...]) -> Table:
     """The measures with their units, and what each is a mean over."""
     rows = tuple((m.name, number(m.value), unit_text(m.unit), m.over) for m in measures)
-    if any(m.over for m in measures):
-        return Table(("measure", "value", "unit", "mean over"), rows)
-    return Table(("measure", "value", "unit"), tuple(row[:3] for row in rows))
+    return Table(("measure", "value", "unit", "mean over"), rows)
 
 
 def measurements_table(measurements: Sequence[Measurement]) -> Table:
