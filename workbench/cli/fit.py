@@ -160,10 +160,7 @@ def fit(
     contact: Annotated[
         bool, typer.Option("--contact", help="In one image, keep limbs out of each other.")
     ] = False,
-    hypotheses: Annotated[
-        int,
-        typer.Option(help="Number of starts for one image."),
-    ] = 1,
+    hypotheses: Annotated[int, typer.Option(help="Number of starts for one image.")] = 1,
     mean: Annotated[
         bool,
         typer.Option(
@@ -179,10 +176,7 @@ def fit(
             callback=above_zero, help=f"Frames a second of a clip or markers, else {FPS:g}."
         ),
     ] = None,
-    tissue: Annotated[
-        bool,
-        typer.Option("--tissue", help="Fit soft tissue to a mesh."),
-    ] = False,
+    tissue: Annotated[bool, typer.Option("--tissue", help="Fit soft tissue to a mesh.")] = False,
     marker_set: Annotated[
         Path | None, typer.Option(help='Markers on the body: JSON {"LFHD": vertex}.')
     ] = None,
