@@ -37,7 +37,7 @@ def above_zero(option: typer.CallbackParam, value: float | None) -> float | None
     return value
 
 
-def numbers_of(option: str, text: str) -> list[float]:
+def comma_separated(option: str, text: str) -> list[float]:
     """The finite numbers in a text with commas between them. Raises BadArgument."""
     try:
         numbers = [float(part) for part in text.split(",")]

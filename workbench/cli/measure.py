@@ -9,7 +9,7 @@ from rich.console import Console
 from workbench.bodies.body import why_not_skinned
 from workbench.bodies.catalogue import BODIES, load_body
 from workbench.bodies.skinned import SkinnedBody
-from workbench.cli.console import numbers_of, rich_table
+from workbench.cli.console import comma_separated, rich_table
 from workbench.cli.options import Fit, Frame
 from workbench.environment import expanded
 from workbench.errors import BadArgument
@@ -41,7 +41,7 @@ def measure(
             raise BadArgument("give --betas or --from, not both")
         shape = pose_and_betas(expanded(place), body, frame)[1]
     elif betas is not None:
-        numbers = numbers_of("--betas", betas)
+        numbers = comma_separated("--betas", betas)
         if len(numbers) > body.n_betas:
             raise BadArgument(f"body {name} has {body.n_betas} betas, not {len(numbers)}")
         shape[: len(numbers)] = numbers

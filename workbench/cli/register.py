@@ -19,9 +19,9 @@ from workbench.cli.console import (
     Bars,
     Up,
     at_least_one,
+    comma_separated,
     files_inside,
     folder_to_write,
-    numbers_of,
     print_page,
     rich_table,
     say,
@@ -132,7 +132,7 @@ def register(
         raise BadArgument(f"--boundary takes a width of 0 m or more, not {boundary:g}")
     skeleton = None if skeleton is None else expanded(skeleton)
     reading = Reading(
-        unit, up, array, None if camera is None else place_of(camera), points, skeleton
+        unit, up, array, None if camera is None else camera_place(camera), points, skeleton
     )
     scans = [expanded(path) for path in scans]
     template, jobs = load_body(body), jobs_of(_files(console, scans), array)
@@ -169,9 +169,9 @@ def register(
         )
 
 
-def place_of(text: str) -> tuple[float, float, float]:
+def camera_place(text: str) -> tuple[float, float, float]:
     """The place of `--camera`. Raises BadArgument."""
-    numbers = numbers_of("--camera", text)
+    numbers = comma_separated("--camera", text)
     if len(numbers) != 3:
         raise BadArgument(f"--camera takes x,y,z such as 0,0,0; not {text!r}")
     return numbers[0], numbers[1], numbers[2]

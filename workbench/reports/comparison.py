@@ -122,7 +122,7 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
         advice=advice(comparison),
         main=tau_text(MAIN),
         verdicts=drawn(figures.verdicts_sheet, figures.caption_verdicts, comparison),
-        meanings={words_of(v): v.value for v in TargetOutcome},
+        meanings={outcome_words(v): v.value for v in TargetOutcome},
         success=success_table(comparison),
         effort=effort_table(comparison),
         prices=Table(
@@ -298,8 +298,8 @@ def _verdicts(comparison: Comparison, chosen: tuple[Instance, ...], solver: str)
     found = [comparison.outcomes[i.name, solver] for i in chosen]
     names = dict.fromkeys(found)
     if len(chosen) == 1:
-        return words_of(found[0])
-    return ", ".join(f"{found.count(v)} {words_of(v)}" for v in names)
+        return outcome_words(found[0])
+    return ", ".join(f"{found.count(v)} {outcome_words(v)}" for v in names)
 
 
 def _asked(comparison: Comparison) -> tuple[str, ...]:
@@ -340,6 +340,6 @@ def end_analyses(comparison: Comparison, problem: str) -> list[tuple[tuple[str, 
     return [(group, analysis) for group, analysis in found if group[0] in names]
 
 
-def words_of(outcome: TargetOutcome) -> str:
+def outcome_words(outcome: TargetOutcome) -> str:
     """The name of an outcome in words."""
     return outcome.name.lower().replace("_", " ")
