@@ -35,7 +35,6 @@ from workbench.registration.recipe import (
     HAND_RECIPE,
     PERSON_RECIPE,
     Recipe,
-    model_alone,
     usual_recipe,
     with_skeleton,
 )
@@ -98,7 +97,6 @@ __all__ = [
     "fit_model",
     "hand_starts",
     "jobs_of",
-    "model_alone",
     "point_to_plane",
     "point_to_point",
     "random_surface_points",

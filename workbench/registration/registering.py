@@ -200,7 +200,7 @@ def register(
             stages.append(StageOutcome(name, unknowns, iterations, cost, median, share, seconds))
 
         ended("model", fit.problem.free.size, fit.iterations, fit.cost)
-        for stage in recipe.vertex_stages(body):
+        for stage in recipe.stages_of_vertices(body):
             assert isinstance(body, SkinnedBody)  # of which alone there are stages
             done = FreeVertices(body, used).register({**values, "vertices": vertices}, (stage,))
             interrupts.check()
