@@ -42,7 +42,6 @@ from workbench.registration import (
     Recipe,
     ScanJob,
     jobs_of,
-    model_alone,
     registered,
     usual_recipe,
 )
@@ -138,7 +137,7 @@ def register(
     template, jobs = load_body(body), jobs_of(_files(console, scans), array)
     recipe = replace(usual_recipe(template), boundary=boundary)
     if model:
-        recipe = replace(recipe, vertex_stages=model_alone)
+        recipe = replace(recipe, vertex_stages=())
     if len(jobs) == 1 and not scans[0].is_dir():
         for_several = ("--subjects", "--workers", "--dask")
         warn_unused(console, ctx, for_several, "it is for several scans, and there is one")
