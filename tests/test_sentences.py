@@ -208,7 +208,7 @@ def test_points_must_be_listed() -> None:
 def test_landmark_sets_are_checked() -> None:
     one = wb.Landmarks(("a",), np.eye(1, BODY.n_vertices))
     for body in (BODY, scape(BODY)):
-        with pytest.raises(BadBody, match="called 'joints' could not be reached"):
+        with pytest.raises(BadBody, match="cannot be called 'joints'"):
             replace(body, landmarks={"joints": one})
         with pytest.raises(BadBody, match=r"landmarks must be a dict from names, not .*Landmarks"):
             replace(body, landmarks=one)

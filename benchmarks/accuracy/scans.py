@@ -106,7 +106,7 @@ def judged(body: SkinnedBody, poses: Array, seed: int, views: int, known: bool) 
         fit = fit_model(body, simulated.scan, seed=seed)
     took = time.process_time() - begin
     warned = bool(doubts(fit, support(fit), camera=camera))
-    error, there = MM * np.linalg.norm(fit.vertices() - simulated.skin, axis=1), simulated.seen
+    error, there = MM * np.linalg.norm(fit.vertices() - simulated.surface, axis=1), simulated.seen
     return {
         "error": float(error.mean()),
         "seen": float(error[there].mean()),
@@ -239,12 +239,12 @@ def relaxed(poses: Array, views: int, seeds: Sequence[int]) -> dict[str, Any]:
     for seed in seeds:
         simulated = scanned(body, poses, seed, views)
         fit = fit_model(body, simulated.scan, seed=seed)
-        if MM * np.linalg.norm(fit.vertices() - simulated.skin, axis=1).mean() > NEAR:
+        if MM * np.linalg.norm(fit.vertices() - simulated.surface, axis=1).mean() > NEAR:
             continue
         start = {**fit.values, "vertices": fit.vertices()}
         after = tuple(VERTEX_STAGES[len(MODEL_STAGES) :])
         done = FreeVertices(body, simulated.scan).register(start, after)
-        off = [MM * np.linalg.norm(s.vertices - simulated.skin, axis=1) for s in done.stages]
+        off = [MM * np.linalg.norm(s.vertices - simulated.surface, axis=1) for s in done.stages]
         there = simulated.seen
         rows.append([[x[there].mean(), x[~there].mean()] for x in off])
     (before, after_it) = np.mean(rows, axis=0)

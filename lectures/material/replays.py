@@ -10,8 +10,14 @@ from workbench.bodies.body import Body
 from workbench.errors import BadArgument, NotSupported
 from workbench.fitting.setup import View
 from workbench.reports.replay import Recording
-from workbench.reports.replay.observations import landmarks_of_views, view_data
-from workbench.reports.replay.recording import Series, packed, recording, shown_body
+from workbench.reports.replay.recording import (
+    Series,
+    landmarks_of_views,
+    packed,
+    recording,
+    shown_body,
+    view_data,
+)
 
 BODIES_PER_SECOND = 2.5  # , when they play
 GRAIN = 2.0**-14  # m, to which vertices are rounded, so that they compress: 0.06 mm

@@ -46,7 +46,7 @@ def test_shape_and_expression_are_apart(
 def test_expression_is_fitted_while_shape_is_held(tmp_path: Path) -> None:
     body = load_skinned(written(flame(), tmp_path / "m.pkl"))
     space = shape_space(body).first(4, 5)
-    shape, expression = space.blocks()
+    shape, expression = wb.Block("shape", (4,), "sd"), wb.Block("expression", (5,), "sd")
     pose, _, trans = body.blocks()
     truth = np.array([0.5, -1, 0.3, 2, 1])
     seen = body.vertices(None, space.numbers([1, 2, 3, 4], truth))

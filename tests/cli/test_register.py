@@ -109,7 +109,7 @@ def test_register_reads_a_table_of_subjects(workbench: Run, scans: Path, tmp_pat
 def test_register_refuses_wrong_options(workbench: Run, scans: Path) -> None:
     for given, said in (
         (("--camera", "0,0"), "--camera takes x,y,z such as 0,0,0"),
-        (("--camera", "0,0,inf"), "three finite numbers"),
+        (("--camera", "0,0,inf"), "takes finite numbers"),
         (("--workers", "0"), "--workers takes 1 or more"),
         (("--boundary", "-1"), "--boundary takes a width of 0 m or more"),
         (("--unit", "ft"), "no unit is called 'ft'"),

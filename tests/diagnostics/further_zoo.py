@@ -181,35 +181,8 @@ def factors_of_a_covariance() -> tuple[Problem, Values]:
     return problem_of([observed("covariance", lower, 0.05, "1")], L, own), at
 
 
-def age_period_cohort() -> tuple[Problem, Values]:
-    """age + period + cohort, where cohort = period - age: two levels, and a trend of all three."""
-    rng = np.random.default_rng(817)
-    age, period, cohort = Block("age", (4,)), Block("period", (5,)), Block("cohort", (8,))
-    rows = [
-        age.symbol[a] + period.symbol[p] + cohort.symbol[p - a + 3]
-        for a in range(4)
-        for p in range(5)
-    ]
-    at = {"age": rng.normal(size=4), "period": rng.normal(size=5), "cohort": rng.normal(size=8)}
-    return problem_of(all_of(rows, 0.1), age, period, cohort), at
-
-
-def responses_of_a_system() -> tuple[Problem, Values]:
-    """C A^n B: the state of a linear system may be measured along any two axes."""
-    A, B, C = Block("A", (2, 2)), Block("B", (2, 1)), Block("C", (1, 2))
-    rows, state = [], B.symbol.T
-    for _ in range(8):
-        rows.append(C.symbol.T @ state)
-        state = A.symbol.T @ state
-    return problem_of(all_of(rows), A, B, C), {
-        "A": np.array([[0.8, 0.3], [-0.2, 0.6]]),
-        "B": np.array([[1.0], [0.5]]),
-        "C": np.array([[0.7, -0.4]]),
-    }
-
-
 FURTHER_ZOO = (
-    Specimen(five_cameras_in_two_blocks, SIMILARITY, 7, 2, "points"),
+    Specimen(five_cameras_in_two_blocks, SIMILARITY, 7, 3, "points"),
     Specimen(four_cameras_in_quaternions, SIMILARITY, 7, 3, "points"),
     Specimen(rig_in_a_frame_of_its_own, {"translation": 6, "rotation": 6, "scale": 1}, 13, 3),
     Specimen(
@@ -220,6 +193,4 @@ FURTHER_ZOO = (
     Specimen(weights_by_softmax, {"offset": 5}, 5, 5, "logits"),
     Specimen(tucker_factors, {"scale": 6, "mixing": 6}, 12, 3, "A B C core"),
     Specimen(factors_of_a_covariance, {"rotation": 3}, 3, 3, "loadings"),
-    Specimen(age_period_cohort, {"offset": 2}, 3, 3, "age period cohort"),
-    Specimen(responses_of_a_system, {"scale": 1, "trade-off": 3}, 4, 2, "A B C"),
 )

@@ -158,17 +158,6 @@ def test_bounds_and_the_same_limits_as_constraints_are_one() -> None:
         assert len(one.null_directions) == len(other.null_directions) == 6 - one.rank
 
 
-def test_equal_bound_and_constraint_count_once() -> None:
-    same = Constraint("same", X.symbol[1], lower=0)
-    d = bounded(0.0, 2.0, (1.0, 0.0), same)
-    assert d.rank == 2
-    assert d.constrained.count == 1
-    assert "active bounds and constraints (same, x[1] >= 0) fix" in str(d)
-    away = bounded(0.0, 2.0, (1.0, 0.0), Constraint("tie", X.symbol[0] - X.symbol[1], 1, 1))
-    assert away.constrained.count == 2  # both unknowns are held, and the residual decides nothing
-    assert away.rank == 2
-
-
 def test_an_unknown_on_its_bound_is_not_unread() -> None:
     x = Block("x", (3,))
     r = Residual("r", x.symbol[0], 1.0)

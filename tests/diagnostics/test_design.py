@@ -104,21 +104,6 @@ def test_many_combinations_are_searched_greedily() -> None:
     assert sds == sorted(sds, reverse=True)
 
 
-def test_a_candidate_that_says_nothing_adds_nothing() -> None:
-    problem, several, at, x = linear(3)
-    camera = wb.Block("camera", (1,))
-    blind = wb.Residual("blind", 0 * x.symbol[0] + 0 * x.symbol[1], 1.0, blocks=(x,))
-    elsewhere = wb.Residual("elsewhere", camera.symbol - 3, 1.0, blocks=(camera,))
-    known = at | {"camera": np.zeros(1)}
-    found = design(problem, {"blind": blind, "elsewhere": elsewhere} | several, known)
-    assert {one.name for one in found.ranking[-2:]} == {"blind", "elsewhere"}
-    for one in found.ranking[-2:]:
-        assert one.nats == 0
-        assert one.sd == pytest.approx(found.before.sd, rel=1e-12)
-    alone = design(problem, {"blind": blind}, at)
-    assert alone.gain == pytest.approx(1, rel=1e-12)
-
-
 def test_null_directions_are_seen_first() -> None:
     """x - y is known; z is not, nor x + y. Small rows that see more come before large ones."""
     p = wb.Block("p", (3,), "m", ("x", "y", "z"))

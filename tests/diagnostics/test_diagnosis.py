@@ -192,17 +192,6 @@ def test_a_prior_stands_at_the_present_value() -> None:
     )
 
 
-def test_blocks_that_need_a_prior_each_get_it_together() -> None:
-    x, y = Block("x", (1, 3), "m"), Block("y", (2,))
-    differences = cs.vertcat(x.symbol[0] - x.symbol[1], x.symbol[2], y.symbol[0] - y.symbol[1])
-    problem = Problem((Residual("r", differences, 1.0),), ("x", "y"), blocks=(x, y))
-    found = diagnose(problem, {"x": np.zeros((1, 3)), "y": np.zeros(2)})
-    priors = [s for s in found.suggestions if s.kind == "prior"]
-    assert [(s.what, s.after.rank, s.cured) for s in priors] == [
-        ("add a Gaussian prior on x and y (sigma 1 m, 1)", 5, True),
-    ]
-
-
 def test_a_healthy_problem_gets_no_advice() -> None:
     x = Block("x", (3,))
     A = np.random.default_rng(0).normal(size=(8, 3))

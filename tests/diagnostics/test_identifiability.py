@@ -226,17 +226,3 @@ def test_values_far_from_their_scale_are_noted() -> None:
     (note,) = notes()
     assert note.startswith("values of spot and their characteristic scales differ by a factor of")
     assert not notes(spot=1e-4)
-
-
-def test_a_suggested_prior_follows_the_scale_of_each_entry() -> None:
-    """The first entry has a prior of 50 px; the second has the size of the block."""
-    x = Block("x", (3,), "px")
-    prior = residuals.gaussian(x.symbol[0], mean=30.0, covariance=50.0**2, name="prior")
-    data = Residual("data", x.symbol[2] - 30, 1.0, "px", blocks=(x,))
-    at = {"x": np.full(3, 30.0)}
-    d = diagnose(Problem([prior, data], "x"), at, priors="prior")
-    (suggested,) = (s for s in d.suggestions if s.kind == "prior")
-    assert suggested.what == "add a Gaussian prior on x (sigma 30 to 50 px)"
-    rows = suggested.problem.rows["prior on x"]
-    J = suggested.problem.linearize(at).dense[rows]
-    np.testing.assert_allclose(np.diag(J), [1 / 50, 1 / 30, 1 / 30])

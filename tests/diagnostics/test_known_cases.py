@@ -84,19 +84,6 @@ def test_a_freed_template_can_move_against_the_translation() -> None:
         )
 
 
-def test_scale_and_distance_are_one_direction() -> None:
-    found = cases.diagnosed(cases.scale_against_depth)
-    assert found.rank == 3
-    ((kind, name),) = null_names(found)
-    assert kind == "scale"
-    assert name == "a common factor of scale and trans"
-    (direction,) = found.null_directions
-    # growing by a factor about the camera: (scale, trans) moves along itself
-    along = np.array([1.0, 0.1, 0.2, 3.0])
-    np.testing.assert_allclose(direction.vector, along / np.linalg.norm(along), atol=1e-12)
-    assert suggested(found, "fix") == ["fix scale", "fix trans"]
-
-
 def test_a_derivative_made_by_hand_and_wrong_is_named() -> None:
     A = np.array([[2.0, 0, 1], [0, 3, 0], [1, 1, 1]])
     wrong = A.copy()

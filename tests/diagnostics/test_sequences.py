@@ -145,19 +145,6 @@ def test_planted_null_spaces_are_found(seed: int, order: int) -> None:
     check_against_dense(linear(rows, shared, between))
 
 
-def test_a_residual_ties_far_frames() -> None:
-    rng = np.random.default_rng(3)
-
-    def loop(frames: residuals.sequences.Frames) -> Residual:
-        x = frames["x"].symbol
-        return Residual("loop", x[:, -1] - x[:, 0], 0.1, blocks=(frames["x"],))
-
-    A = [rng.normal(size=(2, 3)) for _ in range(6)]
-    d = linear(A, [rng.normal(size=(2, 2)) for _ in A], [loop])
-    assert d.between == ("loop",)
-    check_against_dense(d)
-
-
 def watched(seen_in: int, of: int) -> SequenceDiagnosis:
     """A point x of each frame, and a shape of which unknown 3 is seen in some frames only."""
     x, betas = Block("x", (3,), "m"), Block("betas", (5,), "sd")
@@ -300,16 +287,6 @@ def test_data_and_page_are_written(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "found" / "diagnosis.json").read_text()) == data
     with pytest.raises(BadArgument, match="singular values"):
         write_diagnosis(d, tmp_path / "other", title="two", against=d)
-
-
-def test_the_answer_does_not_depend_on_units() -> None:
-    """A shared unknown in thousandths has the same rank, and a sigma a thousand times as large."""
-    rng = np.random.default_rng(5)
-    rows = [rng.normal(size=(5, 3)) for _ in range(4)]
-    shared = [rng.normal(size=(5, 2)) for _ in range(4)]
-    a, b = linear(rows, shared), linear(rows, [B * [1e-3, 1] for B in shared])
-    assert a.rank == b.rank == 14
-    np.testing.assert_allclose(b.shared.sigma, a.shared.sigma * [1e3, 1], rtol=1e-9)
 
 
 def filmed_by_a_free_camera(frames: int) -> tuple[Problem, Values]:

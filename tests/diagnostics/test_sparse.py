@@ -11,7 +11,7 @@ from workbench.arrays import Array
 from workbench.diagnostics import null_space, sparse_jacobian
 from workbench.diagnostics.active_set import ConstrainedJacobian
 from workbench.diagnostics.null_space import LISTED
-from workbench.errors import NotFinite, TooLarge
+from workbench.errors import TooLarge
 from workbench.problem import Linearization, storage
 from workbench.residuals import Residual
 
@@ -318,16 +318,6 @@ def test_a_pose_graph_of_6000_unknowns_is_diagnosed() -> None:
     assert [d.kind for d in found.null_directions] == ["translation", "translation", "rotation"]
     assert max(d.change for d in found.null_directions) < 1e-10
     assert np.isinf(found.identifiability.sigma).all()
-
-
-def test_sparse_values_that_are_not_finite_have_no_rank(monkeypatch: pytest.MonkeyPatch) -> None:
-    always_sparse(monkeypatch)
-    J = arrow(0, 20)
-    J[7, 3] = np.inf
-    found = diagnosed(J)
-    assert "RANK" not in found.report()
-    with pytest.raises(NotFinite, match="not_finite"):
-        found.rank  # noqa: B018
 
 
 @pytest.mark.thorough

@@ -102,7 +102,7 @@ def test_bad_folders_are_refused(tmp_path: Path) -> None:
     write(tmp_path, "7", person(1))
     with pytest.raises(BadFile, match="--size"):
         read_clip(tmp_path, fps=30)
-    with pytest.raises(BadArgument, match="frames per second"):
+    with pytest.raises(BadArgument, match="fps of a clip"):
         read_clip(tmp_path, fps=0, size=SIZE)
     (tmp_path / "7.json").write_text("{}")
     with pytest.raises(BadFile, match="same number, 7"):

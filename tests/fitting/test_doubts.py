@@ -213,7 +213,7 @@ def exchanged(worn: MarkerSet, places: Array, pairs: dict[str, str]) -> Array:
 MARKED: dict[str, Callable[[MarkerSet, Array], Array]] = {
     "mm were taken for m": lambda worn, places: 1000 * places,
     "inches were taken for m": lambda worn, places: places / 0.0254,
-    "LELB and LKNE seem to be exchanged": lambda worn, places: exchanged(
+    "on the body: LELB, LKNE; check their labels": lambda worn, places: exchanged(
         worn, places, {"LELB": "LKNE"}
     ),
     "left and right of the markers are exchanged": lambda worn, places: exchanged(

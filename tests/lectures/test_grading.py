@@ -123,7 +123,7 @@ def test_file_with_some_answers_is_marked(tmp_path: Path) -> None:
     assert set.union(*states.values()) == {CheckState.NOT_ATTEMPTED}
     (one,) = found.exercises["hat"]
     assert "v x w" in one.hint
-    with pytest.raises(BadFile, match="is there already and was left as it is"):
+    with pytest.raises(BadFile, match="exists already and was left as it is"):
         hand_out(ROTATIONS, path.parent)
     assert turned in path.read_text()
 

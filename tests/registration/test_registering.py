@@ -39,7 +39,6 @@ from workbench.registration import (
     facing,
     hand_starts,
     jobs_of,
-    model_alone,
     register,
     registered,
     support,
@@ -54,7 +53,7 @@ from workbench.synthetic import (
 )
 
 FIT_STAGES = (FitStage(200, 0.05, 0.10, 8, 15), FitStage(600, 0.005, 0.03, 2, 40, 0.001))
-QUICK = Recipe(FIT_STAGES, model_alone)
+QUICK = Recipe(FIT_STAGES, ())
 
 
 BODY = load_body("small")
@@ -97,10 +96,10 @@ def test_triangle_bodies_are_registered() -> None:
 
 @pytest.mark.thorough
 def test_boundary_points_are_left_out() -> None:
-    found = register(BODY, HALF, recipe=Recipe(FIT_STAGES, model_alone, boundary=0.01))
+    found = register(BODY, HALF, recipe=Recipe(FIT_STAGES, (), boundary=0.01))
     assert found.left_out > 0
     assert found.scan.n_points + found.left_out == HALF.n_points
-    with pytest.raises(BadScan, match="leave a narrower boundary out"):
+    with pytest.raises(BadScan, match="this one is empty"):
         register(BODY, HALF, recipe=Recipe(FIT_STAGES, boundary=10.0))
     with pytest.raises(BadArgument, match="boundary of a recipe"):
         Recipe(boundary=-1.0)
@@ -132,7 +131,7 @@ def test_failure_of_one_scan_is_its_answer(tmp_path: Path, monkeypatch: pytest.M
     write_scan(str(tmp_path / "scan.xyz"))
     numbers = np.loadtxt(tmp_path / "scan.xyz") * [1, 1, 1, -1, -1, -1]
     np.savetxt(tmp_path / "inwards.xyz", numbers)
-    untouched = Recipe((FitStage(200, 0.001, 1e-6, 1, 1),), model_alone)
+    untouched = Recipe((FitStage(200, 0.001, 1e-6, 1, 1),), ())
     for file, recipe, why in [
         ("bad.obj", QUICK, "a scan has at least 100"),
         ("inwards.xyz", untouched, "touches the surface"),
@@ -258,7 +257,7 @@ def test_a_skeleton_is_read_in_the_unit_and_the_axes_of_the_scan(tmp_path: Path)
     known[4] = np.nan  # which was not seen
     np.savez(tmp_path / "skeleton.npz", joints=1e3 * known[:, [0, 2, 1]] * [1, -1, 1])
     one = (FitStage(600, 0.003, 0.009, 1, 8),)
-    recipe = replace(HAND_RECIPE, fit_stages=one, vertex_stages=model_alone)
+    recipe = replace(HAND_RECIPE, fit_stages=one, vertex_stages=())
     reading = Reading("mm", "z", skeleton=tmp_path / "skeleton.npz")
     done = registered(HAND, recipe, reading, ScanJob("scan", tmp_path / "scan.npy"))
     assert isinstance(done, RegisteredScan), done
@@ -289,6 +288,6 @@ def test_starts_are_all_turns_of_a_cube_about_the_middle() -> None:
 def test_the_recipe_is_that_of_what_the_body_is() -> None:
     assert usual_recipe(HAND) is HAND_RECIPE
     assert usual_recipe(load_skinned("small")) is PERSON_RECIPE
-    assert len(HAND_RECIPE.vertex_stages(HAND)) == 1
+    assert len(HAND_RECIPE.stages_of_vertices(HAND)) == 1
     with pytest.raises(BadArgument, match="within of a recipe"):
-        Recipe(vertex_stages=model_alone, within=0.0)
+        Recipe(vertex_stages=(), within=0.0)

@@ -43,9 +43,9 @@ def test_comparison_page_of_failures_and_of_one_run(tmp_path: Path) -> None:
     assert "No solver returned a point within the target" in text
     alone = write_comparison(comparison({("p", "a"): [2.0]}), tmp_path).read_text(encoding="utf-8")
     assert "There is nothing to compare" in alone
-    assert "Every run reached it." not in alone
+    assert "Every run that can be compared reached" not in alone
     assert 'class="ending good"' not in alone
     known = comparison({("p", "a"): [0.0]}, known=True)
     text = write_comparison(known, tmp_path).read_text(encoding="utf-8")
-    assert "Every run reached it." in text
+    assert "Every run that can be compared reached the lowest cost." in text
     assert 'class="ending good"' in text

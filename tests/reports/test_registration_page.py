@@ -18,7 +18,6 @@ from workbench.registration import (
     Recipe,
     RegisteredScan,
     ScanJob,
-    model_alone,
     register,
 )
 from workbench.reports import write_registration
@@ -28,7 +27,7 @@ from workbench.training.folder import Row, open_folder
 
 pytestmark = pytest.mark.thorough
 
-RECIPE = Recipe((FitStage(200, 0.02, 0.1, 2, 10),), model_alone)
+RECIPE = Recipe((FitStage(200, 0.02, 0.1, 2, 10),), ())
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ from workbench.course.outline import Lecture, course, lecture
 from workbench.course.slides import MOST_BULLETS, MOST_ROWS, Slide, slides, write_slides
 from workbench.errors import BadFile
 
-THERE = [one for one in course() if one.there]
+THERE = list(course())
 FEWEST, MOST = 20, 35  # with the title and the exercises
 
 

@@ -1,6 +1,5 @@
 """Constraints, by every solver that takes them, dense and sparse; the others say no."""
 
-import tracemalloc
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -23,7 +22,7 @@ from workbench import (
     Status,
     residuals,
 )
-from workbench.errors import NotSupported, TooLarge
+from workbench.errors import NotSupported
 from workbench.problem import storage
 from workbench.problem.naming import Bounds
 from workbench.solvers import Ipopt, Solver, exact_hessian
@@ -113,29 +112,12 @@ def test_solvers_without_constraints_refuse_them() -> None:
             LOCAL[name].solve(free, START)
 
 
-@pytest.mark.parametrize("name", ["nlopt-mma", "nlopt-ccsaq"])
-def test_mma_and_ccsa_refuse_equations(name: str) -> None:
-    with pytest.raises(NotSupported, match="takes no equations, but the problem has circle; use"):
-        LOCAL[name].solve(near(ON), START)
-
-
 def test_a_feasible_point_is_better_than_a_cheap_one() -> None:
     """The start costs nothing, but is not allowed."""
     start = {"x": np.array([2.0, 1.0])}
     solution = LOCAL["ipopt"].solve(near(INSIDE), start)
     assert solution.trace[0].cost == 0 < solution.cost
     assert solution.violation <= 1
-
-
-def test_nan_in_a_constraint_is_survived_or_told() -> None:
-    root = Constraint("root", cs.sqrt(X[0]), upper=1.0)
-    for name in INEQUALITIES:
-        solution = LOCAL[name].solve(near(root), START)
-        if solution.converged:
-            np.testing.assert_allclose(solution.values["x"], [1.0, 1.0], atol=1e-5)
-        else:
-            assert solution.status in (Status.NOT_FINITE, Status.STALLED)
-        assert np.isfinite(solution.values["x"]).all()
 
 
 def test_a_body_stays_above_the_floor() -> None:
@@ -177,12 +159,6 @@ def test_constraints_that_contradict_each_other_are_told(name: str) -> None:
     solution = LOCAL[name].solve(problem, START)
     assert solution.status is Status.INFEASIBLE
     assert "relax them" in solution.message
-
-
-@pytest.mark.parametrize("wrong", [np.ones(2), np.ones((2, 1)), 1.0])
-def test_a_hessian_of_the_users_has_to_be_square(wrong: np.ndarray | float) -> None:
-    with pytest.raises(ValueError, match=r"hessian is \(2, 2\), not"):
-        Ipopt(hessian=lambda run, x, here: wrong).solve(near(), START)
 
 
 # Sparse constraints and Hessians: what solvers make of them, they make of dense ones too.
@@ -245,25 +221,3 @@ def test_sparse_problems_end_where_dense_ones_do(
     # the gradient is zero to 1e-6 of the residual in both, and the cost is quadratic there
     np.testing.assert_allclose(found.values["q"], expected.values["q"], rtol=0, atol=1e-5)
     assert found.cost == pytest.approx(expected.cost, rel=1e-6)
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("name", ["ipopt", "exact", "lbfgs"])
-def test_long_sequences_make_no_dense_arrays(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
-    """3,000 unknowns are sparse by themselves; a dense Jacobian or Hessian is refused here."""
-
-    def never(rows: int, columns: int, *_: object) -> None:
-        if rows * columns > 10**6:
-            raise TooLarge(f"an array of {rows} x {columns}")
-
-    monkeypatch.setattr(storage, "check_fits", never)
-    monkeypatch.setattr("workbench.problem.chain.check_fits", never)
-    problem = frames(600)
-    assert problem.sparse
-    assert problem.stacked_constraints.hessian_pattern.nnz < 10**4
-    tracemalloc.start()
-    found = replace(SPARSE[name], max_iterations=3).solve(problem, start(600))
-    most = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert found.status is Status.MAX_ITERATIONS, found.message
-    assert most < 8 * 3000**2 / 2  # bytes that NumPy took, where one array of n x n takes twice it

@@ -21,9 +21,8 @@ from workbench import (
     Values,
 )
 from workbench.errors import BadArgument
-from workbench.problem import steps
 from workbench.problem.steps import automatic
-from workbench.solvers import Ipopt, Sqp, chumpy, columns, full_step, identity
+from workbench.solvers import Ipopt, Sqp, chumpy, columns, identity
 from workbench.solvers.dogleg import FIRST, cauchy_point, dogleg_step
 from workbench.solvers.trust_region import box_step
 
@@ -85,20 +84,6 @@ def test_levenberg_marquardt_steps_are_the_damped_ones() -> None:
 def test_damping_falls_as_fast_as_it_may_when_every_gain_is_one() -> None:
     dampings = [i.damping for i in LevenbergMarquardt().solve(*line()).trace]
     np.testing.assert_allclose(np.divide(dampings[1:], dampings[:-1]), 0.1)
-
-
-@pytest.mark.parametrize("by", [steps.qr, steps.svd, steps.cholesky])
-def test_linear_algebra_changes_no_solution(by) -> None:
-    """What Cholesky declines is damped until it does not."""
-    problem, start = decay()
-    solution = LevenbergMarquardt(linear_algebra=by).solve(problem, start)
-    assert solution.converged
-    assert solution.linear_algebra == {by.__name__: solution.iterations}
-    x = Block("x", (2,)).symbol
-    singular = Problem((Residual("sum", x[0] + x[1] - 1.0, 1.0),), ("x",))
-    solution = LevenbergMarquardt(linear_algebra=by).solve(singular, {"x": np.zeros(2)})
-    assert solution.converged
-    np.testing.assert_allclose(solution.values["x"], [0.5, 0.5], atol=1e-6)
 
 
 # Several steps with each Jacobian.
@@ -286,13 +271,3 @@ def test_first_step_keeps_to_the_radius(solver: Solver, start: tuple[float, floa
     np.testing.assert_allclose(solution.values["x"], [2.0, 1.5], rtol=1e-6)
     radius = FIRST * np.linalg.norm(values["x"])
     assert solution.trace[1].step_norm <= radius * (1 + 1e-12)
-
-
-@pytest.mark.parametrize(
-    "solver", [GaussNewton(line_search=full_step), Dogleg(rule=chumpy)], ids=["full", "chumpy"]
-)
-def test_whole_steps_leap_as_they_are_described(solver: Solver) -> None:
-    problem, values = peak(WIDE)
-    solution = solver.solve(problem, values)
-    assert solution.cost > 500
-    assert max(iterate.step_norm for iterate in solution.trace) > 10

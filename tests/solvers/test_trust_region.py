@@ -53,20 +53,6 @@ def test_a_step_is_the_best_of_its_length(weakest: float, share: float, first: f
     assert len(counted) <= 12
 
 
-def test_a_step_that_is_short_enough_is_not_damped() -> None:
-    here = graded(1, 5, 1e-3)
-    newton = here.step()
-    for first in (0.0, 1e-3, 1.0):
-        counted: list[float] = []
-        steepness = float(np.linalg.norm(here.gradient))
-        step, damping = step_within(
-            1.001 * float(np.linalg.norm(newton)), damped_in(here, counted), steepness, first
-        )
-        assert step is not None
-        assert damping in {0.0, first}
-        assert np.linalg.norm(step.p) >= LEAST * np.linalg.norm(newton)
-
-
 @pytest.mark.parametrize("start", [[-1.2, 1.0], [5.0, -7.0], [-30.0, 20.0]])
 def test_the_cost_falls_within_the_region(start: list[float]) -> None:
     problem, _ = rosenbrock()

@@ -40,16 +40,6 @@ def at(pose: np.ndarray) -> dict:
     return BODY.start() | {"pose": pose, "observed": BODY.vertices(pose=LONG)}
 
 
-def test_only_joints_that_are_turned_too_far_are_rewrapped() -> None:
-    case = problem()
-    x, _ = case.split(at(LONG))
-    pose = case.free.unpack(rewrapped(case, x, lambda _: True))["pose"]
-    np.testing.assert_array_equal(pose[0], LONG[0])
-    np.testing.assert_allclose(np.linalg.norm(pose[1:], axis=1) < np.pi, True)
-    short = case.split(BODY.start() | at(np.zeros((3, 3))))[0]
-    assert rewrapped(case, short, lambda _: True) is short
-
-
 def test_bounds_forbid_what_they_forbid() -> None:
     lower, upper = np.full((3, 3), -10.0), np.full((3, 3), 10.0)
     lower[1, 0] = 3.5  # where the shorter vector is not

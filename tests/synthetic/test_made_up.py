@@ -60,7 +60,7 @@ def test_bad_poses_of_people_are_refused() -> None:
         people(SMALL, POSES[:0], 1, 0)
     with pytest.raises(BadArgument, match=r"not \(40, 22, 3\)"):
         people(SMALL, POSES[:, :22], 1, 0)
-    with pytest.raises(BadArgument, match="from 0 on, not 1, -1 and 0"):
+    with pytest.raises(BadArgument, match="seed of people"):
         people(SMALL, POSES, 1, -1)
 
 

@@ -11,7 +11,6 @@ from workbench import load_body
 from workbench.errors import BadArgument, BadMesh
 from workbench.fitting import BadScan
 from workbench.synthetic import (
-    Clothing,
     Clutter,
     Crate,
     Floor,
@@ -21,7 +20,6 @@ from workbench.synthetic import (
     Noise,
     SimulatedScan,
     Specks,
-    clothed,
     scan,
     scanners,
 )
@@ -37,7 +35,6 @@ EVERYTHING: dict[str, Any] = {
     "holes": Holes(),
     "steepest": 1.3,
     "clutter": Clutter(),
-    "clothing": Clothing(where=clothed(BODY)),
     "region": HalfSpace((0, -0.4, 0), (0, 1, 0)),
     "joining": Joining(),
 }
@@ -199,31 +196,14 @@ def test_holes_hold_no_points() -> None:
     assert lost.sum() == whole.scan.n_points - made.scan.n_points > 0
 
 
-def test_clothing_lies_outside_of_the_skin() -> None:
-    where = clothed(BODY)
-    made = of_bent(clothing=Clothing(0.03, where=where))
-    moved = np.linalg.norm(made.surface - BENT, axis=1)
-    assert moved.max() <= 0.03
-    assert moved[where == 0].max(initial=0) == 0
-    assert 0.005 < moved[where > 0.9].mean() < 0.025
-    ball = scan(SPHERE.vertices, SPHERE.faces, FOUR, seed=0, clothing=Clothing(0.03))
-    radius = np.linalg.norm(ball.surface, axis=1)
-    assert radius.min() >= 0.5 - 1e-12
-    a, b = ball.surface[SPHERE.edges[:, 0]], ball.surface[SPHERE.edges[:, 1]]
-    step = np.linalg.norm(a, axis=1) - np.linalg.norm(b, axis=1)
-    assert np.std(step) < 0.25 * radius.std()  # smooth: neighbours are alike
-    np.testing.assert_allclose(ball.scan.points, ball.true_points, rtol=0, atol=1e-12)
-
-
 def test_scans_of_nothing_are_refused() -> None:
     given = {"vertices": BENT, "faces": BODY.faces, "scanners": FOUR, "seed": 0}
     away = Crate(away=30.0, angle=np.pi / 4)
     bad: list[tuple[dict[str, Any], type[Exception], str]] = [
-        ({"scanners": ()}, BadArgument, "not by 0"),
-        ({"seed": -1}, BadArgument, "the seed -1"),
+        ({"scanners": ()}, BadArgument, "scanners of a simulated scan"),
+        ({"seed": -1}, BadArgument, "seed of a simulated scan"),
         ({"scanners": scanners(1, target=(0, 0, -10))}, BadScan, "measure nothing"),
         ({"region": HalfSpace((5, 5, 5), (1, 1, 1))}, BadScan, "measure nothing"),
-        ({"clothing": Clothing(where=np.ones(3))}, BadArgument, "not by an array"),
         ({"faces": BODY.faces + 1}, BadMesh, "there are 369 vertices"),
         ({"vertices": np.full_like(BENT, np.nan)}, BadMesh, "vertex 0 is"),
         ({"clutter": Clutter(0.2, (away,))}, BadArgument, "hardly anything of the clutter"),
@@ -238,7 +218,5 @@ def test_effects_that_make_no_sense_are_refused() -> None:
         Noise(growth=-1.0)
     with pytest.raises(BadArgument, match="radius of holes"):
         Holes(radius=np.nan)
-    with pytest.raises(BadArgument, match="spread of clothing"):
-        Clothing(spread=0.0)
     with pytest.raises(BadArgument, match="a share from 0"):
         Clutter(1.0)

@@ -33,17 +33,11 @@ SAME = 1e-12  # of the largest number in it: two computations of one map agree u
 
 @dataclass(frozen=True, eq=False)
 class Affine:
-    """offset + sum over blocks of matrix @ block, as an array of `shape`.
+    """offset + sum over blocks of matrix @ block, as an array of `shape`."""
 
-    Attributes:
-        shape: the shape of the array that the map makes, as a user sees it.
-        offset: (size,) the array where all blocks are zero, flat, row by row.
-        terms: for each block's name the matrix (size, size of the block) that multiplies it.
-    """
-
-    shape: tuple[int, ...]
-    offset: Array
-    terms: Mapping[str, csr_array]
+    shape: tuple[int, ...]  # of the array that the map makes, as a user sees it
+    offset: Array  # (size,) the array where all blocks are zero, flat, row by row
+    terms: Mapping[str, csr_array]  # of each block the matrix (size, its size) that multiplies it
 
     @staticmethod
     def of(expression: cs.MX, shape: tuple[int, ...]) -> "Affine | None":

@@ -79,42 +79,24 @@ def framed(one: Block, count: int) -> Block:
     return Block(one.name, (count, *one.base.shape), one.unit, one.base.labels, framed=True)
 
 
-def joined(points: Sequence[Points], order: Sequence[str] | None = None) -> Points:
-    """All points of several placeholders as one placeholder, in the order of the given names.
+def joined(points: Sequence[Points], names: Sequence[str] | None = None) -> Points:
+    """Points of several placeholders as one placeholder: those called `names`, in this order.
 
-    None keeps the order. With it, every point needs a name of its own, and each name stands for
-    one point. The points are those of one body in one pose, or of several. Raises BadArgument for
-    no points, and for an order that does not name each point once.
+    None takes all. The points are those of one body in one pose, or of several. Raises BadArgument
+    for no points, and for a name that is not one of a single point.
     """
     if not points:
         raise BadArgument("there are no points to join; give at least one")
     labels = [label for some in points for label in _labels(some)]
-    places = np.arange(len(labels))
-    if order is not None:
-        if sorted(order) != sorted(labels) or len(set(labels)) != len(labels):
-            raise BadArgument(
-                f"the order names {len(order)} points, but those to be joined are "
-                f"{', '.join(labels)}; name each of them once"
-            )
-        places = np.array([labels.index(name) for name in order])
-    sources = tuple(some.source for some in points)
-    return Points.of(_Joined(sources, places), " and ".join(some.name for some in points))
-
-
-def chosen(points: Points, names: Sequence[str]) -> Points:
-    """Some points of a placeholder as another one, by their names and in this order.
-
-    Raises BadArgument for a name that is not one of a single point.
-    """
-    labels = _labels(points)
-    for name in names:
+    for name in names or ():
         if labels.count(name) != 1:
             raise BadArgument(
-                f"{labels.count(name)} points of {points.name!r} are called {name!r}; choose among "
-                f"{', '.join(labels)}"
+                f"{labels.count(name)} points are called {name!r}; choose among {', '.join(labels)}"
             )
-    places = np.array([labels.index(name) for name in names], dtype=np.int64)
-    return Points.of(_Joined((points.source,), places), points.name)
+    places = range(len(labels)) if names is None else [labels.index(name) for name in names]
+    sources = tuple(some.source for some in points)
+    order = np.array(places, dtype=np.int64)
+    return Points.of(_Joined(sources, order), " and ".join(some.name for some in points))
 
 
 def _labels(points: Points) -> tuple[str, ...]:

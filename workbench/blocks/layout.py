@@ -256,20 +256,11 @@ def places_named(layout: Layout, name: str, kind: str = "free block") -> list[in
     if not found and name.endswith("]"):
         found = _by_number(layout, block, row[len(block) + 1 :], labels)
     if not found:
-        known = list(dict.fromkeys(label.rsplit(", ", 1)[0] for label in labels.values()))
-        some = [label if label.endswith("]") else label + "]" for label in known]
-        own, more = _of_one_frame(layout[block], some)
-        raise UnknownName("entry", name, own, more=more)
+        known = dict.fromkeys(
+            label.rsplit(", ", 1)[0].removesuffix("]") for label in labels.values()
+        )
+        raise UnknownName("entry", name, [f"{label}]" for label in known])
     return found
-
-
-def _of_one_frame(block: Block, known: list[str]) -> tuple[list[str], str]:
-    """The names in one frame of a sequence, and that the others have them too."""
-    if not block.base.framed:
-        return known, ""
-    first = known[0].removesuffix("]").partition(", ")[0]
-    own = [name for name in known if name.startswith((f"{first},", f"{first}]"))]
-    return own, f"and the same in the others of {block.base.shape[0]} frames"
 
 
 def _by_number(layout: Layout, name: str, numbers: str, labels: dict[int, str]) -> list[int]:

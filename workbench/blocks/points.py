@@ -33,10 +33,8 @@ class Tree:
         pose: the name of the block that holds their rotation vectors, or of all blocks that do.
         names: the names of the joints.
         parents: parents[k] < k is the parent of joint k, -1 for the root.
-        given_places: where the three numbers of each joint stand: a block and the first entry.
-            None for a joint whose numbers are no entries of a block, such as those that are made of
-            coefficients of principal components. Without them, they stand one after the other in
-            the block `pose`.
+        given_places: where the three numbers of each joint stand; None for a joint whose numbers
+            are no entries of a block. Without them, all stand in order in the block `pose`.
         rigid_bones: whether each joint keeps its place on the bone of its parent, as the rank law
             of observed joints requires; joints found on a surface that deforms do not.
     """
@@ -88,21 +86,13 @@ class Tree:
 
 @dataclass(frozen=True)
 class Rest:
-    """Arrays of a skinned body that are unknowns, for whoever wants to name motions of them.
+    """The names of blocks that are arrays of a skinned body, for naming motions of them."""
 
-    Attributes:
-        pose: the name of the block of rotation vectors, (K, 3) rad.
-        trans: the name of the block of the translation, (3,) m.
-        template: the name of the block of the rest surface (N, 3) m; None if it is no block.
-        joints: the name of the block of the joints at rest (K, 3) m; None if it is none.
-        posedirs: the name of the block of pose blend shapes (N, 3, 9 (K - 1)) m; None if none.
-    """
-
-    pose: str
-    trans: str
-    template: str | None = None
-    joints: str | None = None
-    posedirs: str | None = None
+    pose: str  # rotation vectors, (K, 3) rad
+    trans: str  # the translation, (3,) m
+    template: str | None = None  # the rest surface (N, 3) m, if it is a block
+    joints: str | None = None  # the joints at rest (K, 3) m, if they are a block
+    posedirs: str | None = None  # pose blend shapes (N, 3, 9 (K - 1)) m, if they are a block
 
 
 PLACEHOLDER = "placeholder("  # how the names of placeholders begin when a graph is printed
@@ -225,10 +215,8 @@ class PointSource(Protocol):
 class Points(Symbolic):
     """The points that a residual reads: a symbol that stands for the points of a source.
 
-    A residual need not know a body. When the whole graph is needed, the problem puts the source's
-    expression in place of the symbol. For CasADi an expression in this symbol does not depend on
-    the blocks from which the source computes the points; `graph` gives the points as an expression
-    in these blocks.
+    For CasADi an expression in this symbol does not depend on the blocks from which the source
+    computes the points; `graph` gives the points as an expression in these blocks.
 
     Attributes:
         symbol: the placeholder, (3, N) in metres; (d, N) where a source has d numbers of each
@@ -287,27 +275,30 @@ def in_blocks(expression: cs.MX, points: Iterable[Points]) -> cs.MX:
     """An expression with these placeholders replaced by the expressions of their sources.
 
     The result depends only on the symbols of blocks, so that casadi.jacobian, sparsity,
-    casadi.Function and generated C code are right. See `scalars_repeated` for what makes Jacobians
-    right in both directions.
-
-    Raises NotSupported for points whose source has only arithmetic.
+    casadi.Function and generated C code are right. Raises NotSupported for points whose source has
+    only arithmetic.
     """
-    listed = tuple(points)
-    if not listed:
-        return scalars_repeated(expression)
-    replaced = cs.graph_substitute(
-        expression, [p.symbol for p in listed], [_expression_of(p) for p in listed]
-    )
-    return scalars_repeated(replaced)
+    symbols, expressions = [], []
+    for p in points:
+        symbols.append(p.symbol)
+        expressions.append(p.source.expression)
+        if p.source.expression is None:
+            raise NotSupported(
+                f"there is no graph of {p.symbol.name()}, whose points come from arithmetic alone; "
+                "residuals, linearizations and gradients come from the chain rule and need none: "
+                "take a solver that asks for these, such as LevenbergMarquardt"
+            )
+    if symbols:
+        expression = cs.graph_substitute(expression, symbols, expressions)
+    return scalars_repeated(expression)
 
 
 def jacobian(expression: cs.MX, by: cs.MX | Block) -> cs.MX:
     """The derivative of a column (m, 1) by a block or its symbol, (m, n), in symbols.
 
-    It is computed by casadi.jacobian. That function silently returns zero if the expression
-    contains a placeholder for points of a body, so such an expression is refused here. Raises
-    BadResidual for such an expression and for anything that is no expression, and TwoSymbolsOneName
-    if the expression reads another symbol with the same name.
+    casadi.jacobian silently returns zero if the expression contains a placeholder for points of a
+    body. Raises BadResidual for such an expression and for anything that is no expression, and
+    TwoSymbolsOneName if the expression reads another symbol with the same name.
     """
     if not isinstance(expression, cs.MX):
         hint = "; take its graph()" if hasattr(expression, "graph") else ""
@@ -329,17 +320,6 @@ def jacobian(expression: cs.MX, by: cs.MX | Block) -> cs.MX:
     return cs.jacobian(scalars_repeated(expression), symbol)
 
 
-def _expression_of(points: Points) -> cs.MX:
-    found = points.source.expression
-    if found is None:
-        raise NotSupported(
-            f"there is no graph of {points.symbol.name()}, whose points come from arithmetic "
-            "alone; residuals, linearizations and gradients come from the chain rule and need "
-            "none: take a solver that asks for these, such as LevenbergMarquardt"
-        )
-    return found
-
-
 def distinct(points: Iterable[Points]) -> tuple[Points, ...]:
     """The points without repetition."""
     return tuple({p.symbol.__hash__(): p for p in points}.values())
@@ -355,7 +335,12 @@ def unlisted(expression: cs.MX, points: Iterable[Points]) -> tuple[str, ...]:
     )
 
 
-LOSES = (cs.OP_ADD, cs.OP_SUB, cs.OP_FMOD, cs.OP_REMAINDER)
+LOSES = {
+    cs.OP_ADD: cs.plus,
+    cs.OP_SUB: cs.minus,
+    cs.OP_FMOD: cs.fmod,
+    cs.OP_REMAINDER: cs.remainder,
+}
 
 
 def scalars_repeated(expression: cs.MX) -> cs.MX:
@@ -372,7 +357,9 @@ def scalars_repeated(expression: cs.MX) -> cs.MX:
             a, b = found.dep(0), found.dep(1)
             if a.is_scalar() != b.is_scalar() and not (a if a.is_scalar() else b).is_constant():
                 sums.append(found)
-                repeated.append(_repeated(graph.instruction_id(k), a, b))
+                shape = (b if a.is_scalar() else a).shape
+                a, b = (cs.repmat(x, *shape) if x.is_scalar() else x for x in (a, b))
+                repeated.append(LOSES[graph.instruction_id(k)](a, b))
     if not sums:
         return expression
     # each sum gets a symbol, and the sums are put back one after the other, in their order
@@ -390,15 +377,6 @@ def _put(expression: cs.MX, symbols: list[cs.MX], known: list[cs.MX]) -> cs.MX:
     if not some:
         return expression
     return cs.graph_substitute(expression, [symbols[i] for i in some], [known[i] for i in some])
-
-
-def _repeated(operation: int, a: cs.MX, b: cs.MX) -> cs.MX:
-    if a.is_scalar():
-        a = cs.repmat(a, *b.shape)
-    else:
-        b = cs.repmat(b, *a.shape)
-    named = {cs.OP_ADD: cs.plus, cs.OP_SUB: cs.minus, cs.OP_FMOD: cs.fmod}
-    return named.get(operation, cs.remainder)(a, b)
 
 
 @dataclass(frozen=True, eq=False)

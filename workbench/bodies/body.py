@@ -228,7 +228,7 @@ class Body(ABC):
         for offsets of joints or of a TriangleBody.
         """
         displaced = None if offsets is None else (self.offsets(name), offsets)
-        if name == "joints":
+        if of_joints(name):
             return self.joint_points(pose, betas, trans)
         landmarks = landmark_set(self.landmarks, name)
         return self._mean_points(landmarks, name, (pose, betas, trans), displaced)
@@ -267,7 +267,7 @@ class Body(ABC):
         """
         if offsets is not None:
             return self._displaced(name, (pose, betas, trans), offsets)
-        if name == "joints":
+        if of_joints(name):
             return self.joints(pose, betas, trans)
         landmarks = landmark_set(self.landmarks, name)
         return regressed(landmarks.regressor, self.vertices(pose, betas, trans))
@@ -277,7 +277,7 @@ class Body(ABC):
 
     def landmark_names(self, name: str) -> tuple[str, ...]:
         """The names of the points of a landmark set."""
-        return self.joint_names if name == "joints" else landmark_set(self.landmarks, name).names
+        return self.joint_names if of_joints(name) else landmark_set(self.landmarks, name).names
 
     @property
     def texture(self) -> tuple[Array | None, Index | None]:
@@ -318,6 +318,11 @@ def check_prefix(prefix: object) -> None:
     """Raise BadBlock unless it is a text."""
     if not isinstance(prefix, str):
         raise BadBlock(f"the prefix of a body's blocks is a text, not a {type(prefix).__name__}")
+
+
+def of_joints(name: object) -> bool:
+    """Whether this is what a body's own joints are called among its sets of landmarks."""
+    return isinstance(name, str) and name == "joints"
 
 
 def landmark_set(sets: Mapping[str, T], name: str) -> T:

@@ -11,7 +11,7 @@ from scipy.sparse import csr_array
 
 from workbench.arrays import Array
 from workbench.blocks import Points
-from workbench.blocks.composed_points import chosen, joined
+from workbench.blocks.composed_points import joined
 from workbench.bodies.body import Body, Landmarks
 from workbench.bodies.skinned import SkinnedBody
 from workbench.errors import BadBody, NotSupported
@@ -43,7 +43,7 @@ def hand_points(
         )
     at = pose, betas, trans
     every = [body.joint_points(*at), body.landmark_points(TIPS, *at)]
-    return joined(every, names) if side is None else chosen(joined(every), names)
+    return joined(every, names)
 
 
 FLEXION, DEVIATION, TWIST = "flexion", "radial deviation", "twist"
@@ -171,9 +171,7 @@ def mirrored(body: SkinnedBody, name: str) -> SkinnedBody:
     Vertices and joints keep their numbers, and faces look outwards again. Where its pose is
     theta * (1, -1, -1) and trans is reflected, its vertices are those of the body reflected, for
     all betas. Names change sides (left_index1 becomes right_index1), and so do the pose spaces of
-    the hands of a whole body. What is a position or a direction in space (template, shapedirs,
-    posedirs) turns its x; a file of a left MANO whose shapedirs were not turned puts vertices
-    centimetres away.
+    the hands of a whole body.
 
     Raises NotSupported for a body that does not have SMPL's pose features, is bound in a pose, or
     has free arrays or capsules.

@@ -10,8 +10,7 @@ all of its vertices are vertices of the body. Each part keeps what it was traine
                     they do to the skin, and the pose space
 
 At rest the fingers are straight, as the hand's are: `unpose` finds the surface that the hand takes
-to the body's in the pose in which the body at rest holds its fingers. No vertex near the loop
-follows a finger, and the blend shapes of fingers are below a quarter of a millimetre there.
+to the body's in the pose in which the body at rest holds its fingers.
 """
 
 from __future__ import annotations

@@ -21,6 +21,7 @@ from workbench.bodies.body import (
     check_prefix,
     landmark_set,
     no_offsets,
+    of_joints,
 )
 from workbench.bodies.capsules import Capsules
 from workbench.bodies.forward.mesh import batch_points
@@ -144,7 +145,7 @@ class SkinnedBody(Body):
 
         See `landmark_points`. Raises UnknownName, and NotSupported for joints.
         """
-        if name == "joints":
+        if of_joints(name):
             raise no_offsets("of joints")
         names = landmark_set(self.landmarks, name).names
         check_prefix(prefix)
@@ -158,7 +159,7 @@ class SkinnedBody(Body):
 
         Raises UnknownName.
         """
-        return self.numeric.skeleton.mean if name == "joints" else super().array(name)
+        return self.numeric.skeleton.mean if of_joints(name) else super().array(name)
 
     def _replaced(self, **parts: Any) -> "SkinnedBody":
         if "joints" in parts:
@@ -199,9 +200,7 @@ class SkinnedBody(Body):
         if self.is_smpl:
             surfaces = batch_points(numeric.chunks, numeric.kinematics.motion(theta, beta), beta)
         else:
-            each = zip(theta, beta, strict=True)
-            alone = [np.asarray(numeric.skinned_rest(t.T, b)).T for t, b in each]
-            surfaces = np.array(alone).reshape(len(theta), self.n_vertices, 3)
+            surfaces = _each(numeric.skinned_rest, self.n_vertices, theta, beta)
         return (surfaces + move[:, None]).reshape(*batch, self.n_vertices, 3)
 
     def joints(self, pose: Given = None, betas: Given = None, trans: Given = None) -> Array:
@@ -211,7 +210,7 @@ class SkinnedBody(Body):
         return joints.reshape(*batch, self.n_joints, 3)
 
     def _displaced(self, name: str, given: tuple[Given, Given, Given], offsets: ArrayLike) -> Array:
-        if name == "joints":
+        if of_joints(name):
             raise no_offsets("of joints")
         landmarks = landmark_set(self.landmarks, name)
         moved, count = reals("offsets", offsets), len(landmarks.names)
@@ -224,12 +223,8 @@ class SkinnedBody(Body):
         if self.is_smpl:
             points = self.numeric.landmarks(landmarks).evaluate_batch(theta, beta, move, moved)
         else:
-            posed, each = (
-                self.numeric.displaced_rest(landmarks),
-                zip(theta, beta, moved, strict=True),
-            )
-            alone = [np.asarray(posed(t.T, b, o.T)).T for t, b, o in each]
-            points = np.array(alone).reshape(len(theta), count, 3) + move[:, None]
+            posed = self.numeric.displaced_rest(landmarks)
+            points = _each(posed, count, theta, beta, moved) + move[:, None]
         return points.reshape(*batch, count, 3)
 
     @cached_property
@@ -246,3 +241,9 @@ class SkinnedBody(Body):
     def kinematics(self) -> Kinematics:
         """The joints' motions and their derivatives in numbers."""
         return self.numeric.kinematics
+
+
+def _each(graph: cs.Function, count: int, *arguments: Array) -> Array:
+    """The points (M, count, 3) of a graph at each of M arguments."""
+    found = [np.asarray(graph(*(a.T for a in one))).T for one in zip(*arguments, strict=True)]
+    return np.array(found).reshape(len(arguments[0]), count, 3)

@@ -230,13 +230,6 @@ class ShapeSpace:
         _check_count("coefficients of expression", expression, len(self.expression))
         return replace(self, shape=self.shape[:shape], expression=self.expression[:expression])
 
-    def blocks(self, prefix: str = "") -> tuple[Block, Block]:
-        """New blocks `shape` (S,) and `expression` (E,): list them among a problem's `blocks`."""
-        return (
-            Block(prefix + "shape", (len(self.shape),), "sd"),
-            Block(prefix + "expression", (len(self.expression),), "sd"),
-        )
-
     def betas(self, shape: cs.MX, expression: cs.MX | None = None) -> cs.MX:
         """The betas (B, 1) of a shape (S, 1) and an expression (E, 1), zero without one.
 

@@ -10,7 +10,7 @@ from rich.markup import escape
 
 from workbench import comparison
 from workbench.cli import interrupts_say
-from workbench.cli.console import Bars, print_page, say, solver_table
+from workbench.cli.console import Bars, print_page, rich_table, say
 from workbench.cli.options import Dask, Workers, executing
 from workbench.cli.run import Setting, settings
 from workbench.comparison.advice import advice, prices_sentence
@@ -89,7 +89,7 @@ def compare(
                 folder=out,
                 progress=told,
             )
-        console.print(solver_table(_table(found)))
+        console.print(rich_table(_table(found)))
         for text in (prices_sentence(), *advice(found)):
             say(console, escape(text))
         say(console, KEY)
@@ -140,7 +140,7 @@ def solvers(
     console, heads = Console(), [*COLUMNS]
     for shown in (heads[:-2], [heads[0], *heads[-2:]]):  # 80 columns hold either
         table = Table.of(listed.items(), {head: COLUMNS[head] for head in shown}, ())
-        console.print(solver_table(table), highlight=False)
+        console.print(rich_table(table), highlight=False)
         console.print()
     console.print("constraints: = equations, < inequalities", highlight=False)
     if nlopt:

@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Iterable
 from contextlib import AbstractContextManager
-from math import inf
+from math import inf, isfinite
 from pathlib import Path
 from typing import Annotated
 
@@ -35,6 +35,17 @@ def above_zero(option: typer.CallbackParam, value: float | None) -> float | None
     if value is not None and not 0 < value < inf:
         raise BadArgument(f"{option.opts[0]} takes a number above 0, not {value:g}")
     return value
+
+
+def comma_separated(option: str, text: str) -> list[float]:
+    """The finite numbers in a text with commas between them. Raises BadArgument."""
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = [inf]
+    if not all(map(isfinite, numbers)):
+        raise BadArgument(f"{option} takes finite numbers such as 1,-0.5,2; not {text!r}")
+    return numbers
 
 
 def make_folder(folder: Path) -> None:
@@ -76,20 +87,17 @@ def files_inside(console: Console, folder: Path, kinds: Collection[str], what: s
 
 
 def rich_table(table: Table) -> RichTable:
-    """A table of a report in the form for a terminal; numbers are never broken or shortened."""
-    shown = RichTable(box=None, header_style="bold")
+    """A table of a report in the form for a terminal; numbers are never broken or shortened.
+
+    Nor are the names in the first column; words of headings above numbers stand on lines of theirs.
+    """
+    shown = RichTable(box=None, header_style="bold", pad_edge=False)
     for i, head in enumerate(table.head):
         number = i in table.numbers
-        shown.add_column(head, justify="right" if number else "left", no_wrap=number)
+        title = head.replace(" ", "\n") if number else head
+        shown.add_column(title, justify="right" if number else "left", no_wrap=number or not i)
     for row in table.rows:
         shown.add_row(*map(escape, row))
-    return shown
-
-
-def solver_table(table: Table) -> RichTable:
-    """A table whose first column, the names of solvers, is never broken into lines."""
-    shown = rich_table(table)
-    shown.columns[0].no_wrap = True
     return shown
 
 

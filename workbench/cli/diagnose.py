@@ -32,11 +32,7 @@ from workbench.diagnostics.design import CRITERIA
 from workbench.errors import BadArgument, check_known
 from workbench.experiments import Experiment, find
 from workbench.fitting.candidates import CANDIDATES, OWN, QUANTITIES, sd_named
-from workbench.fitting.refits import (
-    laplace_points,
-    other_minima,
-    profile_likelihood,
-)
+from workbench.fitting.refits import laplace_points, other_minima, profile_likelihood
 from workbench.fitting.setup import Setup
 from workbench.reports import write_design, write_diagnosis
 from workbench.solvers import DEFAULT, Solver
@@ -242,10 +238,6 @@ def design(
     say(console, escape(found.report()))
     console.print("[dim]writing the page[/]")
     page = write_design(
-        found,
-        folder,
-        title=experiment.name,
-        question=setup.question,
-        source=experiment.source,
+        found, folder, title=experiment.name, question=setup.question, source=experiment.source
     )
     print_page(console, "report", page)

@@ -97,7 +97,7 @@ def below_the_highest(option: typer.CallbackParam, length: float | None) -> floa
     return length
 
 
-def kind_of(paths: list[Path], video: bool) -> str:
+def kind_of_fit(paths: list[Path], video: bool) -> str:
     """What is fitted, by the files; a key of UNUSED."""
     first = paths[0]
     suffix = first.suffix.lower()
@@ -160,10 +160,7 @@ def fit(
     contact: Annotated[
         bool, typer.Option("--contact", help="In one image, keep limbs out of each other.")
     ] = False,
-    hypotheses: Annotated[
-        int,
-        typer.Option(help="Number of starts for one image."),
-    ] = 1,
+    hypotheses: Annotated[int, typer.Option(help="Number of starts for one image.")] = 1,
     mean: Annotated[
         bool,
         typer.Option(
@@ -179,10 +176,7 @@ def fit(
             callback=above_zero, help=f"Frames a second of a clip or markers, else {FPS:g}."
         ),
     ] = None,
-    tissue: Annotated[
-        bool,
-        typer.Option("--tissue", help="Fit soft tissue to a mesh."),
-    ] = False,
+    tissue: Annotated[bool, typer.Option("--tissue", help="Fit soft tissue to a mesh.")] = False,
     marker_set: Annotated[
         Path | None, typer.Option(help='Markers on the body: JSON {"LFHD": vertex}.')
     ] = None,
@@ -231,7 +225,7 @@ def fit(
     reading = ImageReading(size_of(size), focal, cameras, person, camera_to_world)
     how = recipe_of(recipe, height, sigma, prior, contact)
     model, first = load_body(body), paths[0]
-    kind = kind_of(paths, video)
+    kind = kind_of_fit(paths, video)
     warn_unused(console, ctx, UNUSED[kind], f"it is not for {kind}")
     if contact and recipe == "smplify":
         warn_without_effect(console, "--contact", "SMPLify has spheres for that")

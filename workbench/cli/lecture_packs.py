@@ -202,16 +202,11 @@ def _read_answers(path: Path) -> dict[str, Any]:
 
 
 def _say_unused(console: Console, found: Submissions) -> None:
-    """Every file that is not marked, with the reason; what is to be expected in one line."""
+    """Every file that is not marked, with the reason, but for what is to be expected."""
     for one in found.unused:
         if one.why not in EXPECTED:
             path, why = escape(str(one.path)), escape(one.why)
             say(console, f"[yellow]not marked:[/] {path}: {why}")
-    rest = [one.path.name for one in found.unused if one.why in EXPECTED]
-    if rest:
-        names = escape(", ".join(sorted(set(rest))))
-        told = "as they were handed out, or made by programs"
-        say(console, f"[dim]not marked: {counted(len(rest), 'file')} {told} ({names})[/]")
 
 
 COMMANDS: dict[str, Callable[..., None]] = {"pack": pack, "try": attempt, "mark": mark}

@@ -9,7 +9,7 @@ from rich.console import Console
 from workbench.bodies.body import why_not_skinned
 from workbench.bodies.catalogue import BODIES, load_body
 from workbench.bodies.skinned import SkinnedBody
-from workbench.cli.console import rich_table
+from workbench.cli.console import comma_separated, rich_table
 from workbench.cli.options import Fit, Frame
 from workbench.environment import expanded
 from workbench.errors import BadArgument
@@ -41,19 +41,9 @@ def measure(
             raise BadArgument("give --betas or --from, not both")
         shape = pose_and_betas(expanded(place), body, frame)[1]
     elif betas is not None:
-        numbers = _numbers(betas)
+        numbers = comma_separated("--betas", betas)
         if len(numbers) > body.n_betas:
             raise BadArgument(f"body {name} has {body.n_betas} betas, not {len(numbers)}")
         shape[: len(numbers)] = numbers
     rows = tuple((one, f"{float(value):.3f}") for one, value in measured(body, shape).items())
     Console().print(rich_table(Table(("measurement", "m"), rows)))
-
-
-def _numbers(text: str) -> list[float]:
-    try:
-        numbers = [float(part) for part in text.split(",")]
-    except ValueError:
-        numbers = [np.nan]
-    if not np.isfinite(numbers).all():
-        raise BadArgument(f"--betas takes numbers such as 1,-0.5; not {text!r}")
-    return numbers

@@ -3,7 +3,6 @@
 import re
 import shutil
 import sys
-from collections.abc import Mapping
 from importlib.util import find_spec
 from keyword import iskeyword
 from pathlib import Path
@@ -16,6 +15,7 @@ from rich.markup import escape
 from workbench.cli.console import print_page, say
 from workbench.course.outline import course
 from workbench.errors import BadArgument, BadFile, check_known
+from workbench.writing import write_new
 
 TEMPLATES = Path(__file__).parent / "templates"
 LONGEST = 40  # characters of a name, which folders of results repeat
@@ -64,39 +64,18 @@ def write_scaffold(kind: str, name: str, folder: str | Path = ".") -> Path:
             "lecture 0": f"lecture {number}",
             "    0,  #": f"    {number},  #",
         } | words
+    if path.exists():
+        raise BadFile(f"{path} exists already and was left as it is; give another name or folder")
     try:
-        Path(folder).mkdir(parents=True, exist_ok=True)
-        if template.is_dir():
-            path.mkdir()
-            for source in template.glob("*.py"):
-                _write_new(path / source.name, source, words)
-        else:
-            _write_new(path, template, words)
-    except FileExistsError as error:
-        raise BadFile(
-            f"{error.filename or path} exists already and was left as it is; give another name or "
-            "folder"
-        ) from error
-    except OSError as error:
-        if path.is_dir():
-            shutil.rmtree(path)
-        raise BadFile(
-            f"cannot write {path}: {error.strerror or error}; give another folder"
-        ) from error
+        for source in template.glob("*.py") if template.is_dir() else [template]:
+            text = source.read_text(encoding="utf-8")
+            for word, instead in words.items():
+                text = text.replace(word, instead)
+            write_new(path / source.name if template.is_dir() else path, text)
+    except BadFile:
+        shutil.rmtree(path, ignore_errors=True)  # half a lecture is of no use
+        raise
     return path
-
-
-def _write_new(path: Path, template: Path, words: Mapping[str, str]) -> None:
-    """Write a file that is new, its words replaced. Raises OSError, and leaves nothing then."""
-    text = template.read_text(encoding="utf-8")
-    for word, instead in words.items():
-        text = text.replace(word, instead)
-    with path.open("x", encoding="utf-8") as file:
-        try:
-            file.write(text)
-        except OSError:
-            path.unlink()
-            raise
 
 
 def check_name(name: str) -> None:

@@ -19,6 +19,7 @@ from workbench.cli.console import (
     Bars,
     Up,
     at_least_one,
+    comma_separated,
     files_inside,
     folder_to_write,
     print_page,
@@ -41,7 +42,6 @@ from workbench.registration import (
     Recipe,
     ScanJob,
     jobs_of,
-    model_alone,
     registered,
     usual_recipe,
 )
@@ -130,12 +130,14 @@ def register(
     if not 0 <= boundary < math.inf:
         raise BadArgument(f"--boundary takes a width of 0 m or more, not {boundary:g}")
     skeleton = None if skeleton is None else expanded(skeleton)
-    reading = Reading(unit, up, array, _place(camera), points, skeleton)
+    reading = Reading(
+        unit, up, array, None if camera is None else camera_place(camera), points, skeleton
+    )
     scans = [expanded(path) for path in scans]
     template, jobs = load_body(body), jobs_of(_files(console, scans), array)
     recipe = replace(usual_recipe(template), boundary=boundary)
     if model:
-        recipe = replace(recipe, vertex_stages=model_alone)
+        recipe = replace(recipe, vertex_stages=())
     if len(jobs) == 1 and not scans[0].is_dir():
         for_several = ("--subjects", "--workers", "--dask")
         warn_unused(console, ctx, for_several, "it is for several scans, and there is one")
@@ -164,6 +166,14 @@ def register(
             "scans",
             "registered",
         )
+
+
+def camera_place(text: str) -> tuple[float, float, float]:
+    """The place of `--camera`. Raises BadArgument."""
+    numbers = comma_separated("--camera", text)
+    if len(numbers) != 3:
+        raise BadArgument(f"--camera takes x,y,z such as 0,0,0; not {text!r}")
+    return numbers[0], numbers[1], numbers[2]
 
 
 def _one(
@@ -195,18 +205,6 @@ def _one(
         console.print(rich_table(measurements_table(found.registration.measurements)))
     source = str(job.path.resolve())
     print_page(console, "report", write_registration(found, folder, body=name, source=source))
-
-
-def _place(text: str | None) -> tuple[float, float, float] | None:
-    if text is None:
-        return None
-    try:
-        x, y, z = (float(part) for part in text.split(","))
-    except ValueError as error:
-        raise BadArgument(f"--camera takes x,y,z such as 0,0,0; not {text!r}") from error
-    if not all(map(math.isfinite, (x, y, z))):
-        raise BadArgument(f"--camera takes three finite numbers, not {text!r}")
-    return x, y, z
 
 
 def _files(console: Console, given: list[Path]) -> list[Path]:

@@ -33,12 +33,7 @@ from workbench.synthetic.made_up import noisy_tubes
 from workbench.threads import limited_threads
 from workbench.training.blocks import REACH, alternation, without_blend_shapes
 from workbench.training.checkpoint import FILE as CHECKPOINT
-from workbench.training.evaluation import (
-    CARD,
-    check_held_out,
-    held_out_errors,
-    shapes_explained,
-)
+from workbench.training.evaluation import CARD, check_held_out, held_out_errors, shapes_explained
 from workbench.training.execution import Execution, Processes, Progress, Report
 from workbench.training.first_guess import Start, read_start
 from workbench.training.folder import GENDERS, open_folder, read_meshes

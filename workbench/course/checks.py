@@ -3,7 +3,7 @@
 import copy
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
@@ -279,8 +279,10 @@ def in_words(value: Any) -> str:
         array = np.asarray(value)
         if array.dtype.kind != "c":
             array = np.asarray(array, dtype=float)
-    except Exception:
-        return cut(_repr(value))
+    except Exception:  # a type of the student's own may raise anything
+        with suppress(Exception):
+            return cut(repr(value))
+        return kind(value)
     if array.ndim == 0:
         return f"{array:.6g}"
     return cut(np.array2string(array, precision=6, suppress_small=True, threshold=40))
@@ -319,10 +321,3 @@ def legible(text: str) -> str:
         c if c.isprintable() or c in "\n\t" else c.encode("unicode_escape").decode("ascii")
         for c in cut(text, LONGEST_TEXT)
     )
-
-
-def _repr(value: Any) -> str:
-    try:
-        return repr(value)
-    except Exception:
-        return kind(value)

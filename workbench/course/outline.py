@@ -2,7 +2,6 @@
 
 import sys
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import import_module
@@ -15,6 +14,7 @@ from typing import Any
 
 from workbench.course.checks import Check, Mistake, checks_in, mistakes_in
 from workbench.errors import BadFile, UnknownName
+from workbench.writing import write_new
 
 LECTURES = "workbench.lectures"  # leads to the package's lectures or the checkout's
 FILES = ("lecture.py", "exercises.py", "solutions.py", "checks.py")
@@ -177,20 +177,6 @@ def hand_out(lecture: Lecture, folder: str | Path) -> Path:
 
     Returns the file. Raises BadFile if it exists: answers are never overwritten.
     """
-    folder = Path(folder)
-    path = folder / f"{lecture.folder_name}.py"
-    text = (lecture.folder / "exercises.py").read_text(encoding="utf-8")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with path.open("x", encoding="utf-8") as file:
-            file.write(text)
-    except FileExistsError as error:
-        raise BadFile(
-            f"{error.filename or path} is there already and was left as it is; "
-            "give another folder, or move it away"
-        ) from error
-    except OSError as error:
-        with suppress(OSError):
-            path.unlink(missing_ok=True)  # it is new, and half of it is of no use
-        raise BadFile(f"cannot write {path}: {error.strerror or error}") from error
+    path = Path(folder) / f"{lecture.folder_name}.py"
+    write_new(path, (lecture.folder / "exercises.py").read_text(encoding="utf-8"))
     return path

@@ -36,9 +36,7 @@ class ParallelPair:
 
 @dataclass(frozen=True, eq=False)
 class WeakestDirection:
-    """A certificate of ill-conditioning: few columns that nearly cancel, and the rows that remain.
-
-    |J d| is small although d has length 1; `columns` carry d, `rows` carry J d.
+    """Few columns that nearly cancel, and the rows that remain: d has length 1, |J d| is small.
 
     Attributes:
         vector: d (n,), in characteristic scales.

@@ -12,7 +12,7 @@ Triggs et al., Bundle adjustment - a modern synthesis (2000), section 9, treats 
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import chain, combinations
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -163,7 +163,6 @@ class Found:
     def __init__(self, space: NullSpace) -> None:
         self.space = space
         self.known = np.zeros((space.basis.shape[1], 0))
-        self.told: set[frozenset[str]] = set()  # the blocks that each gauge moves
         self.new = max(NEW, 2 * space.same)  # of its length: less is nothing new
 
     def all(self) -> bool:
@@ -205,8 +204,7 @@ def gauges(
     """The gauges of a problem at these values, among the motions that are not seen.
 
     `pattern` (m, n) says which unknowns a row reads: points that no row ties together move
-    independently of each other. What a motion adds nothing to those before it is left out, and what
-    moves the same unknowns in the same way as before, undone by others, comes last.
+    independently of each other. A motion that adds nothing to those before it is left out.
     """
     free, space = problem.free, found.space
     for gauge in declared:
@@ -214,7 +212,7 @@ def gauges(
     if found.all():
         return
     for generator in generators.rest(problem):
-        yield from _of_generator(generator, free, found, again=False)
+        yield from _of_generator(generator, free, found)
     if found.all():
         return
     blocks, islands, points = _looked_at(problem, space, pattern)
@@ -222,16 +220,13 @@ def gauges(
     groups = list(generators.block_groups(free, blocks, islands))
     if points and space.nearby:  # what scales with the points
         yield from _of_groups([g for g in groups if g.factor], found, of_points)
-    for again in (False, True):
-        for stage, several in enumerate(_catalogue(problem, space, blocks, points)):
-            for generator in several:
-                if found.all():
-                    return
-                yield from _of_generator(generator, free, found, again=again)
-            if stage == 0 and not again:
-                yield from _of_groups(groups, found, of_points)
-    if space.nearby:
-        yield from _of_groups(list(generators.slice_groups(free, blocks)), found)
+    for stage, several in enumerate(_catalogue(problem, space, blocks, points)):
+        for generator in several:
+            if found.all():
+                return
+            yield from _of_generator(generator, free, found)
+        if stage == 0:
+            yield from _of_groups(groups, found, of_points)
 
 
 def _looked_at(
@@ -297,9 +292,9 @@ def _turns(problem: Problem, space: NullSpace) -> Iterator[Generator]:
     for at, block in moved:
         frames = [b for b in spatial if b is not block]
         if frames:
-            yield from generators.turns(block, at, together(free, frames))
+            yield generators.turns(block, at, together(free, frames))
         if len(at) > 3 or (space.nearby and space.fixed(at) > 1):
-            yield from generators.turns(block, at, None)
+            yield generators.turns(block, at, None)
 
 
 def _are_points(cloud: Cloud, space: NullSpace) -> bool:
@@ -337,9 +332,7 @@ def _inside(Q: Array, wanted: Array) -> Array:
     return np.asarray(np.linalg.norm(W - Q @ (Q.T @ W), axis=0) <= CLOSE)
 
 
-def _of_generator(
-    generator: Generator, free: Layout, found: Found, *, again: bool
-) -> Iterator[GaugeMotion]:
+def _of_generator(generator: Generator, free: Layout, found: Found) -> Iterator[GaugeMotion]:
     """The motions of a generator that others undo, each by the fewest of them."""
     space, at = found.space, generator.places
     others = generator.others
@@ -355,18 +348,13 @@ def _of_generator(
         v = space.moved(generator, c / lengths)
         if np.linalg.norm(v) <= SAME * np.linalg.norm(c):
             continue  # such as a turn of points about the line on which they all lie
-        if not (again or generator.with_others) and found.does(v, at):
+        if not generator.with_others and found.does(v, at):
             continue
-        for a in _ways(generator, v, c / lengths, others, found, free, again=again):
+        for a in _ways(generator, v, c / lengths, others, space, free):
             w = space.basis @ a
             still = np.linalg.norm(w[others]) <= SAME * np.linalg.norm(w)
-            blocks = found.blocks_of(w, free)
-            # what moves the same blocks in another way would hide what is left to be named
-            if (generator.with_others and still) or (again and frozenset(blocks) in found.told):
-                continue
-            if found.adds(a):
-                found.told.add(frozenset(blocks))
-                said = segment.words(c / lengths)
+            if not (generator.with_others and still) and found.adds(a):
+                said, blocks = segment.words(c / lengths), found.blocks_of(w, free)
                 title = _title(said, generator, c / lengths, w, blocks, free, space)
                 yield GaugeMotion(segment.kind, title, a)
 
@@ -402,15 +390,12 @@ def _ways(
     v: Array,
     c: Array,
     others: Index,
-    found: Found,
+    space: NullSpace,
     free: Layout,
-    *,
-    again: bool,
 ) -> Iterator[Array]:
     """The motions (d,) that are v (n,) but for what undoes it: nobody, each single block that can,
-    or the fewest blocks, one after the other being left out; the last ones first, or last `again`.
+    or the fewest blocks, one after the other being left out, the last ones first.
     """
-    space = found.space
     nobody, at = np.zeros(0, dtype=np.int64), generator.places
     choice = _range(space.basis[at], space.same)[1].size < space.basis.shape[1]
     if not choice:
@@ -418,7 +403,7 @@ def _ways(
         return
     along = generator._replace(columns=lambda x: (generator.columns(x) @ c)[:, None])
     choices = [np.intersect1d(others, places_of(free, b)) for b in free.blocks]
-    choices = [some for some in choices if some.size][:: -1 if again else 1]
+    choices = [some for some in choices if some.size]
     few = len(v) * len(choices) <= LABOUR
     single = [nobody, *choices] if few else [nobody]
     alone = False
@@ -481,9 +466,8 @@ def _of_groups(
             # at one point alone, single numbers undo each other in ways that say nothing
             if not space.nearby and max(group.places.size for group, _ in parts) == 1:
                 continue
-            named = None if _cross(parts) else _in_ratio(parts, exact=bool(space.nearby))
+            named = _in_ratio(parts, exact=bool(space.nearby))
             if named and found.adds(a):
-                found.told.add(frozenset(group.block for group, _ in parts))
                 kind, title = named
                 if any(group.factor and group.block in of_points for group, _ in parts):
                     title = title.replace("a common factor", "a scale", 1)
@@ -526,16 +510,6 @@ def _cancelling(
         ) <= 10 * space.same * np.linalg.norm(v):
             amounts = c / size
             yield [(g, float(x)) for g, x in zip(groups, amounts, strict=True) if x], a
-
-
-def _cross(parts: Sequence[tuple[Group, float]]) -> bool:
-    """Whether a row and a column of one block take part: then entries say it better."""
-    alike = (
-        (a, b)
-        for (a, _), (b, _) in combinations(parts, 2)
-        if a.block == b.block and a.factor == b.factor
-    )
-    return any(np.intersect1d(a.places, b.places).size for a, b in alike)
 
 
 def _in_ratio(parts: Sequence[tuple[Group, float]], exact: bool) -> tuple[str, str] | None:

@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse import csc_array
 
 from workbench.arrays import Array
 from workbench.blocks import Layout, Tree
@@ -23,7 +22,6 @@ from workbench.diagnostics.generators import together
 from workbench.diagnostics.joint_motions import JointNullMotion, joint_motions
 from workbench.diagnostics.words import listed
 from workbench.problem import Linearization
-from workbench.problem.storage import column_norms, unblocked
 from workbench.threads import limited_threads
 
 if TYPE_CHECKING:
@@ -70,7 +68,7 @@ def null_directions(d: "Diagnosis") -> tuple[Direction, ...]:
     if not count:
         return ()
     if sparse is not None and count > SEARCHED:
-        return tuple(_by_entries(sparse.local_null, d))
+        return tuple(_by_entries(d))
     space, held, free = null_space(d), d.constrained, d.free
     found = Found(space)
     directions = []
@@ -81,18 +79,17 @@ def null_directions(d: "Diagnosis") -> tuple[Direction, ...]:
     return tuple(directions)
 
 
-def _by_entries(vectors: csc_array, d: "Diagnosis") -> Iterator[Direction]:
-    """Null vectors (n, d), too many for names, each by its entries."""
-    free, held = d.problem.free, d.constrained.stacked
-    changes = column_norms(csc_array(unblocked(held.jacobian) @ vectors))
-    for j, change in enumerate(changes.tolist()):
-        v = signed(vectors[:, [j]].toarray().ravel())
+def _by_entries(d: "Diagnosis") -> Iterator[Direction]:
+    """Null directions that are too many for names, each by its entries."""
+    free, null = d.problem.free, d.constrained.null
+    for v in sparsest(null, np.zeros((len(null), 0))).T:
+        change, terms = float(np.linalg.norm(d.constrained.stacked.along(v))), ""
         if np.count_nonzero(v) == 1:
             name = free.label(int(np.argmax(abs(v))))
-            yield Direction(name, "entry", (), v, change, f"+1 of {name}")
+            yield Direction(name, "entry", (), signed(v), change, f"+1 of {name}")
         else:
-            terms = in_units(v, free, d.here.column_norms, scales=d.scales.sizes)
-            yield Direction(terms, "mixed", (), v, change, terms)
+            terms = in_units(signed(v), free, d.here.column_norms, scales=d.scales.sizes)
+            yield Direction(terms, "mixed", (), signed(v), change, terms)
 
 
 def weak_directions(d: "Diagnosis") -> tuple[Direction, ...]:

@@ -2,10 +2,9 @@
 
 A null space of dimension d needs d numbers, and no d numbers serve if a null direction changes none
 of them: to hold g numbers takes g rows of an orthonormal basis N (n, d), measured in characteristic
-scales. A user does not hold numbers but things, a camera or a row of points. Things are chosen
+scales. A user does not hold numbers but things, a camera or a row of points. They are chosen
 greedily: the one of the most numbers that are all still unknown, and of these the one of the
-largest volume; single numbers by QR with pivoting (Golub and Van Loan, Matrix Computations, section
-5.4). So no more is held than is unknown.
+largest volume; single numbers by QR with pivoting.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence

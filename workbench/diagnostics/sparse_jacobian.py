@@ -19,7 +19,6 @@ from functools import cached_property
 
 import casadi as cs
 import numpy as np
-import scipy.linalg
 from scipy.sparse import (
     block_array,
     csc_array,
@@ -37,7 +36,7 @@ from workbench.errors import TooLarge
 from workbench.problem import Linearization
 from workbench.problem.linearization import largest_eigenpairs, largest_eigenvalue
 from workbench.problem.steps import EPS
-from workbench.problem.storage import Matrix, column_norms, scaled_sparse, unblocked
+from workbench.problem.storage import Matrix, scaled_sparse, unblocked
 
 SHIFT = 1e-11  # eps, in squares of singular values: above their rounding errors
 WEAK = 3e-3  # singular values below it take part in the inverse iteration, and those
@@ -97,17 +96,6 @@ class FactoredJacobian:
     def takes_part(self) -> Mask:
         """Which unknowns a null vector moves, (n,)."""
         return np.asarray(np.sum(self.null**2, axis=1) > TAKES_PART)
-
-    @cached_property
-    def local_null(self) -> csc_array:
-        """A basis (n, n - rank) of the null space, in which each vector has an unknown of its own.
-
-        It is 1 there, and 0 at the own unknowns of the others.
-        """
-        N = self.null
-        own = scipy.linalg.qr(N.T, mode="r", pivoting=True)[1][: N.shape[1]]
-        vectors = np.linalg.solve(N[own].T, N.T).T
-        return csc_array(np.where(abs(vectors) < ROUNDING, 0.0, vectors))
 
     def covariance_times(self, B: Array) -> Array:
         """The pseudoinverse of S'S, times B (n, q)."""
@@ -231,12 +219,6 @@ class SparseJacobian:
     def null(self) -> Array:
         """(n, n - rank), orthonormal: what no residual notices and no constraint forbids."""
         return np.asarray(np.linalg.qr(self.factored.null / self.lengths[:, None])[0])
-
-    @property
-    def local_null(self) -> csc_array:
-        """(n, n - rank): the same space by vectors of length 1 with few entries."""
-        vectors = csc_array(diags_array(1 / self.lengths) @ self.factored.local_null)
-        return csc_array(scaled_sparse(vectors, 1 / column_norms(vectors)))
 
     @cached_property
     def forbidden(self) -> Array:

@@ -43,7 +43,7 @@ from workbench.fitting.known_points import (
     mesh_fit,
     own_mesh,
 )
-from workbench.fitting.marker_files import MarkerRecording, read_markers
+from workbench.fitting.marker_files import read_markers
 from workbench.fitting.marker_sets import (
     MarkerSet,
     default_markers,
@@ -56,7 +56,6 @@ from workbench.fitting.observations import (
     Clip,
     Film,
     Observations,
-    Photograph,
     photograph,
 )
 from workbench.fitting.placing import regressed_start
@@ -89,13 +88,11 @@ __all__ = [
     "ImageFits",
     "KnownAnswer",
     "MarkerFit",
-    "MarkerRecording",
     "MarkerSet",
     "Measure",
     "Moving",
     "Observations",
     "OtherMinima",
-    "Photograph",
     "PoseRegressor",
     "Profile",
     "ReadScan",

@@ -6,13 +6,11 @@ a fit is wrong; they name what a converged solver does not look at. Scans are ju
 seeds and frames than those on which they were counted.
 """
 
-import warnings
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from workbench.arrays import Array, Mask
 from workbench.blocks import Values
@@ -315,8 +313,7 @@ def of_markers(
         which = [names[m] for m in np.argsort(-each) if wrong[m]]
         yield (
             f"markers are up to {100 * each.max():.0f} cm from where the set has them on the body: "
-            f"{some_of(which)}; check their labels, and the marker set"
-            f"{_exchanged(nominal, observed, names)}"
+            f"{some_of(which)}; check their labels, which may be exchanged, and the marker set"
         )
     elif np.median(each) > MARKERS_OFF:
         yield (
@@ -340,19 +337,6 @@ def _rigid_error(rest: Array, observed: Array) -> float:
             motion = procrustes(rest[seen], places[seen])
             found.append(np.sqrt(np.mean((rest[seen] @ motion.R.T + motion.t - places[seen]) ** 2)))
     return float(np.median(found)) if found else np.nan
-
-
-def _exchanged(nominal: Array, observed: Array, names: Sequence[str]) -> str:
-    """Which markers are nearer to one another's places, for the end of a sentence."""
-    with np.errstate(all="ignore"), warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of markers that were never seen
-        off = np.nanmean(
-            np.linalg.norm(nominal[:, :, None] - observed[:, None, :], axis=-1), axis=0
-        )
-    assigned = linear_sum_assignment(np.nan_to_num(off, nan=1e3))[1].tolist()
-    moved = [(names[m], names[k]) for m, k in enumerate(assigned) if m != k]
-    pairs = [f"{a} and {b}" for a, b in moved if (b, a) in moved and a < b]
-    return f"; {some_of(pairs)} seem to be exchanged" if pairs else ""
 
 
 def pose_square(body: Body, pose: Array) -> Array:

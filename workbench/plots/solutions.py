@@ -46,7 +46,7 @@ def plot_convergence(solutions: Mapping[str, Solution], *, ax: Axes, time: bool 
     `best` is the lowest cost that any of them found; what equals it is drawn on a floor, since
     the axis is logarithmic. A hollow end means that the solver did not converge.
     """
-    gaps = {name: gap(solution, solutions) for name, solution in solutions.items()}
+    gaps = {name: shares_above(solution, solutions) for name, solution in solutions.items()}
     floor = _floor(gaps)
     longest, styles, lowest = 0.0, solver_styles(solutions), as_good(solutions)
     for name, solution in solutions.items():
@@ -105,7 +105,7 @@ def caption_convergence(solutions: Mapping[str, Solution]) -> str:
     return text
 
 
-def gap(solution: Solution, among: Mapping[str, Solution]) -> Array:
+def shares_above(solution: Solution, among: Mapping[str, Solution]) -> Array:
     """What is drawn: (cost - best) / (start - best) of each iterate; 0 where nothing was lost."""
     return share_left([i.cost for i in solution.trace], best_cost(among), start_cost(among))
 

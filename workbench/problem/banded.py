@@ -15,19 +15,12 @@ from workbench.problem.sparsity import columns_of_nonzeros, sums
 
 @dataclass(frozen=True, eq=False)
 class BandOrder:
-    """Which unknowns make the band, and in which order, and which make the border.
+    """Which unknowns make the band, and in which order, and which make the border."""
 
-    Attributes:
-        inner: (N,) the places of the unknowns in the band among all unknowns, frame after frame.
-        border: (b,) the places of the shared unknowns among all unknowns.
-        reach: the half-width of the band, how far from the diagonal its entries may stand.
-        edges: (T + 1,) where the unknowns of each frame begin among those of the band.
-    """
-
-    inner: Index
-    border: Index
-    reach: int
-    edges: Index
+    inner: Index  # (N,) the places of those in the band among all unknowns, frame after frame
+    border: Index  # (b,) the places of the shared ones among all unknowns
+    reach: int  # the half-width of the band, how far from the diagonal its entries may stand
+    edges: Index  # (T + 1,) where the unknowns of each frame begin among those of the band
 
     @property
     def size(self) -> int:
@@ -218,19 +211,12 @@ class BandedMatrix:
 
 @dataclass(frozen=True, eq=False)
 class BandedFactor:
-    """The factors of a banded matrix: D = L L', Y = L^-1 B, and that of C - Y'Y.
-
-    Attributes:
-        order: which unknowns make the band and which the border.
-        L: Cholesky's factor of the band, stored as the band is.
-        answer: Y (N, b).
-        corner: Cholesky's factor of the Schur complement, lower, (b, b).
-    """
+    """The factors of a banded matrix: D = L L', Y = L^-1 B, and that of C - Y'Y."""
 
     order: BandOrder
-    L: Array
-    answer: Array
-    corner: Array
+    L: Array  # Cholesky's factor of the band, stored as the band is
+    answer: Array  # Y (N, b)
+    corner: Array  # Cholesky's factor of the Schur complement, lower, (b, b)
 
     def solve(self, right: Array) -> Array:
         """The solution (n,) or (n, k) of the linear system with this right-hand side."""
@@ -281,19 +267,12 @@ class BlockPlaces(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class BlockMatrix:
-    """A matrix (m, n): dense blocks (T, m_t, n_t), and the `rest`, which is zero in their places.
+    """A matrix (m, n): dense blocks, and the `rest`, which is zero in their places."""
 
-    Attributes:
-        rest: (m, n) all entries that stand in no block.
-        blocks: dense blocks (T, m_t, n_t), one array for each group of frames.
-        places: for each of these arrays the rows and columns of its blocks.
-        order: in which order the columns make a band of the normal equations.
-    """
-
-    rest: csc_array
-    blocks: tuple[Array, ...]
-    places: tuple[BlockPlaces, ...]
-    order: BandOrder
+    rest: csc_array  # (m, n) all entries that stand in no block
+    blocks: tuple[Array, ...]  # dense blocks (T, m_t, n_t), one array for each group of frames
+    places: tuple[BlockPlaces, ...]  # for each of these arrays the rows and columns of its blocks
+    order: BandOrder  # in which order the columns make a band of the normal equations
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -323,11 +302,6 @@ class BlockMatrix:
             part = (r[at.rows][:, None, :] @ block)[:, 0, :]
             np.add.at(found, at.columns, part)
         return found
-
-    @property
-    def entries(self) -> Array:
-        """All stored numbers, flat."""
-        return np.concatenate([self.rest.data, *(block.ravel() for block in self.blocks)])
 
     def column_squares(self) -> Array:
         """The sum of the squares of every column, (n,)."""

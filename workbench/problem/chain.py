@@ -1,13 +1,12 @@
 """A problem's numbers by the chain rule: graphs of the residuals, arithmetic for the points.
 
-The residual is a small graph of the free numbers, the fixed ones and the points, r(x, h, p(x, h)).
-Where the source of the points computes their derivatives itself, CasADi differentiates only the
-residuals, and
+The residual is a small graph of the free numbers, the fixed ones and the points, r(x, h, p(x, h)),
+and
 
     dr/dx = r_x + sum over sources of r_p dp/dx.
 
 dp/dx is an array, or sparse for those blocks for which the source says so (its `pattern`). Points
-of other sources are part of the graph, so that this way serves all problems.
+of sources without arithmetic are part of the graph.
 """
 
 import weakref
@@ -22,7 +21,7 @@ from scipy.sparse import csc_array, csr_array
 from workbench.arrays import Array
 from workbench.blocks import Layout, NumericPoints, PointsAt
 from workbench.blocks.functions import Buffered, without_calls
-from workbench.blocks.layout import Values
+from workbench.blocks.layout import all_values
 from workbench.blocks.points import (
     distinct,
 )
@@ -277,7 +276,6 @@ class PointCache:
     def __init__(self, sources: Sequence[NumericPoints], free: Layout, fixed: Layout) -> None:
         self._sources, self._free, self._fixed = tuple(sources), free, fixed
         self._last: tuple[tuple[bytes, bytes], list[PointsAt]] = ((b"", b""), [])
-        self._last_fixed: tuple[bytes | None, Values] = (None, {})
 
     def at(self, x: Array, fixed: Array) -> Sequence[PointsAt]:
         """Each source's points at the free numbers x and the fixed ones."""
@@ -285,25 +283,13 @@ class PointCache:
             return ()
         last, key = self._last, (x.tobytes(), fixed.tobytes())  # once: a thread may replace it
         if key != last[0]:
-            around = self._around(key[1], fixed)
-            values = around | self._free.unpack(x, around)
+            values = all_values(self._free, x, self._fixed, fixed)
             self._last = last = key, [source.evaluate(values) for source in self._sources]
-        return last[1]
-
-    def _around(self, key: bytes, fixed: Array) -> Values:
-        """The values of fixed blocks, read-only; they are often the same as the last time."""
-        last = self._last_fixed
-        if key != last[0]:
-            values = self._fixed.unpack(fixed)
-            for value in values.values():
-                value.flags.writeable = False
-            self._last_fixed = last = key, values
         return last[1]
 
 
 WORTH_KEEPING = 2**20  # bytes: memory for less is quick to get
 KEPT = 2  # rooms that wait to be used again: a solver compares two linearizations
-LINE = 64  # bytes of a cache line
 
 
 @dataclass(frozen=True, eq=False)
@@ -331,9 +317,9 @@ class BufferPool:
         try:
             room = self._free.pop()  # at once, whatever other threads do
         except IndexError:
-            room = _zeros(rows * columns)
+            room = np.zeros(rows * columns)
         if room.nbytes != size:
-            room = _zeros(rows * columns)
+            room = np.zeros(rows * columns)
         # all views hold it, as its base is no array, and none can be made writeable
         whole = np.frombuffer(memoryview(room.data).toreadonly())
         # it calls back while it is held; `weakref.finalize` takes three times as long
@@ -344,13 +330,3 @@ class BufferPool:
         del self._taken[id(room)]
         if len(self._free) < KEPT:
             self._free.append(room)
-
-
-def _zeros(count: int) -> Array:
-    """Zeros that begin where a cache line does, as then fewer writes touch two lines.
-
-    For large ones, NumPy asks the system for large pages.
-    """
-    whole = np.zeros(count + LINE // 8)
-    first = -whole.ctypes.data % LINE // 8
-    return whole[first : first + count]

@@ -137,24 +137,13 @@ def part_at(parts: Sequence[Part], row: int) -> tuple[Part, int]:
 
 @dataclass(frozen=True, eq=False)
 class LinearizedConstraints:
-    """The linear model c(x + p) ~ values + jacobian p, to be kept between lower and upper.
+    """The linear model c(x + p) ~ values + jacobian p, to be kept between lower and upper."""
 
-    The Jacobian is an array, or sparse where it is large and most of it is zero, by the same rule
-    as that of a residual (`storage.is_sparse`).
-
-    Attributes:
-        values: c(x) (k,), each in its unit.
-        jacobian: (k, n).
-        lower: (k,) the lower limits.
-        upper: (k,) the upper limits.
-        tolerance: (k,) violations up to which a limit counts as met.
-    """
-
-    values: Array
-    jacobian: Stored
-    lower: Array
-    upper: Array
-    tolerance: Array
+    values: Array  # c(x) (k,), each in its unit
+    jacobian: Stored  # (k, n), by the same rule as that of a residual (`storage.is_sparse`)
+    lower: Array  # (k,) the lower limits
+    upper: Array  # (k,) the upper limits
+    tolerance: Array  # (k,) violations up to which a limit counts as met
 
     @property
     def finite(self) -> bool:
@@ -215,13 +204,6 @@ class ConstraintSet:
         self.upper = np.concatenate([upper for _, upper in limits])
         sizes = [c.size for c in self.constraints]
         self.tolerance = np.repeat([c.tolerance for c in self.constraints], sizes)
-
-    @staticmethod
-    def of(
-        constraints: Sequence[Constraint], free: Layout, fixed: Layout
-    ) -> "ConstraintSet | None":
-        """The constraints together; None if there are none."""
-        return ConstraintSet(constraints, free, fixed) if constraints else None
 
     @property
     def size(self) -> int:

@@ -6,7 +6,7 @@ several points to an instruction. Where it is long, as for the vertices of a mes
 bodies come from matrix products over all the values at once and only the residual is a graph.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -47,12 +47,6 @@ class Domain:
     free: Layout
     fixed: Layout
 
-    @staticmethod
-    def of(residuals: Iterable[Residual], free: Layout, fixed: Layout) -> "Domain | None":
-        """The domain of a problem with these residuals; None if they mean something everywhere."""
-        limited = tuple(one for one in residuals if one.domain is not None)
-        return Domain(limited, free, fixed) if limited else None
-
     def beside(self, whitened: cs.MX) -> cs.MX:
         """A column of whitened residuals with one row more: 0 in the domain, infinite elsewhere.
 
@@ -72,8 +66,7 @@ class Domain:
             if out.size:
                 return (
                     f"{one.label(d * int(out[0]))} means nothing there, because its domain is "
-                    f"{found[first + out[0]]:.3g}, below zero (of a keypoint, the domain is how "
-                    "many metres it is in front of its camera, times its confidence)"
+                    f"{found[first + out[0]]:.3g}, below zero (as of a keypoint behind its camera)"
                 )
             first += one.size // d
         return ""

@@ -110,12 +110,13 @@ class FrameGroup:
         self.rows, self.columns, self.given = rows, columns, given
         self._mapped: dict[Buffered, Mapped] = {}
 
-    def _of_all(self, one: Buffered, *arguments: Array) -> list[Array]:
+    def _of_all(self, one: Buffered, x: Array, fixed: Array, places: Places) -> list[Array]:
         """The function of one frame for all frames, (F, .) for each output.
 
         CasADi's memory for a call is in proportion to its frames, which are therefore divided
         among calls with equally many.
         """
+        arguments = [x[self.columns], fixed[self.given], *(there.points for there in places)]
         if one not in self._mapped:
             F = len(self.frames)
             calls = -(-F // MAPPED)
@@ -124,11 +125,11 @@ class FrameGroup:
 
     def residual(self, x: Array, fixed: Array, places: Places) -> Array:
         """The residuals of the frames, (F, m)."""
-        return self._of_all(self.chain.to_residual, *self._arguments(x, fixed, places))[0]
+        return self._of_all(self.chain.to_residual, x, fixed, places)[0]
 
     def term_sizes(self, x: Array, fixed: Array, places: Places) -> Array:
         """The sizes of the terms that rows are made of, (F, m); see `Chain.term_sizes`."""
-        return self._of_all(self.chain.to_size, *self._arguments(x, fixed, places))[0]
+        return self._of_all(self.chain.to_size, x, fixed, places)[0]
 
     def places(self, values: Mapping[str, Array], framed: Mapping[str, bool]) -> Places:
         """The points of each source in all frames; `framed` blocks have values of every frame."""
@@ -144,7 +145,7 @@ class FrameGroup:
 
     def gradient(self, x: Array, fixed: Array, places: Places) -> tuple[Array, Array]:
         """The residuals (F, m), and the gradients (F, n) of the frames' costs."""
-        r, direct, by_points = self._derived(x, fixed, places)
+        r, direct, *by_points = self._of_all(self.chain.to_derivative, x, fixed, places)
         chain, g = self.chain, np.zeros(self.columns.shape)
         for own, entries, residual in zip(g, direct, r, strict=True):
             own += chain.by_x.vjp(entries, residual)
@@ -181,7 +182,7 @@ class FrameGroup:
 
     def linearize(self, x: Array, fixed: Array, places: Places) -> tuple[Array, Array, Array]:
         """The residuals (F, m), the whole rows (F, k, n), and the single entries (F, l)."""
-        r, direct, by_points = self._derived(x, fixed, places)
+        r, direct, *by_points = self._of_all(self.chain.to_derivative, x, fixed, places)
         inside, place = self._into
         by_x = self.chain.by_x
         block = np.zeros((len(self.frames), len(self.whole), by_x.shape[1]))
@@ -193,19 +194,8 @@ class FrameGroup:
 
     @cached_property
     def _products(self) -> list["_RowProduct"]:
-        _, place = self._into
-        return [
-            _RowProduct(self.chain, i, place, len(self.frames))
-            for i in range(len(self.chain.sources))
-        ]
-
-    def _derived(self, x: Array, fixed: Array, places: Places) -> tuple[Array, Array, list[Array]]:
-        derivative = self.chain.to_derivative
-        r, direct, *by_points = self._of_all(derivative, *self._arguments(x, fixed, places))
-        return r, direct, by_points
-
-    def _arguments(self, x: Array, fixed: Array, places: Places) -> list[Array]:
-        return [x[self.columns], fixed[self.given], *(there.points for there in places)]
+        sources = range(len(self.chain.sources))
+        return [_RowProduct(self.chain, i, self._into[1], len(self.frames)) for i in sources]
 
 
 class _RowProduct:
@@ -214,7 +204,7 @@ class _RowProduct:
     def __init__(self, chain: Chain, source: int, place: Index, count: int) -> None:
         pattern = chain.by_points[source]
         reads = chain.sources[source].reads
-        self._wanted = [(n, at) for n, at in chain.free.slices.items() if n in reads]
+        wanted = [(n, at) for n, at in chain.free.slices.items() if n in reads]
         self._wide = pattern.shape[1]  # 3 N
         rows = np.unique(pattern.rows)
         numbered = pattern.matrix(np.arange(1.0, len(pattern.rows) + 1)).tocsr()[rows]
@@ -226,11 +216,11 @@ class _RowProduct:
         lengths = np.tile(np.diff(numbered.indptr), most)
         self._starts = np.concatenate([[0], np.cumsum(lengths)])
         columns = np.concatenate(
-            [np.zeros(0, int), *(np.arange(a.start, a.stop) for _, a in self._wanted)]
+            [np.zeros(0, int), *(np.arange(a.start, a.stop) for _, a in wanted)]
         )
-        self._columns, self._rooms, at = columns, {}, 0
-        for name, where in self._wanted:
-            self._rooms[name] = slice(at, at := at + where.stop - where.start)
+        self._columns, self._slices, at = columns, {}, 0
+        for name, where in wanted:
+            self._slices[name] = slice(at, at := at + where.stop - where.start)
         down, across = run_of(place[rows]), run_of(columns)
         if isinstance(down, np.ndarray) and isinstance(across, np.ndarray):
             down = down[:, None]
@@ -243,9 +233,8 @@ class _RowProduct:
             some = slice(first, min(first + AT_ONCE, len(entries)))
             size = some.stop - some.start
             points = np.empty((size, self._wide, k))
-            there.write_jacobians(
-                some, {name: points[:, :, at] for name, at in self._rooms.items()}
-            )
+            parts = {name: points[:, :, at] for name, at in self._slices.items()}
+            there.write_jacobians(some, parts)
             data = entries[some][:, self._taken].ravel()
             shape = size * self._height, size * self._wide
             starts = self._starts[: shape[0] + 1]

@@ -25,19 +25,12 @@ SUMS = 3  # sums of a row's terms with random weights: in a single one they may 
 
 @dataclass(frozen=True, eq=False)
 class Graph:
-    """The residual in the symbols of flat free and fixed numbers, and of points.
+    """The residual in the symbols of flat free and fixed numbers, and of points."""
 
-    Attributes:
-        x: (n, 1) the free numbers.
-        fixed: (h, 1) the fixed numbers.
-        points: placeholders of points, (3, N) each.
-        residual: (m, 1) whitened.
-    """
-
-    x: cs.MX
-    fixed: cs.MX
-    points: tuple[cs.MX, ...]
-    residual: cs.MX
+    x: cs.MX  # (n, 1) the free numbers
+    fixed: cs.MX  # (h, 1) the fixed numbers
+    points: tuple[cs.MX, ...]  # placeholders of points, (3, N) each
+    residual: cs.MX  # (m, 1) whitened
 
     @staticmethod
     def of(expression: cs.MX, free: Layout, fixed: Layout, points: Sequence[cs.MX] = ()) -> "Graph":

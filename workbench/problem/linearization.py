@@ -307,7 +307,7 @@ class Linearization:
         k = min(m, n), and b (k,) is Q'r.
         """
         m, n = self.shape
-        d, J, k = self._lengths, self.dense, min(self.shape)
+        d, J, k = self.lengths, self.dense, min(self.shape)
         R = np.zeros((0, n + 1))
         for first in range(0, m, TOGETHER):  # rows above, reduced to R, and the next ones
             rows = slice(first, min(first + TOGETHER, m))
@@ -327,7 +327,7 @@ class Linearization:
         if not self.estimated:
             return self.triangle[1]
         storage.check_wide(self.jacobian)
-        unit = storage.scaled(self.jacobian, 1 / self._lengths)
+        unit = storage.scaled(self.jacobian, 1 / self.lengths)
         values, vectors = np.linalg.eigh(storage.dense(storage.gram(unit)))
         half = np.sqrt(np.maximum(values[::-1], 0))[:, None] * vectors[:, ::-1].T
         return np.asarray(half[: min(self.shape)])
@@ -335,7 +335,7 @@ class Linearization:
     @cached_property
     def R(self) -> Array:
         """(min(m, n), n) with R'R = J'J. Raises NotFinite, TooLarge."""
-        return self.unit_triangle * self._lengths
+        return self.unit_triangle * self.lengths
 
     @cached_property
     def spectrum(self) -> Spectrum:
@@ -360,7 +360,7 @@ class Linearization:
         return bool(read.size and read.max() > UNEVEN * read.min())
 
     @cached_property
-    def _lengths(self) -> Array:
+    def lengths(self) -> Array:
         """The lengths of the columns (n,), 1 where a column is zero."""
         return np.where(self.column_norms > 0, self.column_norms, 1.0)
 
@@ -377,7 +377,7 @@ class Linearization:
         """The p (n,) that minimises |J p + r|^2 + damping |D p|^2, D = diag(scaling).
 
         Without damping, this is the Gauss-Newton step; where J has no full rank, the shortest one.
-        The scaling must be above zero. `steps.automatic` says how it is computed.
+        The scaling must be above zero. `steps.automatic` computes it.
         """
         D = np.array(np.broadcast_to(scaling, self.shape[1:]), dtype=float)
         return automatic(self, damping, D).p
@@ -415,7 +415,7 @@ class Linearization:
         found = Linearization(self.residual, storage.scaled(self.jacobian, factors))
         if "triangle" in self.__dict__ and (factors > 0).all():  # units change its lengths alone
             _, R, b = self.triangle
-            found.__dict__["triangle"] = found._lengths, R, b
+            found.__dict__["triangle"] = found.lengths, R, b
         return found
 
     def predicted_decrease(self, p: Array) -> float:
@@ -438,7 +438,7 @@ class Linearization:
         which would cost half of the digits. What is not identified has infinite variance, and NaN
         for its covariance with others.
         """
-        R, lengths = self.unit_triangle, self._lengths
+        R, lengths = self.unit_triangle, self.lengths
         _, s, Vt = np.linalg.svd(R, full_matrices=False)
         determined = s > self._relative * s.max(initial=0.0)
         if determined.sum() < len(lengths) or self.estimated:

@@ -14,7 +14,6 @@ from scipy.sparse import csc_array, csr_array, diags_array
 from workbench.arrays import Array, Index, Mask
 from workbench.problem import storage
 from workbench.problem.sparsity import SparseSum, tied_columns
-from workbench.problem.steps import EPS
 from workbench.problem.storage import Stored, absolute, dense, row_norms
 
 if TYPE_CHECKING:
@@ -28,14 +27,6 @@ class Rounding:
     """The rounding error that each of the `rows` (m,) of a residual may carry, in its sigma."""
 
     rows: Array
-
-    @staticmethod
-    def of(residual: Array, term_sizes: Array, floor: float = 1.0) -> "Rounding":
-        """10 eps times the size of the terms of each row, which is at least `floor` sigmas.
-
-        These are its own value, and the terms that `term_sizes` (m,) measures.
-        """
-        return Rounding(FACTOR * EPS * (floor + np.abs(residual) + term_sizes))
 
     @cached_property
     def norm(self) -> float:
@@ -207,11 +198,10 @@ def projected_sparse(target: Array, limits: LinearLimits) -> Array:
     """`projected` for many unknowns and a sparse A whose rows have length 1.
 
     First d is the target, clipped to the bounds. Then the rows that it violates are imposed, the
-    problem is solved again, and so on, until no row is violated. This ends, because each row is
-    imposed at most once. The last d is the answer: if the nearest point under some of the limits
-    meets the others, it is the nearest point under all of them. Rows that share no unknown are
-    solved separately, and unknowns that no imposed row reads keep their target. A single part with
-    thousands of imposed rows takes long, because it is solved by arrays.
+    problem is solved again, and so on, until no row is violated: if the nearest point under some of
+    the limits meets the others, it is the nearest point under all of them. Rows that share no
+    unknown are solved separately, by arrays, and unknowns that no imposed row reads keep their
+    target.
     """
     left, right, A, down, up = limits
     by_rows, sizes = csr_array(A), absolute(A)

@@ -32,23 +32,14 @@ SMALLEST = 1e-8  # of a pivot, where the diagonal is one: below that half of the
 
 @dataclass(frozen=True, eq=False)
 class SparseFactor:
-    """The factors of a positive definite matrix A (n, n), scaled so that its diagonal is one.
+    """The factors of a positive definite matrix A (n, n), scaled so that its diagonal is one."""
 
-    Attributes:
-        units: (n,) the square roots of A's diagonal.
-        border: (n,) which unknowns come last; there are b of them.
-        inner: the factor of S; None where all unknowns are in the border.
-        between: B (n - b, b).
-        answer: S^-1 B, (n - b, b).
-        corner: Cholesky's factor of the Schur complement, lower, (b, b).
-    """
-
-    units: Array
-    border: Mask
-    inner: SuperLU | None
-    between: Array
-    answer: Array
-    corner: Array
+    units: Array  # (n,) the square roots of A's diagonal
+    border: Mask  # (n,) which unknowns come last; there are b of them
+    inner: SuperLU | None  # the factor of S; None where all unknowns are in the border
+    between: Array  # B (n - b, b)
+    answer: Array  # S^-1 B, (n - b, b)
+    corner: Array  # Cholesky's factor of the Schur complement, lower, (b, b)
 
     def solve(self, b: Array) -> Array:
         """The solution A^-1 b for b (n,) or (n, k)."""
@@ -171,7 +162,7 @@ def svd(here: "Linearization", damping: float, D: Array) -> Step:
     a million times as long as others, else the identity.
     """
     if damping == 0:
-        D = _even(here.column_norms)
+        D = here.lengths if here.uneven else np.ones_like(D)
     if (D == 1).all():
         U, s, Vt = here.svd
     else:
@@ -181,14 +172,6 @@ def svd(here: "Linearization", damping: float, D: Array) -> Step:
     return Step(-(Vt.T @ ((U.T @ here.residual) / (s + damping / s))) / D, "svd")
 
 
-def _even(lengths: Array) -> Array:
-    """The units (n,) in which columns of these lengths have length 1; ones if all are similar."""
-    read = lengths[lengths > 0]
-    if not read.size or read.max() < UNEVEN * read.min():
-        return np.ones_like(lengths)
-    return np.where(lengths > 0, lengths, 1.0)
-
-
 def krylov(here: "Linearization", damping: float, D: Array) -> Step:
     """The shortest step by products with J and J' alone, for a sparse J with dependent columns.
 
@@ -196,7 +179,7 @@ def krylov(here: "Linearization", damping: float, D: Array) -> Step:
     After `PRODUCTS` products, the result is the best step so far, along which the cost falls.
     """
     if damping == 0:
-        D = _even(here.column_norms)
+        D = here.lengths if here.uneven else np.ones_like(D)
     A = scaled_sparse(here.jacobian, 1 / D)
     p = lsmr(A, -here.residual, np.sqrt(damping), DIGITS, DIGITS, conlim=0, maxiter=PRODUCTS)[0]
     return Step(np.asarray(p) / D, "lsmr")
@@ -216,11 +199,8 @@ def automatic(here: "Linearization", damping: float, D: Array) -> Step:
 
 
 def sparing(here: "Linearization", damping: float, D: Array) -> Step:
-    """`automatic`, but without `krylov` while a slight damping serves as well.
-
-    For a sparse Jacobian with dependent columns, the shortest step takes hundreds of products. With
-    a damping of 1e-7 of the longest column's square, Cholesky's factor exists, and what the data
-    determine well is found to seven digits.
+    """`automatic`, but for a sparse Jacobian a damping of at least 1e-7 of the longest column's
+    square takes the place of `krylov`, whose shortest step takes hundreds of products.
     """
     step = cholesky(here, damping, D)
     if step is None and here.estimated:

@@ -5,8 +5,7 @@ equations are an array, sparse or a `BandedMatrix`.
 
 A Jacobian is stored sparse if it has more than four million entries of which less than an eighth
 can be nonzero. A dense one that does not fit into the free memory is refused before it is
-allocated, in a sentence that says how much it would need; the run then ends as TOO_LARGE. Singular
-values of a sparse Jacobian come from J'J and are marked as estimates.
+allocated.
 """
 
 from __future__ import annotations
@@ -66,9 +65,7 @@ def unblocked(matrix: Matrix | Symmetric) -> Stored:
 
 def entries(matrix: Matrix) -> Array:
     """The stored numbers: all of an array, or the nonzeros of a sparse matrix."""
-    if isinstance(matrix, BlockMatrix):
-        return matrix.entries
-    return np.asarray(matrix.data) if isinstance(matrix, csc_array) else matrix
+    return matrix if isinstance(matrix, np.ndarray) else np.asarray(by_nonzeros(matrix).data)
 
 
 def column_norms(matrix: Matrix, normal: Symmetric | None = None) -> Array:

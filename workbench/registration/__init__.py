@@ -1,7 +1,7 @@
 """Registration: surfaces and points brought onto scans, without known correspondences."""
 
 from workbench.geometry.solids import random_surface_points
-from workbench.registration.doubts import Doubts, Support, doubts, support
+from workbench.registration.doubts import Support, doubts, support
 from workbench.registration.free_vertices import (
     QUICK_VERTEX_STAGES,
     VERTEX_STAGES,
@@ -24,7 +24,6 @@ from workbench.registration.icp_steps import (
     point_to_point,
 )
 from workbench.registration.model_fit import (
-    FIT_STAGES,
     SEEN_STAGES,
     FitProgress,
     FitStage,
@@ -35,7 +34,6 @@ from workbench.registration.recipe import (
     HAND_RECIPE,
     PERSON_RECIPE,
     Recipe,
-    model_alone,
     usual_recipe,
     with_skeleton,
 )
@@ -57,7 +55,6 @@ from workbench.registration.scan_jobs import (
 from workbench.registration.starts import arms_lowered, facing, hand_starts, scan_starts
 
 __all__ = [
-    "FIT_STAGES",
     "HAND_RECIPE",
     "PERSON_RECIPE",
     "QUICK_VERTEX_STAGES",
@@ -65,7 +62,6 @@ __all__ = [
     "VERTEX_STAGES",
     "Alignment",
     "Contacts",
-    "Doubts",
     "FailedScan",
     "FitProgress",
     "FitStage",
@@ -98,7 +94,6 @@ __all__ = [
     "fit_model",
     "hand_starts",
     "jobs_of",
-    "model_alone",
     "point_to_plane",
     "point_to_point",
     "random_surface_points",

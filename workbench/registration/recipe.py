@@ -44,23 +44,6 @@ PERSON = Doubts()
 LARGE = 3_000  # vertices, from which on the model is held while vertices are free
 
 
-def coupled(body: Body) -> tuple[VertexStage, ...]:
-    """The stages of free vertices for a body: none for triangle bodies, which have no such term.
-
-    The model follows the vertices of bodies of up to 3,000 vertices. For larger ones it is held,
-    because following takes three times as long, and twice the memory (`benchmarks/DECISIONS.md`).
-    """
-    if not isinstance(body, SkinnedBody):
-        return ()
-    stages = VERTEX_STAGES if body.n_vertices <= LARGE else QUICK_VERTEX_STAGES
-    return stages[len(MODEL_STAGES) :]
-
-
-def model_alone(body: Body) -> tuple[VertexStage, ...]:
-    """No stages of free vertices for any body: the registration is the fitted model."""
-    return ()
-
-
 @dataclass(frozen=True)
 class Recipe:
     """How scans are registered. The lengths that are the defaults suit a whole person.
@@ -69,7 +52,8 @@ class Recipe:
 
     Attributes:
         fit_stages: the stages of the fit of the body, from coarse to fine.
-        vertex_stages: from the body to the stages of free vertices that follow.
+        vertex_stages: the stages of free vertices that follow, none if the registration is the
+            fitted model; None for those that suit the size of a person's mesh.
         boundary: in m; points of the scan as near as this to its boundary are left out. With 0
             all points are used.
         seed: of the points that the coarse stages draw.
@@ -86,7 +70,7 @@ class Recipe:
     """
 
     fit_stages: tuple[FitStage, ...] = FIT_STAGES
-    vertex_stages: Callable[[Body], tuple[VertexStage, ...]] = coupled
+    vertex_stages: tuple[VertexStage, ...] | None = None
     boundary: float = 0.0
     seed: int = 0
     starts: Callable[[Body, Scan], Sequence[Values]] = scan_starts
@@ -97,6 +81,19 @@ class Recipe:
     empty: bool = True
     seen_stages: tuple[FitStage, ...] | None = None
     others: tuple[Residual, ...] = ()
+
+    def stages_of_vertices(self, body: Body) -> tuple[VertexStage, ...]:
+        """The stages of free vertices; none for triangle bodies, which have no such term.
+
+        The model follows the vertices of bodies of up to 3,000 vertices. For larger ones it is
+        held: to follow takes three times as long, and twice the memory (`benchmarks/DECISIONS.md`).
+        """
+        if not isinstance(body, SkinnedBody):
+            return ()
+        if self.vertex_stages is not None:
+            return self.vertex_stages
+        stages = VERTEX_STAGES if body.n_vertices <= LARGE else QUICK_VERTEX_STAGES
+        return stages[len(MODEL_STAGES) :]
 
     def stages(self, seen: bool) -> tuple[FitStage, ...]:
         """The stages of the fit of the body; `seen` says whether the camera is known to it."""
@@ -143,14 +140,9 @@ HAND_TERM = ScanTerm(sigma=0.001, outlier=0.004, within=0.02, patch=1e-5)
 HAND_VERTEX_STAGES = (VertexStage("free", (*BODY, VERTICES), 0.001, HAND_TERM, TOGETHER),)
 
 
-def hand_coupled(body: Body) -> tuple[VertexStage, ...]:
-    """The stages of free vertices for a hand, whose lengths are about a tenth of a person's."""
-    return HAND_VERTEX_STAGES if isinstance(body, SkinnedBody) else ()
-
-
 HAND_RECIPE = Recipe(
     fit_stages=HAND_FIT_STAGES,
-    vertex_stages=hand_coupled,
+    vertex_stages=HAND_VERTEX_STAGES,
     starts=hand_starts,
     within=0.06,
     same=0.004,

@@ -21,7 +21,7 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.bodies.hands import is_hand
 from workbench.fitting.measures import Measurement, measurements
-from workbench.fitting.scans.scan import BadScan, Scan
+from workbench.fitting.scans.scan import Scan
 from workbench.fitting.scans.surface import boundary
 from workbench.geometry.meshes import Mesh
 from workbench.geometry.surface_tree import SurfaceTree
@@ -59,7 +59,6 @@ if TYPE_CHECKING:
     import trimesh
 
 AMONG = "the camera stands among the points, which it cannot have seen; its place was not used"
-LEFT = 20  # points that must be left when those at the boundary are left out
 
 
 @dataclass(frozen=True)
@@ -175,7 +174,7 @@ def register(
     """
     scan = Scan.of(scan)
     recipe = usual_recipe(body) if recipe is None else recipe
-    inner = _inner(scan, recipe.boundary)
+    inner = ~boundary(scan, width=recipe.boundary) if recipe.boundary else None
     used, left_out = (scan, 0) if inner is None else (scan.some(inner), int((~inner).sum()))
     outside = camera if camera is None or sees(camera, used.points) else None
     known_camera = outside if recipe.empty else None
@@ -200,7 +199,7 @@ def register(
             stages.append(StageOutcome(name, unknowns, iterations, cost, median, share, seconds))
 
         ended("model", fit.problem.free.size, fit.iterations, fit.cost)
-        for stage in recipe.vertex_stages(body):
+        for stage in recipe.stages_of_vertices(body):
             assert isinstance(body, SkinnedBody)  # of which alone there are stages
             done = FreeVertices(body, used).register({**values, "vertices": vertices}, (stage,))
             interrupts.check()
@@ -240,19 +239,6 @@ def register(
         measurements(body, fit.problem, kept, fit.priors),
         surfaces,
     )
-
-
-def _inner(scan: Scan, width: float) -> Mask | None:
-    """The points (M,) farther than `width` m from the boundary; None for all."""
-    if not width:
-        return None
-    inner = np.asarray(~boundary(scan, width=width))
-    if inner.sum() < LEFT:
-        raise BadScan(
-            f"{int(inner.sum())} of {scan.n_points:,} points are farther than {width:g} m from the "
-            "boundary of the scan; leave a narrower boundary out"
-        )
-    return inner
 
 
 def _surfaces(fit: ModelFit, stages: Sequence[FitStage]) -> dict[str, Array]:

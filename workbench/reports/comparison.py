@@ -28,6 +28,7 @@ from workbench.identity import code_version, identity
 from workbench.plots import comparison as figures
 from workbench.reports.folder import MAKER
 from workbench.reports.page import (
+    Columns,
     Shown,
     Table,
     TextRow,
@@ -121,7 +122,7 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
         advice=advice(comparison),
         main=tau_text(MAIN),
         verdicts=drawn(figures.verdicts_sheet, figures.caption_verdicts, comparison),
-        meanings={words_of(v): v.value for v in TargetOutcome},
+        meanings={outcome_words(v): v.value for v in TargetOutcome},
         success=success_table(comparison),
         effort=effort_table(comparison),
         prices=Table(
@@ -216,10 +217,14 @@ def effort_table(comparison: Comparison, tau: float = MAIN) -> Table:
     kinds = _asked(comparison)
     runs = comparison.comparable
 
-    def cells(solver: str) -> TextRow:
-        met = sum(comparison.solved(i.name, solver, tau) for i in runs)
-        counts = _counts(comparison, solver, tau, kinds)
-        return f"{met} of {len(runs)}", *counts, _effort(comparison, solver, tau)
+    def cells(solver: str) -> Iterator[str]:
+        rows = [comparison.reached_at(i.name, solver, tau) for i in runs]
+        yield f"{sum(comparison.solved(i.name, solver, tau) for i in runs)} of {len(runs)}"
+        counted = not any(comparison.uncounted(i.name, solver, tau) for i in runs)
+        for k in map(KINDS.index, kinds):
+            until = median([np.inf if row is None else row[k] for row in rows]).value
+            yield _amount(until) if counted else "–"
+        yield _effort(comparison, solver, tau)
 
     return _by_solver(comparison, ["met", *(PLURAL[kind] for kind in kinds), "effort"], cells)
 
@@ -244,81 +249,57 @@ def _by_solver(
     return Table(("solver", *head), rows, tuple(range(1, len(head) + 1)))
 
 
-def problem_table(comparison: Comparison, problem: str, tau: float = MAIN) -> Table:
+def problem_table(comparison: Comparison, problem: str) -> Table:
     """Success, effort and ends of every solver on one problem; the last column has seconds."""
-    chosen, kinds = comparison.instances_of(problem), _asked(comparison)
-    rows = []
-    for solver in comparison.solvers:
-        ends = [comparison.records[i.name, solver] for i in chosen]
-        lowest = min((r.cost for r in ends if r.finite), default=np.nan)
-        rows.append(
-            (
-                solver,
-                percent(comparison.success(solver, tau, problem)),
-                *_counts(comparison, solver, tau, kinds, problem),
-                _effort(comparison, solver, tau, problem),
-                number(lowest, 7),
-                _verdicts(comparison, chosen, solver),
-                " / ".join(_spread(seconds_to(comparison, solver, tau, problem))),
-            )
-        )
-    head = (
-        "solver",
-        f"met τ = {tau_text(tau)}",
-        *(PLURAL[kind] for kind in kinds),
-        "effort",
-        "lowest end",
-        "how its runs ended",
-        "measured seconds",
-    )
-    return Table(head, tuple(rows), (*range(1, len(head) - 2), len(head) - 1))
+    chosen = comparison.instances_of(problem)
+
+    def lowest(solver: str) -> float:
+        ends = (comparison.records[i.name, solver] for i in chosen)
+        return min((end.cost for end in ends if end.finite), default=np.nan)
+
+    columns: Columns[str] = {
+        "solver": str,
+        f"met τ = {tau_text(MAIN)}": lambda s: percent(comparison.success(s, MAIN, problem)),
+        "effort": lambda s: _effort(comparison, s, MAIN, problem),
+        "lowest end": lambda s: number(lowest(s), 7),
+        "how its runs ended": lambda s: _verdicts(comparison, chosen, s),
+        "measured seconds": lambda s: " / ".join(_spread(seconds_to(comparison, s, MAIN, problem))),
+    }
+    return Table.of(comparison.solvers, columns, (1, 2, 3, 5))
 
 
 def problems_table(comparison: Comparison) -> Table:
-    """Sizes, prices beside the ratios that were measured, and the lowest cost known with its
-    origin.
-    """
-    kinds = _asked(comparison)[1:]
-    rows = []
-    for problem in comparison.problems:
-        chosen = comparison.instances_of(problem)
-        about = [comparison.described[i.name] for i in chosen]
-        prices, measured = comparison.prices[problem], ratios(comparison, problem)
-        known = [comparison.references[i.name] for i in chosen]
-        best = sorted({k.best for k in known})
-        told = number(best[0], 7) + (f" to {number(best[-1], 7)}" if len(best) > 1 else "")
-        residual = 1e6 * evaluation_seconds(comparison, problem)["residual"]
-        rows.append(
-            (
-                problem,
-                str(len(chosen)),
-                f"{about[0].rows:,}",
-                str(about[0].unknowns),
-                *(f"{number(prices[k], 4)} ({number(measured[k], 2)})" for k in kinds),
-                number(residual, 3),
-                told,
-                ", ".join(dict.fromkeys(k.origin for k in known)),
-            )
-        )
-    head = (
-        "problem",
-        "starts",
-        "m",
-        "n",
-        *(PRICES[kind].name for kind in kinds),
-        "residual, µs",
-        "lowest cost known, f*",
-        "from",
-    )
-    return Table(head, tuple(rows), tuple(range(1, len(head) - 1)))
+    """Sizes, prices beside the ratios that were measured, and the lowest cost known."""
+    about = {
+        p: comparison.described[comparison.instances_of(p)[0].name] for p in comparison.problems
+    }
+
+    def price(problem: str, kind: str) -> str:
+        measured = ratios(comparison, problem)[kind]
+        return f"{number(comparison.prices[problem][kind], 4)} ({number(measured, 2)})"
+
+    def best(problem: str) -> str:
+        costs = {comparison.references[i.name].best for i in comparison.instances_of(problem)}
+        return " to ".join(number(cost, 7) for cost in sorted({min(costs), max(costs)}))
+
+    columns: dict[str, Callable[[str], str]] = {
+        "problem": str,
+        "starts": lambda p: str(len(comparison.instances_of(p))),
+        "m": lambda p: f"{about[p].rows:,}",
+        "n": lambda p: str(about[p].unknowns),
+        **{PRICES[k].name: partial(price, kind=k) for k in _asked(comparison)[1:]},
+        "residual, µs": lambda p: number(1e6 * evaluation_seconds(comparison, p)["residual"], 3),
+        "lowest cost known, f*": best,
+    }
+    return Table.of(comparison.problems, columns, tuple(range(1, len(columns))))
 
 
 def _verdicts(comparison: Comparison, chosen: tuple[Instance, ...], solver: str) -> str:
     found = [comparison.outcomes[i.name, solver] for i in chosen]
     names = dict.fromkeys(found)
     if len(chosen) == 1:
-        return words_of(found[0])
-    return ", ".join(f"{found.count(v)} {words_of(v)}" for v in names)
+        return outcome_words(found[0])
+    return ", ".join(f"{found.count(v)} {outcome_words(v)}" for v in names)
 
 
 def _asked(comparison: Comparison) -> tuple[str, ...]:
@@ -327,20 +308,6 @@ def _asked(comparison: Comparison) -> tuple[str, ...]:
     asked = [any(s.counts[k] for s in seen) for k in range(len(KINDS))]
     return tuple(
         kind for kind, there in zip(KINDS, asked, strict=True) if there or kind in KINDS[:LIMITED]
-    )
-
-
-def _counts(
-    comparison: Comparison, solver: str, tau: float, kinds: TextRow, problem: str | None = None
-) -> tuple[str, ...]:
-    """Medians of evaluations until a target; dashes if not everything was counted."""
-    chosen = comparison.starts(problem)
-    if any(comparison.uncounted(i.name, solver, tau) for i in chosen):
-        return ("–",) * len(kinds)
-    met = [comparison.reached_at(i.name, solver, tau) for i in chosen]
-    return tuple(
-        _amount(median([np.inf if row is None else row[KINDS.index(k)] for row in met]).value)
-        for k in kinds
     )
 
 
@@ -373,6 +340,6 @@ def end_analyses(comparison: Comparison, problem: str) -> list[tuple[tuple[str, 
     return [(group, analysis) for group, analysis in found if group[0] in names]
 
 
-def words_of(outcome: TargetOutcome) -> str:
+def outcome_words(outcome: TargetOutcome) -> str:
     """The name of an outcome in words."""
     return outcome.name.lower().replace("_", " ")

@@ -220,7 +220,8 @@ class RegistrationFolder:
         """16 letters that differ when anything does on which the registration depends: the file's
         contents, the body, the recipe, how the file is read, and the code.
         """
-        about = (FORMAT, self.recipe, self.reading, self.body, self.recipe.vertex_stages(self.body))
+        stages = self.recipe.stages_of_vertices(self.body)
+        about = (FORMAT, self.recipe, self.reading, self.body, stages)
         return digest([digest(about), file_digest(str(job.path)), code_version()])
 
     def kept(self, job: ScanJob, key: str) -> Entry | None:

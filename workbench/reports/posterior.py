@@ -126,7 +126,7 @@ def _section(part: BlockPosterior, setup: Setup) -> dict[str, Any]:
         f"{p.seconds:.0f} s" + ("; interrupted" if p.interrupted else ""),
         "modes": _modes(p),
         "synthetic": known,
-        "table": entries_table(p, rows, setup),
+        "table": posterior_entries(p, rows, setup),
         "traces": shown(traces_sheet(p, entries, truth), plots.caption_traces(p, known)),
     }
     if p.mixed:
@@ -262,7 +262,7 @@ def _median(p: Posterior, setup: Setup) -> str:
     return f"{np.median(known):.2f}" if len(known) else "no prior known"
 
 
-def entries_table(p: Posterior, rows: tuple[EntryComparison, ...], setup: Setup) -> Table:
+def posterior_entries(p: Posterior, rows: tuple[EntryComparison, ...], setup: Setup) -> Table:
     """A row for every entry, with an interval only if the verdict allows it.
 
     `marginal sd` is the standard deviation, from J'J, if the fixed unknowns are free as well.

@@ -12,7 +12,7 @@ import numpy as np
 
 from workbench import plots
 from workbench.arrays import Array
-from workbench.blocks import Block, Values
+from workbench.blocks import Values
 from workbench.diagnostics import Diagnosis
 from workbench.errors import joined, some_of
 from workbench.experiments.running import Outcome, ending_in_words
@@ -227,9 +227,7 @@ MOST_STARTS = 12  # that are listed by number
 def measures_table(measures: tuple[Measure, ...]) -> Table:
     """The measures with their units, and what each is a mean over."""
     rows = tuple((m.name, number(m.value), unit_text(m.unit), m.over) for m in measures)
-    if any(m.over for m in measures):
-        return Table(("measure", "value", "unit", "mean over"), rows)
-    return Table(("measure", "value", "unit"), tuple(row[:3] for row in rows))
+    return Table(("measure", "value", "unit", "mean over"), rows)
 
 
 def measurements_table(measurements: Sequence[Measurement]) -> Table:
@@ -352,12 +350,8 @@ def value_tables(outcome: Outcome) -> list[Table]:
                 (block.name + block.entry(i), number(float(value)))
                 for i, value in enumerate(block.taken(outcome.values[block.name]).ravel())
             )
-            found.append(Table((block.name, "value" + _unit(block)), rows))
+            found.append(Table((block.name, f"value {unit_text(block.unit)}".rstrip()), rows))
     return found
-
-
-def _unit(block: Block) -> str:
-    return "" if block.unit == "1" else f" ({block.unit})"
 
 
 def _sigma(sigma: float | np.ndarray) -> str:

@@ -2,14 +2,8 @@
 
 Each point of a scan is compared with the closest place on a surface whose vertices move with the
 unknowns. Which place that is changes with them, so that no graph can express it. With the contact
-held, what is compared is an affine function of the vertices,
-
-    q(V) = q_0 + W (V - V_0),
-
-and its derivative W is, for a distance, the derivative of the true distance too.
-
-`Problem.frozen(values)` puts such affine functions in the place of all searches. They have a graph,
-and the diagnosis works with that problem.
+held, what is compared is an affine function of the vertices, q(V) = q_0 + W (V - V_0), which has a
+graph (`Problem.frozen`). For a distance, W is the derivative of the true distance too.
 """
 
 from collections.abc import Callable, Mapping
@@ -28,17 +22,11 @@ from workbench.errors import BadResidual
 
 @dataclass(frozen=True, eq=False)
 class ContactNumbers:
-    """What contacts say where a surface is now, and how it changes with the surface's vertices.
+    """What contacts say where a surface is now, and how it changes with the surface's vertices."""
 
-    Attributes:
-        numbers: (M, d) m, such as one signed distance of each of M points.
-        found: (M,) which points have a contact; the numbers of the others are constant.
-        derivative: makes `jacobian`, which many a point of a solver is left without.
-    """
-
-    numbers: Array
-    found: Mask
-    derivative: Callable[[], csr_array]
+    numbers: Array  # (M, d) m, such as one signed distance of each of M points
+    found: Mask  # (M,) which points have a contact; the numbers of the others are constant
+    derivative: Callable[[], csr_array]  # makes `jacobian`, which many a point is left without
 
     @cached_property
     def jacobian(self) -> csr_array:
@@ -53,19 +41,12 @@ Search = Callable[[Array], ContactNumbers]  # from the vertices (N, 3) m of a su
 
 @dataclass(frozen=True, eq=False)
 class MovingContacts(NumericPoints):
-    """A source of d numbers for each of M points in contact with a surface; see PointSource.
+    """A source of d numbers for each of M points in contact with a surface; see PointSource."""
 
-    Attributes:
-        surface: the source of the surface's N vertices.
-        arithmetic: the vertices by arithmetic.
-        count: M, the number of points.
-        search: finds the contacts with vertices at given places.
-    """
-
-    surface: PointSource
-    arithmetic: NumericPoints
-    count: int
-    search: Search
+    surface: PointSource  # of the surface's N vertices
+    arithmetic: NumericPoints  # the vertices by arithmetic
+    count: int  # M, the number of points
+    search: Search  # finds the contacts with vertices at given places
     labels = None
 
     @property
@@ -199,17 +180,11 @@ TOUCHING = 1e-9  # m: the direction of a shorter offset is one of rounding error
 
 @dataclass(frozen=True, eq=False)
 class Offsets:
-    """The offsets of M points from the places on a surface with which they are in contact.
+    """The offsets of M points from the places on a surface with which they are in contact."""
 
-    Attributes:
-        vectors: (M, 3) m, o = p - s.
-        normals: (M, 3) the unit normals of the surface at these places.
-        distances: (M,) m, |o|, below zero behind the surface.
-    """
-
-    vectors: Array
-    normals: Array
-    distances: Array
+    vectors: Array  # (M, 3) m, o = p - s
+    normals: Array  # (M, 3) the unit normals of the surface at these places
+    distances: Array  # (M,) m, |o|, below zero behind the surface
 
     @property
     def directions(self) -> Array:
@@ -235,15 +210,7 @@ class Form:
     of: Callable[[Offsets], tuple[Array, Array]]
 
 
-def _distance(o: Offsets) -> tuple[Array, Array]:
-    return o.distances[:, None], o.directions[:, None]
-
-
-def _plane(o: Offsets) -> tuple[Array, Array]:
-    return np.einsum("mc,mc->m", o.normals, o.vectors)[:, None], o.normals[:, None]
-
-
-distance = Form("distance", 1, _distance)
+distance = Form("distance", 1, lambda o: (o.distances[:, None], o.directions[:, None]))
 """u . (p - s), the signed distance of the point from the surface: one number.
 
 The direction u = (p - s) / |p - s| is held with the contact. Where the surface moves by ds, the
@@ -259,7 +226,9 @@ Its length is the distance and its cost the same, but with the contact held a po
 from sliding along the surface. Gauss-Newton takes shorter steps, and more of them.
 """
 
-plane = Form("plane", 1, _plane)
+plane = Form(
+    "plane", 1, lambda o: ((o.normals * o.vectors).sum(axis=1)[:, None], o.normals[:, None])
+)
 """n . (p - s), the distance from the tangent plane (Chen and Medioni, Object modelling by
 registration of multiple range images, 1992): one number.
 

@@ -92,10 +92,9 @@ def keypoints(
     coordinates do not matter as long as they are numbers. Raises BadResidual for shapes that do not
     fit and for confidences below zero.
 
-    A pinhole also projects what is behind it, upside down, but a camera sees nothing there. The
-    depths (M,) m in front of the camera are therefore the domain of the residual: a posterior has
-    no density where a keypoint with a confidence above 0 is behind the camera. (At a depth of 0 the
-    residual is no number.) The residual itself, and with it fits, are those of the pinhole.
+    The depths (M,) m in front of the camera are the domain of the residual: a posterior has no
+    density where a keypoint with a confidence above 0 is behind the camera, where a pinhole
+    projects upside down.
     """
     predicted, reads = expressed(points)
     if not isinstance(camera, Camera):

@@ -12,7 +12,7 @@ from workbench.blocks import Block, Points, in_blocks
 from workbench.blocks.block import Symbolic
 from workbench.blocks.checks import numbers, reals, several, texts
 from workbench.blocks.points import unlisted
-from workbench.errors import BadResidual, listed
+from workbench.errors import BadResidual
 from workbench.residuals.kernels import Kernel, OfNorms, quadratic
 
 
@@ -31,22 +31,18 @@ class Residual(Symbolic):
     row, and a kernel `of_norms` can tell which rows belong together. With such a kernel
     weights are given by point: the rows of one point cannot have different weights.
 
-    The expression is written in placeholders of points: casadi.jacobian of it by a body's pose
-    has no nonzeros, for a placeholder is a symbol of its own. `graph` is the same in the symbols of
-    blocks, and `workbench.jacobian` refuses an expression with placeholders. `blocks` describe
-    symbols that the expression reads, by unit and labels. A residual of a sequence has the rows of
-    all frames, and says in `by_frame` which residual of a single frame they come from. What these
-    say cannot be replaced for all rows: BadResidual says so.
+    The expression is written in placeholders of points, which are symbols of their own; `graph` is
+    the same in the symbols of blocks. A residual of a sequence has the rows of all frames, and says
+    in `by_frame` which residual of a single frame they come from; what these say cannot be replaced
+    for all rows.
 
     Some residuals have numbers where they mean nothing, as those of points behind a camera. Such a
     residual has a `domain`: a number for each point, which is below zero where the rows of this
-    point mean nothing. Posteriors have no density where that is so for a point of a weight above
-    0, nor where the cost is no number. The residual, its derivatives and fits do not know of it.
+    point mean nothing. Posteriors have no density where that is so for a point of a weight above 0,
+    nor where the cost is no number. Fits do not know of it.
 
-    Raises BadResidual if it is no column of symbols, reads a placeholder that is not among its
-    points, has no positive and finite sigma, weights that are negative or do not fit, a kernel
-    that is no function, or one of norms where each row stands alone; NotNumbers for a sigma or
-    weights of text and the like.
+    Raises BadResidual for what is no column of symbols, does not fit the number of rows, or is out
+    of range, and for placeholders that are not among its points; NotNumbers for text and the like.
 
     Attributes:
         name: the residual's name, unique in a problem.
@@ -137,25 +133,14 @@ class Residual(Symbolic):
                     f"for each point, not of {self.domain.shape}"
                 )
         check_listed(f"residual {self.name!r}", self.written, self.points)
-        self._check_frames()
-
-    def _check_frames(self) -> None:
-        """Raise BadResidual if what `by_frame` says of every row was replaced for all rows.
-
-        A sequence computes from the residuals of single frames and would not see the change.
-        """
-        given = self.expression, self.sigma, self.kernel, self.weights, self.domain
+        held = self.expression, self.sigma, self.kernel, self.weights, self.domain
         if not self.by_frame or not self._of_frames:
-            self.__dict__["_of_frames"] = given if self.by_frame else ()
-            return
-        names = "expression", "sigma", "kernel", "weights", "domain"
-        kept = zip(names, given, self._of_frames, strict=True)
-        if changed := [what for what, now, then in kept if now is not then]:
-            raise BadResidual(
+            self.__dict__["_of_frames"] = held if self.by_frame else ()
+        elif any(now is not then for now, then in zip(held, self._of_frames, strict=True)):
+            raise BadResidual(  # a sequence computes from the residuals of single frames
                 f"residual {self.name!r} has the rows of {len(self.by_frame)} frames, and the "
-                f"frames would not see that its {listed(changed)} were replaced; replace them in "
-                "the residual of a frame, before sequence(...), or weigh all rows alike by "
-                "residual.weighed(factor)"
+                "frames would not see what was replaced; replace it in the residual of a frame, "
+                "before sequence(...), or weigh all rows alike by residual.weighed(factor)"
             )
 
     @property

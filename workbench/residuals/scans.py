@@ -50,10 +50,9 @@ def scan_to_model(
     At every linearization each point is compared with the place on the surface that is closest
     then. With u the direction from that place to the point, r = u . (p - s) is the signed distance,
     and its derivative with u and the contact held is the derivative of the distance to the moving
-    surface (see `contact_forms.distance`). Choosing contacts anew at every linearization is thus
-    Gauss-Newton on the true cost, and no alternation like the iterated closest points of Besl and
-    McKay (1992), where the cost that is minimized changes between steps. The cost is smooth but for
-    places where contacts switch. `Problem.frozen(values)` holds the contacts and has a graph.
+    surface (see `contacts.distance`). This is thus Gauss-Newton on the true cost, unlike the
+    iterated closest points of Besl and McKay (1992), where the cost that is minimized changes
+    between steps. `Problem.frozen(values)` holds the contacts and has a graph.
 
     Sigma is the noise of the scan in metres. Where outliers begin is the kernel's business:
     `scaled(geman_mcclure, 10)` has a scale of ten sigmas. The weight of a point (M,), such as the
@@ -77,7 +76,15 @@ def scan_to_model(
                 f"zero, not {len(oriented)}; leave out points that have none"
             )
         oriented = oriented / lengths[:, None]
-    _check_gate(name, within, facing, oriented is not None)
+    if not isinstance(within, (int, float, np.number)) or not within > 0:
+        raise BadResidual(f"residual {name!r} needs a gate `within` above zero m, not {within!r}")
+    if oriented is not None and not np.isfinite(within):
+        raise BadResidual(
+            f"residual {name!r} uses normals, so that a point may have no contact; say by "
+            "`within`, in metres, what its distance is then, for example within=0.2"
+        )
+    if not isinstance(facing, (int, float, np.number)) or not -1 <= facing <= 1:
+        raise BadResidual(f"residual {name!r} needs a cosine `facing` from -1 to 1, not {facing!r}")
     search = _OnModel(triangles, seen, oriented, within, facing, form)
     return _residual(name, source, search, len(seen), form.numbers, sigma, kernel, weights)
 
@@ -171,18 +178,6 @@ def vectors(name: str, what: str, value: ArrayLike) -> Array:
     return found
 
 
-def _check_gate(name: str, within: float, facing: float, oriented: bool) -> None:
-    if not isinstance(within, (int, float, np.number)) or not within > 0:
-        raise BadResidual(f"residual {name!r} needs a gate `within` above zero m, not {within!r}")
-    if oriented and not np.isfinite(within):
-        raise BadResidual(
-            f"residual {name!r} uses normals, so that a point may have no contact; say by "
-            "`within`, in metres, what its distance is then, for example within=0.2"
-        )
-    if not isinstance(facing, (int, float, np.number)) or not -1 <= facing <= 1:
-        raise BadResidual(f"residual {name!r} needs a cosine `facing` from -1 to 1, not {facing!r}")
-
-
 BESIDE = 0.03  # m, from the ray of a point of the scan: as near as this, space may not be empty
 BEFORE = 0.03  # m, the same along the ray, before the point: noise and clothes
 CELL = 0.4  # of `beside`: the width of the bundles into which rays are put together
@@ -207,9 +202,7 @@ def free_space(
     `points` are vertices (N, 3) of a surface, `scan` (M, 3) m is all that was seen from the place
     `camera` (3,) m. A camera at c that measures a point p has looked through everything between c
     and p, and where it measured nothing it has looked past whatever there is. What is left is the
-    shadow of the scan: the rays on from each p. A model belongs into it, its front and all that is
-    hidden behind. Distances from the scan to the model say nothing of that, for they ask only for
-    what was seen.
+    shadow of the scan: the rays on from each p, into which a model belongs.
 
     With v = point - c, u the unit vector along a ray of the scan and d the distance at which its
     shadow begins, the residual is
@@ -246,23 +239,14 @@ def free_space(
 
 @dataclass(frozen=True, eq=False)
 class Shadow:
-    """What a camera at `camera` (3,) m could not see for the points of a scan; see `free_space`.
+    """What a camera could not see for the points of a scan; see `free_space`."""
 
-    Attributes:
-        camera: (3,) m.
-        directions: (R, 3) unit vectors along bundles of rays.
-        begins: (R,) m from the camera, where the shadow of each bundle begins.
-        beside: in m, the margin beside the rays.
-        within: in m from the rays, what was in view.
-        tree: finds directions.
-    """
-
-    camera: Array
-    directions: Array
-    begins: Array
-    beside: float
-    within: float
-    tree: cKDTree
+    camera: Array  # (3,) m
+    directions: Array  # (R, 3) unit vectors along bundles of rays
+    begins: Array  # (R,) m from the camera, where the shadow of each bundle begins
+    beside: float  # m, the margin beside the rays
+    within: float  # m from the rays, what was in view
+    tree: cKDTree  # finds directions
 
     @staticmethod
     def of(scan: Array, camera: Array, beside: float = BESIDE, within: float = np.inf) -> "Shadow":

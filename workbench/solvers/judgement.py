@@ -176,9 +176,8 @@ def insensitive(end: EndPoint, silent: Mask) -> Mask:
 
     Those are tried whose columns are so short that moving x_i by its size, or by 1, changes the
     rows that it can change by no more than a thousandth or their rounding errors, while these rows
-    are not zero themselves, as those of a penalty that is no longer active. x_i is insensitive if
-    the cost does not rise to both of its sides, at any distance up to a tenth of that. The twenty
-    weakest are tried, unless nothing changes as all of them move together.
+    are not zero themselves. x_i is insensitive if the cost does not rise to both of its sides, up
+    to a tenth of that. The twenty weakest are tried, unless nothing changes as all move together.
 
     Unknowns that are `silent` (n,), because their columns were zero wherever the Jacobian was
     computed, count only if the residual changes with them elsewhere, or with no unknown at all

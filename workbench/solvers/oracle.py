@@ -1,8 +1,7 @@
 """A run's numbers as CasADi functions, for the solvers that CasADi calls.
 
 Where C++ calls Python, an exception counts as a failed evaluation, and Ctrl-C would be lost. So an
-exception is kept, the value is NaN, and it is raised again outside. Numbers pass through shared
-memory, because making a DM of a Hessian takes longer than computing the Hessian.
+exception is kept, the value is NaN, and it is raised again outside.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence

@@ -1,7 +1,6 @@
 """Synthetic people, registrations and scans, with known answers: nothing in here was measured."""
 
 from workbench.synthetic.scan_effects import (
-    Clothing,
     Clutter,
     Crate,
     Floor,
@@ -11,12 +10,11 @@ from workbench.synthetic.scan_effects import (
     Specks,
     Thing,
 )
-from workbench.synthetic.scanned_people import ScannedPerson, clothed, people
+from workbench.synthetic.scanned_people import ScannedPerson, people
 from workbench.synthetic.scanners import Scanner, scanners
 from workbench.synthetic.scans import Joining, SimulatedScan, scan
 
 __all__ = [
-    "Clothing",
     "Clutter",
     "Crate",
     "Floor",
@@ -29,7 +27,6 @@ __all__ = [
     "SimulatedScan",
     "Specks",
     "Thing",
-    "clothed",
     "people",
     "scan",
     "scanners",

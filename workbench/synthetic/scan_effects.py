@@ -1,4 +1,4 @@
-"""What makes scans difficult, one dataclass each: noise, holes, clothing, cuts, joined triangles.
+"""What makes scans difficult, one dataclass each: noise, holes, cuts, clutter.
 
 Every effect has random numbers of its own, so that it can be switched off without changing another.
 """
@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from scipy.special import ndtr
 
 from workbench.arrays import Array, Index, Mask
-from workbench.blocks.checks import above_zero, from_zero
+from workbench.blocks.checks import from_zero
 from workbench.errors import BadArgument
 from workbench.fitting.scans.surface import units
 from workbench.geometry.solids import face_vectors
@@ -102,45 +101,6 @@ class Discs:
             near = np.linalg.norm(points - centre, axis=1) < self.radius
             inside |= near & (normals @ normal > 0)
         return inside
-
-
-@dataclass(frozen=True, eq=False)
-class Clothing:
-    """A smooth offset of the surface outwards, between 0 and `thickest` m.
-
-    Raises BadArgument for negative numbers, or a spread of zero.
-
-    Attributes:
-        thickest: in m, the offset that the field comes near to where it is largest.
-        spread: in m, over about which distance it varies.
-        where: (N,) from 0 to 1, by which the offset of each vertex is multiplied; None for 1.
-            `clothed` gives the torso, the upper arms and the legs of a body.
-    """
-
-    thickest: float = 0.02
-    spread: float = 0.1
-    where: Array | None = None
-
-    def __post_init__(self) -> None:
-        from_zero("clothing", thickest=self.thickest)
-        above_zero("clothing", spread=self.spread)
-
-    def offsets(self, vertices: Array, rng: np.random.Generator) -> Array:
-        """The offset of every vertex, (N,) m, none of them negative.
-
-        A smooth random field, from which the normal distribution function makes numbers that are
-        spread evenly between 0 and 1. Raises BadArgument if `where` has another shape or other
-        numbers.
-        """
-        N = len(vertices)
-        where = np.ones(N) if self.where is None else self.where
-        if where.shape != (N,) or not ((where >= 0) & (where <= 1)).all():
-            raise BadArgument(
-                f"where clothing is worn is given by numbers from 0 to 1, one for each of the {N} "
-                f"vertices, not by an array {where.shape}"
-            )
-        field = smooth_field(vertices, self.spread, 1, rng)[:, 0]
-        return np.asarray(self.thickest * ndtr(field) * where)
 
 
 @dataclass(frozen=True)

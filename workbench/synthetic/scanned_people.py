@@ -6,13 +6,13 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.blocks import Values
+from workbench.blocks.checks import from_zero
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadArgument
 from workbench.synthetic.scan_effects import smooth_field
 
 OWN_SPREAD = 0.1  # m, over which a person's own shape varies
 PLACE_SIGMA = 0.1  # m per axis, of where people stand
-WORN = ("pelvis", "spine", "hip", "knee", "collar", "shoulder")  # joints of what is clothed
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,11 +56,7 @@ def people(
             f"poses of the body {body.name!r} are (P, {body.n_joints}, 3) rad with at least one, "
             f"not {given.shape}"
         )
-    if n < 0 or seed < 0 or not 0 <= own_shape < np.inf:
-        raise BadArgument(
-            "the number of people, the seed and the rms of their own shape are from 0 on, not "
-            f"{n}, {seed} and {own_shape:g}"
-        )
+    from_zero("people", n=n, seed=seed, own_shape=own_shape)
     return tuple(_person(body, given, (seed, i), own_shape, turn) for i in range(n))
 
 
@@ -84,18 +80,3 @@ def _person(
         shape = replace(body, template=template)
     vertices = shape.vertices(*arguments)
     return ScannedPerson(dict(zip(names, arguments, strict=True)), vertices, template)
-
-
-def clothed(body: SkinnedBody) -> Array:
-    """How far each vertex (N,) belongs to the torso, the upper arms or the legs, from 0 to 1.
-
-    It is the sum of its skinning weights of the joints there, for the `where` of `Clothing`. Raises
-    BadArgument for a body that has no joints of such names.
-    """
-    worn = [any(part in name for part in WORN) for name in body.joint_names]
-    if not any(worn):
-        raise BadArgument(
-            f"no joint of the body {body.name!r} is called after {', '.join(WORN)}; give Clothing "
-            "an array `where` of your own"
-        )
-    return np.asarray(body.weights[:, worn].sum(axis=1)).clip(0, 1)

@@ -91,10 +91,7 @@ def scanners(
     one scanner, or if they would look straight down or up.
     """
     middle = np.asarray(target, dtype=float)
-    if n < 1 or middle.shape != (3,):
-        raise BadArgument(
-            f"one scanner or more look at a target (3,) m; {n} and {middle.shape} were given"
-        )
+    above_zero("scanners", n=n)
     if not distance > 0 or abs(height) > STEEPEST_VIEW * np.hypot(distance, height):
         raise BadArgument(
             f"scanners at a distance of {distance:g} m and a height of {height:g} m would look "

@@ -12,14 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, Index, Mask
-from workbench.blocks.checks import numbers, reals, several
-from workbench.errors import BadArgument
+from workbench.blocks.checks import above_zero, from_zero, numbers, reals, several
 from workbench.fitting.scans.scan import BadScan, Scan
 from workbench.fitting.scans.surface import units
 from workbench.geometry.meshes import Mesh
 from workbench.geometry.solids import face_vectors, vertex_normals
 from workbench.synthetic.scan_effects import (
-    Clothing,
     Clutter,
     ClutterPoints,
     HalfSpace,
@@ -32,7 +30,7 @@ from workbench.synthetic.scanners import DepthImage, Scanner, depth_image, visib
 JUMP = 5.0  # steps from pixel to pixel: depths that differ by more lie on different surfaces
 THIN = 1e-6  # of the largest variance: neighbours whose second variance is less lie on a line
 LEAST_COSINE = 0.1736  # of 80 degrees: beyond, the area behind a pixel is not known
-CLOTHING, HOLES, CLUTTER, NOISE = range(4)  # each effect has a stream of random numbers of its own
+HOLES, CLUTTER, NOISE = range(1, 4)  # each effect has a stream of random numbers of its own
 
 
 @dataclass(frozen=True)
@@ -182,8 +180,7 @@ class SimulatedScan:
         clutter: (M,) which points do not belong to the body.
         face: (M,) the face on which the ray of each point hit the surface; -1 for clutter.
         shares: (M, 3) the barycentric coordinates of that place; 0 for clutter.
-        surface: (N, 3) m, what was scanned, clothing included.
-        skin: (N, 3) m, the surface without clothing.
+        surface: (N, 3) m, what was scanned.
         faces: (F, 3) those of the surface.
         seen: (N,) which vertices some scanner saw, at whatever resolution: in its image, with
             nothing before them, not in a hole, not too steep, and not cut off.
@@ -196,7 +193,6 @@ class SimulatedScan:
     face: Index
     shares: Array
     surface: Array
-    skin: Array
     faces: Index
     seen: Mask
     scanners: tuple[Scanner, ...]
@@ -233,7 +229,6 @@ def scan(
     holes: Holes | None = None,
     steepest: float = np.pi / 2,
     clutter: Clutter | None = None,
-    clothing: Clothing | None = None,
     region: HalfSpace | None = None,
     joining: Joining | None = None,
 ) -> SimulatedScan:
@@ -241,26 +236,18 @@ def scan(
 
     Without effects, every point lies exactly on the surface. Each effect can be left out without a
     change of the random numbers of the others: `noise` of the depth, `holes`, the angle in rad
-    between ray and normal beyond which a pixel is lost (`steepest`), `clutter`, `clothing`, the
-    `region` to which a partial scan is cut, and the `joining` of pixels to triangles, without which
-    the scan has no faces. The resolution is that of the scanners. The same `seed` gives the same
-    scan.
+    between ray and normal beyond which a pixel is lost (`steepest`), `clutter`, the `region` to
+    which a partial scan is cut, and the `joining` of pixels to triangles, without which the scan
+    has no faces. The resolution is that of the scanners. The same `seed` gives the same scan.
 
     Raises BadMesh for a surface that does not fit together, BadArgument for a negative seed and if
     there are no scanners, and BadScan if nothing of the surface is left.
     """
     mesh = Mesh(reals("vertices", vertices), numbers("faces", faces).astype(np.int64, copy=False))
     some = several("scanners", scanners, Scanner)
-    if not some or seed < 0:
-        raise BadArgument(
-            f"a scan is made by one scanner or more, with a seed from 0 on; not by {len(some)} "
-            f"with the seed {seed}"
-        )
+    above_zero("a simulated scan", scanners=len(some))
+    from_zero("a simulated scan", seed=seed)
     surface = mesh.vertices
-    if clothing is not None:
-        rng = np.random.default_rng((seed, CLOTHING))
-        offsets = clothing.offsets(mesh.vertices, rng)
-        surface = surface + offsets[:, None] * vertex_normals(mesh.vertices, mesh.faces)
     discs = (holes or Holes(0)).discs(surface, mesh.faces, np.random.default_rng((seed, HOLES)))
 
     def is_measured(points: Array, normals: Array, scanner: Scanner) -> Mask:
@@ -304,7 +291,6 @@ def scan(
         face=np.concatenate([*(view.face for view in views), np.full(C, -1)]),
         shares=np.concatenate([*(view.shares for view in views), np.zeros((C, 3))]),
         surface=surface,
-        skin=mesh.vertices,
         faces=mesh.faces,
         seen=np.any([view.seen for view in views], axis=0),
         scanners=some,

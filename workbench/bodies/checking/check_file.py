@@ -7,19 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.bodies.checking.findings import (
-    DECIDED,
-    SIZES,
-    about_hands,
-    about_numbers,
-    about_places,
-    about_spaces,
-    about_tree,
-    axis_of,
-    directions,
-    hands_in_file,
-    model_of,
-)
+from workbench.bodies.checking import findings as about
 from workbench.bodies.checking.model_arrays import (
     FileFinding,
     ModelArrays,
@@ -55,7 +43,7 @@ LONGEST = 2000  # characters of the text of a licence
 
 def facts_of(model: ModelArrays, size: int) -> dict[str, str]:
     """Sizes and kinds by name, for a file of `size` bytes."""
-    card, name, path = own_card(model.raw), model_of(model), Path(model.where)
+    card, name, path = own_card(model.raw), about.model_of(model), Path(model.where)
     said = next((card[key] for key in ("model", "name") if isinstance(card.get(key), str)), "")
     layout = f"in the layout of {name}" if name != "SMPL-like" else "of another tree than SMPL's"
     kind = "embedded"
@@ -76,7 +64,7 @@ def facts_of(model: ModelArrays, size: int) -> dict[str, str]:
         features = f"{P}, {known.get(P, 'of an unknown kind')}"
     if model.template is not None and np.isfinite(model.size):
         x, y, z = np.ptp(model.template, axis=0)
-        unit = "m" if model.family in SIZES else "m, if it is in metres"
+        unit = "m" if model.family in about.SIZES else "m, if it is in metres"
         extent = f"{x:.3f} wide, {y:.3f} high, {z:.3f} deep, in {unit}"
     gender = Entries(model.raw, "").text("gender", "")
     return {
@@ -95,13 +83,13 @@ def facts_of(model: ModelArrays, size: int) -> dict[str, str]:
 
 
 def _axes(model: ModelArrays) -> str:
-    said = [f"{name} is {axis_of(way)}" for name, way in directions(model).items()]
+    said = [f"{name} is {about.axis_of(way)}" for name, way in about.directions(model).items()]
     return ", ".join(said) or "unknown: the joints have no names that say it"
 
 
 def _side(model: ModelArrays) -> str:
-    for hand in hands_in_file(model):
-        if abs(hand.chirality) > DECIDED:
+    for hand in about.hands_in_file(model):
+        if abs(hand.chirality) > about.DECIDED:
             return f"a {'left' if hand.chirality > 0 else 'right'} hand, by its mean pose"
     return "unknown: there is no mean pose that closes the fingers"
 
@@ -144,7 +132,6 @@ def keys_of(raw: Contents) -> tuple[tuple[str, str, str], ...]:
     return tuple((cut(key, 60), kind_of(raw[key]), fates[key]) for key in order)
 
 
-CHECKS = (about_numbers, about_tree, about_places, about_spaces, about_hands)
 LEAST = 3  # arrays of SMPL's that a file must have to count as a body's
 
 
@@ -214,7 +201,7 @@ def check_contents(raw: Contents, where: str, size: int = 0) -> FileCheck:
         model = model_arrays(raw, where)
         findings += model.findings
         with np.errstate(all="ignore"):  # what is made of absurd numbers passes no comparison
-            findings += [finding for check in CHECKS for finding in check(model)]
+            findings += [finding for check in about.CHECKS for finding in check(model)]
             facts = facts_of(model, size)
     if refused and not any(finding.warning for finding in findings):
         findings.append(FileFinding("file", f"The file is refused by load_body: {refused}."))

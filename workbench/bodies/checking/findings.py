@@ -158,9 +158,6 @@ def about_spaces(model: ModelArrays) -> Iterator[FileFinding]:
         return
     B, name = model.shapedirs.shape[2], model_of(model)
     if not B:
-        yield FileFinding(
-            "shapedirs", "There are no shape directions: everybody has the same shape.", False
-        )
         return
     largest = np.abs(model.shapedirs).max(axis=(0, 1), initial=0.0)
     acting = int(np.flatnonzero(largest > NOTHING * largest.max()).max(initial=-1)) + 1
@@ -199,7 +196,16 @@ def about_places(model: ModelArrays) -> Iterator[FileFinding]:
         return
     yield from _unit(model)
     yield from _axes(model)
-    yield from _inwards(model)
+    faces, template = model.faces, model.template
+    if faces is None or not len(faces) or faces.min() < 0 or faces.max() >= len(template):
+        return
+    if volume(template, faces) < 0:
+        yield FileFinding(
+            "f",
+            "The faces look inwards: seen from outside, their corners run clockwise, so that the "
+            "surface is drawn inside out and its normals point into the body. Reverse the corners: "
+            "f[:, ::-1]. A mirrored model needs this too.",
+        )
 
 
 def _unit(model: ModelArrays) -> Iterator[FileFinding]:
@@ -279,31 +285,13 @@ def _axes(model: ModelArrays) -> Iterator[FileFinding]:
         return
     up = axes.get("up", "y")
     if up != "y":
+        turn = ", ".join(f"{x + 0.0:.4g}" for x in np.round(vector_from_matrix(UP_TO_Y[up]), 4))
         yield FileFinding(
             "v_template",
             f"The model stands along {up}, but y points up here. Export it again with y up, or "
-            f"begin every pose with the root turned by {_turn(UP_TO_Y[up])} rad. Turning "
+            f"begin every pose with the root turned by ({turn}) rad. Turning "
             "v_template, shapedirs and posedirs alone is not enough: the 9 columns of each joint "
             "in posedirs belong to rotations about the old axes.",
-        )
-
-
-def _turn(rotation: Array) -> str:
-    """A rotation as the rotation vector of a root joint, for a sentence."""
-    numbers = (float(x) + 0.0 for x in np.round(vector_from_matrix(rotation), 4))
-    return "(" + ", ".join(f"{x:.4f}".rstrip("0").rstrip(".") for x in numbers) + ")"
-
-
-def _inwards(model: ModelArrays) -> Iterator[FileFinding]:
-    faces, template = model.faces, model.template
-    if faces is None or template is None or not len(faces):
-        return
-    if faces.min() >= 0 and faces.max() < len(template) and volume(template, faces) < 0:
-        yield FileFinding(
-            "f",
-            "The faces look inwards: seen from outside, their corners run clockwise, so that the "
-            "surface is drawn inside out and its normals point into the body. Reverse the corners: "
-            "f[:, ::-1]. A mirrored model needs this too.",
         )
 
 
@@ -315,14 +303,11 @@ DECIDED = 0.1  # of the largest chirality, 1: below it a hand may be either
 
 @dataclass(frozen=True)
 class Hand:
-    """One hand of a model, at rest.
+    """A hand: the `letter` at the end of its keys, its `side` as the file says, its chirality.
 
-    Attributes:
-        letter: what the keys of its arrays end in: nothing, l or r.
-        side: left or right, as the file says; empty if it does not.
-        chirality: above 0 for a left hand and below 0 for a right one, if the mean pose closes the
-            fingers. It is the volume that is spanned by the direction of the fingers, the direction
-            from the little finger to the index finger, and that in which the mean pose bends.
+    That is above 0 for a left hand and below 0 for a right one, if the mean pose closes the
+    fingers: the volume that is spanned by the direction of the fingers, that from the little
+    finger to the index finger, and that in which the mean pose bends.
     """
 
     letter: str
@@ -405,3 +390,6 @@ def _unmirrored_shapes(model: ModelArrays) -> Iterator[FileFinding]:
             "left hand. Change its sign, shapedirs[:, 0, :] *= -1; betas that were fitted before "
             "belong to the file as it was.",
         )
+
+
+CHECKS = (about_numbers, about_tree, about_places, about_spaces, about_hands)

@@ -51,21 +51,10 @@ HUGE = 1e100  # numbers of at least this size overflow where three of them are m
 
 @dataclass(frozen=True, eq=False)
 class ModelArrays:
-    """What a file of SMPL's layout holds; an array that cannot be computed with is None.
+    """What the file `where` holds in SMPL's layout; an array that cannot be computed with is None.
 
-    Attributes:
-        raw: all entries, by key.
-        where: the file.
-        template: (N, 3).
-        faces: (F, 3).
-        shapedirs: (N, 3, B).
-        posedirs: (N, 3, P).
-        weights: (N, K).
-        regressor: (K, N).
-        table: (2, K), as in the file; parents and numbers.
-        parents: (K,) with -1 at the root, if the table is a tree in order.
-        names: the names of the joints.
-        findings: what was wrong with reading them.
+    `table` (2, K) are parents and numbers of joints as in the file, and `parents` have -1 at the
+    root, if the table is a tree in order. `findings` say what was wrong with reading.
     """
 
     raw: Contents

@@ -8,6 +8,7 @@ import re
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
+from textwrap import wrap
 
 import casadi as cs
 
@@ -92,9 +93,5 @@ def _plain(text: str) -> str:
 
 
 def _wrapped(names: Sequence[str]) -> list[str]:
-    lines = [" "]
-    for i, name in enumerate(map(_plain, names)):
-        if len(lines[-1]) + len(name) > LINE:
-            lines.append(" ")
-        lines[-1] += f" {name}" + ("," if i < len(names) - 1 else "")
-    return lines
+    text = ", ".join(map(_plain, names))
+    return wrap(text, LINE, initial_indent="  ", subsequent_indent="  ")

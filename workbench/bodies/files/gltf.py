@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from workbench.arrays import Array, Index
+from workbench.arrays import Array
 from workbench.blocks.checks import reals
 from workbench.bodies.body import arguments
 from workbench.bodies.skinned import SkinnedBody
@@ -216,9 +216,11 @@ def _glb(
     rest = body.template + body.shapedirs @ betas
     rows, faces, uv = Mesh(rest, body.faces, *body.texture).unwrapped()
     J = body.numeric.skeleton.positions(betas)
+    normals = vertex_normals(rest, body.faces)
+    normals[~normals.any(axis=1)] = [0.0, 1.0, 0.0]  # of a vertex of no face: glTF takes no zeros
     attributes = {
         "POSITION": buffer.add(rest[rows], "float32", ATTRIBUTES),
-        "NORMAL": buffer.add(_normals(rest, body.faces)[rows], "float32", ATTRIBUTES),
+        "NORMAL": buffer.add(normals[rows], "float32", ATTRIBUTES),
     }
     attributes |= _influences(body.weights[rows], buffer)
     if uv is not None:  # glTF's v goes downwards
@@ -289,13 +291,6 @@ def _glb(
     return buffer.file(document)
 
 
-def _normals(rest: Array, faces: Index) -> Array:
-    """Unit normals (N, 3); that of a vertex of no face points up, for glTF takes no zeros."""
-    found = vertex_normals(rest, faces)
-    found[~found.any(axis=1)] = [0.0, 1.0, 0.0]
-    return found
-
-
 def _influences(weights: Array, buffer: GltfBuffer) -> dict[str, int]:
     """Joints and weights of every vertex, four at a time, the largest first."""
     order = np.argsort(-weights, axis=1, kind="stable")
@@ -318,7 +313,10 @@ def _animation(
 ) -> dict[str, Any]:
     """The key frames of all joints, of morph targets (P, M), and of joints that move (P, 3) m."""
     P, K = poses.shape[:2]
-    q = _on_one_side(Rotation.from_rotvec(poses.reshape(-1, 3)).as_quat().reshape(P, K, 4))
+    q = Rotation.from_rotvec(poses.reshape(-1, 3)).as_quat().reshape(P, K, 4)
+    # neighbours in time on one side: between q and nearly -q a viewer may go the long way round
+    same = np.where((q[1:] * q[:-1]).sum(axis=2) < 0, -1.0, 1.0)
+    q[1:] *= np.cumprod(same, axis=0)[:, :, None]
     times = buffer.add(seconds * np.arange(P), "float32")
     outputs = [buffer.add(q[:, k], "float32") for k in range(K)]
     where = [{"node": k, "path": "rotation"} for k in range(K)]
@@ -332,10 +330,3 @@ def _animation(
         "samplers": [{"input": times, "output": out} for out in outputs],
         "channels": [{"sampler": i, "target": target} for i, target in enumerate(where)],
     }
-
-
-def _on_one_side(q: Array) -> Array:
-    """Quaternions (P, K, 4) xyzw, of which neighbours in time lie on one side."""
-    same = np.where((q[1:] * q[:-1]).sum(axis=2) < 0, -1.0, 1.0)
-    signs = np.concatenate([np.ones((1, q.shape[1])), np.cumprod(same, axis=0)])
-    return np.asarray(q * signs[:, :, None])

@@ -156,10 +156,7 @@ class TriangleBody(Body):
     def vertices(self, pose: Given = None, betas: Given = None, trans: Given = None) -> Array:
         """The posed surface (..., N, 3) m of poses (..., K, 3) or (..., 3 K) rad."""
         batch, each = arguments(self, pose, betas, trans)
-        if len(each[0]) == 1:
-            surfaces = self.arithmetic.evaluate(*(part[0] for part in each)).points
-        else:
-            surfaces = self.arithmetic.evaluate_batch(*each)
+        surfaces = self.arithmetic.evaluate_batch(*each)
         return surfaces.reshape(*batch, self.n_vertices, 3)
 
     def joints(self, pose: Given = None, betas: Given = None, trans: Given = None) -> Array:

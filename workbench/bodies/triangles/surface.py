@@ -42,16 +42,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class JointReach:
-    """What joint k turns: the faces with a weight on it or below, and those that feel its twist.
+    """What joint k turns: the n faces with a weight on it or below, the m that feel its twist.
 
-    Attributes:
-        joints: k and all below it.
-        faces: the n faces with a weight on one of these.
-        weights: of these faces on those joints.
-        onto_vertices: (N, 2 n) from the edges of these faces to vertices.
-        bent: the m faces near k.
-        slot: (m,) which of their near joints k is.
-        bent_onto_vertices: (N, 2 m) from the edges of these to vertices.
+    `joints` are k and all below it, `slot` (m,) which of the near joints k is; `onto_vertices`
+    (N, 2 n) and `bent_onto_vertices` (N, 2 m) go from the edges of these faces to vertices.
     """
 
     joints: Index

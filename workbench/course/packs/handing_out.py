@@ -15,6 +15,7 @@ from typing import NamedTuple
 from workbench.course.notebooks import as_notebook, code_cell, prose_cell
 from workbench.course.packs.keys import ClassKey, ExerciseKey, make_keys, write_keys
 from workbench.course.packs.variants import Variant, chosen
+from workbench.diagnostics.words import counted
 from workbench.errors import BadArgument, BadFile
 from workbench.reading.facts import bounded
 
@@ -177,7 +178,7 @@ def pack_name(key: ClassKey, student: str) -> str:
 
 
 def _points(one: ExerciseKey) -> str:
-    return f"{one.points} point{'s' * (one.points != 1)}, about {one.minutes} minutes"
+    return f"{counted(one.points, 'point')}, about {one.minutes} minutes"
 
 
 def _introduction(key: ClassKey, sheet: str, student: str, mine: list[ExerciseKey]) -> str:

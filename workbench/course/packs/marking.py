@@ -7,8 +7,8 @@ import csv
 import hashlib
 import json
 import shutil
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -225,16 +225,11 @@ def answers_of_class(
 
 
 def in_parallel(
-    work: Callable[[str], T], students: Iterable[str], workers: int
+    work: Callable[[str], T], students: Collection[str], workers: int
 ) -> Iterator[tuple[str, T]]:
-    """The results of work on students, as they come; each waits for a process of its own."""
-    pool = ThreadPoolExecutor(workers)
-    try:
-        jobs = {pool.submit(work, student): student for student in students}
-        for job in as_completed(jobs):
-            yield jobs[job], job.result()
-    finally:
-        pool.shutdown(cancel_futures=True)
+    """The results of work on students, in order; each waits for a process of its own."""
+    with ThreadPoolExecutor(workers) as pool:
+        yield from zip(students, pool.map(work, students), strict=True)
 
 
 def _keys_of(key: ClassKey, student: str, sheet: Sheet) -> list[ExerciseKey]:

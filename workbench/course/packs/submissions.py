@@ -86,7 +86,8 @@ def collect(folder: Path, key: ClassKey) -> Submissions:
             unused.append(Unused(path, AS_GIVEN if path.name == EXAMPLES else why, student))
             continue
         sheet = read_sheet(path, exercises)
-        student = student or pack_owner(sheet.pack, key)
+        if student is None:  # the one for whom it was made
+            student = next((s for s in key.students if pack_name(key, s) == sheet.pack), None)
         if student is None:
             unused.append(Unused(path, NOBODY))
         else:
@@ -207,11 +208,6 @@ def owner(path: Path, key: ClassKey) -> str | None:
             f"{' or '.join(longest)}"
         )
     return longest[0]
-
-
-def pack_owner(says: object, key: ClassKey) -> str | None:
-    """The student for whom a file was made that says PACK = `says`."""
-    return next((one for one in key.students if pack_name(key, one) == says), None)
 
 
 def parsed(source: str) -> ast.Module:

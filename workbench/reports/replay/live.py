@@ -108,18 +108,18 @@ class LiveServer:
         own_hosts = (f"{ADDRESS}:{port}", f"localhost:{port}")
         origin, host = request.headers.get("Origin"), request.headers.get("Host", "")
         if host not in own_hosts or origin not in (None, *(f"http://{own}" for own in own_hosts)):
-            say(request, 403, "only pages of this server may ask it")
+            respond(request, 403, "only pages of this server may ask it")
         elif asked.path == f"/{self._token}/":
-            say(request, 200, self._page, "text/html; charset=utf-8")
+            respond(request, 200, self._page, "text/html; charset=utf-8")
         elif asked.path == f"/{self._token}/solve":
             self._solve(request, given)
         elif asked.path == f"/{self._token}/stop":
             stop = self._stops.get(given.get("run", ""))
             if stop is not None:
                 stop.set()
-            say(request, 200, "stopped" if stop is not None else "nothing of this name runs")
+            respond(request, 200, "stopped" if stop is not None else "nothing of this name runs")
         else:
-            say(request, 404, "there is nothing here; open the address that was printed")
+            respond(request, 404, "there is nothing here; open the address that was printed")
 
     def _solve(self, request: BaseHTTPRequestHandler, given: Mapping[str, str]) -> None:
         """Send every iterate as an event, and at last how it ended."""
@@ -129,9 +129,9 @@ class LiveServer:
             if name not in self.solvers or not run or run in self._stops:
                 raise BadArgument(f"no solver {name!r}, or no new name for its run")
         except BadArgument as error:
-            return say(request, 400, str(error))
+            return respond(request, 400, str(error))
         if not self._solving.acquire(blocking=False):
-            return say(request, 409, "another solve is running; stop it first")
+            return respond(request, 409, "another solve is running; stop it first")
         try:
             stop = self._stops[run] = threading.Event()
             request.send_response(200)
@@ -182,7 +182,7 @@ def _numbers(iterate: Iterate) -> dict[str, Any]:
     }
 
 
-def say(
+def respond(
     request: BaseHTTPRequestHandler, code: int, text: str | bytes, kind: str = "text/plain"
 ) -> None:
     """Answer with a text, and end."""

@@ -3,7 +3,7 @@
 import gzip
 import json
 from base64 import b64encode
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from hashlib import sha256
@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import Array
+from workbench.arrays import Array, Index
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body, why_not_skinned
 from workbench.bodies.forward.sources import arguments_from_values
 from workbench.errors import BadArgument
 from workbench.fitting.keypoints import LEAST_CONFIDENCE
+from workbench.fitting.setup import View
 from workbench.problem import Problem
 
 BodyNumbers = Callable[[Values], Array]  # values of blocks -> 3 K + B + 3 numbers of a body
@@ -268,3 +269,50 @@ def row_of_body(body: Body, problem: Problem, known: Values) -> BodyNumbers | No
     if found is None or tuple(np.shape(one) for one in found) != shapes:
         return None  # among them several frames
     return row
+
+
+JOINTS = "joints"  # what `View.landmarks` is called where joints were observed
+
+
+def spread(count: int, most: int) -> Index:
+    """At most `most` of the numbers from 0 to `count` - 1, evenly spread."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(np.int64))
+
+
+def landmarks_of_views(body: Body, views: Sequence[View]) -> dict[str, Any]:
+    """The landmarks that all views observed, as means of vertices, or the joints.
+
+    Empty if they did not observe the same ones, or for a name that the body lacks.
+    """
+    names = {view.landmarks for view in views}
+    name = names.pop() if len(names) == 1 else None
+    if name == JOINTS and name not in body.landmarks:
+        return NO_LANDMARKS | {"names": list(body.joint_names), "joints": True}
+    if name is None or name not in body.landmarks:
+        return NO_LANDMARKS
+    landmarks = body.landmarks[name]
+    entries = landmarks.regressor.tocoo()
+    return {
+        "names": list(landmarks.names),
+        "rows": entries.row.tolist(),
+        "columns": entries.col.tolist(),
+        "weights": [float(f"{weight:.9g}") for weight in entries.data],
+    }
+
+
+def view_data(view: View, values: Mapping[str, ArrayLike]) -> dict[str, Any]:
+    """A camera, and what it observed in one image: that of the first frame if there are several."""
+    several = np.ndim(view.observed) == 3
+    observed, confidence = (a[0] if several else a for a in (view.observed, view.confidence))
+    numbers = {
+        name: np.ravel(values[getattr(view.camera, name).name]).tolist()
+        for name in ("focal", "centre", "distortion", "rotation", "translation")
+    }
+    return {
+        "name": view.name,
+        "size": list(view.size),
+        "held_out": view.held_out,
+        "observed": np.round(observed, 2).tolist(),
+        "confidence": np.round(confidence, 3).tolist(),
+        **numbers,
+    }

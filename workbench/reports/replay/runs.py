@@ -13,15 +13,16 @@ from workbench.diagnostics import Diagnosis, Direction
 from workbench.experiments.running import Outcome
 from workbench.fitting.setup import Setup, View
 from workbench.problem import Problem
-from workbench.reports.replay.observations import landmarks_of_views, view_data
 from workbench.reports.replay.recording import (
     BodyNumbers,
     Recording,
     Series,
     ShownBody,
+    landmarks_of_views,
     packed,
     recording,
     shown_with_row,
+    view_data,
 )
 from workbench.reports.replay.sequences import OF_VIEWS, recorded_frames
 from workbench.sampling import Posterior

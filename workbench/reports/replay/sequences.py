@@ -13,8 +13,16 @@ from workbench.motions import Motion
 from workbench.registration import Registration
 from workbench.registration.coregistration.folder import FACING
 from workbench.registration.doubts import NEAR
-from workbench.reports.replay.observations import landmarks_of_views, spread, view_data
-from workbench.reports.replay.recording import Recording, Series, packed, recording, shown_body
+from workbench.reports.replay.recording import (
+    Recording,
+    Series,
+    landmarks_of_views,
+    packed,
+    recording,
+    shown_body,
+    spread,
+    view_data,
+)
 
 MOST_FRAMES = 400
 OF_FRAMES = "The body in every frame. The slider goes through the frames. "
