@@ -6,7 +6,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from workbench import SkinnedBody
-from workbench.synthetic.teacher import JOINT_NAMES as SMPL_NAMES
+from workbench.lectures.material.teacher import JOINT_NAMES as SMPL_NAMES
 
 SMPL_PARENTS = (-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21)
 
