@@ -9,7 +9,7 @@ import pytest
 from workbench import SkinnedBody, load_body
 from workbench.arrays import Array
 from workbench.registration import FitStage, arms_lowered
-from workbench.synthetic import Clothing, Scanner, SimulatedScan, clothed, scan, scanners
+from workbench.synthetic import Scanner, SimulatedScan, scan, scanners
 
 pytestmark = pytest.mark.thorough
 
@@ -22,7 +22,7 @@ FEW_STAGES = (
 STEP = 2.85e-3  # 1/m, of a Kinect: depths z are multiples of about this times z^2
 
 
-def from_behind(body: SkinnedBody, clothing: float = 0.0, seed: int = 0) -> SimulatedScan:
+def from_behind(body: SkinnedBody, seed: int = 0) -> SimulatedScan:
     """A person who stands, one foot ahead, with the back to a depth camera 2.3 m away."""
     pose = arms_lowered(body, 1.2)
     pose[0] = [0.0, np.pi, 0.0]
@@ -35,7 +35,6 @@ def from_behind(body: SkinnedBody, clothing: float = 0.0, seed: int = 0) -> Simu
         body.faces,
         scanners(1, distance=2.3, height=0.3, target=(0.0, 1.0, 0.0), focal=525.0, size=(480, 640)),
         seed=seed,
-        clothing=Clothing(clothing, where=clothed(body)),
     )
 
 
@@ -48,7 +47,7 @@ def rounded(points: Array, camera: Scanner) -> Array:
 
 def test_a_simulated_person_is_found_from_behind(tmp_path: Path) -> None:
     body = load_body("small")
-    simulated = from_behind(body, clothing=0.02)
+    simulated = from_behind(body)
     camera = simulated.scanners[0]
     np.savez(
         tmp_path / "people.npz",

@@ -19,9 +19,47 @@ from workbench.bodies.forward.surface import rotation_elements
 from workbench.course import Picture, source
 from workbench.lectures.material.blend_shapes import PosedSurfaces, TrainingData
 from workbench.lectures.material.linearity import linear_in
+from workbench.lectures.material.replays import recorded_side_by_side
 from workbench.lectures.material.teacher import body_on_teachers_rig, teacher_of
 from workbench.plots import house_style, plot_differences, sheet
+from workbench.plots.body import Figurine, line_up
 from workbench.priors.poses import draw_poses, shipped_gaussian
+
+# %%
+person = wb.load_body("default")
+two_poses = draw_poses(shipped_gaussian(), 2, np.random.default_rng(4))  # (2, 24, 3) rad
+two_poses[:, 0] = 0
+
+
+def in_poses(angle):
+    """The surface in poses that lead round between two, (N, 3) m."""
+    return person.vertices(np.cos(angle) * two_poses[0] + np.sin(angle) * two_poses[1])
+
+
+def as_people(angle):
+    """The surface of people that lead round between two shapes, (N, 3) m."""
+    return person.vertices(
+        betas=2.5 * np.eye(person.n_betas)[:2].T @ [np.cos(angle), np.sin(angle)]
+    )
+
+
+with house_style():
+    figure, (ax,) = sheet(9, 3.8)
+    four = {"pose 1": in_poses(0), "pose 2": in_poses(np.pi / 2)}
+    four |= {"shape 1": as_people(0), "shape 2": as_people(np.pi / 2)}
+    line_up([Figurine(name, v) for name, v in four.items()], person.faces, ax=ax)
+Picture(
+    figure,
+    "One function, with other numbers for the pose (left) and for the shape (right). Nothing else changes.",
+    lambda: recorded_side_by_side(
+        person.faces,
+        np.radians(np.arange(0, 361, 24)),
+        {"pose": {"a body": in_poses}, "shape": {"a body": as_people}},
+        "Press the triangle: the numbers of the pose go round between two poses. Choose the shape in place of "
+        "the pose, and drag the body to turn it.",
+        say=lambda angle: "Every surface is the value of one function.",
+    ),
+)
 
 # %% [markdown]
 # ## One input and one output
@@ -412,7 +450,7 @@ for names in (
 #
 # | | |
 # | --- | --- |
-# | template, shape or pose directions, weights, betas, place: each alone | linear |
+# | each alone: template, directions, weights, betas, place | linear |
 # | template **and** pose directions | linear |
 # | weights **and** pose directions | not linear |
 # | pose | not linear |

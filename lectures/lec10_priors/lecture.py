@@ -307,8 +307,8 @@ Picture(
 # %% slide [markdown]
 # ## Knees bent the wrong way
 #
-# - Backwards by 0.1 rad and more: {{ 100 * backwards['one Gaussian']:.0f}} % of one Gaussian's poses,
-#   {{ 100 * backwards['eight of them']:.0f}} % of eight Gaussians'
+# - Backwards by 0.1 rad and more: {{ 100 * backwards['one Gaussian']:.1f}} % of one Gaussian's poses,
+#   {{ 100 * backwards['eight of them']:.1f}} % of eight Gaussians'
 # - Neither knows a hard stop.
 
 # %% [markdown]

@@ -287,41 +287,44 @@ source(TriangleSurface.deformations)
 
 # %% [markdown]
 # We measure the crease by how much two triangles that share an edge differ in their deformation, and look at the
-# elbow from the front:
+# elbow of a body with more triangles from the front:
 
 # %%
 blended = blend_scape(body)
-Y = blended.deformations(pose, np.zeros(body.n_betas))
+finer = wb.load_body("default")  # with more triangles around the elbow
+sewn = Stitching(finer.faces, finer.n_vertices)
+of_triangles = {"SCAPE": scape(finer), "BlendSCAPE": blend_scape(finer)}
 
 
 def creases(X):
     """By how much each triangle's deformation differs from its neighbours': largest |X_f - X_g|, (F,)."""
     sides = {}
-    for f, (a, b, c) in enumerate(faces):
+    for f, (a, b, c) in enumerate(finer.faces):
         for pair in ((a, b), (b, c), (c, a)):
             sides.setdefault(tuple(sorted(pair)), []).append(f)
-    step = np.zeros(len(faces))
+    step = np.zeros(len(finer.faces))
     for f, g in sides.values():
         step[[f, g]] = np.maximum(step[[f, g]], np.linalg.norm(X[f] - X[g]))
     return step
 
 
 bent_elbows, volumes = {}, {}
-for name, deformed in (("SCAPE", X), ("BlendSCAPE", Y)):
-    asked = edges(template, faces) @ deformed.transpose(0, 2, 1)
-    placed = stitching.vertices(asked, [template.mean(axis=0)])
-    left = 1e3 * np.linalg.norm(edges(placed, faces) - asked, axis=2)
+for name, model in of_triangles.items():
+    deformed = model.deformations(pose, np.zeros(finer.n_betas))
+    asked = edges(finer.template, finer.faces) @ deformed.transpose(0, 2, 1)
+    placed = sewn.vertices(asked, [finer.template.mean(axis=0)])
+    left = 1e3 * np.linalg.norm(edges(placed, finer.faces) - asked, axis=2)
     bent_elbows[name] = placed, creases(deformed)
-    volumes[name] = volume(placed, faces)
+    volumes[name] = volume(placed, finer.faces)
     print(
         f"{name:11} largest step between neighbours {creases(deformed).max():.2f}, stitching leaves "
         f"up to {left.max():.0f} mm, least det {np.linalg.det(deformed).min():.2f}"
     )
 
 # %%
-middles = template[faces].mean(axis=1)
-near = np.linalg.norm(middles - body.joints()[elbow], axis=1) < 0.22  # m
-some, numbers = np.unique(faces[near], return_inverse=True)
+middles = finer.template[finer.faces].mean(axis=1)
+near = np.linalg.norm(middles - finer.joints()[elbow], axis=1) < 0.22  # m
+some, numbers = np.unique(finer.faces[near], return_inverse=True)
 
 
 def elbow_of(model):
@@ -350,9 +353,8 @@ Picture(
         np.radians(np.arange(0, 141, 5)),
         {
             "elbow": {
-                "SMPL": elbow_of(body),
-                "SCAPE": elbow_of(rigid),
-                "BlendSCAPE": elbow_of(blended),
+                "SMPL": elbow_of(finer),
+                **{name: elbow_of(model) for name, model in of_triangles.items()},
             }
         },
         "The same elbow by SMPL, which blends points, and by both models of triangles, which "

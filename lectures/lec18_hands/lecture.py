@@ -79,7 +79,7 @@ with house_style():
     ):
         drawn = [Figurine("", hand.vertices(pose), above) for pose in poses[:4]]
         line_up(drawn, hand.faces, ax=ax)
-        ax.set(title=f"angles drawn {name}", xlabel="", ylabel="along the hand (m)")
+        ax.set(title=f"angles drawn {name}", ylabel="along the hand (m)")
 Picture(
     figure,
     "Four hands whose angles were drawn each by itself, and four whose angles were drawn together. Each "
@@ -154,7 +154,7 @@ with house_style():
         hand.faces,
         ax=ax,
     )
-    ax.set(xlabel="", ylabel="along the hand (m)")
+    ax.set(ylabel="along the hand (m)")
 Picture(
     figure,
     "The first component of the hand's pose, seen from above, opens and closes the fingers. The second one, "
@@ -209,7 +209,7 @@ with house_style():
     figure, (ax,) = sheet(7.5, 3.0)
     kinds = (("zero: flat", flat), ("the mean pose", relaxed), ("the mean twice", twice))
     line_up([Figurine(name, v, above) for name, v in kinds], hand.faces, ax=ax)
-    ax.set(xlabel="", ylabel="along the hand (m)")
+    ax.set(ylabel="along the hand (m)")
 Picture(
     figure,
     "The same hand at zero, in its mean pose, and with the mean pose added twice. All of them look like hands; the last "
@@ -505,7 +505,7 @@ for name, vertices in (("at rest", whole.vertices()), ("z1", whole.vertices(both
 with house_style():
     figure, (ax,) = sheet(9.0, 3.4)
     line_up(drawn, whole.faces, ax=ax)
-    ax.set(xlabel="", ylabel="along the arm (m)")
+    ax.set(ylabel="along the arm (m)")
 Picture(
     figure,
     "The hands of a body with 52 joints, cut out for the picture. The first two are at rest. In the last "

@@ -20,7 +20,7 @@ from workbench.lectures.outline import COURSE
 
 THERE = COURSE
 IN_BROWSERS = 8  # lectures 1 to 8 also run there
-MOVING = (2, 4, 7, 8, 9, 11, 12, 14)  # lectures with a figure that answers to the hand
+MOVING = (1, 2, 4, 7, 8, 9, 11, 12, 14)  # lectures with a figure that answers to the hand
 HEAVIEST = 700_000  # bytes of such a figure
 REQUESTS = re.compile(r"""(?:src|href)=["']https?:|@import|fetch\(|import\(""")
 RESULTS = Path(__file__).parents[2] / "benchmarks" / "results"

@@ -1,5 +1,6 @@
 """The pages of the course as a site."""
 
+import re
 import shutil
 import warnings
 from collections.abc import Callable
@@ -10,7 +11,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from workbench.course.notebooks import notebook, tool, without_results, write_notebook
+from workbench.course.cells import cells
+from workbench.course.notebooks import Notebook, notebook, tool, without_results, write_notebook
 from workbench.course.outline import Lecture, course, root
 from workbench.errors import BadFile
 
@@ -118,6 +120,7 @@ def copy_licences(folder: Path) -> None:
                     shutil.copy(source, folder / f"{name}-{path.stem}.txt")
 
 
+VENUES = ("journal", "booktitle", "institution", "howpublished", "publisher")  # in BibTeX
 GUIDES = ("GUIDE", "PLANS", "AUTHORS")  # the pages beside the lectures
 Tell = Callable[[str], None]  # is called with a line for each part that begins
 
@@ -130,16 +133,25 @@ def write_course_pages(pages: Path, files: Path, tell: Tell) -> None:
     """
     pages.mkdir(parents=True, exist_ok=True)
     files.mkdir(parents=True, exist_ok=True)
-    there = list(course())
+    there, made = list(course()), []
     for one in there:
         tell(f"running lecture {one.number}, {one.title}")
-        _write_lecture(one, pages, files)
-    (pages / "index.md").write_text(_index(there), encoding="utf-8")
+        made.append(_write_lecture(one, pages, files))
+    (pages / "index.md").write_text(_index(there, _moving(made)), encoding="utf-8")
+    (pages / "sources.md").write_text(sources_page(there), encoding="utf-8")
     for guide in GUIDES:
         shutil.copy(root() / f"{guide}.md", pages)
 
 
-def _write_lecture(one: Lecture, pages: Path, files: Path) -> None:
+def _moving(made: list[Notebook]) -> str:
+    """The first figure of the lectures that moves, for a page in Markdown; empty if none does."""
+    outputs = (out for one in made for cell in one["cells"] for out in cell.get("outputs", []))
+    figures = (out.get("data", {}).get("text/html", "") for out in outputs)
+    found = next((figure for figure in figures if "<iframe" in figure), "")
+    return found and f"```{{raw}} html\n{found}\n```\n\n"
+
+
+def _write_lecture(one: Lecture, pages: Path, files: Path) -> Notebook:
     made, name = notebook(one), one.folder_name
     write_notebook(without_results(made), files / f"{name}.ipynb")
     shutil.copy(one.folder / "exercises.py", files / f"{name}.py")
@@ -151,10 +163,11 @@ def _write_lecture(one: Lecture, pages: Path, files: Path) -> None:
     )
     first["source"] = f"{head}\n\n{facts}\n{rest}"
     write_notebook(made, pages / f"{name}.ipynb")
+    return made
 
 
-def _index(there: list[Lecture]) -> str:
-    """The first page of the course: every lecture with its question."""
+def _index(there: list[Lecture], figure: str) -> str:
+    """The first page of the course: a figure, and every lecture with its question."""
     rows = [
         f"| {one.number} | [{one.title}]({one.folder_name}.ipynb)<br>{one.question} "
         f"| {one.minutes} | {sum(check.points for check in one.checks)} |"
@@ -165,8 +178,46 @@ def _index(there: list[Lecture]) -> str:
         "# Body models, from a function to a posterior\n\n"
         "A course on the workbench. All figures and numbers on these pages were computed by the "
         "code beside them when the pages were made.\n\n"
-        "| | lecture | minutes | points |\n| --- | --- | --- | --- |\n" + "\n".join(rows) + "\n\n"
-        "```{toctree}\n:hidden:\n\n" + "\n".join((*names, *GUIDES)) + "\n```\n"
+        f"{figure}| | lecture | minutes | points |\n| --- | --- | --- | --- |\n"
+        + "\n".join(rows)
+        + "\n\n"
+        "```{toctree}\n:hidden:\n\n" + "\n".join((*names, "sources", *GUIDES)) + "\n```\n"
+    )
+
+
+def references() -> list[dict[str, str]]:
+    """The works of `references.bib`: their fields, and `link`, which is empty if they have none."""
+    text = (root() / "references.bib").read_text(encoding="utf-8")
+    works = []
+    for entry in re.findall(r"^@\w+\{\w+,\n(.*?)^\}", text, re.M | re.S):
+        fields = re.findall(r"^ *(\w+) = \{(.*)\},?$", entry, re.M)
+        work = {name: re.sub(r"[{}]", "", value) for name, value in fields}
+        if "doi" in work:  # brackets would end a link of Markdown
+            link = "https://doi.org/" + work["doi"].replace("(", "%28").replace(")", "%29")
+        else:
+            link = f"https://arxiv.org/abs/{work['eprint']}" if "eprint" in work else ""
+        works.append(work | {"link": link or work.get("url", "")})
+    return works
+
+
+def cites(one: Lecture, work: dict[str, str]) -> bool:
+    """Whether a lecture links a work, or names the title of one without a link in italics."""
+    texts = [cell.text for cell in cells(one.folder / "lecture.py") if cell.prose]
+    sought = f"({work['link']})" if work["link"] else f"*{work['title']}*"
+    return sought.casefold() in " ".join(" ".join(texts).split()).casefold()
+
+
+def sources_page(lectures: list[Lecture]) -> str:
+    """The bibliography of the course, with the lectures that cite each work."""
+    rows = []
+    for work in references():
+        names = [" ".join(name.split(", ")[::-1]) for name in work.get("author", "").split(" and ")]
+        title = f"[{work['title']}]({work['link']})" if work["link"] else work["title"]
+        facts = [", ".join(names), f"*{title}*", *(work[k] for k in (*VENUES, "year") if k in work)]
+        by = [f"[{k.number}]({k.folder_name}.ipynb)" for k in lectures if cites(k, work)]
+        rows.append(f"- {', '.join(filter(None, facts))} (lecture {', '.join(by)})\n")
+    return "# Sources\n\nWhat the lectures cite, also as `lectures/references.bib`.\n\n" + "".join(
+        rows
     )
 
 

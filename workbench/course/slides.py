@@ -116,7 +116,7 @@ ALONE = """
 <style>
 main .replay figcaption { display: none; } /* it is in the notes */
 main .replay figure figcaption { display: block; }
-.replay-stage { height: 25rem; }
+main .replay-stage { height: 27rem; }
 </style>
 """
 

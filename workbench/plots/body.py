@@ -115,7 +115,7 @@ def line_up(
     ax.tick_params(axis="x", length=0, labelsize=8)
     ax.yaxis.set_major_locator(MultipleLocator(_step(high - low)))
     ax.grid(axis="y", color=FAINT, alpha=0.25, linewidth=0.6)
-    ax.set(ylabel="y (m)", xlabel="the horizontal scale is the same as the vertical one")
+    ax.set(ylabel="y (m)")
     ax.spines["bottom"].set_visible(False)
     return ax
 
