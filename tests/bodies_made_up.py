@@ -6,11 +6,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from workbench import SkinnedBody
-<<<<<<< HEAD
 from workbench.bodies.files.joint_names import joint_names
-=======
-from workbench.lectures.material.teacher import JOINT_NAMES as SMPL_NAMES
->>>>>>> main
 
 SMPL_NAMES = joint_names(24)
 SMPL_PARENTS = (-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21)

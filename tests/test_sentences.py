@@ -189,7 +189,9 @@ def test_free_blocks_must_be_read() -> None:
         wb.Problem([gaussian(X.symbol)], "x", {"y": (0, 1)}, blocks=[y])
     with pytest.raises(UnknownName, match=r"there are x .a block that no residual and no"):
         wb.Problem([gaussian(X.symbol)], ("x", "y"))
-    with pytest.raises(BadArgument, match=r"texts, but something of type Block .*take its \.name"):
+    with pytest.raises(
+        BadArgument, match=r"texts, but among them is something of type Block; take its \.name"
+    ):
         wb.Problem([gaussian(X.symbol)], [X])  # type: ignore[list-item]
 
 

@@ -33,7 +33,7 @@ def _members(what: str, given: object, kind: type[T], are: str, error: Error) ->
     found: tuple[Any, ...] = tuple(given)  # type: ignore[arg-type]  # asked above
     for one in found:
         if not isinstance(one, kind):
-            raise error(f"{what} are {are}, but {_kind(one)} is among them")
+            raise error(f"{what} are {are}, but among them is {_kind(one)}")
     return found
 
 
