@@ -44,7 +44,7 @@ def test_bad_fields_of_setups_are_refused() -> None:
     for fields, said in [
         ({"known": {"cost": 1.0}}, "`known` of a setup must be a KnownAnswer or None"),
         ({"strategy": 3}, "`strategy` of a setup must be a function that makes a solver"),
-        ({"views": [3]}, "`views` are a tuple of View, but something of type int"),
+        ({"views": [3]}, "`views` are a tuple of View, but among them is something of type int"),
     ]:
         with pytest.raises(BadSetup, match=said):
             Setup(PROBLEM, START, "?", **fields)  # type: ignore[arg-type]
