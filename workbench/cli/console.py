@@ -4,6 +4,7 @@ from collections.abc import Collection, Iterable
 from contextlib import AbstractContextManager
 from math import inf, isfinite
 from pathlib import Path
+from textwrap import wrap
 from typing import Annotated
 
 import typer
@@ -89,12 +90,13 @@ def files_inside(console: Console, folder: Path, kinds: Collection[str], what: s
 def rich_table(table: Table) -> RichTable:
     """A table of a report in the form for a terminal; numbers are never broken or shortened.
 
-    Nor are the names in the first column; words of headings above numbers stand on lines of theirs.
+    Nor are the names in the first column; headings above numbers are broken where these are narrow.
     """
     shown = RichTable(box=None, header_style="bold", pad_edge=False)
     for i, head in enumerate(table.head):
         number = i in table.numbers
-        title = head.replace(" ", "\n") if number else head
+        widest = max(len(text) for text in (*head.split(" "), *(row[i] for row in table.rows)))
+        title = "\n".join(wrap(head, max(1, widest))) if number else head
         shown.add_column(title, justify="right" if number else "left", no_wrap=number or not i)
     for row in table.rows:
         shown.add_row(*map(escape, row))
