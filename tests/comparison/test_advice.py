@@ -65,13 +65,6 @@ def test_none_is_advised_when_no_solver_is_reliable() -> None:
     assert reliable(found, ("p",)) == ()  # 0 is known, and it ended at 1
 
 
-def test_ties_are_told() -> None:
-    found = comparison({(p, s): QUICK for p in "pqrstuv" for s in "ab"})
-    said = advice(found)
-    assert said[0] == "a and b each returned a point within the target τ = 1e-5 from all 7 starts."
-    assert said[1].startswith("Of these, a and b have the least median effort")
-
-
 @pytest.mark.parametrize("problems", ["pqrstu", "pqrst", "pq"])
 def test_quicker_solver_is_named_when_chance_is_ruled_out(
     problems: str,
