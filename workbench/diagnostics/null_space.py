@@ -149,9 +149,7 @@ def null_space(d: "Diagnosis") -> NullSpace:
 def null_in_units(constrained: ConstrainedJacobian, lengths: Array) -> Array:
     """(n, d) an orthonormal basis of the null space of unknowns y = lengths * x.
 
-    The dimension is that of the Jacobian in the unknowns' own units, which decides the rank. From
-    columns of length 1, or nearly so, by singular vectors; of a sparse Jacobian, from its
-    factorization.
+    The dimension is that of the Jacobian in the unknowns' own units, which decides the rank.
     """
     n = len(lengths)
     d, held = n - constrained.rank, constrained.stacked

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csc_array
 
-from workbench.arrays import Array, Index, Mask
+from workbench.arrays import Array, Index
 from workbench.blocks import Block, Layout, Tree, Values
 from workbench.diagnostics.active_set import check_finite, linearized, not_finite
 from workbench.diagnostics.data import plain
@@ -114,18 +114,13 @@ class SharedUnknowns:
 
     Attributes:
         layout: the shared unknowns.
-        seen: (T, b) in which frames each unknown is seen.
+        frames_seen: (b,) in how many frames each unknown is seen.
         sigma: (b,) posterior standard deviations by all residuals; infinite where not identified.
     """
 
     layout: Layout
-    seen: Mask
+    frames_seen: Index
     sigma: Array
-
-    @property
-    def frames_seen(self) -> Index:
-        """In how many frames each unknown is seen, (b,)."""
-        return np.asarray(self.seen.sum(axis=0), dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,7 +242,7 @@ class SequenceDiagnosis:
             for own, R in zip(rows.own, rows.triangles, strict=True)
         ]
         seen = np.array(lengths).reshape(self.count, layout.size) > rows.tolerance
-        return SharedUnknowns(layout, seen, self.sigma[rows.shared])
+        return SharedUnknowns(layout, seen.sum(axis=0), self.sigma[rows.shared])
 
     @cached_property
     def largest_sigma(self) -> dict[str, Array]:

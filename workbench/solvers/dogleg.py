@@ -48,11 +48,10 @@ chumpy = RadiusRule(good=0.9, growth=2.5, poor=0.05, shrinkage=0.25, first=np.in
 def first_radius(x: Array, D: Array, share: float = FIRST) -> float:
     """The radius at the start x (n,) in the metric D (n,): a share of max(|D x|, 1), usually 0.9.
 
-    At a point far from a minimum the linear model may promise the most at a place that it knows
-    nothing about: there an exponential underflows, no unknown changes the residual any more, and no
-    way leads back. With this radius the first step does not lead as far as zero, and from zero it
-    is shorter than one unit. SciPy's trf begins with |D x|, and with 1 at zero; MINPACK with 100
-    times as much (Moré, The Levenberg-Marquardt algorithm: implementation and theory, 1978).
+    Far from a minimum the linear model may promise the most at a place that it knows nothing about:
+    there an exponential underflows, no unknown changes the residual any more, and no way leads
+    back. With this radius the first step does not lead as far as zero. SciPy's trf begins with
+    |D x|, MINPACK with 100 times as much (Moré 1978).
     """
     return share * max(float(np.linalg.norm(D * x)), 1.0)
 

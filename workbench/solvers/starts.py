@@ -211,8 +211,7 @@ def _in_words(hypotheses: Sequence[Hypothesis], starts: int) -> str:
 def one_minimum(
     problem: Problem, fixed: Array, x: Array, here: Array, there: Array, least: float = 0.0
 ) -> bool:
-    """Whether the residual `here` (m,), which is that at x (n,), and that of another point
-    `there` (m,) cannot be told apart.
+    """Whether residuals (m,) at two points, the first at x (n,), cannot be told apart.
 
     1/2 |here - there|^2 is then at most a millionth of their cost, what rounding explains, or
     `least`. So what lies along null directions, or a full turn away, counts as the same minimum.
