@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from builder.stored import write_arrays
 from workbench.bodies import Capsules, SkinnedBody, capsule_gaps, capsules_of
 from workbench.bodies.capsule_fitting import fit_capsules
-from workbench.bodies.catalogue import Embedded
-from workbench.bodies.files.embedded import read_embedded
+from workbench.bodies.catalogue import Embedded, read_embedded
 from workbench.geometry.mirror import opposite
 from workbench.priors.poses import draw_poses, shipped_mixture
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 import workbench as wb
-from workbench.bodies.forward.features import (
+from workbench.bodies.forward.surface import (
     quaternion_elements,
     rotation_elements,
     rotation_vectors,
@@ -22,8 +22,8 @@ from workbench.lectures.material.blend_shapes import (
     rms_length,
     with_blend_shapes,
 )
+from workbench.lectures.material.teacher import body_on_teachers_rig, teacher_of
 from workbench.priors.poses import draw_poses, shipped_gaussian
-from workbench.synthetic.teacher import body_on_teachers_rig, teacher_of
 from workbench.training.estimate import bent
 
 LINEAR = "linear blending (LBS)"

@@ -16,7 +16,7 @@ import numpy as np
 import scipy.linalg
 
 from workbench.arrays import Array
-from workbench.bodies.forward.features import Features, Posture, rotation_vectors
+from workbench.bodies.forward.surface import Features, Posture, rotation_vectors
 from workbench.bodies.readonly import readonly
 from workbench.errors import BadArgument
 

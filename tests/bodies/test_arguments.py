@@ -12,7 +12,7 @@ from scipy.sparse import csr_array
 
 import workbench as wb
 from tests.bodies.laws import assert_chain_rule_is_graph, in_symbols, some_arguments, some_values
-from tests.bodies_made_up import random_body, smpl_like_body, tube_body
+from tests.bodies_made_up import random_body, tube_body
 from tests.tiers import few
 from workbench import Landmarks, residuals
 from workbench.blocks.affine import Affine
@@ -20,7 +20,6 @@ from workbench.bodies.forward import posed_points
 from workbench.bodies.forward.freed import BLOCKS, FreedSurface
 from workbench.bodies.triangles.body import blend_scape
 from workbench.errors import BadBody, NotSupported, UnknownName
-from workbench.solvers.judgement import rewrapped
 
 RNG = np.random.default_rng(0)
 BODY = random_body(2, n_vertices=12, n_joints=5, n_betas=3)
@@ -43,21 +42,9 @@ def pieces() -> Given:
     return cs.horzcat(s["root"], s["rest"]), *plain()[1:]
 
 
-def pieces_that_cross() -> Given:
-    s = symbols(arms=(2, 3), legs=(3, 3))
-    arms, legs = cs.horzsplit(s["arms"]), cs.horzsplit(s["legs"])
-    return cs.horzcat(legs[0], arms[1], legs[2], arms[0], legs[1]), *plain()[1:]
-
-
 def components() -> Given:
     c = symbols(coefficients=(4,))["coefficients"]
     return cs.MX(MEAN) + cs.reshape(cs.DM(COMPONENTS) @ c, 3, K), *plain()[1:]
-
-
-def half_components() -> Given:
-    s = symbols(front=(2, 3), coefficients=(4,))
-    hand = cs.reshape(cs.DM(COMPONENTS[6:]) @ s["coefficients"], 3, K - 2)
-    return cs.horzcat(s["front"], hand), *plain()[1:]
 
 
 def shifted() -> Given:
@@ -75,23 +62,7 @@ def mirrored() -> Given:
     return cs.horzcat(a, b, -b, c, cs.DM([1.0, -1.0, -1.0]) * c), *plain()[1:]
 
 
-def held() -> Given:
-    pose, _, trans = plain()
-    return pose, cs.MX(cs.DM([0.3, -0.2, 0.1])), trans
-
-
-def flat() -> Given:
-    return cs.reshape(symbols(theta=(3 * K,))["theta"], 3, K), *plain()[1:]
-
-
-def larger() -> Given:
-    """A block of which the pose is a part: what is left of it moves nothing."""
-    everything = symbols(everything=(K + 2, 3))["everything"]
-    return everything[:, 1 : K + 1], *plain()[1:]
-
-
-ALL = (plain, pieces, pieces_that_cross, components, half_components, shifted, two_roles)
-ALL += (mirrored, held, flat, larger)
+ALL = (plain, pieces, components, shifted, two_roles, mirrored)
 
 
 def terms(body: wb.SkinnedBody | wb.TriangleBody, given: Given) -> list[wb.Residual]:
@@ -120,9 +91,7 @@ def assert_costs_of_many(problem: wb.Problem, values: wb.Values) -> None:
 
 
 @pytest.mark.parametrize("compiled", few([False, True], 1), ids=["NumPy", "compiled"])
-@pytest.mark.parametrize(
-    "given", few(ALL, [f for f in ALL if f not in (plain, held, flat)]), ids=lambda f: f.__name__
-)
+@pytest.mark.parametrize("given", few(ALL, ALL[1:]), ids=lambda f: f.__name__)
 def test_affine_arguments_keep_the_chain_rule(
     given: Callable[[], Given], compiled: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -171,37 +140,6 @@ def test_arguments_that_are_not_affine_go_by_the_graph() -> None:
         assert_chain_rule_is_graph(problem, some_values(problem))
 
 
-MAPS: dict[str, Callable[[cs.MX, cs.MX], cs.MX]] = {
-    "one frame of many": lambda x, y: x[:, 7],
-    "rows in another order": lambda x, y: cs.vertcat(x[2:, :], cs.DM.ones(2, 20), x[:2, :]),
-    "coefficients": lambda x, y: cs.DM(np.arange(24).reshape(4, 6)) @ x + 3,
-    "sums": lambda x, y: cs.cumsum(x.T).T,
-    "a scalar added to a matrix": lambda x, y: 2 * x[:, :3] - y,
-    "fewer rows than columns": lambda x, y: cs.sum2(x)[:2] + y,
-    "nothing left of one": lambda x, y: x - x + y,
-    "the same twice": lambda x, y: (x + x) / 2,
-}
-
-
-def test_affine_maps_are_offset_and_matrices() -> None:
-    s = symbols(x=(20, 6), y=())
-    values = {"x": RNG.normal(size=(20, 6)), "y": RNG.normal(size=())}
-    for name, made in MAPS.items():
-        expression = made(s["x"], s["y"])
-        found = Affine.of(expression, expression.shape[::-1])
-        assert found is not None, name
-        by_values = cs.Function("f", [s["x"], s["y"]], [expression])
-        expected = np.asarray(by_values(values["x"].T, values["y"])).T
-        np.testing.assert_allclose(found.value(values), expected, rtol=0, atol=1e-13)
-        many = found.value_batch({n: np.array([v, v]) for n, v in values.items()})
-        np.testing.assert_allclose(many, [expected, expected], rtol=0, atol=1e-13)
-        cotangent = RNG.normal(size=expected.size)
-        for block, matrix in found.terms.items():
-            assert (matrix.data != 0).all()
-            pulled = matrix.toarray().T @ cotangent
-            np.testing.assert_allclose(found.vjp(cotangent)[block], pulled, atol=1e-12)
-
-
 def test_one_block_moves_two_bodies() -> None:
     """Their poses share all but the root; each body gives its part to the shared columns."""
     rest = wb.Block("rest", (K - 1, 3), "rad", BODY.joint_names[1:])
@@ -224,47 +162,6 @@ def test_one_block_moves_two_bodies() -> None:
 # The tree and its names.
 
 
-def whole_and_in_pieces() -> tuple[wb.Problem, wb.Problem, Callable[[wb.Values], wb.Values]]:
-    """A fit of joints with one pose block, and with a pose of two pieces."""
-    body = smpl_like_body()
-    pose, betas, trans = body.blocks()
-    root = wb.Block("root", (1, 3), "rad", body.joint_names[:1])
-    rest = wb.Block("rest", (23, 3), "rad", body.joint_names[1:])
-    both = []
-    for given, free in (
-        (pose.symbol, ("pose", "trans")),
-        (cs.horzcat(root.symbol, rest.symbol), ("root", "rest", "trans")),
-    ):
-        joints = body.joint_points(given, betas.symbol, trans.symbol)
-        term = residuals.landmarks(joints, body.joints(), sigma=0.01)
-        both.append(wb.Problem([term], free, blocks=(root, rest) if "root" in free else ()))
-
-    def cut(values: wb.Values) -> wb.Values:
-        left = {name: value for name, value in values.items() if name != "pose"}
-        return left | {"root": values["pose"][:1], "rest": values["pose"][1:]}
-
-    return both[0], both[1], cut
-
-
-def test_poses_in_pieces_are_diagnosed_and_wrapped_alike() -> None:
-    whole, cut, to_pieces = whole_and_in_pieces()
-    pose = 0.2 * np.random.default_rng(3).normal(size=(24, 3))
-    at = {"pose": pose, "betas": np.zeros(4), "trans": RNG.normal(size=3)}
-    one, other = wb.diagnose(whole, at), wb.diagnose(cut, to_pieces(at))
-    names = [direction.name for direction in other.null_directions]
-    assert any(name.startswith("a turn of rest[") for name in names)
-    same = [name.replace("root[", "pose[").replace("rest[", "pose[") for name in names]
-    assert same == [direction.name for direction in one.null_directions]
-    assert one.rank_law == other.rank_law is not None
-    pose[0], pose[16] = (4.0, 0.0, 0.5), (0.0, -7.0, 0.2)
-    x, y = whole.split(at)[0], cut.split(to_pieces(at))[0]
-    np.testing.assert_array_equal(x, y)  # the pieces are free in the order of the pose
-    wrapped = rewrapped(whole, x, lambda _: True)
-    np.testing.assert_array_equal(rewrapped(cut, y, lambda _: True), wrapped)
-    assert np.linalg.norm(wrapped[:3]) < np.pi
-    assert np.linalg.norm(wrapped[48:51]) < np.pi
-
-
 def test_coefficients_of_a_pose_space_have_no_joints() -> None:
     front = wb.Block("front", (2, 3), "rad", BODY.joint_names[:2])
     s = symbols(coefficients=(4,))
@@ -282,31 +179,16 @@ def test_coefficients_of_a_pose_space_have_no_joints() -> None:
 
 
 def test_negative_or_shifted_copies_are_no_rotation_vectors() -> None:
-    for given, turned in ((mirrored, 1), (shifted, 0), (two_roles, K), (flat, K), (larger, K)):
+    for given, turned in ((mirrored, 1), (shifted, 0), (two_roles, K)):
         arguments = given()
         problem = wb.Problem(terms(BODY, arguments), names_of(arguments))
         assert len(problem.rotations) == turned, given.__name__
-
-
-def test_bare_pieces_are_named_by_their_joints() -> None:
-    _, betas, trans = BODY.blocks()
-    root, rest = cs.MX.sym("root", 3), cs.MX.sym("rest", 3, K - 1)
-    pose = cs.horzcat(root, rest)
-    data = terms(BODY, (pose, betas.symbol, trans.symbol))
-    problem = wb.Problem(data, ("root", "rest", "trans"))
-    labels = [problem.free.label(i) for i in (0, 2, 3, 5)]
-    assert labels == ["root[joint0, x]", "root[joint0, z]", "rest[joint1, x]", "rest[joint1, z]"]
-    assert problem.free.unit(3) == "rad"
-    mine = wb.Block.of(rest, "deg", ("a", "b", "c", "d"))  # whoever made it knows better
-    described = wb.Problem(data, ("rest",), blocks=(mine,))
-    assert (described.free.label(3), described.free.unit(3)) == ("rest[b, x]", "deg")
 
 
 # Free arrays.
 
 PLAIN = random_body(4, n_vertices=5, n_joints=4, n_betas=2)
 BENT = replace(PLAIN, bound_in=np.random.default_rng(1).normal(scale=0.4, size=(4, 3)))
-GIVEN = replace(PLAIN, rest_joints=np.random.default_rng(2).normal(size=(4, 3)))
 LIMBS = replace(  # no vertex hangs at all joints, and each joint is at one vertex
     random_body(5, n_vertices=8, n_joints=7, n_betas=2), J_regressor=csr_array(np.eye(7, 8))
 )
@@ -318,12 +200,8 @@ CASES = {
     "drawn bent": (BENT, ALL_BUT_JOINTS),
     "limbs, weights": (LIMBS, ("template", "weights")),
     "limbs, regressor": (LIMBS, ("posedirs", "J_regressor")),
-    "joints given": (GIVEN, ("template", "shapedirs", "weights")),
-    "limbs, where joints are": (LIMBS, ("joints", "shapedirs")),
-    "template alone": (PLAIN, ("template",)),
-    "drawn bent, joints": (BENT, JOINTS),
 }
-EACH_CASE = pytest.mark.parametrize("case", few(CASES, 6))
+EACH_CASE = pytest.mark.parametrize("case", few(CASES, 4))
 
 
 def freed_problem(body: wb.SkinnedBody, free: tuple[str, ...]) -> wb.Problem:
@@ -387,12 +265,10 @@ def with_markers(body: wb.SkinnedBody, M: int = 6) -> wb.SkinnedBody:
 MARKED = with_markers(random_body(2, n_vertices=16, n_joints=5, n_betas=3))
 MARKED_BODIES = {
     "bound": with_markers(random_body(3, n_vertices=16, n_joints=5, n_betas=3, bound=True)),
-    "dual quaternions": replace(MARKED, skinning=wb.dual_quaternion_blend),
-    "freed": MARKED.freed("template", "weights"),
     "joints given": replace(MARKED, rest_joints=RNG.normal(size=(5, 3))),
     "unbent": replace(MARKED, posedirs=np.zeros_like(MARKED.posedirs)),
 }
-EACH_MARKED = pytest.mark.parametrize("name", few(MARKED_BODIES, 3))
+EACH_MARKED = pytest.mark.parametrize("name", few(MARKED_BODIES, 2))
 SET = "markers"
 
 
@@ -400,7 +276,6 @@ SET = "markers"
 def test_offsets_displace_vertices_in_the_template(name: str) -> None:
     """A landmark is the mean of its vertices, each displaced in the template by its offset."""
     body = MARKED_BODIES[name]
-    body = body.with_values({block.name: body.array(n) for n, block in body.free.items()})
     pose, betas, trans = some_arguments(body, scale=0.4)
     offsets = 0.4 * RNG.normal(size=(6, 3))
     still = body
@@ -473,6 +348,10 @@ def test_offsets_that_make_no_sense_are_refused() -> None:
         MARKED.landmark(SET, offsets=np.zeros((5, 3)))
     with pytest.raises(BadBody, match="do not fit each other"):
         MARKED.landmark(SET, np.zeros((2, 5, 3)), offsets=np.zeros((3, 6, 3)))
+    for body in (replace(MARKED, skinning=wb.dual_quaternion_blend), MARKED.freed("weights")):
+        points = body.landmark_points(SET, *(b.symbol for b in body.blocks()), offsets)
+        with pytest.raises(NotSupported, match="have no offsets"):
+            points.graph()
     for body, name in (
         (MARKED, "no offsets of joints"),
         (blend_scape(tube_body()), "TriangleBody"),

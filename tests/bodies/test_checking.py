@@ -120,24 +120,9 @@ def computed(key: str, function: Callable[[Any], Any]) -> Change:
     return lambda raw: {key: function(raw[key])}
 
 
-def on_faces(**changes: Any) -> Change:
-    def change(raw: Entries) -> Entries:
-        F = len(raw["f"])
-        good = {
-            "lmk_faces_idx": np.arange(51) % F,
-            "lmk_bary_coords": np.full((51, 3), 1 / 3),
-            "ft": raw["f"],
-            "vt": np.zeros((len(raw["v_template"]), 2)),
-        }
-        return good | changes
-
-    return change
-
-
 BODY, RIGHT, LEFT, BOTH = "SMPL_MALE", "MANO_RIGHT", "MANO_LEFT", "SMPLH_NEUTRAL"
 LENGTHS = ("v_template", "shapedirs", "posedirs")
 COLLARS = [*range(13), 14, 13, *range(15, 24)]
-ELBOWS = [*range(16), 18, 19, 16, 17, *range(20, 24)]
 NEGATIVE = np.eye(369, 24, 1) * 1.2 - np.eye(369, 24) * 1.2
 UNMIRRORED = np.array([-1, 1, 1])[:, None]
 # A name for each fault, the file, what is changed, the key that is blamed, and what is said.
@@ -162,12 +147,6 @@ FAULTS: dict[str, tuple[str, Change, str, str]] = {
         "Joint 4 .* has parent 7, which does not come before it",
     ),
     "collars exchanged": (BODY, joints_in_order(COLLARS), "kintree_table", "tree is another one"),
-    "regressor in another order": (
-        BODY,
-        computed("J_regressor", lambda rows: rows[ELBOWS]),
-        "J_regressor",
-        "left_shoulder.* and joint 18 .* changed places",
-    ),
     "another model's columns": (
         BOTH,
         put(posedirs=np.zeros((1229, 3, 207))),
@@ -180,18 +159,6 @@ FAULTS: dict[str, tuple[str, Change, str, str]] = {
         computed("shapedirs", lambda dirs: dirs * UNMIRRORED),
         "shapedirs",
         "x of shapedirs was not mirrored",
-    ),
-    "landmarks of another mesh": (
-        BODY,
-        on_faces(lmk_faces_idx=np.full(51, 90000)),
-        "lmk_faces_idx",
-        "names face 90000",
-    ),
-    "negative face": (
-        BODY,
-        on_faces(lmk_faces_idx=np.r_[-3, np.arange(50)]),
-        "lmk_faces_idx",
-        "names face -3, but",
     ),
     # The default run ends here.
     "negative weights": (
@@ -209,7 +176,6 @@ FAULTS: dict[str, tuple[str, Change, str, str]] = {
         "swapped",
     ),
     "shape in millimetres": (BODY, scaled(1000, "shapedirs"), "shapedirs", "another unit than"),
-    "betas cut off": (BODY, put(num_betas=np.array(300)), "num_betas", "cut to 10 of 300"),
     "weights of another mesh": (
         BODY,
         computed("weights", lambda w: w[:300]),
@@ -222,18 +188,12 @@ FAULTS: dict[str, tuple[str, Change, str, str]] = {
         "hands_meanl",
         "bends the fingers of the left hand backwards",
     ),
-    "components as columns": (
-        RIGHT,
-        computed("hands_components", lambda rows: rows[:12].T),
-        "hands_components",
-        "components are rows",
-    ),
     "other skinning": (BODY, put(bs_style=np.array("dqbs")), "file", "refused by load_body"),
 }
 BESIDE = {"negative weights": {"J_regressor"}}  # faults from which others follow
 
 
-@pytest.mark.parametrize("fault", few(FAULTS, 16))
+@pytest.mark.parametrize("fault", few(FAULTS, 13))
 def test_fault_is_found_and_nothing_else_blamed(fault: str) -> None:
     base, change, part, says = FAULTS[fault]
     found = checked(base, change)
@@ -243,30 +203,10 @@ def test_fault_is_found_and_nothing_else_blamed(fault: str) -> None:
     assert all(len(finding.text) < 600 for finding in found.findings)
 
 
-def test_notes_are_no_warnings() -> None:
-    face = int(whole(BODY)["f"][0, 0])
-    for base, change, part, says in (
-        (BODY, put(vert_sym_idxs=np.arange(369) + 1), "vert_sym_idxs", "no mirror"),
-        (BODY, at("f", (0, slice(None)), face), "f", "corner twice"),
-        (BODY, lambda raw: {}, "shapedirs", "SMPL was released with up to 300"),
-        (RIGHT, put(info=np.array({}, dtype=object)), "info", "left out"),
-    ):
-        found = checked(base, change)
-        assert found.warnings == ()
-        assert any(n.part == part and says in n.text for n in found.findings), found.lines()
-
-
-def test_numbers_of_shape_and_expression_are_judged() -> None:
-    for B, warned, says in (
-        (400, False, ""),
-        (20, False, "10 directions of shape and 10 of expression"),
-        (10, True, "smplx takes directions 10 to 19 for expressions"),
-        (300, True, "Here all of them count as shape"),
-    ):
+def test_odd_numbers_of_expressions_are_judged() -> None:
+    for B, warned in ((400, False), (20, False), (300, True)):
         found = check_contents(smplx(B=B), "SMPLX_NEUTRAL.npz")
-        about = [finding for finding in found.findings if finding.part == "shapedirs"]
-        assert [finding.warning for finding in about] == ([warned] if says else [])
-        assert says in "".join(finding.text for finding in about)
+        assert any("all of them count as shape" in f.text for f in found.warnings) == warned
 
 
 # Files.

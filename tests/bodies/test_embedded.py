@@ -8,7 +8,6 @@ from typing import get_args
 import numpy as np
 import pytest
 import trimesh
-from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
 
 import workbench
@@ -19,8 +18,7 @@ from tests.bodies.laws import (
 )
 from tests.bodies_made_up import random_body
 from tests.tiers import few
-from workbench.bodies.catalogue import BODIES, Embedded, load_body, load_skinned
-from workbench.bodies.files.embedded import read_embedded
+from workbench.bodies.catalogue import BODIES, Embedded, load_body, load_skinned, read_embedded
 from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
 from workbench.cli.app import app
@@ -68,9 +66,6 @@ def test_a_function_and_a_line_make_a_body(tmp_path: Path, monkeypatch: pytest.M
 
 
 FOLDER = Path(workbench.__file__).parent / "data" / "bodies"
-COUNTS = {"default": (1229, 2454), "small": (369, 734), "full": (12272, 24540)}
-MEGABYTES = {"default": 0.45, "small": 0.15, "full": 4.5}
-STATURE = {"neutral": (1.62, 1.74), "female": (1.58, 1.67), "male": (1.70, 1.80)}  # m
 FLIP = np.array([-1.0, 1.0, 1.0])
 
 
@@ -92,19 +87,6 @@ def body(name: str) -> SkinnedBody:
 def opposites(names: tuple[str, ...]) -> list[int]:
     swapped = [n.replace("left", "L").replace("right", "left").replace("L", "right") for n in names]
     return [names.index(n) for n in swapped]
-
-
-def test_counts_and_file_sizes_are_known(name: str, body: SkinnedBody) -> None:
-    mesh = name.partition("-")[0]
-    N, F = COUNTS[mesh]
-    assert body.template.shape == (N, 3)
-    assert body.shapedirs.shape == (N, 3, 10)
-    assert body.posedirs.shape == (N, 3, 207)
-    assert body.weights.shape == (N, 24)
-    assert body.J_regressor.shape == (24, N)
-    assert body.faces.shape == (F, 3)
-    assert body.card["n_vertices"] == N
-    assert (FOLDER / f"{name}.npz").stat().st_size < 1e6 * MEGABYTES[mesh]
 
 
 def test_surface_is_closed_and_faces_outwards(body: SkinnedBody) -> None:
@@ -150,38 +132,6 @@ def test_template_stands_in_the_t_pose(body: SkinnedBody) -> None:
     assert breadth > 1.5 * thickness  # flat, lying horizontally
 
 
-@pytest.mark.thorough
-def test_stature_and_proportions_are_those_of_people(body: SkinnedBody) -> None:
-    stature, span = np.ptp(body.template[:, 1]), np.ptp(body.template[:, 0])
-    lowest, highest = STATURE[body.card["trained_on"]["of"]]
-    assert lowest < stature < highest
-    assert 0.93 < span / stature < 1.06
-    facts = body.card["population"]
-    assert 1.58 < facts["female"]["stature_m_mean"] < 1.67
-    assert 1.70 < facts["male"]["stature_m_mean"] < 1.80
-    assert all(24 < facts[gender]["bmi_mean"] < 26.5 for gender in ("female", "male"))
-
-
-def test_shape_directions_are_orthogonal_and_in_order(body: SkinnedBody) -> None:
-    directions = body.shapedirs.reshape(-1, 10)
-    lengths = np.linalg.norm(directions, axis=0)
-    cosines = directions.T @ directions / np.outer(lengths, lengths)
-    assert abs(cosines - np.eye(10)).max() < 6e-4  # they are stored in steps of 5 micrometres
-    assert (np.diff(lengths) < 0).all()
-    explained = np.array(body.card["betas"]["explained_variance"])
-    assert lengths**2 / lengths[0] ** 2 == pytest.approx(explained / explained[0], abs=1.5e-5)
-
-
-@pytest.mark.thorough
-def test_shape_directions_make_people_larger(body: SkinnedBody) -> None:
-    def person(k: int, beta: float) -> trimesh.Trimesh:
-        vertices = body.template + beta * body.shapedirs[:, :, k]
-        return trimesh.Trimesh(vertices, body.faces, process=False)
-
-    assert np.ptp(person(0, 1).vertices[:, 1]) > np.ptp(person(0, -1).vertices[:, 1]) + 0.1
-    assert all(person(k, 1).volume > person(k, -1).volume for k in range(1, 10))
-
-
 def test_mirror_maps_the_body_to_itself(body: SkinnedBody) -> None:
     mirror, joints = body.mirror, opposites(body.joint_names)
     assert np.array_equal(mirror[mirror], np.arange(len(mirror)))
@@ -203,34 +153,6 @@ def _mirrored_rows(regressor, rows, columns):  # type: ignore[no-untyped-def]
 
 def _from_the_least_corner(faces):  # type: ignore[no-untyped-def]
     return {tuple(np.roll(face, -face.argmin())) for face in faces}
-
-
-def test_mirror_maps_the_pose_blend_shapes_to_themselves(body: SkinnedBody) -> None:
-    """P f(mirrored pose) = mirrored P f(pose), where a mirrored rotation is S R S."""
-    rng = np.random.default_rng(0)
-    joints = np.array(opposites(body.joint_names))
-    deviations = rng.normal(size=(24, 3, 3))
-    reflected = deviations[joints] * np.outer(FLIP, FLIP)
-    here, there = (body.posedirs @ d[1:].ravel() for d in (deviations, reflected))
-    assert abs(here[body.mirror] * FLIP - there).max() < 1e-14
-
-
-def test_pose_blend_shapes_are_local(body: SkinnedBody) -> None:
-    """A vertex follows joints at most two bones from one that carries it."""
-    posedirs, parents = body.posedirs, body.parents
-    assert 0.01 < abs(posedirs).max() < 0.15  # m
-    near = np.eye(24, dtype=bool)
-    for k, parent in enumerate(parents[1:], start=1):
-        near[k, parent] = near[parent, k] = True
-    followed = (body.weights > 0) @ near @ near
-    acting = (posedirs != 0).reshape(len(posedirs), 3, 23, 9).any(axis=(1, 3))
-    assert not (acting & ~followed[:, 1:]).any()
-    assert acting.mean() < 0.3
-    knee = body.joint_names.index("left_knee")
-    bent = (Rotation.from_rotvec([1.0, 0, 0]).as_matrix() - np.eye(3)).ravel()
-    moved = np.linalg.norm(posedirs[:, :, 9 * (knee - 1) : 9 * knee] @ bent, axis=1)
-    assert moved.max() > 0.01
-    assert moved[body.template[:, 0] < -0.05].max() < 0.003  # the other leg
 
 
 def test_all_bodies_together_are_small() -> None:

@@ -11,16 +11,14 @@ from scipy.sparse.csgraph import connected_components
 
 import workbench as wb
 from workbench.blocks import Block
-from workbench.bodies import HAND_POINTS, PoseSpace, hand_points, mirrored, pose_space
+from workbench.bodies import HAND_POINTS, PoseSpace, hand_points, pose_space
 from workbench.bodies.catalogue import load_skinned
-from workbench.errors import BadArgument, BadBody, NotSupported, UnknownName
+from workbench.errors import BadArgument, BadBody, UnknownName
 from workbench.geometry.mirror import AXIAL, REFLECTION
-from workbench.geometry.solids import along_edges
 from workbench.residuals import landmarks
 
 HAND, LEFT = load_skinned("hand"), load_skinned("hand-left")
 SPACE = pose_space(HAND)
-FAR = 0.04  # m
 
 
 def someone(seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -59,43 +57,6 @@ def test_mesh_of_the_hand_is_open_at_the_wrist() -> None:
     assert outwards[back].mean() > 0.3
 
 
-@pytest.mark.thorough
-def test_hand_lies_flat_palm_down() -> None:
-    at = dict(zip(HAND.joint_names, HAND.joints(), strict=True))
-    assert abs(at["wrist"]).max() < 1e-12
-    assert at["middle1"][0] < -0.08
-    assert at["index1"][2] > at["middle1"][2] > at["ring1"][2] > at["pinky1"][2]
-    tips = dict(zip(HAND.landmark_names("tips"), HAND.landmark("tips"), strict=True))
-    assert tips["thumb_tip"][1] < -0.03  # the thumb hangs below the palm
-    for finger in ("index", "middle", "ring", "pinky"):
-        chain = [at[f"{finger}{i}"] for i in (1, 2, 3)]
-        assert np.ptp([p[1] for p in chain]) < 0.008
-    assert HAND.template[:, 0].min() == tips["middle_tip"][0]
-
-
-def test_no_finger_moves_the_tip_of_another() -> None:
-    assert (HAND.weights > 0).sum(axis=1).max() <= 4
-    np.testing.assert_allclose(HAND.weights.sum(axis=1), 1, atol=1e-12)
-    for tip, row in zip(
-        HAND.landmark_names("tips"), HAND.landmarks["tips"].regressor.toarray(), strict=True
-    ):
-        carried = HAND.weights[row.argmax()] > 0
-        names = [name for name, yes in zip(HAND.joint_names, carried, strict=True) if yes]
-        assert all(name.startswith(tip.removesuffix("_tip")) for name in names), tip
-
-
-def test_pose_blend_shapes_are_local() -> None:
-    """At most a tenth of the squared posedirs is farther than 4 cm from the joint, on the skin."""
-    rings = wb.Start.of(HAND).rings()
-    sources = [rings[[k]].nonzero()[1].astype(np.int64) for k in range(1, 16)]
-    away = along_edges(HAND.template, HAND.faces, sources).T
-    energy = (HAND.posedirs.reshape(778, 3, 15, 9) ** 2).sum(axis=(1, 3))
-    assert 0 < energy[away > FAR].sum() / energy.sum() <= 0.10
-    straight = np.linalg.norm(HAND.template[:, None] - HAND.joints()[1:], axis=2)
-    assert energy[straight > FAR].sum() / energy.sum() <= 0.11
-    assert HAND.card["pose_blend_shapes"]["share_beyond_4_cm"] <= 0.10
-
-
 # The left hand.
 
 
@@ -106,18 +67,6 @@ def test_left_hand_is_the_right_one_mirrored() -> None:
     np.testing.assert_allclose(left * REFLECTION, right, atol=1e-12)
     joints = LEFT.joints(pose * AXIAL, betas, trans * REFLECTION)
     np.testing.assert_allclose(joints * REFLECTION, HAND.joints(pose, betas, trans), atol=1e-12)
-
-
-def test_mirroring_twice_gives_the_body() -> None:
-    again = mirrored(LEFT, "hand")
-    for name in ("template", "shapedirs", "posedirs", "weights"):
-        np.testing.assert_array_equal(getattr(again, name), getattr(HAND, name))
-    np.testing.assert_array_equal(again.extras["hands_mean"], HAND.extras["hands_mean"])
-    volumes = [trimesh.Trimesh(b.template, b.faces, process=False).volume for b in (HAND, LEFT)]
-    assert volumes[0] == pytest.approx(volumes[1])
-    assert volumes[0] > 0
-    with pytest.raises(NotSupported, match="cannot be mirrored"):
-        mirrored(load_skinned("small"), "other")
 
 
 # The pose space.

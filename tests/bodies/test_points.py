@@ -12,10 +12,9 @@ from scipy.sparse import csr_array
 
 import workbench as wb
 from tests.bodies.laws import said
-from tests.bodies_made_up import random_body, smpl_like_body
+from tests.bodies_made_up import random_body
 from workbench.bodies.forward import posed_points, surface
 from workbench.errors import BadBody, UnknownName
-from workbench.lectures.material.shape_directions import joint_moves, with_joints_of_the_mean
 
 BODY = replace(
     random_body(),
@@ -157,69 +156,4 @@ def test_free_arrays_are_blocks_of_their_shapes() -> None:
         body.freed("faces")
 
 
-def test_blocks_are_the_same_before_and_after_freeing() -> None:
-    body = smpl_like_body()
-    before = body.blocks("early/")
-    trained = body.freed("template").freed("weights")
-    assert trained.blocks("early/") is before
-    points = trained.points(*(block.symbol for block in before))
-    assert points.source.blocks[:3] == before  # with their units and labels
-    problem = wb.Problem([wb.residuals.vertices(points, body.template, sigma=1.0)], "early/pose")
-    assert problem.free.label(5) == "early/pose[left_hip, z]"
-    assert problem.free.unit(5) == "rad"
-
-
-def test_template_is_trained_in_five_lines() -> None:
-    body = random_body(n_vertices=8, n_joints=3)
-    data = body.template + np.random.default_rng(0).normal(scale=0.01, size=(8, 3))
-
-    student = body.freed("template")
-    points = student.points(*(block.symbol for block in student.blocks()))
-    problem = wb.Problem([wb.residuals.vertices(points, data, sigma=0.001)], free="template")
-    solution = wb.solve(problem, student.start())
-    trained = student.with_values(solution.values)
-
-    assert not trained.free
-    np.testing.assert_allclose(trained.template, data, atol=1e-9)
-    np.testing.assert_allclose(trained.vertices(), data, atol=1e-9)
-    np.testing.assert_array_equal(body.template, student.template)
-
-
-def test_freed_arrays_come_back_as_they_were() -> None:
-    body = BODY.freed(*ARRAYS, prefix="new ")
-    back = body.with_values(body.start())
-    assert isinstance(back.J_regressor, csr_array)
-    assert back.J_regressor.nnz == BODY.J_regressor.nnz
-    for name in ARRAYS:
-        np.testing.assert_array_equal(back.array(name), BODY.array(name))
-    np.testing.assert_array_equal(back.vertices(), BODY.vertices())
-
-
-NO_BODY: list[tuple[Any, str]] = [
-    ({}, "given no value"),
-    ({"weights": np.ones((30, 4))}, r"shape \(30, 5\)"),
-    ({"weights": np.full((30, 5), np.nan)}, "nan"),
-    ({"weights": np.ones((30, 5))}, "vertex 0 sum to 5"),
-]
-
-
-def test_values_that_make_no_body_are_refused() -> None:
-    for values, words in NO_BODY:
-        found = said(wb.WorkbenchError, BODY.freed("weights").with_values, values)
-        assert re.search(words, found), found
-
-
 # Shape directions, and joints that go with them.
-
-
-def test_joints_go_with_the_shape_and_can_be_held() -> None:
-    body, betas = smpl_like_body(), [1.0, -1.0, 0.5, 2.0]
-    moved = np.linalg.norm(body.joints(betas=betas) - body.joints(), axis=1)
-    np.testing.assert_allclose(joint_moves(body, betas), moved, atol=1e-15)
-    held = with_joints_of_the_mean(body, betas)
-    np.testing.assert_allclose(held.vertices(), body.vertices(betas=betas), atol=1e-14)
-    np.testing.assert_allclose(held.joints(), body.joints(), atol=1e-12)
-    pose = np.random.default_rng(0).normal(scale=0.5, size=(24, 3))
-    assert np.abs(held.vertices(pose) - body.vertices(pose, betas)).max() > 1e-3
-    same = with_joints_of_the_mean(body, np.zeros(4))
-    np.testing.assert_allclose(same.vertices(pose), body.vertices(pose), atol=1e-12)

@@ -24,9 +24,9 @@ from tests.bodies.paper import smpl
 from tests.bodies_made_up import random_body, smpl_like_body
 from tests.tiers import few
 from workbench import Landmarks, SkinnedBody
-from workbench.bodies import skin, skin_vertices
+from workbench.bodies import skin
 from workbench.bodies.files.saving import save_body
-from workbench.bodies.forward.few_points import JointPoints
+from workbench.bodies.forward.few_points import LandmarkPoints
 from workbench.bodies.forward.kinematics import Skeleton, binding_motions, pose_features
 from workbench.bodies.forward.motion import Kinematics
 from workbench.bodies.triangles.body import blend_scape
@@ -87,7 +87,7 @@ def test_motions_and_their_derivatives_are_those_of_the_graph(bound: bool) -> No
         G, f, t, dG, df, dt, dG_db = (np.asarray(a) for a in graph(poses[i].T, people[i]))
         on_G, on_f = rng.standard_normal((K, 3, 4)), rng.standard_normal(9 * (K - 1))
         changes = motion.derivatives
-        joints_at = JointPoints(skeleton, kinematics.ancestors).at(motion, people[i])
+        joints_at = LandmarkPoints.of_joints(skeleton, kinematics.ancestors).at(motion, people[i])
         d_features = np.asarray(df).reshape(K - 1, 9, K, 3)
         for found, expected in (
             (motion.G, G),
@@ -99,7 +99,7 @@ def test_motions_and_their_derivatives_are_those_of_the_graph(bound: bool) -> No
             (motion.vjp(on_G, on_f)[0], on_G.ravel() @ dG + on_f @ df),
             (motion.vjp(on_G, on_f)[1], on_G.ravel() @ dG_db),
             (many.numbers[i], motion.numbers),
-            (many.derivatives[i].numbers, changes.numbers),
+            (many.derivatives.numbers[i], changes.numbers),
         ):
             np.testing.assert_allclose(found.ravel(), np.ravel(expected), rtol=0, atol=1e-13)
 
@@ -154,9 +154,7 @@ WRONG: list[tuple[dict[str, Any], str]] = [
     ({"pose": np.zeros(69)}, "72"),
     ({"betas": np.zeros(5)}, "up to 4 betas"),
     ({"trans": np.zeros(2)}, "trans"),
-    ({"trans": "abc"}, "text"),
     ({"pose": [[0.0], [1.0, 2.0]]}, "different lengths"),
-    ({"betas": [1j]}, "complex"),
     ({"pose": np.zeros((4, 24, 3)), "trans": np.zeros((3, 3))}, "do not fit each other"),
 ]
 
@@ -211,16 +209,6 @@ def test_landmark_sets_have_names_and_joints_are_one() -> None:
         body.landmark("fase")
 
 
-def test_posed_surface_is_a_mesh_of_trimesh() -> None:
-    body = smpl_like_body()
-    pose, betas, trans = some_arguments(body)
-    mesh = body.trimesh(pose, betas, trans)
-    np.testing.assert_array_equal(mesh.vertices, body.vertices(pose, betas, trans))
-    np.testing.assert_array_equal(mesh.faces, body.faces)
-    with pytest.raises(BadBody, match=r"in one pose, not in a batch \(2,\)"):
-        body.trimesh(np.zeros((2, 24, 3)))
-
-
 # Linearity: SMPL is linear in all but its pose, in each array alone.
 
 
@@ -260,17 +248,12 @@ def broken(name: str, index: Any, value: Any) -> dict[str, Any]:
 BROKEN = [
     ({"template": np.zeros((30, 2))}, r"template .*\(N, 3\)"),
     ({"template": np.zeros((0, 3))}, "template has no vertices"),
-    ({"template": [["a", "b", "c"]] * 30}, "template .*text"),
     ({"shapedirs": np.zeros((29, 3, 2))}, r"shapedirs .*\(30, 3, B\)"),
-    ({"shapedirs": np.ones((30, 3, 1), complex)}, "shapedirs .*complex"),
     ({"posedirs": np.zeros((30, 3, 45))}, r"posedirs .*\(30, 3, 36\)"),
     ({"J_regressor": csr_array((4, 30))}, r"J_regressor .*\(5, 30\)"),
-    ({"J_regressor": np.ones(30)}, "J_regressor .*two axes"),
     ({"weights": np.ones((30, 4)) / 4}, r"weights .*\(30, 5\)"),
-    ({"weights": None}, "weights .*NoneType"),
     ({"faces": np.zeros((4, 4), dtype=int)}, r"faces .*\(F, 3\)"),
     ({"faces": np.ones((2, 3))}, "faces .*whole numbers"),
-    ({"joint_names": ("a",)}, "1 names for 5 joints"),
     (broken("template", (4, 1), np.nan), r"template\[4, 1\] is not finite"),
     *(
         (broken(name, (7, 1), -1e10), rf"{name} of vertex 7 has an entry of 1e\+10 m.*body check")
@@ -281,14 +264,10 @@ BROKEN = [
     (broken("weights", 7, (2, -1, 0, 0, 0)), r"weights\[7, 1\] is negative"),
     (broken("J_regressor", 3, 0.0), "J_regressor of joint 3 sum to 0"),
     (broken("faces", (5, 1), 30), r"face 5 is \[.*30"),
-    (broken("faces", (6, 0), -1), r"face 6 is \[-1, "),
     ({"parents": (0, 0, 0, 0, 0)}, "joint 0 must be the root"),
     ({"parents": (-1, 0, 3, 0, 0)}, "joint 2 has parent 3"),
-    ({"parents": (-1, 0, -1, 0, 0)}, "joint 2 has parent -1"),
     ({"mirror": np.roll(np.arange(30), 1)}, "mirror must swap"),
-    ({"mirror": np.arange(31)}, "mirror must swap"),
     ({"bound_in": np.full((5, 3), np.nan)}, "bound_in must be finite"),
-    ({"rest_joints": np.zeros((6, 3))}, "rest_joints must be finite"),
     ({"rest_joints": np.full((5, 3), 1800.0)}, "within 1,000 m, not .* up to 1.8e"),
     ({"landmarks": {"face": Landmarks(("nose",), csr_array((2, 30)))}}, "'face'"),
     (
@@ -327,8 +306,6 @@ def test_skinning_function_gives_the_vertices_of_a_body(kind: Any) -> None:
     expected, symbols = BODY.vertices(THETA, BETAS), four(kind)
     W = cs.Function("W", list(symbols), [skin(*symbols, BODY.parents)])
     np.testing.assert_allclose(np.asarray(W(*NUMBERS)).T, expected, atol=1e-12)
-    found = skin_vertices(AT_REST, REGRESSED, BODY.weights, THETA, BODY.parents)
-    np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
 def test_shapes_and_kinds_that_do_not_fit_are_refused() -> None:
@@ -344,8 +321,6 @@ def test_shapes_and_kinds_that_do_not_fit_are_refused() -> None:
             skin(*given, BODY.parents)
     with pytest.raises(BadArgument, match="MX and SX"):
         skin(*four(cs.MX)[:2], *four(cs.SX)[2:], BODY.parents)
-    with pytest.raises(BadArgument, match="three columns"):
-        skin_vertices(AT_REST.T, PLACES, BODY.weights, THETA, BODY.parents)
 
 
 # Joints that are free, or given.
@@ -365,10 +340,8 @@ def test_free_joints_take_the_place_of_the_regressor() -> None:
     values = {"pose": THETA, "betas": BETAS, "trans": np.zeros(3), "joints": PLACES}
     assert problem.free.unit(0) == "m"
     found = problem.linearize(values).residual.reshape(-1, 3)
-    posed = skin_vertices(AT_REST, PLACES, BODY.weights, THETA, BODY.parents)
-    np.testing.assert_allclose(found[:20], posed, atol=1e-12)
+    np.testing.assert_allclose(found[:20], GIVEN.vertices(THETA, BETAS), atol=1e-12)
     np.testing.assert_allclose(found[20:], GIVEN.joints(THETA), atol=1e-12)
-    np.testing.assert_allclose(posed, GIVEN.vertices(THETA, BETAS), atol=1e-12)
     start = BODY.freed("joints").start()["joints"]
     np.testing.assert_allclose(start, BODY.J_regressor @ BODY.template, atol=1e-15)
 
@@ -382,14 +355,6 @@ def test_given_joints_do_not_follow_the_shape() -> None:
     assert_chain_rule_is_graph(problem, values)
     J = problem.linearize(values).jacobian
     assert not J[3 * 20 :, problem.free.slices["betas"]].any()
-
-
-def test_joints_and_their_regressor_are_not_free_together() -> None:
-    for body, names in ((BODY, ["joints", "J_regressor"]), (GIVEN, ["J_regressor"])):
-        with pytest.raises(BadBody, match="nothing would read J_regressor"):
-            body.freed(*names)
-    with pytest.raises(BadBody, match="nothing would read J_regressor"):
-        BODY.freed("J_regressor").freed("joints")
 
 
 def test_given_joints_are_kept_where_they_can_be(tmp_path: Path) -> None:

@@ -20,20 +20,20 @@ from tests.bodies.laws import (
     some_arguments,
 )
 from tests.bodies.random_bodies import same
-from tests.bodies_made_up import random_body, tube_body
+from tests.bodies_made_up import tube_body
 from tests.differences import assert_hessian, assert_jacobian
 from tests.tiers import few
 from workbench.bodies.body import Body
-from workbench.bodies.catalogue import EmbeddedTriangles, load_body, load_skinned
-from workbench.bodies.files.embedded import UNTRAINED, read_embedded_triangles
+from workbench.bodies.catalogue import (
+    UNTRAINED,
+    EmbeddedTriangles,
+    load_body,
+    load_skinned,
+)
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
-from workbench.bodies.triangles.body import one_part
-from workbench.errors import BadBody, BadFile, UnknownName
+from workbench.errors import BadBody, BadFile
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.geometry.triangles import edges
-from workbench.priors.poses import draw_poses, shipped_gaussian
-from workbench.reports import card_text
-from workbench.reports.card import joint_table
 
 
 def bent(body: TriangleBody, seed: int = 0) -> TriangleBody:
@@ -122,23 +122,6 @@ def test_unposed_people_are_those_of_the_skinned_body(name: str) -> None:
         np.testing.assert_allclose(body.vertices(betas=betas), expected, atol=1e-12)
 
 
-@SKINNED
-def test_one_hot_weights_make_blend_scape_scape(name: str) -> None:
-    blended = bent(blend_scape(skinned(name)))
-    pose, betas, _ = some_arguments(blended)
-    part = blended.weights.toarray().argmax(axis=1)
-    R = np.stack(world_rotations(blended, pose))
-    hot = one_part(blended, "hot")
-    D = blended.deformations(0 * pose, betas)  # Q = I where nothing bends
-    rigid = replace(hot, posedirs=0 * hot.posedirs)
-    np.testing.assert_allclose(rigid.deformations(pose, betas), R[part] @ D, atol=1e-13)
-    same = bent(scape(skinned(name)))
-    np.testing.assert_allclose(hot.vertices(pose, betas), same.vertices(pose, betas), atol=1e-14)
-    assert abs(hot.vertices(pose, betas) - blended.vertices(pose, betas)).max() > 1e-3
-    assert same.one_part_per_face
-    assert not blended.one_part_per_face
-
-
 # What the two differ in.
 
 
@@ -203,23 +186,6 @@ def test_arithmetic_and_graph_agree(name: str) -> None:
 # Points.
 
 
-@pytest.mark.parametrize("name", [name for name in MADE if "small" not in name])
-def test_points_are_those_of_the_numbers(name: str) -> None:
-    body = made(name)
-    at, (pose, betas, trans) = symbols(body), some_arguments(body)
-    sources = {
-        "vertices": (body.points(*at), body.vertices(pose, betas, trans)),
-        "some": (body.points(*at, vertices=[4, 2]), body.vertices(pose, betas, trans)[[4, 2]]),
-        "joints": (body.joint_points(*at), body.joints(pose, betas, trans)),
-        "face": (body.landmark_points("face", *at), body.landmark("face", pose, betas, trans)),
-    }
-    for points, expected in sources.values():
-        f = cs.Function("f", list(at), [points.source.expression])
-        np.testing.assert_allclose(np.asarray(f(pose.T, betas, trans)).T, expected, atol=1e-12)
-        assert points.count == len(expected)
-        assert [b.name for b in points.source.blocks] == read_by(body)
-
-
 @EACH_TUBE
 @pytest.mark.parametrize("count", few([37, 0, 1, 16], 1))
 def test_batches_are_the_poses_one_by_one(name: str, count: int) -> None:
@@ -236,16 +202,6 @@ def test_batches_are_the_poses_one_by_one(name: str, count: int) -> None:
         np.testing.assert_allclose(found[i], alone, rtol=0, atol=1e-11 * (1 + abs(alone).max()))
 
 
-def test_unknown_names_and_vertices_are_refused() -> None:
-    body = made("SCAPE")
-    with pytest.raises(UnknownName, match="'nose'; there are face, joints"):
-        body.landmark("nose")
-    with pytest.raises(BadBody, match="there is no vertex 22"):
-        body.points(*symbols(body), vertices=[22])
-    with pytest.raises(UnknownName, match="array to free"):
-        body.freed(["template"])  # type: ignore[arg-type]
-
-
 def test_arrays_that_do_not_fit_are_refused() -> None:
     for wrong, text in (
         ({"shapedirs": np.zeros((40, 3, 2))}, "shapedirs has shape"),
@@ -259,15 +215,6 @@ def test_arrays_that_do_not_fit_are_refused() -> None:
     ):
         with pytest.raises(BadBody, match=text):
             replace(made("SCAPE"), **wrong)
-
-
-def test_meshes_in_pieces_and_bent_templates_are_refused() -> None:
-    tube = tube_body()
-    both = replace(tube, faces=tube.faces[~(tube.faces == 0).any(axis=1)])
-    with pytest.raises(BadBody, match="22 vertices in 2 pieces"):
-        scape(both)
-    with pytest.raises(BadBody, match="drawn in a bent pose"):
-        scape(random_body(bound=True))
 
 
 # Fitting and diagnosis.
@@ -293,21 +240,6 @@ def test_posed_and_shaped_person_is_found_from_zero(seed: int) -> None:
     assert solution.status is wb.Status.CONVERGED
     for name, value in known.items():
         np.testing.assert_allclose(solution.values[name], value, atol=1e-6)
-
-
-def test_jacobian_is_dense_and_sees_every_direction() -> None:
-    seen = []
-    for body in (made("small SCAPE"), skinned("small")):
-        target = np.zeros((body.n_vertices, 3))
-        residual = wb.residuals.vertices(body.points(*symbols(body)), target, sigma=0.01)
-        problem = wb.Problem([residual], ("pose", "betas", "trans"))
-        seen.append(wb.diagnose(problem, body.start() | {"pose": some_arguments(body)[0]}))
-    dense, sparse = seen
-    columns = dense.pattern[:, : 72 + 10]
-    assert columns[:, 3:].all()  # one joint moves every vertex: stitching, and the pelvis held
-    assert sparse.density < 0.6 < 0.95 < dense.density
-    assert dense.rank == 85
-    assert dense.null_directions == ()
 
 
 EXTRAS = {"joint_limits": np.arange(6.0).reshape(3, 2), "gender": np.array("neutral")}
@@ -352,20 +284,15 @@ def put(**changed: Any) -> Callable[[dict[str, Any]], dict[str, Any]]:
 DAMAGES = [
     (without("card", "f"), BadFile, "has no f, card"),
     (put(bs_style=np.array("chain")), BadFile, "bs_style 'chain'"),
-    (put(near=np.zeros((40, 3), int)), BadFile, "posedirs has shape"),
-    (put(near=np.full((40, 2), 0.5)), BadFile, "near must hold whole numbers"),
-    (put(f=np.zeros((40, 4), int)), BadFile, "f has shape"),
+    (put(near=np.zeros((40, 3), int)), BadBody, "posedirs has shape"),
+    (put(f=np.zeros((40, 4), int)), BadBody, "faces has shape"),
     (put(f=np.full((40, 3), 99)), BadBody, "there are 22"),
     (put(shapedirs=np.full((40, 3, 3, 2), np.inf)), BadBody, "not finite"),
-    (put(v_template=np.array("tall")), BadFile, "must hold numbers"),
     (put(v_template=1e200 * np.eye(22, 3)), BadBody, "beyond 1,000 m"),
-    (put(v_template=np.zeros((22, 3))), BadBody, "no area"),
     (put(weights__indices=np.full(40, 99)), BadFile, "weights is no sparse matrix"),
     (put(weights__data=np.full(40, 2.0)), BadBody, "sum to 2"),
-    (put(weights__shape=np.array([2**40, 3])), BadFile, "weights is no sparse matrix"),
     (put(J_regressor__shape=np.array([3, 2**40])), BadBody, "J_regressor has shape"),
     (put(kintree_table=np.array([[9, 2, 1], [0, 1, 2]])), BadBody, "joint 1 has parent 2"),
-    (put(card=np.array("{")), BadFile, "its card is no JSON"),
 ]
 
 
@@ -380,28 +307,6 @@ def test_damaged_files_are_refused(tmp_path: Path) -> None:
     np.savez(tmp_path / "more.npz", **arrays, thing=np.array([{}], dtype=object))
     (said,) = wb.load_body(tmp_path / "more.npz").card["left_out"]
     assert said.startswith("thing, which is an array of Python objects")
-
-
-def test_extras_cannot_replace_the_body_s_arrays() -> None:
-    for key in ("near", "weights/data", "bs_style", "landmarks/x/names"):
-        with pytest.raises(BadBody, match=f"extras must not be called .*: {key}"):
-            replace(made("SCAPE"), extras={key: np.zeros(3)})
-
-
-def test_card_tells_faces_of_each_joint_and_what_it_is_made_of(tmp_path: Path) -> None:
-    body = whole(made("small SCAPE"))
-    text = card_text(body)
-    for said in ("each triangle with one part", "734", "carried along", "made up"):
-        assert said in text
-    # each face moves with one joint, so the table's column adds up to them
-    table = joint_table(body)
-    assert table.head[-2] == "faces moved"
-    assert sum(int(row[-2].replace(",", "")) for row in table.rows) == body.n_faces
-    skinned = wb.load_body("small")
-    wb.save_body(blend_scape(skinned), tmp_path / "body.npz")
-    card = wb.load_body(tmp_path / "body.npz").card
-    assert card["made_of"].startswith("body 'small'")
-    assert {key: card[key] for key in skinned.card} == dict(skinned.card)
 
 
 # Those that are shipped.
@@ -420,34 +325,6 @@ def test_shipped_bodies_have_only_posedirs_of_their_own(name: str) -> None:
         assert (getattr(body, part) != getattr(untrained, part)).nnz == 0
     assert body.posedirs.any()
     assert (FOLDER / f"{name}.npz").stat().st_size < 0.3e6
-
-
-@SHIPPED
-def test_posedirs_help_on_people_not_learned_from(name: str) -> None:
-    body, (mesh, model) = load_body(name), UNTRAINED[name]
-    skinned, rng = wb.load_body(mesh), np.random.default_rng(99)
-    poses = draw_poses(shipped_gaussian(), 20, rng)
-    betas = rng.standard_normal((20, body.n_betas))
-    wanted = skinned.vertices(poses, betas)
-    off, before = (
-        np.sqrt(((centred(one.vertices(poses, betas)) - centred(wanted)) ** 2).sum(axis=2).mean())
-        for one in (body, model(skinned))
-    )
-    assert off < 0.4 * before
-    held_out = body.card["held_out"]
-    assert held_out["rms_mm"] < 0.35 * held_out["rms_without_posedirs_mm"]
-
-
-def centred(surfaces: np.ndarray) -> np.ndarray:
-    return surfaces - surfaces.mean(axis=1, keepdims=True)
-
-
-def test_damaged_shipped_file_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(BadFile, match=r"there is no file .*nothing\.npz"):
-        read_embedded_triangles(tmp_path / "nothing.npz", "small", scape)
-    np.savez(tmp_path / "other.npz", near=np.zeros((734, 2), dtype=np.uint8))
-    with pytest.raises(BadFile, match="card, posedirs, posedirs_step missing"):
-        read_embedded_triangles(tmp_path / "other.npz", "small", scape)
 
 
 # In the place of SMPL.

@@ -10,11 +10,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import csr_array
 
 import workbench as wb
 from tests.bodies_made_up import random_body
-from workbench.bodies.readonly import locked, readonly
 
 ARRAYS = ("template", "shapedirs", "posedirs", "weights", "faces", "mirror")
 ARRAYS += ("bound_in", "rest_joints")
@@ -76,31 +75,6 @@ def test_arrays_given_to_a_body_stay_the_callers() -> None:
     np.testing.assert_array_equal(seen.template, made.template)
 
 
-def test_locked_arrays_are_shared_and_not_copied() -> None:
-    body = wb.load_body("small")
-    other = replace(body, name="other")
-    for name in ("template", "shapedirs", "posedirs", "weights", "faces"):
-        assert getattr(other, name) is getattr(body, name)
-    assert np.shares_memory(other.J_regressor.data, body.J_regressor.data)
-    assert np.shares_memory(other.J_regressor.indices, body.J_regressor.indices)
-    base = np.zeros((4, 6))
-    view = base.reshape(8, 3)  # as readers do, and give up
-    assert readonly("points", locked(view)) is view
-    assert not base.flags.writeable
-
-
-def test_bodies_are_made_of_lists_and_any_matrix() -> None:
-    body = whole_body()
-    given: dict[str, Any] = {n: getattr(body, n).tolist() for n in ARRAYS}
-    given["parents"] = list(body.parents)
-    dense = body.J_regressor.toarray()
-    for regressor in (dense.tolist(), coo_array(dense), csr_array(dense.astype(np.float32))):
-        same = replace(body, **given, J_regressor=regressor)
-        np.testing.assert_allclose(same.vertices(), body.vertices(), atol=1e-7)
-        assert isinstance(same.J_regressor, csr_array)
-        assert isinstance(same.parents, tuple)
-
-
 # Travelling.
 
 
@@ -142,19 +116,6 @@ def test_used_bodies_travel_whole(travel: Callable[[wb.SkinnedBody], wb.SkinnedB
     np.testing.assert_array_equal(there.joints(*arguments), body.joints(*arguments))
     np.testing.assert_array_equal(there.landmark("face"), body.landmark("face"))
     assert there.blocks("scan/")[0].symbol is not body.blocks("scan/")[0].symbol
-
-
-def test_free_arrays_stay_free_with_symbols_of_their_own() -> None:
-    body = used(whole_body().freed("template", prefix="new "))
-    there = again(body)
-    block = there.free["template"]
-    assert (block.name, block.shape, block.unit) == ("new template", (12, 3), "m")
-    assert block.symbol is not body.free["template"].symbol
-    points = there.points(*(b.symbol for b in there.blocks()))
-    problem = wb.Problem(
-        [wb.residuals.vertices(points, there.template + 1, sigma=1.0)], "new template"
-    )
-    np.testing.assert_allclose(problem.linearize(there.start()).residual, -1, atol=1e-14)
 
 
 def test_used_bodies_are_freed_without_garbage_collection() -> None:

@@ -20,7 +20,8 @@ from tests.tiers import few
 from workbench import SkinnedBody
 from workbench.bodies.ablations import without_shape_blend_shapes
 from workbench.bodies.files.gltf import write_gltf
-from workbench.bodies.forward.features import (
+from workbench.bodies.forward.posing import unpose
+from workbench.bodies.forward.surface import (
     Features,
     count_features,
     quaternion_elements,
@@ -28,7 +29,6 @@ from workbench.bodies.forward.features import (
     rotation_vectors,
     star_features,
 )
-from workbench.bodies.forward.posing import unpose
 from workbench.errors import BadBody, BadFile
 
 SKINNINGS = (wb.linear_blend, wb.dual_quaternion_blend)
@@ -140,22 +140,6 @@ def test_derivatives_are_those_of_differences(
 # How features differ.
 
 
-def test_only_rotation_elements_repeat_after_a_full_turn() -> None:
-    axis = np.array([1.0, 2.0, 2.0]) / 3
-    for angle in (1e-3, 1.0, 4.0):
-        moved, repeats = {}, {}
-        for features in FEATURES[:3]:
-            body, pose = varied(random_body(3), features), np.zeros((3, 5, 3))
-            pose[:, 2] = np.array([angle, angle - 2 * np.pi, angle + 4 * np.pi])[:, None] * axis
-            once, back, twice = body.vertices(pose)
-            moved[features] = np.abs(once - back).max()
-            repeats[features] = np.abs(once - twice).max()
-        assert moved[rotation_elements] < 1e-12
-        assert moved[rotation_vectors] > 1e-2  # 2 pi times a direction of 1 cm
-        assert moved[quaternion_elements] > 1e-3
-        assert repeats[quaternion_elements] < 1e-12  # after two turns
-
-
 def test_posedirs_must_fit_the_features(tmp_path: Path) -> None:
     body = smpl_like_body()
     with pytest.raises(BadBody, match=r"posedirs has shape .* \(60, 3, 69\)"):
@@ -205,7 +189,7 @@ def test_files_of_star_are_told_from_smpls(tmp_path: Path) -> None:
 
 
 def test_star_features_are_refused_where_they_mean_nothing(tmp_path: Path) -> None:
-    with pytest.raises(BadFile, match="star_features, which the package smplx does not know"):
+    with pytest.raises(BadFile, match="star_features, which smplx does not know"):
         wb.save_body(STAR, tmp_path / "star.pkl")
     with pytest.raises(BadBody, match="cannot be unposed"):
         unpose(STAR, POSE, STAR.vertices(POSE))

@@ -74,7 +74,7 @@ def test_priors_must_be_named() -> None:
 
 def test_the_command_takes_draws_of_priors_that_are_named(tmp_path: Path) -> None:
     bad = CliRunner().invoke(app, ["diagnose", "balance-monocular", "--draws", "-1"])
-    assert "--draws takes 1 or more" in str(bad.exception) + bad.output
+    assert bad.exit_code == 2
     none = CliRunner().invoke(
         app, ["diagnose", "nist-misra1a", "--draws", "2", "--out", str(tmp_path)]
     )

@@ -1,7 +1,6 @@
 """Archives of arrays that are damaged or were made to do harm, each from a good one."""
 
 import io
-import json
 import struct
 import zipfile
 from collections.abc import Callable, Mapping
@@ -43,12 +42,6 @@ def with_arrays(whole: bytes, changed: Mapping[str, object]) -> bytes:
         if array is not None:
             found[f"{name}.npy"] = npy(array)
     return packed(found)
-
-
-def with_facts(whole: bytes, key: str, change: Callable[[Any], object]) -> bytes:
-    """The archive with other facts in its array of JSON."""
-    told = json.loads(str(arrays_in(whole)[key]))
-    return with_arrays(whole, {key: np.array(json.dumps(change(told)))})
 
 
 def first_member(change: Callable[[bytes], bytes]) -> Damage:
@@ -106,29 +99,16 @@ def _doubled(whole: bytes) -> bytes:
 GOOD = "{'descr': '<f8', 'fortran_order': False, 'shape': (3,), }"
 HEADERS: dict[str, str] = {
     "a header that never ends": "{'descr': '<f8', 'shape': (",
-    "a text that never ends": "{'descr': '''",
-    "an expression": "lambda: 0",
-    "a header that is a list": "[]",
     "a header with other keys": "{'descr': '<f8', 'shape': (3,)}",
     "three thousand signs": "-" * 3000 + "1",
-    "a hundred brackets": "(" * 100 + ")" * 100,
     "a number of five thousand digits": "9" * 5000,
-    "a header with a null": "\0",
-    "a key that is a list": "{[]: 1}",
-    "a backslash": "'\\",
-    "an indented line": "(\n  1\n 2",
     "ten milliard numbers": GOOD.replace("3,", "10000000000,"),
     "more numbers than can be counted": GOOD.replace("3,", "4611686018427387904, 8"),
     "a shape beyond any number": GOOD.replace("3,", f"{10**30}, 0"),
     "a shape below zero": GOOD.replace("3,", "-1,"),
-    "two shapes below zero": GOOD.replace("3,", "-1, -1"),
-    "a shape that is no whole number": GOOD.replace("3,", "1e3,"),
     "numbers of no bytes": GOOD.replace("3,", "1000000000000,").replace("<f8", "<U0"),
     "arrays in an array": GOOD.replace("'<f8'", "('<f8', (3,))"),
     "columns": GOOD.replace("'<f8'", "[('x', '<f8'), ('y', '<i4')]"),
-    "a column without a type": GOOD.replace("'<f8'", "[('x',)]"),
-    "no type": GOOD.replace("'<f8'", "None"),
-    "a type that is a number": GOOD.replace("'<f8'", "7"),
     "a type that does not exist": GOOD.replace("<f8", "<Q9"),
 }
 LETTERS = npy(np.frombuffer(b"\xff\xff\xff\x7f" * 3, "<U3"))
@@ -144,39 +124,15 @@ DAMAGES: dict[str, Damage] = {
     "unknown way of packing": in_the_directory(10, b"\x63\0"),
     "with a password": in_the_directory(8, b"\x01\0"),
     "claims to unpack to 4 GB": in_the_directory(24, b"\xfe\xff\xff\xff"),
-    "starts beyond the file": in_the_directory(42, b"\xf0\xff\xff\x0f"),
     "packed with LZMA": lambda whole: packed(members(whole), zipfile.ZIP_LZMA),
     "packed with bzip2": lambda whole: packed(members(whole), zipfile.ZIP_BZIP2),
     "two arrays of one name": _doubled,
     "no arrays": lambda whole: packed({"readme.txt": b"nothing"}),
-    "nothing in the archive": lambda whole: packed({}),
-    "an array of no bytes": first_member(lambda content: b""),
     "no numpy array": first_member(lambda content: b"x" + content[1:]),
     "an unknown version": headed(GOOD, (9, 1)),
     "a header longer than the file": headed("{}", (2, 0), 2**31),
-    "a header of no length": headed("{}", (1, 0), 0),
     "one number less than it says": first_member(lambda content: content[:-1]),
     "more numbers than it says": first_member(lambda content: content + bytes(8)),
     "letters that are none": first_member(lambda content: LETTERS),
     **{name: headed(header) for name, header in HEADERS.items()},
-}
-
-OTHERS: dict[str, Callable[[NDArray[Any]], object]] = {  # in the place of an array of numbers
-    "complex": lambda a: a.astype(complex),
-    "truth values": lambda a: a > 0,
-    "dates": lambda a: np.zeros(a.shape, "M8[s]"),
-    "columns": lambda a: np.zeros(a.shape, [("x", "f8")]),
-    "text": lambda a: np.full(a.shape, "1.0"),
-    "bytes": lambda a: np.full(a.shape, b"1.0"),
-    "half precision": lambda a: a.astype(np.float16),
-    "long double": lambda a: a.astype(np.longdouble),
-    "huge whole numbers": lambda a: np.full(a.shape, 2**64 - 1, dtype=np.uint64),
-    "the least whole number": lambda a: np.full(a.shape, -(2**63)),
-    "NaN": lambda a: np.full(a.shape, np.nan),
-    "infinite": lambda a: np.full(a.shape, -np.inf),
-    "one axis more": lambda a: a[None],
-    "flat, and of another size": lambda a: np.zeros(a.size + 1, a.dtype),
-    "nothing": lambda a: np.zeros((0, *a.shape), a.dtype),
-    "objects": lambda a: np.full(a.shape, None),
-    "missing": lambda a: None,
 }

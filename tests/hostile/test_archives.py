@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.hostile.archives import DAMAGES, OTHERS, arrays_in, with_arrays, with_facts
-from tests.hostile.attack import ask
-from tests.hostile.formats import FORMATS, whole
+from tests.hostile.archives import DAMAGES, arrays_in, with_arrays
+from tests.hostile.formats import FORMATS, ask, whole
 from tests.hostile.limits import REFUSED, Reader
 from tests.tiers import few
 from workbench.errors import WorkbenchError
@@ -46,98 +45,11 @@ def test_damaged_archives_are_refused(tmp_path: Path) -> None:
         assert "\n" not in told, name
 
 
-ARRAYS: dict[str, tuple[str, str]] = {  # of files that say nothing but what they must
-    "solution.npz": ("fit.npz", "value:x trace:x"),
-    "training-checkpoint": ("checkpoint.npz", "templates joints posedirs weights poses"),
-    "draws.npz": ("draws.npz", "chain_1 log_prob_0 accepted_0 random_words_0 random_normal_1"),
-    "truth.npz": ("truth.npz", "rest joints subject poses trans weights"),
-    "pose-priors": ("cmu_gaussian.npz", "mean covariance n_frames"),
-    "mocap.npz": ("mocap.npz", "poses clip"),
-    "training-start": ("start.npz", "template faces parents segmentation"),
-    "training-folder": ("c.npz", "vertices"),
-    "comparison": ("comparison/runs/record.npz", "end trace"),
-    "soft-tissue": ("tissue.npz", "directions first second response part"),
-    "embedded.npz": ("small.npz", "template shapedirs posedirs_step weight_shares coco_rows faces"),
-}
-SINGLE: dict[str, Callable[[Any], object]] = {"single precision": lambda a: a.astype(np.float32)}
-
-
-@pytest.mark.parametrize("name", few(ARRAYS, 2))
-def test_arrays_of_other_types_and_shapes_are_refused(name: str, tmp_path: Path) -> None:
-    file, arrays = ARRAYS[name]
-    content = whole(name)[file]
-    for array in arrays.split():
-        there = arrays_in(content)[array]
-        kept = name in ("solution.npz", "training-checkpoint")  # numbers as they were saved
-        for other, change in (OTHERS | (SINGLE if kept else {})).items():
-            with np.errstate(all="ignore"):
-                damaged = with_arrays(content, {array: change(there)})
-            told = refusal(name, tmp_path, file, damaged)
-            assert array in told or other != "complex" or name == "comparison", told
-
-
-TEXTS = (None, True, 5, [], {})
-NUMBERS = (None, True, "1.0", [], {}, [1.0], -(10**400))
-COUNTS = (None, True, "3", 2.5, -1, 2**70, [])
-FACTS: dict[str, tuple[str, str, dict[str, tuple[object, ...]]]] = {
-    "solution.npz": (
-        "fit.npz",
-        "solution",
-        {
-            **dict.fromkeys(("cost", "seconds"), (*NUMBERS, -1.0)),
-            **dict.fromkeys(("optimality", "missed"), NUMBERS),
-            **dict.fromkeys(("message", "solver"), TEXTS),
-            "status": (*TEXTS, "GREAT", "converged"),
-            "insensitive": ("a", [5], None),
-            "evaluations": (None, [], 5, {}, {"residual": -1}, {"guesses": 1}),
-            "trace": (None, "rows", {}, [], [[]], [None], [[1.0] * 6], [[1.0] * 8]),
-        },
-    ),
-    "comparison": (
-        "comparison/runs/record.npz",
-        "facts",
-        {
-            **dict.fromkeys(("cost", "optimality", "digits", "seconds"), NUMBERS),
-            **dict.fromkeys(("solver", "instance", "claim", "message", "machine"), TEXTS),
-            "ending": (*TEXTS, "HAPPY"),
-            "inside": (None, 1, "true"),
-            "not_finite": COUNTS,
-            "counts": (None, [], [1, 2], ["1"] * 7, [1.5] * 7),
-        },
-    ),
-    "training-checkpoint": (
-        "checkpoint.npz",
-        "facts",
-        {
-            "fingerprint": (*TEXTS, "another's"),
-            "parents": (None, [], [0, 1], "parents"),
-            "log": (None, {}, "log", [None], [{}], [5], [{"block": "poses"}]),
-        },
-    ),
-}
-
-
-@pytest.mark.parametrize("name", few(FACTS, 1))
-def test_facts_of_other_types_are_refused(name: str, tmp_path: Path) -> None:
-    file, key, wrong = FACTS[name]
-    content = whole(name)[file]
-    for fact, values in wrong.items():
-        for value in values:
-            changed = with_facts(content, key, lambda told, v=value, f=fact: told | {f: v})
-            refusal(name, tmp_path, file, changed)
-        if fact not in ("missed", "insensitive"):  # which older files do not say
-            less = with_facts(
-                content, key, lambda told, f=fact: {k: v for k, v in told.items() if k != f}
-            )
-            refusal(name, tmp_path, file, less)
-
-
 Change = Callable[[dict[str, Any]], dict[str, object]]  # arrays of a file -> those that change
 CONTRADICTIONS: dict[str, tuple[str, dict[str, Change]]] = {  # each array alone might be right
     "SMPL.npz": (
         "SMPL.npz",
         {
-            "halves in place of faces": lambda a: {"f": np.full((60, 3), 0.5)},
             "infinite faces": lambda a: {"f": np.full((60, 3), np.inf)},
             "faces of no vertices": lambda a: {"f": a["f"] + 30},
             "weights of another size": lambda a: {"weights": np.ones((30, 5)) / 5},
@@ -145,16 +57,12 @@ CONTRADICTIONS: dict[str, tuple[str, dict[str, Change]]] = {  # each array alone
             "a regressor on its side": lambda a: {"J_regressor": a["J_regressor"].T},
             "a card of brackets": lambda a: {"card": np.array("[" * 100_000)},
             "another way of skinning": lambda a: {"bs_style": np.array("x" * 10**6)},
-            "a joint too many": lambda a: {"joint_names": np.array(list("abcdefg"))},
         },
     ),
     "training-start": (
         "start.npz",
         {
-            "faces of no vertices": lambda a: {"faces": a["faces"] + len(a["template"])},
             "a face before the first vertex": lambda a: {"faces": a["faces"] - 1},
-            "no faces": lambda a: {"faces": a["faces"][:0]},
-            "a vertex too few": lambda a: {"template": a["template"][1:]},
             "a template of another unit": lambda a: {"template": 1e9 * a["template"]},
             "a parent after its child": lambda a: {"parents": a["parents"][::-1]},
             "two roots": lambda a: {"parents": 0 * a["parents"] - 1},
@@ -166,21 +74,11 @@ CONTRADICTIONS: dict[str, tuple[str, dict[str, Change]]] = {  # each array alone
             "fewer names than joints": lambda a: {"joint_names": a["joint_names"][1:]},
         },
     ),
-    "training-checkpoint": (
-        "checkpoint.npz",
-        {
-            "a pose too few": lambda a: {"poses": a["poses"][1:]},
-            "weights that sum to two": lambda a: {"weights": 2 * a["weights"]},
-            "joints far away": lambda a: {"joints": 1e9 + a["joints"]},
-            "an array that was never saved": lambda a: {"further": np.zeros(3)},
-        },
-    ),
     "draws.npz": (
         "draws.npz",
         {
             "settings that are no JSON": lambda a: {"settings": np.array("{seed")},
             "deep settings": lambda a: {"settings": np.array("[" * 50_000)},
-            "settings of another run": lambda a: {"settings": np.array('{"seed": 2}')},
             "draws of other walkers": lambda a: {"chain_1": a["chain_1"][:, :3]},
             "more steps than there were": lambda a: {
                 "chain_0": np.zeros((6, 4, 2)),
@@ -188,30 +86,6 @@ CONTRADICTIONS: dict[str, tuple[str, dict[str, Change]]] = {  # each array alone
             },
             "no draws": lambda a: {"chain_0": a["chain_0"][:0], "log_prob_0": a["log_prob_0"][:0]},
             "more accepted moves than steps": lambda a: {"accepted_1": np.full(4, 6.0)},
-            "words that are none": lambda a: {"random_words_0": np.full(624, 2**32)},
-            "a position far away": lambda a: {"random_place_0": np.array([10**9, 0])},
-        },
-    ),
-    "solution.npz": (
-        "fit.npz",
-        {
-            "a value of another shape": lambda a: {"value:x": a["value:x"][:-1]},
-            "a trace of another length": lambda a: {"trace:x": a["trace:x"][:-1]},
-            "an array that was never saved": lambda a: {"further": np.zeros(3)},
-        },
-    ),
-    "truth.npz": (
-        "truth.npz",
-        {
-            "a subject too many": lambda a: {"subject": a["subject"] + 1},
-            "weights of other vertices": lambda a: {"weights": a["weights"][:-1]},
-        },
-    ),
-    "training-folder": (
-        "c.npz",
-        {
-            "faces turned around": lambda a: {"faces": a["faces"][::-1, ::-1]},
-            "confidence above one": lambda a: {"confidence": 2 * a["confidence"]},
         },
     ),
     "body.npz": (
@@ -220,14 +94,6 @@ CONTRADICTIONS: dict[str, tuple[str, dict[str, Change]]] = {  # each array alone
             "landmarks without numbers": lambda a: {"landmarks/one/data": None},
             "landmarks beyond the mesh": lambda a: {"landmarks/one/indices": np.full(5, 999)},
             "landmarks of a huge matrix": lambda a: {"landmarks/one/shape": np.array([2**62] * 2)},
-            "names that are numbers": lambda a: {"landmarks/one/names": np.arange(1)},
-        },
-    ),
-    "pose-priors": (
-        "cmu_mixture.npz",
-        {
-            "shares below zero": lambda a: {"shares": -a["shares"]},
-            "covariances of another size": lambda a: {"covariances": a["covariances"][:, :3]},
         },
     ),
 }

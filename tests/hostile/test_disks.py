@@ -7,25 +7,21 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from workbench import Block, Problem, train
+from workbench import Block, Problem
 from workbench.course.outline import hand_out, lecture
 from workbench.errors import BadFile
 from workbench.reports.folder import replacing_folder
 from workbench.residuals import gaussian
 from workbench.sampling import Posterior, sample
-from workbench.synthetic.made_up import draw_registrations, jointed_tube, random_smpl
-from workbench.training.blocks import BlockOptions, Plan, alternation
-from workbench.writing import Keeping, replacing
+from workbench.writing import replacing
 
 LIMITED = os.name == "posix" and hasattr(signal, "SIGXFSZ")
 WITH_A_LIMIT = pytest.mark.skipif(not LIMITED, reason="a limit of the size of files")
-HOUSE = Path(__file__).parents[2]
 
 
 @contextmanager
@@ -84,40 +80,6 @@ def test_failed_writing_keeps_the_file_before(tmp_path: Path) -> None:
     assert len(list(tmp_path.iterdir())) == 1
 
 
-@WITH_A_LIMIT
-@pytest.mark.thorough
-def test_training_goes_on_when_the_disk_is_full(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    first = jointed_tube(7, 5)
-    data, _ = draw_registrations(random_smpl(first, 2, seed=3), 2, 4, seed=4)
-    options = BlockOptions(linear_tolerance=1e-3, products=20, together_steps=1)
-    stage = alternation(rounds=1).stages[0]
-    plan = Plan((replace(stage, options=options, blocks=("surfaces",), rounds=1),))
-    with caplog.at_level(logging.WARNING), full_disk():
-        found = train(data, first, plan=plan, folder=tmp_path)
-    np.testing.assert_array_equal(found.body.template, train(data, first, plan=plan).body.template)
-    assert ["File too large" in r.getMessage() for r in caplog.records] == [True]
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_failures_of_keeping_are_said_once(caplog: pytest.LogCaptureFixture) -> None:
-    keep = Keeping()
-
-    def fail() -> None:
-        raise BadFile("cannot write it")
-
-    with caplog.at_level(logging.WARNING):
-        keep(fail)
-        keep(fail)
-        assert keep.failure == "cannot write it"
-        keep(lambda: None)
-        assert keep.failure == ""
-    assert len(caplog.records) == 1
-    with pytest.raises(LookupError):
-        keep(lambda: {}["a mistake is none"])  # type: ignore[misc]
-
-
 # What is promised, and cannot be written.
 
 
@@ -135,15 +97,6 @@ def test_reports_and_exercises_are_written_whole_or_not_at_all(tmp_path: Path) -
     assert hand_out(lecture(1), tmp_path).is_file()
 
 
-LINE = """
-from workbench import Block, Problem, Residual
-x = Block("x")
-problem, start = Problem((Residual("r", x.symbol - 2.0, 1.0),), "x"), {"x": 0.0}
-"""
-LIMITS = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (2048, 2048))\n"
-MAIN = "from workbench.cli import main; main()"
-
-
 def run(code: str, *arguments: str, cwd: Path) -> "subprocess.CompletedProcess[str]":
     return subprocess.run(
         [sys.executable, "-B", "-c", code, *arguments],
@@ -154,18 +107,3 @@ def run(code: str, *arguments: str, cwd: Path) -> "subprocess.CompletedProcess[s
         timeout=240,
         check=False,
     )
-
-
-@WITH_A_LIMIT
-@pytest.mark.thorough
-def test_cli_prints_numbers_before_its_report_fails(tmp_path: Path) -> None:
-    (tmp_path / "line.py").write_text(LINE)
-    full = run(LIMITS + MAIN, "run", "line.py", "--no-compare", cwd=tmp_path)
-    assert "CONVERGED" in full.stdout
-    assert "File too large" in full.stderr
-    assert list((tmp_path / "runs").iterdir()) == []
-    below_a_file = run(MAIN, "run", "line.py", "--out", "line.py/runs", cwd=tmp_path)
-    assert "Not a directory" in below_a_file.stderr
-    for done in (full, below_a_file):
-        assert done.returncode == 2
-        assert "Traceback" not in done.stderr

@@ -5,16 +5,11 @@ import signal
 import subprocess
 import sys
 import time
-from functools import partial
 from pathlib import Path
 
 import pytest
 
 from tests.tiers import few
-from workbench import load_body
-from workbench.compiling import NoLibrary, cache_folder
-from workbench.errors import BadFile
-from workbench.training.execution import Processes, _interrupts_blocked
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals and /dev")
 HOUSE = Path(__file__).parents[2]
@@ -59,20 +54,6 @@ def test_output_that_nobody_reads_is_no_error() -> None:
     code, _, err = ended(program(MAIN, "--help", out=writing))
     os.close(writing)
     assert (code, err) == (1, "")
-
-
-def test_unknown_home_is_a_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(BadFile, match="no home folder is known for ~nobody-of-this-name"):
-        load_body("~nobody-of-this-name/body.npz")
-
-    def unknown(path: Path) -> Path:
-        raise RuntimeError("Could not determine home directory.")
-
-    for name in ("WORKBENCH_CACHE", "XDG_CACHE_HOME"):
-        monkeypatch.delenv(name, raising=False)
-    monkeypatch.setattr(Path, "expanduser", unknown)
-    with pytest.raises(NoLibrary, match="no folder to keep libraries in"):
-        cache_folder()
 
 
 # Signals, from the first line of ours to the last of Python's.
@@ -135,49 +116,6 @@ def gone(processes: list[int], seconds: float = 10.0) -> bool:
     return True
 
 
-CREW = """
-import os, sys, time
-from workbench.training.execution import Processes
-def work(task):
-    print(os.getpid(), flush=True)
-    time.sleep(300)
-list(Processes(2)(work, range(4)))
-"""
-RUNS = """
-import os, sys, time
-from pathlib import Path
-from workbench import compare, Problem, Block, Residual
-from workbench.comparison import Budget
-compare(sys.argv[1], sys.argv[2], budget=Budget(max_seconds=300), workers=2, seeds=2)
-"""
-LOCKED = """
-import ctypes, os
-class Solver:
-    def solve(self, problem, start, *, callback=None):
-        with open({told!r}, "a") as file: print(os.getpid(), file=file, flush=True)
-        ctypes.PyDLL(None).sleep(300)  # in C, and no other thread has its turn
-solver = Solver()
-"""
-LINE = """
-from workbench import Block, Problem, Residual
-from workbench.experiments import Setup
-x = Block("x")
-problem, start = Problem((Residual("r", x.symbol - 2.0, 1.0),), "x"), {"x": 0.0}
-def setup(seed: int = 0): return Setup(problem, start, "A line")
-"""
-MARKS = """
-import sys
-from workbench.course.outline import lecture
-from workbench.course.process import ProcessLimits, grade
-grade(lecture(1), sys.argv[1], ProcessLimits(300))
-"""
-LASTS = """
-import ctypes, os
-with open({told!r}, "a") as file: print(os.getpid(), file=file, flush=True)
-ctypes.PyDLL(None).sleep(300)
-"""
-
-
 def lines_of(path: Path, count: int, process: "subprocess.Popen[str]") -> list[int]:
     """Numbers of processes, once so many are told."""
     until = time.monotonic() + 240
@@ -196,57 +134,6 @@ def killed(process: "subprocess.Popen[str]") -> None:
     for stream in (process.stdout, process.stderr):
         if stream is not None:
             stream.close()
-
-
-@pytest.mark.thorough
-def test_workers_of_a_training_end_with_it(tmp_path: Path) -> None:
-    told = tmp_path / "told"
-    with told.open("w") as file:
-        process = program(CREW, out=file.fileno())
-    workers = lines_of(told, 2, process)
-    killed(process)
-    assert gone(workers)
-
-
-ASKED = """
-import signal
-print(signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, []))
-"""
-
-
-@pytest.mark.thorough
-def test_workers_ignore_interrupts_from_their_start() -> None:
-    """Ctrl-C reaches them too: they printed a traceback each, also while they were importing."""
-    with _interrupts_blocked():
-        done = subprocess.run(
-            [sys.executable, "-c", ASKED], capture_output=True, text=True, check=True
-        )
-    assert done.stdout == "True\n"
-    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
-    asked = partial(signal.getsignal, signal.SIGINT)
-    assert list(Processes(2)(lambda _: asked(), range(2))) == [signal.SIG_IGN] * 2
-
-
-@pytest.mark.thorough
-def test_workers_of_a_comparison_end_with_it(tmp_path: Path) -> None:
-    told = tmp_path / "told"
-    (tmp_path / "line.py").write_text(LINE)
-    (tmp_path / "locked.py").write_text(LOCKED.format(told=str(told)))
-    process = program(RUNS, str(tmp_path / "line.py"), str(tmp_path / "locked.py"))
-    workers = lines_of(told, 1, process)
-    killed(process)
-    assert gone(workers)
-
-
-@pytest.mark.thorough
-@pytest.mark.skipif(sys.platform != "linux", reason="only there it holds for code in C, too")
-def test_grading_process_ends_with_its_parent(tmp_path: Path) -> None:
-    told, answers = tmp_path / "told", tmp_path / "answers.py"
-    answers.write_text(LASTS.format(told=str(told)))
-    process = program(MARKS, str(answers))
-    marker = lines_of(told, 1, process)
-    killed(process)
-    assert gone(marker)
 
 
 PARENT = """

@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 
 from tests.tiers import few
-from workbench.course.checks import legible
 from workbench.course.grading import CheckState, Grade
 from workbench.course.outline import lecture
 from workbench.course.packs import marking
@@ -179,7 +178,6 @@ GARBLED = {
     "more numbers than the shape": {"value": {"array": ["f", [1], "AAAAAAAAAAAAAAAAAAAAAA=="]}},
     "an array of objects": {"value": {"array": ["O", [1], "AAAAAAAAAAA="]}},
     "numbers that are no base64": {"value": {"array": ["f", [1], "\u00e9?"]}},
-    "a list longer than any": {"value": {"list": [0] * 200_000}},
     "a form that does not exist": {"value": {"pickle": "gASVAA=="}},
     "a dict that is none": {"value": {"dict": [1]}},
     "a complex number of texts": {"value": {"complex": ["1", "2"]}},
@@ -229,30 +227,9 @@ def test_answers_beyond_all_bounds_are_described(tmp_path: Path) -> None:
         tmp_path,
     )
     said = {name: marks[0].came for name, marks in came.exercises.items()}
-    for name in ("shorter", "third"):
-        assert "to be graded" in said[name], said[name]
+    assert "a list of length 1000000" in said["shorter"]
+    assert "RecursionError" in said["third"]
     assert "(3000, 3000)" in said["hat"]
     assert said["rodrigues"].startswith("a number: 10000")
     assert said["nearest_rotation"].startswith("a dict of length 1: {1: array(")
     assert came.points == EARNED
-
-
-@pytest.mark.thorough
-def test_control_characters_are_not_shown(tmp_path: Path) -> None:
-    """What a file prints, raises or answers is shown without control characters."""
-    paint = "\\x1b[2J\\x1b[H16 of 16 points\\x9b\\u202e\\ud800"
-    came = found(
-        HONEST + f"PAINT = '{paint}'\nprint(PAINT)\n"
-        "def hat(w):\n    print(PAINT)\n    raise ValueError(PAINT)\n"
-        "def shorter(w):\n    return PAINT\n"
-        "def third(s):\n    return type(PAINT.replace('\\ud800', ''), (), {})()\n",
-        tmp_path,
-    )
-    shown = str(came.data()["exercises"]) + "".join(came.printed.values())
-    shown += "".join(m.what + m.expected + m.came for m in came.results)
-    assert all(one.isprintable() or one in "\n\t" for one in shown)
-    assert "\\x1b[2J" in came.printed[""]
-    assert came.points == EARNED
-    (trouble,) = [found(f"raise ValueError('{paint}')\n", tmp_path).trouble]
-    assert trouble.startswith("line 1: ValueError: \\x1b[2J")
-    assert legible("two\nlines\tand a tab") == "two\nlines\tand a tab"

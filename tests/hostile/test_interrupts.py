@@ -4,8 +4,6 @@ import os
 import random
 import signal
 import sys
-import threading
-import time
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
@@ -15,13 +13,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.solvers.problems import body_fit, decay
+from tests.solvers.problems import body_fit
 from tests.tiers import few
 from workbench import SOLVERS, Block, Problem, Staged, Status
 from workbench.interrupts import SIGNALS
 from workbench.residuals import gaussian
 from workbench.sampling import SamplingProgress, sample
-from workbench.solvers import Ipopt, Iterate, LevenbergMarquardt, Solution, Sqp, exact_hessian
+from workbench.solvers import Ipopt, Iterate, Solution, Sqp, exact_hessian
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals")
 MOMENTS = 8
@@ -120,45 +118,6 @@ def test_solvers_hear_an_interrupt_at_any_moment(name: str, times: int) -> None:
         assert spent(found) <= spent(whole), where
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize("name", ["levenberg-marquardt", "ipopt", "sqp", "nlopt-lbfgs"])
-def test_callbacks_that_do_not_end_are_interrupted(name: str) -> None:
-    """A callback of the user's waits for ever; the signal comes once it does."""
-    waits = threading.Event()
-
-    def press() -> None:
-        assert waits.wait(60)
-        os.kill(os.getpid(), signal.SIGINT)
-
-    def wait(iterate: Iterate) -> None:
-        waits.set()
-        began = time.monotonic()
-        while time.monotonic() - began < 60:
-            time.sleep(0.01)
-        raise AssertionError("it was not heard for a minute")
-
-    thread = threading.Thread(target=press)
-    thread.start()
-    problem, start = body_fit()
-    solution = ENTRANTS[name].solve(problem, start, callback=wait)
-    thread.join()
-    assert solution.status is Status.STOPPED
-    assert "keyboard" in solution.message
-
-
-def test_interrupt_after_convergence_is_told() -> None:
-    problem, start = decay()
-
-    def at_the_end(iterate: Iterate) -> None:
-        if iterate.optimality <= 1e-6:
-            signal.raise_signal(signal.SIGINT)
-
-    solution = LevenbergMarquardt().solve(problem, start, callback=at_the_end)
-    assert solution.status is Status.STOPPED
-    assert solution.message == "interrupted from the keyboard, after it had converged"
-    assert solution.optimality <= 1e-6
-
-
 class Asked(BaseException):
     """What another handler raises."""
 
@@ -182,19 +141,6 @@ def test_handlers_of_others_are_heard_and_come_back(name: str) -> None:
     with pytest.raises(LookupError, match="of the caller"):
         ENTRANTS[name].solve(problem, start, callback=broken)
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-
-
-@pytest.mark.thorough
-def test_other_threads_leave_signals_alone() -> None:
-    during: list[object] = []
-
-    def look(iterate: Iterate) -> None:
-        during.append(signal.getsignal(signal.SIGINT))
-
-    thread = threading.Thread(target=lambda: Ipopt().solve(*body_fit(), callback=look))
-    thread.start()
-    thread.join()
-    assert set(during) == {signal.default_int_handler}
 
 
 @pytest.mark.thorough

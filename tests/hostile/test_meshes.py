@@ -1,6 +1,5 @@
 """Mesh and scan files made to hang, to fill the memory or to read other files: each is refused."""
 
-import json
 import os
 import struct
 from collections.abc import Callable
@@ -26,7 +25,6 @@ from workbench.fitting.scans.files import read_scan
 
 MESH, SCAN = "workbench.geometry.meshes:read_mesh", "workbench.fitting.scans.files:read_scan"
 TRIANGLE = b"0 0 0\n1 0 0\n0 1 0\n"
-FACE = b"\3" + bytes(12)
 MANY = 3_000_000_000
 FLOATS = claims(3, 1).replace("uchar", "float")
 TREE = [*({"children": [i + 1] * 2} for i in range(60)), {"mesh": 0}]
@@ -46,34 +44,18 @@ GLB: dict[str, Callable[[], bytes]] = {
     "3 billion numbers": lambda: positions(count=MANY),
     "numbers of no bytes": lambda: positions(count=MANY, bufferView=None),
     "numbers before the bytes": lambda: positions(byteOffset=-12),
-    "half a number": lambda: positions(count=1.5),
     "a long number": lambda: positions(count=10**4000),
-    "rows on each other": lambda: square(
-        bufferViews=[{"buffer": 0, "byteLength": 72, "byteStride": 1}] * 2
-    ),
-    "a mesh by its name": lambda: square(nodes=[{"mesh": "0"}]),
     "nodes in a circle": lambda: square(nodes=[{"children": [1]}, {"children": [0]}]),
     "nodes twice on every level": lambda: square(nodes=TREE),
     "an endless place": lambda: square(nodes=[FAR]),
-    "a rotation of nothing": lambda: square(nodes=[{"mesh": 0, "rotation": [0, 0, 0, 0]}]),
     "parts times nodes": lambda: square(**THOUSANDS),
     "corners of no vertex": lambda: square(accessors=[POSITIONS | {"count": 2}, CORNERS]),
-    "half a triangle": lambda: square(accessors=[POSITIONS, CORNERS | {"count": 4}]),
 }
 PLY: dict[str, Callable[[], bytes]] = {
     "no end of its header": lambda: b"ply\n" + b"comment x\n" * 100_000,
     "3 billion vertices": lambda: ply(claims(MANY), TRIANGLE),
-    "3 billion vertices in binary": lambda: ply(claims(MANY), bytes(99), LITTLE),
-    "one vertex too many": lambda: ply(claims(4), TRIANGLE),
     "more than its header says": lambda: ply(claims(3), bytes(40), LITTLE),
     "a list of no number": lambda: ply(FLOATS, bytes(36) + b"\xff" * 4 + bytes(12), LITTLE),
-    "a list of minus one": lambda: ply(
-        claims(3, 1).replace("uchar", "char"), bytes(36) + b"\xff" * 16, LITTLE
-    ),
-    "a later list of 255": lambda: ply(
-        claims(3, 2), bytes(36) + FACE + b"\xff" + bytes(16), LITTLE
-    ),
-    "half a face in text": lambda: ply(claims(3, 2), TRIANGLE + b"3 0 1 2\n3 0 1\n"),
     "many empty lines": lambda: ply(claims(3), TRIANGLE + b"\n" * 20_000_000),
     "many edges": lambda: ply(
         "element edge 200000\nproperty int vertex1\nproperty int vertex2\n" + claims(3),
@@ -82,7 +64,6 @@ PLY: dict[str, Callable[[], bytes]] = {
     ),
     "lists of nothing": lambda: ply(claims(3, 500_000), bytes(36 + 500_000), LITTLE),
     "a corner far away": lambda: ply(claims(3, 1), TRIANGLE + b"3 0 1e300 2\n"),
-    "a corner that is none": lambda: ply(claims(3, 1), TRIANGLE + b"3 0 nan 2\n"),
     "numbers beyond their type": lambda: ply(
         claims(3, 1), TRIANGLE.replace(b"1", b"1e300") + b"3 0 1 2\n"
     ),
@@ -90,21 +71,12 @@ PLY: dict[str, Callable[[], bytes]] = {
 }
 LINES: dict[str, Callable[[], bytes]] = {
     "one vertex too many.off": lambda: b"OFF\n4 0 0\n" + TRIANGLE,
-    "more digits than numbers have.off": lambda: b"OFF\n" + b"9" * 5000 + b" 1 0\n",
     "a face too few.off": lambda: b"OFF\n3 2 0\n" + TRIANGLE + b"3 0 1 2\n",
-    "half a face.off": lambda: b"OFF\n3 2 0\n" + TRIANGLE + b"3 0 1 2\n3 0 1\n",
-    "half a solid.stl": lambda: (
-        (b"solid a\n" + b"vertex 0 0 1\n" * 3 + b"endsolid a\n") * 2
-        + b"solid b\n"
-        + b"vertex 0 0 1\n" * 3
-    ),
     "many solids.stl": lambda: (b"solid a\n" + b"vertex 0 0 1\n" * 3 + b"endsolid a\n") * 20_000,
     "a line without end.off": lambda: b"OFF " + b"1 " * 2_000_000,
     "4 billion triangles.stl": lambda: bytes(80) + b"\xff" * 4 + bytes(50),
-    "half a triangle.stl": lambda: b"solid a\nvertex 0 0 0\nendsolid",
     "no end of a number.stl": lambda: b"solid a\n" + b"vertex 0 0 1e999\n" * 3,
     "a comment without end.obj": lambda: b"#" * 3_000_000,
-    "a corner of 5,000 digits.obj": lambda: b"v 0 0 0\nf 1 1 " + b"9" * 5000,
     "a corner beyond all numbers.obj": lambda: b"v 0 0 0\nf 1 1 99999999999999999999",
     "many far polygons.obj": lambda: b"v 0 0 0\n" + (b"f" + b" 9" * 400_000 + b"\n") * 4,
 }
@@ -120,7 +92,6 @@ CLOUDS: dict[str, Callable[[], bytes]] = {
         UNPACKED + struct.pack("<II", 300_000, 2**32 - 16) + b"\xe0\xff\x00" * 100_000
     ),
     "one endless line.xyz": lambda: b"1 " * 3_000_000,
-    "rows of different lengths.xyz": lambda: b"1 2 3\n1 2\n" * 200,
     "a word among numbers.xyz": lambda: b"1 2 3\n" * 200 + b"1 two 3\n",
     "numbers beyond all.xyz": lambda: b"1e999 -1e999 1\n" * 200,
 }
@@ -150,12 +121,6 @@ def test_glb_opens_no_other_file(reader: Reader, tmp_path: Path) -> None:
         said = refused(reader, MESH, tmp_path, "other.glb", content)
         assert "in another file" in said
         assert "not opened" in said
-
-
-@pytest.mark.thorough
-def test_long_names_are_cut_in_refusals(reader: Reader, tmp_path: Path) -> None:
-    told = json.dumps({"x" * 10**6: 0, "nodes": "y" * 10**6, "scenes": [{"nodes": "z" * 10**6}]})
-    refused(reader, MESH, tmp_path, "long.glb", glb(told.encode()))
 
 
 @pytest.mark.thorough

@@ -23,7 +23,6 @@ from workbench.bodies.forward.skinning import (
     dual_quaternion_blend,
     linear_blend,
     skin,
-    skin_vertices,
 )
 from workbench.bodies.hands import (
     HAND_POINTS,
@@ -33,7 +32,6 @@ from workbench.bodies.hands import (
     is_hand,
     mirrored,
 )
-from workbench.bodies.penetrations import Penetration, penetrations
 from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.spaces import PoseSpace, ShapeSpace, pose_space, shape_space
 
@@ -45,7 +43,6 @@ __all__ = [
     "FileFinding",
     "HandMotion",
     "Landmarks",
-    "Penetration",
     "PoseSpace",
     "ShapeSpace",
     "SkinnedBody",
@@ -62,9 +59,7 @@ __all__ = [
     "is_hand",
     "linear_blend",
     "mirrored",
-    "penetrations",
     "pose_space",
     "shape_space",
     "skin",
-    "skin_vertices",
 ]

@@ -17,7 +17,7 @@ from scipy.sparse import csr_array
 from workbench.arrays import Array, Index
 from workbench.blocks import Block, Layout, Points, Values
 from workbench.blocks.checks import reals, texts
-from workbench.bodies.readonly import locked, parts_of, readonly_matrix, remade
+from workbench.bodies.readonly import locked, maker_of, readonly_matrix
 from workbench.errors import BadBlock, BadBody, NotSupported, UnknownName
 from workbench.geometry.meshes import Mesh, fitting_texture
 
@@ -96,7 +96,7 @@ class Body(ABC):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Its parts, without the blocks it made and what it computed with."""
-        return remade, (type(self), parts_of(self))
+        return maker_of(self), ()
 
     @property
     def n_vertices(self) -> int:
@@ -170,11 +170,8 @@ class Body(ABC):
         It shares its blocks with this one, so that points of either fit into one problem. Raises
         UnknownName, and BadBody for arrays that cannot be free together.
         """
-        shapes = [self.array(name).shape for name in names]  # raises for what has no name
-        made = {
-            name: Block(prefix + name, shape, self.FREEABLE[name])
-            for name, shape in zip(names, shapes, strict=True)
-        }
+        shapes = {name: self.array(name).shape for name in names}  # raises for what has no name
+        made = {n: Block(prefix + n, shape, self.FREEABLE[n]) for n, shape in shapes.items()}
         return self._replaced(free={**self.free, **made})
 
     def with_values(self, values: Mapping[str, ArrayLike]) -> Self:
@@ -318,7 +315,7 @@ class Body(ABC):
 
 
 def check_prefix(prefix: object) -> None:
-    """Return if it is a text that names of blocks can begin with; raises BadBlock."""
+    """Raise BadBlock unless it is a text."""
     if not isinstance(prefix, str):
         raise BadBlock(f"the prefix of a body's blocks is a text, not a {type(prefix).__name__}")
 

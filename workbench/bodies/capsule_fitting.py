@@ -1,7 +1,7 @@
 """Capsules fitted to the people of a body's shape space, all of them at once.
 
 Each vertex belongs to the part of the joint that moves it most, and each part has one capsule or
-two (`capsule_parts`). The ends and the radius of a capsule are affine in betas, and minimise
+two (`parts_of_capsules`). The ends and the radius of a capsule are affine in betas, and minimise
 
     sum over people and vertices of w^2 (|v - segment| - r)^2,    w > 1 where v is outside,
         + sum over people and points s on the capsule of |s - nearest vertex|^2 (along the normal)
@@ -15,14 +15,150 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from workbench.arrays import Array, Index, Mask
 from workbench.bodies.capsules import Capsules, segment_distances
-from workbench.bodies.parts import BONES, TRUNK, part_joints, part_of, parts_of_capsules, separate
 from workbench.bodies.skinned import SkinnedBody
+from workbench.errors import BadBody
 from workbench.geometry.mirror import REFLECTION, opposite
 from workbench.geometry.solids import face_vectors, sums_over_faces
+
+BONES = {  # a part for each of these joints of SMPL, and what it is called
+    "pelvis": "pelvis",
+    "spine1": "belly",
+    "spine2": "ribs",
+    "spine3": "chest",
+    "neck": "neck",
+    "head": "head",
+    **{
+        f"{side}_{joint}": f"{side}_{part}"
+        for side in ("left", "right")
+        for joint, part in (
+            ("hip", "thigh"),
+            ("knee", "shin"),
+            ("ankle", "foot"),
+            ("shoulder", "upper_arm"),
+            ("elbow", "forearm"),
+            ("wrist", "hand"),
+            ("hand", "fingers"),
+        )
+    },
+}  # collars carry few vertices, which belong to the chest
+TRUNK = ("pelvis", "belly", "ribs", "chest")
+
+
+def part_joints(body: SkinnedBody) -> list[int]:
+    """The joints that have a part, in the order of the body. Raises BadBody if there is none."""
+    found = [k for k, name in enumerate(body.joint_names) if name in BONES]
+    if not found:
+        raise BadBody(
+            f"body {body.name!r} has none of the joints of SMPL after which parts and capsules are "
+            "named, such as left_elbow; make Capsules(...) of your own"
+        )
+    return found
+
+
+def owners(body: SkinnedBody) -> Index:
+    """The joint (N,) of each vertex's part: the one that moves it most.
+
+    If that joint has no part, it is its nearest ancestor that has one.
+    """
+    owner = list(range(body.n_joints))
+    for k, name in enumerate(body.joint_names):
+        if name not in BONES and k:
+            owner[k] = owner[body.parents[k]]
+    return np.asarray(np.array(owner)[body.weights.argmax(axis=1)], dtype=np.int64)
+
+
+def separate(body: SkinnedBody, joints: list[int]) -> Index:
+    """Pairs (P, 2) of these joints' parts that are not neighbours: places in the list.
+
+    Neighbours are parent and child on the tree of the joints that are listed, and children of one
+    parent unless they are mirror images.
+    """
+    above = {}
+    for k in joints:
+        parent = body.parents[k]
+        while parent not in joints and parent >= 0:
+            parent = body.parents[parent]
+        above[k] = parent
+    names = body.joint_names
+    found = [
+        (i, j)
+        for j in range(len(joints))
+        for i in range(j)
+        if (
+            above[joints[j]] != joints[i]
+            and above[joints[i]] != joints[j]
+            and above[joints[i]] != above[joints[j]]
+        )
+        or opposite(names[joints[i]]) == names[joints[j]]
+    ]
+    return np.array(found, dtype=np.int64).reshape(-1, 2)
+
+
+# parts with a near and a far capsule, and where on the bone the far one begins: below the calf
+CUT = {"thigh": 0.5, "shin": 0.6, "upper_arm": 0.5}
+ENDINGS = ("_near", "_far", "_low", "_high")
+THUMB = 0.05  # m from the axis of the hand
+INNER = 0.015  # m below the convex hull of a part: inside of the mouth, eye sockets
+ON_MIDLINE = 1e-6  # m
+
+
+def parts_of_capsules(body: SkinnedBody) -> dict[str, Mask]:
+    """For each capsule, which vertices (N,) it stands for.
+
+    What lies more than 15 mm inside of the convex hull of the head is left out: mouth and eyes.
+    """
+    owner, joints, template = owners(body), body.joints(), body.template
+    found: dict[str, Mask] = {}
+    for k in part_joints(body):
+        part, mask = BONES[body.joint_names[k]], np.asarray(owner == k)
+        limb = next((one for one in CUT if part.endswith(one)), "")
+        if limb or part.endswith("hand"):
+            bone = joints[body.parents.index(k)] - joints[k]  # to its child
+            away = template - joints[k]
+        if part == "pelvis":
+            found["left_pelvis"] = mask & (template[:, 0] > -ON_MIDLINE)
+            found["right_pelvis"] = mask & (template[:, 0] < ON_MIDLINE)
+        elif part == "head":
+            mask = mask & ~_inner(template, mask)
+            low = template[:, 1] < joints[k, 1]
+            found |= {"head": mask & ~low, "jaw": mask & low}
+        elif part == "chest" and mask.any():
+            high = template[:, 1] > np.median(template[mask, 1])
+            found |= {"chest_low": mask & ~high, "chest_high": mask & high}
+        elif limb:
+            far = (away - CUT[limb] * bone) @ bone > 0
+            found |= {f"{part}_near": mask & ~far, f"{part}_far": mask & far}
+        elif part.endswith("hand"):
+            off = np.cross(away, bone / np.linalg.norm(bone))
+            thumb = mask & (np.linalg.norm(off, axis=1) > THUMB)
+            found |= {part: mask & ~thumb, part.replace("hand", "thumb"): thumb}
+        else:
+            found[part] = mask
+    return found
+
+
+def part_of(capsule: str) -> str:
+    """The part that a capsule stands for, in whole or in part."""
+    whole = capsule
+    for ending in ENDINGS:
+        whole = whole.removesuffix(ending)
+    if whole.endswith("_pelvis"):
+        return "pelvis"
+    return whole.replace("thumb", "hand").replace("jaw", "head")
+
+
+def _inner(template: Array, part: Mask) -> Mask:
+    try:
+        planes = ConvexHull(template[part]).equations
+    except (QhullError, ValueError):
+        return np.zeros(len(part), dtype=bool)
+    depth = -(template @ planes[:, :3].T + planes[:, 3]).max(axis=1)
+    return np.asarray(depth > INNER)
+
 
 BESIDE = ("thigh_far", "upper_arm_far")  # of parts next to the torso, which may touch it
 STEPS = 25
@@ -38,7 +174,7 @@ def fit_capsules(body: SkinnedBody, people: int = 60, seed: int = 0) -> Capsules
     It takes a few seconds. Give them to a body of your own by
     `dataclasses.replace(body, capsules=fit_capsules(body))`. Where the body has a mirror, the
     capsules of both sides are mirror images. A pair may touch if the two parts are no neighbours
-    (`parts.separate`), and their capsules do not overlap in the rest pose. The half of a thigh or
+    (`separate`), and their capsules do not overlap in the rest pose. The half of a thigh or
     an upper arm that is far from the torso may touch the torso too, and that of an upper arm
     the neck.
 
@@ -120,10 +256,7 @@ def _gauss_newton(
 def _rows(
     capsule: Array, person: Array, part: Mask, tree: cKDTree, outward: Array, outside: float
 ) -> tuple[Array, Array]:
-    """Both distances of one person and their derivatives by the capsule, (rows,), (rows, 7).
-
-    Points of the capsule inside of the person that are nearer to another part count for nothing.
-    """
+    """Both distances of one person and their derivatives by the capsule, (rows,), (rows, 7)."""
     a, b, r = capsule[:3], capsule[3:6], capsule[6]
     distance, t, normal = _from_segment(person[part], a, b)
     scale = np.where(distance > r, outside, 1.0) / np.sqrt(len(distance))

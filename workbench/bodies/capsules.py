@@ -21,7 +21,7 @@ from workbench.blocks.checks import reals, texts
 from workbench.bodies.body import Given, arguments, why_not_skinned
 from workbench.bodies.forward import surface
 from workbench.bodies.forward.few_points import RestPoints
-from workbench.bodies.forward.named_points import BlockPoints
+from workbench.bodies.forward.named_points import BlockPoints, Maps
 from workbench.bodies.forward.sources import Arguments, BodySource
 from workbench.bodies.readonly import readonly, readonly_index
 from workbench.errors import BadBody
@@ -192,16 +192,11 @@ def capsule_points(body: SkinnedBody, pose: cs.MX, betas: cs.MX, trans: cs.MX) -
         ends = RestPoints.of_capsules(capsules).expression(G, cs.MX(0, 1), betas)
         return ends + cs.repmat(trans, 1, 2 * len(capsules.names))
 
+    def compute(maps: Maps) -> BlockPoints:
+        return BlockPoints(numeric.capsules(capsules), maps)
+
     names = capsules.end_names
-    posed = BodySource(
-        at,
-        len(names),
-        names,
-        (),
-        express,
-        lambda maps: BlockPoints(numeric.capsules(capsules), maps),
-    )
-    return Points.of(posed, "capsules")
+    return Points.of(BodySource(at, len(names), names, (), express, compute), "capsules")
 
 
 def capsule_ends(

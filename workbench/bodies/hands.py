@@ -11,7 +11,7 @@ from scipy.sparse import csr_array
 
 from workbench.arrays import Array
 from workbench.blocks import Points
-from workbench.blocks.composed_points import chosen, joined
+from workbench.blocks.composed_points import joined
 from workbench.bodies.body import Body, Landmarks
 from workbench.bodies.skinned import SkinnedBody
 from workbench.errors import BadBody, NotSupported
@@ -36,19 +36,14 @@ def hand_points(
     names = tuple(prefix + name for name in HAND_POINTS)
     known = {*body.joint_names, *(body.landmarks[TIPS].names if TIPS in body.landmarks else ())}
     if missing := [name for name in names if name not in known]:
-        two = "left_wrist" in known and side is None
-        instead = (
-            "say which hand, side='left' or side='right'"
-            if two
-            else "take the embedded body 'hand' or 'full-hands', or give one of MANO's a landmark "
-            "set called 'tips'"
-        )
         raise BadBody(
-            f"body {body.name!r} has no {', '.join(missing[:3])}, which a hand has; {instead}"
+            f"body {body.name!r} has no {', '.join(missing[:3])}, which a hand has; say which hand "
+            "of two (side='left'), take the embedded body 'hand' or 'full-hands', or give one of "
+            "MANO's a landmark set called 'tips'"
         )
     at = pose, betas, trans
     every = [body.joint_points(*at), body.landmark_points(TIPS, *at)]
-    return joined(every, names) if side is None else chosen(joined(every), names)
+    return joined(every, names)
 
 
 FLEXION, DEVIATION, TWIST = "flexion", "radial deviation", "twist"
@@ -176,9 +171,7 @@ def mirrored(body: SkinnedBody, name: str) -> SkinnedBody:
     Vertices and joints keep their numbers, and faces look outwards again. Where its pose is
     theta * (1, -1, -1) and trans is reflected, its vertices are those of the body reflected, for
     all betas. Names change sides (left_index1 becomes right_index1), and so do the pose spaces of
-    the hands of a whole body. What is a position or a direction in space (template, shapedirs,
-    posedirs) turns its x; a file of a left MANO whose shapedirs were not turned puts vertices
-    centimetres away.
+    the hands of a whole body.
 
     Raises NotSupported for a body that does not have SMPL's pose features, is bound in a pose, or
     has free arrays or capsules.

@@ -2,8 +2,9 @@
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import fields
+from functools import partial
 from types import MappingProxyType
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +13,6 @@ from scipy.sparse import csr_array, issparse
 from workbench.arrays import Array, Index
 from workbench.blocks.checks import numbers, reals, texts
 from workbench.errors import BadBody, NotNumbers
-
-T = TypeVar("T")
 
 
 def readonly(what: str, given: object) -> Array:
@@ -38,7 +37,12 @@ def readonly_index(what: str, given: object) -> Index:
 
 def readonly_matrix(what: str, given: object) -> csr_array:
     """A matrix, dense or sparse, as a csr_array of its own around read-only float64 parts."""
-    matrix: Any = given if issparse(given) else csr_array(_table(what, given))
+    matrix: Any = given
+    if not issparse(given):
+        table = reals(what, given)
+        if table.ndim != 2:
+            raise NotNumbers(what, f"one of shape {table.shape}", "real numbers with two axes")
+        matrix = csr_array(table)
     if matrix.dtype.kind not in "biuf":
         raise NotNumbers(what, f"a sparse matrix of {matrix.dtype}")
     kept = isinstance(matrix, csr_array) and matrix.dtype == np.float64
@@ -110,25 +114,12 @@ def readonly_parts(
     return parts | {"joint_names": texts(f"{who}: joint_names", body.joint_names, BadBody)}
 
 
-def parts_of(body: Any) -> dict[str, Any]:
-    """The fields from which a body was made, as pickling needs them."""
+def maker_of(body: Any) -> Callable[[], Any]:
+    """What makes the body again of its fields, as pickling needs it."""
     parts = {part.name: getattr(body, part.name) for part in fields(body) if part.init}
-    return {n: dict(v) if isinstance(v, MappingProxyType) else v for n, v in parts.items()}
-
-
-def remade(kind: Callable[..., T], parts: dict[str, Any]) -> T:
-    """A body of the parts of a pickle or a copy, which nothing else refers to."""
-    for part in parts.values():
-        if isinstance(part, np.ndarray):
-            locked(part)
-    return kind(**parts)
-
-
-def _table(what: str, given: object) -> Array:
-    found = reals(what, given)
-    if found.ndim != 2:
-        raise NotNumbers(what, f"one of shape {found.shape}", "real numbers with two axes")
-    return found
+    plain = {n: dict(v) if isinstance(v, MappingProxyType) else v for n, v in parts.items()}
+    kind: Callable[..., Any] = type(body)
+    return partial(kind, **plain)
 
 
 def _settled(array: NDArray[Any]) -> bool:

@@ -10,8 +10,7 @@ all of its vertices are vertices of the body. Each part keeps what it was traine
                     they do to the skin, and the pose space
 
 At rest the fingers are straight, as the hand's are: `unpose` finds the surface that the hand takes
-to the body's in the pose in which the body at rest holds its fingers. No vertex near the loop
-follows a finger, and the blend shapes of fingers are below a quarter of a millimetre there.
+to the body's in the pose in which the body at rest holds its fingers.
 """
 
 from __future__ import annotations
@@ -21,10 +20,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array, vstack
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse import csr_array, vstack
 
-from workbench.arrays import Array, Index, Mask
+from workbench.arrays import Array, Index
 from workbench.bodies.body import Landmarks
 from workbench.bodies.capsules import Capsules
 from workbench.bodies.files.joint_names import FINGERS, joint_names
@@ -33,7 +31,6 @@ from workbench.bodies.hands import FINGERS as FINGER_NAMES
 from workbench.bodies.hands import mirrored
 from workbench.bodies.readonly import locked
 from workbench.bodies.skinned import SkinnedBody
-from workbench.errors import BadBody
 from workbench.geometry.mirror import AXIAL, REFLECTION
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.geometry.surface_tree import barycentric_weights
@@ -54,21 +51,58 @@ MADE_OF = (
 )
 
 
-def with_hands(body: SkinnedBody, hand: SkinnedBody, sewing: Sewing, name: str) -> SkinnedBody:
+@dataclass(frozen=True, eq=False)
+class Sewing:
+    """N of the vertices of a body, triangles between them, and the hands that are among them.
+
+    Attributes:
+        origin: (N,) the number that each vertex has in the body, or would have in a hand of its.
+        faces: (F, 3).
+        mirror: (N,) the vertex on the other side of each.
+        hands: by side, the vertex (H,) that each vertex of the hand is.
+        held: (16, 3) rad, the pose of the hand in which the body at rest holds its fingers.
+    """
+
+    origin: Index
+    faces: Index
+    mirror: Index
+    hands: Mapping[str, Index]
+    held: Array
+
+    def of_hand(self, side: str, rows: csr_array) -> csr_array:
+        """Means of the vertices of a hand (M, H) as means of these, (M, N)."""
+        found = rows.tocoo()
+        columns, shape = self.hands[side][found.col], (rows.shape[0], len(self.origin))
+        return csr_array((found.data, (found.row, columns)), shape=shape)
+
+    def of_body(self, rows: csr_array, template: Array) -> csr_array:
+        """Means of the vertices of the body (M, N_body), `template` (N_body, 3) m, as of these.
+
+        The closest place on the surface stands for a vertex that is no longer there.
+        """
+        N, before = len(self.origin), len(template)
+        now = csr_array((np.ones(N), (self.origin, np.arange(N))), shape=(before, N))
+        gone = np.setdiff1d(rows.tocoo().col, self.origin)
+        if len(gone):
+            place = barycentric_weights(template[self.origin], self.faces, template[gone]).tocoo()
+            shares = csr_array((place.data, (gone[place.row], place.col)), shape=(before, N))
+            now = now + shares
+        return csr_array(rows @ now)
+
+
+def with_hands(body: SkinnedBody, hand: SkinnedBody, mesh: Sewing, name: str) -> SkinnedBody:
     """A body of 24 joints, alike on both sides, with the right hand and its mirror image.
 
     Its 52 joints are those of SMPL-H, its betas are those of the body, and its extras have the
-    names that the loader of SMPL-H in the package smplx reads. In the pose `sewing.held` of both
+    names that the loader of SMPL-H in the package smplx reads. In the pose `mesh.held` of both
     hands it is the body at rest, for all betas. Its landmarks are the body's `coco`, the same with
     the 21 points of each hand that COCO-WholeBody and OpenPose have (`coco_with_hands`), and the
     ends of its fingers (`tips`).
 
-    Raises BadBody for a body that does not know its other side.
     """
     hands = {"left": mirrored(hand, "left"), "right": hand}
-    mesh = sewn_mesh(body, hand.faces, sewing.vertices)
     template, shapedirs = body.template[mesh.origin], body.shapedirs[mesh.origin]
-    flat, directions = _straightened(body, hand, sewing)
+    flat, directions = _straightened(body, hand, mesh)
     for side, sign in SIGNS.items():
         template[mesh.hands[side]] = flat * sign
         shapedirs[mesh.hands[side]] = directions * sign[:, None]
@@ -92,24 +126,20 @@ def with_hands(body: SkinnedBody, hand: SkinnedBody, sewing: Sewing, name: str) 
             for key in hand.extras
             for side, array in ((side, one.extras[key]) for side, one in hands.items())
         },
-        capsules=_capsules(body, regressor @ template, slopes, sewing),
+        capsules=_capsules(body, regressor @ template, slopes, mesh),
     )
 
 
-def _straightened(body: SkinnedBody, hand: SkinnedBody, sewing: Sewing) -> tuple[Array, Array]:
+def _straightened(body: SkinnedBody, hand: SkinnedBody, mesh: Sewing) -> tuple[Array, Array]:
     """The right hand of the body with straight fingers, (H, 3) m, and its directions (H, 3, B)."""
-    at, held = sewing.vertices, sewing.held
+    at, held = mesh.origin[mesh.hands["right"]], mesh.held
     flat = unpose(hand, held, body.template[at])
     people = body.template[at] + np.moveaxis(body.shapedirs[at], 2, 0)
     return flat, np.stack([unpose(hand, held, one) - flat for one in people], axis=2)
 
 
-def _weights(body: SkinnedBody, hands: Hands, mesh: SewnMesh) -> Array:
-    """What a hand gives to its wrist is divided among the body's joints as the body does it.
-
-    At most four joints carry a vertex, as glTF and the page of sliders have it: where there would
-    be more, the body's smallest share goes.
-    """
+def _weights(body: SkinnedBody, hands: Hands, mesh: Sewing) -> Array:
+    """What a hand gives to its wrist is divided among the body's joints as the body does it."""
     weights, own = np.zeros((len(mesh.origin), len(JOINTS))), body.weights[mesh.origin]
     weights[:, :OF_BODY] = own[:, :OF_BODY]
     weights[:, list(WRISTS.values())] += own[:, OF_BODY:]  # of left_hand and right_hand
@@ -130,7 +160,7 @@ def _largest(shares: Array, counts: Index) -> Array:
     return np.asarray(np.divide(kept, totals, out=np.zeros_like(kept), where=totals > 0))
 
 
-def _posedirs(body: SkinnedBody, hands: Hands, mesh: SewnMesh) -> Array:
+def _posedirs(body: SkinnedBody, hands: Hands, mesh: Sewing) -> Array:
     posedirs = np.zeros((len(mesh.origin), 3, 9 * (len(JOINTS) - 1)))
     own = 9 * (OF_BODY - 1)
     posedirs[:, :, :own] = body.posedirs[mesh.origin, :, :own]
@@ -140,7 +170,7 @@ def _posedirs(body: SkinnedBody, hands: Hands, mesh: SewnMesh) -> Array:
     return posedirs
 
 
-def _regressor(body: SkinnedBody, hands: Hands, mesh: SewnMesh) -> csr_array:
+def _regressor(body: SkinnedBody, hands: Hands, mesh: Sewing) -> csr_array:
     """The joints (52, N) as means of vertices: down to the wrists by the body, then by the hand."""
     rows = [mesh.of_body(body.J_regressor[:OF_BODY], body.template)]
     rows += [mesh.of_hand(side, hand.J_regressor[1:]) for side, hand in hands.items()]
@@ -155,7 +185,7 @@ def _parents(body: SkinnedBody, hand: SkinnedBody) -> tuple[int, ...]:
 
 
 def _landmarks(
-    body: SkinnedBody, hands: Hands, mesh: SewnMesh, joints: csr_array
+    body: SkinnedBody, hands: Hands, mesh: Sewing, joints: csr_array
 ) -> dict[str, Landmarks]:
     """The sets `coco`, `coco_with_hands`, whose joints are means of skin, and `tips`."""
     coco = body.landmarks["coco"]
@@ -179,17 +209,13 @@ def _landmarks(
     }
 
 
-def _capsules(body: SkinnedBody, joints: Array, slopes: Array, sewing: Sewing) -> Capsules | None:
-    """The body's capsules; that of four fingers moves with the middle finger's first joint.
-
-    At rest it is straightened with this joint. `joints` (52, 3) m and `slopes` (52, 3, B) say where
-    joints are.
-    """
+def _capsules(body: SkinnedBody, joints: Array, slopes: Array, mesh: Sewing) -> Capsules | None:
+    """The body's capsules; that of four fingers moves with the middle finger's first joint."""
     if body.capsules is None:
         return None
     parts = body.capsules.arrays()
     number, ends, end_slopes = (parts[key].copy() for key in ("joints", "ends", "end_slopes"))
-    held = sewing.held[1 + FINGERS.index("middle1")]
+    held = mesh.held[1 + FINGERS.index("middle1")]
     for side, before in (("left", OF_BODY), ("right", OF_BODY + 1)):
         middle, own = JOINTS.index(f"{side}_middle1"), np.flatnonzero(number == before)
         back = matrix_from_vector(held * (AXIAL if side == "left" else 1)).T
@@ -200,7 +226,7 @@ def _capsules(body: SkinnedBody, joints: Array, slopes: Array, sewing: Sewing) -
     return Capsules.from_arrays(parts | found)
 
 
-def _card(body: SkinnedBody, hand: SkinnedBody, mesh: SewnMesh, name: str) -> dict[str, Any]:
+def _card(body: SkinnedBody, hand: SkinnedBody, mesh: Sewing, name: str) -> dict[str, Any]:
     made = MADE_OF.format(body=body.name, hand=hand.name)
     counts = {"n_vertices": len(mesh.origin), "n_faces": len(mesh.faces)}
     parts = body, hand
@@ -218,99 +244,3 @@ def _card(body: SkinnedBody, hand: SkinnedBody, mesh: SewnMesh, name: str) -> di
             for one in parts
         },
     }
-
-
-@dataclass(frozen=True, eq=False)
-class Sewing:
-    """Where the right hand is on a body that is alike on both sides.
-
-    Attributes:
-        vertices: (H,) the vertex of the body that each vertex of the hand is.
-        held: (16, 3) rad, the pose of the hand in which the body at rest holds its fingers.
-    """
-
-    vertices: Index
-    held: Array
-
-
-@dataclass(frozen=True, eq=False)
-class SewnMesh:
-    """N of the vertices of a body, and triangles between them.
-
-    Attributes:
-        origin: (N,) the number that each vertex has in the body.
-        faces: (F, 3).
-        mirror: (N,) the vertex on the other side of each.
-        hands: by side, the vertex (H,) that each vertex of the hand is.
-    """
-
-    origin: Index
-    faces: Index
-    mirror: Index
-    hands: Mapping[str, Index]
-
-    def of_hand(self, side: str, rows: csr_array) -> csr_array:
-        """Means of the vertices of a hand (M, H) as means of these, (M, N)."""
-        found = rows.tocoo()
-        columns, shape = self.hands[side][found.col], (rows.shape[0], len(self.origin))
-        return csr_array((found.data, (found.row, columns)), shape=shape)
-
-    def of_body(self, rows: csr_array, template: Array) -> csr_array:
-        """Means of the vertices of the body (M, N_body), `template` (N_body, 3) m, as of these.
-
-        The closest place on the surface stands for a vertex that is no longer there.
-        """
-        N, before = len(self.origin), len(template)
-        now = csr_array((np.ones(N), (self.origin, np.arange(N))), shape=(before, N))
-        gone = np.setdiff1d(rows.tocoo().col, self.origin)
-        if len(gone):
-            place = barycentric_weights(template[self.origin], self.faces, template[gone]).tocoo()
-            shares = csr_array((place.data, (gone[place.row], place.col)), shape=(before, N))
-            now = now + shares
-        return csr_array(rows @ now)
-
-
-def border(faces: Index, count: int) -> Mask:
-    """Which of `count` vertices are on the border of a surface that is open."""
-    ends = np.sort(_edges(faces))
-    edges, times = np.unique(ends, axis=0, return_counts=True)
-    found = np.zeros(count, dtype=bool)
-    found[edges[times == 1]] = True
-    return found
-
-
-def sewn_mesh(body: SkinnedBody, faces: Index, right: Index) -> SewnMesh:
-    """The body's mesh, cut along the border of the right hand and its mirror image.
-
-    `faces` (F, 3) are the triangles of the hand, `right` (H,) the body's vertices that are its own.
-    Raises BadBody for a body that does not know its other side.
-    """
-    if body.mirror is None:
-        raise BadBody(f"body {body.name!r} has no mirror, which hands on both sides need")
-    on_border = border(faces, len(right))
-    inner = right[~on_border]
-    beyond = _cut_off(body, right[on_border], inner[0])
-    gone = beyond | beyond[body.mirror]
-    origin = np.concatenate([np.flatnonzero(~gone), inner, body.mirror[inner]])
-    place = np.full(body.n_vertices, -1)
-    place[origin] = np.arange(len(origin))
-    hands = {"left": place[body.mirror[right]], "right": place[right]}
-    own = place[body.faces[~gone[body.faces].any(axis=1)]]
-    turned = faces[:, [0, 2, 1]]  # in the mirror, so that they face outwards
-    triangles = np.concatenate([own, hands["right"][faces], hands["left"][turned]])
-    return SewnMesh(origin, triangles, place[body.mirror[origin]], hands)
-
-
-def _cut_off(body: SkinnedBody, loop: Index, inside: int) -> Mask:
-    """The vertices (N,) on that side of a loop of edges on which the vertex `inside` is."""
-    ends = _edges(body.faces)
-    ends = ends[~np.isin(ends, loop).any(axis=1)]
-    N = body.n_vertices
-    graph = coo_array((np.ones(len(ends)), ends.T), shape=(N, N))
-    _, part = connected_components(graph, directed=False)
-    found: Mask = part == part[inside]
-    return found
-
-
-def _edges(faces: Index) -> Index:
-    return np.concatenate([np.roll(faces, k, axis=1)[:, :2] for k in range(3)])

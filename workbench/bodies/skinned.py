@@ -24,7 +24,6 @@ from workbench.bodies.body import (
     of_joints,
 )
 from workbench.bodies.capsules import Capsules
-from workbench.bodies.forward.features import Features, rotation_elements
 from workbench.bodies.forward.mesh import batch_points
 from workbench.bodies.forward.motion import Kinematics
 from workbench.bodies.forward.posed_points import BodyNumbers
@@ -35,7 +34,7 @@ from workbench.bodies.forward.sources import (
     landmark_points,
     surface_points,
 )
-from workbench.bodies.forward.surface import ALL
+from workbench.bodies.forward.surface import ALL, Features, rotation_elements
 from workbench.bodies.readonly import readonly_parts
 from workbench.bodies.validation import check_skinned, chosen_vertices
 from workbench.errors import BadBody
@@ -50,36 +49,24 @@ class SkinnedBody(Body):
     Metres, y up, facing +z. The arrays are numbers; those in `free` are symbols in every
     expression as well, so that training a body is a fit with other names free.
 
-    `extras`, such as the principal components of MANO's hands, go where the body goes, and
-    `save_body` writes them back.
-
     Raises BadBody if the arrays do not fit together. `freed` takes `joints` (K, 3) m as well: the
     joints at rest of every person, in place of J_regressor. `with_values` makes them
     `rest_joints`; J_regressor is kept, but does not find them: train it on bodies of several
     shapes, and then replace `rest_joints` by None.
 
-    Attributes:
-        template: (N, 3) m, the mean rest surface.
+    Attributes (beside those of every Body):
         shapedirs: (N, 3, B) m per unit of betas.
         posedirs: (N, 3, F) m per unit of pose feature; F is 9 (K - 1) as in SMPL, and
             4 (K - 1) + 1 as in STAR.
         J_regressor: (K, N) from rest vertices to joints; rows sum to one.
         weights: (N, K) skinning weights; rows sum to one.
-        parents: (K,) with parents[0] == -1 and parents[k] < k.
-        faces: (F, 3).
-        joint_names: (K,).
         mirror: (N,) the vertex on the other side of each, or None.
-        landmarks: sets of landmarks by name.
         skinning: how the motions of joints are blended.
         features: the functions of the pose that posedirs are multiplied with; those of STAR are
             functions of beta_2 as well.
-        name: what the body is called.
-        card: where its numbers come from.
         bound_in: (K, 3) rad, the pose that the template is drawn in; None is the zero pose.
         rest_joints: (K, 3) m, the same for everybody; None if J_regressor finds each person's.
-        extras: arrays of its file that nothing computes with.
         capsules: tubes with round ends that stand for it in self-contact; see `fit_capsules`.
-        free: the arrays that are unknowns, as blocks by name.
     """
 
     template: Array
@@ -213,9 +200,7 @@ class SkinnedBody(Body):
         if self.is_smpl:
             surfaces = batch_points(numeric.chunks, numeric.kinematics.motion(theta, beta), beta)
         else:
-            each = zip(theta, beta, strict=True)
-            alone = [np.asarray(numeric.skinned_rest(t.T, b)).T for t, b in each]
-            surfaces = np.array(alone).reshape(len(theta), self.n_vertices, 3)
+            surfaces = _each(numeric.skinned_rest, self.n_vertices, theta, beta)
         return (surfaces + move[:, None]).reshape(*batch, self.n_vertices, 3)
 
     def joints(self, pose: Given = None, betas: Given = None, trans: Given = None) -> Array:
@@ -238,12 +223,8 @@ class SkinnedBody(Body):
         if self.is_smpl:
             points = self.numeric.landmarks(landmarks).evaluate_batch(theta, beta, move, moved)
         else:
-            posed, each = (
-                self.numeric.displaced_rest(landmarks),
-                zip(theta, beta, moved, strict=True),
-            )
-            alone = [np.asarray(posed(t.T, b, o.T)).T for t, b, o in each]
-            points = np.array(alone).reshape(len(theta), count, 3) + move[:, None]
+            posed = self.numeric.displaced_rest(landmarks)
+            points = _each(posed, count, theta, beta, moved) + move[:, None]
         return points.reshape(*batch, count, 3)
 
     @cached_property
@@ -260,3 +241,9 @@ class SkinnedBody(Body):
     def kinematics(self) -> Kinematics:
         """The joints' motions and their derivatives in numbers."""
         return self.numeric.kinematics
+
+
+def _each(graph: cs.Function, count: int, *arguments: Array) -> Array:
+    """The points (M, count, 3) of a graph at each of M arguments."""
+    found = [np.asarray(graph(*(a.T for a in one))).T for one in zip(*arguments, strict=True)]
+    return np.array(found).reshape(len(arguments[0]), count, 3)

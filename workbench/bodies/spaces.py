@@ -43,11 +43,8 @@ class PoseSpace:
             self.__dict__[key] = readonly(f"{key} of a pose space", getattr(self, key))
         J, C = len(self.joints), len(np.atleast_1d(self.deviations))
         for key, shape in (("mean", (J, 3)), ("components", (C, J, 3)), ("deviations", (C,))):
-            if getattr(self, key).shape != shape:
-                raise BadBody(
-                    f"{key} of a pose space of {J} joints and {C} components have shape "
-                    f"{getattr(self, key).shape}, but must be {shape}"
-                )
+            if (found := getattr(self, key).shape) != shape:
+                raise BadBody(f"{key} of a pose space has shape {found}, but must be {shape}")
         if not (self.deviations > 0).all():
             raise BadBody("deviations of a pose space must be above zero")
 
@@ -58,11 +55,7 @@ class PoseSpace:
 
     def first(self, count: int) -> "PoseSpace":
         """The space of the first components alone. Raises BadArgument if there are fewer."""
-        if not 0 <= count <= self.n_components:
-            raise BadArgument(
-                f"the pose space has {self.n_components} components; ask for 0 to so many, not "
-                f"{count}"
-            )
+        _check_count("components", count, self.n_components)
         return replace(self, components=self.components[:count], deviations=self.deviations[:count])
 
     def block(self, prefix: str = "") -> Block:
@@ -117,6 +110,11 @@ class PoseSpace:
         return [body.joint_names.index(joint) for joint in self.joints]
 
 
+def _check_count(what: str, count: int, there: int) -> None:
+    if not 0 <= count <= there:
+        raise BadArgument(f"there are {there} {what}; ask for 0 to so many, not {count}")
+
+
 SIDES = {"left": "l", "right": "r"}  # how keys of SMPL-H's files end
 
 
@@ -142,22 +140,15 @@ def pose_space(body: Body, count: int | None = None, side: str | None = None) ->
     if side is not None and side not in SIDES:
         raise UnknownName("side", str(side), SIDES)
     if {"hands_meanl", "hands_meanr"} <= body.extras.keys():
-        wanted = [side] if side is not None else list(SIDES)
-        return _beside([_of_side(body, one, count) for one in wanted])
-    space = _space(body, "", body.joint_names[1:])
+        spaces = []
+        for one in [side] if side is not None else list(SIDES):
+            fingers = {f"{one}_{finger}" for finger in FINGERS}
+            joints = tuple(name for name in body.joint_names if name in fingers)
+            spaces.append(_space(body, SIDES[one], joints, count))
+        return _beside(spaces)
     if side is not None:
         raise BadBody(f"body {body.name!r} has one hand; ask for its pose space without a side")
-    return space if count is None else space.first(count)
-
-
-def _of_side(body: Body, side: str, count: int | None) -> PoseSpace:
-    joints = tuple(name for name in body.joint_names if name in _fingers(side))
-    space = _space(body, SIDES[side], joints)
-    return space if count is None else space.first(count)
-
-
-def _fingers(side: str) -> frozenset[str]:
-    return frozenset(f"{side}_{finger}" for finger in FINGERS)
+    return _space(body, "", body.joint_names[1:], count)
 
 
 def _beside(spaces: list[PoseSpace]) -> PoseSpace:
@@ -175,8 +166,8 @@ def _beside(spaces: list[PoseSpace]) -> PoseSpace:
     )
 
 
-def _space(body: Body, end: str, joints: tuple[str, ...]) -> PoseSpace:
-    """The space of some joints, from the entries whose keys have this end."""
+def _space(body: Body, end: str, joints: tuple[str, ...], count: int | None) -> PoseSpace:
+    """The first components of the space of some joints, from entries whose keys have this end."""
     keys, extras = (f"hands_mean{end}", f"hands_components{end}"), body.extras
     if not {*keys} <= extras.keys():
         raise BadBody(
@@ -192,11 +183,11 @@ def _space(body: Body, end: str, joints: tuple[str, ...]) -> PoseSpace:
             f"{mean.shape} and {keys[1]} of shape {rows.shape}"
         )
     if not (np.isfinite(mean).all() and np.isfinite(rows).all()):
-        raise BadBody(
-            f"body {body.name!r} has numbers in {keys[0]} or {keys[1]} that are not finite"
-        )
+        raise BadBody(f"body {body.name!r} has numbers in {' or '.join(keys)} that are not finite")
     components = rows.reshape(len(rows), len(joints), 3)
-    return PoseSpace(joints, mean.reshape(-1, 3), components, _deviations(extras, end, len(rows)))
+    deviations = _deviations(extras, end, len(rows))
+    space = PoseSpace(joints, mean.reshape(-1, 3), components, deviations)
+    return space if count is None else space.first(count)
 
 
 def _deviations(extras: Mapping[str, NDArray[Any]], end: str, count: int) -> Array:
@@ -235,23 +226,9 @@ class ShapeSpace:
 
         Raises BadArgument if there are fewer.
         """
-        for what, count, there in (
-            ("shape", shape, self.shape),
-            ("expression", expression, self.expression),
-        ):
-            if not 0 <= count <= len(there):
-                raise BadArgument(
-                    f"there are {len(there)} coefficients of {what}; ask for 0 to so many, not "
-                    f"{count}"
-                )
+        _check_count("coefficients of shape", shape, len(self.shape))
+        _check_count("coefficients of expression", expression, len(self.expression))
         return replace(self, shape=self.shape[:shape], expression=self.expression[:expression])
-
-    def blocks(self, prefix: str = "") -> tuple[Block, Block]:
-        """New blocks `shape` (S,) and `expression` (E,): list them among a problem's `blocks`."""
-        return (
-            Block(prefix + "shape", (len(self.shape),), "sd"),
-            Block(prefix + "expression", (len(self.expression),), "sd"),
-        )
 
     def betas(self, shape: cs.MX, expression: cs.MX | None = None) -> cs.MX:
         """The betas (B, 1) of a shape (S, 1) and an expression (E, 1), zero without one.

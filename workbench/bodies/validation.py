@@ -15,7 +15,7 @@ from workbench.blocks.checks import numbers
 from workbench.bodies.body import Body, Landmarks
 from workbench.bodies.capsules import Capsules
 from workbench.bodies.files.reading import SKINNED, TRIANGLES, clashes
-from workbench.bodies.forward.features import count_features, rotation_elements
+from workbench.bodies.forward.surface import count_features, rotation_elements
 from workbench.errors import BadBody, BadMesh, NotNumbers
 from workbench.geometry.triangles import gradients
 
@@ -84,17 +84,14 @@ def check_triangles(body: TriangleBody) -> None:
         "weights": (F, K),
     }
     _check_arrays(refuse, body, shapes, "face", TRIANGLES)
-    outside = (body.near < 1) | (body.near >= K)
-    if outside.any():
-        face = int(np.argmax(outside.any(axis=1)))
+    wrong = ((body.near < 1) | (body.near >= K)).any(axis=1)
+    wrong |= (np.diff(np.sort(body.near, axis=1), axis=1) == 0).any(axis=1)
+    if wrong.any():
+        face = int(np.argmax(wrong))
         refuse(
-            f"face {face} is near the joints {body.near[face].tolist()}, but joints that bend "
-            f"are 1 to {K - 1}"
+            f"face {face} is near the joints {body.near[face].tolist()}, but must be near "
+            f"different ones of 1 to {K - 1}"
         )
-    twice = np.diff(np.sort(body.near, axis=1), axis=1) == 0
-    if twice.any():
-        face = int(np.argmax(twice.any(axis=1)))
-        refuse(f"face {face} is near the joints {body.near[face].tolist()}: one of them twice")
     try:
         parts = body.stitching.n_components
         with np.errstate(over="ignore", invalid="ignore"):  # what overflows has no area
@@ -176,9 +173,10 @@ def check_shapes(
     """Refuse an array of another shape than is expected."""
     for name, expected in shapes.items():
         shape = array(name).shape
-        if len(shape) != len(expected) or any(
-            not isinstance(size, str) and size != n for n, size in zip(shape, expected, strict=True)
-        ):
+        sizes = [
+            n if isinstance(one, str) else one for n, one in zip(shape, expected, strict=False)
+        ]
+        if len(shape) != len(expected) or tuple(sizes) != shape:
             refuse(f"{name} has shape {shape}, but must be ({', '.join(map(str, expected))})")
 
 
@@ -193,10 +191,7 @@ def _check_finite(refuse: Refuse, name: str, array: NDArray[Any] | csr_array) ->
 
 
 def _check_sizes(refuse: Refuse, body: Body, names: Iterable[str]) -> None:
-    """Refuse arrays of positions or directions in metres (N, 3, ...) with entries beyond FARTHEST.
-
-    A body of a person in millimetres is refused as well: residuals, priors and starts are in m.
-    """
+    """Refuse positions or directions in metres (N, 3, ...) with entries beyond FARTHEST."""
     for name in names:
         array = np.abs(getattr(body, name))
         if array.size and (largest := float(array.max())) > FARTHEST:
@@ -220,12 +215,10 @@ def _check_rows(refuse: Refuse, name: str, rows: Array | csr_array, row: str) ->
 def _check_landmarks(refuse: Refuse, sets: Mapping[str, Landmarks], N: int) -> None:
     """Refuse sets of landmarks whose names cannot be used, or that do not fit the mesh."""
     for name, landmarks in sets.items():
-        if not isinstance(name, str):
-            refuse(f"a set of landmarks has a text for a name, not {name!r}")
-        if name == "joints":
+        if not isinstance(name, str) or name == "joints":
             refuse(
-                "a set of landmarks called 'joints' could not be reached, for that is what the "
-                "body's own joints are called; give it another name"
+                f"a set of landmarks cannot be called {name!r}: its name is a text, and 'joints' "
+                "are the body's own joints"
             )
         if not isinstance(landmarks, Landmarks):
             refuse(
@@ -249,7 +242,7 @@ def chosen_vertices(body: Body, vertices: object) -> list[int]:
     except NotNumbers as error:
         raise BadBody(f"{error}; {there}") from None
     if found.dtype == bool and found.shape == (N,):
-        return [int(vertex) for vertex in np.flatnonzero(found)]
+        found = np.flatnonzero(found)
     if found.ndim != 1 or (found.size and found.dtype.kind not in "iu"):
         raise BadBody(
             f"{there}; choose some by a list of whole numbers, or by a mask of shape ({N},), "

@@ -24,7 +24,7 @@ import numpy as np
 
 from workbench.arrays import Array, Index
 from workbench.blocks import Block, Layout
-from workbench.blocks.tree import Rest
+from workbench.blocks.points import Rest
 from workbench.diagnostics.words import LENGTHS, in_space, listed, rows_of
 from workbench.geometry.rotation import inverse_left_jacobian
 from workbench.problem import Problem

@@ -14,7 +14,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.blocks import Layout, Tree
-from workbench.blocks.directions import in_units, signed
+from workbench.blocks.layout import in_units, signed
 from workbench.diagnostics.active_set import ConstrainedJacobian
 from workbench.diagnostics.bases import MANY, beyond, null_basis, sparsest
 from workbench.diagnostics.gauges import PART, SAME, Found, Gauge, GaugeMotion, NullSpace, gauges

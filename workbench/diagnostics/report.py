@@ -1,6 +1,6 @@
 """A diagnosis in words: what it found, a summary, and the whole report section by section."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -400,9 +400,12 @@ def _known(d: "Diagnosis") -> Iterator[str]:
         spread = f"{finite.min():.2g} .. {finite.max():.2g}" if finite.size else "-"
         counts = [known.verdicts[at].count(v) for v in reversed(EntryIdentifiability)]
         rows.append((block.name, block.unit, spread, *map(str, counts)))
-    yield from table(("block", "unit", "sigma", *VERDICTS), rows)
-    means = zip(VERDICTS, reversed(EntryIdentifiability), strict=True)
-    yield "; ".join(f"{head}: {verdict.value}" for head, verdict in means)
+    used = [verdict in known.verdicts for verdict in reversed(EntryIdentifiability)]
+    kept = [0, 1, 2, *(3 + k for k, some in enumerate(used) if some)]  # 80 columns hold three more
+    head = ("block", "unit", "sigma", *VERDICTS)
+    yield from table([head[k] for k in kept], [[row[k] for k in kept] for row in rows])
+    means = zip(VERDICTS, reversed(EntryIdentifiability), used, strict=True)
+    yield "; ".join(f"{head}: {verdict.value}" for head, verdict, some in means if some)
     if not d.weak_count:
         yield f"the characteristic scales are, {d.scales}"
     for a, b, c in known.correlations[:3]:
@@ -412,21 +415,30 @@ def _known(d: "Diagnosis") -> Iterator[str]:
 def _contributions(d: "Diagnosis") -> Iterator[str]:
     if not d.contributions:
         return
-    names, rows = d.free.names, []
-    for c in d.contributions:
-        sigmas = [(c.sigma_without[n], c.sigma_with[n]) for n in names]
-        both = [changed(*pair, lambda sigma: f"{sigma:.2g}") for pair in sigmas]
-        rows.append((c.residual, str(c.rank_without), str(c.rank_with), *both))
-    header = ("residual", "rank without", "with", *(f"sigma {n}" for n in names))
-    yield from table(header, rows)
+    names, unknown = compared_blocks(d)
+    whole = d.contributions[0]
+
+    def row(name: str, rank: int, sigma: Mapping[str, float]) -> tuple[str, ...]:
+        known = (f"{sigma[n]:.2g}" if np.isfinite(sigma[n]) else "unknown" for n in names)
+        return name, str(rank), *known
+
+    rows = [row("nothing", whole.rank_with, whole.sigma_with)]
+    rows += [row(c.residual, c.rank_without, c.sigma_without) for c in d.contributions]
+    yield from table(("left out", "rank", *(f"sigma {n}" for n in names)), rows)
+    if unknown:
+        yield f"with or without any one of them the sigmas of {joined(unknown)} are unknown"
 
 
-def changed(without: float, with_it: float, number: Callable[[float], str]) -> str:
-    """`0.3 -> 0.1`: a sigma without a residual and with it; infinite is called unknown."""
-    if np.isinf(without) and np.isinf(with_it):
-        return "unknown"
-    first = "unknown" if np.isinf(without) else number(without)
-    return f"{first} -> {'unknown' if np.isinf(with_it) else number(with_it)}"
+def compared_blocks(d: "Diagnosis") -> tuple[list[str], list[str]]:
+    """The blocks whose sigmas are known with or without some residual, and the others."""
+    known = {
+        name
+        for c in d.contributions
+        for name in d.free.names
+        if np.isfinite([c.sigma_without[name], c.sigma_with[name]]).any()
+    }
+    names = d.free.names
+    return [n for n in names if n in known], [n for n in names if n not in known]
 
 
 def _checked(d: "Diagnosis") -> Iterator[str]:

@@ -11,7 +11,7 @@ from scipy.sparse import csc_array, hstack
 
 from workbench.arrays import Array, Index
 from workbench.blocks import Layout
-from workbench.blocks.directions import in_units
+from workbench.blocks.layout import in_units
 from workbench.diagnostics.bases import beyond, null_basis
 from workbench.diagnostics.gauges import Found, Gauge, NullSpace, gauges
 from workbench.diagnostics.joint_motions import JointNullMotion, joint_motions

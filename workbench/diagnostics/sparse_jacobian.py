@@ -34,7 +34,7 @@ from workbench.arrays import Array, Mask
 from workbench.diagnostics.bases import row_space
 from workbench.errors import TooLarge
 from workbench.problem import Linearization
-from workbench.problem.spectrum import largest_eigenpairs, largest_eigenvalue
+from workbench.problem.linearization import largest_eigenpairs, largest_eigenvalue
 from workbench.problem.steps import EPS
 from workbench.problem.storage import Matrix, scaled_sparse, unblocked
 

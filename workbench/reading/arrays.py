@@ -31,16 +31,11 @@ from workbench.arrays import Array, Index, Mask
 from workbench.errors import BadFile, cut, listed
 
 LONGEST_REASON = 400  # characters: what a file says may be as long as it likes
-DAMAGE: tuple[type[Exception], ...] = (
-    # zipfile: no archive, a member that is cut off, packed in a way that zipfile does not
-    # implement (NotImplementedError), or that has a password (RuntimeError)
+DAMAGE: tuple[type[Exception], ...] = (  # what zipfile and numpy's parser of headers raise
     *(zipfile.BadZipFile, zlib.error, EOFError, OSError, NotImplementedError, RuntimeError),
-    *(struct.error, KeyError, IndexError),
-    # numpy's parser of headers calls ast.literal_eval, tokenize and np.dtype on what it finds;
-    # ValueError includes text that cannot be decoded, RuntimeError expressions that are too deep
+    *(struct.error, KeyError, IndexError, OverflowError, MemoryError),
     *(ValueError, SyntaxError, tokenize.TokenError, TypeError, AttributeError),
-    *(OverflowError, MemoryError),
-    Warning,  # of either, where the caller turns warnings into errors
+    Warning,  # where the caller turns warnings into errors
 )
 
 
@@ -211,7 +206,6 @@ class Archive:
         self._members = {
             m.filename.removesuffix(".npy"): m for m in members if m.filename.endswith(".npy")
         }
-        self._short: dict[str, bytes] = {}  # members whose first bytes are all, until they are read
         self.others = tuple(m.filename for m in members if not m.filename.endswith(".npy"))
         if not self._members:
             raise BadFile("it is a zip archive without arrays, not an .npz file")
@@ -229,10 +223,7 @@ class Archive:
             raise BadFile(f"{name} is an array of Python objects, which are not read")
         with damage(name):
             content = np.empty(header.count * header.dtype.itemsize, dtype=np.uint8)
-            if name in self._short:
-                content[:] = np.frombuffer(self._short.pop(name), np.uint8)[header.start :]
-            else:
-                self._fill(content, name)
+            self._fill(content, name)
             array: NDArray[Any] = content.view(header.dtype)
             array = array.reshape(header.shape, order="F" if header.fortran else "C")
             if array.dtype.kind == "U":
@@ -245,7 +236,6 @@ class Archive:
         with damage(name):
             content = np.empty(member.file_size - self.headers[name].start, dtype=np.uint8)
             self._fill(content, name)
-        self._short.pop(name, None)
         return content.tobytes()
 
     def _check_memory(self, asked: int) -> None:
@@ -261,11 +251,8 @@ class Archive:
         if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
             raise BadFile(f"{name} is compressed in another way than NumPy compresses arrays")
         with damage(name), self._archive.open(member) as stream:
-            head = stream.read(LONGEST_HEADER)
-            header = header_of(head)
+            header = header_of(stream.read(LONGEST_HEADER))
             header.check(member.file_size)
-        if member.file_size <= LONGEST_HEADER:
-            self._short[name] = head
         return header
 
     def _fill(self, content: NDArray[np.uint8], name: str) -> None:
@@ -282,11 +269,7 @@ class Archive:
 
 
 class _InPieces:
-    """A file that gives no more than `LONGEST_READ` bytes at once.
-
-    zipfile reads an archive's directory in one piece and makes an object of each of its entries,
-    of which there may be as many as the file has bytes for; numbers it reads in small pieces.
-    """
+    """A file that gives no more than `LONGEST_READ` bytes at once."""
 
     def __init__(self, file: BinaryIO) -> None:
         self._file, self.seek, self.tell = file, file.seek, file.tell
@@ -421,10 +404,7 @@ def check_numbers(name: str, numbers: Index, end: int) -> None:
 def _compare(
     name: str, header: Header, wanted: Expected, sizes: dict[str, tuple[int, str]]
 ) -> None:
-    """Raise BadFile unless a header says what is expected.
-
-    `sizes` are those of the letters so far, each with the first array that has it.
-    """
+    """Raise BadFile unless a header says what is expected."""
     kind, shape = f"{header.dtype.kind}{header.dtype.itemsize}", header.shape
     empty = wanted.kind is texts and kind == "f8" and not header.count  # as numpy writes []
     if not empty and kind not in wanted.kind.types and kind[0] not in wanted.kind.types:
@@ -440,13 +420,9 @@ def _compare(
     )
     if not fits:
         raise BadFile(
-            f"{name} has shape {shape}, but must be {_written_shape(wanted.shape)}"
+            f"{name} has shape {shape}, but must be {str(wanted.shape).replace(chr(39), '')}"
             f"{' with ' if known else ''}{' and '.join(known)}"
         )
-
-
-def _written_shape(shape: tuple[Size, ...]) -> str:
-    return f"({', '.join(map(str, shape))}{',' if len(shape) == 1 else ''})"
 
 
 def _finite(array: NDArray[Any]) -> Array:

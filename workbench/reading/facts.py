@@ -70,19 +70,14 @@ def bounded(path: str | Path, most: int = MOST_BYTES) -> bytes:
 
 def parsed(text: str | bytes | bytearray) -> Any:
     """The value of a JSON text. Raises BadFile, also if an object has two entries of one name."""
-    lists, most = _count_lists(text), FREE_LISTS + len(text) // BYTES_OF_LIST
+    raw = text.encode(errors="replace") if isinstance(text, str) else text
+    lists, most = raw.count(b"[") + raw.count(b"{"), FREE_LISTS + len(text) // BYTES_OF_LIST
     if lists > most:
         raise BadFile(f"it holds {lists:,} lists and objects, too many for its {len(text):,} bytes")
     try:
         return json.loads(text, object_pairs_hook=_unequal)
     except (ValueError, RecursionError, MemoryError) as error:  # also text that is not UTF-8
         raise BadFile(f"{type(error).__name__}: {cut(error)}") from error
-
-
-def _count_lists(text: str | bytes | bytearray) -> int:
-    if isinstance(text, str):
-        return text.count("[") + text.count("{")
-    return text.count(b"[") + text.count(b"{")
 
 
 def _unequal(entries: list[tuple[str, Any]]) -> dict[str, Any]:

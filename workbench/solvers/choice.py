@@ -11,7 +11,7 @@ import numpy as np
 from workbench.blocks import Values
 from workbench.errors import BadArgument, TooLarge
 from workbench.problem import Problem
-from workbench.problem.rounding import half_squared
+from workbench.problem.optimality import half_squared
 
 STEEP = 0.25  # gain ratio of a full Gauss-Newton step below which the linear model is not trusted
 ILL = 1e6  # condition of the columns of length one

@@ -16,11 +16,11 @@ import numpy as np
 
 from workbench.arrays import Array, Mask
 from workbench.blocks import Values
-from workbench.blocks.directions import in_units
+from workbench.blocks.layout import in_units
 from workbench.errors import some_of
 from workbench.geometry.rotation import wrapped_to_pi
 from workbench.problem import Linearization, Problem
-from workbench.problem.rounding import decrease, half_squared
+from workbench.problem.optimality import decrease, half_squared
 from workbench.problem.steps import EPS
 from workbench.solvers.limits import Stop
 from workbench.solvers.no_minimum import (

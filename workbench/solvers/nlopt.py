@@ -12,7 +12,7 @@ from workbench.blocks import Values
 from workbench.errors import check_known
 from workbench.problem import Linearization, Problem
 from workbench.problem.constraints import ConstraintSet
-from workbench.problem.rounding import all_finite
+from workbench.problem.optimality import all_finite
 from workbench.solvers.abilities import Abilities, Boxes, Derivative
 from workbench.solvers.judgement import BOUGHT
 from workbench.solvers.limits import Limits, Stop

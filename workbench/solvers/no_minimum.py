@@ -22,7 +22,7 @@ import scipy.linalg
 
 from workbench.arrays import Array, Mask
 from workbench.problem import Linearization, Problem
-from workbench.problem.rounding import FACTOR, Rounding, decrease, half_squared
+from workbench.problem.optimality import FACTOR, Rounding, decrease, half_squared
 from workbench.problem.steps import EPS, factor_of
 from workbench.solvers.solution import Evaluations, Iterate
 

@@ -1,7 +1,6 @@
 """What is wrong with the file of a body model, in sentences that say what to do about it.
 
-A check is a function from `ModelArrays`, which reads each array by itself, to findings: `arrays`
-has those of sums, faces and landmarks, the order of joints, and betas; `places` those of unit,
-axes, sides and hands. To add one, write such a function and a faulty file for its test; the
-embedded bodies must stay without findings.
+A check is a function from `ModelArrays`, which reads each array by itself, to findings. To add
+one, write such a function in `findings`, and a faulty file for its test; the embedded bodies must
+stay without findings.
 """

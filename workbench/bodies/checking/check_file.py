@@ -1,29 +1,19 @@
 """Checking the file of a body model: a card, and findings with what to do about each."""
 
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from workbench.bodies.checking.arrays import about_numbers, about_spaces, about_tree, model_of
+from workbench.bodies.checking import findings as about
 from workbench.bodies.checking.model_arrays import (
     FileFinding,
     ModelArrays,
     kind_of,
     model_arrays,
     used_keys,
-)
-from workbench.bodies.checking.places import (
-    DECIDED,
-    SIZES,
-    about_hands,
-    about_places,
-    axis_of,
-    directions,
-    hands_in_file,
 )
 from workbench.bodies.files.layouts import (
     INSTEAD,
@@ -37,7 +27,6 @@ from workbench.bodies.files.reading import (
     MIRROR,
     OURS,
     REQUIRED,
-    SETS,
     Entries,
     contents_of,
     is_npz,
@@ -50,85 +39,59 @@ from workbench.reading.facts import parsed
 
 LICENCE = re.compile(r"licen[cs]e|copyright|terms", re.IGNORECASE)
 LONGEST = 2000  # characters of the text of a licence
-USED, OWN, KEPT = "computed with", "read as the workbench's own", "kept, and saved again"
-LEFT_OUT = "left out, for the reason below"
 
 
 def facts_of(model: ModelArrays, size: int) -> dict[str, str]:
     """Sizes and kinds by name, for a file of `size` bytes."""
-    N = 0 if model.template is None else len(model.template)
+    card, name, path = own_card(model.raw), about.model_of(model), Path(model.where)
+    said = next((card[key] for key in ("model", "name") if isinstance(card.get(key), str)), "")
+    layout = f"in the layout of {name}" if name != "SMPL-like" else "of another tree than SMPL's"
+    kind = "embedded"
+    if path.is_file():
+        kind = ".npz" if is_npz(path) else "pickle, of which no code was run"
+    betas = features = extent = "unknown"
+    if model.shapedirs is not None:
+        B = int(model.shapedirs.shape[2])
+        betas = f"{B} of shape"
+        if model.family in WITH_FACE and B in COUNTS:
+            betas = f"{B}: {COUNTS[B][0]} of shape and {COUNTS[B][1]} of expression"
+    if model.posedirs is not None:
+        P, K = model.posedirs.shape[2], model.n_joints
+        known = {
+            9 * (K - 1): "elements of rotation matrices, as in SMPL",
+            4 * (K - 1) + 1: "quaternions and beta 2, as in STAR",
+        }
+        features = f"{P}, {known.get(P, 'of an unknown kind')}"
+    if model.template is not None and np.isfinite(model.size):
+        x, y, z = np.ptp(model.template, axis=0)
+        unit = "m" if model.family in about.SIZES else "m, if it is in metres"
+        extent = f"{x:.3f} wide, {y:.3f} high, {z:.3f} deep, in {unit}"
+    gender = Entries(model.raw, "").text("gender", "")
     return {
-        "model": _model(model),
-        "file": f"{_kind(model.where)}, {size / 1e6:.1f} MB",
-        "vertices": f"{N:,}",
-        "faces": "0" if model.faces is None else f"{len(model.faces):,}",
+        "model": f"{cut(said, 60)}, {layout}" if said else layout,
+        "file": f"{kind}, {size / 1e6:.1f} MB",
+        "vertices": f"{0 if model.template is None else len(model.template):,}",
+        "faces": f"{0 if model.faces is None else len(model.faces):,}",
         "joints": f"{model.n_joints}: {some(model.names)}" if model.names else "none",
-        "betas": _betas(model),
-        "pose features": _features(model),
-        "size": _size(model),
+        "betas": betas,
+        "pose features": features,
+        "size": extent,
         **({"side": _side(model)} if model.family == "MANO" else {"axes": _axes(model)}),
-        **_texts(model.raw, "gender"),
+        **({"gender": cut(gender, 60)} if gender else {}),
         **licence_of(model.raw),
     }
 
 
-def _model(model: ModelArrays) -> str:
-    card, name = own_card(model.raw), model_of(model)
-    said = next((card[key] for key in ("model", "name") if isinstance(card.get(key), str)), "")
-    layout = f"in the layout of {name}" if name != "SMPL-like" else "of another tree than SMPL's"
-    return f"{cut(said, 60)}, {layout}" if said else layout
-
-
-def _kind(where: str) -> str:
-    path = Path(where)
-    if not path.is_file():
-        return "embedded"
-    return ".npz" if is_npz(path) else "pickle, of which no code was run"
-
-
-def _betas(model: ModelArrays) -> str:
-    if model.shapedirs is None:
-        return "unknown"
-    B = int(model.shapedirs.shape[2])
-    if model.family in WITH_FACE and B in COUNTS:
-        return f"{B}: {COUNTS[B][0]} of shape and {COUNTS[B][1]} of expression"
-    return f"{B} of shape"
-
-
-def _features(model: ModelArrays) -> str:
-    if model.posedirs is None:
-        return "unknown"
-    P, K = model.posedirs.shape[2], model.n_joints
-    kind = {
-        9 * (K - 1): "elements of rotation matrices, as in SMPL",
-        4 * (K - 1) + 1: "quaternions and beta 2, as in STAR",
-    }.get(P, "of an unknown kind")
-    return f"{P}, {kind}"
-
-
-def _size(model: ModelArrays) -> str:
-    if model.template is None or not np.isfinite(model.size):
-        return "unknown"
-    x, y, z = np.ptp(model.template, axis=0)
-    unit = "m" if model.family in SIZES else "m, if it is in metres"
-    return f"{x:.3f} wide, {y:.3f} high, {z:.3f} deep, in {unit}"
-
-
 def _axes(model: ModelArrays) -> str:
-    said = [f"{name} is {axis_of(way)}" for name, way in directions(model).items()]
+    said = [f"{name} is {about.axis_of(way)}" for name, way in about.directions(model).items()]
     return ", ".join(said) or "unknown: the joints have no names that say it"
 
 
 def _side(model: ModelArrays) -> str:
-    for hand in hands_in_file(model):
-        if abs(hand.chirality) > DECIDED:
+    for hand in about.hands_in_file(model):
+        if abs(hand.chirality) > about.DECIDED:
             return f"a {'left' if hand.chirality > 0 else 'right'} hand, by its mean pose"
     return "unknown: there is no mean pose that closes the fingers"
-
-
-def _texts(raw: Contents, key: str) -> dict[str, str]:
-    text = Entries(raw, "").text(key, "")
-    return {key: cut(text, 60)} if text else {}
 
 
 def own_card(raw: Contents) -> dict[str, Any]:
@@ -146,10 +109,9 @@ def licence_of(raw: Contents) -> dict[str, str]:
     for key, value in own_card(raw).items():
         if LICENCE.search(key) and isinstance(value, str):
             found["licence"] = cut(value, LONGEST)
-    for key in raw:
-        if LICENCE.search(key):
-            text = Entries(raw, "").text(key, "")
-            found[key] = cut(text, LONGEST) if text else f"there, but {kind_of(raw[key])}"
+    for key in filter(LICENCE.search, raw):
+        text = Entries(raw, "").text(key, "")
+        found[key] = cut(text, LONGEST) if text else f"there, but {kind_of(raw[key])}"
     return found or {"licence": "the file has no text of one; ask where it is from"}
 
 
@@ -162,24 +124,14 @@ def left_out_of(raw: Contents) -> dict[str, str]:
 def keys_of(raw: Contents) -> tuple[tuple[str, str, str], ...]:
     """Each key, its shape and type, and what becomes of it when the file is loaded and saved."""
     used = used_keys(raw)
-    own = {*used, *OURS, *CAPSULES, MIRROR}
-    kept, _ = sorted_out(raw, own)
-    reasons = left_out_of(raw)
-    rows = []
-    for key in sorted(raw, key=lambda name: (name not in used, name in kept, name)):
-        if key in used:
-            fate = USED
-        elif key in kept:
-            fate = KEPT
-        elif key in reasons:
-            fate = LEFT_OUT
-        else:
-            fate = OWN if key in own or key.startswith(SETS) else KEPT
-        rows.append((cut(key, 60), kind_of(raw[key]), fate))
-    return tuple(rows)
+    kept, _ = sorted_out(raw, {*used, *OURS, *CAPSULES, MIRROR})
+    fates = dict.fromkeys(raw, "read as the workbench's own")
+    fates |= dict.fromkeys(left_out_of(raw), "left out, for the reason below")
+    fates |= dict.fromkeys(kept, "kept, and saved again") | dict.fromkeys(used, "computed with")
+    order = sorted(raw, key=lambda name: (name not in used, name in kept, name))
+    return tuple((cut(key, 60), kind_of(raw[key]), fates[key]) for key in order)
 
 
-CHECKS = (about_numbers, about_tree, about_places, about_spaces, about_hands)
 LEAST = 3  # arrays of SMPL's that a file must have to count as a body's
 
 
@@ -235,56 +187,40 @@ def check_body_file(path: str | Path) -> FileCheck:
 
 def check_contents(raw: Contents, where: str, size: int = 0) -> FileCheck:
     """The same for entries that were read from a file, or are to be written to one."""
-    if is_triangle_body(raw):
-        refused = _refusal(raw, where)
-        facts = {"model": "a TriangleBody", "loads": refused or "yes"}
-        return FileCheck(where, facts, keys_of(raw), (_refused(refused),) if refused else ())
-    model = model_arrays(_body_in(raw, where), where)
-    findings = [*model.findings, *_checked(model)]
-    refused = _refusal(raw, where)
-    if refused and not any(finding.warning for finding in findings):
-        findings.append(_refused(refused))
-    findings += [
-        FileFinding(
-            cut(key, 60), f"{cut(key, 60)} is left out, because it {reason}.", warning=False
-        )
-        for key, reason in left_out_of(raw).items()
-    ]
-    facts = {**facts_of(model, size), "loads": f"no: {refused}" if refused else "yes"}
-    return FileCheck(where, facts, keys_of(raw), _sorted(findings))
-
-
-def _checked(model: ModelArrays) -> Iterator[FileFinding]:
-    with np.errstate(all="ignore"):  # what is made of absurd numbers passes no comparison
-        for check in CHECKS:
-            yield from check(model)
-
-
-def _body_in(raw: Contents, where: str) -> Contents:
-    """The entries, if they are those of a body. Raises BadFile."""
-    have = {key.partition("/")[0] for key in raw}
-    if len(have & {*REQUIRED}) >= LEAST:
-        return raw
-    instead = next((f" It looks like {what}." for keys, what in INSTEAD if keys <= have), "")
-    raise BadFile(
-        f"{where} holds no body: it has {some(sorted(have))}.{instead} A body has "
-        f"{', '.join(REQUIRED)}"
-    )
-
-
-def _refused(why: str) -> FileFinding:
-    return FileFinding("file", f"The file is refused by load_body: {why}.")
-
-
-def _refusal(raw: Contents, where: str) -> str:
-    """Why `load_body` refuses the file; empty if it does not."""
-    make = triangle_body_from if is_triangle_body(raw) else body_from
+    triangles = is_triangle_body(raw)
+    refused = ""
     try:
-        make(raw, Path(where).stem, where)
+        (triangle_body_from if triangles else body_from)(raw, Path(where).stem, where)
     except WorkbenchError as error:
-        return cut(error).removeprefix(where).removeprefix(":").strip()
-    return ""
+        refused = cut(error).removeprefix(where).removeprefix(":").strip()
+    findings: list[FileFinding] = []
+    if triangles:
+        facts = {"model": "a TriangleBody"}
+    else:
+        _refuse_others(raw, where)
+        model = model_arrays(raw, where)
+        findings += model.findings
+        with np.errstate(all="ignore"):  # what is made of absurd numbers passes no comparison
+            findings += [finding for check in about.CHECKS for finding in check(model)]
+            facts = facts_of(model, size)
+    if refused and not any(finding.warning for finding in findings):
+        findings.append(FileFinding("file", f"The file is refused by load_body: {refused}."))
+    if not triangles:
+        findings += [
+            FileFinding(cut(key, 60), f"{cut(key, 60)} is left out, because it {reason}.", False)
+            for key, reason in left_out_of(raw).items()
+        ]
+    facts["loads"] = f"no: {refused}" if refused else "yes"
+    findings.sort(key=lambda finding: not finding.warning)
+    return FileCheck(where, facts, keys_of(raw), tuple(findings))
 
 
-def _sorted(findings: list[FileFinding]) -> tuple[FileFinding, ...]:
-    return tuple(sorted(findings, key=lambda finding: not finding.warning))
+def _refuse_others(raw: Contents, where: str) -> None:
+    """Raise BadFile for entries that are not those of a body."""
+    have = {key.partition("/")[0] for key in raw}
+    if len(have & {*REQUIRED}) < LEAST:
+        instead = next((f" It looks like {what}." for keys, what in INSTEAD if keys <= have), "")
+        raise BadFile(
+            f"{where} holds no body: it has {some(sorted(have))}.{instead} A body has "
+            f"{', '.join(REQUIRED)}"
+        )

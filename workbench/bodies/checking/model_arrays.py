@@ -15,6 +15,7 @@ from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index, Mask
 from workbench.bodies.files.joint_names import family, joint_names
+from workbench.bodies.files.layouts import MOST_JOINTS
 from workbench.bodies.files.pickles import Contents, Unread
 from workbench.bodies.files.reading import REQUIRED, SPARSE_PARTS, Entries
 from workbench.errors import BadFile, cut
@@ -45,40 +46,15 @@ def of_all(wrong: Mask, what: str) -> str:
     return f"{np.count_nonzero(wrong):,} of {wrong.size:,} {what}"
 
 
-def counted(n: int, one: str, many: str) -> str:
-    """`1 face is`, `7 faces are`: a number and the words that go with it."""
-    return f"1 {one}" if n == 1 else f"{n:,} {many}"
-
-
 HUGE = 1e100  # numbers of at least this size overflow where three of them are multiplied
-PURPOSE = {  # of each array without which there is no body
-    "v_template": "the vertices at rest",
-    "shapedirs": "what betas do",
-    "posedirs": "what poses do to the rest surface",
-    "J_regressor": "where the joints are",
-    "weights": "which joints move which vertices",
-    "kintree_table": "the parents of the joints",
-    "f": "the triangles",
-}
 
 
 @dataclass(frozen=True, eq=False)
 class ModelArrays:
-    """What a file of SMPL's layout holds; an array that cannot be computed with is None.
+    """What the file `where` holds in SMPL's layout; an array that cannot be computed with is None.
 
-    Attributes:
-        raw: all entries, by key.
-        where: the file.
-        template: (N, 3).
-        faces: (F, 3).
-        shapedirs: (N, 3, B).
-        posedirs: (N, 3, P).
-        weights: (N, K).
-        regressor: (K, N).
-        table: (2, K), as in the file; parents and numbers.
-        parents: (K,) with -1 at the root, if the table is a tree in order.
-        names: the names of the joints.
-        findings: what was wrong with reading them.
+    `table` (2, K) are parents and numbers of joints as in the file, and `parents` have -1 at the
+    root, if the table is a tree in order. `findings` say what was wrong with reading.
     """
 
     raw: Contents
@@ -126,19 +102,16 @@ class ModelArrays:
             return None
         return value if _usable(value).all() else None
 
-    def scalar(self, key: str) -> int | None:
-        """A single whole number."""
-        value = self.raw.get(key)
-        if isinstance(value, np.ndarray) and value.size == 1 and value.dtype.kind in "iu":
-            value = value.item()
-        if not isinstance(value, int | np.integer) or isinstance(value, bool):
-            return None
-        return int(value) if abs(int(value)) < 2**53 else None
-
 
 def model_arrays(raw: Contents, where: str) -> ModelArrays:
     """The arrays of a file of SMPL's layout, and what is wrong with reading them."""
-    entries, found = Entries(raw, where), [*_missing(raw), *_not_finite(raw)]
+    entries, found = Entries(raw, where), _not_finite(raw)
+    have = {key.partition("/")[0] for key in raw}
+    found += [
+        FileFinding(key, f"There is no {key}, without which there is no body.")
+        for key in REQUIRED
+        if key not in have
+    ]
 
     def read(key: str, reader: Callable[[str], Any]) -> Any:
         """The array, or None with a finding."""
@@ -147,7 +120,8 @@ def model_arrays(raw: Contents, where: str) -> ModelArrays:
         try:
             array = reader(key)
         except BadFile as error:
-            found.append(FileFinding(key, _sentence(str(error), where)))
+            reason = str(error).removeprefix(where).removeprefix(":").strip()
+            found.append(FileFinding(key, f"{reason}. Take it from the original file."))
             return None
         numbers = array.data if isinstance(array, csr_array) else array
         there = array.ndim and array.shape[0]
@@ -175,19 +149,12 @@ def model_arrays(raw: Contents, where: str) -> ModelArrays:
     faces = fits("f", read("f", entries.wholes), (None, 3), "for triangles")
     weights = fits("weights", read("weights", entries.reals), (N, K), f"{of_N} {of_K}")
     regressor = read("J_regressor", entries.matrix)
-    supr = N is not None and K is not None and regressor is not None
-    if supr and regressor.shape == (3 * K, 3 * N + 1):  # type: ignore[operator]  # neither is None
-        text = "The joints are an affine map of all coordinates, as in SUPR, which is not read."
-        found.append(FileFinding("J_regressor", f"{text} Take STAR, SMPL, SMPL-H or SMPL-X."))
-        regressor = None
-    else:
-        regressor = fits("J_regressor", regressor, (K, N), f"{of_N} {of_K}")
+    regressor = fits("J_regressor", regressor, (K, N), f"{of_N} {of_K}")
     blends = {
         key: read(key, partial(entries.directions, N=N)) if N else None
         for key in ("shapedirs", "posedirs")
     }
     parents = _parents(table)
-    names = _names(entries, table, parents)
     return ModelArrays(
         raw,
         where,
@@ -199,7 +166,7 @@ def model_arrays(raw: Contents, where: str) -> ModelArrays:
         regressor,
         table,
         parents,
-        names,
+        _names(entries, 0 if table is None else table.shape[1], parents),
         tuple(found),
     )
 
@@ -208,20 +175,6 @@ def _fits(found: tuple[int, ...], shape: tuple[int | None, ...]) -> bool:
     return len(found) == len(shape) and all(
         wanted is None or wanted == n for n, wanted in zip(found, shape, strict=True)
     )
-
-
-def _missing(raw: Contents) -> list[FileFinding]:
-    have = {key.partition("/")[0] for key in raw}
-    zeros = ", or add zeros (N, 3, 9 (K - 1)) for a body without correctives"
-    return [
-        FileFinding(
-            key,
-            f"There is no {key} ({what}), without which there is no body. Take a file that has it"
-            f"{zeros if key == 'posedirs' else ''}.",
-        )
-        for key, what in PURPOSE.items()
-        if key not in have
-    ]
 
 
 def _usable(numbers: NDArray[Any]) -> Mask:
@@ -238,17 +191,15 @@ def _not_finite(raw: Contents) -> list[FileFinding]:
         if not isinstance(numbers, np.ndarray) or numbers.dtype.kind != "f":
             continue
         bad: Mask = np.asarray(~_usable(numbers))
-        if not bad.any():
-            continue
-        first = [int(i) for i in np.unravel_index(int(bad.argmax()), bad.shape)]
-        where = "" if isinstance(value, csr_array) else f", the first at {first}"
-        how_many = counted(int(bad.sum()), "entry that is", "entries that are")
-        what = "not finite" if not np.isfinite(numbers).all() else f"above {HUGE:g}"
-        text = (
-            f"{cut(key, 60)} has {how_many} {what}{where}; they spread to every number that is "
-            "computed from them. Export the model again, or find out what these entries should be."
-        )
-        found.append(FileFinding(cut(key, 60), text))
+        if bad.any():
+            first = [int(i) for i in np.unravel_index(int(bad.argmax()), bad.shape)]
+            where = "" if isinstance(value, csr_array) else f", the first at {first}"
+            text = (
+                f"{of_all(bad, 'entries')} of {cut(key, 60)} are not finite, or above {HUGE:g}"
+                f"{where}; they spread to every number that is computed from them. Export the "
+                "model again, or find out what these entries should be."
+            )
+            found.append(FileFinding(cut(key, 60), text))
     return found
 
 
@@ -263,21 +214,12 @@ def _parents(table: Index | None) -> tuple[int, ...] | None:
     return (-1, *parents.tolist())
 
 
-def _names(
-    entries: Entries, table: Index | None, parents: tuple[int, ...] | None
-) -> tuple[str, ...]:
-    K = 0 if table is None else min(table.shape[1], 10_000)
+def _names(entries: Entries, K: int, parents: tuple[int, ...] | None) -> tuple[str, ...]:
     try:
         own = entries.texts("joint_names") if "joint_names" in entries else ()
     except BadFile:
         own = ()
-    return own if len(own) == K else joint_names(K, parents)
-
-
-def _sentence(message: str, where: str) -> str:
-    """What a reader says, without the name of the file."""
-    text = message.removeprefix(where).removeprefix(":").strip()
-    return f"{text}. Take it from the original file, or export the model again."
+    return own if len(own) == K else joint_names(min(K, MOST_JOINTS), parents)
 
 
 def used_keys(raw: Contents) -> frozenset[str]:

@@ -8,6 +8,7 @@ import re
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
+from textwrap import wrap
 
 import casadi as cs
 
@@ -75,9 +76,8 @@ def _about(body: Body, points: str, name: str, labels: Sequence[str]) -> str:
         "  arg[2]  trans, 3, m",
         f"  res[0]  the points, {M} x 3, m; y points up, and the body faces +z",
         "",
-        "Arrays are stored row after row: x, y and z of the first joint or point come first. An",
-        "argument that is a null pointer is zero. iw and w are scratch memory of the lengths that",
-        f"{name}_work tells; mem is 0. It returns 0. {name}_name_in and the like repeat the names.",
+        "Arrays are stored row after row. An argument that is a null pointer is zero. iw and w are",
+        f"scratch memory of the lengths that {name}_work tells; mem is 0. It returns 0.",
         "",
         "Joints of the pose, in order:",
         *_wrapped(body.joint_names),
@@ -93,9 +93,5 @@ def _plain(text: str) -> str:
 
 
 def _wrapped(names: Sequence[str]) -> list[str]:
-    lines = [" "]
-    for i, name in enumerate(map(_plain, names)):
-        if len(lines[-1]) + len(name) > LINE:
-            lines.append(" ")
-        lines[-1] += f" {name}" + ("," if i < len(names) - 1 else "")
-    return lines
+    text = ", ".join(map(_plain, names))
+    return wrap(text, LINE, initial_indent="  ", subsequent_indent="  ")

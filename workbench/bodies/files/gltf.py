@@ -8,12 +8,10 @@ surface alone, as a glTF has no means to move joints with them. Those of betas t
 frames, and the joints with them: a joint at J that such betas take to J + d turns about there,
 so that v goes to R (v - J - d) + J + d = R (v - J) + J + (I - R) d. A node's place gets (I - R) d.
 
-Pose blend shapes are written as a few morph targets. A body adds P f(theta) to its rest surface,
-with F columns in P. Poses theta_1 .. theta_T use only the space of P f(theta_1) .. P f(theta_T),
-and most of it is in a few directions. The best C of them in the sum of squares are the singular
-vectors of that (3 N, T) matrix (Eckart and Young, 1936). With P = Q R they are Q times those of
-the small matrix R f. (Khronos Group, glTF 2.0 Specification, sections 3.6, buffers and accessors,
-and 4.4, the file.)
+Pose blend shapes P f(theta) are written as a few morph targets: the best C directions for the poses
+of the file, in the sum of squares, are singular vectors of the (3 N, T) matrix of P f(theta_t)
+(Eckart and Young, 1936); with P = Q R, they are Q times those of the small matrix R f. (Khronos
+Group, glTF 2.0 Specification, sections 3.6, buffers and accessors, and 4.4, the file.)
 """
 
 import json
@@ -25,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from workbench.arrays import Array, Index
+from workbench.arrays import Array
 from workbench.blocks.checks import reals
 from workbench.bodies.body import arguments
 from workbench.bodies.skinned import SkinnedBody
@@ -117,9 +115,7 @@ def correctives_of(
     Raises BadArgument for a count below zero.
     """
     if count is not None and (type(count) is not int or count < 0):
-        raise BadArgument(
-            f"the number of correctives is a whole number from 0, or None for all, not {count!r}"
-        )
+        raise BadArgument(f"correctives is a whole number from 0, or None for all, not {count!r}")
     T, N = len(poses), body.n_vertices
     people = np.tile(betas, (T, 1))
     features = body.kinematics.motion(poses, people).features  # (T, F)
@@ -185,10 +181,7 @@ def write_gltf(
     if not len(body.faces):
         raise BadBody(f"body {body.name!r} has no faces, and a glTF shows triangles")
     if type(shapes) is not int or not 0 <= shapes <= body.n_betas:
-        raise BadArgument(
-            f"body {body.name!r} has {body.n_betas} shape directions; as morph targets, give 0 to "
-            f"so many, not {shapes!r:.60}"
-        )
+        raise BadArgument(f"shapes is a whole number from 0 to {body.n_betas}, not {shapes!r:.60}")
     if betas is not None and np.ndim(betas) != 1:
         raise BadBody(f"a glTF shows one person, whose betas are (B,), not {np.shape(betas)}")
     _, (theta, people, places) = arguments(body, poses, betas, trans)
@@ -198,19 +191,11 @@ def write_gltf(
     if not P:
         raise BadArgument("there are no poses to write; give at least one")
     if added.shape != (P, B):
-        raise BadArgument(
-            f"what {P} poses add to betas has the shape ({P}, {B}), not {added.shape}"
-        )
+        raise BadArgument(f"moving must have shape ({P}, {B}), not {added.shape}")
     if not 0 < seconds < np.inf:
         raise BadArgument(f"the seconds from key to key must be positive, not {seconds}")
-    for name, numbers in (
-        ("poses", theta),
-        ("betas", people),
-        ("trans", places),
-        ("moving", added),
-    ):
-        if not np.isfinite(numbers).all():
-            raise BadArgument(f"{name} must be finite; leave out the frames that are not")
+    if not all(np.isfinite(numbers).all() for numbers in (theta, people, places, added)):
+        raise BadArgument("poses, betas, trans and moving must be finite; leave other frames out")
     found = correctives_of(body, theta, people[0], correctives)
     moved = None if trans is None else places
     write_file(path, _glb(body, theta, people[0], moved, added, seconds, found, shapes))
@@ -231,9 +216,11 @@ def _glb(
     rest = body.template + body.shapedirs @ betas
     rows, faces, uv = Mesh(rest, body.faces, *body.texture).unwrapped()
     J = body.numeric.skeleton.positions(betas)
+    normals = vertex_normals(rest, body.faces)
+    normals[~normals.any(axis=1)] = [0.0, 1.0, 0.0]  # of a vertex of no face: glTF takes no zeros
     attributes = {
         "POSITION": buffer.add(rest[rows], "float32", ATTRIBUTES),
-        "NORMAL": buffer.add(_normals(rest, body.faces)[rows], "float32", ATTRIBUTES),
+        "NORMAL": buffer.add(normals[rows], "float32", ATTRIBUTES),
     }
     attributes |= _influences(body.weights[rows], buffer)
     if uv is not None:  # glTF's v goes downwards
@@ -304,13 +291,6 @@ def _glb(
     return buffer.file(document)
 
 
-def _normals(rest: Array, faces: Index) -> Array:
-    """Unit normals (N, 3); that of a vertex of no face points up, for glTF takes no zeros."""
-    found = vertex_normals(rest, faces)
-    found[~found.any(axis=1)] = [0.0, 1.0, 0.0]
-    return found
-
-
 def _influences(weights: Array, buffer: GltfBuffer) -> dict[str, int]:
     """Joints and weights of every vertex, four at a time, the largest first."""
     order = np.argsort(-weights, axis=1, kind="stable")
@@ -333,7 +313,10 @@ def _animation(
 ) -> dict[str, Any]:
     """The key frames of all joints, of morph targets (P, M), and of joints that move (P, 3) m."""
     P, K = poses.shape[:2]
-    q = _on_one_side(Rotation.from_rotvec(poses.reshape(-1, 3)).as_quat().reshape(P, K, 4))
+    q = Rotation.from_rotvec(poses.reshape(-1, 3)).as_quat().reshape(P, K, 4)
+    # neighbours in time on one side: between q and nearly -q a viewer may go the long way round
+    same = np.where((q[1:] * q[:-1]).sum(axis=2) < 0, -1.0, 1.0)
+    q[1:] *= np.cumprod(same, axis=0)[:, :, None]
     times = buffer.add(seconds * np.arange(P), "float32")
     outputs = [buffer.add(q[:, k], "float32") for k in range(K)]
     where = [{"node": k, "path": "rotation"} for k in range(K)]
@@ -347,14 +330,3 @@ def _animation(
         "samplers": [{"input": times, "output": out} for out in outputs],
         "channels": [{"sampler": i, "target": target} for i, target in enumerate(where)],
     }
-
-
-def _on_one_side(q: Array) -> Array:
-    """Quaternions (P, K, 4) xyzw, of which neighbours in time lie on one side.
-
-    q and -q are the same rotation, and a viewer may interpolate the long way round between q and
-    what is nearly -q.
-    """
-    same = np.where((q[1:] * q[:-1]).sum(axis=2) < 0, -1.0, 1.0)
-    signs = np.concatenate([np.ones((1, q.shape[1])), np.cumprod(same, axis=0)])
-    return np.asarray(q * signs[:, :, None])

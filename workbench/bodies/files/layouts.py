@@ -15,10 +15,9 @@ and kintree_table, joint_names, name, card and landmarks as in the files of skin
 """
 
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
 from workbench.bodies.body import Landmarks
@@ -36,12 +35,11 @@ from workbench.bodies.files.reading import (
     Entries,
     sorted_out,
 )
-from workbench.bodies.forward.features import Features, rotation_elements, star_features
+from workbench.bodies.forward.surface import Features, rotation_elements, star_features
 from workbench.bodies.readonly import locked
 from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.triangles.body import TriangleBody
-from workbench.bodies.validation import check_shapes
-from workbench.errors import BadBody, BadFile, shown, some
+from workbench.errors import BadFile, shown, some
 from workbench.reading.facts import parsed
 
 INSTEAD = (  # keys by which other kinds of files are recognized
@@ -64,9 +62,6 @@ def body_from(raw: Contents, name: str, where: str) -> SkinnedBody:
     entries = Entries(raw, where)
     _check_keys(entries)
     N, parents = _vertices(entries), parents_from(entries)
-    _refuse_supr(entries, N, len(parents))
-    _check_shape(entries, name, "weights", (N, len(parents)))
-    _check_shape(entries, name, "J_regressor", (len(parents), N))
     mirror, posedirs = _mirror(entries, N), entries.directions("posedirs", N)
     own = SKINNED if mirror is None else SKINNED | {MIRROR}
     extras, left_out = sorted_out(raw, own)
@@ -88,7 +83,7 @@ def body_from(raw: Contents, name: str, where: str) -> SkinnedBody:
         bound_in=entries.reals("bind_pose") if "bind_pose" in entries else None,
         rest_joints=entries.reals("rest_joints") if "rest_joints" in entries else None,
         capsules=capsules_from(entries),
-        card=_card(entries, _model(posedirs, parents), mirror, left_out),
+        card=_card(entries, _model(posedirs, parents), left_out),
         extras=extras,
     )
 
@@ -119,27 +114,6 @@ def _vertices(entries: Entries) -> int:
     return int(shape[0])
 
 
-def _refuse_supr(entries: Entries, N: int, K: int) -> None:
-    """Raise BadFile for SUPR, whose joints are an affine map of all coordinates."""
-    value = entries.raw.get("J_regressor")
-    if isinstance(value, np.ndarray | csr_array) and value.shape == (3 * K, 3 * N + 1):
-        raise BadFile(
-            f"{entries.where} holds SUPR (Osman et al., 2022), whose joints are an affine map of "
-            "all coordinates of the vertices, and whose pose features include the root; such "
-            "models are not read. Take STAR, SMPL, SMPL-H or SMPL-X"
-        )
-
-
-def _check_shape(entries: Entries, name: str, key: str, shape: tuple[int, int]) -> None:
-    """Raise BadBody for a wrong shape, before anything is converted to float64.
-
-    Parts of a sparse matrix, and scipy's in a pickle, have their size checked with the body.
-    """
-    value = entries.raw.get(key)
-    if isinstance(value, np.ndarray) and value.ndim == 2 and value.shape != shape:
-        raise BadBody(f"body {name!r}: {key} has shape {value.shape}, but must be {shape}")
-
-
 def parents_from(entries: Entries) -> tuple[int, ...]:
     """Row 0 of kintree_table with -1 at the root, which files mark in many ways."""
     table = entries.wholes("kintree_table")
@@ -159,10 +133,7 @@ def parents_from(entries: Entries) -> tuple[int, ...]:
 
 
 def _features(posedirs: Array, K: int) -> Features:
-    """STAR's, if posedirs (N, 3, F) have as many columns: 93 on 24 joints; otherwise SMPL's.
-
-    9 (K - 1), SMPL's number, is never 4 (K - 1) + 1.
-    """
+    """STAR's, if posedirs (N, 3, F) have as many columns: 93 on 24 joints; otherwise SMPL's."""
     return star_features if posedirs.shape[2] == 4 * (K - 1) + 1 else rotation_elements
 
 
@@ -211,28 +182,18 @@ def _model(posedirs: Array, parents: tuple[int, ...]) -> str:
     return "STAR" if _features(posedirs, K) is star_features else family(K, parents)
 
 
-def _card(
-    entries: Entries, model: str, mirror: Index | None, left_out: list[str]
-) -> dict[str, Any]:
+def _card(entries: Entries, model: str, left_out: list[str]) -> dict[str, Any]:
     """The file's own card, or what can be said of a file without one; and what was left out."""
     if "card" in entries:
         return own_card(entries, left_out)
-    file, notes = Path(entries.where).name, []
+    file = Path(entries.where).name
     guessed = next((g for g in ("female", "male", "neutral") if g in file.lower()), "unknown")
-    if model in ("SMPL-X", "FLAME"):
-        notes.append("betas are the shape's, followed by the expression's (`shape_space`)")
-    if MIRROR in entries and mirror is None:
-        notes.append(
-            f"{MIRROR} do not swap the vertices in pairs: they are kept as they are, but the body "
-            "has no mirror"
-        )
     return {
         "name": file,
         "model": model,
         "gender": entries.name("gender", guessed),
         "source": file,
         "licence": "its owners'; do not pass it on without theirs",
-        **({"provenance": notes} if notes else {}),
         **({"left_out": left_out} if left_out else {}),
     }
 
@@ -272,7 +233,6 @@ def triangle_body_from(raw: Contents, name: str, where: str) -> TriangleBody:
             f"triangle body has {', '.join(OF_TRIANGLES)}"
         )
     parents = parents_from(entries)
-    _check_shapes(entries)
     extras, left_out = sorted_out(raw, TRIANGLES)
     return TriangleBody(
         template=locked(entries.reals("v_template")),
@@ -289,21 +249,3 @@ def triangle_body_from(raw: Contents, name: str, where: str) -> TriangleBody:
         card=own_card(entries, left_out),
         extras=extras,
     )
-
-
-def _check_shapes(entries: Entries) -> None:
-    """Raise BadFile for shapes that do not fit together, before anything becomes float64."""
-
-    def refuse(reason: str) -> NoReturn:
-        raise BadFile(f"{entries.where}: {reason}")
-
-    F = (*entries.array("f").shape, 0)[0]
-    J = (*entries.array("near").shape, 0, 0)[1]
-    expected: dict[str, tuple[int | str, ...]] = {
-        "v_template": ("N", 3),
-        "f": ("F", 3),
-        "near": (F, "J"),
-        "shapedirs": (F, 3, 3, "B"),
-        "posedirs": (F, 3, 3, 3 * J),
-    }
-    check_shapes(refuse, entries.array, expected)

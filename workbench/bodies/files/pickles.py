@@ -7,9 +7,8 @@ NumPy's and SciPy's arrays, and three of chumpy's values. One may be part of man
 one of them many times: what it means is therefore found once, and every array is paid for from the
 `Allowance` of its file before it is made.
 
-The work is bounded by the number of instructions, which are counted, because none of them copies,
-compares, hashes or writes out what others have built. What is hashed, the keys of dictionaries and
-the names of modules, is short, and so are whole numbers.
+The number of instructions bounds the work, because none of them copies, compares, hashes or writes
+out what others have built; keys, names and whole numbers are short.
 """
 
 import codecs
@@ -92,8 +91,7 @@ class Unread:
 class PickledCall:
     """A call that the file asks for, and the state it would give the outcome; nothing ran.
 
-    It is compared by identity and has no text of its own: what it holds may hold the same thing
-    twice on every level, and a text of that would never end.
+    It has no text of its own: what it holds may hold the same thing twice on every level.
     """
 
     name: PickledName
@@ -179,11 +177,11 @@ def run(
         if opcode in LITERALS:
             if type(argument) is int and argument.bit_length() > MOST_BITS:
                 raise ValueError(f"a whole number of {argument.bit_length():,} bits")
-            machine.push(argument)
+            machine.stack.append(argument)
         elif opcode in EFFECTS:
             EFFECTS[opcode](machine, argument)
         elif opcode == "BINPERSID" and more:
-            machine.push(PickledCall(STORAGE, machine.pop()))
+            machine.stack.append(PickledCall(STORAGE, machine.pop()))
         elif opcode not in ("PROTO", "FRAME", "STOP"):
             raise UnsafePickle(f"it uses {opcode}, which a file of arrays has no use for")
     return machine.pop()
@@ -213,9 +211,6 @@ class _Machine:
         self.stack: list[Any] = []
         self.memo: dict[int, Any] = {}
 
-    def push(self, value: Any) -> None:
-        self.stack.append(value)
-
     def top(self) -> Any:
         if self.stack[-1] is MARK:
             raise ValueError("a mark stands where a value should")
@@ -235,9 +230,6 @@ class _Machine:
         self.stack.pop()
         return items[::-1]
 
-    def drop(self) -> None:
-        self.stack.pop()
-
     def append(self, items: list[Any]) -> None:
         if type(self.top()) is not list:
             raise ValueError(f"items for a {type(self.top()).__name__}")
@@ -253,13 +245,13 @@ class _Machine:
         )
 
     def make_dict(self, items: list[Any]) -> None:
-        self.push({})
+        self.stack.append({})
         self.set_items(items)
 
     def name(self, module: Any, name: Any) -> None:
         if not (isinstance(module, str) and isinstance(name, str)):
             raise ValueError("a name that is no text")
-        self.push(permitted(module, name, self.more))
+        self.stack.append(permitted(module, name, self.more))
 
     def call(self, name: Any, arguments: Any) -> None:
         made = called(name, arguments)
@@ -267,7 +259,7 @@ class _Machine:
             pairs = arguments[0] if arguments and isinstance(arguments[0], list) else []
             self.make_dict([part for pair in pairs for part in pair[:2]])
         else:
-            self.push(made)
+            self.stack.append(made)
 
     def instance(self, module: str, name: str) -> None:
         self.call(permitted(module, name, self.more), tuple(self.since_mark()))
@@ -318,29 +310,29 @@ LITERALS = {
 }
 # What each instruction does to the machine m with its argument a; `pickletools` describes them.
 EFFECTS: dict[str, Callable[[_Machine, Any], None]] = {
-    "NONE": lambda m, a: m.push(None),
-    "NEWTRUE": lambda m, a: m.push(True),
-    "NEWFALSE": lambda m, a: m.push(False),
-    **dict.fromkeys(("EMPTY_LIST", "EMPTY_SET"), lambda m, a: m.push([])),
-    "EMPTY_DICT": lambda m, a: m.push({}),
-    "EMPTY_TUPLE": lambda m, a: m.push(()),
-    "TUPLE1": lambda m, a: m.push(m.pops(1)),
-    "TUPLE2": lambda m, a: m.push(m.pops(2)),
-    "TUPLE3": lambda m, a: m.push(m.pops(3)),
-    "TUPLE": lambda m, a: m.push(tuple(m.since_mark())),
-    **dict.fromkeys(("LIST", "FROZENSET"), lambda m, a: m.push(m.since_mark())),
+    "NONE": lambda m, a: m.stack.append(None),
+    "NEWTRUE": lambda m, a: m.stack.append(True),
+    "NEWFALSE": lambda m, a: m.stack.append(False),
+    **dict.fromkeys(("EMPTY_LIST", "EMPTY_SET"), lambda m, a: m.stack.append([])),
+    "EMPTY_DICT": lambda m, a: m.stack.append({}),
+    "EMPTY_TUPLE": lambda m, a: m.stack.append(()),
+    "TUPLE1": lambda m, a: m.stack.append(m.pops(1)),
+    "TUPLE2": lambda m, a: m.stack.append(m.pops(2)),
+    "TUPLE3": lambda m, a: m.stack.append(m.pops(3)),
+    "TUPLE": lambda m, a: m.stack.append(tuple(m.since_mark())),
+    **dict.fromkeys(("LIST", "FROZENSET"), lambda m, a: m.stack.append(m.since_mark())),
     "DICT": lambda m, a: m.make_dict(m.since_mark()),
     "APPEND": lambda m, a: m.append([m.pop()]),
     **dict.fromkeys(("APPENDS", "ADDITEMS"), lambda m, a: m.append(m.since_mark())),
     "SETITEM": lambda m, a: m.set_items([*m.pops(2)]),
     "SETITEMS": lambda m, a: m.set_items(m.since_mark()),
-    "MARK": lambda m, a: m.push(MARK),
-    "POP": lambda m, a: m.drop(),
+    "MARK": lambda m, a: m.stack.append(MARK),
+    "POP": lambda m, a: m.stack.pop(),
     "POP_MARK": lambda m, a: m.since_mark().clear(),
-    "DUP": lambda m, a: m.push(m.top()),
+    "DUP": lambda m, a: m.stack.append(m.top()),
     **dict.fromkeys(("PUT", "BINPUT", "LONG_BINPUT"), lambda m, a: m.remember(a)),
     "MEMOIZE": lambda m, a: m.remember(len(m.memo)),
-    **dict.fromkeys(("GET", "BINGET", "LONG_BINGET"), lambda m, a: m.push(m.memo[a])),
+    **dict.fromkeys(("GET", "BINGET", "LONG_BINGET"), lambda m, a: m.stack.append(m.memo[a])),
     "GLOBAL": lambda m, a: m.name(*a.split(" ", 1)),
     "STACK_GLOBAL": lambda m, a: m.name(*m.pops(2)),
     **dict.fromkeys(("REDUCE", "NEWOBJ"), lambda m, a: m.call(*m.pops(2))),

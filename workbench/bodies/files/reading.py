@@ -60,10 +60,7 @@ OTHERS = (  # how other files begin that people try
     (b"Rar!", "a rar archive; unpack it first"),
     (b"7z\xbc\xaf", "a 7z archive; unpack it first"),
     (b"\x89HDF", "an HDF5 file"),
-    (b"glTF", "a glTF mesh, which read_mesh reads"),
-    (b"ply", "a PLY mesh, which read_mesh reads"),
-    (b"OFF", "an OFF mesh, which read_mesh reads"),
-    (b"solid", "an STL mesh, which read_mesh reads"),
+    *((magic, "a mesh, which read_mesh reads") for magic in (b"glTF", b"ply", b"OFF", b"solid")),
     (b"version https://git-lfs", "a pointer of git-lfs, not the file itself; run `git lfs pull`"),
     (b"<", "a web page, perhaps the one that asked you to log in"),
 )
@@ -75,12 +72,10 @@ def contents_of(path: Path) -> Contents:
     Nothing in a file is ever run, changed or copied. Raises BadFile (UnsafePickle) for a file of
     another kind, and for what cannot be read.
     """
-    if path.is_dir():
-        raise BadFile(f"{path} is a folder; give the file in it")
     if not path.exists():
         raise BadFile(f"there is no file {path}")
     if not path.is_file():  # opening a pipe waits until another process writes to it
-        raise BadFile(f"{path} is a pipe or a device; give a file")
+        raise BadFile(f"{path} is a folder, a pipe or a device; give a file")
     try:
         return _entries(path)
     except OSError as error:
@@ -123,7 +118,8 @@ class Entries:
 
     def array(self, key: str) -> NDArray[Any]:
         """The entry, if it is an array of numbers."""
-        self._has(key)
+        if key not in self:
+            raise BadFile(f"{self.where} has no {key}")
         value = self.raw[key]
         if isinstance(value, Unread):
             raise BadFile(f"{self.where}: {key} is {value.reason}")
@@ -169,11 +165,13 @@ class Entries:
             if isinstance(value, csr_array):
                 with np.errstate(over="ignore"):  # what is infinite then is refused
                     return value.astype(np.float64)
-            return csr_array(widened(self._two_axes(key)))
+            array = self.array(key)
+            if array.ndim != 2:
+                raise BadFile(f"{self.where}: {key} has shape {array.shape}, but must be (K, N)")
+            return csr_array(widened(array))
         data, indices, indptr, shape = (
             self.reals(f"{key}/{part}") if part == "data" else self.wholes(f"{key}/{part}")
             for part in SPARSE_PARTS
-            if self._has(f"{key}/{part}")
         )
         try:
             rows, columns = shape.tolist()  # of more axes: lists, which int refuses
@@ -222,17 +220,6 @@ class Entries:
         except BadFile as error:
             raise BadFile(f"{self.where}: {key} {error}") from error
         return array
-
-    def _two_axes(self, key: str) -> NDArray[Any]:
-        array = self.array(key)
-        if array.ndim != 2:
-            raise BadFile(f"{self.where}: {key} has shape {array.shape}, but must be (K, N)")
-        return array
-
-    def _has(self, key: str) -> bool:
-        if key not in self:
-            raise BadFile(f"{self.where} has no {key}")
-        return True
 
 
 REQUIRED = ("v_template", "shapedirs", "posedirs", "J_regressor", "weights", "kintree_table", "f")

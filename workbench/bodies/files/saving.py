@@ -2,7 +2,6 @@
 
 import json
 import pickle
-from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -15,8 +14,8 @@ from workbench.bodies.body import why_not_skinned
 from workbench.bodies.files.joint_names import family
 from workbench.bodies.files.layouts import STYLE
 from workbench.bodies.files.reading import LONGEST_NAME, SPARSE_PARTS
-from workbench.bodies.forward.features import rotation_elements, star_features
 from workbench.bodies.forward.skinning import linear_blend
+from workbench.bodies.forward.surface import rotation_elements, star_features
 from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadFile
@@ -30,11 +29,9 @@ ROOT = 2**32 - 1  # the parent of the root in SMPL's files: -1, unsigned
 def save_body(body: SkinnedBody | TriangleBody, path: str | Path) -> None:
     """Write a body to `path`, whole or not at all: .npz, or .pkl for the package smplx.
 
-    Both have SMPL's keys, float64 arrays, and the body's name, joint names, mirror, landmarks,
-    bind pose, joints at rest where they are given, capsules, card and `extras`; `load_body`
-    returns the same numbers. A pickle holds numpy arrays only. The features are SMPL's or, in
-    .npz alone, STAR's, which are told by the number of columns of posedirs. A TriangleBody is
-    saved as .npz, with the keys that `layouts.py` lists.
+    Both have SMPL's keys, float64 arrays, and all that a body has beside them; `load_body` returns
+    the same numbers. A pickle holds numpy arrays only. STAR's features, bind poses, given joints
+    and a TriangleBody are saved as .npz alone.
 
     The package smplx opens the .pkl of a body of 24 joints (SMPL), 52 (SMPL-H) and 16 (MANO), and
     the .npz of one of 55 (SMPL-X) that has SMPL-X's landmarks among its extras. It asks for a pose
@@ -47,13 +44,9 @@ def save_body(body: SkinnedBody | TriangleBody, path: str | Path) -> None:
         ids = json.loads(Path("models/smpl/SMPL_NEUTRAL_vertex_ids.json").read_text())
         smplx.create("models", model_type="smpl", vertex_ids=ids, num_betas=10)
 
-    Give smplx `num_betas` of at most `body.n_betas`; of SMPL it shows no more than ten. With
-    `flat_hand_mean=False`, its default for MANO, it adds the mean pose to the pose that it is
-    given; here the mean is part of the pose. `tests/bodies/test_smplx_parity.py` compares all four.
-
-    It opens the .pkl of a body of 52 joints whose extras have the poses of hands, such as
-    `full-hands`, as SMPL-H (`models/smplh/SMPLH_NEUTRAL.pkl`, model_type="smplh", ext="pkl").
-    Unless it is told `flat_hand_mean=True`, it adds the mean pose of the hands.
+    Give smplx `num_betas` of at most `body.n_betas`; of SMPL it shows no more than ten. Unless told
+    `flat_hand_mean=True`, it adds the mean pose of hands to the given pose, of which it is a part
+    here.
 
     Raises BadFile for another suffix, a folder that cannot be written, or a body that the
     format cannot hold.
@@ -76,21 +69,13 @@ def save_body(body: SkinnedBody | TriangleBody, path: str | Path) -> None:
     if isinstance(body, TriangleBody) or path.suffix == ".npz":
         write_arrays(path, arrays)
         return
-    if body.bind_pose.any():
-        raise BadFile(
-            f"body {body.name!r} is drawn in a pose that is not zero, which a .pkl for smplx "
-            "cannot say; save it as .npz"
-        )
-    if body.rest_joints is not None:
-        raise BadFile(
-            f"body {body.name!r} is given its joints at rest, which a .pkl for smplx cannot say; "
-            "save it as .npz, or find a J_regressor for them"
-        )
-    if body.features is star_features:
-        raise BadFile(
-            f"the pose blend shapes of body {body.name!r} go by star_features, which the package "
-            "smplx does not know; save it as .npz"
-        )
+    for unknown, what in (
+        (body.bind_pose.any(), "is drawn in a pose that is not zero"),
+        (body.rest_joints is not None, "is given its joints at rest"),
+        (body.features is star_features, "has pose blend shapes by star_features"),
+    ):
+        if unknown:
+            raise BadFile(f"body {body.name!r} {what}, which smplx does not know; save it as .npz")
     arrays = _pose_spaces(body.n_joints) | arrays
     if family(body.n_joints, body.parents) in WITHOUT_IDS:
         _write_pickle(arrays, path)
@@ -196,81 +181,34 @@ def _card(body: SkinnedBody | TriangleBody) -> str:
         ) from error
 
 
-@dataclass(frozen=True)
-class SmplxVertex:
-    """A point on the skin: a landmark, or else the skin of some joints farthest in a direction.
-
-    Attributes:
-        landmark: the name of the landmark; that of a finger may end in `_tip`.
-        joints: the names of the joints.
-        direction: for the body's left side; on the right, x has the other sign.
-    """
-
-    landmark: str
-    joints: tuple[str, ...]
-    direction: tuple[float, float, float]
-
-
-HEAD, FOOT, HAND = ("head",), ("ankle", "foot"), ("wrist", "hand")
-
-
-def _finger(name: str) -> tuple[str, ...]:
-    """The joints whose skin has the tip of a finger: its own, or the hand's if it has none."""
-    return (*HAND, *(f"{name}{i}" for i in (1, 2, 3)))
-
-
-# The name in smplx with the letter of its side, and what it is on the left. Directions are those in
-# a T-pose, palms down; they matter only for bodies without such landmarks.
-SIDED = (
-    ("{0}eye", SmplxVertex("eye", HEAD, (0.5, 0.5, 1.0))),
-    ("{0}ear", SmplxVertex("ear", HEAD, (1.0, 0.0, 0.0))),
-    ("{1}BigToe", SmplxVertex("big_toe", FOOT, (-0.3, 0.0, 1.0))),
-    ("{1}SmallToe", SmplxVertex("small_toe", FOOT, (0.7, 0.0, 1.0))),
-    ("{1}Heel", SmplxVertex("heel", FOOT, (0.0, -0.3, -1.0))),
-    ("{0}thumb", SmplxVertex("thumb", _finger("thumb"), (0.5, 0.0, 1.0))),
-    ("{0}index", SmplxVertex("index", _finger("index"), (1.0, 0.0, 0.4))),
-    ("{0}middle", SmplxVertex("middle", _finger("middle"), (1.0, 0.0, 0.1))),
-    ("{0}ring", SmplxVertex("ring", _finger("ring"), (1.0, 0.0, -0.2))),
-    ("{0}pinky", SmplxVertex("pinky", _finger("pinky"), (1.0, 0.0, -0.6))),
-)
-SIDES = (("l", "left", 1.0), ("r", "right", -1.0))
-
-
-def extras() -> dict[str, SmplxVertex]:
-    """The 21 names that smplx asks for, each with what it is on a body."""
-    found = {"nose": SmplxVertex("nose", HEAD, (0.0, 0.0, 1.0))}
-    for letter, side, sign in SIDES:
-        for name, left in SIDED:
-            joints = HEAD if left.joints == HEAD else tuple(f"{side}_{j}" for j in left.joints)
-            x, y, z = left.direction
-            extra = SmplxVertex(f"{side}_{left.landmark}", joints, (sign * x, y, z))
-            found[name.format(letter, letter.upper())] = extra
-    return found
+FINGERS = ("thumb", "index", "middle", "ring", "pinky")
+# smplx's names of vertices of the left side, or the middle: the landmark that each is, and a joint
+SMPLX_VERTICES = {
+    "nose": ("nose", "head"),
+    "leye": ("left_eye", "head"),
+    "lear": ("left_ear", "head"),
+    "LBigToe": ("left_big_toe", "left_foot"),
+    "LSmallToe": ("left_small_toe", "left_foot"),
+    "LHeel": ("left_heel", "left_ankle"),
+    **{f"l{finger}": (f"left_{finger}", f"left_{finger}3") for finger in FINGERS},
+}
 
 
 def vertex_ids(body: SkinnedBody) -> dict[str, int]:
     """The number of a vertex for each of smplx's 21 names: nose, leye, LBigToe, lthumb, ...
 
-    The vertex nearest to the body's landmark of that name in the template, or, where it has
-    none, a guess from the template's geometry.
+    It is the vertex nearest in the template to the body's landmark of that name or, where there is
+    none, to a joint: for fingers without joints of their own the hand's.
     """
-    points = {
-        name: point
-        for landmarks in body.landmarks.values()
-        for name, point in zip(landmarks.names, landmarks.regressor @ body.template, strict=True)
-    }
-    numbers = {}
-    for name, extra in extras().items():
-        point = points.get(extra.landmark, points.get(f"{extra.landmark}_tip"))
-        if point is None:
-            numbers[name] = _farthest(body, extra)
-        else:
-            numbers[name] = int(np.argmin(np.linalg.norm(body.template - point, axis=1)))
+    places = dict(zip(body.joint_names, body.numeric.skeleton.mean, strict=True))
+    for landmarks in body.landmarks.values():
+        places |= dict(zip(landmarks.names, landmarks.regressor @ body.template, strict=True))
+    root, numbers = body.numeric.skeleton.mean[0], {}
+    for name, (landmark, joint) in SMPLX_VERTICES.items():
+        for side, letter in (("left", name[0]), ("right", "R" if name[0] == "L" else "r")):
+            known = (landmark, f"{landmark}_tip", joint, "left_hand", "left_wrist")
+            ours = [one.replace("left", side) for one in known]
+            place = next((places[one] for one in ours if one in places), root)
+            away = np.linalg.norm(body.template - place, axis=1)
+            numbers["nose" if name == "nose" else letter + name[1:]] = int(away.argmin())
     return numbers
-
-
-def _farthest(body: SkinnedBody, extra: SmplxVertex) -> int:
-    """Among the vertices that move mostly with the joints; among all, if there are none."""
-    mine = np.isin(np.array(body.joint_names)[body.weights.argmax(axis=1)], extra.joints)
-    along = body.template @ np.array(extra.direction)
-    return int(np.argmax(np.where(mine, along, -np.inf) if mine.any() else along))

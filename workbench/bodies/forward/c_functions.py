@@ -63,11 +63,7 @@ def _source(
 
 
 def _in_c(function: cs.Function, put: str, c_of: Mapping[int, str] = SUMS_AND_PRODUCTS) -> str:
-    """A function as C for several vertices; the input called `motion` is the same for all.
-
-    Outputs are set, or with the `put` of `+=` added to what is there. Raises NotSupported for an
-    operation that is not in `c_of`.
-    """
+    """A function as C for several vertices; the input called `motion` is the same for all."""
     names = [function.name_in(i) for i in range(function.n_in())]
     stored = tuple(f"i{i}[" for i, name in enumerate(names) if name in STORED)
 
@@ -92,29 +88,10 @@ def vertex_functions(B: int) -> tuple[dict[str, cs.Function], dict[str, cs.Funct
     They are small, for one joint or one beta each, so that what they need stays in registers, and
     that joints which leave a vertex alone cost nothing. M = sum_j w_j G_j, (3, 4). Joint k carries
     y_k = w_k G_k [v; 1] and the share w_k; its subtree, (4,), is the sum of both over the joints at
-    and below it. The caller sums the values of the first ones over joints, features or lanes:
-
-        posed              (posedirs_kn, features_kn) -> P_kn f_kn, (3,) m, of one feature
-        d_posed            (posedirs_kn, d_features_kn) -> what it adds to P_k df_k/d(pose_k),
-                           (3, 3) m/rad
-        blended            (w_k, G_k) -> w_k G_k, (12,)
-        add_to_parent      (subtree_k) -> itself, which is added to the parent's, (4,)
-        turned             (arm_k, axes_k) -> axes x arm_k, (3, 3) m/rad; with `turned_d_posed` it
-                           is d(point)/d(pose_k)
-        shifted            (w_k, d_shift_bk) -> w_k dG_k/d(beta_b), (3,) m
-        vjp_of_features    (posedirs_k, g) -> the gradient of g . P_k f_k by f_k, (9,)
-        vjp_of_G           (w_k, v, g) -> that of g . w_k G_k [v; 1] by G_k, (12,)
-        vjp_of_betas       (shapedirs, g) -> that of g . S betas, (B,)
-
-    and not those of the others:
-
-        shaped             (template, shapedirs, betas) -> T + S betas, (3,) m
-        moved              (M, v) -> M [v; 1], (3,) m
-        carried            (w_k, G_k, v) -> y_k and w_k, (4,)
-        arm                (subtree_k, joint_k) -> sum_{j at or below k} w_j (G_j v - t_k), (3,) m
-        turned_d_posed     (M, P_k df_k/d(pose_k)) -> the same, turned by M, (3, 3) m/rad
-        by_beta            (shapedirs_b, M) -> R S_b, which is d(point)/d(beta_b) but for `shifted`
-        vjp_of_rest        (M, g) -> the gradient of g . M [v; 1] by v, (3,)
+    and below it, and its arm the subtree seen from the joint. `turned` and `turned_d_posed` are
+    d(point)/d(pose_k) together, `by_beta` and `shifted` d(point)/d(beta_b). `vjp_of_...` are
+    gradients of g . what is named. Values of the first ones are summed over joints, features or
+    lanes.
     """
     T, S, betas = cs.SX.sym("T", 3), cs.SX.sym("S", 3, B), cs.SX.sym("betas", B)
     P, P_n, f, f_n = cs.SX.sym("P", 3, 9), cs.SX.sym("P_n", 3), cs.SX.sym("f", 9), cs.SX.sym("f_n")
@@ -160,15 +137,8 @@ def joint_functions() -> dict[str, cs.Function]:
     """Functions of columns by name, of joint k.
 
     `unbind` is the transpose of a joint's rotation in the world in the bind pose, `above` the
-    motion of the parent.
-
-        local        (pose_k) -> R_k, (9,)
-        d_local      (pose_k) -> R_k and its derivative by each of the three numbers, (36,)
-        placed       (unbind of the parent, from the parent to k at rest) -> in its frame, (3,) m
-        follow       (above in the world, R_k, place in its frame) -> the motion in the world, (12,)
-        bound        (motion in the world, unbind, joint at rest) -> G_k, (12,)
-        axes         (G and unbind of the parent, R_k and its derivative) -> the axes w about which
-                     the world turns by pose_k, (9,): R_up^-1 w is that of dR R'
+    motion of the parent, `d_local` R_k and its derivative by each of the three numbers (36,), and
+    `axes` are those about which the world turns by pose_k: R_up^-1 w is that of dR R'.
     """
     pose, place, d_local = cs.SX.sym("pose", 3), cs.SX.sym("place", 3), cs.SX.sym("d_local", 36)
     R, unbind, above, G = (

@@ -4,6 +4,12 @@ The functions of `c_functions.py` are written as C with loops around them, compi
 and a number of betas, and kept on disk. The numbers of a library are compared with NumPy's before
 it is used. Without a compiler, or if anything fails, NumPy does the same work, and the log says
 why.
+
+Vertices are packed in groups of as many as the processor takes side by side. Most joints leave a
+vertex alone: each group has lists of the joints that do not, and the posedirs of these joints only.
+What limits a posed surface is reading its directions. Those of an embedded body are whole multiples
+of one step, and those of many files are single precision: four bytes hold each of them, and the
+processor makes eight of them again in its registers, the same to the bit.
 """
 
 from __future__ import annotations
@@ -12,15 +18,16 @@ import ctypes
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property, lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from functools import cache, cached_property
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.arrays import Array
+from workbench.arrays import Array, Mask
 from workbench.bodies.forward.c_functions import joint_source, mesh_source
-from workbench.bodies.forward.kinematics import Skeleton
+from workbench.bodies.forward.kinematics import Skeleton, ancestors
 from workbench.bodies.forward.mesh import NumpyMesh, chunks_of
 from workbench.bodies.forward.motion import (
     JointMotion,
@@ -29,7 +36,6 @@ from workbench.bodies.forward.motion import (
     PointsAtMotion,
 )
 from workbench.bodies.forward.named_points import Rows, RowTarget
-from workbench.bodies.forward.packing import PackedVertices, Packing
 from workbench.bodies.forward.posing import world_rotations
 from workbench.compiling import (
     NoLibrary,
@@ -47,16 +53,181 @@ if TYPE_CHECKING:
 LOG = logging.getLogger(__name__)
 MESH, JOINTS = "mesh", "joints"  # the names of libraries
 ROLES = ("pose", "betas", "trans")
-MANY_PLACES = 64  # of arrays whose rows' addresses are remembered
 FLAGS = ("-O3",)  # a quarter less time than with -O2, and the same numbers
 # how many arguments their functions take
-OF_MESH = {"points": 4, "write_jacobian": 9, "clear": 2, "vjp": 5}
+OF_MESH = {"points": 4, "write_jacobian": 9, "vjp": 5}
 OF_JOINTS = {"motions": 5, "derivatives": 5}
 
 TRIED = 11  # vertices: all lanes full at least once, and some that are left over
 TRIED_SHARE = 0.1  # of its joints that have a weight on, and posedirs for, each of them
 TRIED_STEP = 1e-3  # of the directions that are tried in single precision
 SMALL = 1e-3  # rad: so near to zero, rotations are series
+
+
+Scalar = TypeVar("Scalar", bound=np.generic)
+
+
+PACKED = 1024  # vertices at a time, so that packing needs little memory beside the result
+LINE = 64  # bytes of a cache line
+WORTH_NARROWING = 4e6  # bytes: below, making doubles costs more than reading them (measured)
+SAMPLE = 100_000  # numbers from which a step is guessed
+PIECE = 2**16  # numbers that are compared at a time
+
+
+class Packing(NamedTuple):
+    """How shapedirs and posedirs are stored: each number is what is stored, times a step.
+
+    Attributes:
+        single: whether single precision holds them; then it holds them exactly.
+        steps: those of shapedirs and of posedirs.
+    """
+
+    single: bool = False
+    steps: tuple[float, float] = (1.0, 1.0)
+
+    @staticmethod
+    def of(body: SkinnedBody) -> Packing:
+        """What takes the least time: directions are stored as they are if the cache holds them."""
+        arrays = body.shapedirs, body.posedirs
+        if 8 * (arrays[0].size + np.count_nonzero(arrays[1])) < WORTH_NARROWING:
+            return Packing()
+        whole = whole_step(arrays[0]), whole_step(arrays[1])
+        for steps in (whole, (1.0, 1.0)):
+            if all(is_exact(array, step) for array, step in zip(arrays, steps, strict=True)):
+                return Packing(True, steps)
+        return Packing()
+
+    @property
+    def dtype(self) -> type[np.floating[Any]]:
+        """The type of what is stored."""
+        return np.float32 if self.single else np.float64
+
+    def stored(self, array: Array, step: float) -> NDArray[Any]:
+        """What is stored of the numbers of an array."""
+        return (array if step == 1 else np.rint(array / step)).astype(self.dtype)
+
+
+def whole_step(array: Array) -> float:
+    """The number of which all entries seem to be whole multiples: the least distance of some."""
+    entries = array[array != 0]
+    some = entries[np.linspace(0, entries.size - 1, min(entries.size, SAMPLE)).astype(np.int64)]
+    apart = np.diff(np.unique(np.abs(some)), prepend=0.0)
+    return float(f"{apart.min(initial=1.0):.6g}") or 1.0
+
+
+def is_exact(array: Array, step: float) -> bool:
+    """Whether single precision times the step gives the numbers of an array, to the bit."""
+    packing, flat = Packing(True), array.ravel()
+    pieces = (flat[first : first + PIECE] for first in range(0, flat.size, PIECE))
+    with np.errstate(over="ignore"):  # what is too large becomes infinite, which is not equal
+        return all(
+            np.array_equal(packing.stored(some, step) * np.float64(step), some) for some in pieces
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class PackedVertices:
+    """N vertices of a surface with K joints and B betas, in groups; `mesh.c` reads them.
+
+    Every array begins at an address that is a multiple of 64.
+
+    Attributes:
+        count: N, the number of vertices.
+        sizes: K and B.
+        vertices: (groups, 3 + K, lanes), template and weights.
+        shapes: (groups, 3 B, lanes), as they are stored.
+        posedirs: (., 27, lanes), as they are stored, for each group and each joint that has some.
+        steps: (2,) by which the stored shapes and posedirs are multiplied.
+        joints: for each group three lists, each after its length: the joints that have a weight on
+            it, that have posedirs, and that have a weight on it at or below them.
+    """
+
+    count: int
+    sizes: tuple[int, int]
+    vertices: Array
+    shapes: NDArray[Any]
+    posedirs: NDArray[Any]
+    steps: Array
+    joints: NDArray[np.intp]
+
+    @staticmethod
+    def of(
+        arrays: SkinnedBody,
+        parents: Sequence[int],
+        vertices: slice | list[int],
+        lanes: int,
+        packing: Packing,
+    ) -> PackedVertices:
+        """Some vertices of a surface on this tree, in order."""
+        chosen = np.arange(len(arrays.template))[vertices]
+        K, B, N = arrays.weights.shape[1], arrays.shapedirs.shape[2], len(chosen)
+        groups, (shape_step, pose_step) = -(-N // lanes), packing.steps
+        packed = _aligned((groups, 3 + K, lanes), np.float64)
+        shapes = _aligned((groups, 3 * B, lanes), packing.dtype)
+        weighted, corrected = np.zeros((groups, K), dtype=bool), np.zeros((groups, K), dtype=bool)
+        pieces = []
+        for start in range(0, N, PACKED):
+            some = chosen[start : start + PACKED]
+            here = slice(start // lanes, start // lanes + -(-len(some) // lanes))
+            pieces.append((some, here))
+            of_vertex = np.concatenate([arrays.template[some].T, arrays.weights[some].T])
+            packed[here] = _grouped(of_vertex, lanes)
+            by_beta = arrays.shapedirs[some].transpose(2, 1, 0).reshape(3 * B, len(some))
+            shapes[here] = _grouped(packing.stored(by_beta, shape_step), lanes)
+            weighted[here] = (_grouped(arrays.weights[some].T, lanes) != 0).any(axis=2)
+            which = (arrays.posedirs[some].reshape(len(some), 3, K - 1, 9) != 0).any(axis=(1, 3))
+            corrected[here, 1:] = _grouped(which.T, lanes).any(axis=2)
+        # Now that their number is known, the directions are written to where they will stay.
+        posedirs, end = _aligned((int(corrected.sum()), 27, lanes), packing.dtype), 0
+        for some, here in pieces:
+            by_joint = arrays.posedirs[some].reshape(len(some), 3, K - 1, 9)
+            planar = by_joint.transpose(2, 3, 1, 0).reshape(27 * (K - 1), len(some))
+            joints = corrected[here, 1:]
+            own = _grouped(planar, lanes).reshape(*joints.shape, 27, lanes)[joints]
+            begin, end = end, end + len(own)
+            posedirs[begin:end] = packing.stored(own, pose_step)
+        moved = weighted @ ancestors(parents) > 0
+        return PackedVertices(
+            N,
+            (K, B),
+            packed,
+            shapes,
+            posedirs,
+            np.array(packing.steps),
+            _lists(weighted, corrected, moved),
+        )
+
+    @cached_property
+    def structure(self) -> NDArray[np.intp]:
+        """The `body_t` of `mesh.c`."""
+        arrays = self.vertices, self.shapes, self.posedirs, self.steps, self.joints
+        addresses = [array.ctypes.data for array in arrays]
+        return np.array([self.count, *addresses], dtype=np.intp)
+
+
+def _lists(*groups: Mask) -> NDArray[np.intp]:
+    """For each group, the joints in each of some masks (groups, K), each list after its length."""
+    found: list[int] = []
+    for rows in zip(*groups, strict=True):
+        for row in rows:
+            joints = np.flatnonzero(row).tolist()
+            found += [len(joints), *joints]
+    return np.array(found, dtype=np.intp)
+
+
+def _grouped(columns: NDArray[Scalar], lanes: int) -> NDArray[Scalar]:
+    """Rows of vertices (r, n) in groups (., r, lanes), the last one filled up with zeros."""
+    rows, n = columns.shape
+    filled = np.pad(columns, ((0, 0), (0, -n % lanes)))
+    return filled.reshape(rows, -(-n // lanes), lanes).transpose(1, 0, 2)
+
+
+def _aligned(shape: tuple[int, int, int], dtype: type[np.floating[Any]]) -> NDArray[Any]:
+    """Zeros that begin where a cache line does."""
+    size = int(np.prod(shape)) * np.dtype(dtype).itemsize
+    room = np.zeros(size + LINE, dtype=np.uint8)
+    first = -room.ctypes.data % LINE
+    return room[first : first + size].view(dtype).reshape(shape)
 
 
 @cache
@@ -190,23 +361,10 @@ class CompiledMeshAt(PointsAtMotion):
 
         The points have the same bits as those that are computed alone.
         """
-        self._write(by, into, scale, clear=True)
-
-    def write_jacobian_over_zeros(
-        self, by: MotionDerivatives, into: Mapping[str, RowTarget], scale: Array | None
-    ) -> None:
-        """The same where `into` holds zeros for joints that leave vertices alone."""
-        self._write(by, into, scale, clear=False)
-
-    def _write(
-        self, by: MotionDerivatives, into: Mapping[str, RowTarget], scale: Array | None, clear: bool
-    ) -> None:
         factor = None if scale is None else np.ascontiguousarray(scale, dtype=np.float64)
         copied: list[tuple[Array, Array]] = []  # what the library cannot write to, and its copy
         tables = {name: _addresses(target, copied) for name, target in into.items()}
         found = None if "points" in self.__dict__ else np.empty((self.of.packed.count, 3))
-        if clear and "pose" in tables:
-            self.of.run("clear", tables["pose"])
         wanted = factor, *(tables.get(name) for name in ROLES), found
         self.of.run("write_jacobian", *self._moved, by.numbers, *wanted)
         if found is not None:
@@ -231,47 +389,18 @@ class CompiledMeshAt(PointsAtMotion):
 
 
 def _addresses(target: RowTarget, copied: list[tuple[Array, Array]]) -> NDArray[np.intp]:
-    """The address that each row is written to, (count,); 0 for a row that is not wanted.
-
-    An array whose rows are not float64 in one piece is written aside, and appended to `copied`.
-    """
-    one = target if isinstance(target, np.ndarray) else target.whole
-    if one is not None and _is_plain(one):
-        return _places(address(one), one.strides[0], len(one))
-    rows = Rows.of(target)
-    table = np.zeros(rows.count, dtype=np.intp)
-    for first, array in rows.parts:
-        plain = array
-        if not _is_plain(array):
-            plain = np.zeros(array.shape)
-            copied.append((array, plain))
-        table[first : first + len(array)] = address(plain) + plain.strides[0] * np.arange(
-            len(plain)
-        )
+    """The address that each row is written to, (count,); 0 for a row that is not wanted."""
+    array = target.array if isinstance(target, Rows) else target
+    plain = array
+    if array.strides[1] != 8:
+        plain = np.zeros(array.shape)
+        copied.append((array, plain))
+    places = address(plain) + plain.strides[0] * np.arange(len(plain))
+    if not isinstance(target, Rows):
+        return places
+    table = np.zeros(target.count, dtype=np.intp)
+    table[target.rows] = places
     return table
-
-
-@lru_cache(MANY_PLACES)
-def _places(begin: int, stride: int, count: int) -> NDArray[np.intp]:
-    """The addresses of rows one after the other; only the library reads them.
-
-    Large Jacobians take turns in a few buffers, so that the same addresses are asked for again.
-    """
-    return begin + stride * np.arange(count)
-
-
-def _is_plain(array: Array) -> bool:
-    """Whether the library can write its rows."""
-    return array.strides[1] == 8 and array.dtype == np.float64 and array.flags.writeable
-
-
-class TrialArrays(NamedTuple):
-    """The arrays of a surface that is tried, as those of a SkinnedBody."""
-
-    template: Array
-    shapedirs: Array
-    posedirs: Array
-    weights: Array
 
 
 def _mesh_agrees(loaded: ctypes.CDLL, parents: tuple[int, ...], B: int, single: bool) -> bool:
@@ -289,7 +418,9 @@ def _mesh_agrees(loaded: ctypes.CDLL, parents: tuple[int, ...], B: int, single: 
         )
     )
     weights = rng.standard_normal((TRIED, K)) * (rng.random((TRIED, K)) < TRIED_SHARE)
-    arrays = TrialArrays(rng.standard_normal((TRIED, 3)), shapedirs, posedirs, weights)
+    template = rng.standard_normal((TRIED, 3))
+    made = {"template": template, "shapedirs": shapedirs, "posedirs": posedirs, "weights": weights}
+    arrays = cast("SkinnedBody", SimpleNamespace(**made))  # as far as it is read
     kinematics, pose, betas = _random_kinematics(parents, B)
     motion, scale = kinematics.motion(pose, betas), rng.standard_normal(3 * TRIED)
 

@@ -17,7 +17,6 @@ of the landmark by it is the sum of its m_p R_j(p).
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -43,86 +42,6 @@ if TYPE_CHECKING:
 def _by_trans(N: int) -> Array:
     """The transposed derivative of N points by a translation, (3, 3 N)."""
     return np.tile(np.eye(3), N)
-
-
-class FewPointsAt(PointsAtMotion):
-    """Points at one motion, or at M motions and shapes: `points` (..., N, 3) m."""
-
-    motion: JointMotion
-
-    @abstractmethod
-    def derivative(self, by: MotionDerivatives, role: str) -> Array:
-        """The transposed derivative by `pose`, `betas` and so on, (..., size, 3 N)."""
-
-    @abstractmethod
-    def __getitem__(self, some: slice) -> FewPointsAt:
-        """Those at some of the motions."""
-
-    def write_jacobian(
-        self, by: MotionDerivatives, into: Mapping[str, RowTarget], scale: Array | None
-    ) -> None:
-        """Write the transposed derivative into[role] (size, 3 N)."""
-        for role, target in into.items():
-            write(target, self.derivative(by, role), scale)
-
-
-@dataclass(frozen=True, eq=False)
-class JointPoints:
-    """The posed joints of a body.
-
-    Attributes:
-        skeleton: the joints at rest.
-        ancestors: (K, K), see `kinematics.ancestors`.
-    """
-
-    skeleton: Skeleton
-    ancestors: Array
-
-    def at(self, motion: JointMotion, betas: Array) -> JointPointsAt:
-        """The joints moved by a motion, or several, of the person with these betas (..., B)."""
-        return JointPointsAt(self, motion, betas)
-
-
-@dataclass(frozen=True, eq=False)
-class JointPointsAt(FewPointsAt):
-    """The joints before translation, at one motion and betas (B,), or at several."""
-
-    of: JointPoints
-    motion: JointMotion
-    betas: Array
-
-    @property
-    def points(self) -> Array:
-        """The posed joints before translation, (..., K, 3) m."""
-        return self.motion.joints
-
-    def __getitem__(self, some: slice) -> JointPointsAt:
-        """Those at some of the motions."""
-        return JointPointsAt(self.of, self.motion[some], self.betas[some])
-
-    def derivative(self, by: MotionDerivatives, role: str) -> Array:
-        """The transposed derivative by `pose`, `betas` or `trans`, (..., size, 3 K)."""
-        t = self.points
-        *some, K, _ = t.shape
-        if role == "trans":
-            return _by_trans(K)
-        if role == "betas":
-            own = self.motion.G[..., :3] @ self.of.skeleton.by_betas  # (K, 3, B)
-            moved: Array = own.swapaxes(-1, -3).swapaxes(-1, -2) + by.d_shift
-            return moved.reshape(*some, -1, 3 * K)
-        arms = t.swapaxes(-1, -2)[..., None, :, :] - t[..., None]  # (K, 3, K): from joint k to j
-        arms *= self.of.ancestors.T[:, None]
-        turned: Array = np.matmul(by.turns, arms).reshape(*some, K, 3, 3, K)
-        return turned.swapaxes(-1, -2).reshape(*some, 3 * K, 3 * K)
-
-    def vjp(self, cotangent: Array) -> tuple[Array, Array, Array]:
-        """Gradients of cotangent (K, 3) . points by G (K, 3, 4), features and betas."""
-        skeleton = self.of.skeleton
-        rest = np.ones((len(cotangent), 4))
-        rest[:, :3] = skeleton.positions(self.betas)
-        on_rest = np.matmul(cotangent[:, None], self.motion.G[:, :, :3]).ravel()
-        on_betas = on_rest @ skeleton.by_betas.reshape(len(on_rest), len(self.betas))
-        return cotangent[:, :, None] * rest[:, None], np.zeros_like(self.motion.features), on_betas
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,18 +96,26 @@ class RestPoints:
         )
 
     @staticmethod
-    def of_capsules(capsules: Capsules) -> RestPoints:
-        """The ends of capsules, each on one joint, without pose blend shapes."""
-        P = 2 * len(capsules.names)
-        by_betas = capsules.end_slopes.reshape(P, 3, -1).transpose(2, 1, 0)
+    def rigid(joints: Index, places: Array, by_betas: Array) -> RestPoints:
+        """Landmarks (L, 3) m that each move with one joint, as betas move them (L, 3, B)."""
+        L, B = len(joints), by_betas.shape[2]
         return RestPoints(
-            np.repeat(capsules.joints, 2),
-            np.arange(P),
+            joints,
+            np.arange(L),
             np.zeros(0, dtype=np.int64),
-            capsules.ends.reshape(P, 3).T.ravel(),
-            np.ascontiguousarray(by_betas).reshape(-1, 3 * P),
-            np.zeros((0, 3 * P)),
-            np.ones(P),
+            places.T.ravel(),
+            by_betas.transpose(2, 1, 0).reshape(B, 3 * L),
+            np.zeros((0, 3 * L)),
+            np.ones(L),
+        )
+
+    @staticmethod
+    def of_capsules(capsules: Capsules) -> RestPoints:
+        """The ends of capsules."""
+        P = 2 * len(capsules.names)
+        by_betas = capsules.end_slopes.reshape(P, 3, -1)
+        return RestPoints.rigid(
+            np.repeat(capsules.joints, 2), capsules.ends.reshape(P, 3), by_betas
         )
 
     @cached_property
@@ -221,15 +148,24 @@ class RestPoints:
 
 @dataclass(frozen=True, eq=False)
 class LandmarkPoints:
-    """Landmarks of an SMPL body whose arrays are all numbers.
+    """Landmarks of an SMPL body whose arrays are all numbers, or its joints.
 
     Attributes:
         rest_points: what moves with one joint each.
         ancestors: (K, K), see `kinematics.ancestors`.
+        joints: whether they are the joints, which the motion knows to the bit.
     """
 
     rest_points: RestPoints
     ancestors: Array
+    joints: bool = False
+
+    @staticmethod
+    def of_joints(skeleton: Skeleton, ancestors: Array) -> LandmarkPoints:
+        """The posed joints of a body."""
+        each = np.arange(len(ancestors))
+        points = RestPoints.rigid(each, skeleton.mean, skeleton.by_betas)
+        return LandmarkPoints(points, ancestors, joints=True)
 
     def at(
         self, motion: JointMotion, betas: Array, offsets: Array | None = None
@@ -244,6 +180,12 @@ class LandmarkPoints:
     def mass(self) -> Array:
         """The mass of each joint's part of each landmark, (K, L)."""
         return self.on_joints(self.rest_points.mass[None])[:, 0]
+
+    @cached_property
+    def by_betas(self) -> Array:
+        """How betas move each rest point, (P, 3, B)."""
+        flat, P = self.rest_points.shapedirs, len(self.rest_points.joint)
+        return np.ascontiguousarray(flat.reshape(len(flat), 3, P).transpose(2, 1, 0))
 
     @cached_property
     def mass_below(self) -> Array:
@@ -271,7 +213,7 @@ class LandmarkPoints:
 
 
 @dataclass(frozen=True, eq=False)
-class LandmarkPointsAt(FewPointsAt):
+class LandmarkPointsAt(PointsAtMotion):
     """The landmarks before translation, at one motion, betas (B,) and offsets (L, 3) m, or several.
 
     There may be no offsets.
@@ -312,7 +254,16 @@ class LandmarkPointsAt(FewPointsAt):
     @cached_property
     def points(self) -> Array:
         """The landmarks before translation, (..., L, 3) m."""
+        if self.of.joints:
+            return self.motion.joints
         return self.of.rest_points.summed(self.moved).swapaxes(-1, -2)
+
+    def write_jacobian(
+        self, by: MotionDerivatives, into: Mapping[str, RowTarget], scale: Array | None
+    ) -> None:
+        """Write the transposed derivative into[role] (size, 3 L)."""
+        for role, target in into.items():
+            write(target, self.derivative(by, role), scale)
 
     def derivative(self, by: MotionDerivatives, role: str) -> Array:
         """The transposed derivative by `pose`, `betas`, `trans` or `offsets`, (..., size, 3 L)."""
@@ -351,9 +302,14 @@ class LandmarkPointsAt(FewPointsAt):
     def _by_pose(self, by: MotionDerivatives) -> Array:
         """The transposed derivative of the landmarks by the pose, (..., 3 K, 3, L)."""
         of, (*some, K, _, _) = self.of, self.motion.G.shape
-        placed = of.on_joints(self.moved)
-        below = (of.ancestors.T @ placed.reshape(*some, K, -1)).reshape(placed.shape)
-        below -= of.mass_below * self.motion.joints[..., None]
+        t = self.motion.joints
+        if of.joints:
+            below = t.swapaxes(-1, -2)[..., None, :, :] - t[..., None]  # (K, 3, K): from k to j
+            below *= of.ancestors.T[:, None]
+        else:
+            placed = of.on_joints(self.moved)
+            below = (of.ancestors.T @ placed.reshape(*some, K, -1)).reshape(placed.shape)
+            below -= of.mass_below * t[..., None]
         found: Array = np.matmul(by.turns, below).reshape(*some, K, 3, 3, -1)
         joints, posedirs = of.corrected
         if U := len(joints):
@@ -365,8 +321,11 @@ class LandmarkPointsAt(FewPointsAt):
 
     def _by_betas(self, by: MotionDerivatives) -> Array:
         """The transposed derivative of the landmarks by betas, (..., B, 3, L)."""
-        shift = by.d_shift.swapaxes(-1, -2) @ self.of.mass  # (B, 3, L)
-        return np.asarray(shift + self._turned(self.of.rest_points.shapedirs))
+        of, points = self.of, self.of.rest_points
+        turned = self.motion.G[..., points.joint, :, :3] @ of.by_betas  # (P, 3, B)
+        own = turned if of.joints else np.add.reduceat(turned, points.first, axis=-3)
+        shift = by.d_shift if of.joints else of.mass.T @ by.d_shift  # (B, L, 3)
+        return np.asarray(shift.swapaxes(-1, -2) + own.swapaxes(-1, -3))
 
     def _turned(self, rest: Array) -> Array:
         """What changes of the rest points (..., r, 3 P) do to the landmarks, (..., r, 3, L)."""

@@ -9,15 +9,13 @@ D_m = Q_parent(m) - Q_m (the identity for the root's parent),
 so that the points are linear in T, S, P, in the joints j and in the weights, each alone. Only the
 derivative by the pose needs more than products of these; it is that of `mesh`.
 
-A vertex moves with its own numbers in the template, the blend shapes and the weights, and with the
-joints at and above which it hangs. Where the regressor finds the joints, it also moves with the
-template and the shape blend shapes of those vertices that these joints are means of. So the
-derivatives by arrays are sparse, in places that are known (`pattern_by`).
+Derivatives by arrays are sparse: a vertex moves with its own numbers and with the joints at and
+above which it hangs, and through the regressor with the vertices that these are means of.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -27,7 +25,6 @@ from scipy.sparse import csc_array, csr_array, eye_array, kron
 
 from workbench.arrays import Array, Index
 from workbench.blocks.points import NumericPoints, PointsAt
-from workbench.bodies.forward.kinematics import ancestors
 from workbench.bodies.forward.motion import JointMotion, Kinematics
 from workbench.bodies.forward.skinning import blend_matrices
 
@@ -64,8 +61,28 @@ class FreedSurface(NumericPoints):
         return {block: own for own, block in self.names.items()}
 
     def pattern(self, name: str) -> csc_array | None:
-        """Where the derivative by a block can be nonzero; see `pattern_by`."""
-        return pattern_by(self.body, self.chosen, self.own[name], self.names)
+        """Where the derivative (3 n, size) by a block can be nonzero; None where it is dense.
+
+        It is that at random values of all blocks, at which no other entry is zero.
+        """
+        own = self.own[name]
+        if own in BLOCKS or ("J_regressor" in self.names and own in ("template", "shapedirs")):
+            return None
+        if "weights" in self.names and own in ("joints", "J_regressor"):
+            return None
+        found = self._anywhere.jacobian(name)
+        return csc_array((np.ones(found.nnz), found.indices, found.indptr), shape=found.shape)
+
+    @cached_property
+    def _anywhere(self) -> FreedSurfaceAt:
+        rng, (K, _, B) = np.random.default_rng(0), self.kinematics.skeleton.by_betas.shape
+        shapes = {"pose": (K, 3), "betas": (B,), "trans": (3,), "joints": (K, 3)}
+        return self.evaluate(
+            {
+                block: rng.uniform(0.1, 1.0, shapes.get(own) or getattr(self.body, own).shape)
+                for own, block in self.names.items()
+            }
+        )
 
     def evaluate(self, values: Mapping[str, Array]) -> FreedSurfaceAt:
         """The vertices where the blocks have these values."""
@@ -173,33 +190,8 @@ class FreedSurfaceAt(PointsAt):
             np.multiply(self.jacobian(name).T.toarray(), 1.0 if scale is None else scale, out=array)
 
     def vjp(self, cotangent: Array) -> dict[str, Array]:
-        """Gradients of cotangent . points by the blocks; that by pose needs a Jacobian."""
-        body, chosen = self.of.body, self.of.chosen
-        on_points = cotangent.reshape(-1, 3)
-        on_rest: Array = np.einsum("ndc,nd->nc", self.blended, on_points)
-        on_joints: Array = np.einsum("nm,mdc,nd->mc", self.below, self.levers, on_points)
-        on_person = _at_vertices(on_rest, chosen, body.n_vertices)
-        if self.regressed:
-            on_person += self._regressor.T @ on_joints
-        found = {
-            "pose": self._by_pose().T @ cotangent,
-            "betas": np.tensordot(on_person, self._array("shapedirs"), 2),
-            "trans": on_points.sum(axis=0),
-        }
-        made: dict[str, Callable[[], Array]] = {
-            "template": lambda: on_person,
-            "shapedirs": lambda: on_person[:, :, None] * self.betas,
-            "posedirs": lambda: _at_vertices(
-                on_rest[:, :, None] * self.motion.features, chosen, body.n_vertices
-            ),
-            "joints": lambda: on_joints,
-            "weights": lambda: _at_vertices(
-                np.einsum("nkd,nd->nk", self.carried, on_points), chosen, body.n_vertices
-            ),
-            "J_regressor": lambda: on_joints @ self.person.T,
-        }
-        found |= {name: np.asarray(made[name]()).ravel() for name in self.arrays}
-        return {self.of.names[own]: gradient for own, gradient in found.items()}
+        """Gradients of cotangent . points by the blocks, from their Jacobians."""
+        return {name: self.jacobian(name).T @ cotangent for name in self.of.reads}
 
     @property
     def _made(self) -> dict[str, Callable[[], csc_array]]:
@@ -279,59 +271,3 @@ class FreedSurfaceAt(PointsAt):
     def _array(self, name: str) -> Array:
         found: Array = self.arrays[name] if name in self.arrays else getattr(self.of.body, name)
         return found
-
-
-def _at_vertices(rows: Array, chosen: Index, n_vertices: int) -> Array:
-    """Rows (n, ...) of the chosen vertices among those of all, zero elsewhere, (N, ...)."""
-    found = np.zeros((n_vertices, *rows.shape[1:]))
-    np.add.at(found, chosen, rows)
-    return found
-
-
-def pattern_by(
-    body: SkinnedBody, chosen: Index, name: str, free: Container[str]
-) -> csc_array | None:
-    """Where the derivative (3 n, size) of the chosen vertices (n,) by an array can be nonzero.
-
-    It holds at any values of the arrays in `free`. None where the derivative is dense: by pose,
-    betas and trans; by joints and regressor where the weights are free, so that each vertex may
-    hang at any joint; by what goes through a regressor that is free itself.
-    """
-    (N, _, B), K = body.shapedirs.shape, len(body.parents)
-    if name == "weights":
-        return _blocks(body, chosen, K)
-    if name == "posedirs":
-        return csc_array(kron(_blocks(body, chosen, 3), np.ones((1, body.posedirs.shape[2]))))
-    if name in ("joints", "J_regressor") and "weights" not in free:
-        return csc_array(kron(_below(body, chosen), np.ones((3, 3 if name == "joints" else N))))
-    if name not in ("template", "shapedirs") or "J_regressor" in free:
-        return None
-    there = _blocks(body, chosen, 3)
-    if "joints" not in free and body.rest_joints is None:
-        there = csc_array(there + _through_joints(body, chosen, "weights" in free))
-    return there if name == "template" else csc_array(kron(there, np.ones((1, B))))
-
-
-def _blocks(body: SkinnedBody, chosen: Index, width: int) -> csc_array:
-    """Each of a vertex's coordinates by all of its own numbers, `width` of them."""
-    n = len(chosen)
-    own = width * chosen[:, None, None] + np.arange(width)
-    columns = np.broadcast_to(own, (n, 3, width)).ravel()
-    starts = np.arange(0, len(columns) + 1, width)
-    shape = 3 * n, width * body.n_vertices
-    return csc_array(csr_array((np.ones(len(columns)), columns, starts), shape=shape))
-
-
-def _through_joints(body: SkinnedBody, chosen: Index, free_weights: bool) -> csr_array:
-    """Each coordinate by those of the vertices behind the joints at and above which it hangs."""
-    K = len(body.parents)
-    below = csr_array(np.ones((len(chosen), K))) if free_weights else _below(body, chosen)
-    means = csr_array(body.J_regressor)
-    means = csr_array((np.ones(means.nnz), means.indices, means.indptr), shape=means.shape)
-    return csr_array(kron(below @ means, np.ones((3, 3))))
-
-
-def _below(body: SkinnedBody, chosen: Index) -> csr_array:
-    """Which vertices (n,) hang at or below which joints (K,) by the body's own weights."""
-    weights = np.asarray(body.weights[chosen] != 0, dtype=float)
-    return csr_array((weights @ ancestors(body.parents) > 0).astype(float))

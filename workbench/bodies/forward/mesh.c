@@ -47,8 +47,6 @@ typedef struct {
     const double *steps;    /* what a stored 1 of shapes and of posedirs is worth; columns are in these units */
     const integer *joints;  /* for every group three lists, each after its length: the joints with a weight on it,
                                with posedirs for it, and with a weight on it at or below them */
-    const integer *still;   /* joint, first vertex, number of vertices: stretches that a joint leaves alone */
-    integer stretches;      /* how many of these there are */
 } body_t;
 
 typedef struct {
@@ -309,16 +307,6 @@ static __attribute__((noinline)) void of_last(const body_t *body, const group_t 
                                               const double *motion, const wanted_t *into)
 {
     of_group(body, of, i, body->N - i, motion, into);
-}
-
-/* zeros where a joint leaves vertices alone; pose: see `write_jacobian` */
-EXPORT void clear(const body_t *body, double *const *pose)
-{
-    for (integer s = 0; s < body->stretches; ++s) {
-        const integer *stretch = body->still + 3 * s;
-        for (integer row = 3 * stretch[0]; row < 3 * stretch[0] + 3; ++row)
-            if (pose[row]) memset(pose[row] + 3 * stretch[1], 0, 3 * stretch[2] * sizeof(double));
-    }
 }
 
 /* pose (3 K, 3 N), betas (B, 3 N), trans (3, 3 N): each absent, or the addresses of its rows, of

@@ -30,7 +30,6 @@ from workbench.bodies.forward.motion import JointMotion, MotionDerivatives, Poin
 from workbench.bodies.forward.named_points import Rows, RowTarget
 
 if TYPE_CHECKING:
-    from workbench.bodies.forward.compiled import TrialArrays
     from workbench.bodies.skinned import SkinnedBody
 
 CHUNK = 512  # vertices: measured, and flat from there on
@@ -87,7 +86,7 @@ class VertexChunk:
         return np.asarray((motion.G.reshape(K, 12).T @ self.weights).reshape(3, 4, n))
 
 
-def chunks_of(arrays: SkinnedBody | TrialArrays, vertices: slice | list[int]) -> list[VertexChunk]:
+def chunks_of(arrays: SkinnedBody, vertices: slice | list[int]) -> list[VertexChunk]:
     """A body's vertices, or some of them, in order.
 
     The directions of all chunks stand in one array, one chunk after the other. NumPy asks the
@@ -95,7 +94,8 @@ def chunks_of(arrays: SkinnedBody | TrialArrays, vertices: slice | list[int]) ->
     """
     chosen = np.arange(len(arrays.template))[vertices]
     pieces = [chosen[first : first + CHUNK] for first in range(0, len(chosen), CHUNK)]
-    corrected = [_corrected(arrays.posedirs[rows]) for rows in pieces]
+    acting = [arrays.posedirs[rows].any(axis=(0, 1)).reshape(-1, 9) for rows in pieces]
+    corrected = [1 + np.flatnonzero(features.any(axis=1)) for features in acting]  # no root
     edge = 1 + arrays.shapedirs.shape[2]
     sizes = [3 * len(r) * (edge + 9 * len(b)) for r, b in zip(pieces, corrected, strict=True)]
     every, ends = np.empty(sum(sizes)), accumulate(sizes)
@@ -110,11 +110,6 @@ def chunks_of(arrays: SkinnedBody | TrialArrays, vertices: slice | list[int]) ->
         weights = np.ascontiguousarray(arrays.weights[rows].T)
         packed.append(VertexChunk(places, directions, edge, weights, joints, used))
     return packed
-
-
-def _corrected(posedirs: Array) -> Index:
-    """The joints whose posedirs (n, 3, 9 (K - 1)) are not all zero; never the root."""
-    return 1 + np.flatnonzero(posedirs.any(axis=(0, 1)).reshape(-1, 9).any(axis=1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,19 +151,18 @@ class NumpyMeshAt(PointsAtMotion):
 
         into[name] (size, 3 N) receives it transposed, each column times scale (3 N,).
         """
-        rows = {name: Rows.of(target) for name, target in into.items()}
         for chunk in self.of.chunks:
             n = chunk.weights.shape[1]
             R = chunk.blended(self.motion)[:, :3]
             factor = None if scale is None else scale[chunk.columns].reshape(n, 3).T
-            if "pose" in rows:
+            if "pose" in into:
                 below = _below(chunk, self._rest_of(chunk), self.motion, self.of.parents)
-                _write(rows["pose"], chunk.columns, _by_pose(chunk, below, R, by), factor)
-            if "betas" in rows:
-                _write(rows["betas"], chunk.columns, _by_betas(chunk, R, by), factor)
-            if "trans" in rows:
+                _write(into["pose"], chunk.columns, _by_pose(chunk, below, R, by), factor)
+            if "betas" in into:
+                _write(into["betas"], chunk.columns, _by_betas(chunk, R, by), factor)
+            if "trans" in into:
                 unit = np.repeat(np.eye(3)[:, :, None], n, axis=2)
-                _write(rows["trans"], chunk.columns, unit, factor)
+                _write(into["trans"], chunk.columns, unit, factor)
 
     def vjp(self, cotangent: Array) -> tuple[Array, Array, Array]:
         """The gradients of cotangent (N, 3) . points by G (K, 3, 4), features and betas."""
@@ -260,14 +254,13 @@ def _by_betas(chunk: VertexChunk, R: Array, by: MotionDerivatives) -> Array:
     return out
 
 
-def _write(into: Rows, columns: slice, values: Array, factor: Array | None) -> None:
-    """Planar (k, 3, n), which is used up, into columns of k rows, vertex by vertex.
-
-    Times a factor (3, n).
-    """
+def _write(into: RowTarget, columns: slice, values: Array, factor: Array | None) -> None:
+    """Planar (k, 3, n), which is used up, into columns of k rows, vertex by vertex."""
     if factor is not None:
         values *= factor
-    for first, array in into.parts:
-        there, some = array[:, columns], values[first : first + len(array)]
-        for d in range(3):  # one coordinate at a time, so that the inner loop runs along vertices
-            there[:, d::3] = some[:, d]
+    if isinstance(into, Rows):
+        there, values = into.array[:, columns], values[into.rows]
+    else:
+        there = into[:, columns]
+    for d in range(3):  # one coordinate at a time, so that the inner loop runs along vertices
+        there[:, d::3] = values[:, d]

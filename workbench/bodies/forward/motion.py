@@ -45,14 +45,11 @@ class JointMotion:
         kinematics: of the body.
         pose: (..., K, 3) rad.
         numbers: (..., 24 K - 9), of which features, G and joints are parts, in this order.
-        among: the several motions of which this is one, and its place; then its derivatives are
-            found together with those of the others.
     """
 
     kinematics: Kinematics
     pose: Array
     numbers: Array
-    among: tuple[JointMotion, int] | None = None
 
     @cached_property
     def features(self) -> Array:
@@ -73,15 +70,12 @@ class JointMotion:
     @cached_property
     def derivatives(self) -> MotionDerivatives:
         """How the motion changes with pose and betas."""
-        if self.among is not None:
-            every, place = self.among
-            return every.derivatives[place]
         return self.kinematics.derivatives(self)
 
     def each(self) -> list[JointMotion]:
         """The M motions of poses (M, K, 3), one by one."""
-        apart = enumerate(zip(self.pose, self.numbers, strict=True))
-        return [JointMotion(self.kinematics, *parts, (self, i)) for i, parts in apart]
+        apart = zip(self.pose, self.numbers, strict=True)
+        return [JointMotion(self.kinematics, *parts) for parts in apart]
 
     def __getitem__(self, some: slice) -> JointMotion:
         """Some of several motions."""
@@ -109,10 +103,6 @@ class MotionDerivatives:
 
     sizes: tuple[int, int]
     numbers: Array
-
-    def __getitem__(self, which: int | slice) -> MotionDerivatives:
-        """The derivatives of one or some of several motions."""
-        return MotionDerivatives(self.sizes, self.numbers[which])
 
     @cached_property
     def axes(self) -> Array:
@@ -152,14 +142,9 @@ class PointsAtMotion(ABC):
     ) -> None:
         """Write the transposed derivative into `pose` (3 K, 3 N), `betas`, `trans` and `offsets`.
 
-        Each column is multiplied by its scale (3 N,), if there is one.
+        Each column is multiplied by its scale (3 N,), if there is one. `into` holds zeros wherever
+        the derivative is always zero.
         """
-
-    def write_jacobian_over_zeros(
-        self, by: MotionDerivatives, into: Mapping[str, RowTarget], scale: Array | None
-    ) -> None:
-        """The same where `into` holds zeros wherever the derivative is always zero."""
-        self.write_jacobian(by, into, scale)
 
     @abstractmethod
     def vjp(self, cotangent: Array) -> tuple[Array, Array, Array]:

@@ -1,7 +1,7 @@
 """Points of a body in numbers: at a pose, betas and a translation, and offsets of landmarks if any.
 
-The kinematics are found once for a pose; from them and the betas, one of four kinds of arithmetic
-finds points before translation: `NumpyMesh` or `CompiledMesh`, `JointPoints`, `LandmarkPoints`.
+The kinematics are found once for a pose; from them and the betas, one of three kinds of arithmetic
+finds points before translation: `NumpyMesh` or `CompiledMesh`, `LandmarkPoints`.
 """
 
 from __future__ import annotations
@@ -17,19 +17,13 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.blocks.points import PointsOfEach, stacked
 from workbench.bodies.forward import surface
-from workbench.bodies.forward.compiled import CompiledJoints, CompiledMesh
-from workbench.bodies.forward.few_points import (
-    FewPointsAt,
-    JointPoints,
-    LandmarkPoints,
-    RestPoints,
-)
+from workbench.bodies.forward.compiled import CompiledJoints, CompiledMesh, Packing
+from workbench.bodies.forward.few_points import LandmarkPoints, LandmarkPointsAt, RestPoints
 from workbench.bodies.forward.freed import BLOCKS, FreedSurface
 from workbench.bodies.forward.kinematics import Skeleton
 from workbench.bodies.forward.mesh import NumpyMesh, VertexChunk, batch_points, chunks_of
 from workbench.bodies.forward.motion import JointMotion, Kinematics, PointsAtMotion
 from workbench.bodies.forward.named_points import BodyPoints, BodyPointsAt, RowTarget
-from workbench.bodies.forward.packing import Packing
 from workbench.bodies.forward.surface import ALL, Vertices
 
 if TYPE_CHECKING:
@@ -41,7 +35,7 @@ WORTH_COMPILING = 1000  # vertices: with fewer NumPy needs at most two milliseco
 PART = 100  # vertices, from which on a part of a body with so many is compiled as well
 LARGE_TREE = 16  # joints, from which on kinematics are compiled
 
-Arithmetic: TypeAlias = NumpyMesh | CompiledMesh | JointPoints | LandmarkPoints
+Arithmetic: TypeAlias = NumpyMesh | CompiledMesh | LandmarkPoints
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,10 +116,6 @@ class PosedPointsAt(BodyPointsAt):
         """Write the transposed derivative into `pose`, `betas` and so on, (size, 3 N) each."""
         self.at_origin.write_jacobian(self.motion.derivatives, into, scale)
 
-    def write_jacobian_over_zeros(self, into: Mapping[str, RowTarget], scale: Array | None) -> None:
-        """The same where `into` holds zeros wherever the derivative is always zero."""
-        self.at_origin.write_jacobian_over_zeros(self.motion.derivatives, into, scale)
-
     def vjp(self, cotangent: Array) -> dict[str, Array]:
         """The gradients of cotangent (3 N,) . points by `pose`, `betas` and so on, flat."""
         on_points = cotangent.reshape(-1, 3)
@@ -151,7 +141,7 @@ class PosedFrames:
     """
 
     of: PosedPoints
-    arithmetic: JointPoints | LandmarkPoints
+    arithmetic: LandmarkPoints
     names: Mapping[str, str]
     arguments: tuple[Array, ...]
 
@@ -161,7 +151,7 @@ class PosedFrames:
         return np.asarray(self._at_origin.points + self.arguments[2][:, None])
 
     @cached_property
-    def _at_origin(self) -> FewPointsAt:
+    def _at_origin(self) -> LandmarkPointsAt:
         poses, betas, _, *offsets = self.arguments
         return self.arithmetic.at(self.of.kinematics.motion(poses, betas), betas, *offsets)
 
@@ -212,28 +202,27 @@ class BodyNumbers:
     @cached_property
     def joints(self) -> PosedPoints:
         """The posed joints in numbers."""
-        return PosedPoints(self.kinematics, JointPoints(self.skeleton, self.kinematics.ancestors))
+        points = LandmarkPoints.of_joints(self.skeleton, self.kinematics.ancestors)
+        return PosedPoints(self.kinematics, points)
+
+    def chunks_of(self, some: slice | list[int]) -> list[VertexChunk]:
+        """The arrays of all vertices or some, in chunks of vertices."""
+        return self.chunks if some == ALL else chunks_of(self.arrays, some)
 
     def surface(self, vertices: Vertices) -> PosedPoints:
         """All vertices of an SMPL body, or some."""
-
         some = vertices if isinstance(vertices, slice) else list(vertices)
-        chunks = cache(lambda: self.chunks if some == ALL else chunks_of(self.arrays, some))
+        chunks = cache(partial(self.chunks_of, some))
 
         def many(motion: JointMotion, betas: Array) -> Array:
             return batch_points(chunks(), motion, betas)
 
-        return PosedPoints(self.kinematics, self.mesh(some, chunks), many)
+        return PosedPoints(self.kinematics, self.mesh(some), many)
 
-    def mesh(
-        self,
-        some: slice | list[int] = ALL,
-        chunks: Callable[[], list[VertexChunk]] | None = None,
-    ) -> NumpyMesh | CompiledMesh:
+    def mesh(self, some: slice | list[int] = ALL) -> NumpyMesh | CompiledMesh:
         """The arithmetic of all vertices or some, compiled where that pays and works.
 
         The library is that of the whole surface, so that a part of one is worth it sooner.
-        `chunks` returns these vertices packed for NumPy, if they have been packed before.
         """
         body = self.arrays
         count = body.n_vertices if isinstance(some, slice) else len(some)
@@ -241,7 +230,7 @@ class BodyNumbers:
             compiled = CompiledMesh.of(body, some, self.packing)
             if compiled is not None:
                 return compiled
-        return NumpyMesh(chunks() if chunks else chunks_of(body, some), body.parents)
+        return NumpyMesh(self.chunks_of(some), body.parents)
 
     def freed(
         self, vertices: Vertices, arguments: Sequence[str], free: Mapping[str, str]
@@ -263,14 +252,13 @@ class BodyNumbers:
 
     def landmarks(self, landmarks: Landmarks) -> PosedPoints:
         """Weighted means of an SMPL body's vertices, with offsets or without."""
-        return self._at_rest_points(self.rest_points(landmarks))
+        points = LandmarkPoints(self.rest_points(landmarks), self.kinematics.ancestors)
+        return PosedPoints(self.kinematics, points)
 
     def capsules(self, capsules: Capsules) -> PosedPoints:
         """The ends of capsules."""
-        return self._at_rest_points(RestPoints.of_capsules(capsules))
-
-    def _at_rest_points(self, points: RestPoints) -> PosedPoints:
-        return PosedPoints(self.kinematics, LandmarkPoints(points, self.kinematics.ancestors))
+        points = LandmarkPoints(RestPoints.of_capsules(capsules), self.kinematics.ancestors)
+        return PosedPoints(self.kinematics, points)
 
     def displaced_rest(self, landmarks: Landmarks) -> cs.Function:
         """A function (pose, betas, offsets) -> the untranslated landmarks (3, L), any skinning."""

@@ -5,10 +5,8 @@ from typing import Any
 
 import casadi as cs
 import numpy as np
-from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
-from workbench.blocks.checks import reals
 from workbench.bodies.forward.kinematics import binding_motions
 from workbench.errors import BadArgument
 from workbench.geometry.dual_quaternions import dual_quaternions, moved
@@ -110,41 +108,13 @@ def skin(T: Any, J: Any, weights: Any, theta: Any, parents: Sequence[int]) -> An
     given = {"T": T, "J": J, "weights": weights, "theta": theta}
     kinds = {type(a) for a in given.values() if isinstance(a, (cs.MX, cs.SX))}
     if len(kinds) > 1:
-        raise BadArgument(
-            "the skinning function takes symbols of one kind, and was given MX and SX; a function "
-            "of SX, called with MX, joins the two"
-        )
+        raise BadArgument("the skinning function takes symbols of one kind, not MX and SX")
     kind = kinds.pop() if kinds else cs.DM
-    points, joints, shares, pose = (
-        a if isinstance(a, kind) else kind(cs.DM(a)) for a in given.values()
-    )
-    N, K = points.shape[1], len(parents)
-    expected = {"T": (3, N), "J": (3, K), "weights": (N, K), "theta": (3, K)}
-    for name, found in zip(given, (points, joints, shares, pose), strict=True):
-        if found.shape != expected[name]:
-            raise BadArgument(
-                f"{name} has shape {found.shape}, but must be {expected[name]} for {N} points on "
-                f"{K} joints"
-            )
-    at_zero = rodrigues(kind(cs.DM.zeros(3, K)))
-    motions, _ = binding_motions(rodrigues(pose), at_zero, joints, parents)
-    return linear_blend(points, motions, shares)
-
-
-def skin_vertices(
-    T: ArrayLike, J: ArrayLike, weights: ArrayLike, theta: ArrayLike, parents: Sequence[int]
-) -> Array:
-    """W(T, J, weights, theta) in numbers; see `skin`.
-
-    T and the result are (N, 3) m, J (K, 3) m, weights (N, K) and theta (K, 3) rad.
-
-    Raises BadArgument for shapes that do not fit, and NotNumbers.
-    """
-    t, j, w, pose = (
-        reals(name, array)
-        for name, array in (("T", T), ("J", J), ("weights", weights), ("theta", theta))
-    )
-    for name, array in (("T", t), ("J", j), ("theta", pose)):
-        if array.ndim != 2 or array.shape[1] != 3:
-            raise BadArgument(f"{name} has shape {array.shape}, but must have three columns")
-    return np.array(skin(t.T, j.T, w, pose.T, parents)).T
+    made = {name: a if isinstance(a, kind) else kind(cs.DM(a)) for name, a in given.items()}
+    N, K = made["T"].shape[1], len(parents)
+    for name, shape in {"T": (3, N), "J": (3, K), "weights": (N, K), "theta": (3, K)}.items():
+        if made[name].shape != shape:
+            raise BadArgument(f"{name} has shape {made[name].shape}, but must be {shape}")
+    at_zero, R = (rodrigues(pose) for pose in (kind(cs.DM.zeros(3, K)), made["theta"]))
+    motions, _ = binding_motions(R, at_zero, made["J"], parents)
+    return linear_blend(made["T"], motions, made["weights"])

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from workbench.arrays import Array
 from workbench.blocks import Block, NumericPoints, Points, Tree
 from workbench.blocks.affine import Affine, alone, place_of
-from workbench.blocks.tree import Rest
+from workbench.blocks.points import Rest
 from workbench.bodies.body import Body, Landmarks
 from workbench.bodies.forward import surface
 from workbench.bodies.forward.named_points import BlockPoints, Maps, plain_names
@@ -49,18 +49,12 @@ class Arguments:
 
     def __post_init__(self) -> None:
         for block, given in self._given:
-            if isinstance(given, cs.SX):
-                raise BadBody(
-                    f"body {self.body.name!r} takes a symbol for {block.name}, not something of "
-                    "type SX; take block.symbol for block in body.blocks(), which is an MX, for a "
-                    "mesh is computed in matrices. SX takes its place afterwards: "
-                    'casadi.Function("f", [pose, betas, trans], [points.graph()])(*your_sx)'
-                )
             if not isinstance(given, cs.MX):
                 raise BadBody(
                     f"body {self.body.name!r} takes a symbol for {block.name}, not something of "
                     f"type {type(given).__name__}; take block.symbol for block in body.blocks(), "
-                    "or give numbers to body.vertices"
+                    "or give numbers to body.vertices. SX takes its place afterwards, in "
+                    'casadi.Function("f", [pose, betas, trans], [points.graph()])(*your_sx)'
                 )
             if given.shape != block.symbol_shape:
                 raise BadBody(
@@ -86,29 +80,14 @@ class Arguments:
         return own if self.displaced is None else (*own, self.displaced)
 
     def blocks(self) -> tuple[Block, ...]:
-        """The block behind each symbol, the body's own (with unit and labels) where it is one.
-
-        A symbol of another origin has the joints' names if it holds nothing but rotation vectors.
-        """
+        """The block behind each symbol, the body's own (with unit and labels) where it is one."""
         known = {b.symbol.__hash__(): b for b in self.body.known_blocks}
         if self.displaced is not None:
             block, given = self.displaced
             if given.is_symbolic() and given.__hash__() not in known:
                 known[given.__hash__()] = Block.of(given, block.unit, block.labels)
         read = cs.symvar(cs.veccat(*(given for _, given in self._given)))
-        return tuple(known.get(s.__hash__()) or self._piece(s) for s in read)
-
-    def _piece(self, symbol: cs.MX) -> Block:
-        """A block of rotation vectors, or one of which nothing is known."""
-        block, tree = Block.of(symbol), self.tree
-        at = {} if tree is None else {place: k for k, place in enumerate(tree.places)}
-        joints = [at.get((block.name, 3 * row)) for row in range(block.size // 3)]
-        names = [self.body.joint_names[k] for k in joints if k is not None]
-        if not names or 3 * len(names) != block.size:
-            return block
-        if len(block.shape) == 1:
-            names = [f"{name}, {axis}" for name in names for axis in "xyz"]
-        return Block.of(symbol, "rad", tuple(names))
+        return tuple(known.get(s.__hash__()) or Block.of(s) for s in read)
 
     @cached_property
     def tree(self) -> Tree | None:

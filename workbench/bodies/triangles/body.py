@@ -17,8 +17,12 @@ from workbench.blocks import Block, Points
 from workbench.bodies.body import Body, Given, Landmarks, arguments, regressed
 from workbench.bodies.forward.sources import Arguments
 from workbench.bodies.readonly import readonly_parts
-from workbench.bodies.triangles.numbers import PackedTriangles, TriangleNumbers
-from workbench.bodies.triangles.points import deformed, surface_points
+from workbench.bodies.triangles.surface import (
+    PackedTriangles,
+    TriangleNumbers,
+    deformed,
+    surface_points,
+)
 from workbench.bodies.validation import check_triangles, chosen_vertices
 from workbench.errors import BadBody
 from workbench.geometry.triangles import Stitching, gradient_derivatives
@@ -50,21 +54,13 @@ class TriangleBody(Body):
     Points with free arrays have no arithmetic: CasADi differentiates the whole graph, which is fit
     for some hundred faces. Raises BadBody if the arrays do not fit together.
 
-    Attributes:
-        template: (N, 3) m.
+    Attributes (beside those of every Body):
         faces: (F, 3), one connected surface.
         shapedirs: (F, 3, 3, B) per unit of betas.
         posedirs: (F, 3, 3, 3 J) per rad, joint by joint of `near`.
         near: (F, J) the joints, never the root, whose twists a face feels.
         weights: (F, K) how much each face belongs to each part; rows sum to one.
         J_regressor: (K, N) from vertices, at rest or posed, to joints; rows sum to one.
-        parents: (K,) with parents[0] == -1 and parents[k] < k.
-        joint_names: (K,).
-        landmarks: sets of landmarks by name.
-        name: what the body is called.
-        card: where its numbers come from.
-        extras: arrays of its file that nothing computes with.
-        free: the arrays that are unknowns, by name; see `freed`.
     """
 
     template: Array
@@ -160,10 +156,7 @@ class TriangleBody(Body):
     def vertices(self, pose: Given = None, betas: Given = None, trans: Given = None) -> Array:
         """The posed surface (..., N, 3) m of poses (..., K, 3) or (..., 3 K) rad."""
         batch, each = arguments(self, pose, betas, trans)
-        if len(each[0]) == 1:
-            surfaces = self.arithmetic.evaluate(*(part[0] for part in each)).points
-        else:
-            surfaces = self.arithmetic.evaluate_batch(*each)
+        surfaces = self.arithmetic.evaluate_batch(*each)
         return surfaces.reshape(*batch, self.n_vertices, 3)
 
     def joints(self, pose: Given = None, betas: Given = None, trans: Given = None) -> Array:
