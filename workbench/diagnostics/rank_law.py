@@ -67,10 +67,10 @@ def rank_of_observed_joints(
 
 
 def law_of(problem: Problem, at: Mapping[str, ArrayLike]) -> tuple[int, str] | None:
-    """The rank that the law predicts for a problem, and why; None if the law does not apply.
+    """The rank that the law predicts for a problem, and why.
 
-    The law applies if every residual reads the joints of one body, and nothing is free but its pose
-    and perhaps its translation.
+    None unless every residual reads the joints of one body, and nothing is free but its pose and
+    perhaps its translation.
     """
     found = _only_joints(problem, at)
     if found is None:

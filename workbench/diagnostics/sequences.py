@@ -106,11 +106,10 @@ class SingleFrames:
 
 @dataclass(frozen=True, eq=False)
 class SharedUnknowns:
-    """b unknowns, seen by T frames.
+    """b unknowns that T frames share.
 
-    The rows of frame t are J_t x_t + B_t s. What the frame's own unknowns x_t can undo is projected
-    out of them by P_t, which is at right angles to the range of J_t. Unknown i is *seen* in frame t
-    where the length of column i of P_t B_t is above the tolerance of the rank.
+    The rows of frame t are J_t x_t + B_t s. Unknown i is *seen* in frame t where column i of B_t is
+    not in the range of J_t, so that the frame's own unknowns cannot undo it.
 
     Attributes:
         layout: the shared unknowns.

@@ -92,10 +92,9 @@ class Dogleg(Limits):
     """Powell's dogleg: a trust-region method that needs one factorization for each iterate.
 
     The first radius is the length of the first Gauss-Newton step if the linear model proves right
-    there, or else 0.9 of the distance of the start from zero at most, or 0.9 near zero (see
-    `first_radius`); chumpy's rule takes the Gauss-Newton step, however long it is.
-    See Powell, A hybrid method for nonlinear equations, 1970, and Madsen, Nielsen and Tingleff,
-    Methods for non-linear least squares problems, 2004, section 3.3.
+    there, or else `first_radius` at most; chumpy's rule takes that step, however long it is. See
+    Powell, A hybrid method for nonlinear equations, 1970, and Madsen, Nielsen and Tingleff, Methods
+    for non-linear least squares problems, 2004, section 3.3.
 
     Attributes:
         rule: how the radius follows the gain ratio: `textbook`, or `chumpy`, with which this is the

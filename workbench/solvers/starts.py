@@ -83,10 +83,9 @@ class Starts:
     A run that ends at a saddle goes on once from the `lower` point beside it. The solution is the
     lowest end. Its `hypotheses` are the minima, the lowest first, each with the starts that led to
     it; ends whose residuals cannot be told apart are one minimum. The message says how likely it is
-    that no further minimum exists, from the number of starts and the number of different minima
-    (`all_seen`); a run that ended at a limit, away from all other ends, counts as a minimum of its
-    own. The trace is that of the best start's run, evaluations and seconds are those of all runs,
-    and the limits of the solver apply to each run by itself.
+    that no further minimum exists (`all_seen`); a run that ended at a limit, away from all other
+    ends, counts as a minimum of its own. The trace is that of the best start's run, evaluations and
+    seconds are those of all runs, and the limits of the solver apply to each run by itself.
 
     Attributes:
         starts: the values of blocks at each start, in which what is left out stays as it is given
