@@ -1,16 +1,11 @@
 """What a problem's Jacobian can see, the names of what it cannot, and what to do about it.
 
-`Diagnosis` computes part after part when it is asked for, a module each: `structure`, `null_space`,
-`conditioning`, `identifiability`, `derivatives`, `remedies`; `report` and `data` put it into text
-and data. Everything about columns comes from one small triangular R with R'R = J'J. A
-large sparse Jacobian is factorized instead (`sparse_jacobian`), and the unknowns of a long sequence
-are eliminated frame after frame (`sequences`), where the same name in many frames is said once.
-
-A null space has no basis of its own. Its directions are searched for by the motions that have a
-name, the most general first: `generators` is their catalogue, a function for each kind, `gauges`
-asks which of them others undo, `joint_motions` are those of joints and limbs, and what is left is
-said in units. Whether a direction is weak is measured in characteristic `scales`, so that units
-change no judgement and no name. Every remedy is tried before it is suggested.
+`Diagnosis` computes part after part when it is asked for, a module each. A large sparse Jacobian is
+factorized (`sparse_jacobian`), and the unknowns of a long sequence are eliminated frame after frame
+(`sequences`). Null directions are searched for by the motions that have a name: `generators` is
+their catalogue, `gauges` asks which of them others undo, `joint_motions` are those of joints and
+limbs, and what is left is said in units. Whether a direction is weak is measured in characteristic
+`scales`. Every remedy is tried before it is suggested.
 """
 
 from workbench.diagnostics.active_set import ActiveSet, ConstrainedJacobian

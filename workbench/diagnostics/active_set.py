@@ -330,11 +330,10 @@ def points_nearby(
     """Points x (n,) near these values, and the constrained Jacobian at each.
 
     A symmetry of a problem is undone wherever its unknowns are, and a coincidence only at one
-    point: two decays of the same rate, a board that stands exactly across the view. Unknowns
-    move at random by a share of their scales `sizes` (n,). Active constraints and bounds hold at
-    the new points too, and so does what residuals say of one block in a problem that ties it to
-    others: a quaternion keeps its length, and a corner that a prior holds its place. There are no
-    points for a very large problem, and where nothing finite is found.
+    point. Unknowns move at random by a share of their scales `sizes` (n,). Active constraints and
+    bounds hold at the new points too, and so does what residuals say of one block in a problem that
+    ties it to others: a quaternion keeps its length. There are no points for a very large problem,
+    and where nothing finite is found.
     """
     n = problem.free.size
     if not 0 < n <= MOST:

@@ -1,8 +1,6 @@
 """Bases of spaces: of what constraints span and leave free, and of null spaces by few entries.
 
-A row of one entry, such as that of a bound, holds an unknown exactly: bases of what constraints
-span or leave have a unit vector for it, or a zero in every vector. Other rows count in length 1, so
-that the units of constraints change no rank.
+A row of one entry, such as that of a bound, holds an unknown exactly. Other rows count in length 1.
 """
 
 from collections.abc import Iterable

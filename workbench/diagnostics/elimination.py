@@ -137,8 +137,7 @@ class EliminationStep:
     """u = answer @ w + half @ z + null @ y: z has the covariance I, and y may be anything.
 
     Attributes:
-        u: the places of the eliminated unknowns among all unknowns.
-        w: the places of the unknowns that are left and that these rows read.
+        u, w: the places of the eliminated unknowns, and of those left that these rows read.
         answer: (u, w) how u follows w.
         half: (u, r) a square root of the covariance of u given w.
         null: (u, d) orthonormal directions of u that no row sees.

@@ -397,11 +397,7 @@ def rest(problem: Problem) -> Iterator[Generator]:
     """What registrations cannot tell of a body whose arrays are unknown: the gauges of training.
 
     A subject's template and joints move, and every place moves back; so does the root joint, as far
-    as its rotation moves it. (That all templates may turn, and with them joints and blend shapes,
-    is a rotation of points.)
-
-    Loper et al. (SMPL, 2015, section 4.1) keep joints near the rings between segments, since data
-    do not determine the root.
+    as its rotation moves it (Loper et al., SMPL, 2015, section 4.1).
     """
     free = problem.free
     sources = [getattr(points.source, "rest", None) for points in problem.points]

@@ -18,7 +18,6 @@ from scipy.sparse import csc_array
 from workbench.arrays import Array, Index, Mask
 from workbench.blocks import Layout
 from workbench.diagnostics.active_set import ConstrainedJacobian
-from workbench.diagnostics.sparse_jacobian import SparseJacobian
 from workbench.problem import Linearization
 from workbench.problem.storage import unblocked
 from workbench.threads import limited_threads
@@ -96,7 +95,12 @@ def identifiability(
     pairs: tuple[tuple[int, int, float], ...] = ()
     if sparse is not None:
         with limited_threads():
-            sigma, decided, better = _of_sparse(sparse, prior_rows)
+            sigma = np.sqrt(sparse.variances)
+            decided = float(sparse.rank - len(sparse.forbidden))
+            better = int(decided)
+            if prior_rows.any():
+                decided -= sparse.information_in(prior_rows)
+                better = sparse.count_mostly_from(prior_rows)
     else:
         measured = constrained.measured(scales)
         sigma, half = measured.laplace
@@ -106,17 +110,6 @@ def identifiability(
         decided, better = float(share.sum()), int(np.sum(share > 0.5))
     verdicts = _verdicts(sigma, prior, scales, unread, under)
     return Identifiability(sigma, prior, pairs, share, decided, better, verdicts)
-
-
-def _of_sparse(jacobian: SparseJacobian, prior_rows: Mask) -> tuple[Array, float, int]:
-    """Sigmas, `effective` and `better_from_data` without singular values."""
-    sigma = np.sqrt(jacobian.variances)
-    decided: float = jacobian.rank - len(jacobian.forbidden)
-    better = int(decided)
-    if prior_rows.any():
-        decided -= jacobian.information_in(prior_rows)
-        better = jacobian.count_mostly_from(prior_rows)
-    return sigma, decided, better
 
 
 def _data_share(here: Linearization, prior_rows: Mask, half: Array) -> Array:

@@ -1,12 +1,9 @@
 """The motions of joints by which null directions of bodies are named, smallest first.
 
-A null space has no basis of its own: singular vectors spread one joint's twist over the whole body.
-Null directions are therefore searched for in small subspaces that have a name: one entry; one
-joint; a joint and one below it that undoes its turn (the twist of a bone, the swivel of an elbow);
-a joint against a translation; a limb.
-
-A direction that is found among all turns of a limb may move little of the limb: one that turns a
-hand, and the collar by a hundredth as much, is called a turn of the hand.
+Singular vectors spread one joint's twist over the whole body. Null directions are therefore
+searched for in small subspaces that have a name: one entry; one joint; a joint and one below it
+that undoes its turn (the twist of a bone, the swivel of an elbow); a joint against a translation; a
+limb.
 """
 
 from collections.abc import Iterator, Sequence

@@ -1,9 +1,8 @@
 """Directions that change no residual, or hardly change any, each with a name and in units.
 
 A null space is found, and searched for motions with a name, in unknowns whose columns have length
-1: there rounding is the same for all, also where columns differ by many powers of ten. A direction
-is a combination of the basis from the first to the last step, so that whatever it is called, it
-lies in the null space; a weak one lies in the space of weak singular vectors.
+1: there rounding is the same for all. A direction is a combination of the basis from the first to
+the last step, so that whatever it is called, it lies in the null space.
 """
 
 from collections.abc import Iterator, Sequence
@@ -149,9 +148,7 @@ def null_space(d: "Diagnosis") -> NullSpace:
 def null_in_units(constrained: ConstrainedJacobian, lengths: Array) -> Array:
     """(n, d) an orthonormal basis of the null space of unknowns y = lengths * x.
 
-    The dimension is that of the Jacobian in the unknowns' own units, which decides the rank. From
-    columns of length 1, or nearly so, by singular vectors; of a sparse Jacobian, from its
-    factorization.
+    The dimension is that of the Jacobian in the unknowns' own units, which decides the rank.
     """
     n = len(lengths)
     d, held = n - constrained.rank, constrained.stacked

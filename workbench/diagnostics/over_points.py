@@ -1,8 +1,7 @@
 """A diagnosis at many points: which directions are null everywhere, and which only somewhere.
 
-Rank is a property of a problem and a point. A knee that is stretched hides what a bent one shows,
-and a camera may look along a forearm in one pose of many. `diagnose_over` diagnoses a problem at
-many points, draws of its priors, of a posterior, or frames of a recording, and counts by name.
+A knee that is stretched hides what a bent one shows. `diagnose_over` diagnoses a problem at many
+points, draws of its priors, of a posterior, or frames of a recording, and counts by name.
 """
 
 from collections import Counter

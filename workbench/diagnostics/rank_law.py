@@ -1,10 +1,9 @@
 """How many directions of a pose observed joints determine, from the kinematic tree alone.
 
-An observed joint moves when a joint above it turns. Counting from the leaves to the root, rho_k is
-the number of directions in which a turn of joint k can be determined, and U_k the space of small
-moves of joint k itself that turns of the joints below it can hide. If all joints are observed, this
-is 3 for the root's position (where translation is free), 3 for each joint with several children, 2
-for each joint with one (its twist about the bone is hidden), 0 for a leaf.
+Counting from the leaves to the root, rho_k is the number of directions in which a turn of joint k
+can be determined, and U_k the space of small moves of joint k itself that turns of the joints below
+it can hide. If all joints are observed, this is 3 for the root's position (where translation is
+free), 3 for each joint with several children, 2 for each with one, 0 for a leaf.
 """
 
 from collections.abc import Mapping, Sequence
@@ -68,10 +67,10 @@ def rank_of_observed_joints(
 
 
 def law_of(problem: Problem, at: Mapping[str, ArrayLike]) -> tuple[int, str] | None:
-    """The rank that the law predicts for a problem, and why; None if the law does not apply.
+    """The rank that the law predicts for a problem, and why.
 
-    The law applies if every residual reads the joints of one body, and nothing is free but its pose
-    and perhaps its translation.
+    None unless every residual reads the joints of one body, and nothing is free but its pose and
+    perhaps its translation.
     """
     found = _only_joints(problem, at)
     if found is None:

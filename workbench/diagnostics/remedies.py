@@ -77,7 +77,6 @@ class Suggestion:
         values: the values with the suggestion carried out.
         kind: `least`, `fix`, `prior` or `drop`.
         acts: how many things a user does for it.
-        numbers: how many numbers a least remedy holds; 0 for others.
     """
 
     what: str
@@ -89,7 +88,6 @@ class Suggestion:
     values: Values = field(repr=False)
     kind: str = ""
     acts: int = 1
-    numbers: int = 0
 
     @property
     def cured(self) -> bool:
@@ -148,7 +146,6 @@ def _tried(
     *,
     better: Callable[[RankAndCondition, RankAndCondition], bool] = fewer_null,
     acts: int = 1,
-    numbers: int = 0,
 ) -> Iterator[Suggestion]:
     """Carry a suggestion out: it is made only if the state after it is `better` than before."""
     at = dict(d.values)
@@ -157,7 +154,7 @@ def _tried(
     except TooLarge:  # it cannot be tried
         return
     if after.finite and better(d.state, after):
-        yield Suggestion(what, why, cost, d.state, after, problem, at, kind, acts, numbers)
+        yield Suggestion(what, why, cost, d.state, after, problem, at, kind, acts)
 
 
 def _dropped(d: "Diagnosis") -> Iterator[Suggestion]:
@@ -373,5 +370,4 @@ def _held(d: "Diagnosis", things: Sequence[HeldPlaces]) -> Iterator[Suggestion]:
         d.problem.freeing(*d.free.chosen(left).spelled()),
         better=lambda a, b: fewer_null(a, b) and b.rank == b.unknowns,
         acts=len(things),
-        numbers=k,
     )

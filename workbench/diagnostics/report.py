@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 MOST = 12  # lines of one list
 ILL = 1e8  # condition of J from which half of the digits are gone
-UNEVEN = 1e6  # longest over shortest column
 NEARBY = 1e-3  # characteristic scales: how far from a point that is not finite to look again
 FAR = 1e3  # times a characteristic scale, or less by that: it may not be what matters
 GAUGES = {  # nouns, one and several, by the kinds of directions that are gauges
@@ -190,10 +189,6 @@ def _conditioning(d: "Diagnosis") -> Iterator[Finding]:
     if ILL < d.condition < np.inf:
         text = f"the condition number is {d.condition:.1e}: at least half of the digits are lost"
         yield Finding("conditioning", text)
-    norms = d.here.column_norms[d.here.column_norms > 0]
-    if norms.size and norms.max() > UNEVEN * norms.min():
-        text = f"the columns differ in length by a factor of {norms.max() / norms.min():.1e}"
-        yield Finding("conditioning", text, False)
     same = [p for p in d.parallel_columns if p.sine <= PARALLEL]
     if same:
         pairs = ", ".join(f"{d.free.label(p.first)} and {d.free.label(p.second)}" for p in same[:3])

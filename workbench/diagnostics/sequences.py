@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csc_array
 
-from workbench.arrays import Array, Index, Mask
+from workbench.arrays import Array, Index
 from workbench.blocks import Block, Layout, Tree, Values
 from workbench.diagnostics.active_set import check_finite, linearized, not_finite
 from workbench.diagnostics.data import plain
@@ -106,26 +106,20 @@ class SingleFrames:
 
 @dataclass(frozen=True, eq=False)
 class SharedUnknowns:
-    """b unknowns, seen by T frames.
+    """b unknowns that T frames share.
 
-    The rows of frame t are J_t x_t + B_t s. What the frame's own unknowns x_t can undo is projected
-    out of them by P_t, which is at right angles to the range of J_t. Unknown i is *seen* in frame t
-    where the length of column i of P_t B_t is above the tolerance of the rank.
+    The rows of frame t are J_t x_t + B_t s. Unknown i is *seen* in frame t where column i of B_t is
+    not in the range of J_t, so that the frame's own unknowns cannot undo it.
 
     Attributes:
         layout: the shared unknowns.
-        seen: (T, b) in which frames each unknown is seen.
+        frames_seen: (b,) in how many frames each unknown is seen.
         sigma: (b,) posterior standard deviations by all residuals; infinite where not identified.
     """
 
     layout: Layout
-    seen: Mask
+    frames_seen: Index
     sigma: Array
-
-    @property
-    def frames_seen(self) -> Index:
-        """In how many frames each unknown is seen, (b,)."""
-        return np.asarray(self.seen.sum(axis=0), dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,7 +241,7 @@ class SequenceDiagnosis:
             for own, R in zip(rows.own, rows.triangles, strict=True)
         ]
         seen = np.array(lengths).reshape(self.count, layout.size) > rows.tolerance
-        return SharedUnknowns(layout, seen, self.sigma[rows.shared])
+        return SharedUnknowns(layout, seen.sum(axis=0), self.sigma[rows.shared])
 
     @cached_property
     def largest_sigma(self) -> dict[str, Array]:

@@ -382,10 +382,9 @@ def _factorized(K: csc_array) -> SuperLU:
 def factor_size(K: csc_array) -> int:
     """How many nonzeros the Cholesky factor of a matrix with this symmetric pattern has.
 
-    For an approximate minimum degree ordering, without the factor; counted no further than LARGEST.
-    In row i they are on the paths from its nonzeros up the elimination tree to i (Liu, The role of
-    elimination trees in sparse factorization, SIAM Journal on Matrix Analysis and Applications 11,
-    1990).
+    For an approximate minimum degree ordering, counted no further than LARGEST. In row i they are
+    on the paths from its nonzeros up the elimination tree to i (Liu, The role of elimination trees
+    in sparse factorization, SIAM Journal on Matrix Analysis and Applications 11, 1990).
     """
     n, order = K.shape[0], _pattern(K).amd()
     K = csc_array(csc_array(K[:, order])[order])

@@ -1,8 +1,7 @@
 """What follows from the pattern of a Jacobian alone: the structural rank and its parts.
 
 Dulmage and Mendelsohn (Coverings of bipartite graphs, 1958) cut any pattern into three parts by a
-maximum matching of rows with columns: an under-determined part with more columns than rows, an
-over-determined one with more rows than columns, and a square one between them.
+maximum matching of rows with columns.
 """
 
 from dataclasses import dataclass, field

@@ -1,7 +1,7 @@
 """Which solver suits a problem, by what the problem is like at its start.
 
-The advice follows rules of the field (Nocedal and Wright, Numerical Optimization, 2006, chapters 2,
-4, 10 and 18), which the comparisons in `benchmarks/SOLVERS.md` test.
+The rules are those of Nocedal and Wright, Numerical Optimization, 2006, chapters 2, 4, 10 and 18;
+the comparisons in `benchmarks/SOLVERS.md` test them.
 """
 
 from dataclasses import dataclass

@@ -48,11 +48,10 @@ chumpy = RadiusRule(good=0.9, growth=2.5, poor=0.05, shrinkage=0.25, first=np.in
 def first_radius(x: Array, D: Array, share: float = FIRST) -> float:
     """The radius at the start x (n,) in the metric D (n,): a share of max(|D x|, 1), usually 0.9.
 
-    At a point far from a minimum the linear model may promise the most at a place that it knows
-    nothing about: there an exponential underflows, no unknown changes the residual any more, and no
-    way leads back. With this radius the first step does not lead as far as zero, and from zero it
-    is shorter than one unit. SciPy's trf begins with |D x|, and with 1 at zero; MINPACK with 100
-    times as much (Moré, The Levenberg-Marquardt algorithm: implementation and theory, 1978).
+    Far from a minimum the linear model may promise the most at a place that it knows nothing about:
+    there an exponential underflows, no unknown changes the residual any more, and no way leads
+    back. With this radius the first step does not lead as far as zero. SciPy's trf begins with
+    |D x|, MINPACK with 100 times as much (Moré 1978).
     """
     return share * max(float(np.linalg.norm(D * x)), 1.0)
 
@@ -93,10 +92,9 @@ class Dogleg(Limits):
     """Powell's dogleg: a trust-region method that needs one factorization for each iterate.
 
     The first radius is the length of the first Gauss-Newton step if the linear model proves right
-    there, or else 0.9 of the distance of the start from zero at most, or 0.9 near zero (see
-    `first_radius`); chumpy's rule takes the Gauss-Newton step, however long it is.
-    See Powell, A hybrid method for nonlinear equations, 1970, and Madsen, Nielsen and Tingleff,
-    Methods for non-linear least squares problems, 2004, section 3.3.
+    there, or else `first_radius` at most; chumpy's rule takes that step, however long it is. See
+    Powell, A hybrid method for nonlinear equations, 1970, and Madsen, Nielsen and Tingleff, Methods
+    for non-linear least squares problems, 2004, section 3.3.
 
     Attributes:
         rule: how the radius follows the gain ratio: `textbook`, or `chumpy`, with which this is the

@@ -105,10 +105,9 @@ class GaussNewton(Limits):
 def radius_after(p: Array, change: Array, error: Array) -> float:
     """How long the step after p (n,) may be: twice as long, and longer where the model was right.
 
-    `change` (m,) is J p, by which the linear model changed the residual, and `error` (m,) by how
-    much the residual at the end of the step is another one. The error grows as the square of the
-    length of a step, so that its share of the change grows as the length. The next step may be so
-    long that this share would be a tenth. So nothing holds a linear problem up.
+    `change` (m,) is J p, and `error` (m,) by how much the residual at the end of the step is
+    another one. As the error grows as the square of the length of a step, its share of the change
+    grows as the length; the next step may be so long that it would be a tenth.
     """
     share = float(np.linalg.norm(error)) / max(float(np.linalg.norm(change)), 1e-300)
     return float(np.linalg.norm(p)) * max(GROWTH, TRUSTED / max(share, 1e-16))

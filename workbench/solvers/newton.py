@@ -35,8 +35,7 @@ def shifted(H: Array) -> tuple[Array, float]:
 def reflected(H: Array) -> tuple[Array, float]:
     """H (n, n) with the absolute values of its eigenvalues, and the largest change of one.
 
-    Steps then lead away from saddles. No eigenvalue is below 1e-8 of the largest (Nocedal and
-    Wright, Numerical Optimization, 2006, section 3.4).
+    Steps then lead away from saddles. No eigenvalue is below 1e-8 of the largest.
     """
     values, vectors = np.linalg.eigh(H)
     least = LEAST * float(np.abs(values).max(initial=1e-300))
@@ -50,16 +49,14 @@ def reflected(H: Array) -> tuple[Array, float]:
 class Newton(Limits):
     """Newton's method: H p = -g with H = J'J + sum r_i H_i, then a line search along p.
 
-    It converges quadratically at every minimum where H is positive definite. Far from a minimum H
-    need not be, and the cost need not fall along p. `convexify` makes H positive definite in the
-    metric D; by how much it was changed is the `damping` of each iterate, 0 where H was left as it
-    is. See Nocedal and Wright, Numerical Optimization, 2006, section 3.4.
+    It converges quadratically at every minimum where H is positive definite. Elsewhere `convexify`
+    makes H so in the metric D; by how much it was changed is the `damping` of each iterate. See
+    Nocedal and Wright, Numerical Optimization, 2006, section 3.4.
 
     Attributes:
         convexify: how H is made positive definite: `reflected` (eigenvalues lose their signs), or
             `shifted` (a multiple of the identity is added).
-        scaling: the metric D in which H is changed; with `columns`, units do not
-            matter.
+        scaling: the metric D in which H is changed; with `columns`, units do not matter.
         line_search: how far to go along p: `backtracking` or `full_step`.
     """
 

@@ -6,11 +6,10 @@ nearly M = J'J + 1e-4 D^2, D the lengths of J's columns, so that M^-1 H has eige
 negative one would lie apart. Lanczos' method finds such a one in a few steps, each of which takes
 one gradient (Golub and Van Loan, Matrix Computations, 2013, sections 10.1 and 11.5).
 
-exp(-x) has no least square, nor has any model that fits the better, the larger one of its numbers.
-A run shows this if some unknowns grew to its last iterates without slowing down as they do near a
-minimum, or a thousandfold in all. Then they are taken further and further. The one that grew most
-is held there, the others follow by Gauss-Newton steps, and there is no finite minimum if the cost
-never rises.
+exp(-x) has no least square. A run shows this if some unknowns grew to its last iterates without
+slowing down, or a thousandfold in all. Then they are taken further and further; the one that grew
+most is held there, the others follow by Gauss-Newton steps, and there is no finite minimum if the
+cost never rises.
 """
 
 from collections.abc import Callable, Sequence
@@ -145,8 +144,7 @@ def saddle(end: EndPoint, most: int) -> Saddle | None:
     At most `most` gradients are evaluated, and 20 more once a negative eigenvalue has shown. If
     they are fewer than the unknowns, a saddle may be missed. No minimum is taken for a saddle: the
     cost falls by more than rounding, the gradient that is left and the tolerance explain. With
-    constraints other than bounds nothing is looked for, because the cost may fall along their
-    curves without falling along any line.
+    constraints other than bounds nothing is looked for.
     """
     here, x = end.here, end.x
     if here.constraints is not None or here.cost <= end.worth:
@@ -215,10 +213,7 @@ def _searched(
     held: Mask,
     most: int,
 ) -> Saddle | None:
-    """Lanczos' method for the least eigenvalue of M^-1 H, and whether the cost falls along it.
-
-    `hessian_product` gives H v, and `falls` tries a direction.
-    """
+    """Lanczos' method for the least eigenvalue of M^-1 H, and whether the cost falls along it."""
     n, size = len(held), int((~held).sum())
     u = np.where(held, 0.0, random_vector(n))
     w = inverse(u)

@@ -322,8 +322,7 @@ class Run:
 class Best:
     """The feasible point of lowest cost; as long as there is none, that of the least violation.
 
-    Points whose costs differ by no more than rounding are compared by how stationary they are: the
-    cost is flat at a minimum, the gradient is not.
+    Where costs differ by no more than rounding, the more stationary point is the best one.
 
     Attributes:
         x: (n,) the point.
@@ -408,9 +407,8 @@ class LinearizationCache:
 class RoundingNoise:
     """How much rounding errors hide at the points of a run.
 
-    Measuring rounding errors takes up to a tenth of the time of a linearization. During most of a
-    run, the measurement at an earlier point is enough to tell that rounding errors are much smaller
-    than the residual.
+    To measure them takes up to a tenth of the time of a linearization; during most of a run, the
+    measurement at an earlier point is enough to tell that they are much smaller than the residual.
     """
 
     def __init__(self, problem: Problem, fixed: Array, linearizations: LinearizationCache) -> None:
@@ -480,9 +478,6 @@ class RoundingNoise:
 class OnePass:
     """Whether a run computes residual, Jacobian and normal equations together, also at trials.
 
-    A trial is expected to be taken unless the one before was refused, or the line search before
-    took a later trial than its first.
-
     Attributes:
         on: whether they are computed together.
         at_once: how many trials were linearized at once.
@@ -511,10 +506,8 @@ class OnePass:
 def takes_one_pass(solver: Limits, problem: Problem) -> bool:
     """Whether a run computes the normal equations with each Jacobian, and Jacobians of trials.
 
-    So it does where its steps come from normal equations, and where compiled code computes these
-    with the gradient and the lengths of columns, instead of one after the other. A posed surface
-    and its derivative read the same arrays: to ask for its points first costs a third to a half of
-    both.
+    So it does where its steps come from normal equations, which compiled code computes with the
+    gradient and the lengths of columns. A posed surface and its derivative read the same arrays.
     """
     by = getattr(solver, "linear_algebra", None)
     return by in BY_NORMAL_EQUATIONS and has_one_pass(problem)

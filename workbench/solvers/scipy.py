@@ -35,9 +35,8 @@ class Scipy(Limits):
     Attributes:
         method: `trf` (Branch, Coleman and Li, A subspace, interior, and conjugate gradient method
             for large-scale bound-constrained minimization problems, 1999), `dogbox` (Voglis and
-            Lagaris, A rectangular trust region dogleg approach for unconstrained and bound
-            constrained nonlinear optimization, 2004) or `lm` (Moré, The Levenberg-Marquardt
-            algorithm: implementation and theory, 1978).
+            Lagaris, 2004) or `lm` (Moré, The Levenberg-Marquardt algorithm: implementation and
+            theory, 1978).
         scaling: the metric D of a step, computed once, at the start. `identity`: a radian, a metre
             and a standard deviation count the same; `columns`: units do not matter.
     """

@@ -1,6 +1,4 @@
-"""Solving in stages, each from where the last one ended: a few unknowns first, then more, or some
-residuals weighted otherwise at first.
-"""
+"""Solving in stages, each from where the last one ended."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace

@@ -83,10 +83,9 @@ class Starts:
     A run that ends at a saddle goes on once from the `lower` point beside it. The solution is the
     lowest end. Its `hypotheses` are the minima, the lowest first, each with the starts that led to
     it; ends whose residuals cannot be told apart are one minimum. The message says how likely it is
-    that no further minimum exists, from the number of starts and the number of different minima
-    (`all_seen`); a run that ended at a limit, away from all other ends, counts as a minimum of its
-    own. The trace is that of the best start's run, evaluations and seconds are those of all runs,
-    and the limits of the solver apply to each run by itself.
+    that no further minimum exists (`all_seen`); a run that ended at a limit, away from all other
+    ends, counts as a minimum of its own. The trace is that of the best start's run, evaluations and
+    seconds are those of all runs, and the limits of the solver apply to each run by itself.
 
     Attributes:
         starts: the values of blocks at each start, in which what is left out stays as it is given
@@ -211,8 +210,7 @@ def _in_words(hypotheses: Sequence[Hypothesis], starts: int) -> str:
 def one_minimum(
     problem: Problem, fixed: Array, x: Array, here: Array, there: Array, least: float = 0.0
 ) -> bool:
-    """Whether the residual `here` (m,), which is that at x (n,), and that of another point
-    `there` (m,) cannot be told apart.
+    """Whether residuals (m,) at two points, the first at x (n,), cannot be told apart.
 
     1/2 |here - there|^2 is then at most a millionth of their cost, what rounding explains, or
     `least`. So what lies along null directions, or a full turn away, counts as the same minimum.

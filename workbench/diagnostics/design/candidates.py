@@ -1,11 +1,9 @@
 """Measurements that could be made, what matters of the unknowns, and by what measurements compare.
 
-A candidate becomes whitened rows by the problem's unknowns. A criterion is the size of the
-covariance of what matters. D-optimality does not depend on the units of the unknowns, nor on any
-other linear change of them: the volume of the ellipsoid is multiplied by the same number for every
-candidate. A- and E-optimality do depend on them, and therefore measure every unknown in its
-characteristic scale (a radian, a metre, a standard deviation of shape); with other scales they may
-choose another candidate. See Pukelsheim, Optimal Design of Experiments, 2006.
+D-optimality does not depend on the units of the unknowns: the volume of the ellipsoid is multiplied
+by the same number for every candidate. A- and E-optimality measure every unknown in its
+characteristic scale; with other scales they may choose another candidate. See Pukelsheim, Optimal
+Design of Experiments, 2006.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence

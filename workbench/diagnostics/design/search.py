@@ -174,10 +174,6 @@ class Board:
             state = self.after(state, candidate)
         return state
 
-    def others(self, chosen: Sequence[int]) -> list[int]:
-        """The candidates that are not among these."""
-        return [i for i in range(len(self.rows)) if i not in chosen]
-
     def score(self, state: State) -> Score:
         """How good that is."""
         parts = [u.split(G) for u, G in zip(state, self.gradients, strict=True)]
@@ -236,16 +232,16 @@ def greedy_with_exchange(
     as they are better: no single one improves the end (Fedorov, Theory of Optimal Experiments,
     1972), which need not be the best of all combinations.
     """
-    chosen: list[int] = []
+    chosen, every = list[int](), set(range(len(board.rows)))
     for step in range(choose):
-        best, score = _best(board, board.measuring(chosen), board.others(chosen))
+        best, score = _best(board, board.measuring(chosen), sorted(every - {*chosen}))
         chosen.append(best)
         progress(step + 1, (PASSES + 1) * choose)
     exchanges, tried = 0, 0  # tried since the last exchange
     for number in range(PASSES * choose if choose < len(board.rows) else 0):
         place = number % choose
         rest = board.measuring(chosen[:place] + chosen[place + 1 :])
-        best, better = _best(board, rest, board.others(chosen))
+        best, better = _best(board, rest, sorted(every - {*chosen}))
         tried += 1
         if better.beats(score):
             chosen[place], score, exchanges, tried = best, better, exchanges + 1, 0
