@@ -13,13 +13,12 @@ from workbench import Block, Problem, Residual, residuals
 from workbench.errors import BadMesh, BadResidual, NotNumbers, NotSupported
 from workbench.problem import storage
 from workbench.residuals import geman_mcclure, of_norms, quadratic, scaled
-from workbench.residuals.contacts import Form, distance, loose, offset, plane
+from workbench.residuals.contacts import Form, distance, loose, offset
 from workbench.residuals.scans import Shadow
 
 FORMS: dict[str, Form] = {
     "distance": distance,
     "offset": offset,
-    "plane": plane,
     "loose": loose(0.3),
 }
 EACH_FORM = pytest.mark.parametrize(
@@ -57,13 +56,12 @@ def test_distances_of_a_solid_are_known() -> None:
     for form, expected in (
         (distance, DISTANCES),
         (loose(0.25), 0.25 * DISTANCES),
-        (plane, DISTANCES),
     ):
         r = residuals.scan_to_model(CORNERS.symbol, FACES, OUTSIDE, sigma=0.1, form=form)
         found = Problem([r], "corners").linearize({"corners": TETRAHEDRON}).residual
         np.testing.assert_allclose(found, expected / 0.1, rtol=1e-12)
     within = np.array([[0.1, 0.2, 0.3]])  # behind the surface: signed, and not loosened
-    for form in (distance, loose(0.25), plane):
+    for form in (distance, loose(0.25)):
         r = residuals.scan_to_model(CORNERS.symbol, FACES, within, sigma=1.0, form=form)
         found = Problem([r], "corners").linearize({"corners": TETRAHEDRON}).residual
         np.testing.assert_allclose(found, [-0.1], rtol=1e-12)

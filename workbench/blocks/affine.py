@@ -9,7 +9,7 @@ with arrays flat, row by row. An argument of another form, or of a form that Cas
 not show, is part of the graph.
 
 A row of the map that only copies one entry of a block, which no other row reads, is differentiated
-straight into the Jacobian; other rows are differentiated by the argument and multiplied by the map.
+straight into the Jacobian; others are multiplied by the map.
 """
 
 from collections.abc import Mapping, Sequence

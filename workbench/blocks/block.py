@@ -40,11 +40,10 @@ class Symbolic:
 class Block:
     """A named array of numbers with a unit, and the CasADi symbol that stands for it.
 
-    An array of shape (N, 3), as a user sees it, is a (3, N) matrix inside CasADi: stored
-    column by column, it is the same memory, so packing never shuffles numbers. A shape may be
-    given as a single number. Where the block is `framed`, its first axis counts the frames of a
-    sequence, and labels name the rows of each frame. Raises BadBlock for a shape or labels that
-    make no sense.
+    An array of shape (N, 3), as a user sees it, is a (3, N) matrix inside CasADi: stored column by
+    column, it is the same memory. A shape may be a single number. Where the block is `framed`, its
+    first axis counts the frames of a sequence, and labels name the rows of each frame. Raises
+    BadBlock for a shape or labels that make no sense.
 
     Attributes:
         name: the block's name, which labels and error messages use.

@@ -19,14 +19,10 @@ class FrameBlocks:
     """The blocks of T frames. A block of shape (K, 3) in each frame has the shape (T, K, 3) here.
 
     A block that is not `framed` is shared by all frames.
-
-    Attributes:
-        count: T, the number of frames.
-        blocks: every block of the sequence, by name.
     """
 
-    count: int
-    blocks: Mapping[str, Block]
+    count: int  # T
+    blocks: Mapping[str, Block]  # every block of the sequence, by name
 
     def __getitem__(self, name: str) -> Block:
         """A block of the sequence. Raises UnknownName."""

@@ -77,8 +77,8 @@ def scalar(function: cs.Function, longest: int = LONGEST) -> cs.Function | None:
     return expanded if expanded.n_instructions() <= longest else None
 
 
-def without_calls(function: cs.Function, calls: int = CALLS) -> cs.Function:
-    """The function in scalar instructions if it calls `calls` small ones, or else as it is.
+def without_calls(function: cs.Function) -> cs.Function:
+    """The function in scalar instructions if it calls many small ones, or else as it is.
 
     A call costs a microsecond or so, often more than what is computed in it: the 197 pairs of
     capsules of a body, whose distances are calls, are differentiated in a fifth of the time.
@@ -86,7 +86,7 @@ def without_calls(function: cs.Function, calls: int = CALLS) -> cs.Function:
     if function.is_a("SXFunction"):
         return function
     called = (function.instruction_id(k) == cs.OP_CALL for k in range(function.n_instructions()))
-    return (scalar(function, LONGEST_OF_CALLS) or function) if sum(called) >= calls else function
+    return (scalar(function, LONGEST_OF_CALLS) or function) if sum(called) >= CALLS else function
 
 
 class Mapped:

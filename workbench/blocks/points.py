@@ -1,9 +1,8 @@
 """Points on a body as residuals see them: a placeholder, and where it comes from.
 
-Residuals are functions of placeholders, so that they need not know a body; each placeholder has a
-source that computes its points. Where the whole graph is needed, `Problem` puts the source's
-expression in the place of the placeholder. A source may have arithmetic alone (`expression` is
-None): then there is no whole graph, and all that uses the chain rule works.
+Each placeholder has a source that computes its points. Where the whole graph is needed, `Problem`
+puts the source's expression in the place of the placeholder. A source may have arithmetic alone
+(`expression` is None): then there is no whole graph, and all that uses the chain rule works.
 """
 
 from abc import ABC, abstractmethod
@@ -35,8 +34,8 @@ class Tree:
         parents: parents[k] < k is the parent of joint k, -1 for the root.
         given_places: where the three numbers of each joint stand; None for a joint whose numbers
             are no entries of a block. Without them, all stand in order in the block `pose`.
-        rigid_bones: whether each joint keeps its place on the bone of its parent, as the rank law
-            of observed joints requires; joints found on a surface that deforms do not.
+        rigid_bones: whether joints keep their places on bones, as the rank law of observed joints
+            requires; those found on a surface that deforms do not.
     """
 
     pose: str
@@ -99,11 +98,7 @@ PLACEHOLDER = "placeholder("  # how the names of placeholders begin when a graph
 
 
 class PointsAt(ABC):
-    """Points at one set of values; each method can use intermediate results of earlier calls.
-
-    What is said of three coordinates holds as well for d numbers of each point, such as its
-    distance from a surface, where a source has these instead.
-    """
+    """Points at one set of values. A source may have d numbers of each point instead of three."""
 
     @property
     @abstractmethod
@@ -180,10 +175,9 @@ class NumericPoints(ABC):
 class PointSource(Protocol):
     """Where points come from: an expression in the symbols of some blocks, arithmetic, or both.
 
-    Arithmetic computes numbers faster than the expression does. It is all that exists for points
-    that no graph can express, such as those on triangles that are chosen anew at every step. Such a
-    source has a method `frozen`, which takes values and gives a source whose choice is held as it
-    is there. The expression may be large and is only made when it is asked for.
+    Arithmetic is faster, and all that exists for points that no graph can express, such as those on
+    triangles that are chosen anew at every step. Such a source has a method `frozen`, which takes
+    values and gives a source whose choice is held as it is there.
     """
 
     @property
@@ -381,16 +375,9 @@ def _put(expression: cs.MX, symbols: list[cs.MX], known: list[cs.MX]) -> cs.MX:
 
 @dataclass(frozen=True, eq=False)
 class ExpressedPoints(NumericPoints):
-    """Points (3, N) that are an expression, such as the symbol of a block; a PointSource too.
+    """Points (3, N) that are an expression, such as the symbol of a block; a PointSource too."""
 
-    Attributes:
-        expression: the points in the symbols of the blocks, (3, N) in metres.
-        blocks: the blocks that the expression reads.
-        tree: the kinematic tree that moves the points, where there is one.
-        labels: a name for each point, where they have names.
-    """
-
-    expression: cs.MX
+    expression: cs.MX  # (3, N) in metres, in the symbols of the blocks
     blocks: tuple[Block, ...]
     tree: Tree | None = None
     labels: tuple[str, ...] | None = None

@@ -73,10 +73,8 @@ def simd_function(
     """A function of scalar instructions as compiled code, which is kept in a library on disk.
 
     `shared` says which arguments are the same for all calls. With `before` the last two arguments
-    are not given, but computed.
-
-    Raises NoLibrary without a compiler, and NotSupported for an instruction that cannot be written
-    as C here.
+    are not given, but computed. Raises NoLibrary without a compiler, and NotSupported for an
+    instruction that has no C here.
     """
     source = simd_code(function, shared, before)
     last = Mapped(function, shared if before is None else (*shared, False, False))

@@ -108,19 +108,12 @@ SMALLEST = 1e-8  # of a pivot's square, beside the diagonal: below, half of the 
 
 @dataclass(frozen=True, eq=False)
 class BandedMatrix:
-    """A symmetric matrix (n, n): a band, a border, and the corner where the border meets itself.
+    """A symmetric matrix (n, n): a band, a border, and the corner where the border meets itself."""
 
-    Attributes:
-        order: which unknowns make the band and which the border.
-        band: (reach + 1, N) with band[i - j, j] = D[i, j] for i >= j, stored column by column.
-        between: B (N, b), the band's rows in the border's columns.
-        corner: C (b, b), the border's rows and columns.
-    """
-
-    order: BandOrder
-    band: Array
-    between: Array
-    corner: Array
+    order: BandOrder  # which unknowns make the band and which the border
+    band: Array  # (reach + 1, N), band[i - j, j] = D[i, j] for i >= j, stored column by column
+    between: Array  # B (N, b), the band's rows in the border's columns
+    corner: Array  # C (b, b), the border's rows and columns
 
     @staticmethod
     def zeros(order: BandOrder) -> "BandedMatrix":

@@ -106,7 +106,7 @@ class Chain:
         through = sum(part.filled for part in self._parts)
         return is_sparse(*self.by_x.shape, len(self.by_x.rows) + through)
 
-    @property
+    @cached_property
     def pattern(self) -> csc_array:
         """Where the Jacobian can be nonzero, (m, n).
 

@@ -249,7 +249,7 @@ class ConstraintSet:
     @cached_property
     def hessian_pattern(self) -> csc_array:
         """Where the Hessian of multipliers' c can be nonzero, (n, n), by the whole graph."""
-        places = Pattern(self._curvature.sparsity())
+        places = Pattern(self._curvature[1].sparsity())
         return places.matrix(np.ones(len(places.rows)))
 
     def hessian(self, x: Array, fixed: Array, multipliers: Array) -> Stored:
@@ -292,15 +292,14 @@ class ConstraintSet:
         return Chain(*split(self._stacked, self._points, *self._layouts), *self._layouts)
 
     @cached_property
-    def _multipliers(self) -> cs.MX:
-        return cs.MX.sym("multipliers", self.size)
-
-    @cached_property
-    def _curvature(self) -> cs.MX:
-        return cs.hessian(cs.dot(self._multipliers, self._graph.residual), self._graph.x)[0]
+    def _curvature(self) -> tuple[cs.MX, cs.MX]:
+        """The multipliers, and the Hessian of their product with the constraints."""
+        y = cs.MX.sym("multipliers", self.size)
+        return y, cs.hessian(cs.dot(y, self._graph.residual), self._graph.x)[0]
 
     @cached_property
     def _hessian(self) -> Buffered:
-        g, H, (n, _) = self._graph, self._curvature, self._curvature.shape
+        g, (y, H) = self._graph, self._curvature
+        n = H.shape[0]
         H = H if is_sparse(n, n, H.nnz()) else cs.densify(H)
-        return Buffered(cs.Function("H", [g.x, g.fixed, self._multipliers], [H]))
+        return Buffered(cs.Function("H", [g.x, g.fixed, y], [H]))

@@ -1,9 +1,8 @@
 """A problem's cost at many points at once, and its gradient where the graph is short.
 
-Two ways to the same numbers. Where the whole graph is short, it is evaluated in scalar
-instructions, by CasADi's machine with all that does not vary folded into constants, or compiled,
-several points to an instruction. Where it is long, as for the vertices of a mesh, the points of
-bodies come from matrix products over all the values at once and only the residual is a graph.
+Where the whole graph is short, it is evaluated in scalar instructions with all that does not vary
+folded into constants, by CasADi or compiled. Where it is long, as for the vertices of a mesh, the
+points of bodies come from matrix products over all the values at once, and the residual is a graph.
 """
 
 from collections.abc import Callable, Mapping, Sequence

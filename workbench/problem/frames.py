@@ -248,9 +248,8 @@ WORTH = 8  # numbers of a band for each entry of the Jacobian: of more, most are
 class FrameChain:
     """Residual, Jacobian and gradient of a problem with residuals of frames.
 
-    Frames that have the same residuals and the same free entries share one chain rule
-    (`FrameGroup`). Other residuals, such as those between frames, have a chain rule of the whole
-    problem.
+    Frames with the same residuals and free entries share one chain rule (`FrameGroup`). Other
+    residuals, such as those between frames, have a chain rule of the whole problem.
     """
 
     def __init__(self, residuals: Sequence[Residual], free: Layout, fixed: Layout) -> None:
@@ -296,12 +295,13 @@ class FrameChain:
             parts.append(single)
         if self._rest is not None:
             r[self._rest_rows], J = self._rest.linearize(x, fixed[self._rest_given])
-            parts.append(entries_at(J, self._rest_pattern))
+            parts.append(entries_at(J, self._rest.pattern))
         at = tuple(BlockPlaces(group.rows[:, group.whole], group.columns) for group in self._groups)
         found = BlockMatrix(self._entries.matrix(parts), tuple(blocks), at, self._order)
         if not self.sparse:
             return r, found.dense
-        return r, found if self._banded else found.sparse
+        band = (self._order.reach + 1) * len(self._order.inner)
+        return r, found if band <= WORTH * self._stored else found.sparse
 
     @cached_property
     def sparse(self) -> bool:
@@ -362,27 +362,17 @@ class FrameChain:
     # How the Jacobian is put together.
 
     @cached_property
-    def _rest_pattern(self) -> csc_array:
-        assert self._rest is not None
-        return self._rest.pattern
-
-    @cached_property
     def _entries(self) -> SparseSum:
         """The places of the entries that are in no block."""
         parts = [group.single for group in self._groups]
         if self._rest is not None:
-            one = self._rest_pattern
+            one = self._rest.pattern
             parts.append((self._rest_rows[one.indices], columns_of_nonzeros(one)))
         return SparseSum(parts, (self._size, self._free.size))
 
     @cached_property
     def _order(self) -> BandOrder:
         return _order(self._free, self._entries.pattern)
-
-    @cached_property
-    def _banded(self) -> bool:
-        """Whether a band is worth it for the normal equations: a wide one is mostly zeros."""
-        return bool((self._order.reach + 1) * len(self._order.inner) <= WORTH * self._stored)
 
 
 def _order(free: Layout, rest: csc_array) -> BandOrder:

@@ -1,8 +1,7 @@
 """An expression in named blocks and points, as a graph of flat vectors of numbers.
 
 This is the second way to a problem's numbers, beside `chain`: for users, exact Hessians and tests,
-which hold that both agree to 1e-11. Graphs of whole meshes are MX with the kinematics inlined; they
-are not expanded to scalars, and are differentiated in forward mode.
+which hold that both agree to 1e-11.
 """
 
 from collections.abc import Mapping, Sequence
@@ -109,10 +108,9 @@ def split(
 def term_sizes(r: cs.MX, arguments: Sequence[cs.MX]) -> cs.MX:
     """The size of the terms of each row of r (m, 1): sqrt(sum of (dr/da_i a_i)^2), estimated.
 
-    Among the a_i are the constants that are added in r. Terms that cancel each other in the
-    residual must not cancel here. The mean size of a few sums with normally distributed weights
-    estimates it without the single derivatives (Hutchinson, A stochastic estimator of the trace of
-    the influence matrix, 1990).
+    Among the a_i are the constants that are added in r. The mean size of a few sums with normally
+    distributed weights estimates it without the single derivatives (Hutchinson, A stochastic
+    estimator of the trace of the influence matrix, 1990).
     """
     named, symbol, constants = _constants_named(r, arguments)
     rng = np.random.default_rng(0)  # always the same weights

@@ -52,9 +52,8 @@ def graded_svd(R: Array, lengths: Array, relative: float) -> tuple[Array, Array]
     """`s` (k,), falling, and Vt (n, n) of R (k, n), whose columns have these lengths (n,).
 
     Null directions are found in R with columns of length 1, where their singular values are at most
-    `relative` times the largest; along them s is exactly zero here. In the singular values of R
-    itself, rounding errors of long columns may be larger than a short column. See Drmac and
-    Veselic, New fast and accurate Jacobi SVD algorithm, 2008.
+    `relative` times the largest; along them s is exactly zero here. See Drmac and Veselic, New fast
+    and accurate Jacobi SVD algorithm, 2008.
     """
     k, n = R.shape
     read = np.flatnonzero(lengths > 0)
@@ -231,11 +230,6 @@ class Linearization:
         """|J_i|, (n,): by how many sigmas one unit of each unknown changes the residual."""
         return storage.column_norms(self.jacobian, self.__dict__.get("normal"))
 
-    @cached_property
-    def row_norms(self) -> Array:
-        """The length of every row, (m,)."""
-        return storage.row_norms(self.jacobian)
-
     @property
     def norm(self) -> float:
         """The Frobenius norm of J."""
@@ -254,10 +248,6 @@ class Linearization:
     def column(self, i: int) -> Array:
         """Column i of J, (m,)."""
         return storage.dense(storage.columns_of(self.jacobian, np.array([i]))).ravel()
-
-    def row(self, i: int) -> Array:
-        """Row i of J, (n,)."""
-        return self.block(slice(i, i + 1), slice(None)).dense.ravel()
 
     def block(self, rows: slice, columns: slice) -> "Linearization":
         """The linearization of some rows by some unknowns only."""
@@ -342,9 +332,8 @@ class Linearization:
         """The singular values of J, its columns in their own units, and its directions.
 
         Where some columns are a million times as long as others, Jacobi's rotations find small
-        singular values to as many digits as large ones (Drmac and Veselic, New fast and accurate
-        Jacobi SVD algorithm, 2008); otherwise the rounding errors of long columns would hide
-        short ones. The tolerance is then applied to columns of length 1; see `graded_svd`.
+        singular values to as many digits as large ones, and the tolerance is applied to columns of
+        length 1; see `graded_svd`.
         """
         if self.uneven:
             s, Vt = graded_svd(self.R, self.column_norms, self._relative)

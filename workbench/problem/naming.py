@@ -115,9 +115,7 @@ def flat_bounds(bounds: Bounds, free: Layout, known: Layout) -> tuple[Array, Arr
     """Lower and upper, (n,) each, infinite where there is none.
 
     `known` are all blocks. Bounds are of a whole block, also where it is free in part, or of named
-    entries, whose bounds count more than those of the block. Raises BadBounds for what is fixed, no
-    pair, or limits that no number lies between; ShapeMismatch or NotNumbers for a limit that does
-    not fit.
+    entries, whose bounds count more. Raises BadBounds, ShapeMismatch or NotNumbers.
     """
     lower, upper = np.full(free.size, -np.inf), np.full(free.size, np.inf)
     for name in sorted(bounds, key=lambda name: name not in known.names):  # blocks first

@@ -64,9 +64,6 @@ def decrease(residual: Array, to: Array) -> float:
 class RowSupport:
     """Which rows of the residual each free number can change, by the structure of the graph.
 
-    Rows that no free number changes are constant: they add to the cost, but do not show how near a
-    minimum is.
-
     `kinds_of` (n, k) marks what each number moves, such as the points of a body, `rows_of` (k, m)
     the rows that read it, and `own` (n, m) single rows. Numbers of the same kinds share a group of
     rows, so that those of a mesh are stored once.
@@ -293,9 +290,8 @@ def rounding_part(
 ) -> Array:
     """The part of each d_i, (n,), that rounding errors of the rows that x_i can change may explain.
 
-    It explains nothing where an unknown is `undetermined_by_rounding`: there rounding is the reason
-    why no better point is found, which does not mean that this is the minimum. The same holds for
-    unknowns that change the same rows as a hidden one.
+    It explains nothing where an unknown is `undetermined_by_rounding`, nor for unknowns that change
+    the same rows as such a one: there this need not be the minimum.
     """
     error = _errors(here, support, rounding)
     harmful = undetermined_by_rounding(x, here, support, rounding) > 0

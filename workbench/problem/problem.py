@@ -313,9 +313,6 @@ class Problem(Symbolic):
         return CostGraph(self._whitened, self.points, *self._layouts, graph, self.domain)
 
 
-Stage = tuple[tuple[str, ...] | None, tuple[tuple[str, float], ...]]  # free names, weights
-
-
 def in_stage(
     problem: "Problem", names: tuple[str, ...] | None, weights: Mapping[str, float]
 ) -> "Problem":
@@ -326,7 +323,7 @@ def in_stage(
     """
     problem.rows_named(weights)
     of = {name: float(weight) for name, weight in weights.items() if weight != 1}
-    key: Stage = names, tuple(sorted(of.items()))
+    key = names, tuple(sorted(of.items()))
     if names is None and not of:
         return problem
     if key not in problem.stages:

@@ -49,8 +49,8 @@ def sequence(
     Frames meet only in shared blocks and in the residuals `between` them, so that time and memory
     are proportional to the number of frames.
 
-    Raises BadArgument for no frames and for those that do not go together, UnknownName for a shared
-    block that no frame reads, and what Problem raises.
+    Raises BadArgument for frames that do not go together, UnknownName for a shared block that no
+    frame reads, and what Problem raises.
     """
     problems = several("the frames of a sequence", frames, Problem, BadArgument)
     if not problems:

@@ -1,6 +1,6 @@
 """Residuals: short functions from points and numbers to named columns that should be zero."""
 
-from workbench.residuals.contacts import Form, distance, loose, offset, plane
+from workbench.residuals.contacts import Form, distance, loose, offset
 from workbench.residuals.kernels import Kernel, geman_mcclure, huber, of_norms, quadratic, scaled
 from workbench.residuals.numbers import (
     HINGES,
@@ -47,7 +47,6 @@ __all__ = [
     "mirrored",
     "of_norms",
     "offset",
-    "plane",
     "quadratic",
     "regressed",
     "scaled",

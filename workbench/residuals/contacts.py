@@ -199,14 +199,11 @@ class Offsets:
 class Form:
     """How d numbers follow from the offset of a point, and how they change with it.
 
-    Attributes:
-        name: what a row is called.
-        numbers: d, the numbers of each point.
-        of: from offsets to the numbers (M, d) in m and their derivatives by the offset, (M, d, 3).
+    `of` takes offsets to the numbers (M, d) in m and their derivatives by the offset, (M, d, 3).
     """
 
     name: str
-    numbers: int
+    numbers: int  # d
     of: Callable[[Offsets], tuple[Array, Array]]
 
 
@@ -224,15 +221,6 @@ offset = Form("offset", 3, lambda o: (o.vectors, np.tile(np.eye(3), (len(o.vecto
 
 Its length is the distance and its cost the same, but with the contact held a point is also kept
 from sliding along the surface. Gauss-Newton takes shorter steps, and more of them.
-"""
-
-plane = Form(
-    "plane", 1, lambda o: ((o.normals * o.vectors).sum(axis=1)[:, None], o.normals[:, None])
-)
-"""n . (p - s), the distance from the tangent plane (Chen and Medioni, Object modelling by
-registration of multiple range images, 1992): one number.
-
-Inside a face it is the distance. On edges and at corners the plane is that of the pseudo-normal.
 """
 
 

@@ -34,7 +34,6 @@ def geman_mcclure(s: cs.MX) -> cs.MX:
     by sigma^2 here makes the cost dimensionless, so weights taken from SMPLify, which keeps the
     sigma^2, are not interchangeable with ours (Geman and McClure 1987; Bogo et al. 2016).
     rho is 1/2 at |x| = sigma; the pull of a residual is strongest at |x| = sigma / sqrt(3).
-    Raises BadResidual for a number, because this kernel has no parameter.
     """
     if not isinstance(s, (cs.MX, cs.SX, cs.DM)):
         raise BadResidual(

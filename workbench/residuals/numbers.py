@@ -218,15 +218,10 @@ def _numbers(
 
 
 class Hinge(NamedTuple):
-    """The axis of a rotation vector about which a joint bends, and the sign of bending backwards.
+    """The axis of a rotation vector about which a joint bends, and the sign of bending back."""
 
-    Attributes:
-        axis: 0, 1 or 2, for x, y or z.
-        backwards: 1 if a positive angle bends the joint backwards, -1 if a negative one does.
-    """
-
-    axis: int
-    backwards: int
+    axis: int  # 0, 1 or 2, for x, y or z
+    backwards: int  # 1 if a positive angle bends the joint backwards, -1 if a negative one does
 
 
 HINGES: Mapping[str, Hinge] = {
@@ -240,11 +235,9 @@ HINGES: Mapping[str, Hinge] = {
 def bending(pose: Block, *, sigma: float = 1.0, name: str = "bending") -> Residual:
     """exp(s theta) for the angle theta of each of `HINGES`, where s theta > 0 bends it backwards.
 
-    The cost is 1/2 sum of exp(2 s theta) / sigma^2, which grows quickly for a joint that bends
-    backwards and is nearly 0 for one that bends as it should. It is E_a of SMPLify (Bogo et al.,
-    Keep it SMPL, 2016, section 3.3), whose code has the residual exp(s theta) as well, and thus
-    the energy exp(2 s theta), while its text writes exp(theta) with theta < 0 for natural bending.
-    A straight joint has the value 1; `sigma` has no unit.
+    The cost is 1/2 sum of exp(2 s theta) / sigma^2. It is E_a of SMPLify (Bogo et al., Keep it
+    SMPL, 2016, section 3.3), whose code has the residual exp(s theta) as well, while its text
+    writes the energy exp(theta). A straight joint has the value 1; `sigma` has no unit.
 
     `pose` is a block (K, 3) rad whose rows are labelled by joints. Raises BadResidual if it is
     none, or has none of the hinges' joints.

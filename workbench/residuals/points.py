@@ -192,10 +192,7 @@ def mirrored(
 
     U exchanges the sides: U(p)_i = (-x, y, z) of p_opposite[i]. `points` are the symbol of a block
     (N, 3), or points of a body; `opposite` (N,) has for each point the number of the point on the
-    other side, and for a point in the middle its own number. Each pair is in the residual twice,
-    once from each side, as in the source. A motion along y or z, and a rotation about x, change
-    nothing.
-
+    other side, and for a point in the middle its own number. Each pair is in the residual twice.
     Raises BadResidual unless the other side of the other side is the point itself.
     """
     placed, reads = expressed(points)

@@ -164,11 +164,7 @@ class Residual(Symbolic):
         return cs.vec(cs.repmat(numbers.T, self.rows_per_point, 1))
 
     def graph(self) -> cs.MX:
-        """The expression in the symbols of blocks alone, (m, 1) in `unit`, not whitened.
-
-        It is ready for casadi.jacobian by them, for its sparsity, casadi.Function and C code. Of
-        the whole problem, whitened, that is `Problem.graph()`.
-        """
+        """The expression in the symbols of blocks alone, (m, 1) in `unit`, not whitened."""
         return in_blocks(self.expression, self.points)
 
     def frozen(self, values: Mapping[str, Array]) -> "Residual":

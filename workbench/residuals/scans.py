@@ -60,7 +60,7 @@ def scan_to_model(
     `within` metres from the surface has no contact; its distance is `within`, and constant. With
     oriented unit `normals` (M, 3) of the scan, only triangles whose normals have a cosine of at
     least `facing` with the point's are candidates; `within` must then be finite. `form` says what
-    a contact is worth: `distance`, `plane`, `offset` (three rows) or `loose`.
+    a contact is worth: `distance`, `offset` (three rows) or `loose`.
 
     Raises BadResidual for arguments that do not fit, and NotNumbers.
     """
@@ -215,13 +215,10 @@ def free_space(
     rays is out of view, and its residual 0: say so for a scan that was cut off, by the edge of an
     image or by hand, for what is beyond the cut is not empty.
 
-    The derivative with the ray held is that of the distance, as in `scan_to_model`. Rays are put
-    together in bundles of 0.4 `beside`; a bundle's shadow begins at the nearest of its points, and
-    the eight bundles nearest to a point are compared. Free space is used like this to track people
-    by Ganapathi, Plagemann, Koller and Thrun (Real-time human pose tracking from range data, ECCV
-    2012).
-
-    Raises BadResidual for arguments that do not fit, and NotNumbers.
+    The derivative with the ray held is that of the distance. Rays are put together in bundles of
+    0.4 `beside`; a bundle's shadow begins at the nearest of its points, and the eight bundles
+    nearest to a point are compared (after Ganapathi, Plagemann, Koller and Thrun, Real-time human
+    pose tracking from range data, ECCV 2012). Raises BadResidual or NotNumbers.
     """
     name, source = _surface("free_space", points, name)
     seen = vectors(name, "the scan", scan)

@@ -72,10 +72,9 @@ def spheres(
 
         E_sp = sum over pairs of spheres of exp(-|C_i - C_j|^2 / (s_i^2 + s_j^2)),  s = 0.3 r
 
-    The rows are sqrt of the terms, so that their sum of squares is E_sp: each is 1 where the
-    centres coincide. It is here to be compared with `apart`.
-    The paper's formula lacks the minus sign. SMPLify's code does not differentiate by betas, since
-    this pushes to thin bodies; give radii in numbers for that.
+    The rows are sqrt of the terms, so that their sum of squares is E_sp. It is here to be compared
+    with `apart`. The paper's formula lacks the minus sign. SMPLify's code does not differentiate by
+    betas, since this pushes to thin bodies; give radii in numbers for that.
 
     `per_capsule` spheres, at least 2, are spread evenly from end to end; `share` is s / r.
     """

@@ -25,9 +25,6 @@ class Frames:
 
     `frames["pose"]` is the block of all frames, (T, K, 3), whose symbol has a column for each joint
     of each frame, (3, K T). `frames.points(points)` are the points of a frame in all frames.
-
-    Attributes:
-        blocks: the blocks of the sequence.
     """
 
     blocks: FrameBlocks
@@ -199,8 +196,7 @@ def smooth(
     half a turn, where the same rotation has two of them.
 
     The result makes the residual once it is given the frames, as `sequence(...)` does. That raises
-    UnknownName for a block that no frame has, and BadResidual for a block that all frames share and
-    for fewer frames than a difference takes. Raises BadArgument for another order.
+    UnknownName or BadResidual for what does not fit. Raises BadArgument for another order.
     """
     if order not in (1, 2):
         raise BadArgument(f"differences between frames are of order 1 or 2, not {order!r}")
