@@ -308,23 +308,6 @@ def test_offsets_keep_the_chain_rule(name: str) -> None:
         assert_chain_rule_is_graph(problem, some_values(problem))
 
 
-def test_offsets_may_be_affine_maps_of_blocks() -> None:
-    """Such as a depth of each marker along a normal, and a block that has two roles."""
-    pose, betas, trans = (block.symbol for block in MARKED.blocks())
-    depth, normals = wb.Block("depth", (6,), "m"), RNG.normal(size=(3, 6))
-    along = cs.DM(normals) * cs.repmat(depth.symbol.T, 3, 1)
-    for given, numeric in (
-        (along + 0.01, True),
-        (cs.repmat(trans, 1, 6) + along, True),
-        (along**2, False),  # the graph remains
-    ):
-        points = MARKED.landmark_points(SET, pose, betas, trans, given)
-        assert (points.source.numeric is not None) == numeric
-        residual = residuals.landmarks(points, np.ones((6, 3)), sigma=0.1)
-        problem = wb.Problem([residual], free=("pose", "depth", "trans"))
-        assert_chain_rule_is_graph(problem, some_values(problem))
-
-
 def test_blocks_of_offsets_have_names_and_a_unit() -> None:
     block = MARKED.offsets(SET)
     assert (block.name, block.shape, block.unit) == ("offsets", (6, 3), "m")

@@ -5,9 +5,6 @@ from dataclasses import replace
 import casadi as cs
 import numpy as np
 import pytest
-import trimesh
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
 import workbench as wb
 from workbench.blocks import Block
@@ -35,26 +32,6 @@ def mean_pose() -> dict[str, np.ndarray]:
         "betas": np.zeros(10),
         "trans": np.zeros(3),
     }
-
-
-def test_mesh_of_the_hand_is_open_at_the_wrist() -> None:
-    assert HAND.template.shape == (778, 3)
-    assert HAND.faces.shape == (1534, 3)
-    mesh = trimesh.Trimesh(HAND.template, HAND.faces, process=False)
-    assert mesh.is_winding_consistent
-    assert mesh.body_count == 1
-    assert mesh.euler_number == 1
-    edges, times = np.unique(np.sort(mesh.edges, axis=1), axis=0, return_counts=True)
-    border = edges[times == 1]
-    assert len(border) == 20
-    assert (np.unique(border, return_counts=True)[1] == 2).all()  # one loop, or several
-    loop = HAND.template[np.unique(border)]
-    assert 0.02 < loop[:, 0].mean() < 0.035  # behind the wrist, which is the origin
-    around = csr_array((np.ones(20), border.T), shape=(778, 778))
-    assert connected_components(around, directed=False)[0] == 1 + 778 - 20  # all others stand alone
-    outwards = mesh.face_normals @ [0.0, 1.0, 0.0]
-    back = mesh.triangles_center[:, 1] > np.quantile(HAND.template[:, 1], 0.9)
-    assert outwards[back].mean() > 0.3
 
 
 # The left hand.

@@ -21,7 +21,6 @@ from tests.bodies.laws import (
 )
 from tests.bodies.random_bodies import same
 from tests.bodies_made_up import tube_body
-from tests.differences import assert_hessian, assert_jacobian
 from tests.tiers import few
 from workbench.bodies.body import Body
 from workbench.bodies.catalogue import (
@@ -164,14 +163,6 @@ def place(body: TriangleBody, size: float) -> np.ndarray:
     pose, betas, trans = some_arguments(body, 3)
     pose /= np.linalg.norm(pose, axis=1, keepdims=True)
     return np.concatenate([size * pose.ravel(), np.sign(size) * betas, trans])
-
-
-@EACH_TUBE
-@pytest.mark.parametrize("where", few(PLACES, ("near zero", "somewhere")))
-def test_derivatives_are_those_of_differences(name: str, where: str) -> None:
-    problem, x = whole_problem(name), place(made(name), PLACES[where])
-    assert_jacobian(problem, x, np.zeros(0), 1e-8)
-    assert_hessian(problem, x, np.zeros(0), 1e-8)
 
 
 @pytest.mark.parametrize("name", few(["BlendSCAPE", *MADE], 1))

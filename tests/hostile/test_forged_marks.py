@@ -16,7 +16,6 @@ from workbench.course.plain import Malformed, received
 from workbench.course.process import ProcessLimits, grade
 
 ROTATIONS = lecture(2)
-EARNED = 2  # by the honest answer below
 HONEST = """
 import numpy as np
 
@@ -210,27 +209,3 @@ def test_file_that_sends_garbage_fails_its_checks(tmp_path: Path) -> None:
         assert came.exercises["hat"][0].state is CheckState.FAILED
         assert came.of == 16
         assert not came.passed
-
-
-@pytest.mark.thorough
-def test_answers_beyond_all_bounds_are_described(tmp_path: Path) -> None:
-    came = found(
-        HONEST + "def hat(w):\n    return np.zeros((3000, 3000))\n"
-        "def shorter(w):\n    return [0.0] * 1_000_000\n"
-        "def third(s):\n"
-        "    inside = [0.0]\n"
-        "    for _ in range(5000):\n"
-        "        inside = [inside]\n"
-        "    return inside\n"
-        "def rodrigues(w):\n    return 10**400\n"
-        "def nearest_rotation(M):\n    return {1: M}\n"
-        "def mean_rotation(rotations):\n    return 'x' * 10_000_000\n",
-        tmp_path,
-    )
-    said = {name: marks[0].came for name, marks in came.exercises.items()}
-    for name in ("shorter", "third"):
-        assert "to be graded" in said[name], said[name]
-    assert "(3000, 3000)" in said["hat"]
-    assert said["rodrigues"].startswith("a number: 10000")
-    assert said["nearest_rotation"].startswith("a dict of length 1: {1: array(")
-    assert came.points == EARNED
