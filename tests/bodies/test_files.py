@@ -10,7 +10,7 @@ from typing import Any
 import casadi as cs
 import numpy as np
 import pytest
-from scipy.sparse import csc_matrix, csr_matrix, issparse
+from scipy.sparse import csc_matrix, issparse
 
 from tests.bodies.model_files import MODELS, written
 from tests.bodies.random_bodies import Entries, decorated, entries, equal_to, same
@@ -135,21 +135,6 @@ def test_variants_of_the_layout_are_read(tmp_path: Path) -> None:
         equal_to(raw, saved(tmp_path / "model.npz", raw | change(raw)))
     single = {k: v.astype(np.float32) if v.dtype == float else v for k, v in raw.items()}
     equal_to(single, saved(tmp_path / "model.npz", single))  # nothing is normalised
-
-
-def test_sparse_regressor_in_its_parts(tmp_path: Path) -> None:
-    raw = entries()
-    matrix = csr_matrix(raw["J_regressor"])
-    parts = {f"J_regressor/{part}": getattr(matrix, part) for part in ("data", "indices", "indptr")}
-    rest = {key: value for key, value in raw.items() if key != "J_regressor"}
-    whole = rest | parts | {"J_regressor/shape": np.array(matrix.shape)}
-    equal_to(raw, saved(tmp_path / "model.npz", whole))
-    wild = whole | {"J_regressor/indices": matrix.indices + 1000}
-    with pytest.raises(BadFile, match="no sparse matrix"):
-        load_body(saved(tmp_path / "model.npz", wild))
-    del wild["J_regressor/indptr"]
-    with pytest.raises(BadFile, match="has no J_regressor/indptr"):
-        load_body(saved(tmp_path / "model.npz", wild))
 
 
 # What is no body.

@@ -1,16 +1,12 @@
 """The embedded hands: what must be true of their arrays, their mirror, their pose space, points."""
 
-from dataclasses import replace
-
 import casadi as cs
 import numpy as np
-import pytest
 
 import workbench as wb
 from workbench.blocks import Block
-from workbench.bodies import HAND_POINTS, PoseSpace, hand_points, pose_space
+from workbench.bodies import HAND_POINTS, hand_points, pose_space
 from workbench.bodies.catalogue import load_skinned
-from workbench.errors import BadArgument, BadBody, UnknownName
 from workbench.geometry.mirror import AXIAL, REFLECTION
 from workbench.residuals import landmarks
 
@@ -66,29 +62,6 @@ def test_hand_is_posed_by_coefficients() -> None:
     whole[0] = values["wrist"][0]
     expected = HAND.vertices(whole, values["betas"], values["trans"])[[3, 500]]
     np.testing.assert_allclose(points.source.numeric.evaluate(values).points, expected, atol=1e-12)
-
-
-def test_coefficients_that_do_not_fit_are_refused() -> None:
-    with pytest.raises(BadBody, match="no pose space"):
-        pose_space(load_skinned("small"))
-    with pytest.raises(BadBody, match="15 joints below its root"):
-        pose_space(replace(HAND, extras={**HAND.extras, "hands_mean": np.zeros(9)}))
-    for side, error, words in (("upper", UnknownName, "upper"), ("left", BadBody, "has one hand")):
-        with pytest.raises(error, match=words):
-            pose_space(HAND, 6, side)
-    with pytest.raises(BadArgument, match="0 to so many"):
-        SPACE.first(46)
-    with pytest.raises(BadArgument, match="have shape"):
-        SPACE.poses(HAND, np.zeros(6))
-    with pytest.raises(UnknownName, match="index1"):
-        SPACE.poses(load_skinned("small"), np.zeros(45))
-    with pytest.raises(BadBody, match="components of a pose space"):
-        PoseSpace(("wrist",), np.zeros((1, 3)), np.zeros((2, 2, 3)), np.ones(2))
-    with pytest.raises(BadBody, match="above zero"):
-        PoseSpace(("wrist",), np.zeros((1, 3)), np.zeros((1, 1, 3)), np.zeros(1))
-    z = SPACE.block()
-    with pytest.raises(BadArgument, match="1 joints outside"):
-        SPACE.pose(HAND, z.symbol, cs.MX.sym("wrist", 3, 2))
 
 
 # Joints and finger tips together.

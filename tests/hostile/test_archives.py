@@ -50,11 +50,9 @@ CONTRADICTIONS: dict[str, tuple[str, dict[str, Change]]] = {  # each array alone
     "SMPL.npz": (
         "SMPL.npz",
         {
-            "infinite faces": lambda a: {"f": np.full((60, 3), np.inf)},
             "faces of no vertices": lambda a: {"f": a["f"] + 30},
             "weights of another size": lambda a: {"weights": np.ones((30, 5)) / 5},
             "weights that do not sum to one": lambda a: {"weights": 2 * a["weights"]},
-            "a regressor on its side": lambda a: {"J_regressor": a["J_regressor"].T},
             "a card of brackets": lambda a: {"card": np.array("[" * 100_000)},
             "another way of skinning": lambda a: {"bs_style": np.array("x" * 10**6)},
         },
@@ -62,28 +60,18 @@ CONTRADICTIONS: dict[str, tuple[str, dict[str, Change]]] = {  # each array alone
     "training-start": (
         "start.npz",
         {
-            "a face before the first vertex": lambda a: {"faces": a["faces"] - 1},
             "a template of another unit": lambda a: {"template": 1e9 * a["template"]},
             "a parent after its child": lambda a: {"parents": a["parents"][::-1]},
-            "two roots": lambda a: {"parents": 0 * a["parents"] - 1},
             "a segment beyond the joints": lambda a: {"segmentation": a["segmentation"] + 1},
-            "a joint without a vertex": lambda a: {"segmentation": 0 * a["segmentation"]},
             "two joints of one name": lambda a: {
                 "joint_names": a["joint_names"][[0, 0, *range(22)]]
             },
-            "fewer names than joints": lambda a: {"joint_names": a["joint_names"][1:]},
         },
     ),
     "draws.npz": (
         "draws.npz",
         {
             "settings that are no JSON": lambda a: {"settings": np.array("{seed")},
-            "deep settings": lambda a: {"settings": np.array("[" * 50_000)},
-            "draws of other walkers": lambda a: {"chain_1": a["chain_1"][:, :3]},
-            "more steps than there were": lambda a: {
-                "chain_0": np.zeros((6, 4, 2)),
-                "log_prob_0": np.zeros((6, 4)),
-            },
             "no draws": lambda a: {"chain_0": a["chain_0"][:0], "log_prob_0": a["log_prob_0"][:0]},
             "more accepted moves than steps": lambda a: {"accepted_1": np.full(4, 6.0)},
         },
@@ -91,7 +79,6 @@ CONTRADICTIONS: dict[str, tuple[str, dict[str, Change]]] = {  # each array alone
     "body.npz": (
         "body.npz",
         {
-            "landmarks without numbers": lambda a: {"landmarks/one/data": None},
             "landmarks beyond the mesh": lambda a: {"landmarks/one/indices": np.full(5, 999)},
             "landmarks of a huge matrix": lambda a: {"landmarks/one/shape": np.array([2**62] * 2)},
         },
