@@ -150,12 +150,6 @@ FAULTS: dict[str, tuple[str, Change, str, str]] = {
         "swapped",
     ),
     "shape in millimetres": (BODY, scaled(1000, "shapedirs"), "shapedirs", "another unit than"),
-    "weights of another mesh": (
-        BODY,
-        computed("weights", lambda w: w[:300]),
-        "weights",
-        r"must be \(369, 24\)",
-    ),
     "unmirrored mean": (
         BOTH,
         lambda raw: {"hands_meanl": raw["hands_meanr"]},

@@ -84,20 +84,6 @@ def test_21_points_are_joints_and_tips() -> None:
     np.testing.assert_allclose(numeric.evaluate_batch(batch)[1], expected, atol=1e-12)
 
 
-def test_joints_alone_leave_rank_23_of_48() -> None:
-    """No joint of a tip's own turn is seen, nor a finger that turns about itself."""
-    at = [block.symbol for block in HAND.blocks()]
-    seen = landmarks(HAND.joint_points(*at), np.zeros((16, 3)), sigma=0.002)
-    found = wb.diagnose(wb.Problem([seen], free=["pose"]), mean_pose())
-    assert found.rank == 23
-    names = [direction.name for direction in found.null_directions]
-    assert len(names) == 48 - 23
-    assert [f"pose[{f}3, {a}]" for f in ("index", "middle") for a in "xyz"] == names[:6]
-    for finger in ("index", "middle", "pinky", "ring", "thumb"):
-        assert f"a turn of pose[{finger}2] alone" in names
-        assert f"a turn of pose[{finger}1], undone at {finger}2" in names
-
-
 def test_finger_tips_raise_the_rank_to_38() -> None:
     at = [block.symbol for block in HAND.blocks()]
     seen = landmarks(hand_points(HAND, *at), np.zeros((21, 3)), sigma=0.002)

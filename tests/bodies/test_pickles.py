@@ -301,32 +301,6 @@ def test_known_names_make_records_alone() -> None:
             assert isinstance(made, PickledCall)
 
 
-# What is damaged, or made to be.
-
-DAMAGED = (
-    b"\x80\x02",
-    b"\x80\x02}\xfe.",
-    b"\x80\x02h\x07.",
-    b"\x80\x02(.",
-    b"\x80\x02]K\x01K\x02s.",
-    b"\x80\x02}K\x01a.",
-    b"\x80\x02}(K\x01u.",
-    b"\x80\x02]].",
-    b"\x80\x02cnumpy\nndarray\n.",
-    b"\x80\x04\x8e" + struct.pack("<Q", 2**62) + b"abc.",
-    b"\x80\x02\x8a\xff" + b"\x01" * 20,
-    b"\x80\x02I" + b"9" * 10_000 + b"\n.",
-    b"\x80\x02cnumpy\nndarray\nK\x01R.",
-)
-
-
-def test_damaged_pickles_are_refused(tmp_path: Path) -> None:
-    for pickled in DAMAGED:
-        (tmp_path / "model.pkl").write_bytes(pickled)
-        with pytest.raises(BadFile):
-            load_body(tmp_path / "model.pkl")
-
-
 def test_claimed_shape_allocates_nothing(tmp_path: Path) -> None:
     good = python_2_pickle({"weights": np.zeros((3, 5))})
     shape = b"J" + struct.pack("<i", 3) + b"J" + struct.pack("<i", 5)

@@ -141,6 +141,3 @@ def test_free_arrays_are_blocks_of_their_shapes() -> None:
     np.testing.assert_array_equal(start["new J_regressor"], body.J_regressor.toarray())
     with pytest.raises(UnknownName, match="'faces'"):
         body.freed("faces")
-
-
-# Shape directions, and joints that go with them.
