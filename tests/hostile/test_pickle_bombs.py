@@ -24,7 +24,6 @@ from tests.hostile.pickle_bombs import (
     chumpy,
     colliding,
     content,
-    dictionary,
     doubled_tuples,
     dtype,
     in_itself,
