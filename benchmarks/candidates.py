@@ -20,7 +20,7 @@ import workbench as wb
 from benchmarks.problems import SIGMA, Case, arrays_of, case_of, plain_vertices
 from workbench.arrays import Array
 from workbench.bodies.forward.compiled import CompiledMesh, joint_library, mesh_library
-from workbench.problem import gram
+from workbench.problem import storage
 
 NUMPY, COMPILED = "workbench", "workbench, compiled"
 JAX, TORCH, DIFFERENCES, FLOOR = "JAX", "torch (smplx.lbs)", "NumPy, differences", "floor"
@@ -75,8 +75,8 @@ def check(candidate: Candidate, case: Case, x: Array) -> dict[str, float]:
     return away
 
 
-def _apart(a: Any, b: Array) -> float:
-    return float(np.abs(np.asarray(a) - b).max())
+def _apart(a: Any, b: Any) -> float:
+    return float(np.abs(np.asarray(a) - np.asarray(b)).max())
 
 
 # The workbench
@@ -100,7 +100,7 @@ def compiling(allowed: bool) -> Iterator[None]:
 def _forget() -> None:
     mesh_library.cache_clear()
     joint_library.cache_clear()
-    gram.compiled.cache_clear()
+    storage.compiled_gram.cache_clear()
 
 
 def ways(body: wb.SkinnedBody) -> dict[str, bool]:
@@ -129,18 +129,18 @@ def as_built(way: str, run: Callable[..., T]) -> Callable[..., T]:
     """A function that gets no compiled linear algebra either, if `way` compiles nothing."""
 
     def plainly(*arguments: Any) -> T:
-        before = gram.compiled
-        vars(gram)["compiled"] = _nothing
+        before = storage.compiled_gram
+        vars(storage)["compiled_gram"] = _nothing
         try:
             return run(*arguments)
         finally:
-            vars(gram)["compiled"] = before
+            vars(storage)["compiled_gram"] = before
 
     return plainly if way == NUMPY else run
 
 
 def _nothing() -> None:
-    """What `gram.compiled` is without a compiler."""
+    """What `storage.compiled_gram` is without a compiler."""
 
 
 def ours(name: str, case: Case) -> Candidate:
@@ -149,7 +149,7 @@ def ours(name: str, case: Case) -> Candidate:
 
     def jacobian(x: Array) -> tuple[Array, Array]:
         here = problem.linearize_at(x, fixed)
-        return here.residual, here.jacobian
+        return here.residual, np.asarray(here.jacobian)
 
     forward: Callable[[Array], Array] = lambda x: problem.residual(x, fixed)  # noqa: E731
     step = as_built(name, lambda x: problem.linearize_at(x, fixed).step())

@@ -120,7 +120,7 @@ def leaning() -> Known:
     one = rng.standard_normal(EXACT)
     kept = one[one / 2 + 0.5 * rng.standard_normal(EXACT) >= 0]
     problem = wb.Problem(terms, ("x", "y"), {"y": (0.0, np.inf)}, [x, y])
-    return Known(problem, {"x": 0.1, "y": 0.1}, "x", _exact(kept[:, None]))
+    return Known(problem, {"x": np.array(0.1), "y": np.array(0.1)}, "x", _exact(kept[:, None]))
 
 
 def curved_rest() -> Known:
@@ -134,7 +134,7 @@ def curved_rest() -> Known:
         wb.Residual("y", y.symbol - x.symbol**2, 1.0),
     ]
     problem = wb.Problem(terms, ("x", "y"), blocks=[x, y])
-    at = {"x": 0.0, "y": np.zeros(29)}
+    at = {"x": np.array(0.0), "y": np.zeros(29)}
     return Known(problem, at, "x", _normal(np.ones(1)), 20_000)
 
 
@@ -162,7 +162,7 @@ def wide_funnel() -> Known:
         wb.Residual("x", x.symbol * cs.exp(-v.symbol / 2), 1.0),
     ]
     problem = wb.Problem(terms, ("v", "x"), blocks=[v, x])
-    return Known(problem, {"v": -29 / 2, "x": np.zeros(29)}, "v", _normal(np.ones(1)))
+    return Known(problem, {"v": np.array(-29 / 2), "x": np.zeros(29)}, "v", _normal(np.ones(1)))
 
 
 DENSITIES: dict[str, Callable[[], Known]] = {

@@ -12,7 +12,7 @@ import time
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from importlib.util import find_spec
 from typing import Any
 
@@ -225,7 +225,7 @@ def shape() -> Simulated:
         wb.residuals.gaussian(betas.symbol, name="shape"),
         wb.residuals.gaussian(trans.symbol, covariance=PLACE**2, unit="m", name="place"),
     ]
-    K = [[1000.0, 0, 500], [0, 1000, 500], [0, 0, 1]]
+    K = np.array([[1000.0, 0, 500], [0, 1000, 500], [0, 0, 1]])
     photo = camera.values(K=K, R=np.diag([1.0, -1.0, -1.0]), t=[0.0, 0.0, AWAY])
 
     def data(values: wb.Values) -> wb.Values:
@@ -295,14 +295,18 @@ def throughput(seconds: float, rounds: int) -> dict[str, dict[str, float]]:
         densities: dict[str, Callable[[Array], Array]] = {ALONE: lambda z: np.zeros(len(z))}
         for way in (interpreted, compiled):
             costs = problem.costs(x, given, None, way)
-            densities[way.__name__] = lambda z, costs=costs: -costs(z)
+            densities[way.__name__] = partial(_negative, costs)
         noise = np.random.default_rng(0).standard_normal((WALKERS, problem.free.size))
         best = dict.fromkeys(densities, 0.0)
         for _ in range(rounds):  # taking turns, so that a disturbance meets all of them
-            for way, density in densities.items():
-                best[way] = max(best[way], per_second(density, x, noise, seconds))
+            for name_of, density in densities.items():
+                best[name_of] = max(best[name_of], per_second(density, x, noise, seconds))
         found[name] = best
     return found
+
+
+def _negative(costs: Callable[[Array], Array], x: Array) -> Array:
+    return -costs(x)
 
 
 def per_second(density: Callable[[Array], Array], x: Array, noise: Array, seconds: float) -> float:
@@ -316,7 +320,7 @@ def per_second(density: Callable[[Array], Array], x: Array, noise: Array, second
         while time.process_time() - began < seconds:
             state = sampler.run_mcmc(state, 20, store=False, skip_initial_state_check=True)
             steps += 20
-    return steps * walkers / (time.process_time() - began)
+    return float(steps * walkers / (time.process_time() - began))
 
 
 def posteriors() -> dict[str, tuple[wb.Problem, wb.Values]]:
@@ -355,7 +359,8 @@ def measured(quick: bool) -> dict[str, object]:
 
 def tables(found: dict[str, Any]) -> str:
     """All four."""
-    rows = []
+    head: tuple[str, ...]
+    rows: list[tuple[object, ...]] = []
     for name, one in found["nuts"].items():
         theirs = one["nuts"]
         spans = ("{:.2f} to {:.2f}".format(*one[key]) for key in ("sd ratio", "sd over Laplace's"))

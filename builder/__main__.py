@@ -14,10 +14,10 @@ from scipy.sparse import csr_array
 
 from builder.bodies import BodyBuilder
 from builder.population import gather_sources
+from builder.recordings import read_recording
 from builder.sets import SetRecipe
 from builder.stored import PEOPLE, SEED, write_fine_weights, write_held_out_people
 from builder.wheel import Wheel, read_tensors
-from workbench.priors.recordings import read_recording
 
 
 def main() -> None:

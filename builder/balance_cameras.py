@@ -14,11 +14,11 @@ from pathlib import Path
 import casadi as cs
 import numpy as np
 
+from builder.geometry import umeyama
 from builder.stored import write_arrays
 from workbench.blocks import Block, Values
 from workbench.experiments.balance import FITTED, published
 from workbench.geometry.camera import Camera, triangulate
-from workbench.geometry.rigid import umeyama
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.problem import Problem
 from workbench.residuals import Residual, gaussian, huber

@@ -10,10 +10,10 @@ import scipy.linalg
 from scipy.sparse import csr_array
 
 from builder.wheel import ObjMesh, Wheel, WheelUnreadable
+from lectures.material.teacher import JOINT, JOINT_NAMES, N_FINE, N_JOINTS, coarse
 from workbench.arrays import Array, Index
 from workbench.geometry.mirror import REFLECTION
 from workbench.geometry.surface_tree import barycentric_weights, nearest
-from workbench.synthetic.teacher import JOINT, JOINT_NAMES, N_FINE, N_JOINTS, coarse
 
 N_BODY = 13380  # the rest are helpers: eyes, clothes, and cubes that mark the joints
 NIPPLES = (range(1778, 1794), range(8450, 8466))

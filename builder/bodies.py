@@ -24,9 +24,13 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from builder.base_mesh import read_topology
+from builder.ground_truth import best_linear, ideal_skinning_errors, read_ground_truth
 from builder.population import SEARCH_RADIUS, Sources
+from builder.ridge import Pair, RidgeSums, ridge_learned
 from builder.sets import ABOUT, BODY, SetRecipe, make_sets, recipe_text, regress
 from builder.stored import BuiltBody, TrainedOn, card_of, write_body
+from builder.training import BlockLines, training_and_held_out
+from lectures.material.teacher import at_most_four
 from workbench.arrays import Array, Index, Mask
 from workbench.bodies import SkinnedBody
 from workbench.bodies.catalogue import read_embedded
@@ -34,26 +38,18 @@ from workbench.bodies.forward.posing import unpose
 from workbench.errors import BadBody, BadFile
 from workbench.geometry.mirror import Mirror
 from workbench.reading.arrays import doubles, open_arrays, read_expected, texts
-from workbench.synthetic.teacher import at_most_four
 from workbench.threads import limited_threads
-from workbench.training.blend_shapes import Pair, RidgeSums, local_features, ridge_learned
+from workbench.training.blend_shapes import local_features
 from workbench.training.blocks import REACH, alternation
 from workbench.training.checkpoint import fingerprint
 from workbench.training.estimate import Estimate, SkinningPass
-from workbench.training.evaluation import (
-    CARD,
-    best_linear,
-    held_out_errors,
-    ideal_skinning_errors,
-    read_ground_truth,
-    shapes_explained,
-)
-from workbench.training.execution import BlockLines, Execution, Processes
+from workbench.training.evaluation import CARD, held_out_errors, shapes_explained
+from workbench.training.execution import Execution, Processes
 from workbench.training.first_guess import Start, read_start
 from workbench.training.folder import FolderRegistrations, open_folder
 from workbench.training.objective import Objective, centred
 from workbench.training.pose_training import PoseModel, finishing, train_poses, upsampled
-from workbench.training.registrations import RegistrationSubset, batches, training_and_held_out
+from workbench.training.registrations import RegistrationSubset, batches
 from workbench.training.shape_training import (
     UnposingJob,
     about_root,

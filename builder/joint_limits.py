@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
+from builder.recordings import PoseRecording, read_recording
 from workbench.bodies.hands import ABDUCTION, DEVIATION, FLEXION, TWIST
 from workbench.geometry.mirror import AXIAL, opposite
-from workbench.priors.recordings import PoseRecording, read_recording
 
 AAOS, MERCK, ASSUMED = "AAOS", "Merck", "assumed"
 HAND_SOURCES = {

@@ -64,7 +64,7 @@ def write_lite(folder: Path, wheel: Path, pyodide: str | None = None) -> Path:
         contents = Path(place) / "contents"
         contents.mkdir()
         for one in course():
-            if one.there and one.number <= LAST:
+            if one.number <= LAST:
                 write_notebook(for_browsers(one), contents / f"{one.folder_name}.ipynb")
         command = [sys.executable, "-m", "jupyterlite_core", "build", "--contents", str(contents)]
         command += ["--output-dir", str(folder.resolve()), "--piplite-wheels", str(wheel.resolve())]

@@ -9,17 +9,17 @@ from scipy.sparse import csr_array
 
 from builder.base_mesh import N_BODY, BaseMesh, MakeHumanRig, read_base_mesh, read_rig
 from builder.wheel import Wheel
-from workbench.arrays import Array, Mask
-from workbench.bodies.forward.skinning import blend_matrices
-from workbench.geometry.mirror import REFLECTION
-from workbench.geometry.solids import volume
-from workbench.synthetic.teacher import (
+from lectures.material.teacher import (
     JOINT,
     N_JOINTS,
     at_most_four,
     joint_positions,
     offsets,
 )
+from workbench.arrays import Array, Mask
+from workbench.bodies.forward.skinning import blend_matrices
+from workbench.geometry.mirror import REFLECTION
+from workbench.geometry.solids import volume
 
 Factors = dict[str, float]
 

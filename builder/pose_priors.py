@@ -2,37 +2,32 @@
 
     python -m builder.pose_priors gaussian MOCAP.npz --out workbench/data/poses
 
-writes `cmu_gaussian.npz`; `mixture` and `student` write `cmu_mixture.npz` and `cmu_student.npz`.
-The recording is as `workbench.priors.recordings` describes it. `regressor` writes
+writes `cmu_gaussian.npz`, and `mixture` writes `cmu_mixture.npz`.
+The recording is as `builder.recordings` describes it. `regressor` writes
 `regressor.npz`, the regressor of poses; it takes three minutes, and nothing but the
 package and scikit-learn (the extra `learn`)."""
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import scipy.optimize
 from scipy.special import logsumexp
 
+from builder.recordings import PoseRecording, read_recording
 from builder.stored import write_arrays
+from lectures.material.regressor_training import save_regressor, train_pose_regressor
 from workbench import load_body
 from workbench.arrays import Array, Index, Mask
 from workbench.errors import BadArgument
-from workbench.fitting.pose_regressor import REGRESSOR_FILE, save_regressor
-from workbench.fitting.regressor_training import train_pose_regressor
+from workbench.fitting.pose_regressor import REGRESSOR_FILE
 from workbench.geometry.mirror import AXIAL, opposites
 from workbench.priors.poses import (
     GAUSSIAN_FILE,
     MIXTURE_FILE,
-    STUDENT_FILE,
     PoseGaussian,
     PoseMixture,
-    PoseStudent,
-    numbers_of,
     shipped_mixture,
 )
-from workbench.priors.recordings import PoseRecording, read_recording
 
 UNMEASURED_STD = 0.1  # rad, of joints that the recording does not move: a guess
 LEAST_STD = 0.01  # rad, added to every entry, so that the covariance can be inverted
@@ -40,9 +35,6 @@ COMPONENTS = 8
 CLUSTER_ROUNDS = 30  # of k-means, to begin with
 ROUNDS, ENOUGH = 200, 1e-5  # of expectation and maximisation; gain per frame that ends them
 SHRUNK = 0.02  # towards the covariance of all frames: a component may see few of them
-DOF = 4.0  # while the scale is learned: near to what the parts that are left out then say
-ROUNDS = 40  # of expectation and maximisation
-PARTS = 8  # of the clips, each of which is left out once
 PEOPLE, PASSES, HIDDEN = 30_000, 200, (320, 320)
 
 
@@ -194,78 +186,6 @@ def build_mixture(recording: Path | None, folder: Path) -> None:
     print(f"mean log density of held-out frames: {density:.2f}")
 
 
-def learn_pose_student(mocap: PoseRecording) -> PoseStudent:
-    """The scale of all frames and their mirror images, and the tails of clips that were left out.
-
-    Each eighth of the clips is left out once. The degrees of freedom and a factor of the scale are
-    those with which the frames that were left out are likeliest, by the scales of the others: in
-    the frames that a scale was learned from, tails look too light.
-    """
-    clips, moves = np.unique(mocap.clip), ~both_ways(mocap)[1]
-    if len(clips) < 2:
-        raise BadArgument("tails are those of clips that are left out; one clip has none")
-    found: list[tuple[PoseStudent, np.ndarray]] = []
-    for first in range(PARTS):
-        out = np.isin(mocap.clip, clips[first::PARTS])
-        if out.any() and not out.all():
-            flat, _ = both_ways(mocap._where(out))
-            found.append((_scale_of(mocap._where(~out), moves), flat))
-    whole = _scale_of(mocap, moves)
-    columns = numbers_of(whole.joint_names, mocap.joint_names[1:])
-
-    def loss(logs: np.ndarray) -> float:
-        dof, factor = np.exp(logs)
-        told = [
-            replace(one, dof=dof, scale=factor * one.scale).log_density(flat[:, columns])
-            for one, flat in found
-        ]
-        return -float(np.mean(np.concatenate(told)))
-
-    best = scipy.optimize.minimize(loss, np.log([DOF, 0.5]), method="Nelder-Mead")
-    dof, factor = np.exp(best.x)
-    return replace(whole, dof=float(dof), scale=factor * whole.scale)
-
-
-def _scale_of(mocap: PoseRecording, moves: Mask) -> PoseStudent:
-    """Mean and scale of the joints that move (K - 1,), without the root, by expectation and
-    maximisation (Lange, Little and Taylor 1989).
-    """
-    names = tuple(np.array(mocap.joint_names[1:])[moves])
-    x = both_ways(mocap)[0][:, np.repeat(moves, 3)]
-    n, d = x.shape
-    least = LEAST_STD**2 * np.eye(d)
-    found = PoseStudent(
-        x.mean(axis=0), np.cov(x.T) + least, DOF, names, len(mocap.poses), mocap.absent
-    )
-    for _ in range(ROUNDS):
-        weights = (DOF + d) / (DOF + found.squares(x))
-        mean = weights @ x / weights.sum()
-        off = x - mean
-        found = replace(found, mean=mean, scale=(off * weights[:, None]).T @ off / n + least)
-    return found
-
-
-def build_student(recording: Path | None, folder: Path) -> None:
-    """Learn the prior from a recording and write it."""
-    learned_from, held_out = _split(recording)
-    prior = learn_pose_student(learned_from)
-    write_arrays(
-        folder / STUDENT_FILE,
-        {
-            "mean": prior.mean.astype(np.float32),
-            "scale": prior.scale.astype(np.float32),
-            "dof": np.array(prior.dof),
-            "joint_names": np.array(prior.joint_names),
-            "n_frames": np.array(prior.n_frames),
-            "held_out_clips": np.array(prior.held_out),
-        },
-    )
-    columns = numbers_of(prior.joint_names, held_out.joint_names[1:])
-    flat = both_ways(held_out)[0][:, columns]
-    print(f"{prior.dof:.2f} degrees of freedom; {prior.n_frames} frames")
-    print(f"mean log density of held-out frames: {prior.log_density(flat).mean():.2f}")
-
-
 def build_regressor(recording: Path | None, folder: Path) -> None:
     """Train the regressor and write it."""
 
@@ -296,7 +216,6 @@ def main() -> None:
     kinds = {
         "gaussian": build_gaussian,
         "mixture": build_mixture,
-        "student": build_student,
         "regressor": build_regressor,
     }
     parser = argparse.ArgumentParser(prog="python -m builder.pose_priors", description=__doc__)

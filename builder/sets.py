@@ -25,14 +25,15 @@ from scipy.sparse import csr_array
 
 from builder.base_mesh import FILES, Topology, read_topology
 from builder.collapsing import collapsed
+from builder.ground_truth import AT_REST, GroundTruth
 from builder.population import JITTER, Report, Sources, gather_sources
+from builder.recordings import read_recording
 from builder.wheel import Wheel
+from lectures.material.teacher import JOINT_NAMES, PARENTS, Teacher, at_most_four
 from workbench.arrays import Array, Index, Mask
 from workbench.geometry.mirror import opposites
 from workbench.priors.poses import LARGEST_ANGLE, draw_poses, shipped_mixture
-from workbench.priors.recordings import read_recording
-from workbench.synthetic.teacher import JOINT_NAMES, PARENTS, Teacher, at_most_four
-from workbench.training.evaluation import AT_REST, CARD, GroundTruth
+from workbench.training.evaluation import CARD
 from workbench.training.first_guess import Start, write_start
 from workbench.training.folder import TABLE
 from workbench.writing import replacing, write_arrays

@@ -2,7 +2,7 @@
 
     python -m builder.soft_tissue RECORDING --out workbench/data/tissue
 
-RECORDING is an .npz as `workbench.priors.recordings` reads it. Clips of 2 s and more are
+RECORDING is an .npz as `builder.recordings` reads it. Clips of 2 s and more are
 splined to 60 frames a second and made by synthetic people, tissue is simulated on each of them, and
 the model is learned from it. The clips that the pose priors hold out are held out here as well. It
 takes about two minutes.
@@ -15,13 +15,13 @@ from pathlib import Path
 
 import numpy as np
 
+from builder.recordings import read_recording, recorded_motions
+from lectures.material.tissue import TissueClip, TissuePlan, train_tissue
+from lectures.material.tissue_simulation import TissueLaw, simulate_tissue
 from workbench import SkinnedBody, load_body
 from workbench.arrays import Array
 from workbench.motions import Motion, save_tissue, splined
 from workbench.motions.soft_tissue import SoftTissue
-from workbench.priors.recordings import read_recording, recorded_motions
-from workbench.synthetic import TissueLaw, simulate_tissue
-from workbench.training.soft_tissue import TissueClip, TissuePlan, train_tissue
 
 FPS = 60.0
 LEAST = 20  # frames of the recording

@@ -16,10 +16,7 @@ from builder.base_mesh import FILES, read_base_mesh, read_rig, read_topology
 from builder.population import Population, Sources
 from builder.sets import SetRecipe
 from builder.wheel import Wheel
-from workbench.arrays import Array, Index
-from workbench.bodies import SkinnedBody
-from workbench.geometry.mirror import opposites
-from workbench.synthetic.teacher import (
+from lectures.material.teacher import (
     BODIES,
     FILE_NAME,
     JOINT_NAMES,
@@ -27,6 +24,9 @@ from workbench.synthetic.teacher import (
     PARENTS,
     SHARES,
 )
+from workbench.arrays import Array, Index
+from workbench.bodies import SkinnedBody
+from workbench.geometry.mirror import opposites
 from workbench.training.blocks import REACH
 from workbench.training.pose_training import PoseModel
 from workbench.writing import replacing

@@ -14,12 +14,13 @@ from typing import Any
 import numpy as np
 
 from builder.stored import in_steps, write_arrays
+from builder.triangle_learning import Lsqr, learn_pose_deformations
 from workbench.arrays import Array
 from workbench.bodies.catalogue import SYNTHETIC, UNTRAINED, load_skinned
 from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
 from workbench.priors.poses import draw_poses, shipped_gaussian
-from workbench.training.triangles.learning import Lsqr, PosedMeshes, learn_pose_deformations
+from workbench.training.triangles import PosedMeshes
 
 LEARNED_FROM, VALIDATED_ON, TESTED_ON = 600, 100, 100  # people, each in one pose
 RIDGES = (1e-1, 1e-2, 1e-3, 1e-4)  # m^2, from which that of Q is chosen on the validation set

@@ -166,7 +166,8 @@ if __name__ == "__main__":
             ax.set_yscale("log")
             ax.set_xticks(range(len(CASES)), [case.replace(" by", "\nby") + "°" for case in CASES])
             ax.set_ylabel(label)
-        axes[0].legend(loc="upper left", fontsize=8)
+        named = axes[0].get_legend_handles_labels()
+        figure.legend(*named, loc="outside upper center", ncols=len(ASKED), fontsize=8)
     Path(__file__).with_name("nine_numbers_or_three.png").write_bytes(png(figure))
     print(
         "Each dot is one seed, and the vertical axes are logarithmic. Only for one rotation by 30"

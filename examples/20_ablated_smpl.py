@@ -51,8 +51,8 @@ if __name__ == "__main__":
     from workbench.plots import caption_differences, house_style, plot_differences, png, sheet
 
     with house_style():
-        figure, (ax,) = sheet(13, 5.2)
-        plot_differences(whole, ablated, body.faces, ax=ax, most=30)
+        figure, (ax,) = sheet(10.5, 5.2)
+        plot_differences(whole, ablated, body.faces, ax=ax, most=60)
     Path(__file__).with_name("ablated_smpl.png").write_bytes(png(figure))
     print(caption_differences(whole, ablated))
     for name, millimetres in residuals_left.items():

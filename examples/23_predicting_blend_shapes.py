@@ -22,8 +22,8 @@ from workbench.lectures.material.blend_shapes import (
     rms_length,
     with_blend_shapes,
 )
+from workbench.lectures.material.teacher import body_on_teachers_rig, teacher_of
 from workbench.priors.poses import draw_poses, shipped_gaussian
-from workbench.synthetic.teacher import body_on_teachers_rig, teacher_of
 from workbench.training.estimate import bent
 
 LINEAR = "linear blending (LBS)"

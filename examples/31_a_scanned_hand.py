@@ -21,7 +21,7 @@ from workbench.bodies import HAND_POINTS, pose_space
 from workbench.fitting import Scan, hand_problem, hand_start, read_scan
 from workbench.fitting.hands import points_of
 from workbench.geometry.surface_tree import SurfaceTree
-from workbench.registration import Registration, fit_hand, register
+from workbench.registration import HAND_RECIPE, Registration, register, with_skeleton
 from workbench.synthetic import Noise, SimulatedScan, scan, scanners
 
 NOISE = 0.002  # m along each axis, of the points of the skeleton
@@ -84,8 +84,8 @@ hand = wb.load_body("hand")
 one = made(hand, seed=3)
 fitted, held_out = halves(one.scan.scan)
 
-alone = fit_hand(hand, fitted)
-both = fit_hand(hand, fitted, one.points)
+alone = HAND_RECIPE.fit(hand, fitted)
+both = with_skeleton(HAND_RECIPE, hand, one.points).fit(hand, fitted)
 problem = hand_problem(hand)
 skeleton = wb.solve(problem, hand_start(hand, one.points))
 surfaces = {

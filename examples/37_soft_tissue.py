@@ -13,8 +13,8 @@ import numpy as np
 
 import workbench as wb
 from workbench.bodies.spaces import body_mass_index
+from workbench.lectures.material.tissue_simulation import simulate_tissue
 from workbench.motions import load_tissue
-from workbench.synthetic import simulate_tissue
 from workbench.synthetic.made_up import made_up_motion
 
 body, tissue = wb.load_body("default"), load_tissue()

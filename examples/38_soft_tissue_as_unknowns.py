@@ -16,12 +16,12 @@ import numpy as np
 
 import workbench as wb
 from workbench.motions import load_tissue
-from workbench.motions.soft_tissue import surface_as_landmarks
+from workbench.motions.soft_tissue import with_tissue
 from workbench.synthetic.made_up import made_up_motion
 
 NOISE, MARKERS = 0.002, 350  # m; vertices, as many as the markers of Park and Hodgins (2006)
 rng = np.random.default_rng(0)
-body, tissue = surface_as_landmarks(wb.load_body("default")), load_tissue()
+body, tissue = wb.load_body("default"), load_tissue()
 
 # What is true: the frame of a motion in which the tissue is displaced most.
 person = np.array([0, 0, 2.0, 0, 0, 0, 0, 0, 0, 0])
@@ -35,8 +35,9 @@ print(f"tissue is displaced by up to {displaced.max():.0f} mm, {displaced.mean()
 
 # In symbols.
 pose, betas, trans = (block.symbol for block in body.blocks())
-block = tissue.block()
-points = tissue.points(body, pose, betas, trans, block.symbol)
+block = wb.Block("tissue", (tissue.n_coefficients,))
+moved = tissue.gain_of(body, betas) * block.symbol
+points = with_tissue(body, tissue).points(pose, cs.vertcat(betas, moved), trans)
 
 
 def seen(vertices: Sequence[int], places: np.ndarray) -> wb.Problem:

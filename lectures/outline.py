@@ -1,4 +1,4 @@
-"""The course, a line for each lecture; one without a folder is still to come."""
+"""The course, a line for each lecture."""
 
 from workbench.course.outline import Lecture
 

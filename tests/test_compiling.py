@@ -91,20 +91,3 @@ def test_compiler_that_hangs_is_asked_once(tmp_path: Path, monkeypatch: pytest.M
         with pytest.raises(NoLibrary, match="does not run"):
             find_compiler()
     assert (tmp_path / "asked").read_text().split() == ["asked"]
-
-
-@pytest.mark.skipif(os.name != "posix", reason="a shell script")
-def test_compiler_that_hangs_on_a_source_is_not_tried_again(
-    cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    script = tmp_path / "slow-cc"
-    script.write_text(
-        '#!/bin/sh\ncase "$*" in *-dM*) echo "#define X";; *) exec sleep 600;; esac\n'
-    )
-    script.chmod(0o755)
-    monkeypatch.setenv("CC", str(script))
-    monkeypatch.setattr("workbench.compiling.LONGEST", 0.3)
-    with pytest.raises(NoLibrary, match="timed out"):
-        library("answer", SOURCE, answer)
-    with pytest.raises(NoLibrary, match="before"):
-        library("another", SOURCE, answer)

@@ -43,23 +43,6 @@ def texts() -> list[Path]:
     ]
 
 
-def test_pattern_recognises_the_name_of_another_project() -> None:
-    for wrong in (
-        "pip install workbench",
-        "pip install -U 'workbench[course]'",
-        "needs workbench" + "[dask]",
-        "version('workbench" + "')",
-    ):
-        assert NOT_OURS.search(wrong), wrong
-    for right in (
-        "pip install smpl-workbench",
-        "pip install 'smpl-workbench[course]'",
-        "pip install '.[course]', then type workbench",
-        "`pip install .` and `workbench run`",
-    ):
-        assert not NOT_OURS.search(right), right
-
-
 def test_texts_name_our_own_distribution() -> None:
     wrong = [
         f"{path.relative_to(ROOT)}: {found[0]}"

@@ -3,7 +3,6 @@
 Lectures, bodies, figures and pages have tests of their own that bear the same mark.
 """
 
-import json
 import sys
 import tomllib
 from functools import cache
@@ -18,32 +17,12 @@ import workbench as wb
 from workbench import environment
 from workbench.cli.app import app
 from workbench.comparison import workers
-from workbench.course.grading import CheckState
-from workbench.course.outline import lecture
-from workbench.course.process import grade
 from workbench.environment import SAMPLING, MissingLibrary
 from workbench.plots.posterior import plot_corner
 from workbench.processes import NoProcesses
 from workbench.training.registrations import over_halves
 
 pytestmark = pytest.mark.browser
-
-ANSWERS = """
-import os, sys
-import numpy as np
-from workbench.errors import Unsolved
-print("begun")
-def hat(w):
-    return np.array([[0, w[2], -w[1]], [-w[2], 0, w[0]], [w[1], -w[0], 0]])
-def rodrigues(w):
-    sys.exit(3)
-def nearest_rotation(M):
-    print("asked")
-    U, _, Vt = np.linalg.svd(M)
-    return U @ np.diag([1, 1, np.sign(np.linalg.det(U @ Vt))]) @ Vt
-def shorter(w):
-    raise Unsolved("shorter")
-"""
 
 
 @pytest.fixture
@@ -86,44 +65,6 @@ def test_libraries_are_asked_for_as_the_distribution_asks() -> None:
     project = tomllib.loads(text)["project"]
     extra = project["optional-dependencies"]["arviz"]
     assert set(SAMPLING.values()) < {*project["dependencies"], *extra}
-
-
-@pytest.mark.usefixtures("in_a_browser")
-def test_a_file_is_graded_in_the_same_process(tmp_path: Path) -> None:
-    path, before = tmp_path / "mine.py", list(sys.path)
-    path.write_text(ANSWERS)
-    found = grade(lecture(2), path)
-    assert "without a limit of time" in " ".join(found.note.split())
-    assert found.printed[""] == "begun"
-    assert found.printed["nearest_rotation"].startswith("asked")
-    results = found.exercises
-    assert {one.state for one in results["shorter"]} == {CheckState.NOT_ATTEMPTED}
-    assert "sys.exit(3)" in results["rodrigues"][0].came
-    assert all(one.state is CheckState.PASSED for one in results["nearest_rotation"])
-    (turned,) = results["hat"]
-    assert "v x w" in turned.hint
-    assert results["angle_between"][0].came == "no such name in the file"
-    assert sys.path == before
-    assert "answers" not in sys.modules
-    assert [one.name for one in tmp_path.iterdir()] == ["mine.py"]
-    path.write_text("import numpy as np\n1 / 0\n")
-    lost = grade(lecture(2), path)
-    assert lost.trouble == "line 2: ZeroDivisionError: division by zero"
-    assert lost.note
-    assert not lost.points
-
-
-@pytest.mark.usefixtures("in_a_browser")
-@pytest.mark.parametrize("number", [1, 8])
-def test_the_command_checks_solutions_and_says_what_was_not_guarded(number: int) -> None:
-    path = lecture(number).folder / "solutions.py"
-    shown = CliRunner().invoke(app, ["lecture", "check", str(number), str(path)])
-    assert shown.exit_code == 0, shown.output
-    assert "No other process can be started here" in " ".join(shown.output.split())
-    told = CliRunner().invoke(app, ["lecture", "check", str(number), str(path), "--json"])
-    data = json.loads(told.stdout)
-    assert data["points"] == data["of"] > 0
-    assert "No other process" in data["note"]
 
 
 @pytest.mark.usefixtures("in_a_browser")

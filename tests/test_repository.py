@@ -80,24 +80,6 @@ def package_of(module: str) -> str | None:
     return parts[1] if parts[0] == "workbench" and len(parts) > 1 else None
 
 
-@pytest.mark.parametrize(
-    ("source", "found"),
-    [
-        ("import workbench.plots.style", {"plots"}),
-        ("from workbench import plots", {"plots"}),
-        ("from workbench.plots.style import draw", {"plots"}),
-        ("from .. import plots", {"plots"}),
-        ("from .run import Run", {"solvers"}),
-        ("def f():\n    from ..plots import style", {"plots"}),
-        ("if TYPE_CHECKING:\n    from workbench.plots import style", set()),
-        ("import numpy.linalg, workbenches.plots", set()),
-    ],
-)
-def test_imports_are_found(source: str, found: set[str]) -> None:
-    packages = {package_of(m) for m in imports(ast.parse(source), ("workbench", "solvers"))}
-    assert packages - {None} == found
-
-
 def test_imports_go_down_the_layers() -> None:
     upwards = set()
     for module in MODULES:

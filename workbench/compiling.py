@@ -1,10 +1,9 @@
 """From C source to a loaded library: compiled once, kept on disk, checked before it is trusted.
 
-The environment decides: WORKBENCH_COMPILE=0 switches compiling off, CC names the compiler, and
-WORKBENCH_CACHE (else XDG_CACHE_HOME/workbench, else ~/.cache/workbench) the folder that libraries
-are kept in. They are never needed: whoever asks for a library can compute the same numbers in
-another way. What is loaded runs with all rights of the user, so that a folder or a library which
-belongs to somebody else, or which others can write to, is not used.
+WORKBENCH_COMPILE=0 switches compiling off, CC names the compiler, and WORKBENCH_CACHE (else
+XDG_CACHE_HOME/workbench, else ~/.cache/workbench) the folder of libraries. What is loaded runs with
+all rights of the user, so that a folder or a library which belongs to somebody else, or which
+others can write to, is not used.
 """
 
 import ctypes
@@ -35,7 +34,6 @@ FLAGS = ("-O2", "-ffp-contract=fast", "-fPIC", "-shared", "-fvisibility=hidden",
 LONGEST = 60.0  # seconds that a compiler may take for a library
 ANSWER = 5.0  # seconds in which it says its version
 OTHERS = stat.S_IWGRP | stat.S_IWOTH  # may write
-HUNG: set[tuple[str, ...]] = set()  # compilers that did not end in this process
 
 
 class NoLibrary(WorkbenchError):
@@ -44,17 +42,11 @@ class NoLibrary(WorkbenchError):
 
 @dataclass(frozen=True)
 class Compiler:
-    """A C compiler that works.
+    """A C compiler that works."""
 
-    Attributes:
-        command: its path, and arguments that CC gives after that.
-        native: the flag with which it compiles for this processor.
-        target: the macros that it defines, which name its version and the processor.
-    """
-
-    command: tuple[str, ...]
-    native: str
-    target: str
+    command: tuple[str, ...]  # its path, and arguments that CC gives after that
+    native: str  # the flag with which it compiles for this processor
+    target: str  # the macros that it defines, which name its version and the processor
 
     @property
     def version(self) -> str:
@@ -83,17 +75,15 @@ def find_compiler() -> Compiler:
 @cache  # a compiler that hangs costs its time once
 def _asked(command: tuple[str, ...]) -> Compiler | str:
     """The compiler that this command is, or why it is none."""
-    why = ""
     for native in NATIVE:  # its macros name its version and every instruction set
         try:
             macros = _output([*command, native, "-dM", "-E", "-x", "c", os.devnull], ANSWER)
+            return Compiler(command, native, macros)
         except NoLibrary as error:
-            why = str(error)
+            why = error
             if isinstance(error.__cause__, subprocess.TimeoutExpired):
                 break
-        else:
-            return Compiler(command, native, macros)
-    return why
+    return str(why)
 
 
 def cache_folder() -> Path:
@@ -124,25 +114,37 @@ def library(
     digest of the file itself, so that one which is damaged is never loaded. Raises NoLibrary.
     """
     compiler = find_compiler()
-    if compiler.command in HUNG:
-        raise NoLibrary(f"{compiler.command[0]} took over {LONGEST:.0f} s before")
     flags = (*FLAGS, compiler.native, *more)
     key = _digest("\0".join((source, *compiler.command, compiler.target, *flags)).encode())
-    for kept in _kept(f"{name}-{key}-*.so"):
+    folder = cache_folder().resolve()
+    for kept in sorted(folder.glob(f"{name}-{key}-*.so")):
         try:
+            _check_own(folder)
             _check_own(kept)
             if _digest(kept.read_bytes()) != kept.stem.rsplit("-", 1)[-1]:
                 raise NoLibrary("it is damaged")
             return _loaded(kept, trusted)
         except (NoLibrary, OSError) as error:
             LOG.warning("not using %s: %s", kept, error)
-            _discard(kept)
+    LOG.info("compiling the %s with %s (once, a few seconds)", name, compiler.command[0])
     try:
-        return _compiled(name, key, source, [*compiler.command, *flags], trusted)
-    except NoLibrary as error:
-        if isinstance(error.__cause__, subprocess.TimeoutExpired):
-            HUNG.add(compiler.command)
-        raise
+        with tempfile.TemporaryDirectory(prefix="workbench-") as private:
+            text, made = Path(private, f"{name}.c"), Path(private, f"{name}.so")
+            text.write_text(source, encoding="utf-8")
+            _output([*compiler.command, *flags, text.name, "-o", made.name], LONGEST, private)
+            loaded = _loaded(made, trusted)
+            try:
+                folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+                _check_own(folder)
+                compiled = made.read_bytes()
+                path = folder / f"{name}-{key}-{_digest(compiled)}.so"
+                write_file(path, compiled)
+                path.chmod(0o600)
+            except (OSError, BadFile, NoLibrary) as error:
+                LOG.warning("compiled for this process only: %s", error)
+            return loaded
+    except OSError as error:
+        raise NoLibrary(f"no place to compile in: {error}") from error
 
 
 def library_or_none(
@@ -188,19 +190,6 @@ def source_beside(package: str, name: str) -> str:
     return files(package).joinpath(name).read_text(encoding="utf-8")
 
 
-def _kept(pattern: str) -> list[Path]:
-    """The libraries of this name in the cache; none if it cannot be trusted."""
-    folder = cache_folder().resolve()
-    if not folder.is_dir():
-        return []
-    try:
-        _check_own(folder)
-    except NoLibrary as error:
-        LOG.warning("not using %s: %s", folder, error)
-        return []
-    return sorted(folder.glob(pattern))
-
-
 def _check_own(path: Path) -> None:
     """Raise NoLibrary if somebody else could have written this file or folder."""
     found = path.lstat()
@@ -208,34 +197,6 @@ def _check_own(path: Path) -> None:
         raise NoLibrary("it belongs to another user; set WORKBENCH_CACHE to a folder of your own")
     if found.st_mode & OTHERS:
         raise NoLibrary(f"others can write to it; run chmod go-w {shlex.quote(str(path))}")
-
-
-def _compiled(
-    name: str, key: str, source: str, command: list[str], trusted: Callable[[ctypes.CDLL], bool]
-) -> ctypes.CDLL:
-    LOG.info("compiling the %s with %s (once, a few seconds)", name, command[0])
-    try:
-        with tempfile.TemporaryDirectory(prefix="workbench-") as private:
-            text, made = Path(private, f"{name}.c"), Path(private, f"{name}.so")
-            text.write_text(source, encoding="utf-8")
-            _output([*command, text.name, "-o", made.name], LONGEST, private)
-            compiled = made.read_bytes()
-            try:
-                path = cache_folder().resolve() / f"{name}-{key}-{_digest(compiled)}.so"
-                path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-                _check_own(path.parent)
-                write_file(path, compiled)
-                path.chmod(0o600)
-            except (OSError, BadFile, NoLibrary) as error:
-                LOG.warning("compiled for this process only: %s", error)
-                return _loaded(made, trusted)
-            try:
-                return _loaded(path, trusted)
-            except NoLibrary:
-                _discard(path)
-                raise
-    except OSError as error:
-        raise NoLibrary(f"no place to compile in: {error}") from error
 
 
 def _loaded(path: Path, trusted: Callable[[ctypes.CDLL], bool]) -> ctypes.CDLL:
@@ -265,10 +226,3 @@ def _output(command: list[str], seconds: float, folder: str | None = None) -> st
 
 def _digest(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()[:24]
-
-
-def _discard(path: Path) -> None:
-    try:
-        path.unlink(missing_ok=True)
-    except OSError:
-        LOG.warning("cannot remove %s", path)

@@ -1,12 +1,9 @@
 """The environment that the workbench runs in: its distribution, a browser or not, the user's home.
 
-On the package index the name `workbench` belongs to another project, which has nothing to do with
-this one. The distribution is therefore called `smpl-workbench`; the package that is imported and
-the command that is typed are called `workbench`.
-
-In a browser (Pyodide) there are no other processes, no threads and few compiled packages: emcee,
-arviz-stats and corner are imported where they are needed (`optional_library`). Whatever would start
-threads or processes asks `in_browser` first; what cannot do without raises NoProcesses.
+The distribution is called `smpl-workbench`, because `workbench` is another project's on the package
+index; the package and the command are called `workbench`. In a browser (Pyodide) there are no other
+processes, no threads and few compiled packages: emcee, arviz-stats and corner are imported where
+they are needed (`optional_library`), and what would start processes asks `in_browser` first.
 """
 
 import sys

@@ -1,9 +1,7 @@
 """Ctrl-C and requests to terminate, while code runs that would lose the exceptions they raise.
 
-Python raises KeyboardInterrupt between any two of its instructions. Where these are called from
-C++, as CasADi and NLopt call a cost function, the exception is turned into a failed evaluation,
-and the interrupt is lost. So a signal is noted first, and its exception is raised where it is not
-lost.
+Where CasADi and NLopt call a cost function from C++, a KeyboardInterrupt is turned into a failed
+evaluation and lost. So a signal is noted first, and its exception is raised where it is not lost.
 """
 
 import signal

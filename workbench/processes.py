@@ -1,12 +1,8 @@
 """Processes that can be killed wherever they are, and the messages exchanged with them.
 
-Neither loky nor pebble serves for this. loky cannot end one worker that takes too long. pebble can,
-but it leaves the processes running that the worker has started, cannot be used in a daemonic
-process, as the workers of Dask are, and unpickles whatever the worker sends, which is not safe
-where it is a student's file that runs there.
-
-A process that is killed cannot end its children, so that processes end by themselves soon after the
-one that started them is gone.
+loky cannot end one worker that takes too long. pebble can, but it leaves the processes running that
+the worker has started, cannot be used in a daemonic process, as the workers of Dask are, and
+unpickles whatever the worker sends, which is not safe where a student's file runs there.
 """
 
 import ctypes
@@ -201,15 +197,8 @@ def end_with(parent: int) -> None:
 
 
 def _watch(parent: int) -> None:
-    if sys.platform == "win32":  # which never changes what it says of a process's parent
-        import _winapi
-
-        with suppress(OSError):  # there is no such process any more
-            handle = _winapi.OpenProcess(_winapi.SYNCHRONIZE, False, parent)
-            _winapi.WaitForSingleObject(handle, _winapi.INFINITE)
-    else:
-        while os.getppid() == parent:  # an orphan is given to another process
-            time.sleep(EVERY)
+    while os.getppid() == parent:  # an orphan is given to another process, but not on Windows
+        time.sleep(EVERY)
     os._exit(1)
 
 

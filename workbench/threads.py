@@ -1,9 +1,8 @@
 """How many threads linear algebra may use: one, or WORKBENCH_THREADS.
 
-One thread is the default because the matrices of a fit are small or limited by memory, and two
-threads that wait for each other on a busy machine were measured to be four times slower than one.
-The limit holds inside the context and is lifted after it, so that other code in the process keeps
-its own; entering costs about 15 microseconds, so it belongs around a run, not around each product.
+The matrices of a fit are small or limited by memory, and two threads that wait for each other on a
+busy machine were measured to be four times slower than one. Entering the context costs about 15
+microseconds, so it belongs around a run, not around each product.
 """
 
 import os

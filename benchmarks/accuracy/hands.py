@@ -32,11 +32,16 @@ from workbench.bodies.forward.posing import Posing
 from workbench.fitting import Scan, hand_problem, hand_start, pose_prior, read_scan, shape_prior
 from workbench.fitting.hands import points_of
 from workbench.geometry.surface_tree import SurfaceTree
+from workbench.lectures.material.teacher import joint_positions
 from workbench.priors.joint_limits import hand_limits
-from workbench.registration import fit_hand, random_surface_points, register
+from workbench.registration import (
+    HAND_RECIPE,
+    random_surface_points,
+    register,
+    with_skeleton,
+)
 from workbench.solvers import TrustRegion
 from workbench.synthetic import Holes, Noise, SimulatedScan, scan, scanners
-from workbench.synthetic.teacher import joint_positions
 
 SEED, POINTS, SCANS = 2032, 100, 20  # of all hands, and how many hands
 NOISE = 0.002  # m along each axis
@@ -158,7 +163,10 @@ def to_scans(body: SkinnedBody, hands: Sequence[Hand], views: int, points: bool)
     for i, hand in enumerate(hands):
         simulated = scanned(body, hand, i, views)
         begin = time.process_time()
-        fit = fit_hand(body, simulated.scan, noisy(hand.points, (1, i)) if points else None)
+        recipe = HAND_RECIPE
+        if points:
+            recipe = with_skeleton(recipe, body, noisy(hand.points, (1, i)))
+        fit = recipe.fit(body, simulated.scan)
         seconds.append(time.process_time() - begin)
         each = MM * np.linalg.norm(fit.vertices() - hand.vertices, axis=1)
         off.append(float(each.mean()))
@@ -188,7 +196,8 @@ def modelled(body: SkinnedBody, file: Path) -> dict[str, Any]:
     R = Rotation.random(random_state=0).as_matrix()
     points, normals, joints = points @ R.T, normals @ R.T, skeleton_of(file) @ R.T
     half = Scan(points[::2], normals[::2])
-    alone, both = fit_hand(body, half), fit_hand(body, half, joints, sigma=OF_A_RIG)
+    alone = HAND_RECIPE.fit(body, half)
+    both = with_skeleton(HAND_RECIPE, body, joints, sigma=OF_A_RIG).fit(body, half)
     found = {}
     for name, vertices, values in (
         ("model", alone.vertices(), alone.values),
@@ -246,8 +255,9 @@ def tables(found: dict[str, Any]) -> str:
     """All four."""
     of_pose = " and ".join(f"{r['rank']} ({what})" for what, r in found["ranks"].items())
     text = f"Of the 48 numbers of a pose, these are determined without priors: {of_pose}.\n\n"
-    keys = "median", "worst mean", "worst vertex", "worst before the wrist"
-    rows = [
+    head: tuple[str, ...]
+    keys: tuple[str, ...] = ("median", "worst mean", "worst vertex", "worst before the wrist")
+    rows: list[tuple[object, ...]] = [
         (f"{name} ({one['hands']})", *(f"{one[k]:.1f}" for k in keys), f"{one['seconds']:.3f}")
         for name, one in found["points"].items()
     ]

@@ -16,6 +16,8 @@ import numpy as np
 
 from benchmarks.accuracy import RECORDING, needed, share, taken
 from benchmarks.measuring import table
+from builder.geometry import umeyama
+from builder.recordings import held_out_poses
 from workbench import load_body, solve
 from workbench.arrays import Array
 from workbench.blocks import Values
@@ -39,9 +41,7 @@ from workbench.fitting.observations import LIMBS, SIDES, Observations
 from workbench.fitting.setup import Setup
 from workbench.fitting.videos import EVIDENCE, landmarks_of, video_fit, video_mean
 from workbench.geometry.camera import Camera
-from workbench.geometry.rigid import umeyama
 from workbench.geometry.rotation import matrix_from_vector
-from workbench.priors.recordings import held_out_poses
 from workbench.problem import Problem
 from workbench.sampling import posterior_mean
 from workbench.solvers import Solution, TrustRegion
@@ -399,9 +399,16 @@ def measured(quick: bool) -> dict[str, object]:
 def tables(found: dict[str, Any]) -> str:
     """All three."""
     text = ""
-    head = ("fit", "MPJPE, mm", "PA, mm", "in space, mm", f"above {FAILED:g} mm (95 %)", "CPU ms")
+    head: tuple[str, ...] = (
+        "fit",
+        "MPJPE, mm",
+        "PA, mm",
+        "in space, mm",
+        f"above {FAILED:g} mm (95 %)",
+        "CPU ms",
+    )
     for scene, recipes in found["images"].items():
-        rows = []
+        rows: list[tuple[object, ...]] = []
         for name, one in recipes.items():
             errors = [f"{one[key]:.1f}" for key in ("MPJPE", "PA", "absolute")]
             rows.append((name, *errors, share(one["failed"], one["fits"]), f"{one['ms']:.0f}"))

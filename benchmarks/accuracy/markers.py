@@ -14,6 +14,7 @@ import numpy as np
 
 from benchmarks.accuracy import RECORDING, needed
 from benchmarks.measuring import table
+from builder.recordings import read_recording
 from workbench import load_body
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
@@ -22,7 +23,6 @@ from workbench.fitting import default_markers, marker_fit, marker_solver, spread
 from workbench.fitting.marker_sets import MarkerSet
 from workbench.fitting.markers import surface_frames
 from workbench.geometry.surface_tree import SurfaceTree
-from workbench.priors.recordings import read_recording
 
 FRAMES, CHOSEN, NOISE, MISSING, APART = 60, 12, 0.001, 0.05, 0.005
 SEEDS = 8

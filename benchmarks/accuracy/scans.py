@@ -16,6 +16,7 @@ import numpy as np
 
 from benchmarks.accuracy import KINECT, RECORDING, needed, share, taken
 from benchmarks.measuring import table
+from builder.recordings import held_out_poses
 from workbench import load_body
 from workbench.arrays import Array, Mask
 from workbench.blocks import Values
@@ -23,7 +24,6 @@ from workbench.bodies import SkinnedBody
 from workbench.fitting import boundary, read_scan
 from workbench.geometry.surface_tree import SurfaceTree
 from workbench.priors.poses import draw_poses, shipped_gaussian
-from workbench.priors.recordings import held_out_poses
 from workbench.registration import (
     QUICK_VERTEX_STAGES,
     SEEN_STAGES,
@@ -92,7 +92,6 @@ def scanned(body: SkinnedBody, poses: Array, seed: int, views: int) -> Simulated
         holes=Holes(),
         clutter=Clutter(),
         steepest=STEEPEST,
-        made_of=person.values,
     )
 
 
@@ -107,7 +106,7 @@ def judged(body: SkinnedBody, poses: Array, seed: int, views: int, known: bool) 
         fit = fit_model(body, simulated.scan, seed=seed)
     took = time.process_time() - begin
     warned = bool(doubts(fit, support(fit), camera=camera))
-    error, there = MM * np.linalg.norm(fit.vertices() - simulated.skin, axis=1), simulated.seen
+    error, there = MM * np.linalg.norm(fit.vertices() - simulated.surface, axis=1), simulated.seen
     return {
         "error": float(error.mean()),
         "seen": float(error[there].mean()),
@@ -205,7 +204,9 @@ def peer(one: Case) -> Method:
         target = trimesh.Trimesh(one.simulated.scan.points, one.simulated.scan.faces, process=False)
         source = trimesh.Trimesh(vertices, one.body.faces, process=False)
         return np.asarray(
-            trimesh.registration.nricp_amberg(source, target, steps=steps, distance_threshold=REACH)
+            trimesh.registration.nricp_amberg(  # type: ignore[no-untyped-call]
+                source, target, steps=steps, distance_threshold=REACH
+            )
         )
 
     return register
@@ -238,12 +239,12 @@ def relaxed(poses: Array, views: int, seeds: Sequence[int]) -> dict[str, Any]:
     for seed in seeds:
         simulated = scanned(body, poses, seed, views)
         fit = fit_model(body, simulated.scan, seed=seed)
-        if MM * np.linalg.norm(fit.vertices() - simulated.skin, axis=1).mean() > NEAR:
+        if MM * np.linalg.norm(fit.vertices() - simulated.surface, axis=1).mean() > NEAR:
             continue
         start = {**fit.values, "vertices": fit.vertices()}
         after = tuple(VERTEX_STAGES[len(MODEL_STAGES) :])
         done = FreeVertices(body, simulated.scan).register(start, after)
-        off = [MM * np.linalg.norm(s.vertices - simulated.skin, axis=1) for s in done.stages]
+        off = [MM * np.linalg.norm(s.vertices - simulated.surface, axis=1) for s in done.stages]
         there = simulated.seen
         rows.append([[x[there].mean(), x[~there].mean()] for x in off])
     (before, after_it) = np.mean(rows, axis=0)
@@ -329,7 +330,8 @@ def measured(quick: bool) -> dict[str, object]:
 
 def tables(found: dict[str, Any]) -> str:
     """All four."""
-    head = (
+    rows: list[tuple[object, ...]]
+    head: tuple[str, ...] = (
         *("scans", "within 20 mm (95 %)", "mean of these, mm", "seen / hidden, mm", "worst, mm"),
         *("CPU s, median / most", "warned of those that fail", "warned of the others"),
     )

@@ -13,10 +13,10 @@ import numpy as np
 from benchmarks.accuracy import RECORDING, needed
 from benchmarks.measuring import table
 from builder.soft_tissue import EACH, PEOPLE, PLAN, SEED, clip_of, people, recorded, tissue_clips
+from lectures.material.tissue import TissueClip, one_step_of, score_tissue, train_tissue
 from workbench import SkinnedBody, load_body
 from workbench.bodies.spaces import body_mass_index
 from workbench.motions import SoftTissue
-from workbench.training.soft_tissue import TissueClip, one_step_of, score_tissue, train_tissue
 
 UNSEEN = 3, 200  # how many people the held-out clips are made by, and the seed of their betas
 PLANS = {"no forces on parts": replace(PLAN, parts=0), "as embedded": PLAN}
@@ -98,8 +98,14 @@ def measured(quick: bool) -> dict[str, object]:
 
 def tables(found: dict[str, Any]) -> str:
     """Both plans, and each motion with forces on parts."""
-    head = ("inputs", "explained", "95 % interval", "worst motion", "a frame ahead off by")
-    rows = []
+    head: tuple[str, ...] = (
+        "inputs",
+        "explained",
+        "95 % interval",
+        "worst motion",
+        "a frame ahead off by",
+    )
+    rows: list[tuple[object, ...]] = []
     for name, inputs in INPUTS.items():
         one, together = found[name], found[name]["together"]
         low, high = together["interval_95"]

@@ -10,9 +10,9 @@ from builder.base_mesh import N_BODY, BaseMesh
 from builder.collapsing import collapsed_part
 from builder.population import FRONT, RestPose, X, direction, frame, smallest_rotation, unskin
 from builder.wheel import Wheel
+from lectures.material.teacher import joint_positions, offsets
 from workbench.arrays import Array, Index
 from workbench.bodies.files.joint_names import FINGERS, joint_names
-from workbench.synthetic.teacher import joint_positions, offsets
 from workbench.training.shares import at_most
 
 JOINT_NAMES = joint_names(16)

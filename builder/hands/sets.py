@@ -36,11 +36,11 @@ from builder.population import (
 )
 from builder.sets import RigRecipe, SetRecipe, Subjects, regress, write_sets
 from builder.wheel import Wheel
+from lectures.material.teacher import dual_quaternion_skinned, joint_positions, offsets
 from workbench.arrays import Array, Mask
 from workbench.bodies.files.joint_names import FINGERS
 from workbench.bodies.forward.posing import Posing
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
-from workbench.synthetic.teacher import dual_quaternion_skinned, joint_positions, offsets
 
 SPREAD = 0.3  # of the local changes of hands and arms, which every person has
 DIP = 2 / 3  # of the flexion of the joint before it

@@ -21,27 +21,29 @@ from scipy.sparse import csr_array
 from builder import wheel as published
 from builder.base_mesh import read_base_mesh
 from builder.bodies import already_made, errors_at_rest, unposed
+from builder.geometry import along_edges
+from builder.ground_truth import read_ground_truth
 from builder.hands.mesh import HandMesh, read_hand
 from builder.hands.sets import ABOUT, RADIUS, HandPoses, make_hand_sets, pose_space
+from builder.ridge import RidgeSums
 from builder.sets import SetRecipe, regress
 from builder.stored import LICENCE, in_steps, sparse, whole_shares, write_arrays
+from builder.training import BlockLines, training_and_held_out
 from builder.wheel import Wheel
 from workbench.arrays import Array, Mask
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Landmarks
 from workbench.bodies.catalogue import read_embedded
-from workbench.geometry.solids import along_edges
 from workbench.threads import limited_threads
-from workbench.training.blend_shapes import RidgeSums, local_features
+from workbench.training.blend_shapes import local_features
 from workbench.training.blocks import alternation
 from workbench.training.estimate import Estimate
-from workbench.training.evaluation import held_out_errors, read_ground_truth, shapes_explained
-from workbench.training.execution import BlockLines, Execution, Processes
+from workbench.training.evaluation import held_out_errors, shapes_explained
+from workbench.training.execution import Execution, Processes
 from workbench.training.first_guess import Start, read_start
 from workbench.training.folder import open_folder
 from workbench.training.objective import Objective
 from workbench.training.pose_training import PoseModel, train_poses
-from workbench.training.registrations import training_and_held_out
 from workbench.training.shape_training import (
     about_root,
     learn_shape_space,

@@ -20,6 +20,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from scipy.sparse import csr_array
 
+from builder.geometry import along_edges
+from builder.recordings import held_out_poses
+from builder.ridge import RidgeSums, solve_ridge
 from examples.studies.output import Drawing, Report, arguments, report, write_study
 from workbench.arrays import Array, Mask
 from workbench.bodies import SkinnedBody, dual_quaternion_blend
@@ -33,7 +36,7 @@ from workbench.bodies.forward.surface import (
     rotation_vectors,
 )
 from workbench.errors import BadArgument
-from workbench.geometry.solids import along_edges, mesh_edges
+from workbench.geometry.solids import mesh_edges
 from workbench.lectures.material.blend_shapes import (
     Correctives,
     PosedSurfaces,
@@ -44,13 +47,11 @@ from workbench.lectures.material.blend_shapes import (
     with_blend_shapes,
 )
 from workbench.lectures.material.kernel_features import Powers, products
+from workbench.lectures.material.teacher import body_on_teachers_rig, teacher_of
 from workbench.plots.palette import BLUE, DASHES, FAINT, INK, LINES, VERMILLION
 from workbench.plots.style import plain
 from workbench.priors.poses import draw_poses, shipped_gaussian
-from workbench.priors.recordings import held_out_poses
 from workbench.reports.page import Columns, Table
-from workbench.synthetic.teacher import body_on_teachers_rig, teacher_of
-from workbench.training.blend_shapes import RidgeSums, solve_ridge
 from workbench.training.estimate import bent
 
 STEPS = 400  # of the accelerated proximal gradient method, at most

@@ -21,18 +21,15 @@ from workbench.errors import BadArgument, check_known
 from workbench.geometry.rigid import Similarity
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.geometry.surface_tree import SurfaceTree
-from workbench.plots import plot_basins
+from workbench.lectures.material.basins import AXES, BasinMap, basin_map, plot_basins
 from workbench.plots.palette import AMOUNT, INK
 from workbench.registration import (
-    BasinMap,
     Icp,
-    basin_map,
     distance_gauss_newton,
     point_to_plane,
     point_to_point,
     random_surface_points,
 )
-from workbench.registration.basins import AXES
 from workbench.reports.page import Columns, Table
 
 METHODS = {

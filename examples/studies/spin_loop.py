@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 
+from builder.recordings import read_recording
 from examples.studies.output import Report, arguments, report, write_study
 from workbench.arrays import Array
 from workbench.blocks import Values
@@ -26,17 +27,17 @@ from workbench.fitting.images import NEARLY, image_priors
 from workbench.fitting.keypoints import KeypointProblem, keypoint_setup
 from workbench.fitting.observations import LIMBS, SIDES, BadObservation
 from workbench.fitting.placing import regressed_start
-from workbench.fitting.pose_regressor import PoseRegressor, save_regressor, shipped_regressor
-from workbench.fitting.regressor_training import (
+from workbench.fitting.pose_regressor import PoseRegressor, shipped_regressor
+from workbench.lectures.material.photographs import Shot, made_up_shots
+from workbench.lectures.material.regressor_training import (
     draw_facings,
     neural_networks,
     people_in,
+    save_regressor,
     trained,
 )
-from workbench.lectures.material.photographs import Shot, made_up_shots
 from workbench.plots.palette import FAINT, LINES, MARKERS
 from workbench.priors.poses import draw_poses, shipped_mixture
-from workbench.priors.recordings import read_recording
 from workbench.reports.page import Columns, Table
 from workbench.residuals.kernels import geman_mcclure, scaled
 

@@ -24,14 +24,27 @@ from scipy.sparse import csr_array
 
 from builder.base_mesh import FILES, read_topology
 from builder.population import JITTER, gather_sources
+from builder.recordings import held_out_poses
+from builder.training import BlockLines, training_and_held_out
 from builder.wheel import Wheel
 from examples.studies.output import Report, arguments, report, write_study
+from examples.studies.triangle_alternation import QUICK as QUICK_BLOCKS
+from examples.studies.triangle_alternation import (
+    AnyBody,
+    RidgeChoice,
+    TriangleEstimate,
+    TriangleOptions,
+    choose_ridge,
+    fit_held_out,
+    train_triangles,
+)
 from workbench.arrays import Array, Index
 from workbench.bodies import SkinnedBody
 from workbench.bodies.catalogue import load_skinned
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.errors import BadArgument
 from workbench.geometry.triangles import gradients
+from workbench.lectures.material.teacher import Teacher
 from workbench.lectures.material.variance import (
     ExplainedVariance,
     additivity_gap,
@@ -41,32 +54,18 @@ from workbench.lectures.material.variance import (
 )
 from workbench.plots.palette import BLUE, FAINT, GREEN, VERMILLION
 from workbench.priors.poses import draw_poses, shipped_gaussian
-from workbench.priors.recordings import held_out_poses
 from workbench.problem import Problem
 from workbench.reports.page import Columns, Table
 from workbench.residuals import vertices as on_vertices
-from workbench.synthetic.teacher import Teacher
-from workbench.training.blend_shapes import RidgeChoice
 from workbench.training.blocks import BLOCKS, QUICK, REACH, BlockInput, Plan, alternation
 from workbench.training.estimate import Estimate, Sigmas
-from workbench.training.evaluation import VertexErrors
-from workbench.training.execution import BlockLines
 from workbench.training.first_guess import Start
 from workbench.training.objective import Objective
 from workbench.training.pose_training import PoseModel, train_poses
 from workbench.training.poses import FittedMeshes
-from workbench.training.registrations import InMemory, training_and_held_out
+from workbench.training.registrations import InMemory
 from workbench.training.training import train
-from workbench.training.triangles.alternation import QUICK as QUICK_BLOCKS
-from workbench.training.triangles.alternation import (
-    AnyBody,
-    TriangleEstimate,
-    TriangleOptions,
-    choose_ridge,
-    fit_held_out,
-    train_triangles,
-)
-from workbench.training.triangles.learning import PosedMeshes, neighbour_differences
+from workbench.training.triangles import PosedMeshes, neighbour_differences
 
 MOVED = 0.5  # m on every axis: how far people stand from the origin
 SMPL, SCAPE, BLEND_SCAPE = "SMPL", "SCAPE", "BlendSCAPE"
@@ -326,11 +325,11 @@ def choose_sigma(data: TriangleData, options: TrainingOptions) -> RidgeChoice:
     for sigma in options.sigmas:
         objective, estimate = _some(first, posed, kept, sigma)
         given = BlockInput(objective, start.faces, QUICK)
-        learned = BLOCKS["surfaces"](given, estimate).estimate
+        learned, _ = BLOCKS["surfaces"](given, estimate)
         objective, estimate = _some(first, posed, back, sigma)
         bent = replace(estimate, posedirs=learned.posedirs)
         given = BlockInput(objective, start.faces, QUICK)
-        found = BLOCKS["poses"](given, bent).estimate
+        found, _ = BLOCKS["poses"](given, bent)
         left.append(_mm(objective, found))
     return RidgeChoice(options.sigmas, tuple(left))
 
@@ -513,29 +512,27 @@ def measured(name: str, trained: TrainedModels, data: TriangleData, part: Index)
     gaps = [additivity_gap(model, *at) for at in zip(fits.poses, fits.betas, strict=True)]
     at_rest = None
     if name in SHOWN:
-        at_rest = 1e3 * held_out_fits(model, smpl, data.people.held_out)[1].rms
+        at_rest = 1e3 * np.sqrt(np.mean(held_out_fits(model, smpl, data.people.held_out)[1] ** 2))
     return ModelResult(
         name,
         n_parameters(model),
         trained.training_rms.get(name),
         at_rest,
-        1e3 * errors.rms,
-        1e3 * errors.mean,
-        1e3 * errors.largest,
+        1e3 * np.sqrt(np.mean(errors**2)),
+        1e3 * errors.mean(),
+        1e3 * errors.max(),
         seam_jump(smpl.template, smpl.faces, part, fits.surfaces),
         1e3 * float(np.sqrt(np.mean(np.sum(np.square(gaps), axis=-1)))),
     )
 
 
-def held_out_fits(
-    body: AnyBody, first: SkinnedBody, meshes: Array
-) -> tuple[FittedMeshes, VertexErrors]:
+def held_out_fits(body: AnyBody, first: SkinnedBody, meshes: Array) -> tuple[FittedMeshes, Array]:
     """A body fitted to meshes (M, N, 3) m in unknown pose and shape, and its errors in m.
 
     It begins with the segments of the body `first`.
     """
     fits = fit_held_out(body, first, meshes)
-    return fits, VertexErrors(np.linalg.norm(fits.surfaces - meshes, axis=-1))
+    return fits, np.linalg.norm(fits.surfaces - meshes, axis=-1)
 
 
 def timings(mesh: str, models: Mapping[str, AnyBody]) -> list[Timing]:

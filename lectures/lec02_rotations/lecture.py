@@ -16,8 +16,8 @@ import scipy.linalg
 import workbench as wb
 from workbench.course import Picture, source
 from workbench.geometry.rotation import matrix_from_vector, nearest_rotation, rodrigues
+from workbench.lectures.material.replays import recorded_side_by_side
 from workbench.plots import house_style, sheet
-from workbench.reports.replay.sequences import recorded_side_by_side
 
 # %% [markdown]
 # ## Nine numbers
@@ -27,6 +27,14 @@ from workbench.reports.replay.sequences import recorded_side_by_side
 # least-squares problem, and NumPy solves it in a line:
 #
 # $$\min_M \sum_n \|M x_n - y_n\|^2 .$$
+
+# %% slide [markdown]
+# ## Nine numbers: a linear problem
+#
+# - Eight markers on a forearm: known places $x_n$, seen at $y_n = R\,x_n$ plus noise
+# - Let all nine entries be free, and NumPy solves it in a line.
+#
+# $$ \min_M \sum_n \|M x_n - y_n\|^2 $$
 
 # %%
 rng = np.random.default_rng(0)
@@ -44,6 +52,14 @@ M = nine_numbers(markers, seen)
 print(f"markers are met to {1e3 * np.sqrt(np.mean((markers @ M.T - seen) ** 2)):.1f} mm")
 print("lengths of the columns of M:", np.linalg.norm(M, axis=0).round(3))
 print(f"det M = {np.linalg.det(M):.3f}")
+
+# %% slide [markdown]
+# ## It fits, and it is no rotation
+#
+# - The markers are met to {{ printed("markers are met to")[0]:g }} mm, better than their noise of 5 mm.
+# - Columns have the lengths {{ np.linalg.norm(M[:, 0]):.2f }}, {{ np.linalg.norm(M[:, 1]):.2f }} and
+#   {{ np.linalg.norm(M[:, 2]):.2f }}; a rotation's have 1.
+# - $\det M$ = {{ np.linalg.det(M):.2f }}: this matrix stretches.
 
 # %% [markdown]
 # The noise is 5 mm in each coordinate, and the markers are met to {{ printed("markers are met to")[0]:g }}
@@ -113,6 +129,13 @@ Picture(
     "more the hand is stretched.",
 )
 
+# %% slide [markdown]
+# ## Noise stretches the hand
+#
+# - At the end of the forearm, where no marker is, distances change by factors of {{ stretch(M)[1]:.2f }} to
+#   {{ stretch(M)[0]:.2f }}.
+# - More markers help slowly: with 32 still up to {{ printed("32 markers")[-1]:.2f }} in the mean
+
 # %% [markdown]
 # A bone does not stretch, so nine free numbers are too
 # many.{{ (np.diff(np.transpose(spread)[0]) > 0).all() }}{{ printed("32 markers")[-1] < printed("16 markers")[-1] < printed(" 8 markers")[-1] }}
@@ -123,7 +146,16 @@ Picture(
 # and since $R^\top R$ is symmetric the first of these is **six equations**. The second only chooses a
 # sign: from $R^\top R = I$ follows $\det R = \pm 1$. Nine minus six leaves three, so a rotation is described by three
 # numbers.
+
+# %% slide [markdown]
+# ## Nine minus six leaves three
 #
+# $$ R^\top R = I, \qquad \det R = 1 $$
+#
+# - $R^\top R$ is symmetric: **six equations** for nine numbers
+# - $\det R = \pm 1$ follows from them; the second equation only chooses the sign.
+
+# %% [markdown]
 # ## Back to a rotation
 #
 # One way out is to fit the nine numbers freely, and to replace $M$ by the nearest rotation afterwards:
@@ -133,6 +165,18 @@ Picture(
 
 # %%
 source(nearest_rotation)
+
+# %% slide [markdown]
+# ## A repair: the nearest rotation
+#
+# - $M = U \Sigma V^\top$: set all singular values to one; a reflection is turned around.
+#
+# ```python
+# U, _, Vt = np.linalg.svd(np.asarray(M, dtype=float))
+# signs = np.ones(U.shape[:-1])
+# signs[..., 2] = np.linalg.det(U @ Vt)
+# return np.asarray((U * np.sign(signs)[..., None, :]) @ Vt)
+# ```
 
 # %%
 R = nearest_rotation(M)
@@ -151,7 +195,15 @@ print(
 # rotation that best carries one set of points to another. But an optimizer that walks in nine
 # dimensions and is thrown back to a three-dimensional surface after every step does not know where it
 # is going. We want three numbers, all of which may be changed freely.
+
+# %% slide [markdown]
+# ## Right as a repair, wrong for an optimizer
 #
+# - Distances in the hand are right again: factors of {{ stretch(R)[1]:.2f }} to {{ stretch(R)[0]:.2f }}.
+# - It also solves Procrustes' problem: which rotation carries one set of points onto another?
+# - But steps in nine dimensions that are thrown back to a surface of three lead nowhere in particular.
+
+# %% [markdown]
 # ## Three numbers
 #
 # Turn a point $v$ about an axis, with angular velocity $w$. Its velocity is $w \times v$, which is
@@ -182,6 +234,23 @@ print(
 # In the code below, `hat(w)` is $[w]_\times$.
 
 
+# %% slide [markdown]
+# ## Three numbers: an angular velocity
+#
+# $$ \dot v = w \times v = [w]_\times v, \qquad [w]_\times = \begin{pmatrix} 0 & -w_z & w_y \\ w_z & 0 & -w_x \\ -w_y & w_x & 0 \end{pmatrix} $$
+#
+# - After one unit of time: $v(1) = \exp([w]_\times)\, v(0)$
+# - Any $w$ is a rotation, by $t = \|w\|$ about $w / t$; SMPL's pose has 24 of them.
+
+# %% slide [markdown]
+# ## Rodrigues' formula
+#
+# - With the unit axis $n = w/t$: $[n]_\times^3 = -[n]_\times$, so the series has two sums only.
+# - The odd powers gather to $\sin t$, the even ones to $1 - \cos t$.
+#
+# $$ R = I + \sin t\; [n]_\times + (1 - \cos t)\; [n]_\times^2 $$
+
+
 # %%
 def hat(w):
     """The matrix of v -> w x v."""
@@ -206,6 +275,19 @@ for name, matrix in (("skew matrix", hat(w)), ("exponential", scipy.linalg.expm(
         f"det A = {np.linalg.det(matrix):.3f}, |A w| = {np.linalg.norm(matrix @ w):.3f}"
     )
 
+# %% slide [markdown]
+# ## In three lines, and equal to the exponential
+#
+# - Off SciPy's matrix exponential by {{ np.abs(textbook(w) - scipy.linalg.expm(hat(w))).max():.0e}}:
+#   rounding{{ np.allclose(textbook(w), scipy.linalg.expm(hat(w))) }}
+# - $[w]_\times$ itself is no rotation: its determinant is zero.
+#
+# ```python
+# t = np.linalg.norm(w)
+# n = hat(w / t)
+# return np.eye(3) + np.sin(t) * n + (1 - np.cos(t)) * n @ n
+# ```
+
 # %% [markdown]
 # ## Two misprints
 #
@@ -215,6 +297,14 @@ for name, matrix in (("skew matrix", hat(w)), ("exponential", scipy.linalg.expm(
 # must be $1 - \cos t$. *Body Models II* (Pons-Moll and Swoboda, 2018) has the cosine right, but writes $[w]_\times$
 # where the matrix of the *unit* axis belongs, $[n]_\times$. Both forms look plausible. One property shows both errors
 # without the right answer at hand: a rotation satisfies $R^\top R = I$.
+
+
+# %% slide [markdown]
+# ## Two misprints in print
+#
+# - *SMPL and SMPLify*: $\cos t$ where $1 - \cos t$ belongs
+# - *Body Models II*: $[w]_\times$ where the unit axis, $[n]_\times$, belongs
+# - Both look plausible. Which test finds them without the right answer?
 
 
 # %%
@@ -274,6 +364,12 @@ Picture(
     "at 1 rad, at full turns, and nearly so for small angles. Grey lines mark these angles.",
 )
 
+# %% slide [markdown]
+# ## $R^\top R = I$ finds both, at almost every angle
+#
+# - At 3 rad: off by {{ off_by["cos t"][-1]:.1f }} and by {{ off_by["no unit axis"][-1]:.0f }}
+# - At π/3 the first passes; at 1 rad, the second
+
 # %% [markdown]
 # Note at which angles the wrong formulas are
 # right.{{ right_at["cos t"] == [1.047, 5.236] and right_at["no unit axis"] == [1.0, 6.283] }} A test at 60 degrees
@@ -282,13 +378,26 @@ Picture(
 # {{ off_by["cos t"][-1]:.1f }} and
 # {{ off_by["no unit axis"][-1]:.0f }}{{ max(failure["1 - cos t, unit axis"]) < 1e-13 }}. A single number is no test;
 # a property that is tried at many angles is one.
+
+# %% slide [markdown]
+# ## A number is no test; a property at many angles is one
 #
+# - 60 degrees and 1 rad are the angles that one tries first.
+# - Without a unit axis the formula is nearly right for all small angles, where fits spend most of their time.
+
+# %% [markdown]
 # ## At zero
 #
 # The textbook formula divides by $t$. A body at rest has $t = 0$ in every joint, and that is where
 # every fit begins. The workbench writes its formulas in CasADi, a library that keeps them as
 # expressions and differentiates them exactly. So we see what an optimizer would see: the value, and
 # the derivatives.
+
+# %% slide [markdown]
+# ## At zero: where every fit begins
+#
+# - The textbook's formula divides by $t$, and at rest $t = 0$ in all 24 joints.
+# - An optimizer needs the value *and* the derivatives.
 
 # %%
 v = cs.SX.sym("w", 3)
@@ -327,6 +436,15 @@ for name, R in ways.items():
     print(f"  Jacobian at 0 is finite  {finite[name]}")
     print(f"  Hessian at 1e-8 rad, off by up to {hessian_off[name]:.2g}")
 
+# %% slide [markdown]
+# ## The usual cure hides the NaN
+#
+# | | Jacobian at 0 | $R^\top R - I$ | second derivative off by |
+# | --- | --- | --- | --- |
+# | textbook | {{ "finite" if finite["as in the textbook"] else "NaN" }} | {{ orthogonal["as in the textbook"]:.0e }} | {{ hessian_off["as in the textbook"]:.2g }} |
+# | $10^{-8}$ added | {{ "finite" if finite["1e-8 added to w in |w|"] else "NaN" }} | {{ orthogonal["1e-8 added to w in |w|"]:.0e }} | {{ hessian_off["1e-8 added to w in |w|"]:.2g }} |
+# | a series | {{ "finite" if finite["the library's"] else "NaN" }} | {{ orthogonal["the library's"]:.0e }} | {{ hessian_off["the library's"]:.0e }} |
+
 # %% [markdown]
 # The textbook's form has no derivative at rest: NaN{{ not finite["as in the textbook"] }}. Near rest it has one that
 # is finite and wrong: at
@@ -350,6 +468,14 @@ for name, R in ways.items():
 # sums eight or nine terms of these series (cosine, $a$, $b$ for $k = 0, 1, 2$),
 # and `SERIES_BELOW = 0.25` rad² is where it changes over to the closed forms.
 
+# %% slide [markdown]
+# ## The right cure costs nothing
+#
+# $$ a = \frac{\sin t}{t} = 1 - \frac{t^2}{6} + \dots, \qquad b = \frac{1 - \cos t}{t^2} = \frac12 - \frac{t^2}{24} + \dots $$
+#
+# - $R = I + a\,[w]_\times + b\,[w]_\times^2$ divides by nothing.
+# - Near zero, $a$ and $b$ are series in $t^2$: the functions were smooth all along.
+
 # %%
 source(rodrigues)
 
@@ -367,6 +493,15 @@ source(rodrigues)
 # $6 - 2\,(1 + 2 \cos t) = 4\,(1 - \cos t) = 8 \sin^2 \tfrac t2$.
 #
 # For a small angle $t$ that is $\sqrt 2\, t$.
+
+# %% slide [markdown]
+# ## How far apart are two rotations?
+#
+# $$ \| R_1 - R_2 \|_F = 2 \sqrt 2 \left| \sin \tfrac t2 \right| $$
+#
+# - $t$ is the angle of the turn that leads from one to the other.
+# - The square is $6 - 2 \operatorname{tr}(R_1^\top R_2)$, and the trace of a turn is $1 + 2 \cos t$.
+# - For small angles it is $\sqrt 2\, t$.
 
 # %%
 turns = np.linspace(0, 2.2 * np.pi, 200)
@@ -386,6 +521,14 @@ print(f"distances |R(t) - I| of 200 angles are off this law by up to {off:.0e}")
 # because two rotations by the same angle $t$ about axes that differ by a little $\delta$ are an angle
 # of $|2 \sin(t/2)|\, \delta$ apart, and to turn the axis by $\delta$ takes a change of $t\,\delta$ in
 # $w$. The $\sqrt 2$ is that of the law above.
+
+# %% slide [markdown]
+# ## The price of three numbers: how fast does $R$ change with $w$?
+#
+# $$ \text{along the axis } \sqrt 2, \qquad \text{across it } \sqrt 2\, \left| \frac{2 \sin(t/2)}{t} \right| $$
+#
+# - To turn the axis by $\delta$ takes a change of $t\,\delta$ in $w$ ...
+# - ... and moves the rotation by $|2 \sin(t/2)|\,\delta$ only.
 
 # %%
 _, jacobian, _ = derivatives(rodrigues(v))
@@ -434,6 +577,18 @@ Picture(
     ),
 )
 
+# %% slide still [markdown]
+# ## At a full turn two of three directions are lost
+#
+# - Singular values of $dR/dw$ at $2\pi$: {{ at_full[0]:.2f }}, 0, 0{{ (at_full[1:] < 1e-9).all() }}
+# - A fit that wanders there gets stuck, and no data are to blame.
+
+# %% slide [markdown]
+# ## Two axes, one full turn
+#
+# - Both bodies turn by the same angle, about different axes.
+# - At $2\pi$ they coincide: the axis cannot be told from what is seen.
+
 # %% [markdown]
 # At $t = 2\pi$ every axis gives the same rotation, the identity, so no change of the axis is
 # felt.{{ np.isclose(at_full[0], np.sqrt(2)) and (at_full[1:] < 1e-9).all() }}{{ max(off, np.abs(values[:, 1] - law).max()) < 1e-13 }}
@@ -454,3 +609,16 @@ Picture(
 #   **unit** axis. $R^\top R = I$ finds both misprints.
 # - At zero the formula needs a series, or derivatives are NaN or wrong. At a full turn the map
 #   itself loses two directions; keep $w$ within half a turn.
+
+# %% slide [markdown]
+# ## The way out: take the shorter way round
+#
+# - $w$ and $w\,(1 - 2\pi/t)$ are the same rotation.
+# - One of them is at most half a turn long; solvers replace the longer by the shorter between iterations.
+
+# %% slide [markdown]
+# ## What to remember
+#
+# - Nine free numbers stretch bones; a rotation is three.
+# - $R^\top R = I$ at many angles finds both misprints of Rodrigues' formula.
+# - At zero take a series; at a full turn two directions are lost, so keep $w$ within half a turn.

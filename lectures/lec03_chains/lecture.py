@@ -34,6 +34,13 @@ from workbench.plots.body import Figurine, line_up
 # rotation of lecture 2), so fitting the whole body consists of 24 small fits, with $24 \times 6 = 144$
 # numbers in all.
 
+# %% slide [markdown]
+# ## Every part on its own: 24 small fits
+#
+# - Four markers on each of 24 parts, seen with 10 mm of noise
+# - Each part: a rotation $R_k$ and a position $p_k$, in closed form (Procrustes)
+# - $24 \times 6 = 144$ numbers in all
+
 # %%
 body = wb.load_body("default")
 parts = SeparateParts(body)
@@ -70,6 +77,14 @@ print(
     f"the {names[1 + widest]} by {1e3 * gaps[widest]:.0f} mm"
 )
 
+# %% slide [markdown]
+# ## The markers are met, and the body is torn
+#
+# - Fitted to {{ 1e3 * np.sqrt(np.mean((torn[markers] - seen) ** 2)):.0f}} mm per coordinate
+# - Gaps at the joints: {{ 1e3 * gaps.mean():.0f}} mm on average, {{ 1e3 * gaps[widest]:.0f}} mm at the
+#   {{ names[1 + widest].replace("_", " ")}}
+# - No mistake of the solver: nothing in 144 free numbers says that an arm hangs on a shoulder.
+
 # %% [markdown]
 # The fit reproduces the markers to within their noise{{ np.sqrt(np.mean((torn[markers] - seen) ** 2)) < 0.01 }}. But
 # two parts meet at each joint, and the two
@@ -81,6 +96,13 @@ print(
 # Now the parts hang together: there are 24 rotations, each relative to the part that it hangs on, and
 # one position of the whole body, $72 + 3 = 75$ numbers. (The rest of this lecture explains how.) We use
 # the same markers with the same noise:
+
+# %% slide [markdown]
+# ## The parts on a chain: 75 numbers
+#
+# - One rotation for each part, relative to the part that it hangs on: 72
+# - One position of the whole body: 3
+# - The same markers, the same noise
 
 # %%
 rigid = without_pose_blend_shapes(parts.rigid)  # rigid parts on a chain, and nothing else
@@ -145,13 +167,27 @@ Picture(
     "logarithmic axis cannot show.",
 )
 
+# %% slide [markdown]
+# ## A chain cannot be torn, and it is nearer to the truth
+#
+# - Surface off by {{ 1e3 * rms['a chain']:.1f}} mm in place of {{ 1e3 * rms['on its own']:.1f}}: fewer
+#   numbers, a better answer
+# - Gaps grow with the noise; the chain's are zero.
+
 # %% [markdown]
 # Fewer numbers, and a better answer, {{ 1e3 * rms['a chain']:.1f }} mm from the truth in place of
 # {{ 1e3 * rms['on its own']:.1f }}{{ rms['a chain'] < 0.8 * rms['on its own'] and (np.diff(torn_by, axis=0) > 0).all() and parts.gaps(fitted['turns'], fitted['places']).max() < 1e-14 }}:
 # what the forearm's markers say about the elbow now helps to place
 # the upper arm as well. A model that excludes what no body can do needs fewer data, because none of them is
 # spent on learning that arms hang on shoulders.
+
+# %% slide [markdown]
+# ## What cannot happen need not be learned
 #
+# - The forearm's markers say where the elbow is, and so help to place the upper arm.
+# - A model that excludes what no body can do needs fewer data.
+
+# %% [markdown]
 # ## Rigid motions
 #
 # A part moves by $v \mapsto R v + t$. We write this as a $4 \times 4$ matrix that acts on $(v, 1)$:
@@ -161,7 +197,16 @@ Picture(
 # Multiplied by $(v, 1)$ it gives $(R v + t, 1)$. Then doing one motion after another is a product of matrices, in
 # which the motion that is done first stands on the right. The inverse matrix undoes a motion: from $y = R x + t$
 # follows $x = R^\top (y - t)$.
+
+# %% slide [markdown]
+# ## A rigid motion is a matrix
 #
+# $$ G = \begin{pmatrix} R & t \\ 0 & 1 \end{pmatrix}, \qquad G \begin{pmatrix} v \\ 1 \end{pmatrix} = \begin{pmatrix} R v + t \\ 1 \end{pmatrix} $$
+#
+# - One motion after the other is a product; what is done first stands on the right.
+# - Undo it: $x = R^\top (y - t)$
+
+# %% [markdown]
 # ## The chain
 #
 # Each joint $k$ except the root hangs on another joint, its **parent** $p(k)$. At rest no joint is
@@ -180,6 +225,15 @@ Picture(
 # list of joints, a single loop computes all $G_k$:
 
 
+# %% slide [markdown]
+# ## The chain: parent first, from the left
+#
+# $$ G_k = G_{p(k)} \begin{pmatrix} R_k & j_k - j_{p(k)} \\ 0 & 1 \end{pmatrix}, \qquad G_0 = \begin{pmatrix} R_0 & j_0 \\ 0 & 1 \end{pmatrix} $$
+#
+# - Each joint has a frame that turns with it, at the end of the bone from its parent.
+# - The product leads from the wrist's frame to the elbow's, the shoulder's, ..., the world.
+
+
 # %%
 def chained(R, joints):
     """G_k (24, 4, 4), from rotations (24, 3, 3) and joints at rest (24, 3) m."""
@@ -196,6 +250,19 @@ R = matrix_from_vector(truth)
 G = chained(R, joints)
 print(f"off the library's joints by {np.abs(G[:, :3, 3] - body.joints(truth)).max():.0e} m")
 
+# %% slide [markdown]
+# ## One loop, because parents come before their children
+#
+# ```python
+# for k, up in enumerate(parents):
+#     local = np.eye(4)
+#     local[:3, :3] = R[k]
+#     local[:3, 3] = joints[k] - (joints[up] if k else 0)
+#     world.append(world[up] @ local if k else local)
+# ```
+#
+# - The same joints as the library's, to rounding{{ np.abs(G[:, :3, 3] - body.joints(truth)).max() < 1e-14 }}
+
 # %% [markdown]
 # The loop in the library is the same{{ np.abs(G[:, :3, 3] - body.joints(truth)).max() < 1e-14 }}, with symbols in
 # place of numbers:
@@ -209,6 +276,15 @@ source(world_motions)
 # joint $k$ is turned by the parent and all joints above the parent, and not by joint $k$ itself. (A
 # wrist does not move when it turns.) Both mistakes keep the lengths of all bones, so a test of lengths
 # notices neither:
+
+
+# %% slide [markdown]
+# ## Two mistakes that are easily made
+#
+# - **Order**: with $R_k R_{p(k)}$ a joint turns about the world's axes, not its own.
+# - **Bone**: the bone *to* joint $k$ is turned by the parent, not by $k$. (A wrist does not move when it
+#   turns.)
+# - Both keep every bone's length.
 
 
 # %%
@@ -247,6 +323,15 @@ for name, f in (
         f"joints off by {1e3 * off_by[name][1]:.0f} mm"
     )
 
+# %% slide [markdown]
+# ## A test of lengths notices neither
+#
+# | | bones off by | joints off by |
+# | --- | --- | --- |
+# | right | rounding | {{ 1e3 * off_by['right'][1]:.0f}} mm |
+# | wrong order | rounding | {{ 1e3 * off_by['order'][1]:.0f}} mm |
+# | wrong bone | rounding{{ max(bones for bones, _ in off_by.values()) < 1e-14 }} | {{ 1e3 * off_by['bone'][1]:.0f}} mm |
+
 # %% [markdown]
 # The bones are right in both, and the joints are off by up to {{ 1e3 * off_by['order'][1]:.0f }} and
 # {{ 1e3 * off_by['bone'][1]:.0f }}
@@ -261,6 +346,14 @@ for name, f in (
 #
 # If it is turned about the origin instead, the result is off by $(R_0 - I)\, j_0$. This is a common
 # surprise when recordings from two programs are compared.
+
+# %% slide [markdown]
+# ## The root turns about the pelvis
+#
+# $$ R_0 (V - j_0) + j_0 $$
+#
+# - Turned about the origin instead, everything is off by $(R_0 - I)\, j_0$.
+# - A common surprise between two programs' recordings
 
 # %%
 alone = np.zeros((24, 3))
@@ -286,6 +379,12 @@ for name, drawn in (
 # m{{ np.allclose(body.joints(betas=np.ones(body.n_betas))[0], 0, atol=1e-5) and about_pelvis < 1e-12 }}. A test with
 # this body alone would let the mistake pass.
 
+# %% slide [markdown]
+# ## A test body can hide the mistake
+#
+# - This body's pelvis is at the origin: both rules agree.
+# - Stand it on the ground, {{ j0[1]:.2f}} m below, and a quarter turn is off by {{ about_origin:.2f}} m.
+
 # %% [markdown]
 # ## Binding the skin
 #
@@ -304,6 +403,13 @@ print(
     f"{np.linalg.norm(twice - body.template, axis=1).max():.2f} m"
 )
 
+# %% slide [markdown]
+# ## Binding: vertices are given in the world, not in a frame
+#
+# - $G_k$ takes points from the *frame* of joint $k$ to the world.
+# - Applied to the template it adds the joint's position once more: no joint turned, vertices moved by
+#   {{ np.linalg.norm(twice - body.template, axis=1).max():.2f}} m.
+
 # %% [markdown]
 # So we first go the other way{{ np.linalg.norm(twice - body.template, axis=1).max() > 0.5 }}, from the world into the
 # frame of the joint *at rest*, and then back into
@@ -316,6 +422,14 @@ print(
 # With $R^{\text{world}}_k$ and $t_k$ for the rotation and the offset of $G_k$, and for a template in the
 # T-pose, $\theta^* = 0$, the binding matrix has the rotation $R^{\text{world}}_k$ and the offset
 # $t_k - R^{\text{world}}_k j_k$.
+
+# %% slide [markdown]
+# ## The binding matrix goes back first
+#
+# $$ G'_k = G_k(\theta)\, G_k(\theta^*)^{-1} $$
+#
+# - $\theta^*$: the pose in which the template was drawn; there $G'_k$ is the identity.
+# - In the T-pose: the rotation $R^{\text{world}}_k$ and the offset $t_k - R^{\text{world}}_k j_k$
 
 # %%
 bound = G @ np.linalg.inv(chained(matrix_from_vector(np.zeros((24, 3))), joints))
@@ -336,12 +450,23 @@ Picture(
     "on that.",
 )
 
+# %% slide [markdown]
+# ## Bound and not bound
+#
+# - Middle: $G$ alone, no joint turned. Right: bound, and posed
+
 # %%
 source(binding_motions)
 
 # %% [markdown]
 # Templates are not always drawn in a T-pose. Suppose that this one were drawn with its arms lowered by {{ 45 }}
 # degrees. Then the body looks like the template in the pose with lowered arms, and not in the pose zero:
+
+# %% slide [markdown]
+# ## The template need not be a T-pose
+#
+# - Drawn with arms lowered by 45 degrees, it looks like itself in *that* pose ...
+# - ... and in the pose zero its arms are up.
 
 # %%
 lowered = np.zeros((24, 3))
@@ -353,6 +478,13 @@ print(
     f"in the pose 0: vertices moved by up to "
     f"{np.linalg.norm(in_a_pose.vertices(np.zeros((24, 3))) - body.template, axis=1).max():.2f} m"
 )
+
+# %% slide [markdown]
+# ## Its own pose is the fixed point
+#
+# - In its own pose: off by rounding{{ np.allclose(in_a_pose.vertices(lowered), body.template, atol=1e-13) }}
+# - In the pose 0: vertices moved by up to
+#   {{ np.linalg.norm(in_a_pose.vertices(np.zeros((24, 3))) - body.template, axis=1).max():.2f}} m
 
 # %% [markdown]
 # ## Where are the posed joints?
@@ -371,6 +503,14 @@ print(
 # $J'_k - R^{\text{world}}_k j_k$. At rest this is the origin itself, for every joint. In every pose its
 # distance from the posed joint is the distance of $j_k$ from the origin. The posed joint is the offset of
 # $G_k$. It is also $G'_k\, j_k$, the point to which $G'_k$ moves the joint at rest. We compare the three:
+
+# %% slide [markdown]
+# ## Where are the posed joints?
+#
+# $$ J'_k = j_0 + \sum_{c \,\in\, \text{path}(k)} R^{\text{world}}_{p(c)} \left( j_c - j_{p(c)} \right) $$
+#
+# - It is the offset of $G_k$, and also $G'_k\, j_k$.
+# - The offset of $G'_k$ is something else: where the *origin* goes.
 
 # %%
 joints4 = np.column_stack([joints, np.ones(24)])
@@ -409,6 +549,12 @@ Picture(
     "origin.",
 )
 
+# %% slide [markdown]
+# ## Offsets of $G$ are a skeleton, offsets of $G'$ are not
+#
+# - At rest all 24 offsets of $G'$ are at the origin; posed, they are up to
+#   {{ printed("offset of G'")[-1]:.0f}} mm away.
+
 # %% [markdown]
 # The first two agree, and the offset of $G'_k$ is up to {{ printed("offset of G'")[-1]:.0f }} mm
 # away{{ np.allclose(named["G' times the joint at rest"](G, bound), G[:, :3, 3]) and np.allclose(off_pose, 1e3 * np.linalg.norm(joints, axis=1)) }}.
@@ -417,6 +563,12 @@ Picture(
 # from the surface at rest, $T$, by a matrix, the **regressor** $\mathcal J$: $J = \mathcal J\, T$ makes each
 # joint a weighted mean of vertices around it. Why not apply the same $\mathcal J$ to the posed surface?
 # Because there the skin around a joint has been bent:
+
+# %% slide [markdown]
+# ## Another way that looks just as good
+#
+# - At rest, joints are weighted means of vertices: $J = \mathcal J\, T$.
+# - Why not apply the same $\mathcal J$ to the *posed* surface?
 
 # %%
 posed = body.vertices(truth)
@@ -445,6 +597,13 @@ Picture(
     "the joint.",
 )
 
+# %% slide [markdown]
+# ## Bent skin is no place to look for joints
+#
+# - At rest exact; posed off by {{ gap.mean():.0f}} mm on average, {{ gap.max():.0f}} mm at the
+#   {{ names[np.argmax(gap)].replace("_", " ")}}
+# - When programs disagree about joints, ask which of the two they return.
+
 # %% [markdown]
 # A rotation of the whole body does no
 # harm{{ np.allclose(body.J_regressor @ turned, body.joints(alone), atol=1e-13) and at_rest.max() < 1e-10 }}: each row
@@ -464,3 +623,10 @@ Picture(
 #   moves it, and is the identity in the pose in which the template was drawn.
 # - Posed joints are the offsets of the chain's matrices $G_k$. They are neither the offsets of $G'_k$ nor
 #   $\mathcal J$ times the posed skin.
+
+# %% slide [markdown]
+# ## What to remember
+#
+# - 24 free parts, 144 numbers, fall apart; a chain, 75 numbers, cannot.
+# - $G_k = G_{p(k)} [R_k,\, j_k - j_{p(k)}]$: the parent stands on the left, and the parent turns the bone.
+# - Skin moves by $G'_k = G_k(\theta)\, G_k(\theta^*)^{-1}$; posed joints are the offsets of $G_k$.

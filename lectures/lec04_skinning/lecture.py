@@ -28,6 +28,7 @@ from workbench.course import Picture, source
 from workbench.geometry.solids import heat, volume
 from workbench.lectures.material.by_angle import plot_by_angle
 from workbench.lectures.material.limbs import Limb
+from workbench.lectures.material.replays import recorded_side_by_side
 from workbench.lectures.material.tubes import (
     linear_radius,
     tube,
@@ -36,7 +37,6 @@ from workbench.lectures.material.tubes import (
 )
 from workbench.plots import house_style, sheet
 from workbench.plots.body import Figurine, front, line_up
-from workbench.reports.replay.sequences import recorded_side_by_side
 from workbench.training.estimate import Sigmas
 from workbench.training.first_guess import Start
 
@@ -77,6 +77,12 @@ Picture(
     "the same with blended weights.",
 )
 
+# %% slide [markdown]
+# ## One bone for each vertex tears the skin
+#
+# - Bent by 90 degrees, the longest edge is {{ longest:.0f}} times as long.
+# - All of the stretch happens in one row of edges; blending (right) shares it.
+
 # %% [markdown]
 # Each half keeps its form exactly, so all of the stretch has to happen in the one row of edges between the halves,
 # which become {{ longest:.0f }} times as long{{ longest > 5 }}. A better rule lets the vertices near the joint share
@@ -96,11 +102,29 @@ Picture(
 # blends the matrices, in `blend_points`. The 1.0 is the fourth coordinate of each point, which the offset in the last
 # column of a matrix is multiplied by:
 
+# %% slide [markdown]
+# ## Linear blend skinning
+#
+# $$ t'_i = \sum_k w_{ik}\, G'_k\, t_i, \qquad w_{ik} \ge 0, \quad \sum_k w_{ik} = 1 $$
+#
+# - Where would each bone take the vertex? Take the weighted mean of these places.
+# - Blending places is blending matrices. SMPL: at most four weights for each vertex
+
 # %%
 source(linear_blend)
 
 # %%
 source(blend_points)
+
+# %% slide [markdown]
+# ## In code: blend matrices, then move once
+#
+# ```python
+# stacked = cs.vertcat(*[cs.vec(G).T for G in motions])  # (K, 12)
+# M = weights @ stacked  # (N, 12): a (3, 4) per vertex, column by column
+# columns = cs.horzsplit(M, 3)  # what multiplies x, y, z and the mass, each (N, 3)
+# x, y, z = (points[axis, :].T for axis in range(3))
+# ```
 
 # %% [markdown]
 # Why must the weights sum to one? Suppose that all bones move by the same offset $d$ and do not turn.
@@ -121,6 +145,12 @@ try:
     replace(pipe, weights=short)
 except wb.WorkbenchError as error:
     print("the library:", error)
+
+# %% slide [markdown]
+# ## Weights have to sum to one
+#
+# - All bones moved by $d$: the vertex goes to $(t_i + d) \sum_k w_{ik}$.
+# - With a sum of 0.98 it lags behind by {{ 100 * (lag[1] - lag[0]):.0f}} % of the way.
 
 # %% [markdown]
 # From one row to the next the vertices lag behind by {{ 100 * (lag[1] - lag[0]):.0f }} % of the way{{ lag[0] > 1e-3 }}.
@@ -148,6 +178,14 @@ except wb.WorkbenchError as error:
 # This is never more than 1. One can see why without a formula: the mean of two points on a circle lies on
 # the chord between them, which is *inside* the circle. In the middle of the zone, where $w = \tfrac12$, the
 # share $|\cos \tfrac\alpha2|$ of the radius is left, and at half a turn nothing:
+
+# %% slide [markdown]
+# ## Twist it: a ring shrinks by $|c|$
+#
+# $$ c = 1 - w + w e^{i\alpha}, \qquad |c|^2 = 1 - 4 w (1 - w) \sin^2 \tfrac\alpha2 $$
+#
+# - The mean of two points on a circle lies on a chord, *inside* the circle.
+# - In the middle, $w = \tfrac12$: the share $|\cos \tfrac\alpha2|$ is left, at half a turn nothing.
 
 # %%
 angles = np.radians(np.arange(0, 181, 10))
@@ -194,6 +232,13 @@ Picture(
     "Right: the radius that is left, by weight; dots are measured on the tube.",
 )
 
+# %% slide [markdown]
+# ## The candy wrapper
+#
+# - Left by the middle ring: {{ linear_radius(0.5, np.radians(90)):.2f}} at 90 degrees,
+#   {{ linear_radius(0.5, np.radians(135)):.2f}} at 135, {{ abs(linear_radius(0.5, np.pi)):.2f}} at 180
+# - Dots, measured on the tube, lie on the law.{{ np.allclose(thin, np.abs(np.cos(angles / 2)), atol=1e-13) }}
+
 # %% [markdown]
 # ## Bend it
 #
@@ -223,13 +268,29 @@ Picture(
     "10 cm long; the further the tube is bent, the shorter the line is.",
 )
 
+# %% slide [markdown]
+# ## Bend it: the elbow collapses
+#
+# - The same $c$ pulls the skin towards the joint.
+# - The orange line, 10 cm at rest: {{ 100 * line_lengths[0]:.1f}} cm at 90 degrees,
+#   {{ 100 * line_lengths[1]:.1f}} at 150
+
 # %% [markdown]
 # How much volume does the tube lose{{ line_lengths[0] > line_lengths[1] }}? Let the weight rise in a straight line
 # from 0 to 1 over a zone of length $l$, from
 # $s = -l/2$ to $s = l/2$, and let $A$ be the area of the tube's cross-section. To get the volume of the bent zone, sum
 # up its volume at rest piece by piece, each small piece multiplied by the factor by which the map
 # $s + i y \mapsto c\,(s + i y)$ enlarges its area $ds\, dy$ in the plane of the bend.
+
+# %% slide [markdown]
+# ## How much volume is lost?
 #
+# $$ \text{in a bend: } \tfrac13 A\, l \sin^2 \tfrac\alpha2 $$
+#
+# - $A$: the cross-section; $l$: the zone in which weights go from 0 to 1
+# - Multiply each small piece by the factor by which the map enlarges its area, and integrate.
+
+# %% [markdown]
 # A small step along the tube is
 # taken to the step times $u = c + \frac{dc}{ds} (s + i y)$, and one across it to the step times $v = i c$. The area
 # between two complex numbers $u$ and $v$ is the imaginary part of $\bar u\, v$, where $\bar u$ is $u$ with the opposite
@@ -280,7 +341,18 @@ print(f"(the zone itself holds {1e6 * area * 0.1:.0f} cm^3)")
 
 # %% [markdown]
 # ## The idea: blend motions instead of points
+
+# %% slide [markdown]
+# ## The law, and the mesh
 #
+# | | lost at 90 degrees | the law | at 180 | the law |
+# | --- | --- | --- | --- | --- |
+# | bent | {{ volumes["bent"][0][0]:.0f}} cm³ | {{ volumes["bent"][1][0]:.0f}} | {{ volumes["bent"][0][1]:.0f}} cm³ | {{ volumes["bent"][1][1]:.0f}} |
+# | twisted | {{ volumes["twisted"][0][0]:.0f}} cm³ | {{ volumes["twisted"][1][0]:.0f}} | {{ volumes["twisted"][0][1]:.0f}} cm³ | {{ volumes["twisted"][1][1]:.0f}} |
+#
+# - The zone itself holds {{ 1e6 * area * 0.1:.0f}} cm³.
+
+# %% [markdown]
 # Both failures have the same cause{{ all(abs(lost / said - 1).max() < 0.01 for lost, said in volumes.values()) }}:
 # the mean of two rotation matrices is not a rotation, because it shrinks.
 # We could replace it by the nearest rotation, as in lecture 2, but that needs a singular value decomposition
@@ -294,7 +366,16 @@ print(f"(the zone itself holds {1e6 * area * 0.1:.0f} cm^3)")
 # The signs $s_k$ (which have nothing to do with the length $s$ along the tube) are needed because $q$ and $-q$ are the
 # same rotation: their mean would be zero although nothing has turned. Before the quaternions are added, each one is
 # therefore given the sign with which it is nearer to the one that has the largest weight.
+
+# %% slide [markdown]
+# ## The idea: blend motions instead of points
 #
+# $$ q = \frac{\sum_k w_k\, s_k\, q_k}{\left\| \sum_k w_k\, s_k\, q_k \right\|}, \qquad q_k = (\cos \tfrac\alpha2,\, n \sin \tfrac\alpha2) $$
+#
+# - The mean of rotation matrices shrinks; a mean of quaternions, brought to length one, is a rotation.
+# - $q$ and $-q$ are the same rotation: the signs $s_k$ bring them to one side.
+
+# %% [markdown]
 # Bones also move from place to
 # place, and four more numbers hold the offset $t$: they are $\tfrac12 t\, q$, half the product of the quaternion
 # $(0, t)$ with $q$. The eight numbers together are a **dual quaternion**. Their average in the same way, with all eight
@@ -311,11 +392,29 @@ print(f"(the zone itself holds {1e6 * area * 0.1:.0f} cm^3)")
 # `dual_quaternions` writes each motion as eight numbers, `heaviest` marks the largest weight of each vertex, and
 # `moved` divides by that length and moves the vertices:
 
+# %% slide [markdown]
+# ## Dual quaternions: eight numbers for a rigid motion
+#
+# - The second four are $\tfrac12 t\, q$, with the offset $t$.
+# - For all motions that take $p$ to $p'$: $\tfrac12 t\, q = \tfrac12 (p' q - q\, p)$, linear in $q$
+# - So their average takes $p$ to $p'$ too: joints stay in place.
+
 # %%
 source(dual_quaternion_blend)
 
 # %%
 source(blended)
+
+# %% slide [markdown]
+# ## The signs, in the library
+#
+# ```python
+# q = Q[:4, :]
+# side = 1 - 2 * (q.T @ q < 0)  # (K, K)
+# return ((weights * (heaviest(weights) @ side)) @ Q.T).T
+# ```
+#
+# - `side`: which quaternions point away from each other; `heaviest`: the bone that decides
 
 # %%
 dual = replace(pipe, skinning=wb.dual_quaternion_blend)
@@ -325,6 +424,12 @@ gap = np.abs(
     Limb(hard, "joint").posed(BEND, angles[:-1]) - Limb(rigid, "joint").posed(BEND, angles[:-1])
 )
 print(f"with one bone for each vertex it is linear blending: off by {gap.max():.0e} m")
+
+# %% slide [markdown]
+# ## Every ring stays round
+#
+# - Twisted by 180 degrees, the middle ring keeps {{ radius(dual)[-1]:.0%}} of its radius.
+# - With one bone for each vertex it is linear blending, to rounding.{{ gap.max() < 1e-13 }}
 
 # %% [markdown]
 # ## What it costs
@@ -353,7 +458,16 @@ print(
 # %% [markdown]
 # (Kavan and others, who proposed the method, give 8.15
 # degrees{{ round(off.max(), 2) == 8.15 and off[[0, 50_000, -1]].max() < 1e-9 }}.)
+
+# %% slide [markdown]
+# ## Cost 1: the angle is not in proportion
 #
+# $$ 2 \arctan \frac{w \sin (\alpha/2)}{1 - w + w \cos (\alpha/2)} $$
+#
+# - We would like $w \alpha$. It is equal at $w = 0, \tfrac12, 1$.
+# - At half a turn it is off by at most {{ off.max():.2f}} degrees.
+
+# %% [markdown]
 # **The outside bulges.** A ring near the joint is turned rigidly about the joint. On the outside of a bend it
 # therefore stays at its full distance from the joint, and the skin there has to become longer.
 #
@@ -419,6 +533,18 @@ Picture(
     ),
 )
 
+# %% slide still [markdown]
+# ## Costs 2 and 3: it bulges, and it jumps
+#
+# - A rigid ring keeps its distance from the joint: the outside of a bend bulges.
+# - At half a turn a ring of weight 0.3 jumps by {{ largest_step['dual quaternions']:.0f}} degrees.
+
+# %% slide [markdown]
+# ## Twist it, bend it
+#
+# - Twist: a candy wrapper (linear), a jump at half a turn (dual quaternions)
+# - Bend: torn, collapsed, or bulging
+
 # %% [markdown]
 # A ring with the weight 0.3 jumps by {{ largest_step['dual quaternions']:.0f }} degrees with dual
 # quaternions{{ largest_step['linear blending'] < 90 and jump.max() > 0.099 }}. The next figure measures both methods
@@ -450,6 +576,12 @@ Picture(
     f"{np.degrees(angles[crossing]):.0f} degrees dual quaternions stretch the outside more.",
 )
 
+# %% slide [markdown]
+# ## All angles
+#
+# - Linear: thin and light. Dual quaternions: round, and beyond {{ np.degrees(angles[crossing]):.0f}} degrees
+#   more stretched
+
 # %% [markdown]
 # **It is not linear in the weights.** With linear blending, the posed vertices are linear in the weights, so
 # that weights can be learned by linear least squares (lecture 13). With dual quaternions they are not, because of the
@@ -464,6 +596,15 @@ for name, body in ways.items():
     posed = free.points(p, betas, trans).source.expression
     linear_in_weights[name] = cs.is_linear(posed, free.free["weights"].symbol)
     print(f"{name:17} linear in the weights: {linear_in_weights[name]}")
+
+# %% slide [markdown]
+# ## Cost 4: no longer linear in the weights
+#
+# - Linear blending: posed vertices are linear in the weights, so weights are learned by linear least squares
+#   (lecture 13).
+# - Dual quaternions divide by a length, and are
+#   not.{{ linear_in_weights == {'linear blending': True, 'dual quaternions': False} }}
+# - CasADi keeps the expression and proves both.
 
 # %% [markdown]
 # ## On the body
@@ -497,6 +638,12 @@ Picture(
     "up to the next joint, and shares a zone with its neighbours. The joints of the back are close to "
     "each other: no face follows spine1 alone.",
 )
+
+# %% slide [markdown]
+# ## The weights of a body
+#
+# - Each joint moves the part up to the next one, and shares a zone with its neighbours.
+# - No face follows spine1 alone.
 
 # %%
 linear = without_pose_blend_shapes(whole)
@@ -541,6 +688,14 @@ Picture(
     "degrees.",
 )
 
+# %% slide [markdown]
+# ## The same on a body
+#
+# - Wrist at 90 degrees: {{ wrist['linear blending'][3]:.2f}} of its radius (linear),
+#   {{ wrist['dual quaternions'][3]:.2f}} (dual quaternions)
+# - The arm bent by 90 degrees loses {{ -elbow['linear blending'][3]:.0f}} cm³, and
+#   {{ -elbow['dual quaternions'][3]:.0f}} with dual quaternions too.
+
 # %% [markdown]
 # At 90 degrees the arm loses {{ -elbow['linear blending'][3]:.0f }} cm³ with linear blending and
 # {{ -elbow['SMPL (linear, and blend shapes)'][3]:.0f }} with blend
@@ -557,7 +712,15 @@ Picture(
 # both ways: only a few long edges lead around its elbow. And it is why, in the figure of volumes, the tube that is
 # bent by half a turn loses {{ -lost['dual quaternions'][-1]:.0f }} cm³ with dual quaternions; with twice as many
 # rings it loses {{ finer_lost:.0f }}.
+
+# %% slide [markdown]
+# ## Why does the arm lose volume with rigid rings?
 #
+# - The joint lies 1 cm behind the middle of the arm: bent to the front, more of it is inside.
+# - Bent to the other side on a finer body, it gains {{ back:.0f}} cm³.{{ abs(there + back) < 20 < 100 < back }}
+# - A coarse mesh cuts the corner: its straight edges lose volume both ways.
+
+# %% [markdown]
 # ## Without blend weights
 #
 # What would SMPL look like without its blend weights? The lecture *Body Models II* by Pons-Moll and Swoboda
@@ -613,6 +776,13 @@ Picture(
     "most visibly at the left shoulder and the left hip.",
 )
 
+# %% slide [markdown]
+# ## "No blend weights": four readings, one body
+#
+# - All 0: a point. All 1: {{ np.ptp(skinned(ones, 0 * dance)[:, 1]) / np.ptp(whole.template[:, 1]):.0f}}
+#   times as tall. All 1/24: no limb follows its bone.
+# - One bone for each vertex is what is meant; the skin is torn.
+
 # %% [markdown]
 # With weights of 0 the body is a point, and with 1 it is
 # {{ np.ptp(skinned(ones, 0 * dance)[:, 1]) / np.ptp(whole.template[:, 1]):.0f }} times as tall. Neither is a body.
@@ -638,7 +808,15 @@ source(without_blend_weights)
 #   vertices at their ends lie in a ring around the limb, and their mean is the first guess of joint $k$.
 # - **Diffused weights.** Treat the segmentation as heat: each vertex has one unit of the heat of its own
 #   segment. Let it flow along the edges of the mesh, and read what has arrived as weights.
+
+# %% slide [markdown]
+# ## Where do first weights come from?
 #
+# - **Segmentation**: somebody says to which part each vertex belongs.
+# - **Rings**: edges between a segment and its parent's surround the limb; their mean is a first joint.
+# - **Heat**: each vertex has one unit of its segment's heat; let it flow along the edges.
+
+# %% [markdown]
 # Let $W_0$ be the segmentation as an $N \times K$ matrix of zeros and ones, and $W_I$ the first weights. Heat flows by
 # the equation $\frac{dW}{dt} = -L\, W$, where the matrix $L$ (the *Laplacian* of the mesh) takes the difference of each
 # vertex from its neighbours. The library makes a single implicit step, of the duration $\tfrac12 b^2$: the change
@@ -666,6 +844,15 @@ source(without_blend_weights)
 # neighbours have as much of it or more, so that its row of $L\, W_I$ is not positive, and by the equation the weight is
 # at least what it was in $W_0$. In the end each vertex keeps its four largest weights, divided by their sum, so that
 # they sum to one again. (No heat is lost is then true only nearly.)
+
+# %% slide [markdown]
+# ## One implicit step of heat
+#
+# $$ \left( I + \tfrac12 b^2 L \right) W_I = W_0 $$
+#
+# - $b$, the **border**: how far heat flows, a length. On a line the weight falls as
+#   $\tfrac12 e^{-\sqrt 2\, d / b}$.
+# - Rows still sum to one, and no weight becomes negative.
 
 # %%
 source(heat)
@@ -713,6 +900,12 @@ Picture(
     "segments of pelvis and spine2 meet, and neither is the other's parent. Right: the weights after "
     "diffusion, drawn as mixtures of the parts' colours; borders have become zones.",
 )
+
+# %% slide [markdown]
+# ## From a segmentation to weights
+#
+# - Means of rings are {{ misplaced.mean():.0f}} mm from the trained joints on average.
+# - Borders become zones.
 
 # %% [markdown]
 # How wide should the border be? On the tube we can check the law for a line. The tube's mesh has diagonals
@@ -769,6 +962,13 @@ Picture(
     "least near 3 cm (dotted), the library's border.",
 )
 
+# %% slide [markdown]
+# ## How wide should the border be?
+#
+# - Least weight at the wrong joints near {{ 100 * nearest:.0f}} cm: {{ min(away):.1f}} % in place of
+#   {{ elsewhere(np.eye(24)[begun.segmentation]):.1f}}
+# - It proves little: training *began* with such weights, and was held near them.
+
 # %% [markdown]
 # On the tube a weight reaches {{ further[0.01]:.2f }}, {{ further[0.03]:.2f }} and {{ further[0.1]:.2f }} times as
 # far as the law for a line says. On the body {{ min(away):.1f }} % of the weight are elsewhere with the best
@@ -791,3 +991,11 @@ Picture(
 #   They bulge, jump at half a turn, and are not linear in the weights.
 # - SMPL blends linearly and repairs the surface at rest.
 # - First weights are made from a segmentation that is diffused, and first joints from rings of vertices.
+
+# %% slide [markdown]
+# ## What to remember
+#
+# - One bone for each vertex tears; blend weights, which sum to one, keep the skin together.
+# - Linear blending: $|c|^2 = 1 - 4 w (1 - w) \sin^2 \tfrac\alpha2$, candy wrappers and collapsed elbows
+# - Dual quaternions: rigid rings that bulge, jump, and are not linear in the weights. SMPL blends linearly
+#   and repairs the surface at rest.

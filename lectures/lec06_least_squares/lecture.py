@@ -31,6 +31,14 @@ from workbench.plots import house_style, sheet
 # These are four numbers, and all of them should be small at once. So we minimise the sum of their
 # squares, $F(x) = e^\top e = \sum_i e_i^2$.
 
+# %% slide [markdown]
+# ## How wrong is a guess?
+#
+# $$ m(x) = \begin{pmatrix} u \cos a \\ u \sin a \\ u \cos a + l \cos(a + b) \\ u \sin a + l \sin(a + b) \end{pmatrix}, \qquad e(x) = m(x) - y $$
+#
+# - An arm of two bones; elbow and wrist were seen at $y$.
+# - **Residual** $e$: four numbers. Minimise $F(x) = e^\top e$.
+
 # %%
 UPPER, LOWER = 0.30, 0.25  # m
 
@@ -69,6 +77,15 @@ print(f"F at the start: {residual(start) @ residual(start):.4f} m^2")
 # it matter? A derivative can always be checked against a difference quotient:
 
 
+# %% slide [markdown]
+# ## Downhill
+#
+# $$ J = \frac{\partial e}{\partial x}, \qquad \nabla F = \nabla (e^\top e) = 2 J^\top e $$
+#
+# - **Jacobian**: a row for each residual, a column for each unknown, here $4 \times 2$
+# - *Body Models II* has $J^\top e$. Does the factor matter?
+
+
 # %%
 def jacobian(x):
     """The derivatives of the residual, (4, 2) m/rad."""
@@ -94,6 +111,13 @@ print("difference quotient      ", slope)
 print("2 J'e, divided by it     ", right / slope)
 print("J'e, divided by it       ", printed_there / slope)
 
+# %% slide [markdown]
+# ## A difference quotient decides
+#
+# - $2 J^\top e$ over the quotient: {{ (right / slope).mean():.3f}}; $J^\top e$:
+#   {{ (printed_there / slope).mean():.3f}}
+# - Half of a gradient still points downhill. So where is the harm?
+
 # %% [markdown]
 # Minus half of the gradient still points
 # downhill{{ np.allclose(right, slope, atol=1e-6) and np.allclose(printed_there, slope / 2, atol=1e-6) }}, so a method
@@ -105,6 +129,14 @@ print("J'e, divided by it       ", printed_there / slope)
 # $$ 2 J^\top e + 2 w \begin{pmatrix} 0 \\ b - 0.2 \end{pmatrix} = 0 . $$
 #
 # If only the first of the two is halved, their sum is zero at another point:
+
+# %% slide [markdown]
+# ## The harm: a second term whose derivative is right
+#
+# $$ 2 J^\top e + 2 w \begin{pmatrix} 0 \\ b - 0.2 \end{pmatrix} = 0 $$
+#
+# - We also believe that the elbow is bent by about 0.2 rad.
+# - If only one of the two is halved, the sum is zero somewhere else.
 
 # %%
 w = 0.02  # m^2/rad^2
@@ -142,6 +174,12 @@ Picture(
     "With the factor, the zero of the gradient (circle) is the minimum; without it, the zero (square) is on the slope.",
 )
 
+# %% slide [markdown]
+# ## The lost factor doubles the belief
+#
+# - The elbow is off by {{ zeros[2][1] - zeros[1][1]:.2f}} rad, without any error message.
+# - The square is the zero of *another* function's gradient.
+
 # %% [markdown]
 # The lost factor has silently doubled the weight of the belief, and the answer is off by
 # {{ zeros[2][1] - zeros[1][1]:.2f}} rad{{ both(zeros[2]) < min(lowest) + 1e-6 < both(zeros[1]) }}: what is
@@ -152,6 +190,13 @@ Picture(
 
 # %%
 source(wb.Linearization.gradient)
+
+# %% slide [markdown]
+# ## The workbench's cost has no factor to lose
+#
+# $$ \text{cost} = \tfrac12 \sum r^2, \qquad \nabla\, \text{cost} = J^\top r $$
+#
+# - One half in the cost, none in the gradient
 
 # %% [markdown]
 # Now we go downhill, $x \leftarrow x - s\, \nabla F$, again and again. How large should $s$ be?
@@ -185,6 +230,13 @@ Picture(
     "leaps about. Nothing in the gradient says which factor is right.",
 )
 
+# %% slide [markdown]
+# ## How far downhill? The gradient does not say
+#
+# - $x \leftarrow x - s\, \nabla F$, sixty steps
+# - 0.2: {{ fallen[0.2][-1]:.0e}} m², it creeps. 2.0: {{ fallen[2.0][-1]:.0e}}. 2.8: {{ fallen[2.8][-1]:.0e}},
+#   it never settles.
+
 # %% [markdown]
 # The descent settles{{ fallen[0.2][-1] > 1e3 * fallen[2.0][-1] and fallen[2.8][-1] > 1e-3 }} if $s$ is below 2 over
 # the largest eigenvalue of the matrix of second derivatives
@@ -200,7 +252,15 @@ print(f"the largest factor that settles at the truth: s = {2 / largest:.2f} rad^
 # A gradient is a direction and not a step. The units show this: $\nabla F$ is in m²/rad, and we subtract
 # a multiple of it from angles in rad, so $s$ has to be in rad²/m². If we had measured the elbow in
 # degrees, the same method would take another path. The *problem* has to say how long a step should be.
+
+# %% slide [markdown]
+# ## The factor that settles is known too late
 #
+# - It must be below 2 over the largest eigenvalue of the Hessian: here {{ 2 / largest:.2f}} rad²/m², *at the
+#   truth*.
+# - Units: $\nabla F$ is in m²/rad, so $s$ has to be in rad²/m². A gradient is no step.
+
+# %% [markdown]
 # ## The idea: the residual is nearly linear
 #
 # We know more than the gradient of $F$: we know how each entry of the residual changes. Near $x$
@@ -221,6 +281,15 @@ print(f"the largest factor that settles at the truth: s = {2 / largest:.2f} rad^
 # of $e$ are. We did not have to choose a length.
 
 
+# %% slide [markdown]
+# ## The idea: the residual is nearly linear
+#
+# $$ e(x + p) \approx e + J p \quad\Rightarrow\quad J^\top J\, p = - J^\top e $$
+#
+# - **Normal equations** of Gauss and Newton
+# - $J^\top J$ is in m²/rad², $J^\top e$ in m²/rad: $p$ is in rad, and nobody chose a length.
+
+
 # %%
 def gauss_newton(residual, jacobian, x, n=8):
     """The start, and the points to which n full steps lead."""
@@ -235,6 +304,26 @@ def gauss_newton(residual, jacobian, x, n=8):
 way = gauss_newton(residual, jacobian, start)
 for k, x in enumerate(way):
     print(f"step {k}: x = {x}, off by {np.abs(x - truth).max():.0e}")
+
+# %% slide [markdown]
+# ## The step in one line
+#
+# ```python
+# for _ in range(n):
+#     e, J = residual(x), jacobian(x)
+#     x = x + np.linalg.solve(J.T @ J, -J.T @ e)
+#     way.append(x)
+# ```
+#
+# - After five steps $F$ is {{ F(way[5]):.0e}} m²; steepest descent had
+#   {{ min(costs[-1] for costs in fallen.values()):.0e}} after sixty.
+
+# %% slide [markdown]
+# ## Each step doubles the number of right digits
+#
+# - Off by {{ np.abs(way[3] - truth).max():.0e}}, {{ np.abs(way[4] - truth).max():.0e}},
+#   {{ np.abs(way[5] - truth).max():.0e}} rad after steps 3, 4 and
+#   5{{ all(1.8 < np.log(off[k]) / np.log(off[k - 1]) < 2.6 for off in [np.abs(way - truth).max(axis=1)] for k in (4, 5)) }}
 
 # %% [markdown]
 # Five of these steps make $F$ smaller than sixty of the others
@@ -260,6 +349,13 @@ print("by hand    ", by_hand)
 print("scaled     ", by_scaling)
 print("the library", here.step())
 
+# %% slide [markdown]
+# ## Scaling makes unknowns comparable
+#
+# - Solve for $d_j\, p_j$ with $d_j = \|J_j\|$, the length of column $j$: no units are left.
+# - By hand, scaled, by the library: the same
+#   step{{ np.allclose(by_scaling, by_hand) and np.allclose(by_hand, here.step()) }}
+
 # %% [markdown]
 # The three agree{{ np.allclose(by_scaling, by_hand) and np.allclose(by_hand, here.step()) }}. What does "enough
 # digits" mean? The condition number of a matrix is its largest singular value over its
@@ -275,6 +371,14 @@ print("the library", here.step())
 # in which only $R$ stands, with the condition number of $J$. This is the library's other way. How many digits are
 # really lost varies from case to case, so we take columns that are alike to between one and six digits, solve each
 # time for twenty answers that we know, and print the largest error of the last case:
+
+# %% slide [markdown]
+# ## Two ways to solve it
+#
+# $$ J^\top J\, p = -J^\top e \qquad\text{or}\qquad J = Q R, \quad R\, p = - Q^\top e $$
+#
+# - The condition number of $J^\top J$ is the **square** of that of $J$.
+# - Two joints with nearly the same effect make it large.
 
 # %%
 both_columns = np.random.default_rng(0).standard_normal((6, 2))
@@ -308,6 +412,13 @@ Picture(
     "over from the one to the other between a condition number of 3,000 and one of 30,000.",
 )
 
+# %% slide [markdown]
+# ## Squaring costs digits
+#
+# - Condition {{ np.linalg.cond(J):.0e}}: normal equations off by {{ lost['normal equations'][-1]:.0e}},
+#   factorisation by {{ lost['np.linalg.lstsq'][-1]:.0e}}
+# - The library changes over in time.
+
 # %% [markdown]
 # ## What Gauss-Newton leaves out
 #
@@ -327,6 +438,14 @@ Picture(
 # second derivatives (for a function of several variables they form a matrix, the **Hessian**), so we can
 # look at both parts:
 
+# %% slide [markdown]
+# ## What Gauss-Newton leaves out
+#
+# $$ \tfrac12 \nabla^2 F = J^\top J + \sum_i e_i \nabla^2 e_i $$
+#
+# - The sum is left out. At the truth all $e_i = 0$: nothing is missing, and digits double.
+# - What if no $x$ fits the data exactly?
+
 # %%
 a = wb.Block("a", (), "rad")
 target = wb.Block("target", (2,), "m")
@@ -341,6 +460,16 @@ for share in (0.5, 1.0, 1.5, 2.5):
     H = one_bone.hessian_at(*one_bone.split(at))
     left_out[share] = (H - normal).item()
     print(f"rho = {share} u: J'J = {normal.item():.3f}, left out {left_out[share]:+.3f} m^2")
+
+# %% slide [markdown]
+# ## One bone, and a point out of its reach
+#
+# | seen at | $J^\top J$ | left out |
+# | --- | --- | --- |
+# | $0.5\, u$ | {{ normal.item():.3f}} m² | {{ left_out[0.5]:+.3f}} m² |
+# | $1.0\, u$ | {{ normal.item():.3f}} m² | {{ abs(left_out[1.0]):.3f}} m² |
+# | $1.5\, u$ | {{ normal.item():.3f}} m² | {{ left_out[1.5]:+.3f}} m² |
+# | $2.5\, u$ | {{ normal.item():.3f}} m² | {{ left_out[2.5]:+.3f}} m² |
 
 # %% [markdown]
 # Can we say how the error shrinks? Let $\delta$ be the error of the angle. The point was seen at $(\rho, 0)$, and the
@@ -360,6 +489,15 @@ for share in (0.5, 1.0, 1.5, 2.5):
 # that was kept.
 # At $\rho = u$ the factor is zero. What remains is $\delta - \sin \delta \approx \delta^3 / 6$, because the sine begins
 # with $\delta - \delta^3 / 6$, and this **triples** the number of correct digits. For $\rho > 2 u$ the factor is larger than one.
+
+
+# %% slide [markdown]
+# ## How fast the error shrinks
+#
+# $$ \delta' = \delta - \frac{\rho}{u} \sin \delta \approx \left(1 - \frac{\rho}{u}\right) \delta $$
+#
+# - $|1 - \rho/u|$ is what was left out over what was kept.
+# - $\rho = u$: $\delta^3 / 6$ remains, digits **triple**. $\rho > 2u$: full steps diverge.
 
 
 # %%
@@ -398,6 +536,13 @@ Picture(
     "others at 0.5 rad). Errors below 1e-17 are drawn at 1e-17.",
 )
 
+# %% slide [markdown]
+# ## Fast, slow, and away
+#
+# - Measured at 1.2 u: {{ found[1.2][-1] / found[1.2][-2]:.3f}} (law: 0.2); at 0.5 u:
+#   {{ found[0.5][-1] / found[0.5][-2]:.3f}} (law: 0.5)
+# - Beyond 2 u steps lead away, however near they begin.
+
 # %% [markdown]
 # (At 1.9 u the printed factor, {{ found[1.9][-1] / found[1.9][-2]:.3f}}, does not yet agree with the law, which holds
 # for small errors: after 12 steps the error is {{ found[1.9][-1]:.2f}}
@@ -419,6 +564,14 @@ for name in ("gauss-newton-full", "gauss-newton"):
         f"the last at a = {float(solution.trace[-1].values['a']):+.3f} rad; "
         f"returned a = {float(solution.values['a']):+.3f} rad"
     )
+
+# %% slide [markdown]
+# ## Halving mends it here
+#
+# - Promise: $\|e\|^2 - \|e + J p\|^2$; fact: $\|e\|^2 - \|e(x + p)\|^2$
+# - Full steps: back and forth, none better than the start. Halved until the fact is a fair share of the
+#   promise: {{ solution.iterations}} iterations
+# - Lecture 7 has a better answer.
 
 # %% [markdown]
 # Full steps go back and forth, and none of them leads to a better point than the
@@ -457,6 +610,15 @@ for iterate, off in zip(solution.trace, pose_off, strict=True):
 J = problem.linearize(given).jacobian
 print("the Jacobian is", J.shape)
 
+# %% slide [markdown]
+# ## The same on a body
+#
+# - {{ 72 + 3 }} unknowns, {{ 3 * body.n_vertices:,}} residuals; {{ len(costs) - 1}} steps to the
+#   truth{{ pose_off[-1] < 1e-9 }}
+# - The first step makes the cost {{ costs[0] / costs[1]:.0f}} times smaller, and one number of the pose
+#   *worse*.
+# - An optimizer sees the residual, not the truth.
+
 # %% [markdown]
 # In the second printed line the cost is {{ costs[0] / costs[1]:.0f}} times smaller, and yet one number of the pose is
 # further off than at the start{{ pose_off[1] > 1.05 * pose_off[0] and len(pose_off) < 10 and pose_off[-1] < 1e-9 }}:
@@ -472,3 +634,11 @@ print("the Jacobian is", J.shape)
 # - Gauss-Newton is fast if the model can fit the data closely. If it cannot, each step multiplies the
 #   error by the ratio of the part of the Hessian that was left out to the part that was kept; if this
 #   ratio is above one, full steps diverge.
+
+# %% slide [markdown]
+# ## What to remember
+#
+# - Write residuals, not only a cost; $\nabla(e^\top e) = 2 J^\top e$.
+# - A gradient has no length. $J^\top J\, p = -J^\top e$ has the unit of the unknowns.
+# - Gauss-Newton is fast if the model can fit closely; else each step multiplies the error by left out over
+#   kept.

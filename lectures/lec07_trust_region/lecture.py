@@ -32,6 +32,14 @@ from workbench.solvers.trust_region import next_radius, step_within
 # the bones. So where the arm is straight ($b = 0$) the Jacobian is singular: however the angles begin to
 # change, the wrist does not begin to move outwards.
 
+# %% slide [markdown]
+# ## An arm and its wrist
+#
+# $$ \det J = u\, l \sin b $$
+#
+# - Two angles, two numbers seen: Gauss-Newton can always make its model zero.
+# - A straight arm, $b = 0$, is singular: no small change moves the wrist outwards.
+
 # %%
 UPPER, LOWER = 0.30, 0.25  # m
 
@@ -60,6 +68,13 @@ in_reach = wrist([0.9, 1.1])
 beyond = 1.3 * (UPPER + LOWER) * in_reach / np.linalg.norm(in_reach)  # the same way, too far
 start = np.array([0.2, 0.3])
 print(f"in reach: {np.linalg.norm(in_reach):.2f} m away; beyond: {np.linalg.norm(beyond):.2f} m")
+
+# %% slide [markdown]
+# ## Two stars: in reach, and beyond
+#
+# - In reach: {{ np.linalg.norm(in_reach):.2f}} m away. Beyond: {{ np.linalg.norm(beyond):.2f}} m, for an arm
+#   of {{ UPPER + LOWER:.2f}} m
+# - The answer is plain: stretch, and point.
 
 # %% [markdown]
 # For the workbench this is a problem of one block and one residual. We try Gauss-Newton from thirty
@@ -96,6 +111,16 @@ def tried(name):
 
 for name in ("gauss-newton-full", "gauss-newton"):
     tried(name)
+
+# %% slide [markdown]
+# ## Thirty starts with Gauss-Newton
+#
+# | | in reach | beyond |
+# | --- | --- | --- |
+# | full steps | {{ well['gauss-newton-full'][0]}} of 30 | {{ well['gauss-newton-full'][1]}} |
+# | halved steps | {{ well['gauss-newton'][0]}} of 30 | {{ well['gauss-newton'][1]}} |
+#
+# - Halving mends what full steps break; beyond reach nothing helps.
 
 # %% [markdown]
 # Within reach, halving mends what full steps break{{ well['gauss-newton-full'][0] < well['gauss-newton'][0] == 30 }}.
@@ -149,6 +174,13 @@ Picture(
     "the steps that are asked for, and the less of them can be taken.",
 )
 
+# %% slide [markdown]
+# ## The model promises too much
+#
+# - The straighter the arm, the longer the step that is asked for: {{ np.linalg.norm(rows[-1][1]):,.0f}} rad
+#   in the end
+# - Halving shortens *all* of the step, the useful part too.
+
 # %% [markdown]
 # The straighter the arm is, the smaller is the smallest singular value of
 # $J${{ (np.diff([[abs(np.sin(x[1])), -np.linalg.norm(p), length] for x, p, length in rows[-6:]], axis=0) < 0).all() }}.
@@ -166,7 +198,16 @@ Picture(
 #
 # $$ \min_p\; \|e + J p\|^2 + \lambda \|p\|^2
 #    \qquad\Longleftrightarrow\qquad (J^\top J + \lambda I)\, p = -J^\top e . $$
+
+# %% slide [markdown]
+# ## The idea: pay for length
 #
+# $$ \min_p\; \|e + J p\|^2 + \lambda \|p\|^2 \quad\Longleftrightarrow\quad (J^\top J + \lambda I)\, p = -J^\top e $$
+#
+# - Levenberg, 1944; $\lambda$ is called the **damping**.
+# - A shorter step that also goes in a better direction
+
+# %% [markdown]
 # The equation on the right says that the derivative of the expression on the left is zero: it is
 # $2 J^\top (e + J p) + 2 \lambda p$. (In *Body Models II* by Pons-Moll and Swoboda (2018) the $e$ on the right
 # is not printed in bold, although it is the vector of the residuals. The shapes tell what is meant, because
@@ -185,6 +226,14 @@ Picture(
 # $\lambda \to \infty$, it becomes $-J^\top e / \lambda$, which is short and goes straight downhill. At an arm
 # that is nearly straight:
 
+# %% slide [markdown]
+# ## Every direction gets its own share
+#
+# $$ p = -\sum_i \frac{s_i}{s_i^2 + \lambda}\, (u_i^\top e)\, v_i $$
+#
+# - $s_i^2 \gg \lambda$: Gauss-Newton's step. $s_i^2 \ll \lambda$: hardly any step
+# - $\lambda \to 0$: Gauss-Newton. $\lambda \to \infty$: short, and straight downhill
+
 # %%
 straight = np.array([0.2, 0.05])
 here = wb.Linearization(wrist(straight) - beyond, jacobian(straight))
@@ -198,7 +247,15 @@ for damping in (0, 1e-5, 1e-3, 1e-1, 10):
 # %% [markdown]
 # Without damping the step is {{ lengths[0]:.0f}} rad long, with $\lambda = 10^{-3}$ it is {{ lengths[2]:.1f}}
 # rad{{ sorted(lengths, reverse=True) == lengths }}.
+
+# %% slide [markdown]
+# ## At an arm that is nearly straight
 #
+# - Singular values {{ here.svd[1][0]:.2f}} and {{ here.svd[1][1]:.4f}} m/rad
+# - $\lambda = 0$: {{ lengths[0]:.0f}} rad. $\lambda = 10^{-3}$: {{ lengths[2]:.1f}} rad. $\lambda = 10$:
+#   {{ lengths[4]:.2f}} rad
+
+# %% [markdown]
 # ## Who sets lambda? The gain
 #
 # Which $\lambda$ is right? After a step we know what it was worth. Before it, the model promised that the cost
@@ -208,6 +265,14 @@ for damping in (0, 1e-5, 1e-3, 1e-1, 10):
 #
 # (The second form is the first one multiplied out.) The **gain ratio**, or gain for short, is the actual fall
 # of the cost over the promised one. In the library the promise is `predicted_decrease`:
+
+# %% slide [markdown]
+# ## Who sets lambda? The gain
+#
+# $$ \text{gain} = \frac{\text{actual fall of the cost}}{\tfrac12 \|e\|^2 - \tfrac12 \|e + J p\|^2} $$
+#
+# - Near 1: the model was right; trust it further, make $\lambda$ smaller.
+# - Below 0: uphill. Refuse the step, and try a larger $\lambda$.
 
 # %%
 gains = {}
@@ -219,6 +284,16 @@ for damping in (1e-5, 1e-3, 1e-2, 1e-1):
         f"lambda = {damping:5g}: |p| = {np.linalg.norm(p):7.3f} rad, promised "
         f"{here.predicted_decrease(p):.4f} m^2, gain {gains[damping]:+.2f}"
     )
+
+# %% slide [markdown]
+# ## Gains at the nearly straight arm
+#
+# | $\lambda$ | gain | |
+# | --- | --- | --- |
+# | $10^{-5}$ | {{ gains[1e-5]:.2f}} | refused |
+# | $10^{-3}$ | {{ gains[1e-3]:.2f}} | {{ "refused" if gains[1e-3] < 0 else "taken" }} |
+# | $10^{-2}$ | {{ gains[1e-2]:.2f}} | taken |
+# | $10^{-1}$ | {{ gains[1e-1]:.2f}} | taken |
 
 # %% [markdown]
 # If the gain is near 1 (above with $\lambda = 0.01$: {{ gains[1e-2]:.2f}}), the model was right, can be trusted
@@ -234,6 +309,13 @@ source(eased)
 # %% [markdown]
 # and after steps that are refused one after the other, it is multiplied by 2, 4, 8 and so on. The method fits
 # on one screen:
+
+
+# %% slide [markdown]
+# ## Levenberg-Marquardt: lower it smoothly, raise it fast
+#
+# - Taken: $\lambda$ times a factor that depends on the gain (Nielsen, 1999)
+# - Refused one after the other: times 2, 4, 8, ...
 
 
 # %%
@@ -272,6 +354,24 @@ print(
 )
 
 
+# %% slide [markdown]
+# ## The whole method
+#
+# ```python
+# p = here.step(damping)
+# gain = (here.cost - cost(x + p, seen)) / here.predicted_decrease(p)
+# if gain > 0:
+#     x = x + p
+#     here = wb.Linearization(wrist(x) - seen, jacobian(x))
+#     damping *= eased(gain)
+#     growth = 2
+#     ...
+# else:
+#     damping *= growth
+#     growth *= 2
+# ```
+
+
 # %%
 def beside(x):
     """The angle between the directions of the wrist and of the point, rad."""
@@ -306,6 +406,12 @@ Picture(
     "any more. Right: it comes to point at the star.",
 )
 
+# %% slide [markdown]
+# ## Stretch, then point: one method does both
+#
+# - After 11 steps Gauss-Newton points {{ beside(stuck[11]):.3f}} rad beside the star and stays there;
+#   Levenberg-Marquardt {{ beside(way[11][0]):.4f}} rad.
+
 # %% [markdown]
 # ## The same by a radius
 #
@@ -318,7 +424,15 @@ Picture(
 # that sum. So to choose $\lambda$ is to choose a radius $r$. The ball with this radius is the **trust region**,
 # in which the model is believed. A radius is easier to think about than $\lambda$, because it is in radians and
 # says how far we trust the model.
+
+# %% slide [markdown]
+# ## The same by a radius
 #
+# - No step of the length of $p(\lambda)$ is better *for the model*: to choose $\lambda$ is to choose a radius.
+# - **Trust region**: the ball in which the model is believed
+# - A radius is in radians; $\lambda$ is in m²/rad².
+
+# %% [markdown]
 # There is a price. For a given radius we have to search for the $\lambda$ whose step is as long as the radius,
 # and each trial needs another factorization of a matrix. Powell (*A Hybrid Method for Nonlinear Equations*,
 # 1970) replaces the curve of all $p(\lambda)$ by two straight legs that need a single factorization. The first
@@ -330,6 +444,14 @@ Picture(
 #
 # The second leg leads from there to the Gauss-Newton point. The two together are called the **dogleg**, and
 # the step ends where the dogleg leaves the ball.
+
+# %% slide [markdown]
+# ## The dogleg: two legs, one factorisation
+#
+# $$ p_C = -\frac{\|g\|^2}{\|J g\|^2}\, g, \qquad g = J^\top e $$
+#
+# - First down the gradient to the **Cauchy point**, then towards Gauss-Newton's
+# - The step ends where the dogleg leaves the ball (Powell, 1970).
 
 # %%
 source(cauchy_point)
@@ -390,6 +512,17 @@ Picture(
     lambda: arm_page(UPPER, LOWER, bent, in_reach, beyond, damping=0.01),
 )
 
+# %% slide still [markdown]
+# ## The dogleg loses next to nothing
+#
+# - It keeps at least {{ min(kept):.0%}} of the best promise in each of the four balls.
+
+# %% slide [markdown]
+# ## Drag the arm, or let it step
+#
+# - Put the star beyond reach, and watch the gain.
+# - Change the damping: the step turns downhill as it shortens.
+
 # %% [markdown]
 # ## What the workbench does unless told otherwise
 #
@@ -401,6 +534,13 @@ Picture(
 # of magnitude is unknown? In *logarithms*, the length falls with $\lambda$ along a curve that is nearly straight over
 # long pieces. So the search draws a straight line through the last two trials and tries where that line meets the
 # radius:
+
+# %% slide [markdown]
+# ## The workbench: Levenberg's step *and* a radius
+#
+# - It searches for the $\lambda$ of the radius: a factorisation costs little beside a body's Jacobian.
+# - A tenth is accurate enough (Hebden, Moré).
+# - In logarithms the length falls along a nearly straight curve: draw a line through two trials.
 
 # %%
 here = wb.Linearization(wrist(straight) - beyond, jacobian(straight))
@@ -436,6 +576,11 @@ Picture(
     "are the order of the trials; the search ends as soon as a step is within the grey band.",
 )
 
+# %% slide [markdown]
+# ## The search in logarithms
+#
+# - {{ len(trials)}} trials to a step of 3 rad, to a tenth
+
 # %% [markdown]
 # It took {{ len(trials) }}
 # trials{{ [0.9 <= length / RADIUS <= 1.1 for _, length in trials] == [False] * (len(trials) - 1) + [True] }}. Now the
@@ -445,6 +590,12 @@ Picture(
 
 # %%
 source(next_radius)
+
+# %% slide [markdown]
+# ## The gain sets the radius
+#
+# - Poor step: halve it. Good step: twice the step's length
+# - A radius keeps its meaning from point to point; the same $\lambda$ shortens far more, or less, elsewhere.
 
 # %% [markdown]
 # Why is this better than setting $\lambda$ directly? A radius keeps its meaning from one point to the next.
@@ -467,6 +618,14 @@ source(next_radius)
 # minimum, into the basin of a worse one. No rule of a single run can exclude that. Who needs to know starts from
 # several places: `wb.Starts` keeps every minimum that it found, and says how many starts led there.
 
+# %% slide [markdown]
+# ## Narrow valleys curve: bend the step
+#
+# $$ (J^\top J + \lambda I)\, a = -\tfrac12 J^\top e_{pp} $$
+#
+# - Half of the residual's curvature along $p$ in the place of $e$ (Transtrum and Sethna, 2012)
+# - Used once a step lowers the cost by less than a tenth
+
 # %%
 solution = wb.solve(problem, {"angles": start, "target": beyond})
 for k, iterate in enumerate(solution.trace):
@@ -486,6 +645,15 @@ print(solution.status.name, "after", solution.iterations, "iterations")
 for name in ("levenberg-marquardt", "dogleg", "trust-region"):
     tried(name)
 
+# %% slide [markdown]
+# ## Thirty starts, once more
+#
+# | | in reach | beyond |
+# | --- | --- | --- |
+# | Levenberg-Marquardt | {{ well['levenberg-marquardt'][0]}} of 30 | {{ well['levenberg-marquardt'][1]}} of 30 |
+# | dogleg | {{ well['dogleg'][0]}} of 30 | {{ well['dogleg'][1]}} of 30 |
+# | trust region | {{ well['trust-region'][0]}} of 30 | {{ well['trust-region'][1]}} of 30 |
+
 # %% [markdown]
 # With each of these ways to a shorter step, all runs end at a
 # minimum{{ all(well[name] == [30, 30] for name in ('levenberg-marquardt', 'dogleg', 'trust-region')) }}. Which solver
@@ -501,6 +669,14 @@ for name in ("levenberg-marquardt", "dogleg", "trust-region"):
 # $D$ is diagonal and holds the lengths $\|J_i\|$ of the columns of $J$. A column is a change of the residual
 # *per unit* of its unknown, so in the product $\|J_i\|\, p_i$ the unit cancels:
 
+# %% slide [markdown]
+# ## What is long?
+#
+# $$ \lambda \|D p\|^2, \qquad D = \operatorname{diag} \|J_i\| $$
+#
+# - $\|p\|$ adds radians to radians. In degrees, an elbow's steps look {{ 180 / np.pi:.0f}} times longer.
+# - Marquardt (1963): measure with the columns of $J$, and units cancel.
+
 # %%
 unit = np.array([1.0, 180 / np.pi])  # the elbow in degrees
 in_degrees = wb.Linearization(here.residual, here.jacobian / unit)
@@ -510,6 +686,14 @@ for name, scaling in (("Levenberg, D = I", np.ones(2)), ("Marquardt, D = |J_i|",
     damping = 0.1 * np.max((here.column_norms / D) ** 2)
     both[name] = here.step(damping, D), in_degrees.step(damping, E) / unit
     print(f"{name:21} in radians {both[name][0].round(4)}, by degrees {both[name][1].round(4)}")
+
+# %% slide [markdown]
+# ## For a body, $D = I$ is better
+#
+# - Marquardt's step is the same in both units; Levenberg's is
+#   not.{{ np.allclose(*both['Marquardt, D = |J_i|']) and not np.allclose(*both['Levenberg, D = I'], atol=0.01) }}
+# - But an unknown that hardly matters has a short column, and becomes *cheap* to change.
+# - All joints are in radians already.
 
 # %% [markdown]
 # With Marquardt's $D$ the step is the same in both
@@ -528,3 +712,10 @@ for name, scaling in (("Levenberg, D = I", np.ones(2)), ("Marquardt, D = |J_i|",
 # - To choose a damping $\lambda$ is to choose a radius. The dogleg needs one factorization for it, and the
 #   workbench's default a few.
 # - A length needs a unit: $D$ says what a unit of each entry costs.
+
+# %% slide [markdown]
+# ## What to remember
+#
+# - The **gain**, actual fall over promised fall, says how far a linear model holds.
+# - Halving leaves a bad direction bad; damping gives each direction its share $s_i^2 / (s_i^2 + \lambda)$.
+# - A damping is a radius; a length needs a unit.

@@ -34,6 +34,13 @@ rng = np.random.default_rng(0)
 truth = 0.3 * rng.standard_normal((24, 3))
 given = body.start() | {"observed": body.joints(truth)}
 
+# %% slide [markdown]
+# ## As many equations as unknowns
+#
+# - The pose: 24 rotation vectors, 72 numbers
+# - Motion capture: 24 joints, 72 numbers
+# - So we only have to solve?
+
 # %% [markdown]
 # ## Solve, and look
 #
@@ -56,6 +63,14 @@ for name, start in (
         f"pose by up to {np.abs(found - truth).max():.2f} rad, skin by up to {1e3 * skin_off:.0f} mm"
     )
 
+# %% slide [markdown]
+# ## Two starts, two answers, both exact
+#
+# - Both fits meet every joint, to
+#   rounding.{{ all(np.allclose(body.joints(one), body.joints(truth), atol=1e-8) for one in answers.values()) }}
+# - From rest the pose is off by up to {{ np.abs(answers["from rest"] - truth).max():.2f}} rad, from elsewhere
+#   by {{ np.abs(answers["from elsewhere"] - truth).max():.2f}}.
+
 # %% [markdown]
 # Both fits converged, and both meet every joint. Yet both poses are wrong, and so is the
 # skin{{ all(np.allclose(body.joints(one), body.joints(truth), atol=1e-8) and np.abs(one - truth).max() > 0.1 for one in answers.values()) }}:
@@ -75,6 +90,13 @@ Picture(
     "arm, which is turned about its bone, then both hands.",
 )
 
+# %% slide [markdown]
+# ## Every joint is met, and the skin is wrong
+#
+# - Off by up to {{ off['from rest'].max():.0f}} mm
+# - Brightest: the crown of the head, the left upper arm, the hands
+# - Many poses have these joints; the solver found one.
+
 # %% [markdown]
 # The skin is off by up to {{ off['from rest'].max():.0f}} mm. The solver is not to blame. There are many poses with
 # these joints, and it found one of them. To count the
@@ -88,6 +110,14 @@ Picture(
 # $J = U S V^\top$ shows both: a step of length one along the column $v_i$ of $V$ changes the residual by
 # $J v_i = s_i u_i$, whose length is $s_i$. So the null space is spanned by the columns whose singular value is
 # zero.
+
+# %% slide [markdown]
+# ## A direction that nobody notices
+#
+# $$ J = U S V^\top, \qquad J v_i = s_i u_i $$
+#
+# - $J p = 0$: no equation notices the step. These $p$ are the **null space**.
+# - **Rank**: how many independent directions are noticed
 
 # %%
 there = given | {"pose": truth}
@@ -111,6 +141,16 @@ Picture(
     lambda: wb.show(diagnosis, body=body),
 )
 
+# %% slide still [markdown]
+# ## A cliff of {{ np.log10(s[39] / s[40]):.0f}} decades
+#
+# - {{ here.rank}} of {{ len(s)}} singular values are large; the others would be zero without rounding.
+
+# %% slide [markdown]
+# ## Along each of these, no joint moves
+#
+# - Pick a direction, and move along it: the skin turns, the joints stay.
+
 # %% [markdown]
 # There are {{ here.rank}} large singular values, and then a cliff of {{ np.log10(s[39] / s[40]):.0f}} decades. The others
 # would be zero if
@@ -126,6 +166,12 @@ scaled = np.linalg.svd(columns, compute_uv=False)
 tolerance = np.finfo(float).eps * max(columns.shape) * scaled[0]
 print(f"of columns with length 1: the largest singular value is {scaled[0]:.1f},")
 print(f"the tolerance {tolerance:.0e}, and {np.sum(scaled > tolerance)} are above it")
+
+# %% slide [markdown]
+# ## Which singular values count as zero?
+#
+# - Tolerance: the largest, times the machine's precision, times the size of the matrix
+# - Columns are scaled to length 1 first, so that units do not matter: {{ tolerance:.0e}}
 
 # %% [markdown]
 # ## Why forty?
@@ -151,6 +197,13 @@ print(f"the tolerance {tolerance:.0e}, and {np.sum(scaled > tolerance)} are abov
 #
 # If the body may also move as a whole, $3$ more numbers are seen.
 
+# %% slide [markdown]
+# ## Why forty? Count along the tree
+#
+# - A **leaf** moves no joint: 0 of 3
+# - **One child**: the turn about the bone is not seen: 2 of 3
+# - **Several children**: all 3
+
 # %%
 print(law_in_words(body.parents, translation=False))
 K = len(body.parents)
@@ -160,6 +213,13 @@ ends = [15, 20, 21]
 rank = rank_of_observed_joints(body.parents, body.joints(truth), ends, translation=False)
 print(f"if only {', '.join(body.joint_names[k] for k in ends)} are seen: {rank} of 72")
 
+# %% slide [markdown]
+# ## By the law and by the matrix: {{ predicted }}
+#
+# - 72 numbers, 72 equations, rank {{ here.rank }}{{ here.rank == predicted }}: {{ 72 - here.rank }}
+#   directions are free.
+# - If only head and wrists are seen: {{ rank }} of 72
+
 # %% [markdown]
 # (In the last line three points are seen, and each can be moved alone in all three directions by the joints above it:
 # three times three{{ rank == 9 and predicted == 40 }}.)
@@ -168,6 +228,13 @@ print(f"if only {', '.join(body.joint_names[k] for k in ends)} are seen: {rank} 
 # each of them mixes several null directions. So the workbench looks for null directions in small subspaces that
 # have names, such as the numbers of one joint or of two neighbours. It begins with the smallest subspaces, so
 # that it finds each twist by itself:
+
+# %% slide [markdown]
+# ## Null directions with names
+#
+# - Singular vectors mix several null directions.
+# - Look in small subspaces first: one joint, then two neighbours. Each twist is found by itself.
+# - {{ len(diagnosis.null_directions) }} directions, each with the joints that it turns
 
 # %%
 print(diagnosis)
@@ -186,6 +253,18 @@ for angle in (1e-3, 1e-2, 1e-1):
     moves.append((moved, skin))
     print(f"{angle:5} rad: joints by {1e3 * moved:.1e} mm, skin by {1e3 * skin:.1e} mm")
 moves = np.array(moves)
+
+# %% slide [markdown]
+# ## A twist of the elbow, undone at the wrist
+#
+# | step | skin moves by | joints by |
+# | --- | --- | --- |
+# | 0.001 rad | {{ 1e3 * moves[0, 1]:.1e}} mm | {{ 1e3 * moves[0, 0]:.1e}} mm |
+# | 0.01 rad | {{ 1e3 * moves[1, 1]:.1e}} mm | {{ 1e3 * moves[1, 0]:.1e}} mm |
+# | 0.1 rad | {{ 1e3 * moves[2, 1]:.1e}} mm | {{ 1e3 * moves[2, 0]:.1e}} mm |
+#
+# - Ten times as far: skin {{ (moves[1:] / moves[:-1])[:, 1].mean():.0f}} times, joints
+#   {{ (moves[1:] / moves[:-1])[:, 0].mean():.0f}} times. To first order they do not move.
 
 # %% [markdown]
 # A step that is ten times as long moves the skin {{ (moves[1:] / moves[:-1])[:, 1].mean():.0f}} times as far, and the
@@ -209,6 +288,12 @@ Picture(
     "columns are the leaves; the top three rows, the pelvis, move with nothing.",
 )
 
+# %% slide [markdown]
+# ## The pattern of zeros is known before any number
+#
+# - A joint depends on the joints above it alone: {{ diagnosis.density:.0%}} of the entries are not zero.
+# - Empty columns are the leaves.
+
 # %%
 print(f"{diagnosis.nonzeros} of {72 * 72} entries: {diagnosis.density:.1%}")
 print("rank that the pattern alone allows:", diagnosis.structural_rank)
@@ -218,6 +303,13 @@ print(
     f"a fit of SMPL to 6,890 vertices, with 72 + 10 unknowns: {largest:,} entries, "
     f"{8e-6 * largest:.0f} MB if all are kept"
 )
+
+# %% slide [markdown]
+# ## The pattern bounds the rank
+#
+# - Pattern alone: at most {{ diagnosis.structural_rank}}. Numbers: {{ diagnosis.rank}}
+# - It shows the leaves and not the twists, which depend on the numbers.
+# - It costs nothing, and warns before any solver starts.
 
 # %% [markdown]
 # The pattern shows the leaves: {{ (~here.jacobian.any(axis=0)).sum()}} columns are empty, so the rank is at most
@@ -232,7 +324,15 @@ print(
 # pattern is worth
 # more for what it tells than for the zeros that it saves. With thousands of unknowns, as in a video, it is the
 # other way round.
+
+# %% slide [markdown]
+# ## Dense or sparse?
 #
+# - SMPL's vertices depend on {{ body.n_joints - 1}} rotations through pose blend shapes: dense by nature.
+# - 6,890 vertices, {{ 72 + 10 }} unknowns: {{ 8e-6 * largest:.0f}} MB, easily kept
+# - Videos have thousands of unknowns: there it is the other way round.
+
+# %% [markdown]
 # ## Hardly seen
 #
 # Rank is a matter of yes or no. In practice much is seen, but only just. How uncertain is a fit? Let every
@@ -245,6 +345,13 @@ print(
 # In words: a direction with the singular value $s_i$ is known up to a standard deviation of $1/s_i$. Now we
 # observe vertices instead of joints, every one to 1 cm. With them everything is seen. (`skin.svd` holds $U$, the
 # singular values, and $V^\top$; the condition number is the largest singular value over the smallest, as in lecture 6.)
+
+# %% slide [markdown]
+# ## Hardly seen: how uncertain is a fit?
+#
+# $$ C = (J^\top J)^{-1} = V S^{-2} V^\top $$
+#
+# - Whitened noise of one: a direction with the singular value $s_i$ is known up to $1/s_i$.
 
 # %%
 seen = wb.Block("seen", (body.n_vertices, 3), "m")
@@ -264,6 +371,12 @@ for k in (*np.argsort(sigma)[:3], *np.argsort(sigma)[-3:]):
         f"{hanging[k]:2} vertices hang on it most of all"
     )
 
+# %% slide [markdown]
+# ## Every vertex to 1 cm: everything is seen
+#
+# - Pelvis: {{ np.degrees(sigma[0]):.1f}} degrees. Feet: {{ np.degrees(sigma[feet].min()):.0f}} degrees at best
+# - {{ hanging[feet[0]]}} of {{ body.n_vertices}} vertices hang on a foot, all near its joint.
+
 # %% [markdown]
 # (A joint has three numbers, and the table gives the one that is known least well.) With this centimetre the pelvis
 # is known to {{ np.degrees(sigma[0]):.1f}} degrees, because a turn of the pelvis moves the whole body. The feet are
@@ -277,7 +390,14 @@ for k in (*np.argsort(sigma)[:3], *np.argsort(sigma)[-3:]):
 # replaces $1/s_i$ by zero wherever $s_i$ is zero. But this says of a direction that is not seen at all that it is known
 # exactly. With the 24 joints alone it gives the smallest standard deviation to the rotations that nobody sees, those of
 # the leaves. The library gives them an infinite one.
+
+# %% slide [markdown]
+# ## A pseudo-inverse calls the unknown exact
 #
+# - It replaces $1/s_i$ by 0 where $s_i = 0$: standard deviation **zero** for what nobody sees.
+# - The library says infinite, and its covariance with other unknowns is no number.
+
+# %% [markdown]
 # Here are its lines. They work with the scaled Jacobian $J D^{-1}$,
 # whose columns were divided by their `lengths`, the diagonal of $D$ (1 for a column of zeros); `s` and the rows of `Vt`
 # are its singular values above the tolerance and their directions. With $J D^{-1} = U S V^\top$, seen directions only,
@@ -302,6 +422,15 @@ honest = np.sqrt(np.diag(here.covariance)).reshape(24, 3)
 for name in ("left_hand", "left_elbow", "left_hip"):
     k = body.joint_names.index(name)
     print(f"{name:11} by pinv {naive[k].round(4)}, by the library {honest[k].round(4)} rad")
+
+# %% slide [markdown]
+# ## The same joint, by both
+#
+# | | by `pinv` | by the library |
+# | --- | --- | --- |
+# | left hand | {{ naive[body.joint_names.index("left_hand")].max():.4f}} rad | {{ honest[body.joint_names.index("left_hand")].max()}} |
+# | left elbow | {{ naive[body.joint_names.index("left_elbow")].max():.4f}} rad | {{ honest[body.joint_names.index("left_elbow")].max()}} |
+# | left hip | {{ naive[body.joint_names.index("left_hip")].max():.4f}} rad | {{ honest[body.joint_names.index("left_hip")].max()}} |
 
 # %% [markdown]
 # Of the hand the pseudo-inverse says that it is known
@@ -331,6 +460,11 @@ Picture(
     "of which nothing is seen, get a standard deviation of zero, and so have no bar.",
 )
 
+# %% slide [markdown]
+# ## Five bars are missing
+#
+# - Right: the five leaves, of which nothing is seen, have no bar.
+
 # %% [markdown]
 # ## What to do about it
 #
@@ -338,6 +472,13 @@ Picture(
 # axis of a bone ends its twist. We can free less, and leave the leaves fixed. Or we can say what we believed
 # before we saw anything. Such a **prior** is a set of further residuals. Here they say that each number of the
 # pose is usually about 0.3 rad from zero:
+
+# %% slide [markdown]
+# ## Three things help
+#
+# - **See more**: a marker off the axis of a bone ends its twist.
+# - **Free less**: leave the leaves fixed.
+# - **Believe something**: a prior is a set of further residuals.
 
 # %%
 prior = wb.residuals.gaussian(pose, mean=0.0, covariance=0.3**2)
@@ -356,6 +497,15 @@ solution = wb.solve(with_prior, given | {"pose": np.zeros((24, 3))})
 furthest = np.abs(solution.values["pose"] - truth).argmax()  # the number of the pose
 print(f"pose off by up to {np.abs(solution.values['pose'] - truth).max():.2f} rad")
 
+# %% slide [markdown]
+# ## A prior: each number about 0.3 rad from zero
+#
+# $$ \text{share of the data} = \frac{s^2}{s^2 + \sigma^{-2}} $$
+#
+# - Rank {{ regular.rank}}: the answer is unique.
+# - Directions that the data decide: {{ known.effective:.0f}}, not {{ here.rank}}; some are seen so little
+#   that the prior has its share.
+
 # %% [markdown]
 # Now the rank is full, and the answer is unique{{ regular.rank == 72 }}. Which part of it comes from the data? A
 # direction with the
@@ -372,7 +522,15 @@ print(f"pose off by up to {np.abs(solution.values['pose'] - truth).max():.2f} ra
 # zero{{ furthest == np.abs(answers['from rest'] - truth).argmax() and abs(solution.values['pose'].ravel()[furthest]) < 1e-9 }}.)
 # That may be just what one wants, provided that one knows which numbers came from
 # the data and which from the prior.
+
+# %% slide [markdown]
+# ## Unique is not right
 #
+# - The pose is still off by up to {{ np.abs(solution.values['pose'] - truth).max():.2f}} rad: zero was put
+#   where nothing was known.
+# - Know which numbers came from the data, and which from the prior.
+
+# %% [markdown]
 # ## What to remember
 #
 # - Count ranks, not equations. 24 joints tell 40 of 72 numbers: $3$, $2$ or $0$ for each joint with
@@ -381,3 +539,10 @@ print(f"pose off by up to {np.abs(solution.values['pose'] - truth).max():.2f} ra
 #   directions say what to do.
 # - A direction is known up to $1/s$. A pseudo-inverse hides that a direction is not known at all.
 # - A prior makes the rank full, and it decides what the data leave open.
+
+# %% slide [markdown]
+# ## What to remember
+#
+# - Count ranks, not equations: 24 joints tell 40 of 72 numbers.
+# - A direction is known up to $1/s$; a pseudo-inverse hides that it is not known at all.
+# - A prior makes the rank full, and decides what the data leave open.

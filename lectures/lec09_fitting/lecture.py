@@ -17,9 +17,9 @@ from workbench.fitting.setup import View
 from workbench.geometry.camera import project, triangulate
 from workbench.geometry.rigid import procrustes
 from workbench.geometry.rotation import matrix_from_vector
+from workbench.lectures.material.replays import recorded_bodies
 from workbench.plots import house_style, sheet
 from workbench.plots.body import Figurine, front, line_up
-from workbench.reports.replay.sequences import recorded_bodies
 
 NOISE, POSE, BETAS = 0.005, 0.25, 1.0  # m, rad, 1: the sigmas of this lecture
 
@@ -52,6 +52,14 @@ def distances(values):
 # symbols. A *problem* consists of residuals and of the names of the blocks that are free, which means that they
 # are unknown. Finally `solve` takes a start that has a value for each block, free or not.
 
+# %% slide [markdown]
+# ## Every vertex known: the best data of all
+#
+# $$ r_i = \frac{M_i(\theta, \beta) + t - v_i}{\sigma} $$
+#
+# - **Correspondences**: for each observed point, the number of its vertex
+# - Unknown: 72 numbers of the pose, 10 of the shape, 3 of the place
+
 # %%
 pose, betas, trans = (block.symbol for block in body.blocks())
 seen = wb.Block("seen", (body.n_vertices, 3), "m")
@@ -70,6 +78,19 @@ for noise in (0.0, NOISE):
 m, p = 3 * body.n_vertices, 72 + 10 + 3
 print(f"5 mm times the root of {p} / {m}: {5 * np.sqrt(p / m):.2f} mm")
 
+# %% slide [markdown]
+# ## Four steps of every fit
+#
+# ```python
+# seen = wb.Block("seen", (body.n_vertices, 3), "m")
+# residual = wb.residuals.vertices(body.points(pose, betas, trans), seen.symbol, sigma=NOISE)
+# all_vertices = wb.Problem([residual], ["pose", "betas", "trans"], blocks=[seen])
+# ...
+# solution = wb.solve(all_vertices, start | {"seen": noisy})
+# ```
+#
+# - A block is data or an unknown; a residual; a problem with what is free; a start, and solve.
+
 # %% [markdown]
 # This is as good as a fit can be: it takes {{ solution.iterations}} iterations, and the fit is *closer to the truth*
 # ({{ rms:.1f}} mm) than its data{{ abs(rms / (5 * np.sqrt(p / m)) - 1) < 0.1 }}. Why closer? It has $m = {{ m}}$
@@ -78,7 +99,16 @@ print(f"5 mm times the root of {p} / {m}: {5 * np.sqrt(p / m):.2f} mm")
 # follow the noise only in the {{ p}} directions in which the model can move, so that $\sigma^2 p$ of the squared
 # length remains in it. Divided by the $m$ coordinates, this is $\sigma^2 p / m$. So the error per coordinate is
 # $\sigma \sqrt{p/m}$, to first order.
+
+# %% slide [markdown]
+# ## Closer to the truth than its data
 #
+# $$ \text{error per coordinate} \approx \sigma \sqrt{p / m} $$
+#
+# - Noise of 5 mm, error of {{ rms:.1f}} mm: $m$ = {{ m:,}} equations, $p$ = {{ p }} unknowns
+# - The fit can follow the noise only in the $p$ directions in which the model can move.
+
+# %% [markdown]
 # ## Only the joints
 #
 # In practice nobody sees all vertices. So we take only the 24 joints, seen with the same noise, and do the same:
@@ -107,13 +137,30 @@ for name, residuals in (("joints alone", [at_joints]), ("joints and priors", [at
         f"by {distances(solution.values).mean():.0f} mm on average, worst beta off by {worst[name]:.1f}"
     )
 
+# %% slide [markdown]
+# ## Only the joints: {{ seen_joints.size }} equations for {{ p }} unknowns
+#
+# - Rank {{ ranks['joints alone']}} of {{ p }}; the joints are met to {{ met['joints alone']:.1f}} mm.
+# - *Less* than their noise of 5 mm: a warning, the unknowns follow the noise.
+# - One beta is off by {{ worst['joints alone']:.1f}} standard deviations.
+
 # %% [markdown]
 # Without priors, the joints are fitted to *less* than their noise. This is a bad sign: there are
 # {{ seen_joints.size}} equations for {{ p}} unknowns{{ met['joints alone'] < 5 }}, and the unknowns follow the noise.
 # As in lecture 8, the data determine only
 # some of the directions: the rank is {{ ranks['joints alone']}} of {{ p}}. The shape follows the noise as well, and
 # one beta is off by {{ worst['joints alone']:.1f}} standard deviations.
+
+# %% slide [markdown]
+# ## What we know apart from the data: priors
 #
+# $$ \frac{\theta}{0.25 \text{ rad}}, \qquad \frac{\beta}{1} $$
+#
+# - Residuals like all others; the rank is {{ ranks['joints and priors']}}.
+# - Worst beta: {{ worst['joints and priors']:.1f}} in place of {{ worst['joints alone']:.1f}} standard
+#   deviations
+
+# %% [markdown]
 # What we know apart from the data can be written as residuals too. Among people each beta is 0 on average,
 # with a standard deviation of 1; the angles of this lecture are 0 on average, with a standard deviation
 # of 0.25 rad. This gives the residuals $\theta / 0.25$ and $\beta / 1$, which are called **priors**. The
@@ -147,6 +194,13 @@ Picture(
     "full red ones are 40 mm away or more.",
 )
 
+# %% slide [markdown]
+# ## The shape is saved, the skin hardly
+#
+# - Surface off by {{ distances(fitted_to_joints['joints alone']).mean():.0f}} mm, with priors by
+#   {{ distances(fitted_to_joints['joints and priors']).mean():.0f}}
+# - Most of it: turns of bones that move no joint
+
 # %% [markdown]
 #
 # ## A camera
@@ -161,6 +215,14 @@ Picture(
 # (Note that $t$ is not the place at which the camera stands. It is the world's origin in the coordinates of the
 # camera.) The library's function has the same two divisions. It also bends the image as real lenses do, with five
 # coefficients that are zero here:
+
+# %% slide [markdown]
+# ## A camera divides by depth
+#
+# $$ R x + t = (X, Y, Z), \qquad u = f \frac{X}{Z} + c_x, \qquad v = f \frac{Y}{Z} + c_y $$
+#
+# - It measures pixels, and sees directions only.
+# - $t$ is not where the camera stands: it is the world's origin, seen from the camera.
 
 # %%
 source(project)
@@ -208,6 +270,14 @@ def by_cameras(which):
 # the person and fit twice: once from the same start as before, and once from a start that faces away from the
 # camera:
 
+# %% slide [markdown]
+# ## Keypoints: residuals in pixels
+#
+# $$ r = c\; \frac{\text{model} - \text{observation}}{\sigma} $$
+#
+# - $c$: the detector's confidence; doubtful keypoints count less.
+# - One camera, two starts: facing it, and facing away
+
 # %%
 one, numbers = by_cameras([0])
 ends, image_off = {}, {}
@@ -232,6 +302,13 @@ def facing(joint):
     G = body.kinematics.motion(values["pose"], values["betas"]).G
     return G[body.joint_names.index(joint)][2, 2]
 
+
+# %% slide [markdown]
+# ## Both fits converge, and both meet the image
+#
+# - Image off by {{ image_off["facing the camera"]:.1f}} and {{ image_off["facing away"]:.1f}} px; the
+#   detector's noise is 2 px.
+# - Costs: {{ ends["facing the camera"].cost:.1f}} and {{ ends["facing away"].cost:.1f}}
 
 # %% [markdown]
 # Both fits converged, and both reproduce the image to within the noise of the
@@ -258,6 +335,12 @@ Picture(
     "began facing away has turned its trunk towards the camera, but its lower legs still face away from it.",
 )
 
+# %% slide [markdown]
+# ## The same image from two bodies
+#
+# - Begun facing away, hips, knees and ankles are twisted: another minimum,
+#   {{ ends['facing away'].cost / ends['facing the camera'].cost:.1f}} times the cost
+
 # %% [markdown]
 # The fit that began facing away had to twist the body: hips, knees and ankles are turned so that the legs meet a
 # trunk that faces the other way. It ended in another minimum, at
@@ -265,7 +348,14 @@ Picture(
 # cost{{ facing('spine3') > 0.9 and max(facing('left_knee'), facing('right_knee')) < 0 }}. This is no error of
 # the solver, which only goes downhill. A fit to one image needs a good start. If we do not know which way the
 # person faces, we try several starts, and keep the fit with the lowest cost.
+
+# %% slide [markdown]
+# ## A fit to one image needs a good start
 #
+# - The solver only goes downhill: this is no error of the solver.
+# - Unknown which way the person faces? Try both, keep the lower cost.
+
+# %% [markdown]
 # ## Where to begin: similar triangles
 #
 # A good start also needs the distance of the person. Suppose that something is $H$ metres long, lies across the
@@ -278,6 +368,14 @@ Picture(
 # Image*](https://doi.org/10.1007/978-3-319-46454-1_34), 2016) finds its start in this way, from the trunk. It takes the
 # mean length $H$ of two distances, from the shoulder to the hip on each side, and the mean of their $h$. For a trunk
 # across the line of sight this is exact. How good is it when the person leans towards the camera?
+
+# %% slide [markdown]
+# ## Where to begin: similar triangles
+#
+# $$ Z = f\, \frac{H}{h} $$
+#
+# - Something $H$ m long, across the line of sight, looks $h$ px long.
+# - SMPLify takes the trunk: shoulders to hips, both sides.
 
 # %%
 names = body.joint_names
@@ -323,6 +421,12 @@ Picture(
     "is near.",
 )
 
+# %% slide [markdown]
+# ## A trunk that leans looks far away
+#
+# - At 30 degrees {{ 100 * (wide['from 4 m'][6] - 1):.0f}} to {{ 100 * (wide['from 80 m'][6] - 1):.0f}} % too
+#   far: good for a start, not for an answer
+
 # %% [markdown]
 # At 30 degrees the depth is {{ 100 * (wide['from 4 m'][6] - 1):.0f}} to {{ 100 * (wide['from 80 m'][6] - 1):.0f}} %
 # too large{{ (wide['from 4 m'][1:] < wide['from 80 m'][1:]).all() }}. This is good enough for a start, but it is not
@@ -334,6 +438,12 @@ Picture(
 # Now we look again at the fit that began facing the camera. In the image it agrees with the data to within the
 # noise. How does it look from the side? We compare it with fits to two and to four cameras, which stand around
 # the person:
+
+# %% slide [markdown]
+# ## And from the side?
+#
+# - In the image the fit to one camera agrees with the data, to the noise.
+# - Compare one, two and four cameras around the person.
 
 # %%
 results, off_by, spread = {}, {}, {}
@@ -351,6 +461,15 @@ for count in (1, 2, 4):
         f"{count} camera{'s' * (count > 1):1} joints off by {off[0]:3.0f}, {off[1]:3.0f}, "
         f"{off[2]:4.0f} mm across, up and in depth; sigma of trans {x:.0f}, {y:.0f}, {z:.0f} mm"
     )
+
+# %% slide [markdown]
+# ## One camera does not see depth
+#
+# | cameras | off across | up | in depth |
+# | --- | --- | --- | --- |
+# | 1 | {{ off_by[1][0]:.0f}} mm | {{ off_by[1][1]:.0f}} mm | {{ off_by[1][2]:.0f}} mm |
+# | 2 | {{ off_by[2][0]:.0f}} mm | {{ off_by[2][1]:.0f}} mm | {{ off_by[2][2]:.0f}} mm |
+# | 4 | {{ off_by[4][0]:.0f}} mm | {{ off_by[4][1]:.0f}} mm | {{ off_by[4][2]:.0f}} mm |
 
 # %%
 fitted = {count: body.joints(**found.values) for count, found in results.items()}
@@ -392,6 +511,17 @@ Picture(
     ),
 )
 
+# %% slide still [markdown]
+# ## Same image, another body
+#
+# - Left: three bodies on top of each other. Right: from the side, another depth and other bends
+
+# %% slide [markdown]
+# ## Look through each camera
+#
+# - Circles: what was seen. Lines: rays of all four cameras
+# - The fit to one camera misses the rays of the others.
+
 # %% [markdown]
 # The Jacobian predicts this without knowing the truth: with one camera, the standard deviation of the translation is
 # {{ spread[1][0]:.0f}} mm across the image, and {{ spread[1][2]:.0f}} mm in depth. Better data from one camera would
@@ -400,6 +530,13 @@ Picture(
 # Then $X$, $Y$ and $Z$ are all multiplied by it, so $X / Z$ stays the same, and so does every pixel. One camera
 # sees only the ratio of size and depth. Only the prior on the shape tells the two apart.
 
+# %% slide [markdown]
+# ## The Jacobian knows, without the truth
+#
+# - One camera: translation known to {{ spread[1][0]:.0f}} mm across, {{ spread[1][2]:.0f}} mm in depth
+# - Larger and further by the same factor: every pixel stays.{{ spread[1][2] > 5 * spread[1][0] }}
+# - Only the prior on the shape tells the two apart.
+
 # %%
 camera, numbers = cameras[0]
 centre = np.array([0, 0, DISTANCE])
@@ -407,6 +544,13 @@ for share in (1.05, 1.5):
     larger = centre + share * (joints - centre)
     moved = np.abs(camera.pixels(larger, numbers) - camera.pixels(joints, numbers)).max()
     print(f"{share:.2f} times as large and as far: pixels move by {moved:.0e} px")
+
+# %% slide [markdown]
+# ## 1.5 times as large and as far
+#
+# - Pixels move by nothing but rounding.{{ moved < 1e-10 }}
+# - So better data from one camera would not help much.
+# - Two cameras: off in depth by {{ off_by[2][2]:.0f}} mm in place of {{ off_by[1][2]:.0f}}
 
 # %% [markdown]
 # Two cameras that look in different directions can tell size and depth apart: the joints, which were off by
@@ -426,6 +570,14 @@ for share in (1.05, 1.5):
 # that matrix, and dividing this vector by its fourth entry gives $(x, 1)$. This is **triangulation** (Hartley and
 # Zisserman, [*Multiple View Geometry in Computer Vision*](https://doi.org/10.1017/CBO9780511811685), section 12.2):
 
+# %% slide [markdown]
+# ## A start for several cameras: triangulation
+#
+# $$ X - a Z = 0, \qquad Y - b Z = 0, \qquad (X, Y, Z) = P\, (x, 1) $$
+#
+# - Two equations for each camera, linear in the point; three unknowns
+# - The last column of $V$ of their matrix, over its fourth entry
+
 # %%
 numbers = {key: value for _, values in cameras for key, value in values.items()}
 each = [camera for camera, _ in cameras]
@@ -434,6 +586,13 @@ print(f"triangulated joints are off by {1e3 * np.sqrt(np.mean((points - joints) 
 motion = procrustes(rest, points)
 begun = np.sqrt(np.mean((motion(rest) - joints) ** 2))
 print(f"the body at rest, moved onto them: off by {1e3 * begun:.0f} mm")
+
+# %% slide [markdown]
+# ## Then one rigid motion: Procrustes
+#
+# - Triangulated joints are off by {{ 1e3 * np.sqrt(np.mean((points - joints) ** 2)):.0f}} mm.
+# - The body at rest, moved onto them: {{ 1e3 * begun:.0f}} mm, and facing the right way
+# - Subtract the means; then the rotation nearest to $\sum_i y_i x_i^\top$
 
 # %% [markdown]
 # The last line solves *Procrustes' problem*{{ np.sqrt(np.mean((points - joints) ** 2)) < begun < 0.1 }}: it finds the
@@ -455,3 +614,10 @@ print(f"the body at rest, moved onto them: off by {1e3 * begun:.0f} mm")
 #   faces away, and keep the fit with the lower cost. Size and depth cannot be told apart without a
 #   prior.
 # - Two cameras determine depth, and triangulation gives the start in closed form.
+
+# %% slide [markdown]
+# ## What to remember
+#
+# - All vertices: closer to the truth than the data, $\sigma \sqrt{p/m}$.
+# - Closer to the data than their noise is a warning; priors decide what data leave open.
+# - One camera: begin at $Z = f H / h$, try both ways round; two cameras determine depth.

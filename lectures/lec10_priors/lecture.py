@@ -31,6 +31,13 @@ pose, betas, trans = (block.symbol for block in body.blocks())
 # look for the poses of five people with a bent knee, which are drawn from a model of such recordings. (Below we shall
 # see which model.)
 
+# %% slide [markdown]
+# ## Few data: six joints, {{ 6 * 3 }} numbers for {{ 24 * 3 }}
+#
+# - Seen to 1 cm: wrists, ankles, head, pelvis
+# - Naive prior: each angle alone, 0.25 rad
+# - Learned prior: mean and covariance of recorded poses
+
 # %%
 seen_names = ("pelvis", "head", "left_wrist", "right_wrist", "left_ankle", "right_ankle")
 which = [names.index(name) for name in seen_names]
@@ -69,6 +76,16 @@ for name in off:
         f"others by {unseen_off[name]:.0f} mm"
     )
 
+# %% slide [markdown]
+# ## What was not seen gains most
+#
+# | prior | seen joints off by | others |
+# | --- | --- | --- |
+# | each angle alone | {{ seen_off['each angle alone']:.0f}} mm | {{ unseen_off['each angle alone']:.0f}} mm |
+# | a learned Gaussian | {{ seen_off['a learned Gaussian']:.0f}} mm | {{ unseen_off['a learned Gaussian']:.0f}} mm |
+#
+# - 1 cm in each coordinate is {{ 1e3 * 0.01 * np.sqrt(8 / np.pi):.0f}} mm of distance.
+
 # %% [markdown]
 # With the learned prior the fit meets what was seen to its noise (1 cm in each coordinate is
 # {{ 1e3 * 0.01 * np.sqrt(8 / np.pi):.0f}} mm of distance), with
@@ -84,6 +101,12 @@ for name in off:
 # may be: with $A$ the Jacobian of the ankle's place, the covariance of the place is $A (J^\top J)^{-1} A^\top$
 # (lecture 8), and its standard deviation is the root of the trace. If some direction of the pose changes no residual
 # and moves the ankle, it is infinite.
+
+# %% slide [markdown]
+# ## One keypoint is hidden
+#
+# - All joints are seen to 1 cm; then the left ankle and foot are behind a table.
+# - How far is the ankle off, and how far does the fit *say*: $A\, (J^\top J)^{-1} A^\top$
 
 # %%
 ankle = names.index("left_ankle")
@@ -157,6 +180,13 @@ Picture(
     "The grey line is the standard deviation that the first person's fit with prior gives for the hidden ankle.",
 )
 
+# %% slide [markdown]
+# ## The prior takes over where nothing is seen
+#
+# - Hidden without prior: off by {{ ankle_off['hidden', 'without prior'].min():.0f}} mm or more, deviation
+#   infinite
+# - With prior: deviation {{ deviation['hidden', 'with prior'].mean():.0f}} mm
+
 # %% [markdown]
 # While the ankle is seen, the prior hardly matters: the standard deviation is
 # {{ deviation['seen', 'without prior'].mean():.0f}} mm without it and {{ deviation['seen', 'with prior'].mean():.0f}}
@@ -166,9 +196,26 @@ Picture(
 # four people the error is within two of these. For the last one it is {{ in_sds[4]:.1f}} times as
 # large{{ (in_sds[:4] < 2).all() and in_sds[4] > 3 }}: these people were not drawn from
 # this prior, and a prior that does not suit its people is surer than it should be.
+
+# %% slide [markdown]
+# ## A prior that does not suit its people is too sure
 #
+# - Ankle seen: {{ deviation['seen', 'without prior'].mean():.0f}} mm without the prior,
+#   {{ deviation['seen', 'with prior'].mean():.0f}} with it; it hardly matters.
+# - Hidden: four people within two deviations, the last one {{ in_sds[4]:.1f}} times{{ (in_sds[:4] < 2).all() }}
+
+# %% [markdown]
+# ## What a prior is
+
+# %% slide [markdown]
 # ## What a prior is
 #
+# $$ (x - \mu)^\top C^{-1} (x - \mu) = \| L^{-1} (x - \mu) \|^2, \qquad C = L L^\top $$
+#
+# - Half of this squared **Mahalanobis distance** is its cost.
+# - **Whitening**: 69 correlated numbers become 69 that are not, each of deviation one.
+
+# %% [markdown]
 # The prior belief that $x$ is near $\mu$, with covariance $C$, costs half of the squared **Mahalanobis
 # distance**,
 #
@@ -187,6 +234,12 @@ Picture(
 # look at poses that are drawn from the prior, and at poses from the model of eight Gaussians that made our five
 # people:
 
+# %% slide [markdown]
+# ## Does it suit its poses?
+#
+# - Then squared distances follow $\chi^2$ with 69 degrees of freedom, mean 69.
+# - Nine in ten should be between {{ chi2.ppf(0.05, 69):.0f}} and {{ chi2.ppf(0.95, 69):.0f}}.
+
 # %%
 flat = drawn[:, 1:].reshape(len(drawn), -1)
 own = rng.multivariate_normal(mean, C, size=4000)
@@ -201,6 +254,15 @@ for name, poses in (("drawn from it", own), ("drawn from eight Gaussians", flat)
         f"{name:27} mean {d2.mean():5.1f}, between {low:.0f} and {high:.0f}: {100 * inside:.0f} %, "
         f"expected 90"
     )
+
+# %% slide [markdown]
+# ## Poses are not Gaussian
+#
+# - Drawn from the prior itself: mean {{ fits_prior['drawn from it'][0]:.0f}},
+#   {{ 100 * fits_prior['drawn from it'][1]:.0f}} % inside
+# - Drawn from a model of eight Gaussians: mean {{ fits_prior['drawn from eight Gaussians'][0]:.0f}},
+#   {{ 100 * fits_prior['drawn from eight Gaussians'][1]:.0f}} % inside
+# - People walk, sit, reach; nobody does what lies half-way.
 
 # %% [markdown]
 # ## One Gaussian is not enough
@@ -242,12 +304,27 @@ Picture(
     "tighter band and have deep bends apart; but they too know no hard stop.",
 )
 
+# %% slide [markdown]
+# ## Knees bent the wrong way
+#
+# - Backwards by 0.1 rad and more: {{ 100 * backwards['one Gaussian']:.1f}} % of one Gaussian's poses,
+#   {{ 100 * backwards['eight of them']:.1f}} % of eight Gaussians'
+# - Neither knows a hard stop.
+
 # %% [markdown]
 # (The log densities are taken under the mixture of eight, which favours its own samples; but a difference of
 # {{ likelihoods['eight of them'] - likelihoods['one Gaussian']:.0f}} means a factor of $e^{
 # {{ likelihoods['eight of them'] - likelihoods['one Gaussian']:.0f}}
 # }$.{{ 0 < backwards['eight of them'] < backwards['one Gaussian'] }})
+
+# %% slide [markdown]
+# ## A mixture is no sum of squares; its best component is
 #
+# $$ \min_j \left( \tfrac12 \|L_j^{-1} (x - \mu_j)\|^2 + \tfrac12 \log \det C_j - \log c_j \right) $$
+#
+# - SMPLify takes the *least* cost of a component in the place of $-\log \sum_j c_j N_j(x)$.
+
+# %% [markdown]
 # A **mixture** has $k$ Gaussians with shares $c_j$; its cost is $-\log \sum_j c_j N_j(x)$. That is no
 # sum of squares. [SMPLify](https://doi.org/10.1007/978-3-319-46454-1_34) takes the *least* cost of one component
 # instead of the sum:
@@ -261,6 +338,13 @@ Picture(
 #
 # $$ 0 \;\le\; \min_j(-\log c_j N_j) + \log \sum_j c_j N_j \;\le\; \log k . $$
 
+# %% slide [markdown]
+# ## Little is lost
+#
+# $$ 0 \;\le\; \min_j(-\log c_j N_j) + \log \sum_j c_j N_j \;\le\; \log k $$
+#
+# - The largest of $k$ terms is at most their sum, and at least a $k$-th of it.
+
 # %%
 dense = mixture.log_density(flat)
 loss = logsumexp(dense, axis=1) - dense.max(axis=1)
@@ -270,6 +354,12 @@ print(f"on 4000 poses: from {loss.min():.1e} to {loss.max():.3f}; log 8 = {np.lo
 # Here at most {{ loss.max():.3f}} is lost{{ -1e-9 < loss.min() and loss.max() < 0.1 * np.log(8) }}. The numbers
 # $\tfrac12 \log \det C_j$ and $-\log c_j$ do not move the minimum of a single component,
 # and are often forgotten. But they decide *which* component it is:
+
+# %% slide [markdown]
+# ## On 4000 poses: hardly anything
+#
+# - Lost at most {{ loss.max():.3f}}; the bound is $\log 8$ = {{ np.log(8):.2f}}.
+# - $\log \det C_j$ and $\log c_j$ move no minimum of one component, so they are often forgotten.
 
 # %%
 heights = np.array([0.5 * np.linalg.slogdet(c)[1] for c in mixture.covariances]) - np.log(
@@ -281,6 +371,13 @@ print(
     f"another component; the numbers range over {np.ptp(heights):.0f}"
 )
 
+# %% slide [markdown]
+# ## Forgotten numbers choose the component
+#
+# - They range over {{ np.ptp(heights):.0f}}.
+# - Without them {{ 100 * np.mean(without != dense.argmax(axis=1)):.0f}} % of the poses are given to another
+#   component.
+
 # %% [markdown]
 # Without them {{ 100 * np.mean(without != dense.argmax(axis=1)):.0f}} % of the poses change their component.
 #
@@ -288,6 +385,12 @@ print(
 #
 # Now all vertices are seen to 5 mm, but a tenth, a fifth or two fifths of them are wrong by 30 cm in each
 # coordinate. Least squares believe them all (the shape has its prior, the pose has none):
+
+# %% slide [markdown]
+# ## Wrong data: a tenth of the vertices off by 30 cm
+#
+# - All vertices seen, good ones to 5 mm
+# - Squares believe them all.
 
 # %%
 truth = {
@@ -342,6 +445,15 @@ for name, found in errors.items():
     said = (f"{100 * s:.0f} %: {e:.1f} mm" for s, e in zip(shares, found, strict=True))
     print(f"{name:14}", ", ".join(said))
 
+# %% slide [markdown]
+# ## Three losses, and a tenth of wrong vertices
+#
+# | wrong | squares | Huber | Geman-McClure |
+# | --- | --- | --- | --- |
+# | 0 % | {{ errors['squares'][0]:.1f}} mm | {{ errors['Huber'][0]:.1f}} mm | {{ errors['Geman-McClure'][0]:.1f}} mm |
+# | 10 % | {{ errors['squares'][1]:.0f}} mm | {{ errors['Huber'][1]:.1f}} mm | {{ errors['Geman-McClure'][1]:.1f}} mm |
+# | 40 % | {{ errors['squares'][3]:.0f}} mm | {{ errors['Huber'][3]:.1f}} mm | {{ errors['Geman-McClure'][3]:.1f}} mm |
+
 # %% [markdown]
 # Least squares believe all, and with a tenth of wrong vertices they are off by {{ errors['squares'][1]:.0f}} mm. The
 # other two lines (here {{ errors['Huber'][1]:.1f}} and {{ errors['Geman-McClure'][1]:.1f}}
@@ -361,6 +473,14 @@ for name, found in errors.items():
 # of the influence has the sign of $\sigma^2 - 3 x^2$. So the influence is largest at $x = \sigma / \sqrt 3$, where it is
 # $3 \sqrt 3 / (8 \sigma) \approx 0.65 / \sigma$, and then it falls to nothing. Data that are far off have no
 # effect.
+
+# %% slide [markdown]
+# ## What a residual costs, and how hard it pulls
+#
+# $$ \rho(x) = \frac{x^2}{\sigma^2 + x^2}, \qquad \rho' = \frac{2 \sigma^2 x}{(\sigma^2 + x^2)^2} $$
+#
+# - Huber: beyond a border all residuals pull alike.
+# - Geman and McClure: the **influence** $\rho'$ is largest at $\sigma / \sqrt 3$, then falls to nothing.
 
 # %%
 x = np.linspace(0, 5, 500)  # in sigmas
@@ -395,6 +515,11 @@ Picture(
     "from the first wrong vertices; Geman and McClure's loss hardly notices two fifths of them.",
 )
 
+# %% slide [markdown]
+# ## Squares suffer from the first wrong vertex
+#
+# - Geman and McClure's loss hardly notices two fifths of them.
+
 # %% [markdown]
 # ## For Gauss-Newton
 #
@@ -402,6 +527,14 @@ Picture(
 # given
 # $\tilde x = x / \sqrt{\sigma^2 + x^2}$, whose square is $\rho$: with the sign of $x$, and smooth at
 # zero. The library writes a kernel as the factor $g(s) = \sqrt{\rho / s}$ for $s = (x / \sigma)^2$:
+
+# %% slide [markdown]
+# ## For a least-squares solver
+#
+# $$ \tilde x = \frac{x}{\sqrt{\sigma^2 + x^2}}, \qquad \tilde x^2 = \rho(x) $$
+#
+# - With the sign of $x$, and smooth at zero
+# - The library writes a kernel as the factor by which a residual shrinks before it is squared.
 
 # %%
 source(wb.residuals.geman_mcclure)
@@ -415,6 +548,12 @@ source(wb.Residual.whitened)
 # A loss that ignores what is far off also ignores good data, if the fit begins far from them. So far
 # the third fit began where Huber's had ended. Begun at rest, where most vertices are decimetres off, or
 # 2 m away, where all of them are, it ends here:
+
+# %% slide [markdown]
+# ## The price: begin near
+#
+# - What ignores data that are far off ignores *good* data, too, if the fit begins far from them.
+# - So far it began where Huber's had ended.
 
 # %%
 begun_off = {}  # mm
@@ -430,6 +569,17 @@ for name, start in (
         f"iterations, skin off by {error:.1f} mm"
     )
 
+# %% slide [markdown]
+# ## Three starts, three ends, all converged
+#
+# | begun | skin off by |
+# | --- | --- |
+# | at rest | {{ begun_off['at rest']:.0f}} mm |
+# | 2 m away | {{ begun_off['2 m away']:.0f}} mm |
+# | where Huber's ended | {{ begun_off["where Huber's ended"]:.1f}} mm |
+#
+# - Most of the body can be an outlier. So fit in stages.
+
 # %% [markdown]
 # The first two have converged, truly: their gradients are zero. But they leave the skin {{ begun_off['at rest']:.0f}}
 # and {{ begun_off['2 m away']:.0f}} mm off, and the third {{ begun_off["where Huber's ended"]:.1f}}
@@ -438,7 +588,15 @@ for name, start in (
 # such a loss, which has a minimum where only the rest is met. Therefore one fits in stages: first with
 # a loss on which all data have an effect, or with a large $\sigma$, and then with the loss that is
 # wanted.
+
+# %% slide [markdown]
+# ## Weights have units
 #
+# - $\sigma^2 x^2 / (\sigma^2 + x^2)$ or $x^2 / (\sigma^2 + x^2)$: with $\sigma = 100$ px they differ by $10^4$.
+# - The weight of a prior belongs to one of the two.
+# - SMPLify's weights multiply *residuals*: 4.78 is {{ 4.78**2:.1f}} in the energy.
+
+# %% [markdown]
 # ## Weights have units
 #
 # SMPLify writes $\sigma^2 x^2 / (\sigma^2 + x^2)$, which for small $x$ is $x^2$ in pixels squared. The
@@ -461,6 +619,13 @@ print(
     f"with sigma^2: {angle_with(100**2):.3f} rad; without it and with the same weight: {angle_with(1):.3f} rad"
 )
 
+# %% slide [markdown]
+# ## A copied weight, and the answer is gone
+#
+# - An angle seen as 0.8 rad: with $\sigma^2$ {{ angle_with(100**2):.2f}} rad, without {{ angle_with(1):.3f}}
+#   rad
+# - The library has no weights: a residual of one sigma costs one half, whatever it is made of.
+
 # %% [markdown]
 # So the answer of 0.8 rad becomes {{ angle_with(1):.3f}}
 # rad{{ abs(angle_with(100**2) - 0.8) < 0.01 > angle_with(1) }}. The library avoids weights: each residual has a sigma
@@ -475,3 +640,10 @@ print(
 # - A robust loss bounds the pull of a residual. Geman and McClure's ignores what is far off, so begin
 #   near, or in stages.
 # - Ask for the unit of a weight before you copy it.
+
+# %% slide [markdown]
+# ## What to remember
+#
+# - A prior is a residual, $L^{-1} (x - \mu)$; correlations say much about what was not seen.
+# - Poses are no single Gaussian; keep $\log \det$ and the shares.
+# - A robust loss bounds the pull: begin near, or in stages. Ask for the unit of a weight.

@@ -30,6 +30,12 @@ from workbench.plots import house_style, sheet
 # Rosenbrock's valley is the least-squares problem of $10\,(x_2 - x_1^2)$ and $1 - x_1$, from
 # $(-1.2, 1)$. The helical valley is another problem of that age. Which solver is better?
 
+# %% slide [markdown]
+# ## More than twenty solvers, each the best in its paper
+#
+# - Four of them, sixteen classical problems
+# - Rosenbrock's valley: $10\,(x_2 - x_1^2)$ and $1 - x_1$, from $(-1.2, 1)$
+
 # %%
 NAMES = ("gauss-newton", "levenberg-marquardt", "dogleg", "nlopt-lbfgs")
 every = {one.name.removeprefix("more-wild-"): one for one in MORE_WILD}
@@ -72,6 +78,16 @@ for name in ("rosenbrock", "helical-valley"):
     print(name)
     table(name)
 
+# %% slide [markdown]
+# ## Who has the fewest iterations? It depends
+#
+# | iterations | Rosenbrock | helical valley |
+# | --- | --- | --- |
+# | Gauss-Newton | {{ solutions["rosenbrock", NAMES[0]].iterations}} | {{ solutions["helical-valley", NAMES[0]].iterations}} |
+# | Levenberg-Marquardt | {{ solutions["rosenbrock", NAMES[1]].iterations}} | {{ solutions["helical-valley", NAMES[1]].iterations}} |
+# | dogleg | {{ solutions["rosenbrock", NAMES[2]].iterations}} | {{ solutions["helical-valley", NAMES[2]].iterations}} |
+# | L-BFGS | {{ solutions["rosenbrock", NAMES[3]].iterations}} | {{ solutions["helical-valley", NAMES[3]].iterations}} |
+
 # %% [markdown]
 # On the first Gauss-Newton has the fewest iterations, on the second
 # Levenberg-Marquardt{{ [min(NAMES, key=lambda s: solutions[name, s].iterations) for name in ('rosenbrock', 'helical-valley')] == list(NAMES[:2]) }}.
@@ -82,10 +98,26 @@ for name in ("rosenbrock", "helical-valley"):
 # cost of {{ solutions['rosenbrock', 'nlopt-lbfgs'].cost:.0e}}, and says that it
 # stalled{{ solutions['rosenbrock', 'nlopt-lbfgs'].status.name == 'STALLED' }}. The opposite is worse:
 
+# %% slide [markdown]
+# ## An iteration is not the same thing twice
+#
+# - Gauss-Newton may try many steps in one; L-BFGS takes no Jacobian at all.
+# - L-BFGS at a cost of {{ solutions['rosenbrock', 'nlopt-lbfgs'].cost:.0e}}: it says
+#   `{{ solutions['rosenbrock', 'nlopt-lbfgs'].status.name }}`.
+# - The opposite is worse.
+
 # %%
 for name in ("bard-far", "freudenstein-roth"):
     print(f"{name}, least cost known {setups[name].known.cost:.2e}")
     table(name)
+
+# %% slide [markdown]
+# ## "Converged", to the wrong place
+#
+# - Freudenstein-Roth: {{ sum(solutions['freudenstein-roth', s].status.name == 'CONVERGED' for s in NAMES)}}
+#   of four say `CONVERGED` at {{ solutions['freudenstein-roth', 'dogleg'].cost:.1f}};
+#   {{ setups['freudenstein-roth'].known.cost:.0f}} can be reached.
+# - They are not wrong: a *stationary point* is all that they can see.
 
 # %% [markdown]
 # On the second problem {{ sum(solutions['freudenstein-roth', s].status.name == 'CONVERGED' for s in NAMES)}} of the
@@ -98,7 +130,14 @@ for name in ("bard-far", "freudenstein-roth"):
 # `{{ solutions['bard-far', 'gauss-newton'].status.name}}`{{ solutions['bard-far', 'gauss-newton'].diverging != () }}.
 # So whoever counts
 # "converged" counts all stationary points, and whoever compares times lets a solver win by stopping early.
+
+# %% slide [markdown]
+# ## Two ways to be misled
 #
+# - Count "converged", and you count all stationary points.
+# - Compare times, and a solver wins by stopping early.
+
+# %% [markdown]
 # ## Counting what was spent
 #
 # A fair comparison needs a common currency. The workbench counts what each solver asked for, whatever it
@@ -106,6 +145,14 @@ for name in ("bard-far", "freudenstein-roth"):
 # the program, whatever the number of unknowns), and a Jacobian $n$, one residual for each unknown, as
 # finite differences need them.
 # These prices are a choice, and one that is easily made in somebody's favour; so it has to be said.
+
+
+# %% slide [markdown]
+# ## A common currency
+#
+# - Residual: 1. Gradient: 4. Jacobian: $n$
+# - Count what each solver *asked for*, whatever it says.
+# - Prices are a choice; so they have to be said.
 
 
 # %%
@@ -165,6 +212,17 @@ Picture(
     lambda: race_page({name: plane(name) for name in ("rosenbrock", "freudenstein-roth")}, 1e-5),
 )
 
+# %% slide still [markdown]
+# ## Who is ahead changes on the way
+#
+# - Left, all arrive; right, two do. The grey line is a target, the same for all.
+
+# %% slide [markdown]
+# ## Run the race
+#
+# - Effort in residuals; the same target for everybody
+# - Freudenstein-Roth: where do they end?
+
 # %% [markdown]
 # ## Targets
 #
@@ -178,6 +236,14 @@ Picture(
 #
 # and its effort is what it had spent by then, or infinite if it never meets the target. The workbench
 # does the same, with room for rounding:
+
+# %% slide [markdown]
+# ## Targets
+#
+# $$ f - f^* \le \tau\, (f_0 - f^*) $$
+#
+# - $f^*$: the lowest cost known, from anybody; $f_0$: the cost at the start
+# - Effort: what was spent by then, **infinite** if the target is never met
 
 # %%
 source(ReferenceCosts.target)
@@ -206,6 +272,16 @@ means = [times[m, s].mean() for s, m in enumerate(met.T)]
 print(f"{'mean where it was met':24}" + "".join(f"{mean:21.0f}" for mean in means))
 print(f"{'median, - as infinite':24}" + "".join(f"{t:21.0f}" for t in np.median(times, axis=0)))
 
+# %% slide [markdown]
+# ## Sixteen problems, $\tau = 10^{-5}$
+#
+# | | met | mean where met | median, failures infinite |
+# | --- | --- | --- | --- |
+# | Gauss-Newton | {{ met.sum(axis=0)[0]}} | {{ means[0]:.0f}} | {{ np.median(times, axis=0)[0]:.0f}} |
+# | Levenberg-Marquardt | {{ met.sum(axis=0)[1]}} | {{ means[1]:.0f}} | {{ np.median(times, axis=0)[1]:.0f}} |
+# | dogleg | {{ met.sum(axis=0)[2]}} | {{ means[2]:.0f}} | {{ np.median(times, axis=0)[2]:.0f}} |
+# | L-BFGS | {{ met.sum(axis=0)[3]}} | {{ means[3]:.0f}} | {{ np.median(times, axis=0)[3]:.0f}} |
+
 # %% [markdown]
 # Look at the last lines. By the **mean over the problems that were solved** Gauss-Newton takes
 # {{ means[0] / means[2]:.1f}} times as long as the dogleg, by the median
@@ -214,7 +290,17 @@ print(f"{'median, - as infinite':24}" + "".join(f"{t:21.0f}" for t in np.median(
 # mean{{ met.sum(axis=0)[0] < met.sum(axis=0)[2] < len(PROBLEMS) }}. Such a mean also leaves out the problems on which
 # a solver fails, which are often the hard ones.
 # The median, with failures as infinite, has neither fault, but it is a single number.
+
+# %% slide [markdown]
+# ## Take no mean over successes
 #
+# - One problem, brown-dennis, is
+#   {{ 100 * times[PROBLEMS.index('brown-dennis'), 0] / times[met[:, 0], 0].sum():.0f}} % of Gauss-Newton's
+#   mean.
+# - A mean leaves out the problems on which a solver fails: often the hard ones.
+# - A median with failures as infinite has neither fault, and is one number.
+
+# %% [markdown]
 # One target is not enough either. The far start of freudenstein-roth costs so much that $10^{-5}$ of
 # the way is met at the wrong stationary point. Closer targets show it:
 
@@ -226,6 +312,13 @@ for tau in TAUS:
         + ", ".join(f"{s} {k}" for s, k in zip(NAMES, count, strict=True))
         + " of 16"
     )
+
+# %% slide [markdown]
+# ## One target is not enough
+#
+# - Met at $10^{-5}$ by the dogleg: {{ np.isfinite(needed(1e-5)).sum(axis=0)[2]}}; at {{ TAUS[-1]:g}}:
+#   {{ np.isfinite(needed(TAUS[-1])).sum(axis=0)[2]}} of 16
+# - From a far start, $10^{-5}$ of the way is met at a wrong stationary point.
 
 # %% [markdown]
 # At the closest target {{ np.isfinite(needed(TAUS[-1])).sum(axis=0).max()}} of the 16 are met at
@@ -243,6 +336,14 @@ for tau in TAUS:
 # says how often $s$ is within a factor $\alpha$ of the best. As a function of $\alpha$ it is called the
 # **performance profile** of $s$. At $\alpha = 1$ it says how often $s$ *is* the best. Far to the right it says how
 # often $s$ meets the target at all.
+
+# %% slide [markdown]
+# ## Performance profiles
+#
+# $$ \rho_s(\alpha) = \text{share of all problems on which } \frac{t_{ps}}{\min_s t_{ps}} \le \alpha $$
+#
+# - How often is $s$ within a factor $\alpha$ of the best?
+# - $\alpha = 1$: how often it *is* the best. Far right: how often it arrives at all
 
 # %%
 source(ratios)
@@ -274,6 +375,13 @@ Picture(
     "Gauss-Newton the least reliable.",
 )
 
+# %% slide [markdown]
+# ## Quick at the left, reliable at the right
+#
+# - Levenberg-Marquardt is the quickest on {{ 100 * shares[0, 1]:.0f}} %, L-BFGS on
+#   {{ 100 * shares[0, 3]:.0f}} %, and it arrives as often as the
+#   dogleg.{{ met.sum(axis=0)[3] == met.sum(axis=0)[2] }}
+
 # %% [markdown]
 # ## What a profile does not say
 #
@@ -296,6 +404,14 @@ for kept in (NAMES, NAMES[:2] + NAMES[3:], NAMES[1:]):
     )
     print(f"quickest among {len(kept)}: {told}")
 
+# %% slide [markdown]
+# ## A profile of many solvers is no ranking
+#
+# - The ratio is to the best *of those present*: take one out, and the others move.
+# - Without the dogleg, Gauss-Newton is the quickest on {{ 100 * quickest[3][0]:.0f}} % in place of
+#   {{ 100 * quickest[4][0]:.0f}} %.
+# - Which of two is better? Compare these two alone.
+
 # %% [markdown]
 # Without the dogleg, Gauss-Newton's share rises from {{ 100 * quickest[4][0]:.0f}} to {{ 100 * quickest[3][0]:.0f}}
 # %{{ quickest[3][0] >= quickest[4][0] }}. Prices matter, too. A Jacobian may be as cheap as one residual, where both
@@ -317,6 +433,13 @@ for price, said in ((1, "1 residual"), (10, "10 residuals")):
         f"a Jacobian for {said:12}: quickest "
         + ", ".join(f"{s} {100 * share:.0f} %" for s, share in zip(NAMES, first, strict=True))
     )
+
+# %% slide [markdown]
+# ## Prices matter, too
+#
+# - A Jacobian for ten residuals: Levenberg-Marquardt is the quickest on {{ 100 * first[1]:.0f}} %, L-BFGS on
+#   {{ 100 * first[3]:.0f}} %.
+# - At the price of $n$: {{ 100 * quickest[4][1]:.0f}} % and {{ 100 * quickest[4][3]:.0f}} %
 
 # %% [markdown]
 # (Shares may add up to more than 100 %, because two solvers can be the quickest at once.)
@@ -343,6 +466,14 @@ for price, said in ((1, "1 residual"), (10, "10 residuals")):
 # The interval that is usually taken, $\hat p \pm z \sqrt{\hat p (1 - \hat p) / n}$, puts $\hat p$ in the place of $p$
 # in the standard deviation, and so it shrinks to a point: at 0 and at $n$ successes.
 
+# %% slide [markdown]
+# ## Chance: a share has an interval
+#
+# $$ (\hat p - p)^2 \le z^2\, \frac{p (1 - p)}{n} $$
+#
+# - Wilson, 1927: all $p$ for which $\hat p = k/n$ is within $z = 1.96$ deviations
+# - The usual $\hat p \pm z \sqrt{\hat p (1 - \hat p) / n}$ shrinks to a point at 0 and at $n$.
+
 # %%
 source(wilson)
 
@@ -353,6 +484,18 @@ for solver, found in zip(NAMES, intervals, strict=True):
         f"{solver:20} meets the target on {100 * found.value:3.0f} % of such problems, "
         f"between {100 * found.low:.0f} and {100 * found.high:.0f} %"
     )
+
+# %% slide [markdown]
+# ## Sixteen problems do not tell who is the most reliable
+#
+# | | met | between |
+# | --- | --- | --- |
+# | Gauss-Newton | {{ 100 * intervals[0].value:.0f}} % | {{ 100 * intervals[0].low:.0f}} and {{ 100 * intervals[0].high:.0f}} % |
+# | Levenberg-Marquardt | {{ 100 * intervals[1].value:.0f}} % | {{ 100 * intervals[1].low:.0f}} and {{ 100 * intervals[1].high:.0f}} % |
+# | dogleg | {{ 100 * intervals[2].value:.0f}} % | {{ 100 * intervals[2].low:.0f}} and {{ 100 * intervals[2].high:.0f}} % |
+# | L-BFGS | {{ 100 * intervals[3].value:.0f}} % | {{ 100 * intervals[3].low:.0f}} and {{ 100 * intervals[3].high:.0f}} % |
+#
+# - All overlap. That is a result, too.
 
 # %% [markdown]
 # The intervals overlap{{ max(one.low for one in intervals) < min(one.high for one in intervals) }}: sixteen problems
@@ -385,6 +528,13 @@ for interval in (wilson, rate):
         f"in {100 * worst(interval, 3):.1f} % of the cases"
     )
 
+# %% slide [markdown]
+# ## Intervals, where they do worst
+#
+# - Three trials: Wilson's covers the truth in {{ 100 * worst(wilson, 3):.0f}} % of the cases, Clopper and
+#   Pearson's in {{ 100 * worst(rate, 3):.0f}} %.
+# - All of this counts *independent* trials: ten starts are not ten problems.
+
 # %% [markdown]
 # Wilson's covers it in {{ 100 * worst(wilson, 3):.0f}} % of the cases. `rate` is the interval of [Clopper and
 # Pearson](https://doi.org/10.1093/biomet/26.4.404) (1934), which promises 95 % whatever the share is, and is wider for
@@ -397,7 +547,15 @@ for interval in (wilson, rate):
 # Walther ([*Evaluating Derivatives*](https://doi.org/10.1137/1.9780898717761), 2008) for any program, and n + 1 for
 # residual and Jacobian together, what differences would take. Times rank no solver: seconds stand beside the counts,
 # with their spread.
+
+# %% slide [markdown]
+# ## What `workbench compare` does
 #
+# - Each run in a process of its own; intervals of Clopper and Pearson
+# - Pairs are tested on problems, not on starts.
+# - Prices are printed; seconds stand beside counts and rank nobody.
+
+# %% [markdown]
 # ## When not every point is allowed
 #
 # So far every point was allowed. Now eight markers were turned by 90 degrees, and we look for the turn as a
@@ -406,6 +564,14 @@ for interval in (wilson, rate):
 # linearized equations into each step, and IPOPT, an interior-point method (Waechter and Biegler, [*On the
 # implementation of an interior-point filter line-search algorithm*](https://doi.org/10.1007/s10107-004-0559-y), 2006).
 # The same turn as a rotation vector, three numbers, needs no equations, and all six can be asked.
+
+# %% slide [markdown]
+# ## When not every point is allowed
+#
+# $$ \min_R \|R x - y\|^2 \quad \text{with} \quad R^\top R = I $$
+#
+# - Nine numbers and six equations, or three numbers and none
+# - Four solvers refuse the equations; SQP and IPOPT take them.
 
 # %%
 rng = np.random.default_rng(0)
@@ -458,6 +624,15 @@ turns_found = [
     for (form, _), one in answers.items()
 ]
 
+# %% slide [markdown]
+# ## Six answers with three numbers, two with nine
+#
+# - SQP: {{ answers["nine numbers", "sqp"].iterations}} iterations with nine numbers,
+#   {{ answers["three numbers", "sqp"].iterations}} with three
+# - IPOPT: {{ answers["nine numbers", "ipopt"].iterations}} and
+#   {{ answers["three numbers", "ipopt"].iterations}}
+# - All find the same turn.{{ np.ptp(turns_found, axis=0).max() < 1e-5 }}
+
 # %% [markdown]
 # All that answer find the same
 # turn{{ {solver for form, solver in answers if form == 'nine numbers'} == {'sqp', 'ipopt'} and len(answers) == 8 and np.ptp(turns_found, axis=0).max() < 1e-5 }}.
@@ -488,6 +663,12 @@ Picture(
     "leaves the rotations, and the later ones come back to them.",
 )
 
+# %% slide [markdown]
+# ## Rotations at the end, and nowhere in between
+#
+# - Largest entry of $R^\top R - I$ on the way: {{ max(off_rotation["sqp"]):.1f}} (SQP),
+#   {{ max(off_rotation["ipopt"]):.1f}} (IPOPT)
+
 # %% [markdown]
 # Whoever only wants a rotation is better off with three numbers
 # here{{ all(way[0] == 0 and way[-1] < 1e-6 < min(way[1:-1]) for way in off_rotation.values()) }}: fewer unknowns, no
@@ -506,3 +687,10 @@ Picture(
 # - A share of a few problems has an interval. State it.
 # - Bounds and equations are taken by few solvers. The others refuse the problem; none of them ignores an
 #   equation.
+
+# %% slide [markdown]
+# ## What to remember
+#
+# - Do not rely on what a solver says of itself. Targets from the best known cost, effort in one currency
+# - Failures are infinite. A profile shows who is quick and who is reliable, and ranks no crowd.
+# - A share of a few problems has an interval. State it.

@@ -15,8 +15,8 @@ import numpy as np
 import workbench as wb
 from workbench.course import Picture, source
 from workbench.experiments import find
+from workbench.lectures.material.replays import recorded_bodies
 from workbench.plots import house_style, sheet
-from workbench.reports.replay.sequences import recorded_bodies
 from workbench.sampling import laplace, sample
 from workbench.sampling.mixing import integrated_time
 
@@ -32,6 +32,14 @@ from workbench.sampling.mixing import integrated_time
 # to the right of the elbow: the wrist is $l \cos \varphi$ to the right of the elbow and $l \sin \varphi$ further
 # away than the elbow. A detector finds it with an error of $\sigma = 3$ px. Before we see the image, we know that
 # $\varphi$ is 0 on average, with a standard deviation of $\sigma_0 = 0.6$ rad.
+
+# %% slide [markdown]
+# ## A forearm in one image
+#
+# $$ u(\varphi) = \frac{F\, l \cos \varphi}{D + l \sin \varphi} $$
+#
+# - One camera, 5 m away; the forearm is turned out of the image by $\varphi$.
+# - Seen to 3 px; before that, $\varphi$ is 0 with a deviation of 0.6 rad.
 
 # %%
 F, D, LENGTH = 1000.0, 5.0, 0.25  # px, m, m
@@ -55,6 +63,12 @@ grid = np.linspace(-3, 3, 1001)
 best = grid[np.argmin(cost(grid, seen))]
 print(f"seen at {seen:.1f} px; least squares: {best:.2f} rad; the truth: {truth} rad")
 
+# %% slide [markdown]
+# ## Least squares answers with one angle
+#
+# - Seen at {{ seen:.1f}} px: {{ best:.2f}} rad. The truth: {{ truth}} rad
+# - Is it off by much, or as little as one may hope?
+
 # %% [markdown]
 # ## What a cost means
 #
@@ -70,7 +84,16 @@ print(f"seen at {seen:.1f} px; least squares: {best:.2f} rad; the truth: {truth}
 # squares of the residuals $(u(\varphi) - \hat u) / \sigma$ and $\varphi / \sigma_0$. That is why the workbench divides
 # each residual by its sigma: the cost *is* minus the logarithm of the posterior, up to a constant. The least cost is
 # the highest point of the posterior.
+
+# %% slide [markdown]
+# ## What a cost means
 #
+# $$ p(\varphi \mid \hat u) \propto e^{-(u(\varphi) - \hat u)^2 / (2 \sigma^2)}\; e^{-\varphi^2 / (2 \sigma_0^2)} = e^{-\text{cost}} $$
+#
+# - **Posterior**: how probable each angle is, now that the image was seen
+# - That is why each residual is divided by its sigma.
+
+# %% [markdown]
 # ## An error bar, the usual way
 #
 # Let $\hat \varphi$ be the angle with the least cost. Near it, the vector of whitened residuals is nearly linear,
@@ -92,6 +115,14 @@ print(f"seen at {seen:.1f} px; least squares: {best:.2f} rad; the truth: {truth}
 # the solver has computed $J$ already. For our forearm:
 
 
+# %% slide [markdown]
+# ## An error bar, the usual way: Laplace
+#
+# $$ \text{cost} \approx \text{const} + \tfrac12 (\varphi - \hat \varphi)^\top J^\top J\, (\varphi - \hat \varphi), \qquad C = (J^\top J)^{-1} $$
+#
+# - A Gaussian in place of the posterior; the solver has $J$ already.
+
+
 # %%
 def slope(phi):
     """The derivative of `pixel`, px/rad."""
@@ -106,6 +137,12 @@ def bar(phi):
 
 
 print(f"{best:.2f} +- {bar(best):.2f} rad")
+
+# %% slide [markdown]
+# ## The bar for our forearm
+#
+# - {{ best:.2f}} ± {{ bar(best):.2f}} rad
+# - Try it: a thousand angles, images, fits. A 90 % interval should hold the truth 900 times.
 
 # %% [markdown]
 # Is this error bar right? A 90 % interval should hold the truth nine times out of ten. We can try this. We draw an
@@ -145,6 +182,12 @@ Picture(
     "further out: two answers, and Laplace knows the higher one only.",
 )
 
+# %% slide [markdown]
+# ## 90 % intervals hold the truth {{ 100 * inside.mean():.0f}} times in 100
+#
+# - Further out there are two answers, and Laplace knows one.
+# - The wrong side of the image plane: {{ 100 * wrong.mean():.0f}} in 100
+
 # %% [markdown]
 # So 90 % intervals held the truth {{ 100 * inside.mean():.0f}} times out of 100{{ inside.mean() < 0.8 }}. One camera
 # hardly tells whether a bone points towards it or away from it: the images differ by perspective alone, less than the
@@ -152,7 +195,15 @@ Picture(
 # Least squares
 # finds one of them, and Laplace's bar is the width of that one. Nothing in the Jacobian warns of the other one,
 # because the Jacobian is computed at a single point.
+
+# %% slide [markdown]
+# ## Nothing in the Jacobian warns
 #
+# - Towards the camera or away: the images differ by less than the detector's
+#   error.{{ abs(pixel(0.5) - pixel(-0.5)) < SIGMA }}
+# - Two peaks, called **modes**. The Jacobian is computed at a single point.
+
+# %% [markdown]
 # ## The truth, for two unknowns
 #
 # For one angle we could compute the posterior on a grid. For two angles this is still possible, so that we still
@@ -161,6 +212,12 @@ Picture(
 # depth. In the code, `one.costs(x, given, None)` is a function that answers the costs at many points at once, one in
 # each row. A row replaces entries of the point `x`, and with None it replaces all of them, so that it does not matter
 # what `x` is. The second argument holds the numbers that are not free, and here there are none.
+
+# %% slide [markdown]
+# ## Two angles, so that the truth is still known
+#
+# - Upper arm and forearm, each turned out of the image
+# - A grid of 121 by 121 points says what the posterior is.
 
 # %%
 arm = wb.Block("angles", (2,), "rad", ("upper arm", "forearm"))
@@ -203,6 +260,16 @@ print("another minimum      ", other.values["angles"].round(2), "rad, cost", rou
 print("Laplace's deviations ", approximation.sd.round(2), "rad")
 print("those of the grid    ", exact_sd.round(2), "rad")
 
+# %% slide [markdown]
+# ## The lowest cost belongs to the wrong answer
+#
+# - Found: {{ found.values['angles'][0]:.2f}}, {{ found.values['angles'][1]:.2f}} rad at {{ found.cost:.2f}};
+#   near the truth: {{ other.values['angles'][0]:.2f}}, {{ other.values['angles'][1]:.2f}} at
+#   {{ other.cost:.2f}}
+# - Laplace's deviations are too small by {{ (exact_sd / approximation.sd)[0]:.1f}} and
+#   {{ (exact_sd / approximation.sd)[1]:.1f}} times.
+# - No better solver would have helped.
+
 # %% [markdown]
 # Least squares has found a forearm that points away from the camera, although it points towards it, *at a lower cost
 # than the right one* ({{ found.cost:.2f}} and
@@ -217,7 +284,15 @@ print("those of the grid    ", exact_sd.round(2), "rad")
 # computer can do that. What can be done is to *draw* from the posterior: to make a list of poses, in which each
 # pose appears the more often, the more probable it is. Every question then becomes a count. (How probable is it
 # that the arm points away? Count the poses in which it does.)
+
+# %% slide [markdown]
+# ## Draws: every question becomes a count
 #
+# - A body has 82 numbers: a grid has $121^{82}$ points.
+# - A list in which a pose appears the more often, the more probable it is
+# - Does the arm point away? Count.
+
+# %% [markdown]
 # The oldest method to make such a list is that of Metropolis and others ([*Equation of State Calculations by Fast
 # Computing Machines*](https://doi.org/10.1063/1.1699114), 1953). It needs the density only up to a constant factor. At
 # each point of the list, it proposes a random step. If the density is higher there, the step is taken. If it is lower,
@@ -254,6 +329,20 @@ for size in (0.05, 1.5):
         f"by the grid {100 * right:.0f} %"
     )
 
+# %% slide [markdown]
+# ## Metropolis, 1953
+#
+# - Propose a random step. Higher density: take it.
+# - Lower: take it with the probability $p(\text{new}) / p(\text{old})$, else count the old point *again*.
+#
+# ```python
+# y = x + size * rng.standard_normal(len(x))
+# there = log_p(y)
+# if np.log(rng.uniform()) < there - here:
+#     x, here = y, there
+# chain.append(x)
+# ```
+
 # %% [markdown]
 # With short steps the chain has not left the mode in which it began: {{ (chains[0.05] < 0).sum() or 'none'}} of its
 # 4000 draws is in the other one.
@@ -274,6 +363,13 @@ Picture(
     "there is anything to find below. The other one crosses it many times.",
 )
 
+# %% slide [markdown]
+# ## Short steps never see the other mode
+#
+# - 0.05 rad: {{ 100 * (chains[0.05] > 0).mean():.0f}} % point away; by the grid {{ 100 * right:.0f}} %. 1.5
+#   rad: {{ 100 * (chains[1.5] > 0).mean():.0f}} %
+# - Nothing in the left chain says so.
+
 # %% [markdown]
 # With long ones {{ 100 * (chains[1.5] > 0).mean():.0f}} % of the draws are above the line, and by the grid
 # {{ 100 * right:.0f}} %{{ (np.diff(np.sign(chains[1.5][:1000])) != 0).sum() > 20 }}. How large should a step be, and
@@ -292,7 +388,16 @@ Picture(
 # in $k$ dimensions. The number $z$ is drawn between $\tfrac12$ and $2$, and not uniformly but with the density
 #
 # $$ g(z) \propto \frac{1}{\sqrt z} . $$
+
+# %% slide [markdown]
+# ## Walkers that learn from each other
 #
+# $$ y = x_j + z\,(x - x_j), \quad \text{taken with } \min\left(1,\; z^{k-1}\, \frac{p(y)}{p(x)}\right) $$
+#
+# - The **stretch move**: along the line through another walker, with $g(z) \propto 1 / \sqrt z$
+# - Size and direction come from the walkers; units do not matter.
+
+# %% [markdown]
 # Why this density, and why the factor $z^{k-1}$? The draws follow $p$ if, in the long run, walkers go from $x$ to
 # $y$ as often as they go from $y$ to $x$. We measure where a walker is by its direction from $x_j$, which does not
 # change, and its distance $r$ from $x_j$. In $k$ dimensions the walkers with distances from $r$ to $r + dr$ fill a
@@ -316,7 +421,16 @@ Picture(
 # $A = z^{k-2}\, \frac{g(1/z)}{g(z)}\, \frac{p(y)}{p(x)}$. For the density above $g(1/z) = z\, g(z)$, and the factor
 # becomes $z^{k-1}$. If $z$ is drawn uniformly instead, $g(1/z) = g(z)$, and the right factor is $z^{k-2}$. What
 # happens to somebody who draws $z$ uniformly but keeps $z^{k-1}$?
+
+# %% slide [markdown]
+# ## Why $z^{k-1}$?
 #
+# $$ A = z^{k-2}\, \frac{g(1/z)}{g(z)}\, \frac{p(y)}{p(x)} $$
+#
+# - As many from $x$ to $y$ as back; at the distance $r$ there is a volume of $r^{k-1} dr$.
+# - $g(1/z) = z\, g(z)$ gives $z^{k-1}$; a uniform $z$ would need $z^{k-2}$.
+
+# %% [markdown]
 # We try both on a Gaussian in two dimensions whose
 # standard deviation is 1. (A $z$ with the density $g$ is made of a number $q$ that is uniform from 0 to 1: it is the
 # $z$ below which a share $q$ of the draws lies. The share below $z$ is $\sqrt{2 z} - 1$, so that $z = (1 + q)^2 / 2$.)
@@ -361,6 +475,11 @@ Picture(
     "uniform z and the same factor they are too wide.",
 )
 
+# %% slide [markdown]
+# ## Draw $z$ uniformly and keep the factor
+#
+# - Standard deviation {{ wrong_z.std():.2f}} in place of 1 (right: {{ right_z.std():.2f}}), and nothing warns.
+
 # %% [markdown]
 # With the wrong density the draws are too wide, {{ wrong_z.std():.2f}} in place of 1, and nothing
 # warns{{ abs(right_z.std() - 1) < 0.03 and wrong_z.std() > 1.1 }}. With the right one the move has a valuable
@@ -371,7 +490,15 @@ Picture(
 # modes, this step jumps from mode to mode. At each step half of the walkers move, while the other half, from which they
 # take their steps, stands still. Such a set of walkers is called an **ensemble**. `sample` makes four ensembles unless
 # it is told otherwise, and they know nothing of each other.
+
+# %% slide [markdown]
+# ## The workbench's default: differential evolution
 #
+# - A step is the difference of two other walkers, times a factor: it jumps from mode to mode.
+# - Half of the walkers move, the others stand still.
+# - Four ensembles that know nothing of each other
+
+# %% [markdown]
 # We let four ensembles of 32 walkers go for our two angles,
 # 3000 steps each, and compare with the grid. (With two angles that may both be turned towards the camera or away from
 # it, there are four modes.) The first printed line is the verdict on the draws; the next section says what its numbers
@@ -444,6 +571,13 @@ Picture(
     "draws from its Gaussian.",
 )
 
+# %% slide [markdown]
+# ## One camera, four modes; two cameras, one
+#
+# - One: deviations {{ draws.sd[0]:.2f}} and {{ draws.sd[1]:.2f}} rad, by the grid {{ exact_sd[0]:.2f}} and
+#   {{ exact_sd[1]:.2f}}, by Laplace {{ approximation.sd[0]:.2f}} and {{ approximation.sd[1]:.2f}}
+# - Two: Laplace suffices.{{ np.allclose(better.sd, exact, rtol=0.05) }}
+
 # %% [markdown]
 # A few searches from elsewhere have found {{ printed('modes in all')[-1] - 1:.0f}} more modes, so that
 # {{ printed('modes in all')[-1]:.0f}} of the four are
@@ -464,7 +598,16 @@ Picture(
 #
 # if the chain is much longer than its memory. For $N$ independent draws it would be $s^2 / N$. So $N$ draws are worth
 # $N / \tau$ independent ones. The number $\tau$, which is counted in steps, is called the **autocorrelation time**.
+
+# %% slide [markdown]
+# ## What are draws worth?
 #
+# $$ \frac{s^2}{N} \left( 1 + 2 \rho_1 + 2 \rho_2 + \dots \right) = \frac{s^2}{N}\, \tau $$
+#
+# - $\tau$: the **autocorrelation time**. $N$ draws are worth $N / \tau$ independent ones.
+# - Here {{ draws.draws[..., 0].size:,}} draws, $\tau$ = {{ draws.mixing.times.max():.0f}} steps
+
+# %% [markdown]
 # Now $\tau$ itself has to be estimated from the chain. The sum cannot go on to the end of the chain, because the
 # correlations of draws that are far apart are nothing but noise, and there are many of them. Sokal's rule ends it at
 # the first $t$ that is at least five times the sum up to there (`WINDOW` below). The lines compute `times`, the sum for
@@ -478,7 +621,15 @@ Picture(
 # over that within the ensembles, must be close to one (Gelman and Rubin, [*Inference from Iterative Simulation Using
 # Multiple Sequences*](https://doi.org/10.1214/ss/1177011136), 1992). Until both hold, no number should be read from the
 # draws. So the workbench puts its verdict before the numbers, and refuses an interval if the verdict is bad.
+
+# %% slide [markdown]
+# ## When to believe them
 #
+# - The chain is 50 $\tau$ long (20, with ensembles, if $\tau$ no longer grows).
+# - **R-hat**: spread of all over spread within ensembles, close to one
+# - Until then no number should be read. So the verdict comes first.
+
+# %% [markdown]
 # We ask a chain of 100 steps for an interval, and then the 3000 steps from above. (The
 # first steps, which still depend on the start, do not count: they are a tenth of all steps, or $5 \tau$ if that is
 # more, but never more than half. Of the 3000 steps {{ draws.mixing.steps}} are left. Four ensembles of 32 walkers
@@ -500,6 +651,13 @@ for steps, ensembles in ((100, short), (3000, draws)):
     except wb.WorkbenchError as error:
         print(f"{steps} steps: {error}")
 
+# %% slide [markdown]
+# ## A hundred steps are refused
+#
+# - 100 steps: no interval{{ not short.usable }}
+# - 3000 steps: 90 % of the draws lie from {{ low[0]:.1f}} to {{ high[0]:.1f}} rad (upper arm).
+# - Even so: it spans the middle, where there is little. Look at the draws.
+
 # %% [markdown]
 # Even when it is granted, an interval is a poor summary of two modes: it spans the middle, where there is
 # little{{ not short.usable and (np.abs(draws.flat[:, 0]) < 0.2).mean() < 0.05 }}. It
@@ -513,6 +671,12 @@ for steps, ensembles in ((100, short), (3000, draws)):
 # approximation is enough, and the page with bodies draws from its Gaussian. In the code, `setup.start` holds a value
 # for everything, cameras as well, and `setup.made_of` the true pose, shape and place; the bar between them puts the
 # second in the place of the first.
+
+# %% slide [markdown]
+# ## On a body: eight numbers
+#
+# - Two shape coefficients, the place, the left elbow; all others held at the truth
+# - One camera in front, or four around
 
 # %%
 free = ("betas[0:2]", "trans", "pose[left_elbow]")
@@ -566,6 +730,18 @@ Picture(
     ),
 )
 
+# %% slide still [markdown]
+# ## Tall and far, or short and near
+#
+# - One camera leaves the distance open by {{ 100 * drawn.sd[4]:.0f}} cm, four by
+#   {{ 1e3 * people['four-cameras'][2].sd[4]:.0f}} mm.
+
+# %% slide [markdown]
+# ## People that one camera leaves possible
+#
+# - From the side: how far apart they are in depth
+# - Through the first camera: it can hardly tell them apart.
+
 # %% [markdown]
 # One camera leaves the distance open by a standard deviation of {{ 100 * drawn.sd[4]:.0f}} cm, and with it the
 # height; four know it to {{ 1e3 * people['four-cameras'][2].sd[4]:.0f}}
@@ -584,3 +760,17 @@ Picture(
 #   wrong answer.
 # - Draws answer every question, once they have mixed. So first ask what they are worth: their number divided by the
 #   autocorrelation time.
+
+# %% slide [markdown]
+# ## Only the draws could say that Laplace was right
+#
+# - One mode, nearly straight: deviations agree within a
+#   tenth.{{ np.allclose(drawn.sd, straight.sd, rtol=0.1) }}
+# - Laplace cannot say that it is wrong.
+
+# %% slide [markdown]
+# ## What to remember
+#
+# - Residuals over sigma: the cost is minus the log of the posterior.
+# - $C = (J^\top J)^{-1}$ is free, and right for one mode that is nearly straight.
+# - Draws answer every question, once they have mixed: ask for $N / \tau$ first.

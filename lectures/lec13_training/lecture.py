@@ -61,6 +61,14 @@ print(
     f"{len(many.subject)} people"
 )
 
+# %% slide [markdown]
+# ## Scans become registrations
+#
+# - Vertex 100 of one scan has nothing to do with vertex 100 of another: a template is brought onto each.
+# - **Multi-pose**, few people: joints, weights, $P$. **Multi-shape**, many: $\bar T$, $S$
+# - Here: tubes of {{ true.n_vertices}} vertices, {{ true.n_joints}} joints, {{ true.n_betas}} directions of
+#   shape
+
 # %% [markdown]
 # ## Principal components of what we have
 #
@@ -90,6 +98,13 @@ print(
     ", ".join(f"{share:.0%}" for share in shares),
 )
 
+# %% slide [markdown]
+# ## Principal components of what we have learn poses
+#
+# - People stood alike but for 0.06 to 0.3 rad in each joint.
+# - {{ shares[0]:.0%}} and {{ shares[1]:.0%}} of the first two coordinates are pose; three directions explain
+#   {{ explained(raw)[2]:.0%}}, not all.
+
 # %% [markdown]
 # The first two directions are not shape: they are how people happened to bend, by which {{ shares[0]:.0%}} and
 # {{ shares[1]:.0%}} of their coordinates are explained. With three directions only {{ explained(raw)[2]:.0%}} of the
@@ -104,6 +119,13 @@ print(
 #
 # is one solve. The library does it with the matrices $M_i$ of lecture 5, and a small system for the
 # joints:
+
+# %% slide [markdown]
+# ## Un-pose first
+#
+# $$ \hat T = \arg\min_T \| W(T + B_P(\theta), \mathcal J T, \theta, \mathcal W) - V \|^2 $$
+#
+# - For a known pose, posed vertices are linear in rest vertices, joints included: one solve
 
 # %%
 source(unpose)
@@ -129,6 +151,11 @@ Picture(
     "the first two are pose, and many more are needed.",
 )
 
+# %% slide [markdown]
+# ## Un-posed, three directions explain all
+#
+# - As they stand, the first two are pose.
+
 # %% [markdown]
 # The library's `learn_shape_space` then finds the
 # directions{{ explained(people)[2] > 0.999999 and max(pose_share(people, known.poses)[:3]) < 0.1 < 0.9 < min(shares[:2]) }}.
@@ -142,6 +169,14 @@ source(learn_shape_space)
 space = learn_shape_space(people, true.faces, None, 3)
 betas = space.betas(people)
 print("variance of the people's betas:", betas.var(axis=0, ddof=1).round(6))
+
+# %% slide [markdown]
+# ## Shape directions, by convention
+#
+# $$ s_k = \sigma_k / \sqrt{n - 1} $$
+#
+# - Betas have variance one.{{ np.allclose(betas.var(axis=0, ddof=1), 1) }}
+# - But un-posing needed poses, weights and $P$. To find them, we would need the people at rest.
 
 # %% [markdown]
 # But un-posing needed the poses, the weights and $P$, which are what we do not
@@ -158,6 +193,13 @@ print("variance of the people's betas:", betas.var(axis=0, ddof=1).round(6))
 # In which of its unknowns is the model linear? A map is linear (with a constant) if it takes the middle
 # of two points to the middle of their images. We go from a random model to one that differs in some
 # unknowns only, and look at the middle.
+
+# %% slide [markdown]
+# ## Everything at once
+#
+# $$ E_D = \sum_j \| V_j - W(\hat T_{s(j)} + B_P(\theta_j; P),\; \hat J_{s(j)},\; \theta_j,\; \mathcal W) \|^2 $$
+#
+# - In which unknowns is it linear? A linear map takes the middle of two points to the middle of their images.
 
 # %%
 few, _ = draw_registrations(true, 2, 8, seed=1)  # multi-pose: two people in eight poses each
@@ -192,6 +234,16 @@ for names in (
 # %%
 source(SkinningPass.points)
 
+# %% slide [markdown]
+# ## What is linear
+#
+# | change together | off the middle by |
+# | --- | --- |
+# | templates, joints, $P$ | {{ "nothing" if off_the_middle('templates', 'joints', 'posedirs') < 1e-9 else "something"}} |
+# | weights | {{ "nothing" if off_the_middle('weights') < 1e-9 else "something"}} |
+# | weights and $P$ | {{ off_the_middle('weights', 'posedirs'):.0f}} mm |
+# | poses | {{ off_the_middle('poses'):.0f}} mm |
+
 # %% [markdown]
 # Only the pose is really nonlinear; $\mathcal W$ and $P$ are multiplied by each other, and the model is linear in
 # each
@@ -202,7 +254,15 @@ source(SkinningPass.points)
 # - **surfaces**: $\hat T$, $\hat J$ and $P$, all people at once: *one* linear least-squares problem;
 # - **weights**: each vertex by itself, linear least squares over numbers that are not negative and sum
 #   to one.
+
+# %% slide [markdown]
+# ## So training takes turns
 #
+# - **Poses**: each registration, nonlinear least squares
+# - **Surfaces**: $\hat T$, $\hat J$, $P$ of all people, *one* linear problem
+# - **Weights**: each vertex, linear, not negative, sum one. No turn lets the cost rise.
+
+# %% [markdown]
 # Each minimises the same cost over other unknowns, so none lets it rise.
 #
 # ## The other terms
@@ -216,11 +276,28 @@ source(SkinningPass.points)
 # | $E_J$ | $\sum_s \lVert \mathcal J_I \hat T_s - \hat J_s \rVert^2$ | a joint is near the middle of the ring where its segments meet |
 # | $E_P$ | $\lVert P \rVert_F^2$ | blend shapes are small |
 # | $E_W$ | $\lVert \mathcal W - \mathcal W_I \rVert_F^2$ | weights are near those of blurred segments |
+
+# %% slide [markdown]
+# ## Data alone leave much open
 #
+# | term | says |
+# | --- | --- |
+# | $E_Y$ | people are alike on both sides |
+# | $E_J$ | a joint is near the middle of its ring |
+# | $E_P = \lVert P \rVert_F^2$ | blend shapes are small |
+# | $E_W$ | weights are near those of blurred segments |
+
+# %% [markdown]
 # Two mistakes are easily made here. The first concerns $E_P$: the norm $\lVert P \rVert_F$ has a root in it, and the
 # term is its square. Without the square, this would not be a least-squares problem. The second concerns $U$, which is
 # a mirror: it changes the sign of $x$ **and** exchanges left and right vertices. With one of the two alone, a perfectly
 # symmetric body is called uneven:
+
+# %% slide [markdown]
+# ## Two mistakes that are easily made
+#
+# - $\lVert P \rVert_F$ has a root in it; without the square it is no least-squares term.
+# - A mirror changes the sign of $x$ **and** exchanges left and right vertices.
 
 # %%
 mirror = start.mirror()
@@ -235,6 +312,15 @@ for name, U in {
 # %%
 source(Mirror.points)
 
+# %% slide [markdown]
+# ## One half of a mirror calls a symmetric body uneven
+#
+# | $U$ | $\lVert T - U(T) \rVert$ |
+# | --- | --- |
+# | both | {{ np.linalg.norm(alike - mirror.points(alike)):.0f}} m |
+# | $x$ changes its sign | {{ np.linalg.norm(alike - alike * [-1, 1, 1]):.2f}} m |
+# | left and right exchanged | {{ np.linalg.norm(alike - alike[mirror.vertices]):.2f}} m |
+
 # %% [markdown]
 # ## Taking turns
 #
@@ -245,6 +331,12 @@ source(Mirror.points)
 # where it stands. Then come the blocks. This is the linear one; `NormalEquations` are $J^\top J$ and
 # $J^\top e$, and `solve` uses conjugate gradients, since $J^\top J$ for a real body would not fit in
 # memory:
+
+# %% slide [markdown]
+# ## Taking turns, from the plain tube
+#
+# - Poses first, by the *edges* of the mesh: they do not depend on where it stands.
+# - The linear block by conjugate gradients: $J^\top J$ of a real body does not fit into memory.
 
 # %%
 source(blocks.fit_linear)
@@ -280,6 +372,12 @@ Picture(
     "single terms may.",
 )
 
+# %% slide [markdown]
+# ## The first block does most, then it creeps
+#
+# - The last round of turns lowers the cost by {{ falls[together - 1]:.1f}}, a few steps in all unknowns by
+#   {{ falls[together]:.0f}}.
+
 # %% [markdown]
 # The last round of taking turns lowered the cost by {{ falls[together - 1]:.1f}}, and the steps in all unknowns
 # lowered it by
@@ -288,7 +386,21 @@ Picture(
 # for
 # it. Either change alone makes the fit worse, but both together hardly change it. Alternation cannot move along such
 # a valley, because it makes one change at a time. A Gauss-Newton step in all unknowns can.
+
+# %% slide [markdown]
+# ## Why turns creep
 #
+# - Turn a joint a little in all poses, and let $P$ make up for it: each alone hurts, both together hardly
+#   matter.
+# - One change at a time cannot move along such a valley.
+
+# %% slide [markdown]
+# ## Better than the noise is no success
+#
+# - Met to {{ 1e3 * model.objective.rms(model.estimate):.2f}} mm; the noise is 1 mm.
+# - 16 meshes for each coordinate, and 45 blend shapes and two templates to explain them
+
+# %% [markdown]
 # The fit is *better* than the noise, {{ 1e3 * model.objective.rms(model.estimate):.2f}} mm in place of 1 mm. That is
 # no success. Each coordinate of each vertex has 16 meshes to
 # explain, and 45 pose blend shapes and two people's templates to do it with, so it has learned the noise.
@@ -303,6 +415,15 @@ Picture(
 # \min_P \sum_j \| d_j - P f_j \|^2 + \lambda \| P \|_F^2
 # \qquad\Rightarrow\qquad P^\top = (F^\top F + \lambda I)^{-1} F^\top D .
 # $$
+
+
+# %% slide [markdown]
+# ## How large may blend shapes be?
+#
+# $$ P^\top = (F^\top F + \lambda I)^{-1} F^\top D $$
+#
+# - In SMPL there are {{ 9 * 23}}; few poses cannot determine them all.
+# - 40 poses, 45 shapes, everything else known
 
 
 # %%
@@ -352,6 +473,12 @@ Picture(
     "poses has a minimum. Left of it noise is learned, right of it too little.",
 )
 
+# %% slide [markdown]
+# ## Choose $\lambda$ on poses that were not learned from
+#
+# - By the training error it should be 0: {{ unseen[0]:.2f}} mm in unseen poses with the least $\lambda$
+#   tried, {{ unseen[best]:.2f}} mm with {{ lambdas[best]:.2g}}
+
 # %% [markdown]
 # By the training error alone, $\lambda$ should be
 # zero{{ np.argmin(learned) == 0 and (np.diff(learned) > 0).all() and (np.diff(sizes) < 0).all() }}. In unseen poses
@@ -366,6 +493,14 @@ Picture(
 # is a surface only. So for each joint find a row $r$ of $\mathcal J$, one for all people, with
 # $r \hat T_s \approx \hat J_s$. First by ordinary least squares; then with $r \ge 0$ and $\sum r = 1$,
 # which we call shares. Both are tried on new people, and on one person who is moved by a metre:
+
+# %% slide [markdown]
+# ## Joints from vertices: a row for each joint
+#
+# $$ r\, \hat T_s \approx \hat J_s, \qquad r \ge 0, \quad \sum r = 1 $$
+#
+# - One row for all people, so that a new person has joints
+# - With and without the conditions?
 
 # %%
 rng = np.random.default_rng(1)
@@ -396,6 +531,15 @@ for name, R in (("least squares", free), ("shares", as_shares)):
         f"{lag[name]:.1f} mm; least entry {R.min():+.2f}, {np.mean((R[1:] != 0).sum(axis=1)):.0f} of 66 "
         "entries"
     )
+
+# %% slide [markdown]
+# ## Without shares, joints stay behind
+#
+# - New people: {{ new_error['least squares']:.2f}} mm by least squares, {{ new_error['shares']:.2f}} mm by
+#   shares
+# - Somebody moved by 1 m: joints lag by {{ lag['least squares']:.0f}} mm; with shares they go
+#   along.{{ lag['shares'] < 0.05 }}
+# - Most shares become zero by themselves.
 
 # %% [markdown]
 # On people who stand where the others stood, the two are nearly alike: {{ new_error['least squares']:.2f}} and
@@ -435,6 +579,20 @@ def in_a_sentence(body: wb.SkinnedBody, meshes: np.ndarray) -> tuple[wb.Problem,
     return wb.Problem(terms, tuple(start)), start
 
 
+# %% slide [markdown]
+# ## Training in a sentence: fitting with other free names
+#
+# $$ \min_{\bar T} \sum_j \min_{\theta_j, \beta_j} \| M(\theta_j, \beta_j; \bar T) - V_j \|^2 $$
+#
+# ```python
+# learning = body.freed("template")
+# ...
+# symbols = [block.symbol for block in learning.blocks(f"scan {j}/")]
+# terms.append(wb.residuals.vertices(learning.points(*symbols), mesh, sigma=0.001))
+# ...
+# return wb.Problem(terms, tuple(start)), start
+# ```
+
 # %%
 rng = np.random.default_rng(0)
 pipe = tube(rings=7, around=6)
@@ -470,6 +628,14 @@ for name, change in known.items():
     unchanged.append(np.linalg.norm(here.jacobian @ step) / np.linalg.norm(step))
     print(f"  {name}: {unchanged[-1]:.0e}")
 
+# %% slide [markdown]
+# ## The meshes are met, the template is not determined
+#
+# - {{ len(here.gradient)}} unknowns, rank {{ here.rank}}: {{ len(here.gradient) - here.rank}} directions
+#   change no mesh.
+# - The template moves, everybody moves back; the mean moves, all betas move back.
+# - Decide: a convention for the root, a prior on $\beta$.
+
 # %% [markdown]
 # The meshes are met, and yet the template is not determined: if it moves, and everybody moves back, nothing
 # changes{{ solution.cost < 1e-12 and len(here.gradient) - here.rank == 5 and max(unchanged) < 1e-9 }}. In the fifth
@@ -484,6 +650,12 @@ for name, change in known.items():
 # root and one joint for its upper half, the whole Jacobian can be looked at. Two synthetic people are
 # registered in ten poses each, without noise, and we look at the Jacobian at the true values, where the
 # registrations are met exactly.
+
+# %% slide [markdown]
+# ## Every term on symbols
+#
+# - A body of 20 vertices, two people, ten poses each
+# - The whole Jacobian can be looked at, at the truth.
 
 # %%
 plain = limb(5, 4)
@@ -522,6 +694,11 @@ Picture(
     "left, are read by all registrations. E_P and E_W are diagonal. Small terms are drawn taller than to scale.",
 )
 
+# %% slide [markdown]
+# ## Two people meet in blend shapes and weights
+#
+# - {{ 100 * whole.density:.1f}} % of the entries can differ from zero.
+
 # %% [markdown]
 # Most of it is zero: {{ 100 * whole.density:.1f}} % of the entries can differ from zero. The two people meet only in
 # the blend shapes and
@@ -550,6 +727,14 @@ def open_in(found, words=""):
     return sum(words in direction.name for direction in found.null_directions)
 
 
+# %% slide [markdown]
+# ## What registrations alone leave open: {{ open_in(data_alone)}} directions
+#
+# - {{ open_in(data_alone, 'template and')}} shifts of template and joints;
+#   {{ open_in(data_alone, 'joints[root]')}} moves of a root joint
+# - {{ open_in(data_alone, 'a rotation about')}} rotations of everything at rest
+# - {{ open_in(data_alone) - 15}} in which blend shapes push the surface along an axis
+
 # %% [markdown]
 # Registrations alone leave {{ open_in(data_alone)}} directions open:
 #
@@ -575,6 +760,13 @@ def open_in(found, words=""):
 # These are closed by a convention. We hold $y$ and
 # $z$ of the place of one registration for each person:
 
+# %% slide [markdown]
+# ## Terms close most of them, a convention the rest
+#
+# - $E_P$ leaves {{ open_in(small_shapes)}}, all five terms {{ open_in(whole)}}: where a person stands along
+#   $y$ and $z$.
+# - Hold four numbers, and the rank is full.
+
 # %%
 anchors = ("scan 0/trans", "scan 10/trans")
 every = whole.problem.free.names
@@ -582,6 +774,11 @@ held = wb.diagnose(
     whole.problem.freeing(*(f"{name}[0]" if name in anchors else name for name in every)), at_truth
 )
 print(f"with 4 numbers held: {held.shape[1]} unknowns, rank {held.rank}")
+
+# %% slide [markdown]
+# ## Holding what nothing determines costs nothing
+#
+# - {{ held.shape[1]}} unknowns, rank {{ held.rank}}, as before{{ held.rank == whole.rank }}
 
 # %% [markdown]
 # The rank is full{{ held.rank == held.shape[1] == whole.rank }}, and it is the rank from before: holding numbers that
@@ -597,3 +794,12 @@ print(f"with 4 numbers held: {held.shape[1]} unknowns, rank {held.rank}")
 # - Penalties are chosen on held-out poses. Regressed with shares, joints stay inside the hull of the skin
 #   and move along with it.
 # - Some directions are not determined by any data. A diagnosis names them, and a convention closes them.
+
+# %% slide [markdown]
+# ## What to remember
+#
+# - Un-pose before principal components. Multi-pose teaches joints, weights and $P$; multi-shape $\bar T$ and
+#   $S$.
+# - Only poses are nonlinear; taking turns never raises the cost, and is slow.
+# - Penalties are chosen on held-out poses; joints are shares of vertices; conventions close what no data
+#   determine.

@@ -21,7 +21,8 @@ from workbench.comparison.statistics import median
 from workbench.course import Picture, source
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 from workbench.geometry.solids import mesh_edges, volume
-from workbench.geometry.triangles import Stitching, edges, frames_on, gradients, soup
+from workbench.geometry.triangles import Stitching, edges, frames_on, gradients
+from workbench.lectures.material.replays import recorded_side_by_side
 from workbench.lectures.material.variance import (
     additivity_gap,
     explained_by_triangles,
@@ -30,7 +31,6 @@ from workbench.lectures.material.variance import (
 )
 from workbench.plots import house_style, plot_stitching, sheet
 from workbench.plots.body import Figurine, front, line_up
-from workbench.reports.replay.sequences import recorded_side_by_side
 
 body = wb.load_body("small")
 faces, template = body.faces, body.template
@@ -43,12 +43,19 @@ elbow = body.joint_names.index("left_elbow")
 # triangle by the
 # rotation of its part, about its own middle. This needs no blending at all:
 
+# %% slide [markdown]
+# ## Every triangle by itself
+#
+# - Turn each of {{ len(faces)}} triangles by the rotation of its part, about its own middle.
+# - No blending is needed at all.
+
 # %%
 pose = np.zeros((24, 3))
 pose[elbow, 2] = 1.6  # rad, upwards
 rigid = scape(body)
 X = rigid.deformations(pose, np.zeros(body.n_betas))  # (F, 3, 3)
-torn = soup(template, faces, X)  # (F, 3, 3): the corners of each triangle
+about = template[faces].mean(axis=1, keepdims=True)
+torn = about + (template[faces] - about) @ X.transpose(0, 2, 1)  # (F, 3, 3): corners
 
 
 def gaps(corners):
@@ -70,6 +77,13 @@ print(
     f"{gaps(template[faces]).max():.0f} mm"
 )
 
+# %% slide [markdown]
+# ## Every triangle is perfect, and the surface is gone
+#
+# - Corners that were one vertex are up to {{ gaps(torn).max():.0f}} mm from their mean.
+# - The forearm has not left its place: its triangles only turned on the spot.
+# - Wanted: a connected surface whose *edges* are like those.
+
 # %% [markdown]
 # Every triangle is perfect and the surface is gone{{ np.allclose(X.transpose(0, 2, 1) @ X, np.eye(3), atol=1e-13) }}:
 # corners are up to {{ gaps(torn).max():.0f}} mm apart. The forearm has not even left its place, because its triangles
@@ -84,6 +98,14 @@ print(
 # and what $X$ does to the normal of that plane stays open. We try the solution with the smallest norm, which the
 # pseudo-inverse gives:
 
+# %% slide [markdown]
+# ## What a triangle knows
+#
+# $$ X e_0 = e_0', \qquad X e_1 = e_1' $$
+#
+# - Six equations for nine unknowns: what happens to the normal stays open.
+# - The pseudo-inverse takes the solution of least norm ...
+
 # %%
 T = template[faces[100]]
 true = matrix_from_vector([0.3, -0.5, 0.2]) @ np.diag([1.1, 0.9, 1.0])
@@ -97,6 +119,13 @@ print(
 )
 print("rank of that X:", np.linalg.matrix_rank(by_edges))
 
+# %% slide [markdown]
+# ## ... which flattens space
+#
+# - Edges are met, and $\det X$ = {{ abs(np.linalg.det(by_edges)):.0f}}; the true one is
+#   {{ np.linalg.det(true):.2f}}.
+# - Rank {{ np.linalg.matrix_rank(by_edges)}}: the normal goes to zero.
+
 # %% [markdown]
 # Of all matrices that meet the edges, the one with the smallest norm flattens
 # space{{ np.linalg.matrix_rank(by_edges) == 2 and np.allclose(by_edges @ two, two_moved) }}: it takes the normal to
@@ -104,6 +133,16 @@ print("rank of that X:", np.linalg.matrix_rank(by_edges))
 # $n / \sqrt{\|n\|}$ with $n = e_1 \times e_0$. It is normal to the triangle. The length of $n$ is twice the
 # triangle's area, so the axis is as long as the root of that. It grows with the triangle as an edge does, and has
 # the unit of an edge. In the library the two edges and the axis are the columns of a matrix, the *frame*:
+
+# %% slide [markdown]
+# ## A third axis
+#
+# $$ \frac{n}{\sqrt{\|n\|}}, \quad n = e_1 \times e_0, \qquad X = E' E^{-1} $$
+#
+# - Normal to the triangle, and it grows as an edge does
+# - $E$, the *frame*: both edges and the axis as columns
+# - A whole mesh turned and scaled: the same $X$
+#   everywhere{{ np.allclose(gradients(template, template @ matrix_from_vector([0, 1, 0]).T, faces), matrix_from_vector([0, 1, 0])) }}
 
 # %%
 source(frames_on)
@@ -123,7 +162,16 @@ print(f"the whole mesh turned and scaled: every X is that, to {np.abs(found - tu
 # Find the vertices $V$ whose edges are nearest to those that the triangles ask for{{ np.allclose(found, turn) }}:
 #
 # $$ \min_V \sum_f \sum_{i} \| X_f e_{f,i} - (A V)_{f,i} \|^2 . $$
+
+# %% slide [markdown]
+# ## Stitching: vertices whose edges are nearest
 #
+# $$ \min_V \sum_f \sum_{i} \| X_f e_{f,i} - (A V)_{f,i} \|^2 \quad\Rightarrow\quad A^\top A\, V = A^\top e $$
+#
+# - $A$ takes vertices to edges: $+1$ and $-1$ in each row
+# - The same for every pose: factorised once, then two triangular solves
+
+# %% [markdown]
 # Here $X_f e_{f,i}$ is the edge that triangle $f$ asks for. An edge of the mesh is the difference of two vertices. So
 # there is a matrix $A$ that takes vertices to edges. It has two entries in each row, $+1$ and $-1$, and is the same
 # for $x$, $y$ and $z$. This is linear least squares, so the best $V$ solves the normal equations
@@ -138,6 +186,12 @@ print(f"the whole mesh turned and scaled: every X is that, to {np.abs(found - tu
 
 # %%
 source(Stitching.vertices)
+
+# %% slide [markdown]
+# ## What edges do not say
+#
+# - All vertices moved alike: no edge changes. One direction for each coordinate stays open.
+# - The library puts the mean where we say.
 
 # %%
 stitching = Stitching(faces, body.n_vertices)
@@ -167,6 +221,12 @@ Picture(
     "turned and has not moved. Right: the vertices whose edges are nearest to those.",
 )
 
+# %% slide [markdown]
+# ## The arm arrives, and nobody said where the elbow is
+#
+# - Stitched, it has moved by up to {{ 1e3 * np.linalg.norm(stitched - template, axis=1).max():.0f}} mm: edges
+#   add up along the arm.
+
 # %% [markdown]
 # The forearm has moved to where it belongs, by up to {{ 1e3 * np.linalg.norm(stitched - template, axis=1).max():.0f}}
 # mm, although nobody said where the elbow
@@ -174,7 +234,15 @@ Picture(
 # The edges add up along the arm,
 # and so the hand has to be at their end. In this sense such a model has no skeleton: it needs no places of joints.
 # But each part has a rotation, so somebody still has to choose the parts.
+
+# %% slide [markdown]
+# ## No skeleton, but parts
 #
+# - $A$ has rank {{ np.sum(s > 1e-9)}} for {{ body.n_vertices}} vertices.
+# - It needs no places of joints; somebody still has to choose the parts.
+# - Edges differ from what was asked by {{ left.mean():.1f}} mm on average, at most {{ left.max():.0f}}.
+
+# %% [markdown]
 # ## SCAPE
 #
 # SCAPE's deformation is a product of three,
@@ -184,7 +252,16 @@ Picture(
 # and a vector is multiplied by the last one first. $Q_f$ is what bending does to the skin, and is linear in the
 # rotation vectors of the joints nearby. $D_f$ is the person's shape. $R_{\ell(f)}$ is the rotation of the part
 # $\ell(f)$ to which the triangle belongs. $Q$ and $D$ are learned by least squares on triangles.
+
+# %% slide [markdown]
+# ## SCAPE: a product of three
 #
+# $$ X_f = R_{\ell(f)}\; D_f(\beta)\; Q_f(\theta) $$
+#
+# - $Q$: what bending does to the skin, linear in rotation vectors nearby
+# - $D$: the person's shape. $R$: the rotation of the part
+
+# %% [markdown]
 # Our elbow had neither $D$ nor $Q$, so $X_f = R_{\ell(f)}$, and it has a crease: on one side of the elbow all
 # triangles turn by 1.6 rad, on the other none. **BlendSCAPE** (Hirshberg and others, [*Coregistration: Simultaneous
 # Alignment and Modeling of Articulated 3D Shape*](https://doi.org/10.1007/978-3-642-33783-3_18), 2012) blends the
@@ -194,6 +271,14 @@ Picture(
 #
 # with a weight $w_{fk}$ for each triangle and part. In the library these are two lines:
 
+# %% slide [markdown]
+# ## BlendSCAPE blends the rotations
+#
+# $$ X_f = B_f D_f Q_f, \qquad B_f = \sum_k w_{fk} R_k $$
+#
+# - A weight for each triangle and part, as in skinning
+# - Without it, all of a bend is between two rows of triangles.
+
 # %%
 source(TriangleSurface.B)
 
@@ -202,41 +287,44 @@ source(TriangleSurface.deformations)
 
 # %% [markdown]
 # We measure the crease by how much two triangles that share an edge differ in their deformation, and look at the
-# elbow from the front:
+# elbow of a body with more triangles from the front:
 
 # %%
 blended = blend_scape(body)
-Y = blended.deformations(pose, np.zeros(body.n_betas))
+finer = wb.load_body("default")  # with more triangles around the elbow
+sewn = Stitching(finer.faces, finer.n_vertices)
+of_triangles = {"SCAPE": scape(finer), "BlendSCAPE": blend_scape(finer)}
 
 
 def creases(X):
     """By how much each triangle's deformation differs from its neighbours': largest |X_f - X_g|, (F,)."""
     sides = {}
-    for f, (a, b, c) in enumerate(faces):
+    for f, (a, b, c) in enumerate(finer.faces):
         for pair in ((a, b), (b, c), (c, a)):
             sides.setdefault(tuple(sorted(pair)), []).append(f)
-    step = np.zeros(len(faces))
+    step = np.zeros(len(finer.faces))
     for f, g in sides.values():
         step[[f, g]] = np.maximum(step[[f, g]], np.linalg.norm(X[f] - X[g]))
     return step
 
 
 bent_elbows, volumes = {}, {}
-for name, deformed in (("SCAPE", X), ("BlendSCAPE", Y)):
-    asked = edges(template, faces) @ deformed.transpose(0, 2, 1)
-    placed = stitching.vertices(asked, [template.mean(axis=0)])
-    left = 1e3 * np.linalg.norm(edges(placed, faces) - asked, axis=2)
+for name, model in of_triangles.items():
+    deformed = model.deformations(pose, np.zeros(finer.n_betas))
+    asked = edges(finer.template, finer.faces) @ deformed.transpose(0, 2, 1)
+    placed = sewn.vertices(asked, [finer.template.mean(axis=0)])
+    left = 1e3 * np.linalg.norm(edges(placed, finer.faces) - asked, axis=2)
     bent_elbows[name] = placed, creases(deformed)
-    volumes[name] = volume(placed, faces)
+    volumes[name] = volume(placed, finer.faces)
     print(
         f"{name:11} largest step between neighbours {creases(deformed).max():.2f}, stitching leaves "
         f"up to {left.max():.0f} mm, least det {np.linalg.det(deformed).min():.2f}"
     )
 
 # %%
-middles = template[faces].mean(axis=1)
-near = np.linalg.norm(middles - body.joints()[elbow], axis=1) < 0.22  # m
-some, numbers = np.unique(faces[near], return_inverse=True)
+middles = finer.template[finer.faces].mean(axis=1)
+near = np.linalg.norm(middles - finer.joints()[elbow], axis=1) < 0.22  # m
+some, numbers = np.unique(finer.faces[near], return_inverse=True)
 
 
 def elbow_of(model):
@@ -265,9 +353,8 @@ Picture(
         np.radians(np.arange(0, 141, 5)),
         {
             "elbow": {
-                "SMPL": elbow_of(body),
-                "SCAPE": elbow_of(rigid),
-                "BlendSCAPE": elbow_of(blended),
+                "SMPL": elbow_of(finer),
+                **{name: elbow_of(model) for name, model in of_triangles.items()},
             }
         },
         "The same elbow by SMPL, which blends points, and by both models of triangles, which "
@@ -275,6 +362,19 @@ Picture(
         opens=0.65,
     ),
 )
+
+# %% slide still [markdown]
+# ## One crease, or a shared bend
+#
+# - Largest step between neighbours: {{ bent_elbows['SCAPE'][1].max():.2f}} and
+#   {{ bent_elbows['BlendSCAPE'][1].max():.2f}}
+# - Shared, and with less volume
+
+# %% slide [markdown]
+# ## The elbow by three models
+#
+# - SMPL blends points, BlendSCAPE rotations, SCAPE nothing.
+# - Drag the bodies to look from other sides.
 
 # %% [markdown]
 # The crease is smaller, {{ bent_elbows['BlendSCAPE'][1].max():.2f}} in place of
@@ -294,6 +394,14 @@ Picture(
 #
 # A determinant is the factor by which volumes change, so the triangles at the bend shrink. In linear blend skinning
 # the same factor makes the candy wrapper. There pose blend shapes have to repair it, and here $Q$ does.
+
+# %% slide [markdown]
+# ## A mean of rotations is no rotation
+#
+# $$ \det \tfrac12 (I + R_\alpha) = \cos^2 \tfrac{\alpha}{2} $$
+#
+# - A determinant is the factor of volumes: triangles at the bend shrink.
+# - The same factor makes the candy wrapper; here $Q$ has to repair it.
 
 # %%
 angles = np.linspace(0, np.pi, 60)
@@ -315,6 +423,11 @@ Picture(
     "What blending rotations does to volume. The triangles that follow upper arm and forearm alike "
     "follow the law; at half a turn they would vanish.",
 )
+
+# %% slide [markdown]
+# ## The bent elbow follows the law
+#
+# - At 90 degrees half of the volume is left, at half a turn nothing.
 
 # %% [markdown]
 # ## Added or multiplied?
@@ -338,7 +451,15 @@ for name, model in (("SMPL", body), ("BlendSCAPE", bending)):
 
 # %% [markdown]
 # ## How many directions do people need?
+
+# %% slide [markdown]
+# ## Added or multiplied?
 #
+# - SMPL *adds* shape and pose at rest, SCAPE *multiplies* them: a bend does more on a larger person.
+# - Effect of both minus the sum of single effects: {{ apart['SMPL']:.0f}} mm (SMPL), up to
+#   {{ apart['BlendSCAPE']:.0f}} mm (BlendSCAPE with a made-up bending)
+
+# %% [markdown]
 # Multiplied, the two miss the sum by up to {{ apart['BlendSCAPE']:.0f}} mm{{ apart['SMPL'] < 1e-9 }}. Both kinds of
 # model describe people by principal components: SMPL takes those of the vertices, and SCAPE those of the
 # deformations. Which needs fewer? The answer depends on the data, but one thing is a theorem. Among all spaces of
@@ -347,6 +468,13 @@ for name, model in (("SMPL", body), ("BlendSCAPE", bending)):
 # $k$ directions of deformations, once they are stitched, are $k$ directions of vertices, because stitching is linear.
 # So for every $k$, SMPL's way explains at least as much. How much more does it explain? We take 80 people drawn from
 # our shape space, each of whom is also posed a little, as in every registration:
+
+# %% slide [markdown]
+# ## Whose directions explain people better? A theorem
+#
+# - Principal components of vertices explain most of the variance *of vertices* (Eckart and Young).
+# - $k$ directions of deformations, stitched, are $k$ directions of vertices.
+# - So SMPL's way never explains less.
 
 # %%
 people = body.vertices(
@@ -375,6 +503,11 @@ Picture(
     "the data.",
 )
 
+# %% slide [markdown]
+# ## How much more depends on the data
+#
+# - Five directions: {{ by_vertices.share[5]:.0%}} and {{ by_triangles.share[5]:.0%}}
+
 # %% [markdown]
 # With five directions {{ by_vertices.share[5]:.0%}} and {{ by_triangles.share[5]:.0%}} are
 # explained{{ (by_vertices.share >= by_triangles.share - 1e-12).all() }}. What do SCAPE's directions describe, then?
@@ -394,6 +527,14 @@ for share in (0.9, 0.95):
     for what, shares in needed.items():
         k = int(np.argmax(shares >= share)) if shares.max() >= share else 0
         print(f"{100 * share:.0f} % of the {what}: {k or 'more than 20'} directions")
+
+# %% slide [markdown]
+# ## Say what directions are to explain
+#
+# - {{ 9 * len(faces):,}} numbers of deformations, {{ 3 * len(template):,}} of vertices: most deformations are
+#   those of no mesh.
+# - 90 % of the vertices' variance: {{ np.argmax(by_triangles.share >= 0.9)}} of SCAPE's directions; of the
+#   deformations': {{ np.argmax(by_gradients >= 0.9)}}
 
 # %% [markdown]
 # With {{ np.argmax(by_triangles.share >= 0.9)}} of SCAPE's directions 90 % of the variance of the vertices are
@@ -434,6 +575,17 @@ for name, model in models.items():
         f"{1e3 * off[name].mean():.1f} mm in the mean, {1e3 * off[name].max():.0f} mm at most"
     )
 
+# %% slide [markdown]
+# ## Fits to a third of the vertices
+#
+# | | iterations | off by |
+# | --- | --- | --- |
+# | SMPL, who made the data | {{ iterations['SMPL']}} | {{ 1e3 * off['SMPL'].mean():.1f}} mm |
+# | BlendSCAPE | {{ iterations['BlendSCAPE']}} | {{ 1e3 * off['BlendSCAPE'].mean():.1f}} mm |
+# | SCAPE | {{ iterations['SCAPE']}} | {{ 1e3 * off['SCAPE'].mean():.1f}} mm |
+#
+# - Without learned bends, $Q = I$
+
 # %% [markdown]
 # BlendSCAPE blends rotations over the triangles of a joint. On average it comes nearer
 # ({{ 1e3 * off['BlendSCAPE'].mean():.1f}} mm) than SCAPE ({{ 1e3 * off['SCAPE'].mean():.1f}} mm), whose parts are
@@ -452,6 +604,12 @@ for name, model in models.items():
 # Model*](https://doi.org/10.1145/2816795.2818013), 2015). We ask 12 made-up people whose poses are known. Both fits
 # have the same body with mean shape, the same start at rest, and the same solver with the same stopping rule. A fit to
 # vertices also finds the translation, which edges do not have.
+
+# %% slide [markdown]
+# ## Edges or vertices: find a pose with somebody else's template
+#
+# - A person's shape is not known yet, when registrations are un-posed.
+# - 12 made-up people whose poses are known; compare by vertices, or by edges.
 
 # %%
 blocks = body.blocks()
@@ -516,6 +674,14 @@ Picture(
     "the right template and noise, vertices are.",
 )
 
+# %% slide [markdown]
+# ## Another template: edges. Right template, noise: vertices
+#
+# - Another person's: {{ np.median(degrees['another person, exact', 'edges']):.1f}} degrees by edges,
+#   {{ np.median(degrees['another person, exact', 'vertices']):.0f}} by vertices. The right one:
+#   {{ np.median(degrees['the same person, 5 mm of noise', 'edges']):.1f}} and
+#   {{ np.median(degrees['the same person, 5 mm of noise', 'vertices']):.1f}}
+
 # %% [markdown]
 # With another person's template the median error is {{ np.median(degrees['another person, exact', 'edges']):.1f}}
 # degrees by edges and {{ np.median(degrees['another person, exact', 'vertices']):.0f}} degrees by vertices; the
@@ -527,7 +693,16 @@ Picture(
 # template's upper arm is too long, every vertex below the elbow is in the wrong place, and other joints bend to
 # make up for it. The edges below the elbow, however, keep nearly the right directions, so that the error stays in
 # the upper arm.
+
+# %% slide [markdown]
+# ## Why
 #
+# - An upper arm that is too long puts all vertices below it in the wrong place: other joints bend to make up
+#   for it.
+# - Edges below the elbow keep their directions: the error stays in the upper arm.
+# - An edge carries the noise of two vertices over a short length.
+
+# %% [markdown]
 # Edges have a disadvantage too. Each is a difference of two vertices, so it carries the noise of
 # both over a short length. With the right template and noise,
 # vertices give {{ np.median(degrees['the same person, 5 mm of noise', 'vertices']):.1f}} degrees and edges
@@ -552,6 +727,13 @@ print(
     f"edges with the offset and without it differ by "
     f"{1e3 * np.linalg.norm(with_offset[2] - with_offset[0] - hand[:, :3] @ edge):.0e} mm"
 )
+
+# %% slide [markdown]
+# ## An offset cancels in an edge
+#
+# - SCAPE's matrices need no fourth column: $3 \times 3$, they turn and stretch.
+# - SMPL's move vertices: $4 \times 4$, they turn and shift, by {{ 1e3 * np.linalg.norm(hand[:, 3]):.0f}} mm
+#   for the hand here.
 
 # %% [markdown]
 # | | SMPL | SCAPE, BlendSCAPE |
@@ -583,3 +765,21 @@ print(
 #   bones of wrong length.
 # - SMPL adds shape and pose, and SCAPE multiplies them. Of the variance of vertices, principal components of
 #   vertices never explain less than any other directions.
+
+# %% slide [markdown]
+# ## Side by side
+#
+# | | SMPL | SCAPE, BlendSCAPE |
+# | --- | --- | --- |
+# | what moves | vertices | triangles, then stitched |
+# | shape and pose | added at rest | multiplied |
+# | joints | a chain | none: edges add up |
+# | bones keep their length | by construction | nearly |
+# | to pose a body | matrix products | and a sparse solve |
+
+# %% slide [markdown]
+# ## What to remember
+#
+# - Two edges do not determine a deformation: add an axis. Stitching is linear, and sees edges only.
+# - Blended rotations shrink volumes by $\cos^2(\alpha/2)$.
+# - With somebody else's template, find poses by edges.

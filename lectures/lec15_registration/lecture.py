@@ -25,7 +25,8 @@ from workbench.fitting import pose_prior, shape_prior
 from workbench.geometry.rigid import Similarity, procrustes
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.geometry.surface_tree import SurfaceTree
-from workbench.plots import caption_basins, house_style, plot_basins, plot_differences, sheet
+from workbench.lectures.material.basins import basin_map, caption_basins, plot_basins
+from workbench.plots import house_style, plot_differences, sheet
 from workbench.plots.body import Figurine, back, front, line_up_coloured, painted
 from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.registration import (
@@ -36,7 +37,6 @@ from workbench.registration import (
     Icp,
     LeastSquares,
     VertexStage,
-    basin_map,
     by_edges,
     by_vertices,
     distance_gauss_newton,
@@ -69,6 +69,13 @@ def mean_distance(found, truth):
     return 1e3 * np.linalg.norm(found - truth, axis=-1).mean()
 
 
+# %% slide [markdown]
+# ## A scan does not say where the elbow is
+#
+# - **Scan**: points on somebody's skin. **Template**: a mesh whose vertices mean something
+# - **Register**: bring the template's vertices to where they are on the person.
+# - First a statue, then a body that bends, then every vertex free
+
 # %% [markdown]
 # ## If somebody had labelled it
 #
@@ -92,6 +99,14 @@ def mean_distance(found, truth):
 # one (lecture 9). The pairs $(p_i, q_i)$ are called **correspondences**. We try three cases. In the first one the pairs
 # are right. In the second one the scanner counted one axis the wrong way round, so that the points are mirrored. In the
 # third one the pairs are right but nobody wrote them down, and we take the points in the order in which they come.
+
+# %% slide [markdown]
+# ## If somebody had labelled it: a closed form
+#
+# $$ \min_{R, t} \sum_i \| R p_i + t - q_i \|^2 \quad\Rightarrow\quad R = U \operatorname{diag}(1, 1, \pm 1)\, V^\top $$
+#
+# - $\Sigma = \sum_i q_i' p_i'^\top = U S V^\top$, means taken away
+# - The sign makes $\det R = 1$.
 
 # %%
 tree = SurfaceTree(skin, body.faces)
@@ -138,6 +153,14 @@ Picture(
     "they end anywhere.",
 )
 
+# %% slide [markdown]
+# ## Right pairs, mirrored points, no pairs
+#
+# - Off by {{ mean_distance(landed['right pairs'], places):.0f}} mm (the noise),
+#   {{ mean_distance(landed['mirrored points'], places):.0f}} mm, and
+#   {{ mean_distance(landed['order of arrival'], places):.0f}} mm
+# - $\det = -1$ would hide that left and right are exchanged.
+
 # %% [markdown]
 # With the right pairs the only error left is the
 # noise{{ abs(mean_distance(landed['right pairs'], places) - 2 * np.sqrt(8 / np.pi)) < 0.3 }}. For mirrored points the
@@ -157,6 +180,14 @@ Picture(
 # tree of boxes, without asking all triangles. Then alternate: find the contacts, move the points by Procrustes'
 # motion onto them, find the new contacts, and so on. This is the method of **iterated closest points**, ICP (Besl and
 # McKay, [*A method for registration of 3-D shapes*](https://doi.org/10.1109/34.121791), 1992).
+
+
+# %% slide [markdown]
+# ## No labels: take the closest place
+#
+# - **Contact**: a point with its closest place on the surface
+# - **ICP**: contacts, best motion onto them, new contacts, ...
+# - No label is needed, only a tree of boxes that finds contacts quickly.
 
 
 # %%
@@ -195,6 +226,12 @@ Picture(
     "The contacts are wrong at first, and yet they pull the points the right way.",
 )
 
+# %% slide [markdown]
+# ## Wrong contacts pull the right way
+#
+# - From their own places: {{ mean_distance(ways[0], places):.0f}} mm at first,
+#   {{ mean_distance(ways[5], places):.0f}} after 5 steps, {{ mean_distance(ways[60], places):.0f}} after 60
+
 # %% [markdown]
 # It works although most of the first contacts are
 # wrong{{ (np.linalg.norm(tree.closest(points).points - places, axis=1) > 0.03).mean() > 0.6 }}. There is a reason for
@@ -206,7 +243,15 @@ Picture(
 # motion that is wrong, and it is slow:
 # after 5 steps the points are still {{ mean_distance(ways[5], places):.0f}} mm from their own places. (In the end
 # they are {{ mean_distance(ways[60], places):.0f}} mm from them, which is the length of their own noise.)
+
+# %% slide [markdown]
+# ## Neither half of a step raises the distance
 #
+# - The best motion *for these contacts*: the sum of squares cannot grow.
+# - The closest place is no farther than the old contact: it cannot grow either.
+# - But it may stop at a wrong motion, and it is slow.
+
+# %% [markdown]
 # ## Let points slide
 #
 # Why is it slow? Think of a point of a flat back that ought to slide 1 cm along the back. Its contact is
@@ -228,6 +273,14 @@ Picture(
 # direction $u = (p - s) / \|p - s\|$ in place of the normal. Inside a triangle the two directions agree up to the sign;
 # they differ at edges and corners. In the library's lines, `u` are these directions, or the normals where a point
 # lies on the surface, and `_linear_step` solves the rows for $\omega$ and $v$:
+
+# %% slide [markdown]
+# ## Let points slide
+#
+# $$ n^\top (p + \omega \times p + v - s) = n^\top (p - s) + (p \times n)^\top \omega + n^\top v $$
+#
+# - A contact says "stay where you are": points of a flat back can hardly slide.
+# - **Point to plane** (Chen and Medioni): measure along the normal, linear in six unknowns
 
 # %%
 source(gauss_newton_directions, distance_gauss_newton)
@@ -265,6 +318,13 @@ Picture(
     "two that let points slide are there after a few steps.",
 )
 
+# %% slide [markdown]
+# ## Where points may slide, a few steps suffice
+#
+# - Steps: {{ rigid['point to point'].iterations}} point to point, {{ rigid['point to plane'].iterations}}
+#   point to plane, {{ rigid['distance'].iterations}} with the distance itself
+# - The motion is off by {{ gone['distance'][-1]:.1f}} mm: 1000 points average the noise away.
+
 # %% [markdown]
 # The motion is {{ mean_distance(landed['right pairs'], places) / gone['distance'][-1]:.0f}} times as good as a single
 # point: 1000 points average the noise away, as in lecture
@@ -284,7 +344,16 @@ Picture(
 # surface lies), only triangles that face the same way can be in contact, so that the front of a hand does not
 # stick to its back; and points that are farther away than `within` have no contact. The residual looks for the
 # contacts at every linearization and holds them, and the direction $u$, while it takes the derivative.
+
+# %% slide [markdown]
+# ## On a body: the distance from a surface that moves
 #
+# $$ r_i(\theta, \beta, t) = \min_{s \in M(\theta, \beta) + t} \| p_i - s \| $$
+#
+# - Contacts are looked for at every linearization, and held for the derivative.
+# - Did we not forget that $s$ moves?
+
+# %% [markdown]
 # What is the derivative? The distance is $r = u^\top (p - s)$, with the contact $s = \sum_k b_k v_k$. Let the corners $v_k$
 # move a little, by $dv_k$. In general, the direction $u$ and the shares $b_k$ change as well, by $du$ and $db_k$:
 #
@@ -303,6 +372,14 @@ Picture(
 # alternation: it is Gauss-Newton on the true cost. We check it against central differences, for which contacts are
 # chosen anew at both ends. Beside it we put the form `offset`, which has the three coordinates of $p - s$ in place of
 # the distance, as point to point does. Half of its sum of squares is the same cost.
+
+# %% slide [markdown]
+# ## Nothing is forgotten
+#
+# $$ r = u^\top (p - s), \quad s = \sum_k b_k v_k \qquad\Rightarrow\qquad \frac{\partial r}{\partial v_k} = - b_k\, u $$
+#
+# - $u^\top du = 0$, and contacts slide perpendicular to $u$: the **envelope theorem**
+# - So this is Gauss-Newton on the true cost, and no alternation.
 
 # %%
 truth = person.values
@@ -354,6 +431,14 @@ for name, problem in problems.items():
         f"{100 * wrong_by[name]:.1g} %; "
         f"slope of the cost {slopes[name][0]:.6g}, by differences {slopes[name][1]:.6g}"
     )
+
+# %% slide [markdown]
+# ## The offset's rows are wrong, its slope is right
+#
+# - Contacts held, by differences: distance right{{ wrong_by['distance'] < 1e-5 }}, offset $p - s$ off by
+#   {{ 100 * wrong_by['offset']:.0f}} %
+# - What is missing is along the surface, perpendicular to $p - s$.
+# - Its $J^\top J$ charges for sliding, which costs nearly nothing: steps creep.
 
 # %% [markdown]
 # The rows of the distance are right{{ wrong_by['distance'] < 1e-5 }}. Those of the offset are off by
@@ -421,11 +506,24 @@ Picture(
     "to its end) and with the offset it creeps. Gauss-Newton on the distance needs a few iterations.",
 )
 
+# %% slide [markdown]
+# ## The same cost in three ways
+#
+# - {{ needed['distance']}} iterations with the distance, {{ needed['offset']}} with the offset; with contacts
+#   held even more
+
 # %% [markdown]
 # The distance needs {{ needed['distance']}} iterations, and the offset
 # {{ needed['offset']}}{{ needed['offset'] > 3 * needed['distance'] and costs['offset, contacts held'][-1] > 1.3 * costs['distance'][-1] }}.
 # From here on we take the distance.
+
+# %% slide [markdown]
+# ## Where may it begin? Basins
 #
+# - Turn the statue by half a turn: its back lies on its front, each point is near something.
+# - **Basin**: the starts from which a method ends at the truth
+
+# %% [markdown]
 # ## Where it may begin
 #
 # The cost only counts distances from *some* part of the surface. Turn the statue by half a turn, and its
@@ -450,6 +548,11 @@ with house_style():
     plot_basins(maps, ax=ax)
 Picture(figure, caption_basins(maps))
 
+# %% slide [markdown]
+# ## Within {{ min(one.reach for one in maps):.0f}} degrees every start ends at the truth
+#
+# - At a wrong end the gradient is zero, too: begin more than once, keep the lowest cost.
+
 # %% [markdown]
 # Most of those that fail end turned by more than
 # {{ np.quantile(np.concatenate([one.turned[~one.found] for one in maps]), 0.3):.0f}} degrees. No solver can know that
@@ -465,6 +568,13 @@ Picture(figure, caption_basins(maps))
 # points, anywhere in a box around the statue, and register all {{ 1000 + 250 }} twice: by least squares, and with the
 # loss of Geman and McClure (*Statistical methods for tomographic image reconstruction*, 1987), which levels
 # off (lecture 10).
+
+# %% slide [markdown]
+# ## Points that belong to nobody
+#
+# - Floor, chair, operator: **clutter**, 250 points for 1000
+# - Geman and McClure: $\rho(d) = d^2 / (1 + (d / c)^2)$, which levels off at $c^2$
+# - One length, $c$ = 3 cm: from there on a point is hardly believed.
 
 # %%
 box = np.array([0.8, 0.9, 0.5])  # m, to either side
@@ -494,6 +604,12 @@ Picture(
     "A scan with clutter, registered twice, seen along z. Least squares turn the statue, so that the "
     "clutter comes a little nearer to the surface; the loss that levels off gives it up.",
 )
+
+# %% slide [markdown]
+# ## Least squares turn the statue
+#
+# - The statue's points are off by {{ stray['least squares']:.0f}} mm, with the loss that levels off by
+#   {{ stray['Geman-McClure']:.1f}} mm.
 
 # %% [markdown]
 # Least squares leave the statue's points {{ stray['least squares']:.0f}} mm off, and this loss
@@ -536,6 +652,14 @@ print(
     f"{100 * hidden.mean():.0f} % of the vertices were seen by no camera"
 )
 
+# %% slide [markdown]
+# ## Bodies bend
+#
+# - Four depth cameras, 2 mm of noise, holes, a fifth clutter: {{ simulated.scan.n_points:,}} points;
+#   {{ 100 * hidden.mean():.0f}} % of the vertices unseen
+# - Bumps of 1 cm that no betas express, and nobody says which way the person faces
+# - Eight ways to face; a coarse fit from each: 300 points, a loss that levels off at 10 cm
+
 # %% [markdown]
 # The transformation is again $M(\theta, \beta) + t$. `scan_starts` proposes eight ways to face, 45 degrees
 # apart, with the feet of the body at those of the scan. From each of them we make a coarse fit: 300 points, and a loss
@@ -568,6 +692,11 @@ Picture(
     "from those that face the wrong way (right).",
 )
 
+# %% slide [markdown]
+# ## Costs tell who found the body
+#
+# - Left: what can be measured. Right: what is true
+
 # %% [markdown]
 # The fits with low costs are those near the truth{{ prices[apart < 100].max() < 0.9 * prices[apart > 200].min() }}.
 # `fit_model` does this in stages: all starts with a
@@ -579,6 +708,13 @@ fit = fit_model(body, simulated.scan)
 for k, hypothesis in enumerate(fit.hypotheses):
     off = mean_distance(fit.vertices(k), skin)
     print(f"hypothesis {k + 1}: cost {hypothesis.cost:6.0f}, vertices off by {off:3.0f} mm")
+
+# %% slide [markdown]
+# ## In stages, with hypotheses
+#
+# - All starts with a few points; the best with more, and a shorter scale
+# - First hypothesis: vertices off by {{ mean_distance(fit.vertices(0), skin):.0f}} mm
+# - Every end that differs is returned.
 
 # %% [markdown]
 # ## A length for the noise, and one for outliers
@@ -630,6 +766,12 @@ Picture(
     "the priors in place of the data, a small one takes good points for outliers.",
 )
 
+# %% slide [markdown]
+# ## Two lengths: noise, and where outliers begin
+#
+# - One number: {{ as_one[0]:.0f}} mm (10 cm, priors win) to {{ as_one[-1]:.0f}} mm (3 mm, good points become
+#   outliers); two numbers: {{ as_two:.1f}} mm
+
 # %% [markdown]
 # Two numbers leave {{ as_two:.1f}} mm, the largest single one {{ as_one[0]:.1f}} mm and the smallest
 # {{ as_one[-1]:.1f}}
@@ -645,6 +787,13 @@ Picture(
 # thousands of points. It cannot be better: the person's own bumps are not in the shape space. Should we give up the
 # model, and let all vertices be free? The distance from the scan is then the only thing that counts, and there
 # is a quick way to make it zero: move every vertex to the point of the scan that is closest to it.
+
+# %% slide [markdown]
+# ## What betas cannot say
+#
+# - The model ends {{ mean_distance(fit.vertices(), skin):.0f}} mm off, with noise of 2 mm: the person's bumps
+#   are not in the shape space.
+# - Free all vertices, then? Move each to the closest point of the scan.
 
 # %%
 near_points = simulated.scan.points
@@ -671,6 +820,14 @@ told("every vertex at its closest point:", snapped)
 print(f"{len(nearest)} vertices have taken {len(set(nearest))} different points")
 print(f"{unread} of the {J.shape[1]} numbers of all vertices are read by no contact")
 
+# %% slide [markdown]
+# ## Distance zero, and a worse answer
+#
+# - Hidden vertices: {{ mean_distance(snapped[hidden], skin[hidden]):.0f}} mm off in place of
+#   {{ mean_distance(fit.vertices()[hidden], skin[hidden]):.0f}}; they go to the rim of what was seen.
+# - {{ len(nearest) - len(set(nearest))}} of {{ len(nearest)}} share a point with another.
+# - {{ unread}} of {{ J.shape[1]:,}} numbers are read by no row.
+
 # %% [markdown]
 # The answer is worse, and worst where nothing was
 # seen{{ mean_distance(snapped[hidden], skin[hidden]) > 1.5 * mean_distance(fit.vertices()[hidden], skin[hidden]) and mean_distance(snapped[hidden], skin[hidden]) > 1.3 * mean_distance(snapped[seen], skin[seen]) }}:
@@ -686,7 +843,17 @@ print(f"{unread} of the {J.shape[1]} numbers of all vertices are read by no cont
 # | $R x + t$ | 6 | bend |
 # | $M(\theta, \beta) + t$ | 85 | be somebody whom the betas do not express |
 # | all vertices $V$ | {{ skin.size }} | know anything about what was not seen |
+
+# %% slide [markdown]
+# ## Three transformations
 #
+# | | unknowns | cannot |
+# | --- | --- | --- |
+# | $R x + t$ | 6 | bend |
+# | $M(\theta, \beta) + t$ | {{ 72 + 10 + 3 }} | be somebody whom betas do not express |
+# | all vertices | {{ skin.size:,}} | know what was not seen |
+
+# %% [markdown]
 # ## Coupled edges
 #
 # Free vertices need the model after all, not as their place, but as their shape. Keep both: the
@@ -703,6 +870,14 @@ print(f"{unread} of the {J.shape[1]} numbers of all vertices are read by no cont
 # vertices, since $A$ takes it away. If the scan moves a vertex outwards, its neighbours are taken along, also those
 # that nobody saw.
 
+# %% slide [markdown]
+# ## Coupled edges
+#
+# $$ E_C = \frac{1}{\sigma_C^2} \sum_{(i, j)} \| (V_i - V_j) - (M_i - M_j) \|^2 $$
+#
+# - Edges of the free mesh are like those of the model; shifts cost nothing.
+# - A vertex that the scan moves takes its neighbours along, also unseen ones.
+
 # %%
 source(by_edges)
 
@@ -713,6 +888,13 @@ source(by_edges)
 # that the model can follow. The priors on pose and shape have led the model to the scan; there, they only hold it back
 # from a pose or a shape that is rare. So a last stage **relaxes** them: their standard deviations are 30 times as large.
 # All stages have the same terms. We begin at the rough fit, the best of the eight above:
+
+# %% slide [markdown]
+# ## From the model to the scan, in stages
+#
+# - $\sigma_C$: infinite (model alone), 2 mm (strong), 10 mm (weak)
+# - Vertices and model are free together, so that the model can follow.
+# - **Relaxed**: priors have led the model there; now 30 times as wide
 
 # %%
 registration = FreeVertices(body, simulated.scan)
@@ -744,6 +926,12 @@ Picture(
     "The person who was scanned, and three answers, coloured by how far each vertex is from its true "
     "place; the scale ends at 40 mm. Snapped to the scan, the mesh is torn.",
 )
+
+# %% slide [markdown]
+# ## Model, snapped, registered
+#
+# - Seen vertices: {{ mean_distance(fitted.vertices[seen], skin[seen]):.1f}} mm (model),
+#   {{ mean_distance(registered.vertices[seen], skin[seen]):.1f}} mm (registered)
 
 # %% [markdown]
 # Every stage comes nearer to the truth, in what was seen and in what was
@@ -782,6 +970,12 @@ Picture(
     "The error after each stage, and (green, mean over all vertices) that of three registrations from the same "
     "start that leave out stages.",
 )
+
+# %% slide [markdown]
+# ## Are the stages necessary?
+#
+# - All: {{ ends_off['all stages']:.1f}} mm. Without the strong one: {{ ends_off['without strong']:.1f}}. Weak
+#   at once with the model held: {{ ends_off['weak at once, model held']:.0f}}
 
 # %% [markdown]
 # With the model held, all vertices together are {{ ends_off['weak at once, model held']:.0f}} mm off in place of
@@ -836,6 +1030,13 @@ Picture(
     "with 10 mm come nearest to the scan, and are farther from the truth than coupled edges.",
 )
 
+# %% slide [markdown]
+# ## The wrong judge: distance from the scan
+#
+# - Coupled vertices are nearest to the scan ({{ table['vertices, 10 mm'][0]:.1f}} mm; edges
+#   {{ table['edges, 10 mm'][0]:.1f}}), and farther from the truth ({{ table['vertices, 10 mm'][1]:.1f}} mm;
+#   {{ table['edges, 10 mm'][1]:.1f}}).
+
 # %% [markdown]
 # By the scan's distance, vertices with 10 mm are the best, {{ table['vertices, 10 mm'][0]:.2f}} mm from the scan, and
 # edges {{ table['edges, 10 mm'][0]:.2f}} mm. Their error is larger, {{ table['vertices, 10 mm'][1]:.1f}} mm in place
@@ -887,6 +1088,12 @@ Picture(
     "how far each vertex may be off. Legs and feet rest on the prior alone.",
 )
 
+# %% slide [markdown]
+# ## What was not seen rests on the prior
+#
+# - Not supported: deviation {{ known.sd[~known.seen].mean() / known.sd[known.seen].mean():.0f}} times as
+#   large, error {{ away[~known.seen].mean() / away[known.seen].mean():.0f}} times
+
 # %% [markdown]
 # The legs are somebody's legs in a common pose, not this person's. That is what a prior is for, and the
 # numbers say so: the standard deviation of what the scan does not support is
@@ -910,6 +1117,13 @@ Picture(
 # joints and pose blend shapes, and `--model blend-scape` with triangles as that paper does. Here we take the least that shows what happens: the outline of a trunk, seen from
 # above, 40 vertices in a plane. The person is wider than the first template, and forward and to the side of it. Each of
 # five scans sees nearly half of the outline, and of a vertex that it sees it knows one number, the distance across the skin.
+
+# %% slide [markdown]
+# ## Many scans of one person: coregistration
+#
+# $$ E = \sum_j \Big[ E_S(V_j) + \frac{1}{\sigma_C^2} \| V_j - T \|^2 \Big] + E_T(T) $$
+#
+# - The template is unknown, too. In the plane: 40 vertices, five scans, each sees half
 
 # %%
 N, SCANS, COUPLING, EDGES = 40, 5, 0.003, 0.004  # COUPLING and EDGES in m
@@ -1023,6 +1237,12 @@ Picture(
     "round, and (dashed) where it ends with everything free.",
 )
 
+# %% slide [markdown]
+# ## In turn, vertices slide and stay there
+#
+# - Hidden vertices: {{ off_by(by_itself)[1]:.0f}} mm apart, {{ off_by(turns['edges held'][-1])[1]:.1f}} mm
+#   after twelve rounds, {{ off_by(at_last['edges held'])[1]:.1f}} mm with everything free
+
 # %% [markdown]
 # Apart, a hidden vertex stays on the first template, {{ off_by(by_itself)[1]:.0f}} mm off. The alternation brings
 # hidden vertices across the
@@ -1066,3 +1286,18 @@ Picture(
 #   the model where nothing was seen: weigh it by what the scan says, and hold templates by their edges.
 # - The distance from the scan is not the error. What was not seen rests on the prior: ask for its standard
 #   deviation.
+
+# %% slide [markdown]
+# ## A registration is no observation
+#
+# $$ \min_V \; L\,(V - t)^2 + \kappa\,(V - T)^2 = \kappa\, C\,(T - t)^2, \qquad C = \frac{L}{L + \kappa} $$
+#
+# - Where nothing was seen it echoes the model: $C = 0$.
+# - `workbench coregister` gives these weights to training.
+
+# %% slide [markdown]
+# ## What to remember
+#
+# - Closest places, distance in place of offset, more than one start, a loss that levels off
+# - First the model; then free vertices, coupled by edges
+# - The distance from the scan is not the error: ask for standard deviations.

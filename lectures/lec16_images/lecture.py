@@ -50,7 +50,6 @@ from workbench.fitting.keypoints import KeypointProblem, camera_residual, keypoi
 from workbench.fitting.observations import COCO, LIMBS, SIDES
 from workbench.fitting.placing import turned_about
 from workbench.fitting.pose_regressor import normalised
-from workbench.fitting.regressor_training import draw_facings, draw_views, people_in, radian_lengths
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.lectures.material.photographs import (
     draw_from_aside,
@@ -58,6 +57,12 @@ from workbench.lectures.material.photographs import (
     in_camera,
     made_up_shots,
     shots_of_balance,
+)
+from workbench.lectures.material.regressor_training import (
+    draw_facings,
+    draw_views,
+    people_in,
+    radian_lengths,
 )
 from workbench.plots import house_style, sheet
 from workbench.priors.poses import draw_poses, shipped_gaussian, shipped_mixture
@@ -105,6 +110,14 @@ def mpjpe(values, truth):
 
 print(f"{len(real)} real images, {len(people)} made up; {len(landmarks)} landmarks each")
 
+# %% slide [markdown]
+# ## One photograph: keypoints in, a body out
+#
+# $$ E(\theta, \beta) = E_J + \lambda_\theta E_\theta + \lambda_a E_a + \lambda_{sp} E_{sp} + \lambda_\beta E_\beta $$
+#
+# - **SMPLify** (2016). No term before something has failed without it
+# - {{ len(real)}} real images of one person, {{ len(people)}} made-up people, whose truth is known
+
 # %% [markdown]
 # `mpjpe` is called *mean per joint position error* in the literature: it asks for the pose alone, and
 # forgives a body that stands in the wrong place. `in_space` forgives nothing.
@@ -122,6 +135,14 @@ print(f"{len(real)} real images, {len(people)} made up; {len(landmarks)} landmar
 # the residual `keypoints`: its rows are $(\Pi(p_k) - \hat u_k) / \sigma$, two for each landmark, and each counts
 # $w_k$ times. The places $\hat u_k$ and the confidences are blocks, called `observed` and `confidence`, which stay fixed,
 # so that the same problem serves all images:
+
+# %% slide [markdown]
+# ## Meet the keypoints
+#
+# $$ E_J = \sum_k w_k\, \rho\bigl(\Pi(p_k(\theta, \beta, t)) - \hat u_k\bigr) $$
+#
+# - **Reprojection error**: where the model says, less where the detector found it
+# - `mpjpe` forgives a wrong place; "in space" forgives nothing.
 
 # %%
 source(camera_residual)
@@ -172,6 +193,12 @@ Picture(
     "ones. From the side (middle) it is no person; the right one is the fit to four cameras.",
 )
 
+# %% slide [markdown]
+# ## Met exactly, and no person
+#
+# - In the image {{ missed(exact, begun):.2f}} px off, the pose {{ mpjpe(exact, shot.truth):.0f}} mm
+# - {{ m}} equations, {{ p}} unknowns, rank {{ here.rank}}
+
 # %% [markdown]
 # The problem is solved, exactly, and the answer is worthless: the pose is off by {{ mpjpe(exact, shot.truth):.0f}}
 # mm{{ missed(exact, begun) < 0.1 and mpjpe(exact, shot.truth) > 250 }}. Each of the landmarks gives two equations,
@@ -187,6 +214,13 @@ print(
     f"with priors: in the image {missed(with_priors, setup):.1f} px off (median), "
     f"the pose {mpjpe(with_priors, shot.truth):.0f} mm, in space {in_space(with_priors, shot.truth):.0f} mm"
 )
+
+# %% slide [markdown]
+# ## Priors say what people do
+#
+# - In the image {{ missed(with_priors, begun):.1f}} px off; the pose {{ mpjpe(with_priors, shot.truth):.0f}}
+#   mm, {{ mpjpe(exact, shot.truth) / mpjpe(with_priors, shot.truth):.1f}} times better
+# - Left: wrong keypoints, wrong minima, the distance, limbs in limbs
 
 # %% [markdown]
 # The keypoints are met less well, and the pose is {{ mpjpe(exact, shot.truth) / mpjpe(with_priors, shot.truth):.1f}}
@@ -223,6 +257,15 @@ for name, shots in (("balance", real), ("made up", people)):
         f"median {np.median(shares):.2f}"
     )
 
+# %% slide [markdown]
+# ## Where to begin: similar triangles
+#
+# $$ Z = f H / h $$
+#
+# - $H$: the torso, which changes least with the pose
+# - Start over true depth: {{ min(starts['balance']):.2f}} to {{ max(starts['balance']):.2f}} on the beam,
+#   {{ min(starts['made up']):.2f}} to {{ max(starts['made up']):.2f}} for people who bend
+
 # %% [markdown]
 # A torso that leans towards the camera looks short and is taken to be far away (lecture 9). The person on the beam
 # stands upright, and the start is off by at most {{ 100 * np.abs(np.array(starts['balance']) - 1).max():.0f}} %.
@@ -235,7 +278,14 @@ for name, shots in (("balance", real), ("made up", people)):
 # Detectors confuse left and right, and take the arm of a neighbour for that of the person. We move the left
 # wrist in four real images by up to 200 px to the right and fit again, each time from the truth, so that
 # nothing but the loss matters. How far are the *other* limbs off?
+
+# %% slide [markdown]
+# ## One keypoint is wrong
 #
+# - The left wrist, up to 200 px away; each fit begins at the truth.
+# - Squares let it drag the whole body along.
+
+# %% [markdown]
 # The square lets the wrist drag the whole body along. Lecture 10 had the remedy, the loss of Geman and
 # McClure, which SMPLify takes with $\sigma = 100$ px. But it uses one number for two things: how accurate
 # good keypoints are, and from where on one is bad. We try 4 px, the accuracy of good keypoints, and 40 px,
@@ -249,6 +299,14 @@ for name, shots in (("balance", real), ("made up", people)):
 # is much larger, the one can be left out, and the loss is $c^2$, whatever $r$ is: $c\, \sigma$ says where bad keypoints
 # begin. In the library a kernel answers the factor $g$ by which a square $s$ is multiplied, so that $\rho(s) = g(s)\, s$.
 # Then $c^2 \rho(s / c^2) = g(s / c^2)\, s$, and the scale is one line:
+
+# %% slide [markdown]
+# ## Two things to say, two numbers
+#
+# $$ c^2\, \rho\left(\frac{r^2}{c^2 \sigma^2}\right), \qquad \rho(s) = \frac{s}{1 + s} $$
+#
+# - $\sigma$ = 4 px: how much a good keypoint counts
+# - $c\, \sigma$ = 40 px: where bad ones begin
 
 # %%
 source(Scaled.__call__)
@@ -317,6 +375,13 @@ Picture(
     "or not. The loss with two numbers gives up the keypoint and keeps the others.",
 )
 
+# %% slide [markdown]
+# ## Give up the keypoint, keep the others
+#
+# - Wrist 200 px away: others off by {{ off_by['squares'][-1]:.0f}} mm with squares,
+#   {{ off_by['4 px, and 40 px'][-1]:.0f}} mm with two numbers; with one number priors win,
+#   {{ off_by['one number, 4 px'][0]:.0f}} mm even without an error.
+
 # %% [markdown]
 # With a wrist that is 200 px away the square leaves the others {{ off_by['squares'][-1]:.0f}} mm off, and the loss
 # with two numbers {{ off_by['4 px, and 40 px'][-1]:.0f}}
@@ -348,6 +413,13 @@ print(
     f"sure: {robust(s):.0f}; doubtful, weight outside: {w * robust(s):.1f}, inside: {robust(w * s):.1f}"
 )
 
+# %% slide [markdown]
+# ## Confidence is a weight, outside of the loss
+#
+# - 200 px off, sure: {{ robust(s):.0f}}. Doubtful, outside: {{ w * robust(s):.1f}}
+# - Inside, $\rho(w s)$: {{ robust(w * s):.0f}}, {{ robust(w * s) / (w * robust(s)):.0f}} times as much; it
+#   moves the border of outliers.
+
 # %% [markdown]
 # A doubtful keypoint that is 200 px off costs {{ w * robust(s):.1f}} with the weight outside, a hundredth of a sure
 # one. Inside it costs {{ robust(w * s) / (w * robust(s)):.0f}} times as much: there the weight has moved the border
@@ -369,6 +441,14 @@ print(
 # exponential, so that the energy, its square, is $\exp(2 s_i \theta_i)$, as here. In the library's lines, a hinge
 # says which entry of a joint's rotation vector is the angle, and which sign the angle has if the joint bends backwards:
 
+# %% slide [markdown]
+# ## Knees that bend backwards
+#
+# $$ E_a(\theta) = \sum_{i} \exp(s_i\, \theta_i) $$
+#
+# - From the front, towards and away look alike: two knees for one image.
+# - The signs $s_i$ are missing in print; elbows and knees need different ones.
+
 # %%
 source(bent_back)
 
@@ -379,6 +459,14 @@ for angle in (1.5, -0.5):
         f"left knee at {angle:4} rad, {bend:9}: cost with the sign {0.5 * np.exp(-2 * angle):.2f}, "
         f"without it {0.5 * np.exp(2 * angle):.2f}"
     )
+
+# %% slide [markdown]
+# ## Without the sign, natural knees are punished
+#
+# | left knee | with the sign | without |
+# | --- | --- | --- |
+# | natural, 1.5 rad | {{ 0.5 * np.exp(-2 * 1.5):.2f}} | {{ 0.5 * np.exp(2 * 1.5):.1f}} |
+# | backwards, -0.5 rad | {{ 0.5 * np.exp(1.0):.2f}} | {{ 0.5 * np.exp(-1.0):.2f}} |
 
 # %% [markdown]
 # Without the sign a natural knee costs more ({{ 0.5 * np.exp(2 * 1.5):.2f}}) than one that is bent backwards
@@ -420,6 +508,13 @@ for name, of in (("without E_a", unhinged), ("with E_a", of_images)):
             f"{kind:8} {name:11}: {sum(bent_back(end[0]) for end in ends):2} bent backwards, "
             f"off by {off.mean():.0f} mm on average, {(off > 150).sum()} above 150 mm"
         )
+
+# %% slide [markdown]
+# ## The term hardly helps
+#
+# - Hinges bent backwards, of all fits from rest: {{ backwards('without E_a')}} without the term,
+#   {{ backwards('with E_a')}} with it
+# - Why? Look at the lowest cost for each angle of one knee.
 
 # %% [markdown]
 # Of {{ backwards('without E_a')}} hinges {{ backwards('with E_a')}} are still bent
@@ -482,6 +577,12 @@ Picture(
     "keypoints to 41 px there is a single minimum.",
 )
 
+# %% slide [markdown]
+# ## It raises the wrong minima, and the hill remains
+#
+# - The foot would have to leave its keypoints on the way out.
+# - With keypoints to 41 px there is one minimum.
+
 # %% [markdown]
 # The term says that the wrong minima are worse, but an optimizer that sits in one does not learn of
 # it{{ all((minima[name][0] < 0).any() for name in list(minima)[:2]) and len(minima['keypoints to 41 px, with E_a'][0]) == 1 and curves['keypoints to 4 px, with E_a'][0] > curves['keypoints to 4 px, without E_a'][0] + 1 }}:
@@ -498,6 +599,14 @@ Picture(
 # stage, and square
 # them, because a weight of a residual is squared in the cost. They weigh the keypoints down where SMPLify weighs the
 # priors up, which is the same but for a factor; `workbench fit --recipe smplify` goes through them:
+
+# %% slide [markdown]
+# ## Stages are data
+#
+# - At first keypoints count little; each stage begins where the last one ended.
+# - SMPLify: four stages, prior weights from {{ 404}} to {{ 4.78}}
+# - Weights multiply *residuals*: $\sigma = \lambda_\theta / \sqrt 2$, that is {{ 404 / np.sqrt(2):.0f}}, 41
+#   and {{ 4.78 / np.sqrt(2):.1f}} px.
 
 # %%
 source(smplify_stages)
@@ -541,6 +650,14 @@ failures = {
     name: (mean_errors(found[name, "made up"], people) > 150).sum() for name in ("rest", "staged")
 }
 
+# %% slide [markdown]
+# ## One stage with 41 px before the last
+#
+# - Wrong hinges: from {{ backwards('with E_a')}} to
+#   {{ sum(bent_back(end[0]) for kind in SHOTS for end in found['staged', kind])}}; failures among made-up
+#   people: from {{ failures['rest']}} to {{ failures['staged']}}
+# - The problem is the same; only the way to a minimum is another one.
+
 # %% [markdown]
 # The wrong hinges fall from {{ backwards('with E_a')}} to
 # {{ sum(bent_back(end[0]) for kind in SHOTS for end in found['staged', kind])}}, and the failures among the made-up
@@ -559,6 +676,12 @@ failures = {
 # put into units of the person's size first. It needs no photograph, only draws. Such a network comes with the
 # workbench. Layer $i$ multiplies its input by a matrix $W_i$ and adds a row $b_i$, and between two layers negative
 # numbers become zero:
+
+# %% slide [markdown]
+# ## The start matters most
+#
+# - Cheap: four starts, turned about the body's own axis
+# - Learned: thousands of poses from the mixture, random cameras, a small network. No photograph
 
 # %%
 source(PoseRegressor._forward)
@@ -614,6 +737,13 @@ Picture(
     "is the mean. The failures, above the dashed line, are a matter of the start.",
 )
 
+# %% slide [markdown]
+# ## Five ways to begin
+#
+# - From rest {{ made_up_off['rest']:.0f}} mm, four turned {{ made_up_off['four turned']:.0f}}, staged
+#   {{ made_up_off['staged']:.0f}}, learned {{ made_up_off['learned']:.0f}}, from the truth
+#   {{ made_up_off['from truth']:.0f}}
+
 # %% [markdown]
 # Four starts rescue most of the failures, {{ failures['rest'] - failures['four turned']}} of {{ failures['rest']}}.
 # The network
@@ -627,7 +757,17 @@ Picture(
 # mm{{ made_up_off['learned'] < made_up_off['from truth'] + 10 and failures['from truth'] == 0 }}. What is left then
 # is no matter of optimization: the image does not tell
 # it.
+
+# %% slide [markdown]
+# ## A bad answer is a good start
 #
+# - The network alone: {{ alone:.0f}} mm, it does not meet the keypoints. As a start:
+#   {{ made_up_off['learned']:.0f}} mm
+# - 200 recorded poses that it never saw: {{ 138.8 }} mm with squares from rest, {{ 59.2 }} mm robust and
+#   learned, {{ 55.6 }} mm from the truth
+# - What is left, the image does not tell.
+
+# %% [markdown]
 # (The network has learned from draws of the mixture, and our made-up people are such draws.
 # `benchmarks/ACCURACY.md` has 200 people in recorded poses that it never saw, and the order is the same: {{ 138.8 }} mm
 # with squares and from rest, {{ 59.2 }} mm with the robust loss and the learned start, {{ 55.6 }} mm with it and from
@@ -652,6 +792,13 @@ for kind, shots in SHOTS.items():
         f"the nearest by {np.mean(nearest):.0f} mm"
     )
 
+# %% slide [markdown]
+# ## The lowest of four ends
+#
+# - Made-up people: {{ of_ends['made up'][0]:.0f}} mm, the nearest {{ of_ends['made up'][1]:.0f}}
+# - The real person: {{ of_ends['balance'][0]:.0f}} mm, the nearest {{ of_ends['balance'][1]:.0f}}
+# - The cost believes in independent errors of 4 px. Photographs do not.
+
 # %% [markdown]
 # For the made-up people it is as good as the nearest one ({{ of_ends['made up'][0]:.0f}} and
 # {{ of_ends['made up'][1]:.0f}} mm). For the real person another end is nearer ({{ of_ends['balance'][0]:.0f}} and
@@ -673,7 +820,15 @@ for kind, shots in SHOTS.items():
 # Take logarithms, and add $e$ to all three sides:
 #
 # $$ 0 \;\le\; \min_j e_j + \log \sum_j \exp(-e_j) \;\le\; \log C . $$
+
+# %% slide [markdown]
+# ## A better prior? The max-mixture
 #
+# $$ 0 \;\le\; \min_j e_j + \log \sum_j \exp(-e_j) \;\le\; \log C $$
+#
+# - SMPLify: the least of eight components in place of the sum
+
+# %% [markdown]
 # We give the mixture to the fits, from the learned starts, and print this gap at their ends.
 
 
@@ -701,6 +856,14 @@ for kind, shots in SHOTS.items():
     told("learned", kind)
     told("mixture", kind)
 print(f"least of the components minus log-sum, largest: {max(gaps):.3f}; log 8 = {np.log(8):.2f}")
+
+# %% slide [markdown]
+# ## No better answers
+#
+# - The gap at the ends: at most {{ max(gaps):.3f}} of {{ np.log(8):.2f}}
+# - Made-up people: {{ mean_errors(found['mixture', 'made up'], people).mean():.0f}} mm with the mixture,
+#   {{ mean_errors(found['learned', 'made up'], people).mean():.0f}} with one Gaussian
+# - A prior that describes poses better need not fit keypoints better.
 
 # %% [markdown]
 # At the ends of the fits one component is by far the likeliest, and the gap, at most {{ max(gaps):.3f}}, is a small
@@ -760,6 +923,12 @@ Picture(
     "gets by. If the stature is unknown, the person grows with the distance and the cost hardly rises.",
 )
 
+# %% slide [markdown]
+# ## How far away, and how tall?
+#
+# - From 15 % too near to 15 % too far the cost rises by {{ np.ptp(profiles['stature unknown'][:, 0]):.0f}},
+#   and the person grows by {{ 100 * np.diff(tallest)[0]:.0f}} cm.
+
 # %% [markdown]
 # From 15 % too near to 15 % too far the cost rises by {{ np.ptp(profiles['stature unknown'][:, 0]):.0f}}, and the
 # person grows by {{ 100 * np.diff(tallest)[0]:.0f}}
@@ -772,6 +941,14 @@ Picture(
 
 # %%
 source(stature_expression)
+
+# %% slide [markdown]
+# ## Measure the person, once
+#
+# $$ \frac{h_0 + a\, \beta - h}{1 \text{ cm}} $$
+#
+# - At rest every vertex is linear in the betas, so the stature is.
+# - One more residual
 
 # %%
 known_tall = [
@@ -798,6 +975,14 @@ for name in ("learned", "stature"):
         f"{name:8} depth off by {np.sqrt(np.mean(np.square(off))):.0f} mm (root mean square), "
         f"on average {np.mean(off):.0f} mm; Laplace's standard deviation {np.mean(deviations):.0f} mm"
     )
+
+# %% slide [markdown]
+# ## Known stature, and errors that all go one way
+#
+# - The error in space falls by {{ 100 * (1 - space['stature'] / space['learned']):.0f}} %.
+# - Laplace's deviation of the depth: {{ np.mean(deviations):.0f}} mm; the error:
+#   {{ np.sqrt(np.mean(np.square(off))):.0f}} mm
+# - {{ sum(one < 0 for one in off)}} of {{ len(off)}} fits are too near: landmarks are off in one direction.
 
 # %% [markdown]
 # The error in space falls by {{ 100 * (1 - space['stature'] / space['learned']):.0f}} %, and the pose hardly
@@ -830,6 +1015,14 @@ for name in ("learned", "stature"):
 # We take the two learned fits with the deepest overlap and fit them again. (Ends and radii of the
 # capsules are linear in the betas. SMPLify's code does not differentiate this term by them, since thinner
 # bodies would be an easy way out.)
+
+# %% slide [markdown]
+# ## Limbs in limbs
+#
+# $$ E_{sp} = \sum \exp\left( - \frac{\|C_i - C_j\|^2}{s_i^2 + s_j^2} \right), \quad s_i = 0.3\, r_i $$
+#
+# - Spheres that touch: $d^2 / S$ above twenty, a push of $e^{-20}$
+# - **Capsules**: $\max(0, r_i + r_j - d_{ij})$, which pushes the harder the deeper
 
 # %%
 source(apart)
@@ -886,6 +1079,12 @@ Picture(
     "when the axes are near, and not at all where they meet. Middle and right: one fit without and with capsules.",
 )
 
+# %% slide [markdown]
+# ## Spheres do not push where skins meet
+#
+# - Deepest overlap: {{ max(overlaps['spheres']):.0f}} mm with spheres, {{ max(overlaps['capsules']):.0f}} mm
+#   with capsules, for less than a pixel
+
 # %% [markdown]
 # Spheres leave an overlap of {{ max(overlaps['spheres']):.0f}} mm, and capsules of
 # {{ max(overlaps['capsules']):.0f}}, at the price of less than a pixel in the
@@ -909,6 +1108,13 @@ Picture(
 # priors. The first fits are those from the resting body, of which some had failed. The regressor is the
 # same function as above, but its first layer is random and never learns, so that learning is a *linear*
 # least-squares problem. It learns from each kept body, as 80 random cameras would see it.
+
+# %% slide [markdown]
+# ## Regressors in the loop: SPIN in the small
+#
+# - Keep the best fit of every image. The network says where to begin, and learns from what is kept.
+# - Without any truth: keypoints and priors alone
+# - First layer random, so that learning is linear
 
 # %%
 rows = [landmarks.index(name) for name in COCO]
@@ -952,6 +1158,12 @@ for k in range(3):
 alone_now = np.mean([mpjpe(learned(one, regressor), one.truth) for one in people])
 print(f"the last regressor alone: {alone_now:.0f} mm")
 
+# %% slide [markdown]
+# ## One round repairs nearly all
+#
+# - Kept fits: {{ rounds[0][0]:.0f}}, {{ rounds[1][0]:.0f}}, {{ rounds[2][0]:.0f}} mm; no cost can rise.
+# - The regressor alone: {{ alone_now / rounds[-1][0]:.1f}} times as far off
+
 # %% [markdown]
 # One round brings the fits from {{ rounds[0][0]:.0f}} to {{ rounds[1][0]:.0f}} mm, and repairs nearly all that had
 # failed. The regressor has learned from the good fits what people
@@ -975,6 +1187,13 @@ print(
 )
 print(f"the first is off by {mpjpe(setup.start | solution.values, shot.truth):.0f} mm")
 
+# %% slide [markdown]
+# ## All together: `image_fit`
+#
+# - Priors, a loss with a scale of 8 % of the height in the image, $E_a$, the learned start
+# - On demand: stages, a known stature, hypotheses
+# - The first hypothesis is off by {{ mpjpe(setup.start | solution.values, shot.truth):.0f}} mm.
+
 # %% [markdown]
 # ## What to remember
 #
@@ -988,3 +1207,10 @@ print(f"the first is off by {mpjpe(setup.start | solution.values, shot.truth):.0
 # - The lowest cost is only as good as the model of the errors. Real detectors have errors that no sigma
 #   describes.
 # - A better prior of poses is not always a better fit. Measure it.
+
+# %% slide [markdown]
+# ## What to remember
+#
+# - One camera's keypoints can be met by a body that nobody has; a robust loss needs two numbers.
+# - What forbids does not lead out: the start matters most.
+# - Size and distance look alike: measure the person. A better prior is not always a better fit.

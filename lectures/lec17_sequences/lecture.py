@@ -56,6 +56,13 @@ body = wb.load_body("small")
 SOLVER = TrustRegion(max_iterations=40, gradient_tolerance=1e-2)
 FREE = ("trans", "pose", "betas")
 
+# %% slide [markdown]
+# ## A film should tell more than a photograph
+#
+# - The person bends, but bones keep their lengths, and nobody jumps.
+# - One problem of all frames: first of a made-up person, then of a real one
+# - **Jitter**: the mean change of the speed of points
+
 # %% [markdown]
 # ## A made-up film
 #
@@ -119,6 +126,12 @@ truth = dance(1)
 white = SIGMA * np.random.default_rng(1).standard_normal((T, 24, 2))
 film = filmed(truth, white)
 
+# %% slide [markdown]
+# ## A made-up film
+#
+# - One camera, one second, 24 frames; each pose is a draw from the pose prior.
+# - A detector's errors: 4 px, independent of each other
+
 # %% [markdown]
 # ## Frame by frame, and one shape for all
 #
@@ -126,6 +139,15 @@ film = filmed(truth, white)
 # the same person's in all frames. `sequence` makes one problem of many: each frame keeps its own blocks,
 # and those that are named in `shared` are one and the same for all of them. If the camera alone is
 # shared, this is the naive way.
+
+# %% slide [markdown]
+# ## Frame by frame, or one shape for all
+#
+# ```python
+# frame = wb.Problem([data, pose_prior(body), shape_prior(body)], FREE, blocks=camera.blocks)
+# ```
+#
+# - `sequence` makes one problem of many frames; what is named in `shared` is one for all.
 
 # %%
 apart = wb.sequence([frame] * T, shared=LENS)
@@ -159,6 +181,11 @@ Picture(
     "which it hardly sees, they jump by decimetres from frame to frame, with one shape as without.",
 )
 
+# %% slide [markdown]
+# ## Upwards near the truth, in depth leaps
+#
+# - Shape off by {{ table['frame by frame'][2]:.0f}} mm; shared, by {{ table['one shape'][2]:.0f}} mm
+
 # %% [markdown]
 # One shape for all frames helps a little: it is off by {{ table['one shape'][2]:.0f}} mm in place of
 # {{ table['frame by frame'][2]:.0f}} mm. That is not much for 24
@@ -166,13 +193,30 @@ Picture(
 # does not see in 24 frames either. And both fits tremble, with changes of speed that are
 # {{ table['one shape'][1] / table['the truth'][1]:.0f}} times those of the person. Nobody told the problem that one
 # frame comes after the other.
+
+# %% slide [markdown]
+# ## 24 times the keypoints, hardly a better shape
 #
+# - What one camera does not see in a frame, it does not see in 24.
+# - Both tremble: {{ table['one shape'][1] / table['the truth'][1]:.0f}} times the person's changes of speed
+# - Nobody said that one frame comes after the other.
+
+# %% [markdown]
 # ## Smoothness, and its price
 #
 # `smooth` is a residual *between* frames. With `order=1` it has the first differences $x_{t+1} - x_t$,
 # which are zero if nothing moves; with `order=2` the second differences $x_{t+2} - 2 x_{t+1} + x_t$, which
 # are zero at constant speed. It can be asked of the pose (in radians), of the translation, or of points
 # such as the joints (in metres).
+
+
+# %% slide [markdown]
+# ## Smoothness: a residual between frames
+#
+# $$ x_{t+1} - x_t \qquad\text{or}\qquad x_{t+2} - 2 x_{t+1} + x_t $$
+#
+# - First differences are zero at rest, second ones at constant speed.
+# - Of the pose, of the place, or of points
 
 
 # %%
@@ -238,6 +282,13 @@ Picture(
     "the stronger they are, the smaller the person becomes.",
 )
 
+# %% slide [markdown]
+# ## The stronger, the smaller the person
+#
+# - Second differences, ten times the true ones: joints off by {{ marks['order 2'][2, 0]:.0f}} mm in place of
+#   {{ table['one shape'][0]:.0f}}
+# - At exactly the true size the person is {{ (real_stature - tall['order 2'][0]) / 10:.0f}} cm too small.
+
 # %% [markdown]
 # Second differences are better than first ones here: at three times the true size they leave a jitter of
 # {{ marks['order 2'][1, 1]:.0f}} mm a frame squared in place of {{ marks['order 1'][1, 1]:.0f}}, and joints are
@@ -251,7 +302,15 @@ Picture(
 # the size of the person's own differences, and it is {{ (real_stature - tall['order 2'][0]) / 10:.0f}}
 # cm{{ all((np.diff(tall[name]) > 0).all() for name in ('order 1', 'order 2')) }}. Smoothness of joints in metres is
 # worse: at three times the true differences the person loses {{ (real_stature - tall['joints'][0]) / 10:.0f}} cm.
+
+# %% slide [markdown]
+# ## Why smoothness shrinks
 #
+# - It says "the less motion the better", not "as smooth as a person".
+# - Person and distance times $q$: the same image, and $q^2$ times the cost in metres
+# - So: second differences, ten times what the motion needs
+
+# %% [markdown]
 # The
 # reason is that a residual of
 # smoothness does not say "as smooth as a person", but "the less motion the better". Take a person whose lengths and
@@ -260,7 +319,16 @@ Picture(
 # (Translations are in metres as well.) So the sigma of smoothness should lie well above what the motion
 # needs; we take second differences and ten times. And be careful with smoothness in metres where one camera
 # sees the person.
+
+# %% slide [markdown]
+# ## All frames at once: an arrow
 #
+# $$ \begin{pmatrix} D & B \\ B^\top & C \end{pmatrix} \begin{pmatrix} x \\ s \end{pmatrix} = \begin{pmatrix} f \\ g \end{pmatrix} $$
+#
+# - {{ 72 + 3}} unknowns a frame, 10 shared; each residual reads one frame or three neighbours.
+# - Dense: memory grows with $T^2$, time with $T^3$
+
+# %% [markdown]
 # ## All frames at once
 #
 # This problem has {{ 72 + 3 }} unknowns a frame, and 10 that all frames share. Solvers need $J$ and, at each
@@ -315,6 +383,12 @@ Picture(
     "first it fills up.",
 )
 
+# %% slide [markdown]
+# ## Eliminate the frames first
+#
+# - With the shape last the factor has {{ factors['shared last'].sum():,}} nonzeros, with the shape first
+#   {{ factors['shared first'].sum():,}}: fill-in.
+
 # %% [markdown]
 # Each residual reads one frame or three neighbours, and perhaps the shape. So $J^\top J$ is a **band** with
 # a **border**, an arrow:
@@ -340,6 +414,15 @@ Picture(
 # six frames in this way, and compare with the library's step. Its lines are below. `dpbtrf` of LAPACK is Cholesky's
 # factorization of the band, $D = L L^\top$; `answer` is $L^{-1} B$, so that `answer.T @ answer` is $B^\top D^{-1} B$; and
 # `dpotrf` factorizes $S$. What else is there guards against matrices from which too few digits would be left.
+
+# %% slide [markdown]
+# ## The Schur complement
+#
+# $$ S = C - B^\top D^{-1} B, \qquad S\, s = g - B^\top D^{-1} f $$
+#
+# - $C$: what the film says about the shape if poses are known
+# - $B^\top D^{-1} B$: what is lost because they have to be found
+# - $S^{-1}$ is the covariance of the shape.
 
 # %%
 inner, border = slice(0, own.size), slice(own.size, None)
@@ -419,6 +502,12 @@ Picture(
     "Both axes are logarithmic; dotted lines grow with the cube of the frames, and in proportion to them.",
 )
 
+# %% slide [markdown]
+# ## Time in proportion to the frames
+#
+# - 160 frames: {{ stored / 1e6:.0f}} MB in place of {{ 8 * np.prod(longest.shape) / 1e9:.1f}} GB; at 20
+#   frames blocks are quicker already.
+
 # %% [markdown]
 # At 20 frames the blocks are already quicker than the dense solution
 # alone{{ seconds['dense'][20] > seconds['by blocks'][20] }}, and with 160 frames, where $J$ would take
@@ -433,6 +522,12 @@ Picture(
 # frame by frame, for the truth. `video_fit` sets up what we had above, with the robust loss of SMPLify ([Bogo et
 # al.](https://doi.org/10.1007/978-3-319-46454-1_34) (2016); lecture 10). It gives the terms of all frames a common
 # weight, $n / T$, which is one for now, by `worth=45`: every frame counts.
+
+# %% slide [markdown]
+# ## A real person on a beam
+#
+# - 45 frames, real keypoints; one camera is fitted, four are the reference.
+# - The recipe so far: share the shape, smooth a little, count every keypoint
 
 # %%
 FRAMES, CAMERAS = range(55, 100), ("cam01", "cam02", "cam03", "cam04")
@@ -494,6 +589,17 @@ def stature_sd(setup, found):
 sd_full = stature_sd(*real["every frame counts"])
 print(f"standard deviation of the stature, if every frame counts: {sd_full:.0f} mm")
 
+# %% slide [markdown]
+# ## More data, a worse answer, and surer of itself
+#
+# | | limbs off by | jitter | stature |
+# | --- | --- | --- | --- |
+# | frame by frame | {{ real_table['frame by frame'][0]:.0f}} mm | {{ real_table['frame by frame'][1]:.0f}} | {{ real_table['frame by frame'][2] / 10:+.0f}} cm |
+# | every frame counts | {{ real_table['every frame counts'][0]:.0f}} mm | {{ real_table['every frame counts'][1]:.0f}} | {{ real_table['every frame counts'][2] / 10:+.0f}} cm |
+#
+# - One beta is {{ np.abs(real['every frame counts'][1]['betas']).max():.1f}}, where 3 is rare; the stature is
+#   off by {{ -real_table['every frame counts'][2] / sd_full:.1f}} of its own deviations.
+
 # %% [markdown]
 # The jitter is gone, and everything else is worse than frame by frame. Limbs are off by
 # {{ 100 * (real_table['every frame counts'][0] / real_table['frame by frame'][0] - 1):.0f}} % more. The person is
@@ -554,6 +660,12 @@ Picture(
     "are often on the same side for many frames. Right: how errors that are some frames apart correlate.",
 )
 
+# %% slide [markdown]
+# ## Errors that are alike
+#
+# - {{ 100 * constant:.0f}} % of the mean square is constant; the rest is alike in neighbouring frames,
+#   {{ moving_part[1]:.2f}}.
+
 # %% [markdown]
 # Of the mean square error {{ 100 * constant:.0f}} % are constant, and what is left over is still alike in
 # neighbouring frames, with a correlation of {{ moving_part[1]:.2f}}. A detector that puts the hip too far out does so
@@ -562,7 +674,16 @@ Picture(
 # part, the **bias**, and a part that changes slowly, $e_{t+1} = \rho\, e_t + \sqrt{1 - \rho^2}\, w_t$ with
 # independent $w_t$. The latter is an **autoregressive** series of first order, called `AR(1)`, whose
 # correlation $k$ frames apart is $\rho^k$.
+
+# %% slide [markdown]
+# ## Two models of such errors
 #
+# $$ e_{t+1} = \rho\, e_t + \sqrt{1 - \rho^2}\, w_t $$
+#
+# - **Bias**: the same hip, the same trousers, nearly the same view
+# - **AR(1)**: changes slowly; correlation $\rho^k$, $k$ frames apart
+
+# %% [markdown]
 # ## How many frames is a film worth?
 #
 # Let $x_t$ be errors of mean square $\sigma^2$, and $\mathrm{E}[x_t x_{t+k}] = \sigma^2 r_k$, where $\mathrm{E}$ is the mean
@@ -579,7 +700,16 @@ Picture(
 #
 # independent ones (Bayley and Hammersley, [*The "effective" number of independent observations in an autocorrelated
 # time series*](https://doi.org/10.2307/2983560) (1946); lecture 12 has the same for draws of a chain).
+
+# %% slide [markdown]
+# ## How many frames is a film worth?
 #
+# $$ n = \frac{T}{1 + 2 \sum_{k=1}^{T-1} (1 - k / T)\, r_k} $$
+#
+# - White noise: $n = T$. AR(1): about $T (1 - \rho) / (1 + \rho)$
+# - A constant share $b$: $n < 1 / b$, *however long the film is*
+
+# %% [markdown]
 # Three cases show what the formula
 # says. In white noise all $r_k$ with $k \ge 1$ are zero, and $n = T$. The autoregressive series has $r_k = \rho^k$. In a long
 # film the factor $1 - k / T$ is nearly one for all $k$ that matter, and the geometric series gives
@@ -600,6 +730,12 @@ Picture(
 # the ratio of $\sum_t x_t^2$ to $(\sum_t x_t)^2 / T$, and both can be summed over all coordinates of all keypoints before
 # they are divided. In the library's lines a column of `x` is one coordinate, zero where the keypoint was not seen, and
 # `count` says in how many frames it was:
+
+# %% slide [markdown]
+# ## No $r_k$ is needed
+#
+# - $n$ is the ratio of $\sum_t x_t^2$ to $(\sum_t x_t)^2 / T$, summed over all coordinates.
+# - Correlations are about zero: who subtracts the mean subtracts the bias.
 
 # %%
 source(worth_of_errors)
@@ -624,6 +760,13 @@ for bias in (0.0, 0.35):
     said = ", ".join(f"{n} frames {by_formula(n, bias, 0.8):5.1f}" for n in (45, 1000))
     print(f"by the formula, rho = 0.8 and a bias of {bias:.2f}: {said}")
 
+# %% slide [markdown]
+# ## 45 frames are worth {{ true_worth:.1f}}
+#
+# - By what the fit leaves over, without other cameras: {{ left_over:.1f}}
+# - 1000 frames that change slowly: {{ by_formula(1000, 0.0, 0.8):.0f}}; with a bias of 35 %:
+#   {{ by_formula(1000, 0.35, 0.8):.1f}}
+
 # %% [markdown]
 # The 45 frames are worth {{ true_worth:.1f}}. Independent errors are worth what they should be, and errors that are
 # alike are worth {{ effective_frames(made):.1f}}{{ abs(effective_frames(made_white) / 45 - 1) < 0.1 }}. By the
@@ -642,6 +785,13 @@ for bias in (0.0, 0.35):
 # what they are. What changes is how much the film says about the shape: as much as $n$ frames would. (The pose
 # prior counts less as well. It should, as we shall see.) The price is that the posterior is then too
 # careful about the pose of a single frame. For $n$ we take the {{ left_over:.1f}}, which needs no other camera.
+
+# %% slide [markdown]
+# ## Counted rightly: the weight $n / T$ on all terms of frames
+#
+# - For a given shape the likeliest poses stay what they are.
+# - The film says as much about the shape as $n$ frames would.
+# - The price: too careful about the pose of a single frame
 
 # %%
 rightly = counted_as(whole, left_over)
@@ -667,6 +817,13 @@ Picture(
     "of one camera has made a child of an adult.",
 )
 
+# %% slide [markdown]
+# ## The child has grown up again
+#
+# - Stature off by {{ -real_table['counted rightly'][2] / 10:.0f}} cm,
+#   {{ -real_table['counted rightly'][2] / sd_right:.1f}} of its own deviations; before
+#   {{ -real_table['every frame counts'][2] / 10:.0f}} cm
+
 # %% [markdown]
 # The person has grown again. Limbs are as near as frame by frame, without the jitter. The stature is off by
 # {{ -real_table['counted rightly'][2] / 10:.0f}} cm, a little more than frame by frame, and by
@@ -674,7 +831,15 @@ Picture(
 # deviations{{ abs(real_table['counted rightly'][0] / real_table['frame by frame'][0] - 1) < 0.05 and sd_full < 0.8 * sd_right }}:
 # this answer
 # knows how good it is. So frames that count rightly avoid the loss.
+
+# %% slide [markdown]
+# ## Jointly is not better in every respect
 #
+# - These 45 frames, four cameras one by one: {{ 108.3 }} mm together, {{ 107.2 }} apart, {{ 127.5 }} if every
+#   frame counts
+# - One camera does not know a limb's depth; frames whose errors are alike cannot tell it either.
+
+# %% [markdown]
 # Do they gain anything, beside being
 # smooth? On these 45 frames, which were not looked at when the smoothness was chosen, limbs are off by {{ 108.3 }} mm
 # together and by {{ 107.2 }} mm apart, as a mean over the four cameras taken one by one, and by {{ 127.5 }} mm if
@@ -731,6 +896,14 @@ Picture(
     "frame is right. Right: with errors that are alike, of the same size, it is worse than single frames.",
 )
 
+# %% slide [markdown]
+# ## Independent noise would have passed us
+#
+# - Every frame counts: {{ np.mean(shape_errors['independent'], axis=0)[1]:.0f}} mm with independent errors,
+#   {{ np.mean(shape_errors['alike'], axis=0)[1]:.0f}} with errors alike (frame by frame
+#   {{ np.mean(shape_errors['alike'], axis=0)[0]:.0f}}, rightly
+#   {{ np.mean(shape_errors['alike'], axis=0)[2]:.0f}})
+
 # %% [markdown]
 # With independent errors the frames are worth what they are, and counting every one of them is right: the shape is
 # off by {{ np.mean(shape_errors['independent'], axis=0)[1]:.0f}} mm in place of
@@ -777,6 +950,14 @@ for errors_are, setup in films.items():
         off, _, high = blamed[errors_are, name]
         print(f"   n / T for {name:24}: limbs off by {off:3.0f} mm, stature {high:+4.0f} mm")
 
+# %% slide [markdown]
+# ## The pose prior repeats itself, too
+#
+# - Independent errors: {{ blamed['independent errors', 'nothing'][0]:.0f}} mm; with $n / T$ on the pose prior
+#   {{ blamed['independent errors', 'the pose prior'][0]:.0f}}
+# - Arms held out in every frame: 45 unusual poses to the prior, which prefers another shape
+# - With the detector's errors both do damage: weigh all terms.
+
 # %% [markdown]
 # With independent errors it is the prior that does the damage: limbs are off by
 # {{ blamed['independent errors', 'nothing'][0]:.0f}} mm if everything counts fully, and by
@@ -802,6 +983,12 @@ for errors_are, setup in films.items():
 # **offset** on the body at rest, one for all frames, with a prior about zero: the landmark moves with the
 # skin to which it belongs. We try it on the real person, with three cameras, and judge by the fourth one,
 # which was not fitted.
+
+# %% slide [markdown]
+# ## Can the bias be an unknown?
+#
+# - An offset of each landmark on the body, one for all frames
+# - Fit three cameras, judge by the fourth.
 
 # %%
 THIRD = range(0, F, 3)  # every third of the 45 frames
@@ -859,6 +1046,15 @@ for name, sigma in (("without offsets", 1e-5), ("with offsets", 0.02)):
         f"largest |beta| {largest:.1f}"
     )
 
+# %% slide [markdown]
+# ## Believable betas, no better prediction
+#
+# - Largest beta: {{ judges['without offsets'].mean(axis=0)[2]:.1f}}, with offsets
+#   {{ judges['with offsets'].mean(axis=0)[2]:.1f}}
+# - A new camera: {{ judges['without offsets'].mean(axis=0)[1]:.1f}} px, with offsets
+#   {{ judges['with offsets'].mean(axis=0)[1]:.1f}}
+# - A detector's bias is only in part a place on the body.
+
 # %% [markdown]
 # The fitted cameras agree better, and the largest beta falls from {{ judges['without offsets'].mean(axis=0)[2]:.1f}}
 # to {{ judges['with offsets'].mean(axis=0)[2]:.1f}}, which is
@@ -881,6 +1077,12 @@ for name, sigma in (("without offsets", 1e-5), ("with offsets", 0.02)):
 # In the lines of the library, `landmark_points`
 # with the offsets are the places of the markers on the body, and `landmarks` is how far they are from those observed.
 # The block `seen` is one for each marker that was seen, and zero for one that was hidden:
+
+# %% slide [markdown]
+# ## Markers: offsets that are exactly right
+#
+# - Glued near the elbow, in every frame *there*. MoSh: a vertex plus an offset $o_m$, known to 9.5 mm
+# - Unknown: poses, one shape, one set of offsets
 
 # %%
 source(marker_frame)
@@ -927,6 +1129,15 @@ for name, (frames, *free) in mosh_fits.items():
         f"{offsets_off:.1f} mm"
     )
 
+# %% slide [markdown]
+# ## One frame is fitted too well, twelve tell the shape
+#
+# | | markers off by | shape |
+# | --- | --- | --- |
+# | nominal places, 12 frames | {{ mosh_table['nominal places, 12 frames'][0]:.1f}} mm | {{ mosh_table['nominal places, 12 frames'][1]:.1f}} mm |
+# | free offsets, 1 frame | {{ mosh_table['free offsets, 1 frame'][0]:.1f}} mm | {{ mosh_table['free offsets, 1 frame'][1]:.1f}} mm |
+# | free offsets, 12 frames | {{ mosh_table['free offsets, 12 frames'][0]:.1f}} mm | {{ mosh_table['free offsets, 12 frames'][1]:.1f}} mm |
+
 # %% [markdown]
 # With the markers held at their nominal places, they are missed by
 # {{ mosh_table['nominal places, 12 frames'][0]:.1f}} mm, although their noise is 1 mm along each axis; the shape is
@@ -963,6 +1174,13 @@ for frames in (1, 2):
     if frames == 1:
         lost_in_one = len(diagnosis.singular_values) - diagnosis.rank
     print(f"{frames} frame(s):", *str(diagnosis).splitlines()[2:7], sep="\n   ")
+
+# %% slide [markdown]
+# ## What one frame cannot see
+#
+# - {{ lost_in_one}} of {{ len(diagnosis.singular_values)}} directions: hidden markers, and *all* betas
+#   against the offsets
+# - A second pose ends it: a shape moves joints, too.
 
 # %% [markdown]
 # In one frame, {{ lost_in_one}} of the {{ len(diagnosis.singular_values)}} directions are not seen. Nine of them are
@@ -1016,6 +1234,12 @@ Picture(
     "In how many directions of shape and offsets the frames say more than the prior. The first poses add "
     "most; the last few directions stay with the prior.",
 )
+
+# %% slide [markdown]
+# ## Seen, but badly
+#
+# - 12 frames: {{ known_better[-1]}} of {{ len(border)}} directions better known than by the prior
+# - The worst: four head markers together, which the neck turns back
 
 # %% [markdown]
 # With 12 frames, {{ known_better[-1]}} of {{ len(border)}} directions are known better than by the prior, and the
@@ -1077,6 +1301,12 @@ Picture(
     "pose prior; smoothness fills the gap from both sides.",
 )
 
+# %% slide [markdown]
+# ## Gaps
+#
+# - A forearm hidden in four frames: off by {{ missed['each frame by itself'][HIDDEN].mean():.0f}} mm by the
+#   pose prior, {{ missed['smooth'][HIDDEN].mean():.0f}} mm with smoothness
+
 # %% [markdown]
 # Without the prior, rotations of forearm and hand that move nothing but hidden markers are not seen, in
 # just these frames, and the diagnosis names them{{ gaps.rank < each.free.size == bridged.rank }}. The pose prior puts
@@ -1098,3 +1328,10 @@ Picture(
 # - Test with real errors. Independent noise hides all of this.
 # - Markers have a place on the body that is to be found. One pose cannot tell it from the shape; several
 #   can.
+
+# %% slide [markdown]
+# ## What to remember
+#
+# - Share the shape, smooth second differences weakly, eliminate frames first.
+# - Errors are alike: weigh frames by $n / T$. Independent noise hides it.
+# - Markers: one pose cannot tell their places from the shape, several can.

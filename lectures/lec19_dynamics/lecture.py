@@ -15,19 +15,14 @@
 # %%
 from dataclasses import replace
 
+import casadi as cs
 import numpy as np
 
 import workbench as wb
 from workbench.bodies.forward.posing import Posing
 from workbench.bodies.spaces import body_mass_index
 from workbench.course import Picture, source
-from workbench.motions import load_tissue
-from workbench.motions.soft_tissue import companion, free_run, surface_as_landmarks
-from workbench.motions.tissue_inputs import MovingFrames, second_differences
-from workbench.plots import house_style, sheet
-from workbench.synthetic import simulate_tissue
-from workbench.synthetic.made_up import limb, made_up_motion, random_smpl
-from workbench.training.soft_tissue import (
+from workbench.lectures.material.tissue import (
     OneStep,
     TissueClip,
     TissuePlan,
@@ -35,6 +30,17 @@ from workbench.training.soft_tissue import (
     score_tissue,
     train_tissue,
 )
+from workbench.lectures.material.tissue_simulation import simulate_tissue
+from workbench.motions import load_tissue
+from workbench.motions.soft_tissue import (
+    MovingFrames,
+    companion,
+    free_run,
+    second_differences,
+    with_tissue,
+)
+from workbench.plots import house_style, sheet
+from workbench.synthetic.made_up import limb, made_up_motion, random_smpl
 
 body = wb.load_body("small")
 
@@ -45,6 +51,13 @@ body = wb.load_body("small")
 # damper on the place where SMPL has the vertex. The thicker the layer, the softer the spring. How thick it is
 # follows from how far the skin is from the bone, and so heavier people are softer. The **displacement** of a
 # vertex is how far the mass is from the place of SMPL, in the frame of the rest pose.
+
+# %% slide [markdown]
+# ## Two things that a pose does not say
+#
+# - Soft tissue goes on moving when the bones have stopped.
+# - The bones themselves: somebody found them in meshes that move.
+# - No tissue was measured here: all of it is simulated.
 
 # %%
 FPS, CLIPS, SECONDS = 60.0, 10, 4.0
@@ -64,6 +77,13 @@ softest = int(far.mean(axis=0).argmax())
 print(f"{CLIPS} clips of {SECONDS:g} s to learn from, each of another person")
 print(f"in an unseen clip the skin is displaced by up to {far.max():.0f} mm")
 
+# %% slide [markdown]
+# ## Tissue of springs
+#
+# - A mass at each vertex, hung on the place where SMPL has it; thicker layers are softer.
+# - In an unseen clip the skin is displaced by up to {{ far.max():.0f}} mm.
+# - Learned from {{ CLIPS}} clips, each of another person
+
 # %% [markdown]
 # ## A function of the pose?
 #
@@ -72,6 +92,13 @@ print(f"in an unseen clip the skin is displaced by up to {far.max():.0f} mm")
 # features, because gravity pulls tissue down, wherever down is. How good it is we say by the share of the
 # variance of the displacements that it explains: 1 is perfect, 0 is as good as a tissue that keeps its mean
 # place, and below 0 is worse.
+
+
+# %% slide [markdown]
+# ## A function of the pose?
+#
+# - Linear in the rotation matrices, the root's included, because gravity pulls down
+# - Judge: the share of the variance that it explains. Below 0 is worse than the mean place.
 
 
 # %%
@@ -108,12 +135,25 @@ Picture(
     "follow it.",
 )
 
+# %% slide [markdown]
+# ## It has learned the clips by heart
+#
+# - A clip it learned from: {{ by_pose['a clip it was learned from']:.2f}}. An unseen one:
+#   {{ by_pose['an unseen clip']:.2f}}
+
 # %% [markdown]
 # It explains {{ 100 * by_pose['a clip it was learned from']:.0f}} % of a clip that it was learned from. In the unseen
 # clip it is worse than a tissue that stays in its mean place{{ by_pose['an unseen clip'] < -0.3 }}: it has learned
 # the clips by heart. Where the tissue is does not follow from the pose,
 # since the same pose may be the top of a hop or a rest.
+
+# %% slide [markdown]
+# ## The same pose may be the top of a hop, or a rest
 #
+# - Where the tissue is does not follow from the pose.
+# - What else is needed: where it *was*, and how fast it moved
+
+# %% [markdown]
 # ## What a mass on a spring does
 #
 # A mass on a spring that nothing drives obeys $\ddot s = -\omega^2 s - 2 \zeta \omega \dot s$. Here $s$ is how
@@ -122,7 +162,16 @@ Picture(
 # of a film, $f$ of them a second, its path is exactly
 #
 # $$ s_t = a_1 s_{t-1} + a_2 s_{t-2}, \qquad a_1 = 2 r \cos w, \quad a_2 = -r^2 . $$
+
+# %% slide [markdown]
+# ## What a mass on a spring does
 #
+# $$ s_t = a_1 s_{t-1} + a_2 s_{t-2}, \qquad a_1 = 2 r \cos w, \quad a_2 = -r^2 $$
+#
+# - Exactly so at the frames of a film, from $\ddot s = -\omega^2 s - 2 \zeta \omega \dot s$
+# - The two frames before are what the pose cannot know.
+
+# %% [markdown]
 # Why? Put $s = e^{\lambda \tau}$, with the time $\tau$ in seconds, into the equation of the spring: it holds if
 # $\lambda^2 + 2 \zeta \omega \lambda + \omega^2 = 0$, so $\lambda = -\zeta \omega \pm i \omega \sqrt{1 - \zeta^2}$. In
 # a frame, $1/f$ seconds, such a term is multiplied by $z = e^{\lambda / f} = r e^{\pm i w}$, with
@@ -135,6 +184,13 @@ Picture(
 # numbers $z$ are the **poles**. Their angle $w$ is how far the swing gets in a frame, and their size $r$ is how much of
 # it is left. The two frames before are what the pose cannot know: where the tissue is, and how fast it moves.
 
+# %% slide [markdown]
+# ## Poles
+#
+# $$ z^2 = a_1 z + a_2, \qquad z = r e^{\pm i w}, \quad r = e^{-\zeta \omega / f} $$
+#
+# - Angle $w$: how far the swing gets in a frame. Size $r$: how much of it is left
+
 # %%
 HZ, DAMPING = 5.0, 0.15
 omega = 2 * np.pi * HZ
@@ -144,6 +200,13 @@ swings = abs(np.angle(pole)) * FPS / (2 * np.pi)
 halves = np.log(0.5) / np.log(abs(pole)) / FPS
 print(f"a1 = {a1:.3f}, a2 = {a2:.3f}; a pole of size {abs(pole):.3f}")
 print(f"it swings {swings:.2f} times a second and halves in {1e3 * halves:.0f} ms")
+
+# %% slide [markdown]
+# ## A layer of 6 cm
+#
+# - 5 Hz, 15 % of the critical damping: it swings {{ swings:.2f}} times a second and halves in
+#   {{ 1e3 * halves:.0f}} ms.
+# - Half a second after a push {{ 100 * abs(pole) ** 30:.0f}} % are left.
 
 # %% [markdown]
 # Our springs have 15 % of the damping at which nothing swings any more. Those of a layer of 6 cm have 5 Hz; thicker
@@ -158,7 +221,24 @@ print(f"it swings {swings:.2f} times a second and halves in {1e3 * halves:.0f} m
 #
 # $$ T = \bar T + B_S(\beta) + B_P(\theta) + \sum_c \varphi_{t,c} D_c , \qquad
 # \varphi_t = A_1 \varphi_{t-1} + A_2 \varphi_{t-2} + B x_t . $$
+
+# %% slide [markdown]
+# ## Dynamic blend shapes
 #
+# $$ T = \bar T + B_S(\beta) + B_P(\theta) + \sum_c \varphi_{t,c} D_c $$
+#
+# - Principal components of displacements, added at rest
+# - All coefficients zero: SMPL
+
+# %% slide [markdown]
+# ## A model of the coefficients
+#
+# $$ \varphi_t = A_1 \varphi_{t-1} + A_2 \varphi_{t-2} + B x_t $$
+#
+# - $x_t$: what drives it. In Dyna: velocities and accelerations of joints and root
+# - Linear least squares: each frame from the two before it, as observed
+
+# %% [markdown]
 # Where all coefficients are zero, this is SMPL. In Dyna the inputs are velocities and accelerations of the
 # joints and of the root. Matrices are found by linear least squares: predict each frame from the two frames
 # before it, as they were observed. With one row for each frame, the equations are
@@ -187,6 +267,13 @@ print(f"it swings {swings:.2f} times a second and halves in {1e3 * halves:.0f} m
 #
 # We train one model with Dyna's inputs and one that also has the forces on parts of the body, which the next section
 # explains.
+
+# %% slide [markdown]
+# ## Prices of inputs
+#
+# - Inputs are squashed to $v / \sqrt{m^2 + |v|^2}$: they stay between -1 and 1 in every motion.
+# - The ridge is scaled by an input's mean square: large and small inputs cost alike.
+# - Inputs that hardly move are dear: they shall not explain noise.
 
 # %%
 source(OneStep.of, OneStep.solve)
@@ -244,6 +331,12 @@ Picture(
     f"in the main, and is off by up to {1e3 * np.abs(drawn_truth - drawn_run).max():.1f} mm.",
 )
 
+# %% slide [markdown]
+# ## A free run tells models apart
+#
+# - Explained in an unseen clip: {{ free["Dyna's inputs"]:.2f}} with Dyna's inputs,
+#   {{ free['with forces on parts']:.2f}} with what soft parts feel
+
 # %% [markdown]
 # One frame ahead, both models look good: they are off by {{ 100 * ahead["Dyna's inputs"]:.1f}} % and
 # {{ 100 * ahead['with forces on parts']:.1f}} % of the rms of the coefficients. But the guess
@@ -253,7 +346,19 @@ Picture(
 # apart: with Dyna's inputs it is worse than a tissue that keeps its place{{ free["Dyna's inputs"] < -0.5 }}, and with
 # the further inputs of the next section it explains {{ 100 * free['with forces on parts']:.0f}} %. (That is of all
 # vertices. Of the curve in the figure it explains {{ 100 * share(drawn_truth, drawn_run):.0f}} %.)
+
+# %% slide [markdown]
+# ## One frame ahead, everything looks good
 #
+# | | off by |
+# | --- | --- |
+# | nothing changes | {{ 100 * ahead['as in the frame before']:.0f}} % |
+# | Dyna's inputs | {{ 100 * ahead["Dyna's inputs"]:.1f}} % |
+# | with forces on parts | {{ 100 * ahead['with forces on parts']:.1f}} % |
+#
+# - At 60 frames a second not much happens in a frame. Let each model feed on its own output.
+
+# %% [markdown]
 # ## What a part of the body feels
 #
 # Why are velocities and accelerations of joints not enough? Tissue is driven by what it feels where it is. A belly is
@@ -270,6 +375,12 @@ Picture(
 # lines, `self.turns` are the $R_t$ of all joints, `self.joints` their places $j_t$, and $R^\top$ is the index order
 # `tpji`. The first and the last frame lack a neighbour; `_same_at_ends` gives them the value beside them.
 
+# %% slide [markdown]
+# ## What a soft part feels
+#
+# - Gravity less acceleration, in the frame of its own bone
+# - Acceleration by second differences: $f^2 (p_{t+1} - 2 p_t + p_{t-1})$, with $p_t = R_t\, c + j_t$
+
 # %%
 source(second_differences, MovingFrames.forces)
 
@@ -282,12 +393,29 @@ source(second_differences, MovingFrames.forces)
 # poles of the matrices are the eigenvalues $z$ of
 #
 # $$ \begin{pmatrix} A_1 & A_2 \\ I & 0 \end{pmatrix} . $$
+
+# %% slide [markdown]
+# ## A model that does not blow up
 #
+# $$ \begin{pmatrix} A_1 & A_2 \\ I & 0 \end{pmatrix} $$
+#
+# - Its eigenvalues are the poles; the largest size is the **spectral radius**.
+# - Above one, every push grows for ever. Least squares does not forbid it.
+
+# %% [markdown]
 # In the long run, each frame multiplies what is left of a push by the size of the largest one, the **spectral radius**.
 # If that is above one, the model blows up. Least squares does not forbid this. But multiply $z^2 v = z A_1 v + A_2 v$
 # by $\rho^2$: it becomes $(\rho z)^2 v = (\rho z)\, \rho A_1 v + \rho^2 A_2 v$. So with $\rho A_1$ and $\rho^2 A_2$ in
 # place of $A_1$ and $A_2$ all poles are multiplied by $\rho$, and what is left after $t$ frames by $\rho^t$: every
 # wobble keeps its frequency and its form. So if a model is not stable, it is made so by one factor.
+
+# %% slide [markdown]
+# ## One factor mends it
+#
+# $$ (\rho z)^2 v = (\rho z)\, \rho A_1 v + \rho^2 A_2 v $$
+#
+# - $\rho A_1$ and $\rho^2 A_2$: all poles times $\rho$
+# - Every wobble keeps its frequency and its form.
 
 # %%
 tissue = tissues["with forces on parts"]
@@ -323,6 +451,12 @@ Picture(
     "it is outside.",
 )
 
+# %% slide [markdown]
+# ## Inside, on, and outside of the circle
+#
+# - Ten seconds after a push: {{ sizes[tissue.spectral_radius][-1] / sizes[tissue.spectral_radius][0]:.0e}} of
+#   it with {{ tissue.spectral_radius:.2f}}, {{ sizes[1.02][-1] / sizes[1.02][0]:.0e}} with 1.02
+
 # %% [markdown]
 # Ten seconds after a push, {{ sizes[1.02][-1] / sizes[1.02][0]:.0e}} of it are there with a spectral radius of
 # 1.02{{ sizes[tissue.spectral_radius][-1] < 1e-6 * sizes[tissue.spectral_radius][0] and 0.5 < sizes[1.0][-1] / sizes[1.0][0] < 50 and (np.abs(tissue.poles) < 1).all() }}.
@@ -340,6 +474,13 @@ Picture(
 # Coefficients of zero give SMPL, to the last bit. An **exaggeration** multiplies them. How much farther the
 # tissue of a heavy person moves is a gain, a power of the body mass index that was learned with the rest.
 
+# %% slide [markdown]
+# ## The embedded body's tissue
+#
+# - Learned from recorded motion that drove springs; {{ load_tissue().n_coefficients}} dynamic blend shapes
+# - Unseen clips and people: {{ 87.9 }} % explained, interval {{ 81.1 }} to {{ 90.8 }} %
+# - With Dyna's inputs alone: {{ 33.5 }} %
+
 # %%
 whole, embedded = wb.load_body("default"), load_tissue()
 hop = made_up_motion(whole, 1.5, seed=3)
@@ -354,6 +495,14 @@ for third in (-2.0, 0.0, 2.0):
     moves[index] = 1e3 * away.max()
     print(f"body mass index {index:.0f}: the skin moves by {moves[index]:.0f} mm at most")
 print(f"with exaggeration 3, by {3 * max(moves.values()):.0f} mm")
+
+# %% slide [markdown]
+# ## Heavier people wobble more
+#
+# - Body mass index {{ min(moves):.0f}}: up to {{ moves[min(moves)]:.0f}} mm in a hop; {{ max(moves):.0f}}: up
+#   to {{ moves[max(moves)]:.0f}} mm
+# - Exaggeration 0 is SMPL to the last bit{{ untouched }}; 3 makes {{ 3 * moves[max(moves)]:.0f}} mm.
+# - Bounded inputs, stable model: bounded displacements
 
 # %% [markdown]
 # With a body mass index of {{ min(moves):.0f}} the skin moves by up to {{ moves[min(moves)]:.0f}} mm in this hop, and
@@ -370,16 +519,23 @@ print(f"with exaggeration 3, by {3 * max(moves.values()):.0f} mm")
 # alone, where the coefficients stay zero, and with the coefficients free. The displacements are those of the springs
 # and not of the model, so that neither fit can be perfect.
 
+# %% slide [markdown]
+# ## Coefficients as unknowns
+#
+# - Where the surface is seen, they are one more block.
+# - The frame in which the springs are displaced most, fitted with and without them
+
 # %%
-known = surface_as_landmarks(body)
 pose, betas, trans = (block.symbol for block in body.blocks())
-phi = tissue.block()
-skin = tissue.points(known, pose, betas, trans, phi.symbol)
+phi = wb.Block("tissue", (tissue.n_coefficients,))
+swing = tissue.gain_of(body, betas) * phi.symbol
+skin = with_tissue(body, tissue).points(pose, cs.vertcat(betas, swing), trans)
 moving, shifted = unseen.motion, unseen.displacements
 most = int(np.linalg.norm(shifted, axis=(1, 2)).argmax())
-seen = known.landmark(
-    "surface", moving.pose[most], moving.betas, moving.trans[most], offsets=shifted[most]
+swinging = replace(
+    body, template=body.template + shifted[most], rest_joints=body.joints(None, moving.betas)
 )
+seen = swinging.vertices(moving.pose[most], moving.betas, moving.trans[most])
 fit = wb.Problem(
     [wb.residuals.vertices(skin, seen, sigma=0.002)],
     free=["pose", "betas", "trans", "tissue"],
@@ -398,6 +554,16 @@ for name, problem in (("SMPL", fit.freeing("pose", "betas", "trans")), ("tissue"
     )
 diagnosis = wb.diagnose(fit, answer.values)
 print(f"rank {diagnosis.rank} of {fit.free.size}")
+
+# %% slide [markdown]
+# ## SMPL alone bends joints to explain tissue
+#
+# | | vertices | angles | betas |
+# | --- | --- | --- | --- |
+# | SMPL | {{ apart['SMPL']:.1f}} mm | {{ turned['SMPL']:.2f}} degrees | {{ shape_off['SMPL']:.2f}} sd |
+# | tissue free | {{ apart['tissue']:.1f}} mm | {{ turned['tissue']:.2f}} degrees | {{ shape_off['tissue']:.2f}} sd |
+#
+# - Rank {{ diagnosis.rank}} of {{ fit.free.size}}: all are determined. AMASS was made in this way.
 
 # %% [markdown]
 # All {{ fit.free.size }} numbers are determined{{ diagnosis.rank == fit.free.size }}: no pose and no shape does what
@@ -421,7 +587,16 @@ print(f"rank {diagnosis.rank} of {fit.free.size}")
 #
 # $$ R^a_t\, p + t^a_t = R^b_t\, p + t^b_t \quad \text{for all frames } t ,
 # \qquad \text{or} \quad (R^a_t - R^b_t)\, p = t^b_t - t^a_t . $$
+
+# %% slide [markdown]
+# ## Where bones come from: a joint stays together
 #
+# $$ (R^a_t - R^b_t)\, p = t^b_t - t^a_t \quad \text{for all frames } t $$
+#
+# - `wb.rig` divides meshes in motion into bones, then looks for joints between them.
+# - Three equations in each frame for three numbers. Do they determine them?
+
+# %% [markdown]
 # (The letters $a$ and $b$ above stand for the two bones.) These are linear equations for three numbers, three in each
 # frame. Do they determine them? Put the matrices $R^a_t - R^b_t$ of all frames below each other, and call that matrix
 # $Q$. The directions in which $p$ may slide without a change are those of its null space, and the singular values of
@@ -434,6 +609,12 @@ print(f"rank {diagnosis.rank} of {fit.free.size}")
 # vectors of $Q$, and `joint.parting` holds its singular values over the root of the number of frames: how far the bones
 # part a point, root mean square over the frames, for each metre along that direction. These meshes have no noise, so
 # that a fixed limit tells zero from the rest.
+
+# %% slide [markdown]
+# ## Compare the smallest singular value with the largest
+#
+# - The matrices of all frames below each other; the null space is where $p$ may slide.
+# - With noise none is zero: the smaller, the further noise moves the joint.
 
 # %%
 made = random_smpl(limb(9, 6), 1, seed=0)
@@ -473,6 +654,12 @@ Picture(
     "is level, and any point of it would do.",
 )
 
+# %% slide [markdown]
+# ## A shoulder has a joint, a hinge has a line of them
+#
+# - Shoulder: rank {{ rank['shoulder']}}, found to rounding. Hinge: rank {{ rank['hinge']}}, {{ off:.0f}} mm
+#   away along its axis, and no mesh contradicts
+
 # %% [markdown]
 # Both limbs are explained to rounding{{ all(one.rms < 1e-9 for one in rigged.values()) }}. The shoulder is found to
 # rounding too, since its equations have rank {{ rank['shoulder']}}. (The note below it is about another joint, that
@@ -482,7 +669,14 @@ Picture(
 # made, along the axis z{{ abs(rigged['hinge'].joints[0].free[0, 2]) > 0.999 }}, and no mesh contradicts. This is a
 # null direction as in lecture 8. `wb.rig` names it in its
 # notes, and the remedy lies in the data: turn the limb about another axis as well.
+
+# %% slide [markdown]
+# ## The remedy lies in the data
 #
+# - A null direction, as in lecture 8; `wb.rig` names it in its notes.
+# - Turn the limb about another axis as well.
+
+# %% [markdown]
 # ## What to remember
 #
 # - Soft tissue is no function of the pose. It remembers where it was and how fast it moved: two frames.
@@ -493,3 +687,10 @@ Picture(
 # - Coefficients are unknowns like pose and shape where the surface is seen. Left out, they bias both.
 # - Stability is a property of the poles. One factor on all of them mends it.
 # - A joint is a point that stays together in two bones. A motion about one axis leaves a line of them.
+
+# %% slide [markdown]
+# ## What to remember
+#
+# - Tissue remembers two frames; dynamic blend shapes are added at rest, with a linear model.
+# - Judge by a free run on unseen clips; one factor on all poles makes it stable.
+# - A joint is a point that stays together in two bones; one axis leaves a line.

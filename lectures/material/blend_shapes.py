@@ -14,8 +14,7 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.forward import surface as symbolic
 from workbench.bodies.forward.skinning import unskinned
 from workbench.bodies.forward.surface import Features, Posture, rotation_vectors
-from workbench.synthetic.teacher import Teacher
-from workbench.training.blend_shapes import RidgeSums, solve_ridge
+from workbench.training.blend_shapes import MaskedCholesky
 from workbench.training.estimate import bent
 
 from .kernel_features import (
@@ -24,6 +23,7 @@ from .kernel_features import (
     NormalisedKernels,
     as_posedirs,
 )
+from .teacher import Teacher
 
 RIDGES = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1)  # that are tried, per pose
 WIDTHS = (0.15, 0.25, 0.5, 1.0, 2.0, 4.0)  # of kernels, in median distances between two poses
@@ -117,9 +117,13 @@ def _ridge_regression(
     training: Array, validation: Array, wanted: Correctives
 ) -> tuple[Array, float]:
     """Posedirs (N, 3, F) m from feature matrices (n, F), and the ridge that validates best."""
-    sums = RidgeSums.of([(training, wanted.training)])
-    every = np.ones((wanted.training.shape[1], training.shape[1]), dtype=bool)
-    found = {ridge: solve_ridge(sums, every, ridge) for ridge in RIDGES}
+    (n, F), N = training.shape, wanted.training.shape[1]
+    gram, right = training.T @ training, np.tensordot(wanted.training, training, (0, 0))
+    every = np.ones((N, F), dtype=bool)
+    found = {
+        ridge: MaskedCholesky.of(gram + ridge * n * np.eye(F), every).solved(right)
+        for ridge in RIDGES
+    }
     best = min(found, key=lambda ridge: rms_error(validation, wanted.validation, found[ridge]))
     return found[best], best
 

@@ -16,8 +16,9 @@ from numpy.typing import ArrayLike
 from workbench.arrays import Array, Index
 from workbench.bodies import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
+from workbench.geometry.triangles import Stitching, edges
 from workbench.plots.palette import BLUE, FAINT, VERMILLION
-from workbench.training.triangles.learning import learn_gradient_shapes, stitched_directions
+from workbench.training.triangles import TriangleShapes, learn_gradient_shapes
 
 
 def plot_left_over(left: Array, *, ax: Axes) -> Axes:
@@ -156,3 +157,12 @@ def unposed(body: SkinnedBody | TriangleBody, pose: Array, betas: Array) -> Arra
         return np.asarray(at.of.placed(body.stitching.edge_sums(at.shaped)) + at.of.root)
     bent = body.posedirs @ body.kinematics.motion(pose, betas).features
     return np.asarray(body.template + body.shapedirs @ betas + bent)
+
+
+def stitched_directions(shapes: TriangleShapes, faces: Index) -> Array:
+    """How each beta moves the stitched vertices about their mean, (N, 3, B) m per unit."""
+    stitching = Stitching(faces, len(shapes.template))
+    e = edges(shapes.template, faces)
+    moved = np.einsum("facb,fic->bfia", shapes.shapedirs, e, optimize=True)
+    found = [stitching.vertices(one) for one in moved]
+    return np.stack(found, axis=2) if found else np.zeros((*shapes.template.shape, 0))

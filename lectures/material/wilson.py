@@ -19,4 +19,4 @@ def wilson(successes: int, trials: int) -> Interval:
     half = Z / (1 + Z**2 / n) * float(np.sqrt(p * (1 - p) / n + Z**2 / (4 * n**2)))
     low = 0.0 if successes == 0 else max(0.0, middle - half)
     high = 1.0 if successes == trials else min(1.0, middle + half)
-    return Interval(p, low, high, np.nan)
+    return Interval(p, low, high)

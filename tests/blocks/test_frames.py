@@ -6,8 +6,7 @@ import pytest
 
 import workbench as wb
 from tests.bodies_made_up import random_body
-from tests.tiers import few
-from workbench.blocks.composed_points import FrameBlocks, FramedPoints, framed
+from workbench.blocks.composed_points import FrameBlocks, framed
 from workbench.errors import BadBlock
 
 BODY = random_body(1, n_vertices=5, n_joints=3, n_betas=2)
@@ -20,25 +19,11 @@ VALUES = {
     "betas": RNG.normal(size=2),
     "trans": RNG.normal(size=(T, 3)),
 }
-SUBSETS = few(((0, 2), (0, 1, 2, 3), (3,), (1, 2, 3)), 1)
 
 
 def blocks(shared: tuple[str, ...] = ("betas",)) -> FrameBlocks:
     each = (POSE, BETAS, TRANS)
     return FrameBlocks(T, {b.name: b if b.name in shared else framed(b, T) for b in each})
-
-
-def by_graph(source: FramedPoints, values: wb.Values) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """The points (N, 3) and their derivatives (3 N, size) by each block, from the expression."""
-    symbols = [b.symbol for b in source.blocks]
-    assert source.expression is not None
-    column = cs.vec(source.expression)
-    function = cs.Function("f", symbols, [column, *(cs.jacobian(column, s) for s in symbols)])
-    points, *slopes = function(
-        *(values[b.name].ravel().reshape(b.symbol_shape, order="F") for b in source.blocks)
-    )
-    found = {b.name: np.asarray(J) for b, J in zip(source.blocks, slopes, strict=True)}
-    return np.asarray(points).reshape(-1, 3), found
 
 
 # Blocks.
@@ -79,19 +64,6 @@ def test_part_of_a_block_names_its_entries() -> None:
     assert flat_block.taken(np.arange(6).reshape(2, 3)).shape == (2, 3)
 
 
-@pytest.mark.parametrize("some", SUBSETS, ids=str)
-def test_expression_of_a_frame_in_some_frames(some: tuple[int, ...]) -> None:
-    here = blocks()
-    one = POSE.symbol @ cs.vertcat(1, 2, 3) * cs.sum1(BETAS.symbol) + TRANS.symbol
-    found = here.in_frames(one, (POSE, BETAS, TRANS), some)
-    function = cs.Function("f", [here[n].symbol for n in VALUES], [found])
-    values = (v.ravel().reshape(here[n].symbol_shape, order="F") for n, v in VALUES.items())
-    expected = [
-        VALUES["pose"][t].T @ [1, 2, 3] * VALUES["betas"].sum() + VALUES["trans"][t] for t in some
-    ]
-    np.testing.assert_allclose(np.asarray(function(*values)).T, expected, atol=1e-14)
-
-
 def test_graph_size_does_not_grow_with_frames() -> None:
     sizes = []
     for count in (2, 200):
@@ -104,62 +76,8 @@ def test_graph_size_does_not_grow_with_frames() -> None:
 # Points.
 
 
-@pytest.mark.parametrize(
-    "shared", few([("betas",), (), ("pose",), ("pose", "betas", "trans")], 2), ids=str
-)
-@pytest.mark.parametrize("some", SUBSETS, ids=str)
-def test_framed_points_and_derivatives_are_those_of_frames(
-    shared: tuple[str, ...], some: tuple[int, ...]
-) -> None:
-    source = FramedPoints(POINTS.source, blocks(shared), some)
-    values = {}
-    for name, value in VALUES.items():
-        one = value if name == "betas" else value[0]
-        many = np.stack([value + 0.1 * t for t in range(T)]) if name == "betas" else value
-        values[name] = one if name in shared else many
-    points, slopes = by_graph(source, values)
-    each = [
-        BODY.joints(*(values[n] if n in shared else values[n][t] for n in VALUES)) for t in some
-    ]
-    np.testing.assert_allclose(points, np.concatenate(each), atol=1e-13)
-    assert source.count == len(points) == 3 * len(some)
-    assert source.numeric is not None
-    here = source.numeric.evaluate(values)
-    np.testing.assert_allclose(here.points, points, atol=1e-13)
-    scale = RNG.uniform(1, 2, 3 * len(points))
-    into = {name: np.zeros((J.shape[1], J.shape[0])) for name, J in slopes.items()}
-    here.write_jacobian(into, None)
-    for name, J in slopes.items():
-        np.testing.assert_allclose(into[name].T, J, atol=1e-12)
-    here.write_jacobian(into, scale)
-    for name, J in slopes.items():
-        np.testing.assert_allclose(into[name], J.T * scale, atol=1e-12)
-    cotangent = RNG.standard_normal(3 * len(points))
-    for name, g in here.vjp(cotangent).items():
-        np.testing.assert_allclose(g, cotangent @ slopes[name], atol=1e-12)
-    for name, J in slopes.items():
-        if name in shared:
-            continue
-        pattern = source.numeric.pattern(name)
-        assert pattern is not None
-        assert not (J != 0)[pattern.toarray() == 0].any()
-        sparse = here.jacobian(name)
-        assert not (sparse.toarray() != 0)[pattern.toarray() == 0].any()
-        np.testing.assert_allclose(sparse.toarray(), J, atol=1e-12)
-
-
-def test_framed_points_of_many_values_at_once() -> None:
-    source = FramedPoints(POINTS.source, blocks(), (0, 2, 3))
-    assert source.numeric is not None
-    many = {n: np.stack([v, v + 0.1, v - 0.2]) for n, v in VALUES.items()}
-    found = source.numeric.evaluate_batch(many)
-    for i in range(3):
-        one = source.numeric.evaluate({n: v[i] for n, v in many.items()}).points
-        np.testing.assert_allclose(found[i], one, atol=1e-13)
-
-
 def test_points_have_the_names_of_their_frames() -> None:
-    source = FramedPoints(POINTS.source, blocks(), (1, 3))
+    source = blocks().points(POINTS, (1, 3)).source
     assert source.labels == tuple(f"{t}, joint{k}" for t in (1, 3) for k in range(3))
     assert tuple(b.name for b in source.blocks) == ("pose", "betas", "trans")
 
@@ -167,7 +85,7 @@ def test_points_have_the_names_of_their_frames() -> None:
 def test_trees_of_frames_are_a_forest() -> None:
     own = POINTS.source.tree
     assert own is not None
-    source = FramedPoints(POINTS.source, blocks(), (1, 3))
+    source = blocks().points(POINTS, (1, 3)).source
     tree = source.tree
     assert tree is not None
     assert tree.names[0] == "1, joint0"
@@ -177,5 +95,5 @@ def test_trees_of_frames_are_a_forest() -> None:
     assert [p - 3 for p in tree.parents[4:]] == [int(p) for p in own.parents[1:]]
     assert tree.places[:3] == tuple(("pose", 9 + 3 * k) for k in range(3))
     assert tree.places[3:] == tuple(("pose", 27 + 3 * k) for k in range(3))
-    one_pose = FramedPoints(POINTS.source, blocks(("pose", "betas")), (1, 3))
+    one_pose = blocks(("pose", "betas")).points(POINTS, (1, 3)).source
     assert one_pose.tree is own

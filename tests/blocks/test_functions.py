@@ -7,7 +7,6 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.sparse import coo_array, csc_array
 
-from tests.blocks.operations import every_operation
 from tests.compilers import NEEDS_A_COMPILER
 from workbench.blocks.functions import Mapped, sparse_constant
 from workbench.blocks.simd import ConstantProduct, simd_function
@@ -60,17 +59,6 @@ def test_compiled_functions_after_products_are_casadis(share: float) -> None:
         Y = (np.sin(Z) + numbers[0]) @ matrix.T
         right = np.column_stack([(Y**2).sum(axis=1) + numbers[1], Y, Z[:, 3], np.exp(Z[:, 1:3])])
         assert_allclose(fast(Z, numbers)[0], right, rtol=1e-12, atol=1e-13)
-
-
-@NEEDS_A_COMPILER
-@pytest.mark.thorough
-def test_compiled_code_has_every_operation_of_casadi() -> None:
-    function, shared = every_operation(), (False, True)
-    X, Y = RNG.standard_normal((37, 3)), RNG.standard_normal(2)
-    for rows in (slice(0, 1), slice(0, 37)):
-        fast = simd_function(function, shared)(X[rows], Y)
-        for one, other in zip(fast, Mapped(function, shared)(X[rows], Y), strict=True):
-            assert_allclose(one, other, rtol=1e-13, atol=1e-15)
 
 
 @NEEDS_A_COMPILER

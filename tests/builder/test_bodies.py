@@ -4,25 +4,22 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from builder.base_mesh import DISTAL_HALVES, _triangulated, carrier
+from builder.base_mesh import carrier
 from builder.bodies import regression_errors
-from builder.population import ShapeTargets, Traits, to_t_pose
+from builder.population import to_t_pose
 from builder.pose_priors import mirrored_pose
 from builder.sets import regress
-from builder.wheel import parse_obj
-from tests.synthetic.test_teacher import skinned
+from tests.lectures.test_teacher import skinned
 from workbench.arrays import Array
 from workbench.bodies.catalogue import load_skinned
-from workbench.geometry.mirror import REFLECTION, Mirror
-from workbench.synthetic.teacher import (
-    HALF_OF,
+from workbench.geometry.mirror import Mirror
+from workbench.lectures.material.teacher import (
     JOINT,
     JOINT_NAMES,
     MIRRORED_JOINTS,
     PARENTS,
     at_most_four,
 )
-from workbench.training.blend_shapes import RidgeSums, solve_ridge
 from workbench.training.shape_training import learn_shape_space
 
 
@@ -62,27 +59,6 @@ def _arms_down() -> Array:
     return matrices
 
 
-def test_halves_of_limbs_are_those_of_the_rig() -> None:
-    assert [carrier(f"{half}{side}") for half in DISTAL_HALVES for side in (".L", ".R")] == HALF_OF
-
-
-def test_limbs_of_the_t_pose_are_straight(small) -> None:  # type: ignore[no-untyped-def]
-    joints = small.J_regressor @ small.template
-    joints = skinned(joints, joints, np.eye(24), _arms_down())
-    knuckles = joints[JOINT["left_hand"]] + np.array([[0.0, 0, 0.03], [0.01, 0, 0], [0, 0, -0.03]])
-    t_pose = to_t_pose(small.template, joints, knuckles, small.weights)
-    rest = t_pose.joints
-    arm = rest[[JOINT[f"left_{j}"] for j in ("shoulder", "elbow", "wrist")]]
-    assert abs(arm[:, 1:] - arm[0, 1:]).max() < 1e-12
-    shank = rest[JOINT["right_ankle"]] - rest[JOINT["right_knee"]]
-    assert abs(shank[[0, 2]]).max() < 1e-12
-    for side in ("left", "right"):  # and elbows bend to the front
-        fore = joints[JOINT[f"{side}_wrist"]] - joints[JOINT[f"{side}_elbow"]]
-        still_bent = t_pose.rotations[JOINT[f"{side}_shoulder"]] @ fore / np.linalg.norm(fore)
-        assert still_bent[1] == pytest.approx(0)
-        assert still_bent[2] > 0.2
-
-
 def test_mirrored_pose_gives_the_mirrored_body(small, mirror: Mirror) -> None:  # type: ignore[no-untyped-def]
     """M(mirrored pose) = mirrored M(pose), skinning and pose blend shapes together."""
     rng = np.random.default_rng(1)
@@ -97,18 +73,6 @@ def test_mirrored_pose_gives_the_mirrored_body(small, mirror: Mirror) -> None:  
     here, there = posed(pose), posed(mirrored_pose(pose, MIRRORED_JOINTS))
     assert abs(mirror.points(here) - there).max() < 1e-13
     assert abs(here - there).max() > 0.1
-
-
-def test_reflected_posedirs_act_reflected(mirror: Mirror) -> None:
-    """P' f(mirrored pose) = mirrored P f(pose), for pose blend shapes that are not symmetric."""
-    rng = np.random.default_rng(0)
-    posedirs = rng.normal(size=(len(mirror.vertices), 3, 207))
-    pose = rng.normal(size=(24, 3))
-    f, g = (
-        (Rotation.from_rotvec(p).as_matrix() - np.eye(3))[1:].ravel()
-        for p in (pose, mirrored_pose(pose, MIRRORED_JOINTS))
-    )
-    assert abs(mirror.posedirs(posedirs) @ g - mirror.points(posedirs @ f)).max() < 1e-13
 
 
 def test_bones_go_to_the_joint_that_carries_them() -> None:
@@ -126,35 +90,6 @@ def test_cutting_to_four_weights_is_symmetric() -> None:
     assert cut[0, JOINT["left_collar"]] == cut[0, JOINT["right_collar"]] == 0
     assert cut.sum() == pytest.approx(1)
     assert cut[0, JOINT["spine2"]] == pytest.approx(0.3 / 0.75)
-
-
-def test_levels_of_a_trait_share_one() -> None:
-    person = Traits(0.8, 0.25, 0.75, 0.1, 0.5, 0.9, 0.5, 0.5, (0.2, 0.3, 0.5))
-    factors = person.factors()
-    assert (factors["male"], factors["female"]) == pytest.approx((0.2, 0.8))
-    assert (factors["averagemuscle"], factors["maxmuscle"]) == pytest.approx((0.5, 0.5))
-    assert (factors["minweight"], factors["averageweight"]) == pytest.approx((0.8, 0.2))
-    assert factors["minheight"] == factors["maxheight"] == 0  # nothing in the middle
-    assert factors["idealproportions"] == pytest.approx(0.8)
-
-
-def test_targets_are_weighed_by_products() -> None:
-    targets = ShapeTargets((("female", "old"), ("male",)), ("a", "b"), np.zeros((6, 3)))
-    person = Traits(0.8, 0.25, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, (1, 0, 0), (0.3, -0.2))
-    expected = [0.8 * 0.25, 0.2, 0.3, 0, 0, 0.2]
-    assert targets.coefficients(person) == pytest.approx(expected)
-
-
-def test_quads_are_halved_symmetrically() -> None:
-    left = np.array([[1.0, 0, 0], [2, 0, 0], [2.2, 1, 0], [1, 1, 0]])
-    vertices = np.concatenate([left, left * REFLECTION])
-    lines = [f"v {x} {y} {z}" for x, y, z in vertices] + ["f 1 2 3 4", "f 6 5 8 7"]
-    mesh = parse_obj("\n".join(lines))
-    swap = np.array([4, 5, 6, 7, 0, 1, 2, 3])
-    triangles = _triangulated(mesh, swap)
-    reflected = swap[triangles][:, ::-1]
-    assert {frozenset(t) for t in reflected.tolist()} == {frozenset(t) for t in triangles.tolist()}
-    assert frozenset((0, 1, 3)) in {frozenset(t) for t in triangles.tolist()}  # shorter diagonal
 
 
 def test_shape_space_is_found_again(small, mirror: Mirror) -> None:  # type: ignore[no-untyped-def]
@@ -180,27 +115,3 @@ def test_joint_regressor_is_found_again(small) -> None:  # type: ignore[no-untyp
     assert rows.sum(axis=1) == pytest.approx(1)
     assert np.array_equal(rows[MIRRORED_JOINTS][:, small.mirror], rows)
     assert regression_errors(rows, people, points).max() < 2e-4
-
-
-def test_ridge_finds_posedirs_within_their_support() -> None:
-    rng = np.random.default_rng(0)
-    joints = np.zeros((4, 23), dtype=bool)
-    joints[[0, 1], 4], joints[2, [2, 6]] = True, True  # the last vertex notices nothing
-    support = np.repeat(joints, 9, axis=1)
-    true = rng.normal(size=(4, 3, 207)) * support[:, None]
-    features = rng.normal(size=(400, 207))
-    errors = np.einsum("ncf,pf->pnc", true, features)
-    sums = RidgeSums.of((features[some], errors[some]) for some in (slice(0, 150), slice(150, 400)))
-    assert sums.energy == pytest.approx(np.vdot(errors, errors))
-    assert sums.n_poses == 400
-    found = solve_ridge(sums, support, ridge=1e-12)
-    assert abs(found - true).max() < 1e-9
-    assert not found[3].any()
-    assert abs(sums.error(found)) < 1e-9
-    assert sums.error(np.zeros_like(found)) == pytest.approx(1)
-    everywhere = solve_ridge(
-        RidgeSums(sums.features, rng.normal(size=(4, 3, 207)), 1.0, 400), support, ridge=1e-3
-    )
-    assert not everywhere[~support[:, None].repeat(3, axis=1)].any()
-    norms = [np.linalg.norm(solve_ridge(sums, support, r)) for r in (0.01, 0.1, 1.0)]
-    assert norms == sorted(norms, reverse=True)

@@ -2,17 +2,15 @@
 
 import numpy as np
 import pytest
-from scipy.sparse import csr_array
 
 from builder.collapsing import collapsed_part
 from builder.full_hands import held_fingers
 from builder.hands.mesh import JOINT_NAMES, to_flat
-from builder.hands.sets import ANGLES, DIP, HandPoses, HandTeacher, draw_angles
+from builder.hands.sets import ANGLES, HandPoses, draw_angles
 from builder.hands.training import far_share, solved
+from builder.ridge import RidgeSums
 from workbench.bodies.catalogue import embedded, embedded_hand, load_skinned, sewing_of
 from workbench.errors import BadArgument
-from workbench.geometry.rotation import matrix_from_vector
-from workbench.training.blend_shapes import RidgeSums
 
 pytestmark = pytest.mark.thorough
 
@@ -29,14 +27,6 @@ def test_two_synergies_explain_what_santello_reports() -> None:
     assert (angles <= table[:, 3]).all()
     variances = np.linalg.eigvalsh(np.cov(angles.T))[::-1]
     assert 0.80 < variances[:2].sum() / variances.sum() < 0.90
-
-
-def test_last_joint_turns_by_two_thirds() -> None:
-    poses = HandPoses(JOINTS, ENDS).draw(50, np.random.default_rng(1))
-    at = {name: poses[:, k] for k, name in enumerate(JOINT_NAMES)}
-    assert not at["wrist"].any()
-    for finger in ("index", "middle", "ring", "pinky"):
-        np.testing.assert_allclose(at[f"{finger}3"], DIP * at[f"{finger}2"], atol=1e-12)
 
 
 def test_bent_fingers_go_to_the_palm() -> None:
@@ -66,15 +56,6 @@ def test_flattening_is_undone_by_skinning() -> None:
     np.testing.assert_allclose(again, curled, atol=1e-10)
     for first in (1, 4, 7, 10):  # straight, and in the palm's plane
         assert np.ptp(rest.joints[first : first + 3, 1]) < 1e-12
-
-
-def test_teacher_of_hands_moves_rigidly() -> None:
-    teacher = HandTeacher(HAND.template, JOINTS, csr_array(HAND.weights))
-    pose = np.zeros((16, 3))
-    np.testing.assert_allclose(teacher.vertices(pose), HAND.template, atol=1e-12)
-    pose[0] = [0.3, -1.0, 0.5]
-    turned = (HAND.template - JOINTS[0]) @ matrix_from_vector(pose[0]).T + JOINTS[0]
-    np.testing.assert_allclose(teacher.vertices(pose), turned, atol=1e-12)
 
 
 def test_higher_price_makes_blend_shapes_local() -> None:
@@ -112,17 +93,6 @@ def test_part_collapses_with_its_border() -> None:
     assert areas.sum() == pytest.approx(((n - 1) / n) ** 2)
     with pytest.raises(BadArgument, match="does not come down"):
         collapsed_part(grid, np.array(faces), border, 3)
-
-
-def test_bent_fingers_are_found_from_the_surface() -> None:
-    hand = embedded_hand()
-    pose = np.random.default_rng(0).normal(0, 0.15, (16, 3))
-    pose[0] = 0
-    betas = np.array([1.0, -0.5])
-    found, rms = held_fingers(hand, hand.vertices(pose, betas, [0.3, 0.2, 0.1]))
-    assert rms < 1e-4
-    np.testing.assert_array_equal(found[0], 0)
-    np.testing.assert_allclose(found, pose, atol=0.02)
 
 
 def test_shipped_finger_pose_is_found_again() -> None:

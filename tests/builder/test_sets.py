@@ -9,12 +9,12 @@ from scipy.sparse import csr_array
 
 from builder import sets
 from builder.bodies import already_made, even_body, pose_parts, regressor_from
+from builder.ground_truth import FILE, read_ground_truth
 from builder.sets import SetRecipe, Subjects, _stack, _table
 from workbench import load_body
-from workbench.errors import BadBody, BadFile
+from workbench.errors import BadFile
 from workbench.geometry.mirror import Mirror, opposites
 from workbench.training.estimate import Estimate, Sigmas, SkinningPass
-from workbench.training.evaluation import FILE, read_ground_truth
 from workbench.training.first_guess import Start
 from workbench.training.folder import open_folder
 from workbench.training.objective import Objective
@@ -61,16 +61,6 @@ def test_written_sets_are_registrations(tmp_path: Path) -> None:
     assert found.subjects == ("person 2", "person 3")
     assert [row.gender for row in found.rows] == ["female"] * 3 + ["male"] * 3
     assert found.read(slice(0, 6)).vertices.shape == (6, 369, 3)
-
-
-def test_ground_truth_is_kept_beside_sets(tmp_path: Path) -> None:
-    everyone, rng = subjects(), np.random.default_rng(1)
-    poses = 0.1 * rng.standard_normal((2, 3, 24, 3))
-    _stack(everyone, 2, poses, rng, tmp_path / "poses.npy").save(tmp_path)
-    truth, meshes = read_ground_truth(tmp_path), np.load(tmp_path / "poses.npy")
-    again = everyone.posed(3, truth.poses[4], truth.trans[4])
-    np.testing.assert_allclose(again, meshes[4], atol=1e-6)
-    np.testing.assert_array_equal(truth.rest, everyone.rest[2:])
 
 
 def test_missing_ground_truth_is_refused(tmp_path: Path) -> None:
@@ -135,8 +125,3 @@ def test_joints_and_shapes_are_symmetric(model: PoseModel) -> None:
     body, explained = even_body(parts, parts.estimate.templates, regressor)
     assert explained.sum() == pytest.approx(1, abs=1e-3)  # ten directions made them
     assert body.template[BODY.mirror] * [-1, 1, 1] == pytest.approx(body.template, abs=1e-12)
-
-
-def test_mesh_without_sides_is_refused(model: PoseModel) -> None:
-    with pytest.raises(BadBody, match="a mesh with sides"):
-        pose_parts(replace(model, objective=replace(model.objective, mirror=None)), START)

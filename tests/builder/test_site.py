@@ -4,7 +4,6 @@ import ast
 import importlib.util
 import re
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -20,7 +19,6 @@ from tests.site.test_course_site import not_run
 from workbench.course import notebooks
 from workbench.course.outline import lecture
 from workbench.course.site import NEEDED
-from workbench.errors import BadFile
 
 ROOT = Path(wb.__file__).parents[1]
 SHOWN = sorted(p for p in (ROOT / "examples" / "reference").glob("*.py") if p.stem != "__init__")
@@ -126,7 +124,6 @@ INNER = {  # classes in annotations of public ones that users have no reason to 
         "ShapeModel",
     },
     "a protocol, satisfied by what comes with Python or the workbench, such as `map`": {
-        "Executor",
         "Report",
     },
 }
@@ -191,24 +188,6 @@ def test_other_people_s_folders_are_not_replaced(
     said = capsys.readouterr().err
     assert "no site of ours" in said or "pip install" in said  # where the tools are missing
     assert (tmp_path / "thesis.tex").read_text() == "years of work"
-
-
-def test_failing_example_is_named(tmp_path: Path) -> None:
-    script = tmp_path / "wrong.py"
-    script.write_text("raise ValueError('so wrong')")
-    with pytest.raises(BadFile, match=r"wrong\.py stops with an error(.|\n)*so wrong"):
-        site_pages.run_example(script)
-
-
-def test_figures_and_output_are_taken_from_a_run(tmp_path: Path) -> None:
-    script = tmp_path / "draws.py"
-    script.write_text(
-        '"""solve: shown.\n"""\nfrom pathlib import Path\n'
-        "Path('a.png').write_bytes(b'a')\nprint('done')\n"
-    )
-    found: Any = site_pages.run_example(script)
-    assert (found.printed, [figure.name for figure in found.figures]) == ("done", ["a.png"])
-    assert found.names == ("solve",)
 
 
 # The course for JupyterLite.

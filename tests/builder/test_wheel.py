@@ -24,7 +24,7 @@ from builder.wheel import Wheel, WheelUnreadable, read_tensors
 from workbench.bodies.catalogue import SYNTHETIC, read_embedded
 from workbench.errors import BadFile
 from workbench.geometry.mirror import Mirror
-from workbench.synthetic.teacher import MIRRORED_JOINTS, PARENTS
+from workbench.lectures.material.teacher import MIRRORED_JOINTS, PARENTS
 
 DATA = Path(workbench.__file__).parent / "data"
 
@@ -108,15 +108,6 @@ def test_damaged_tensors_are_refused() -> None:
     ):
         with pytest.raises(BadFile, match=says):
             read_tensors(content)
-
-
-def test_another_wheel_is_refused(tmp_path: Path) -> None:
-    other = tmp_path / "other.whl"
-    other.write_bytes(b"PK")
-    with pytest.raises(WheelUnreadable, match=r"other\.whl has SHA-256"):
-        Wheel(other)
-    with pytest.raises(WheelUnreadable, match="pip download"):
-        Wheel(tmp_path)
 
 
 def test_changed_file_of_a_wheel_is_refused(tmp_path: Path) -> None:

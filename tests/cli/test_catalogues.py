@@ -4,7 +4,6 @@ import ast
 import os
 import subprocess
 import sys
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +13,7 @@ from typer.testing import CliRunner
 
 from tests.cli.conftest import Run
 from workbench import SOLVERS
-from workbench.cli.app import RENAMED, VERBS, Later, app
-from workbench.experiments.experiment import ENOUGH
+from workbench.cli.app import VERBS, app
 from workbench.solvers.nlopt import ALGORITHMS
 
 HELP = """
@@ -46,34 +44,6 @@ def test_help_imports_no_numerical_library() -> None:
     assert not {"casadi", "numpy", "scipy", "matplotlib"} & set(ast.literal_eval(modules))
 
 
-def test_options_are_those_of_the_commands() -> None:
-    group: Any = typer.main.get_command(app)
-    for name, verb in VERBS.items():
-        command = group.commands[name]
-        assert isinstance(command, Later)
-        assert len(name) + len(verb.summary) < 72, name  # a line of the help
-        context = command.make_context(name, [], resilient_parsing=True)
-        if not hasattr(command.whole, "commands"):
-            own, word = typer.Typer(add_completion=False), name.replace("-", "_")
-            own.command()(getattr(import_module(f"workbench.cli.{verb.file}"), word))
-            options = [option.opts for option in typer.main.get_command(own).params]
-            found = [one.opts for one in command.get_params(context)]
-            assert found[: len(options)] == options, name
-
-
-def test_verbs_of_before_are_answered_with_those_of_today(workbench: Run) -> None:
-    code, _, err = workbench("check-body", "model.npz")
-    assert (code, err) == (2, "error: `workbench check-body` is now `workbench body check FILE`\n")
-    root = Path(__file__).parents[2]
-    for name, now in RENAMED.items():
-        assert name not in VERBS
-        program, verb, module = now.replace(",", "").split()[:3]
-        if program == "workbench":
-            assert verb in VERBS
-        else:
-            assert (root / f"{module.replace('.', '/')}.py").is_file()
-
-
 def test_helps_fit_a_screen(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "80")
     group: Any = typer.main.get_command(app)
@@ -98,29 +68,18 @@ def test_tables_of_verbs_are_whole_at_80_columns(
         assert "…" not in out, typed_
 
 
-def test_unknown_command_has_neighbours(workbench: Run) -> None:
-    code, _, err = workbench("diagnos")
-    assert code == 2
-    assert "diagnose" in err
-
-
-def test_help_says_what_a_file_may_define(workbench: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("COLUMNS", "2000")
-    for verb in ("run", "diagnose", "design", "sample", "compare"):
-        said = " ".join(workbench(verb, "--help")[1].split())
-        assert ENOUGH in said, verb
-
-
 def test_solvers_lists_every_solver_with_what_it_can(workbench: Run) -> None:
     rows = [line.split() for line in workbench("solvers")[1].splitlines()]
-    named = {words[0]: words for words in rows if words}
+    named: dict[str, list[str]] = {}
+    for words in filter(None, rows):  # of the second table, what the first has not
+        named[words[0]] = named.get(words[0], []) + words
     assert list(SOLVERS) == [name for name in named if name in SOLVERS]
     assert named["ipopt-exact"][1:5] == ["Hessian", "yes", "=", "<"]
     assert named["gauss-newton"][1:5] == ["Jacobian", "no", "-", "downhill"]
     assert named["nlopt-mlsl"][2] == "needed"
     assert "teaching" in named["steepest-descent"]
     rows = [line.split() for line in workbench("solvers", "--nlopt")[1].splitlines()]
-    named = {words[0]: words for words in rows if words}
+    named = {words[0]: words for words in reversed(rows) if words}
     assert named.keys() >= ALGORITHMS.keys()
     assert named["GN_ISRES"][1:8] == ["cost", "needed", "=", "<", "everywhere,", "at", "random"]
 
@@ -140,10 +99,3 @@ def test_info_says_which_arithmetic_is_active_and_why(tmp_path: Path) -> None:
     assert "1 in a run" in said
     for package in ("casadi 3.", "numpy ", "scipy ", "nlopt ", "emcee ", "python 3."):
         assert package in said
-
-
-def test_info_tells_of_the_body_that_is_asked_about(workbench: Run) -> None:
-    for name, vertices in (("small", 369), ("default", 1229)):
-        code, out, _ = workbench("info", "--body", name)
-        assert code == 0
-        assert f"{name} has {vertices} vertices" in " ".join(out.split())

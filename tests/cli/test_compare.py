@@ -28,59 +28,6 @@ def test_compare_takes_own_problems_and_own_solvers(workbench: Run) -> None:
     assert "mine" in page
 
 
-ASKING = """
-import casadi as cs
-import numpy as np
-import workbench as wb
-from workbench.solvers import Evaluations
-
-def told(problem, x):
-    values = problem.free.unpack(np.asarray(x).ravel())
-    return wb.Solution(values, 0.0, 0.0, wb.Status.CONVERGED, "", "", Evaluations(), 0.0, ())
-
-class Newton:
-    def solve(self, problem, start, *, callback=None):
-        x, fixed = problem.split(start)
-        for _ in range(9):
-            r, J = problem.derivative(x, fixed)
-            x = x - np.linalg.lstsq(np.array(J), np.array(r).ravel(), rcond=None)[0]
-        return told(problem, x)
-
-class Embedded:
-    def solve(self, problem, start, *, callback=None):
-        x, fixed = problem.split(start)
-        s = cs.MX.sym("x", len(x))
-        quiet = {"ipopt.print_level": 0, "print_time": 0}
-        ipopt = cs.nlpsol("s", "ipopt", {"x": s, "f": problem.adjoint(s, fixed)[0]}, quiet)
-        return told(problem, ipopt(x0=x)["x"])
-
-newton, embedded = Newton(), Embedded()
-"""
-
-
-@pytest.mark.thorough
-def test_compare_counts_solvers_that_ask_the_graphs(workbench: Run) -> None:
-    Path("asking.py").write_text(ASKING)
-    code, out, err = workbench("compare", "nist-misra1a", "--solver", "asking.py")
-    assert code == 0, err
-    lines: dict[str, list[str]] = {}
-    for line in filter(None, map(str.split, out.splitlines())):
-        lines.setdefault(line[0], line)  # the first table; seconds come later
-    newton, embedded = lines["asking:newton"], lines["asking:embedded"]
-    assert newton[1:3] == embedded[1:3] == ["1/1", "1/1"]
-    assert float(newton[3]) % 3.0 == 0  # Jacobians alone, n = 2: n + 1
-    assert embedded[3] == "unknown"
-    assert "asking:embedded: not everything was counted in 1 of 1 runs" in out
-
-
-def test_compare_calls_a_lone_run_not_the_lowest(workbench: Run) -> None:
-    Path("line.py").write_text(LINE)
-    code, out, err = workbench("compare", "line.py", "--solver", "gauss-newton")
-    assert code == 0, err
-    assert "1/1" not in out
-    assert "There is nothing to compare" in out
-
-
 SLOW = (
     LINE
     + """

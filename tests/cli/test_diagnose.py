@@ -1,4 +1,4 @@
-"""`workbench diagnose` and `workbench sample` on small files of a user's own."""
+"""`workbench diagnose`, `sample` and `design` on small files of a user's own."""
 
 import json
 from pathlib import Path
@@ -14,15 +14,6 @@ def diagnosis(name: str) -> dict:
     """What `diagnose` wrote about a file."""
     data: dict = json.loads(Path(f"runs/{name}-diagnosis/diagnosis.json").read_text())
     return data
-
-
-@pytest.mark.thorough
-def test_diagnose_exits_with_0_where_all_is_known(workbench: Run) -> None:
-    Path("sound.py").write_text(PARABOLA.format(n=3, columns=3))
-    code, out, _ = workbench("diagnose", "sound.py")
-    assert code == 0, out
-    assert "warning:" not in out
-    assert diagnosis("sound")["rank"] == 3
 
 
 def test_diagnose_exits_with_1_and_names_what_is_not_known(workbench: Run) -> None:
@@ -44,17 +35,6 @@ def test_data_alone_leaves_the_priors_of_a_file_out(workbench: Run) -> None:
     Path("all.py").write_text(PARABOLA.format(n=3, columns=2) + "priors = ['fit', 'hold']\n")
     _, _, err = workbench("diagnose", "all.py", "--data-alone")
     assert "every residual of all is a prior" in err
-
-
-@pytest.mark.thorough
-def test_diagnose_says_which_options_change_nothing(workbench: Run) -> None:
-    Path("plain.py").write_text(PARABOLA.format(n=3, columns=2))
-    said = " ".join(workbench("diagnose", "plain.py", "--data-alone")[1].split())
-    assert "--data-alone changes nothing: plain names no residual as a prior" in said
-    asked = ("diagnose", "plain.py", "--at-start", "--solver")
-    out = workbench(*asked, "dogleg")[1]
-    assert "--solver changes nothing: with --at-start nothing is solved" in out
-    assert "no solver is called 'dogleg-leg'" in workbench(*asked, "dogleg-leg")[2]
 
 
 GAUGE = """
@@ -115,29 +95,74 @@ def test_short_sample_exits_with_1_and_gives_no_intervals(workbench: Run) -> Non
     assert "95 % interval" not in Path("runs/line-posterior/index.html").read_text()
 
 
-@pytest.mark.thorough
-def test_conditional_sample_says_so_and_is_not_usable(workbench: Run) -> None:
-    Path("line.py").write_text(PARABOLA.format(n=3, columns=3))
-    asked = ("sample", "line.py", *LONG, "--block", "x[0]")
-    code, said, _ = workbench(*asked, "--conditional")
-    assert code == 1
-    assert "NOT USABLE: conditional" in said
-    assert "Held fixed: 2 of the 3 numbers of x (2 numbers)" in said
-    assert "ratio" in next(line for line in said.splitlines() if line.startswith("entry"))
-    assert "Held fixed: 2 of" in Path("runs/line-posterior/posterior.txt").read_text()
-    code, said, _ = workbench(*asked, "--fresh")
-    assert code == 0
-    assert "Held fixed: nothing" in said
-    assert "sampled too" in said
-
-
 def test_sample_refuses_unknown_names(workbench: Run) -> None:
     Path("line.py").write_text(PARABOLA.format(n=3, columns=3))
+    code, _, err = workbench("sample", "line.py", "--block", "y")
+    assert code == 2
+    assert "no free block is called 'y'" in err
+
+
+LINE = """
+import casadi as cs, numpy as np, workbench as wb
+x = wb.Block("x", (3,), "m")
+def at(t, name):
+    return wb.Residual(name, cs.DM(np.vander(np.atleast_1d(t), 3)) @ x.symbol, 0.1, "m")
+problem = wb.Problem([at(np.linspace(0, 1, 5), "fit")], ["x"], blocks=[x])
+start = {"x": np.zeros(3)}
+candidates = {f"at {t:g}": at(t, "more") for t in (-1, 0, 0.5, 1, 2, 3)}
+"""
+
+
+@pytest.fixture
+def line(tmp_path: Path) -> Path:
+    (tmp_path / "line.py").write_text(LINE, encoding="utf-8")
+    return tmp_path
+
+
+def test_design_ranks_the_candidates_of_a_file(workbench: Run, line: Path) -> None:
+    code, said, _ = workbench("design", "line.py", "--choose", "2", "--sd-of", "x[0]")
+    assert code == 0
+    folder = line / "runs" / "line-design"
+    data = json.loads((folder / "design.json").read_text())
+    assert data["ranking"][0]["name"] == "at 3"
+    assert "at 3" in data["chosen"]
+    assert data["unit"] == "m"
+    assert data["after"] < data["before"]
+    assert "all 15 combinations of 2 candidates were compared" in said
+    assert (folder / "design.txt").read_text().startswith("WHAT TO MEASURE NEXT: 2 of 6")
+    page = (folder / "index.html").read_text()
+    assert "What to measure next in line" in page
+    assert page.count("<figure") == 1
+    A = np.vander(np.linspace(0, 1, 5), 3) / 0.1
+    assert data["before"] == pytest.approx(np.sqrt(np.linalg.inv(A.T @ A)[0, 0]))
+
+
+def test_design_averages_over_points(workbench: Run, line: Path) -> None:
+    code, said, _ = workbench("design", "line.py", "--points", "3", "--over", "x[0]")
+    assert code == 0
+    assert "averaged over 3 points" in said
+
+
+@pytest.mark.thorough
+def test_design_refuses_what_makes_no_question(workbench: Run, line: Path) -> None:
     for arguments, said in (
-        (("--block", "y"), "no free block is called 'y'"),
-        (("--move", "random"), "stretch"),
-        (("--directions", "9"), "1 to 3 directions"),
+        (["--candidates", "poses"], "there are cameras, keypoints,"),
+        (["--candidates", "cameras"], "are of a problem that fits a body in one frame"),
+        (["--criterion", "f"], "no criterion is called 'f'"),
+        (["--choose", "7"], "1 to 6 of the candidates can be chosen, not 7"),
+        (["--sd-of", "poze"], "no free block is called 'poze'"),
+        (["--sd-of", "x[0]", "--over", "x[0]"], "--over goes with --criterion"),
+        (["--over", "y"], "no free block is called 'y'"),
+        (["--points", "0"], "--points"),
     ):
-        code, _, err = workbench("sample", "line.py", *arguments)
+        code, _, err = workbench("design", "line.py", *arguments)
         assert code == 2
-        assert said in err
+        assert said in " ".join(err.split())
+    for candidates, said in (
+        ("own", "names no candidates of its own"),
+        ("views", "no camera of this problem is held"),
+        ("keypoints", "no camera sees the body"),
+    ):
+        code, _, err = workbench("design", "known-correspondences", "--candidates", candidates)
+        assert code == 2
+        assert said in " ".join(err.split())

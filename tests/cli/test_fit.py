@@ -8,7 +8,6 @@ import pytest
 
 import workbench as wb
 from tests.cli.conftest import Run
-from workbench.bodies.triangles import scape
 from workbench.experiments.balance import NAMES, observations, published
 from workbench.fitting.files.layouts import OPENPOSE_25
 from workbench.geometry.meshes import write_mesh
@@ -69,20 +68,6 @@ def test_fit_takes_a_mesh_of_the_bodys_topology(workbench: Run) -> None:
     assert "metres are expected" in err
     _, _, err = workbench("fit", "me.obj")
     assert "369 vertices, but body 'default' has 1229" in " ".join(err.split())
-
-
-def test_triangle_body_of_a_file_is_drawn_and_fitted(workbench: Run) -> None:
-    body = wb.load_body("small")
-    wb.save_body(scape(body), "scape.npz")
-    code, out, err = workbench("body", "card", "scape.npz")
-    assert code == 0, err
-    assert "TriangleBody, each triangle with one part, then stitched" in out
-    assert Path("runs/body-scape/index.html").is_file()
-    write_mesh("me.obj", body.vertices(), body.faces)
-    code, out, err = workbench("fit", "me.obj", "--body", "scape.npz", "--no-compare")
-    assert code == 0, err
-    assert "vertex to observation, rms" in out
-    assert workbench("body", "sliders", "scape.npz")[0] == 0
 
 
 @pytest.fixture

@@ -2,24 +2,18 @@
 
 import csv
 import json
-import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
-from workbench import Camera, LevenbergMarquardt, load_body
+from workbench import Camera, load_body
 from workbench.cli import Interrupted
 from workbench.cli.app import app
-from workbench.fitting.images import INTERVAL_NOTE, ByHeight, WithStature
-from workbench.fitting.jobs import ImageReading, ImageWork
+from workbench.fitting.images import INTERVAL_NOTE
 from workbench.fitting.observations import COCO
 from workbench.priors.poses import draw_poses, shipped_gaussian
-from workbench.reports.many import ImageFolder
 
 pytestmark = pytest.mark.thorough
 
@@ -84,31 +78,6 @@ def test_folder_refits_only_what_changed(tmp_path: Path) -> None:
     assert all(changed[name] != again[name] for name in again)
 
 
-def test_key_of_an_image_fit_holds_its_recipe(tmp_path: Path) -> None:
-    lens = tmp_path / "lens.json"
-    lens.write_text("{}")
-
-    def key(recipe: ByHeight, calibration: Path | None = None) -> str:
-        work = ImageWork(BODY, recipe, ImageReading(SIZE, calibration=calibration))
-        return ImageFolder(tmp_path / "runs", work, "small", "source").key_of_work()
-
-    recipes = [
-        ByHeight(),
-        ByHeight(strict=0.05),
-        ByHeight(outlier=0.1),
-        ByHeight(wide=(0.3,)),
-        ByHeight(priors=WithStature(1.7)),
-        ByHeight(priors=WithStature(1.8)),
-        ByHeight(solver=LevenbergMarquardt()),
-    ]
-    keys = [key(recipe) for recipe in recipes]
-    assert len(set(keys)) == len(keys)
-    assert key(ByHeight()) == keys[0]
-    before = key(ByHeight(), lens)
-    lens.write_text("{ }")
-    assert key(ByHeight(), lens) != before != keys[0]
-
-
 def test_unreadable_file_does_not_end_the_others(tmp_path: Path) -> None:
     images = tmp_path / "images"
     images.mkdir()
@@ -136,58 +105,6 @@ def test_interrupted_mean_leaves_the_report(
     with pytest.raises(Interrupted, match=r"report is written, but mean\.npz is not"):
         fit(str(file), *OPTIONS, "--mean", "--out", str(tmp_path / "runs"))
     assert (tmp_path / "runs" / "frame0" / "index.html").exists()
-
-
-KILLED = """
-import sys
-from functools import partial
-import workbench.cli.fit as images
-from workbench.cli import main
-images.in_parts = partial(images.in_parts, count=1)
-sys.argv = ["workbench", "fit", *sys.argv[1:]]
-main()
-"""
-
-
-def test_killed_folder_goes_on_to_the_same_bits(tmp_path: Path) -> None:
-    images = tmp_path / "images"
-    images.mkdir()
-    written(images, 3)
-    assert fit(str(images), *OPTIONS, "--out", str(tmp_path / "whole")).exit_code == 0
-    out = tmp_path / "runs"
-    command = [sys.executable, "-c", KILLED, str(images), *OPTIONS, "--out", str(out)]
-    fits = out / "fit-images" / "fits"
-    for already in range(2):  # killed as soon as there is one more image
-        process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
-        while process.poll() is None and len(list(fits.glob("*.json"))) <= already:
-            time.sleep(0.01)
-        process.send_signal(signal.SIGKILL)
-        assert process.wait() == -signal.SIGKILL
-    told = fit(str(images), *OPTIONS, "--out", str(out))
-    assert told.exit_code == 0
-    assert " of 3 images are fitted already" in told.output
-    with (
-        np.load(out / "fit-images" / "poses.npz") as one,
-        np.load(tmp_path / "whole" / "fit-images" / "poses.npz") as two,
-    ):
-        assert {*one} == {*two}
-        for name in one:
-            np.testing.assert_array_equal(one[name], two[name])
-
-
-def test_a_cluster_fits_a_folder(tmp_path: Path) -> None:
-    distributed = pytest.importorskip("distributed")
-    images = tmp_path / "images"
-    images.mkdir()
-    written(images, 2)
-    with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
-    ) as cluster:
-        address = cluster.scheduler_address
-        told = fit(str(images), *OPTIONS, "--dask", address, "--out", str(tmp_path / "runs"))
-    assert told.exit_code == 0, told.output
-    with np.load(tmp_path / "runs" / "fit-images" / "poses.npz") as poses:
-        assert poses["pose"].shape == (2, 24, 3)
 
 
 def test_one_image_by_other_terms(tmp_path: Path) -> None:

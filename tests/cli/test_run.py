@@ -12,7 +12,7 @@ from rich.console import Console
 
 import workbench as wb
 from tests.cli.conftest import Run
-from tests.cli.own_files import LINE, PARABOLA
+from tests.cli.own_files import LINE
 from workbench.cli.console import rich_table
 from workbench.reports.page import Table
 from workbench.solvers import SOLVERS
@@ -83,15 +83,6 @@ def test_run_solves_a_file_and_keeps_its_folder(workbench: Run) -> None:
     code, _, err = workbench("run", "b/line.py")
     assert code == 2
     assert "--out" in err
-
-
-@pytest.mark.thorough
-def test_run_says_what_the_priors_of_a_file_make_up(workbench: Run) -> None:
-    text = PARABOLA.format(n=3, columns=2) + "priors = 'hold'\n"
-    Path("held.py").write_text(text)
-    _, out, _ = workbench("run", "held.py", "--no-compare")
-    assert "The prior, hold, makes up" in out
-    assert "without the priors: 9 x 3" in out
 
 
 class Interrupting:

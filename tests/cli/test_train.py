@@ -1,9 +1,6 @@
 """`workbench train`: a folder of registrations becomes a body."""
 
 import csv
-import signal
-import subprocess
-import sys
 from functools import cache
 from pathlib import Path
 
@@ -110,24 +107,3 @@ def test_train_refuses_options_that_make_no_sense(workbench: Run, tmp_path: Path
         assert code == 2
         assert said in err
     assert not (tmp_path / "runs").exists()
-
-
-HEARD = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
-
-
-@pytest.mark.thorough
-def test_interrupted_train_says_that_it_goes_on_later(tmp_path: Path) -> None:
-    made_folder(tmp_path / "mine")
-    run = subprocess.Popen(
-        [sys.executable, "-c", f"{HEARD}; from workbench.cli import main; main()", "train", "mine"],
-        cwd=tmp_path,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    assert run.stdout is not None
-    assert any("surfaces" in line for line in run.stdout), "it ended before"
-    run.send_signal(signal.SIGINT)
-    _, error = run.communicate(timeout=600)
-    assert run.returncode == 130
-    assert "continues from there" in error

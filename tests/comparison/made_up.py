@@ -14,6 +14,7 @@ from workbench.comparison import Budget, Comparison, Record, RunEnding, worker
 from workbench.comparison.design import Design, Instance, NamedSolver
 from workbench.comparison.ends import EndAnalysis
 from workbench.comparison.record import KINDS, ROW, Description, ObservedRun, Stored
+from workbench.comparison.tables import rows
 from workbench.comparison.workers import JobFailed, Solve, SolverJob
 from workbench.errors import UnknownName, WorkbenchError
 from workbench.experiments import Experiment
@@ -84,8 +85,8 @@ def comparison(
             min((r.cost for r, w in zip(ended, where, strict=True) if w == k), default=0.0)
             for k in range(count)
         )
-        flat = (0.0,) * count
-        judged.append(EndAnalysis(where, costs, flat, flat, points=np.zeros((count, 1))))
+        points = np.zeros((count, 1))
+        judged.append(EndAnalysis(where, costs, (0.0,) * count, (False,) * count, points))
     described = {
         p: Description(
             p,
@@ -112,6 +113,11 @@ def _instance(name: str) -> Instance:
     if not number:
         return Instance(problem, made, "", 0, 0)
     return Instance(problem, made, "start", int(number), int(number))
+
+
+def deterministic(found: Comparison) -> tuple[str, ...]:
+    """The columns of a table that a repetition gives again: all but those with times."""
+    return tuple(c for c in next(rows(found)) if not c.startswith(("seconds", "machine")))
 
 
 @contextmanager

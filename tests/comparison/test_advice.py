@@ -9,7 +9,6 @@ from tests.comparison.made_up import comparison, record
 from workbench.comparison import Comparison
 from workbench.comparison.advice import advice, prices_sentence, reliable
 from workbench.comparison.comparison import by_effort
-from workbench.comparison.statistics import LEVEL
 from workbench.comparison.targets import PRICES, units
 
 QUICK, SLOW = [9.0, 1.0], [9.0, 8.0, 7.0, 6.0, 1.0]
@@ -47,7 +46,7 @@ def test_solver_that_gave_up_once_is_not_advised() -> None:
     assert "slower is not advised: in 1 of 9 runs it raised an exception." in advice(alone)
 
 
-def test_problems_are_told_apart_when_no_solver_is_reliable() -> None:
+def test_none_is_advised_when_no_solver_is_reliable() -> None:
     runs = {
         ("p", "a"): QUICK,
         ("p", "b"): [],
@@ -59,31 +58,11 @@ def test_problems_are_told_apart_when_no_solver_is_reliable() -> None:
     found = comparison(runs, known=True)
     runs_to_0 = {key: [*costs[:-1], 0.0] if costs else [] for key, costs in runs.items()}
     said = advice(comparison(runs_to_0, known=True))
-    assert said[0] == (
+    assert said == (
         "No solver returned a point within the target τ = 1e-5 from all 3 starts, so none is "
-        "advised for all of these problems."
+        "advised for all of these problems.",
     )
-    assert set(said[1:]) == {
-        "On p: a did so from every start.",
-        "On q: b did so from every start.",
-        "On r: no solver did so from every start.",
-    }
     assert reliable(found, ("p",)) == ()  # 0 is known, and it ended at 1
-
-
-def test_target_met_and_lost_is_not_advised() -> None:
-    runs = {("p", s): QUICK for s in ("good", "lost", "killed")}
-    lost = replace(record("p", "lost", QUICK), cost=5.0, end=np.zeros(1))
-    found = comparison(runs, basins={("p", "lost"): 1}, lost=lost)
-    assert found.success("lost", 1e-5).value == 1  # it was there once
-    assert reliable(found, ("p",)) == ("good", "killed")
-
-
-def test_ties_are_told() -> None:
-    found = comparison({(p, s): QUICK for p in "pqrstuv" for s in "ab"})
-    said = advice(found)
-    assert said[0] == "a and b each returned a point within the target τ = 1e-5 from all 7 starts."
-    assert said[1].startswith("Of these, a and b have the least median effort")
 
 
 @pytest.mark.parametrize("problems", ["pqrstu", "pqrst", "pq"])
@@ -111,23 +90,6 @@ def test_starts_of_one_problem_are_no_proof() -> None:
         1.0,
     )
     assert "may be chance" in advice(found)[1]
-
-
-@pytest.mark.thorough
-def test_advice_among_equals_keeps_the_level() -> None:
-    """Four equal solvers, three starts of each of nine problems that go much the same way."""
-    rng = np.random.default_rng(4)
-    alarms = 0
-    for _ in range(100):
-        usual = rng.integers(1, 40, (9, 4))  # what each needs on a problem, by chance
-        runs = {
-            (f"{p}, start {k}", "abcd"[s]): [9.0] * int(usual[p, s] + rng.integers(3)) + [1.0]
-            for p in range(9)
-            for k in range(3)
-            for s in range(4)
-        }
-        alarms += any("take" in said for said in advice(comparison(runs)))
-    assert alarms / 100 <= LEVEL
 
 
 def lied_to(found: Comparison, rng: np.random.Generator) -> Comparison:

@@ -9,9 +9,8 @@ import workbench as wb
 from tests.comparison.problems import LINE, SLIDE
 from workbench.comparison import Budget
 from workbench.comparison.design import chosen, design, named_solvers
-from workbench.course.outline import lecture
 from workbench.errors import BadFile, UnknownName
-from workbench.identity import NOT_COUNTED, digest, identity, is_own_code
+from workbench.identity import NOT_COUNTED, digest, identity
 from workbench.solvers import full_step
 
 SOLVER = """
@@ -121,18 +120,6 @@ def test_keys_change_with_what_a_run_depends_on(tmp_path: Path) -> None:
     file.write_text(SOLVER.replace("7", "8") + "solver = Mine()\n")
     keys.append(key(solver=str(file)))
     assert len(set(keys)) == len(keys)
-
-
-def test_lectures_are_identified_by_source() -> None:
-    """They are no part of the code's version: in a checkout they are not even below the package."""
-    for module in ("workbench", "workbench.solvers.dogleg", "workbench.course.checks"):
-        assert is_own_code(module), module
-    for module in ("workbench.lectures.lec07_trust_region.solutions", "workbenches", "__main__"):
-        assert not is_own_code(module), module
-    told = identity(lecture(2).solution("hat"))
-    assert told.startswith("workbench.lectures.lec02_rotations.solutions.hat ")
-    assert len(told.split()[1]) == 16  # the digest of its source
-    assert len(identity(wb.solve).split()) == 1
 
 
 def test_identities_hold_no_address() -> None:

@@ -8,13 +8,12 @@ import casadi as cs
 import numpy as np
 import pytest
 
-from tests.comparison import askers
 from tests.comparison.made_up import in_this_process
 from tests.comparison.problems import LINE, line, slide
 from tests.solvers.problems import body_fit, decay
 from tests.tiers import few
 from workbench import SOLVERS, Block, Constraint, GaussNewton, Problem, Residual, Solution, Values
-from workbench.comparison import Budget, Comparison, compare
+from workbench.comparison import compare
 from workbench.comparison.metered import RunMeter
 from workbench.comparison.record import KINDS, ObservedRun, RunLog
 from workbench.errors import NotSupported
@@ -156,63 +155,6 @@ def counts(seen: ObservedRun) -> dict[str, int]:
     return {kind: n for kind, n in zip(KINDS, seen.counts, strict=True) if n}
 
 
-@pytest.fixture(scope="module")
-def found() -> Comparison:
-    solvers = {
-        "by derivative": askers.Asker(askers.by_derivative),
-        "by batches": askers.Asker(askers.by_batches),
-        "own graph": askers.OwnGraph(),
-        "house": GaussNewton(),
-    }
-    with in_this_process():
-        return compare(LINE, solvers, budget=Budget(max_seconds=20.0))
-
-
-@pytest.mark.parametrize(
-    ("name", "kinds"),
-    [
-        ("by derivative", {"residual", "jacobian"}),
-        ("by batches", {"residual", "gradient"}),
-    ],
-)
-def test_graphs_and_batches_are_counted_and_followed(
-    found: Comparison, name: str, kinds: set[str]
-) -> None:
-    record = found.records[found.instances[0].name, name]
-    assert counts(record.observed).keys() == kinds
-    assert all(
-        s > 0 for s, n in zip(record.observed.spent, record.observed.counts, strict=True) if n
-    )
-    assert len(record.observed.trace) > 1
-    assert record.lowest == pytest.approx(record.cost, rel=1e-9)  # whole way, to rounding
-    assert found.success(name, 1e-3).value == 1
-    assert np.isfinite(found.effort(name, 1e-3).value)
-    assert not found.uncounted(found.instances[0].name, name)
-
-
-def test_columns_are_counted_as_points(tmp_path: Path) -> None:
-    problem, seen = line_watched(tmp_path)
-    points = np.column_stack([X, X - 1, X - 2, X + 1])
-    r = np.asarray(problem.function(points, np.zeros((0, 4))))
-    assert r.shape == (8, 4)
-    np.testing.assert_allclose(r[:, 2], line().problem.residual(X - 2, NOTHING), rtol=1e-12)
-    assert counts(seen()) == {"residual": 4}
-    np.testing.assert_array_equal(seen().trace[:, 0], [1, 2, 3])  # the fourth is no better
-    np.testing.assert_array_equal(seen().best, X - 2)
-    problem.costs(X, NOTHING, np.array([1]))(np.array([[0.0], [5.0]]))
-    assert counts(seen()) == {"residual": 6}
-    x = np.array([5.0, 0.0, 5.0])
-    lowest = min((x, X, X - 2), key=lambda at: np.sum(line().problem.residual(at, NOTHING) ** 2))
-    np.testing.assert_array_equal(seen().best, lowest)
-
-
-TAKEN: list[Callable[[cs.Function], object]] = [
-    lambda f: f(cs.MX.sym("x", 3), NOTHING),
-    lambda f: f.jacobian(),
-    lambda f: cs.Function("whole", [a := cs.MX.sym("a", 3)], [f(a, NOTHING)]),
-]
-
-
 @dataclass(frozen=True)
 class Twin:
     """Solves a second problem made of the same residuals, and asks the first one nothing."""
@@ -231,37 +173,23 @@ def test_twins_of_a_problem_are_noticed() -> None:
     assert found.all_counted(1e-5) == ("gauss-newton",)
 
 
-@pytest.mark.parametrize("use", TAKEN)
-def test_graphs_that_are_taken_are_noticed(
-    use: Callable[[cs.Function], object], tmp_path: Path
-) -> None:
+@pytest.mark.parametrize("name", ["function", "derivative", "adjoint", "hessian", "residuals"])
+def test_graphs_that_are_taken_are_noticed(name: str, tmp_path: Path) -> None:
     problem, seen = line_watched(tmp_path)
-    assert problem.function.n_in() == 2
     assert not seen().taken
-    use(problem.function)
+    assert getattr(problem, name)
     assert seen().taken
 
 
-def test_graphs_and_batches_keep_to_the_limits(tmp_path: Path) -> None:
-    problem, seen = line_watched(tmp_path, most=4)
-    for a in (4.0, 3.0, 2.0, 1.0, 0.5, 0.4, 0.3):
-        problem.function(np.full(3, a), NOTHING)
-    for ask in (
-        lambda: problem.function(X, NOTHING),
-        lambda: problem.adjoint(X, NOTHING),
-        lambda: problem.hessian(X, NOTHING),
-        lambda: problem.costs(X, NOTHING)(X[None]),
-        lambda: problem.cost_gradients(X, NOTHING)(X[None]),
-    ):
-        with pytest.raises(Stop):
-            ask()
-    assert counts(seen()) == {"residual": 7}
-    assert seen().trace[-1, 0] <= 4
-    batch, second = line_watched(tmp_path, most=4)
+def test_batches_keep_to_the_limits(tmp_path: Path) -> None:
+    batch, seen = line_watched(tmp_path, most=4)
     z = np.linspace(4, 0, 10)[:, None] * np.ones(3)
     batch.costs(X, NOTHING)(z)  # of ten points at once only four count
-    assert second().trace[-1, 0] <= 4
-    assert counts(second()) == {"residual": 10}
+    assert seen().trace[-1, 0] <= 4
+    assert counts(seen()) == {"residual": 10}
+    for ask in (batch.costs(X, NOTHING), batch.cost_gradients(X, NOTHING)):
+        with pytest.raises(Stop):
+            ask(X[None])
 
 
 def test_constraints_are_counted_by_kind(tmp_path: Path) -> None:

@@ -16,7 +16,6 @@ from workbench.comparison.statistics import (
     rate,
     sign_test,
 )
-from workbench.lectures.material.wilson import wilson
 
 EXACT = 1e-9  # of a probability: sums of binomial terms lose some 1e-15
 
@@ -35,31 +34,15 @@ def test_rate_interval_covers_its_level() -> None:
     for n in COUNTS:
         for p in np.linspace(0.001, 0.999, 111):
             assert coverage(rate, n, float(p)) >= 1 - LEVEL - EXACT
-        assert rate(n, n).coverage == 0.95
 
 
-def test_wilson_interval_covers_79_percent_of_one_trial() -> None:
-    """Why `rate` is not Wilson's: the docstring's 79 % of one trial."""
-    worst = min(coverage(wilson, 1, float(p)) for p in np.linspace(0.001, 0.999, 1999))
-    assert worst == pytest.approx(0.79, abs=0.005)
-
-
-def test_wilsons_interval_has_its_published_values() -> None:
-    found = wilson(15, 20)  # solves (p - 3/4)^2 = z^2 p (1 - p) / 20
-    for p in (found.low, found.high):
-        assert (p - 0.75) ** 2 == pytest.approx(1.959963984540054**2 * p * (1 - p) / 20)
-    assert found.value == 0.75
-
-
-@pytest.mark.parametrize("n", [5])
-@pytest.mark.parametrize("interval", [rate, wilson])
-def test_intervals_of_none_and_all_end_at_zero_and_one(interval: object, n: int) -> None:
-    none, all_ = interval(0, n), interval(n, n)  # type: ignore[operator]
+def test_intervals_of_none_and_all_end_at_zero_and_one() -> None:
+    none, all_ = rate(0, 5), rate(5, 5)
     assert none.low == 0
     assert 0 < none.high < 1
     assert all_.high == 1
     assert all_.low == pytest.approx(1 - none.high)
-    assert np.isnan(interval(0, 0).value)  # type: ignore[operator]
+    assert np.isnan(rate(0, 0).value)
 
 
 def test_medians_bear_infinities_and_know_what_is_unknown() -> None:
@@ -71,13 +54,7 @@ def test_medians_bear_infinities_and_know_what_is_unknown() -> None:
     assert np.isnan(median([]).value)
     assert np.isnan(median([1.0, np.nan, 2.0]).value)
     assert median([4.0]).value == 4
-
-
-def test_median_of_fewer_than_six_has_no_interval() -> None:
-    """Even the whole range covers 1 - 2 (1/2)^n only: 50 % of two numbers, 94 % of five."""
-    for n in range(1, FEWEST):
-        assert 1 - 2 * 0.5**n < 0.95
-        assert not median(np.arange(n)).given
+    assert not median(np.arange(FEWEST - 1)).given
 
 
 SIZES: list[int] = [6, 9, 20, 101]
@@ -89,18 +66,8 @@ def test_median_interval_is_the_narrowest_that_covers() -> None:
         found = median(np.arange(n) + 1.0)
         k = int(found.low)
         assert found.high == n + 1 - k
-        covered = 1 - 2 * binom.cdf(k - 1, n, 0.5)
-        assert found.coverage == pytest.approx(covered, abs=EXACT)
-        assert covered >= 0.95
+        assert 1 - 2 * binom.cdf(k - 1, n, 0.5) >= 0.95
         assert 1 - 2 * binom.cdf(k, n, 0.5) < 0.95  # one closer in would not
-
-
-def test_median_interval_covers_in_draws() -> None:
-    rng = np.random.default_rng(1)
-    drawn = rng.lognormal(size=(2000, 8))
-    inside = [(found := median(x)).low <= 1 <= found.high for x in drawn]
-    # 8 numbers: k = 1, 99.2 %; the share of 2000 draws has a standard deviation of 0.2 %
-    assert np.mean(inside) == pytest.approx(1 - 2 * 0.5**8, abs=0.01)
 
 
 def test_sign_test_has_exact_values() -> None:
@@ -126,38 +93,6 @@ def test_pairs_of_equals_are_decided_below_the_level() -> None:
         )
         assert alarms <= LEVEL
         assert (alarms > 0) == (n >= FEWEST)
-
-
-def test_sign_test_counts_problems_not_starts() -> None:
-    """Equal solvers, and starts that go the way of their problem: seldom an alarm, all the same."""
-    rng = np.random.default_rng(2)
-    problems = np.repeat(np.arange(8), 10)
-    alarms = []
-    for _ in range(1000):
-        way = np.repeat(rng.integers(0, 2, 8), 10)  # who is better on a problem, by chance
-        turned = rng.random(80) < 0.1
-        a = 1.0 + (way ^ turned)
-        alarms.append(paired_test(a, 3.0 - a, problems.tolist()).decided)
-    # exactly 2 * 9 / 256 = 7 % for 7:1, so 8:0 only: 2 / 256 = 0.8 %, sd of the share 0.3 %
-    assert np.mean(alarms) <= 0.02
-    one = paired_test(np.ones(40), np.full(40, 2.0), ["p"] * 40)
-    assert (one.first, one.problems, one.p) == (40, (1, 0), 1.0)
-    assert not one.decided
-
-
-def test_all_pairs_together_keep_the_level() -> None:
-    """Five equal solvers, ten pairs: any bold cell, and any advice, is a false alarm."""
-    rng = np.random.default_rng(3)
-    wrong = 0
-    for _ in range(400):
-        cost = rng.lognormal(size=(12, 5))
-        needed = {
-            (i, j): paired_test(cost[:, i], cost[:, j], range(12)).p
-            for i in range(5)
-            for j in range(i)
-        }
-        wrong += min(holm(list(needed.values()))) <= LEVEL
-    assert wrong / 400 <= LEVEL  # uncorrected it is 0.2
 
 
 def test_holm_has_its_published_values() -> None:

@@ -24,11 +24,6 @@ def test_target_is_a_share_of_the_way_down() -> None:
     assert COSTS.reached_at(record("p", "s", []), 0.1) is None
 
 
-def test_start_at_minimum_meets_target() -> None:
-    costs = ReferenceCosts(start=1.0, best=1.0 - 1e-16, origin="")
-    assert costs.reached_at(record("p", "s", [1.0]), 1e-7) is not None
-
-
 def test_forbidden_start_makes_the_lowest_cost_the_target() -> None:
     costs = ReferenceCosts(start=0.5, best=1.0, origin="")
     assert costs.reached_at(record("p", "s", [1.0 + 1e-7]), 1e-7) is not None
@@ -114,16 +109,6 @@ def test_visited_points_count_for_targets_only() -> None:
     assert found.reached("a").value == 0
 
 
-def test_no_solver_is_advised_when_all_fail() -> None:
-    found = comparison({("p", "a"): [], ("p", "b"): []})
-    assert np.isinf(found.needed(0.1)).all()
-    assert by_effort(found)["a", "b"].both_fail == 1
-    assert advice(found) == (
-        "No solver returned a point within the target τ = 1e-5 from the one start, so none is "
-        "advised.",
-    )
-
-
 def test_only_end_is_compared_with_nothing() -> None:
     """Nothing else ended and no cost is known: neither lowest, nor on target, nor advised."""
     found = comparison({("p", "a"): [9.0, 1.0], ("q", "a"): [2.0]})
@@ -165,34 +150,6 @@ def test_a_data_profile_counts_simplex_gradients() -> None:
     np.testing.assert_allclose(found[0], [0.5, 0.5, 0.0])
     np.testing.assert_allclose(found[1], [0.75, 0.75, 0.25])
     np.testing.assert_allclose(found[2], [0.75, 0.75, 0.5])
-
-
-def test_profiles_of_failures_and_of_nothing() -> None:
-    np.testing.assert_array_equal(performance_profile([[INF], [INF]], [1, 10]), 0)
-    assert performance_profile(np.zeros((0, 2)), [1.0]).shape == (1, 2)
-    np.testing.assert_array_equal(performance_profile([[5.0], [7.0]], [1.0]), 1)  # one solver
-
-
-def test_profiles_rise_to_the_rate_of_success() -> None:
-    rng = np.random.default_rng(0)
-    times = rng.lognormal(size=(50, 4))
-    times[rng.random((50, 4)) < 0.3] = INF
-    for found in (
-        performance_profile(times, np.geomspace(1, 1e6, 99)),
-        data_profile(times, rng.integers(1, 9, 50), np.geomspace(1e-3, 1e6, 99)),
-    ):
-        assert (np.diff(found, axis=0) >= 0).all()
-        np.testing.assert_allclose(found[-1], np.isfinite(times).mean(axis=0))
-
-
-def test_removing_a_solver_can_swap_two_others() -> None:
-    """Gould and Scott's reason not to rank more than two by one profile."""
-    times = np.array([[2.0, 3.0, 1.0], [2.0, 3.0, 1.0], [3.0, 1.2, 1.0]])
-    alone = performance_profile(times[:, :2], [2.0])[0]
-    together = performance_profile(times, [2.0])[0]
-    assert alone[0] == pytest.approx(2 / 3)
-    assert alone[1] == pytest.approx(1.0)
-    assert together[0] > together[1]
 
 
 def test_effort_is_read_from_traces() -> None:

@@ -65,13 +65,6 @@ KINDS = {
         unit="cmu",
         order="ZYX",
     ),
-    "CMU (DAZ)": Kind(
-        "hip=pelvis abdomen=spine1 chest=spine2 neck=neck head=head leftEye",
-        "hip *Buttock *Thigh=hip *Shin=knee *Foot=ankle; "
-        "chest *Collar=collar *Shldr=shoulder *ForeArm=elbow *Hand=wrist *Index1",
-        sides=("l", "r"),
-        order="ZXY",
-    ),
     "Mixamo and HumanIK": replace(LIKE_MIXAMO, prefix="mixamorig:"),
     "LAFAN1": replace(
         LIKE_MIXAMO, sided=f"Hips {LEG} *Toe=foot; Spine2 *Shoulder=collar {ARM}", order="ZYX"
@@ -90,30 +83,12 @@ KINDS = {
         moves=1,
         order="YXZ",
     ),
-    "Xsens (BVH)": Kind(
-        "Hips=pelvis Chest=spine1 Chest2=spine2 Chest3 Chest4=spine3 Neck=neck Head=head",
-        "Hips *Hip=hip *Knee=knee *Ankle=ankle *Toe=foot; "
-        "Chest4 *Collar=collar *Shoulder=shoulder *Elbow=elbow *Wrist=wrist",
-        order="YXZ",
-    ),
     "Xsens (MVN)": Kind(
         "Pelvis=pelvis L5=spine1 L3=spine2 T12 T8=spine3 Neck=neck Head=head",
         "Pelvis *UpperLeg=hip *LowerLeg=knee *Foot=ankle *Toe=foot; "
         "T8 *Shoulder=collar *UpperArm=shoulder *ForeArm=elbow *Hand=wrist",
         up="z",
         unit="m",
-    ),
-    "Perception Neuron": replace(
-        LIKE_MIXAMO,
-        sided=f"Hips {LEG}; Spine2 *Shoulder=collar {ARM} *InHandIndex *HandIndex1",
-        order="YXZ",
-    ),
-    "HumanIK with four spines": Kind(
-        "Hips=pelvis Spine=spine1 Spine1=spine2 Spine2 Spine3=spine3 Neck=neck Head=head",
-        f"Hips {LEG} *ToeBase=foot; Spine3 *Shoulder=collar {ARM}",
-        prefix="Subject01:",
-        unit="mm",
-        up="z",
     ),
     "Unreal mannequin": Kind(
         "root pelvis=pelvis spine_01=spine1 spine_02=spine2 spine_03=spine3 neck_01=neck head=head",
@@ -133,14 +108,6 @@ KINDS = {
         prefix="DEF-",
         unit="m",
         order="XYZ",
-    ),
-    "3ds Max Biped": Kind(
-        "Pelvis=pelvis Spine=spine1 Spine1=spine2 Spine2=spine3 Neck=neck Head=head",
-        "Pelvis *_Thigh=hip *_Calf=knee *_Foot=ankle *_Toe0=foot; "
-        "Spine2 *_Clavicle=collar *_UpperArm=shoulder *_Forearm=elbow *_Hand=wrist",
-        sides=("L", "R"),
-        prefix="Bip01_",
-        unit="in",
     ),
     "MHR": Kind(
         "body_world root=pelvis c_spine0=spine1 c_spine1=spine2 c_spine2 c_spine3=spine3 "

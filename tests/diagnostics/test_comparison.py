@@ -4,7 +4,6 @@ import json
 
 import casadi as cs
 import numpy as np
-import pytest
 
 from tests.diagnostics import cases
 from workbench import Block, Problem, Residual, diagnose, residuals
@@ -53,50 +52,6 @@ def test_a_second_camera_tells_scale_from_distance() -> None:
         "trans[y]",
         "trans[z]",
     }
-
-
-def test_a_prior_on_the_pose_uncovers_what_joints_hide() -> None:
-    problem, values = cases.joints_only()
-    prior = residuals.gaussian(problem.free["pose"].symbol, name="prior")
-    fuller = with_more(problem, prior)
-    change = DiagnosisComparison(
-        diagnose(problem, values), diagnose(fuller, values, priors=("prior",))
-    )
-    assert len(change.gained) == 32
-    assert change.lost == ()
-    text = change.report()
-    assert "32 directions determined by the second only:" in text
-    assert "pose[head, x y z]" in text
-    assert "a turn of pose[left_elbow], undone at left_wrist" in text
-
-
-@pytest.mark.thorough
-def test_a_full_turn_loses_two_directions() -> None:
-    problem, values = cases.full_turn()
-    unturned = values | {"pose": np.zeros((24, 3))}
-    change = DiagnosisComparison(diagnose(problem, unturned), diagnose(problem, values))
-    assert change.gained == ()
-    assert [d.joints for d in change.lost] == [("left_knee",)] * 2
-
-
-def test_unknowns_that_only_one_has_are_left_out() -> None:
-    problem, values = cases.scale_against_depth()
-    change = DiagnosisComparison(
-        diagnose(problem, values), diagnose(problem.freeing("trans"), values)
-    )
-    assert (change.gained, change.lost) == ((), ())
-    assert {name for name, _, _ in change.sigmas} == {"trans[x]", "trans[y]", "trans[z]"}
-
-
-@pytest.mark.parametrize("turned", [False, True])
-def test_a_point_that_is_not_finite_can_be_compared(turned: bool) -> None:
-    problem, values = cases.naive_rodrigues()
-    two = [diagnose(problem, values), diagnose(problem, {"turn": np.ones(3)})]
-    change = DiagnosisComparison(*two[:: -1 if turned else 1])
-    assert (change.gained, change.lost, change.sigmas) == ((), (), ())
-    (line,) = (line for line in change.report().splitlines() if line.startswith("rank"))
-    assert sorted(line.split()) == ["-", "3", "rank"]
-    json.dumps(change.data(), allow_nan=False)
 
 
 def test_the_comparison_as_data() -> None:

@@ -8,8 +8,7 @@ import pytest
 
 from tests.diagnostics import cases
 from tests.tiers import few
-from workbench import Block, Camera, Diagnosis, Problem, Residual, Values, diagnose, residuals
-from workbench.bodies.catalogue import load_body
+from workbench import Block, Diagnosis, Problem, Residual, Values, diagnose, residuals
 from workbench.diagnostics.identifiability import EntryIdentifiability
 from workbench.errors import BadArgument, UnknownName
 
@@ -62,16 +61,6 @@ def test_a_linear_problem_agrees_with_the_closed_forms(seed: int) -> None:
         assert c == pytest.approx(correlation[i, j], abs=1e-9)
     sizes = [abs(c) for _, _, c in known.correlations]
     assert sizes == sorted(sizes, reverse=True)
-
-
-def test_without_priors_the_data_decide_everything() -> None:
-    rng = np.random.default_rng(0)
-    A = rng.normal(size=(9, 4))
-    known = diagnose(*gaussian_problem(A, 0.1)).identifiability
-    np.testing.assert_array_equal(known.prior_sigma, np.inf)
-    np.testing.assert_array_equal(known.data_share, 1.0)
-    np.testing.assert_array_equal(known.shrinkage, 0.0)
-    assert known.effective == known.better_from_data == 4
 
 
 def test_a_prior_on_some_says_nothing_of_the_others() -> None:
@@ -137,10 +126,6 @@ def test_contributions_are_what_is_lost_without_them(case: Callable[[], cases.Ca
         without = diagnose(less, values)
         assert contribution.rank_with == whole.rank
         assert contribution.rank_without == without.rank
-        seen = without.singular_values[: without.rank]
-        np.testing.assert_allclose(
-            contribution.singular_values_without[: without.rank], seen, rtol=1e-9
-        )
         for name in problem.free.names:
             assert contribution.sigma_with[name] == pytest.approx(rms(whole, name))
             expected = rms(without, name) if name in less.free.names else np.inf
@@ -153,67 +138,6 @@ def test_an_unknown_prior_is_refused() -> None:
 
 
 # Characteristic scales: what is hardly noticed does not depend on the unit of a block.
-
-
-RAYS = np.linspace(-0.4, 0.4, 20)
-
-
-def focal_length(unit: str, scale: float, *, known_to: float = 5.0) -> Diagnosis:
-    """1000 px, and 20 keypoints that know it to so many; told in a unit of 1 / scale px."""
-    f = Block("focal", (), unit)
-    r = Residual(
-        "seen", (f.symbol / scale - 1000) * RAYS / np.linalg.norm(RAYS), known_to, "px", blocks=(f,)
-    )
-    return diagnose(Problem([r], "focal"), {"focal": np.array(1000 * scale)})
-
-
-@pytest.mark.parametrize(("unit", "scale"), [("px", 1.0), ("kpx", 1e-3), ("1", 1e6)])
-def test_a_focal_length_known_well_is_identified(unit: str, scale: float) -> None:
-    d = focal_length(unit, scale)
-    assert d.identifiability.sigma[0] == pytest.approx(5 * scale)
-    assert d.identifiability.verdicts == (EntryIdentifiability.IDENTIFIED,)
-    assert d.weak_count == 0
-    assert not d.weak_directions
-    assert not d.findings
-
-
-@pytest.mark.parametrize(("unit", "scale"), [("px", 1.0), ("kpx", 1e-3)])
-def test_one_that_may_as_well_be_zero_is_not(unit: str, scale: float) -> None:
-    d = focal_length(unit, scale, known_to=2000.0)
-    assert d.identifiability.verdicts == (EntryIdentifiability.PRACTICAL,)
-    assert d.weak_count == 1
-    assert d.weak_directions[0].change == pytest.approx(0.5)  # sigmas for 1000 px
-    said = f"for focal: {1000 * scale:.4g} {unit}, its size here"
-    assert said in d.findings[0].text
-    assert said[1:-1] in d.report()
-    assert said[1:-1] in str(d)
-
-
-def body_in(unit: str, factor: float) -> Diagnosis:
-    """A body whose translation is measured in so many parts of a metre, and a free camera."""
-    body, camera = load_body("small"), Camera("cam/")
-    pose, betas, _ = body.blocks()
-    place = Block("place", (3,), unit, ("x", "y", "z"))
-    joints = body.joint_points(pose.symbol, betas.symbol, place.symbol / factor)
-    values = body.start() | camera.values(K=[[900, 0, 320], [0, 900, 240], [0, 0, 1]], t=(0, 0, 4))
-    values |= {"place": np.array([0.1, -0.2, 0.3]) * factor}
-    pixels = np.random.default_rng(0).normal(300, 80, (24, 2))
-    seen = residuals.keypoints(joints, camera, pixels, np.ones(24), sigma=100.0)
-    free = ("pose", "place", "cam/focal")
-    return diagnose(Problem([seen], free, blocks=(place,)), values)
-
-
-def test_millimetres_change_no_judgement() -> None:
-    metres, millimetres = body_in("m", 1.0), body_in("mm", 1e3)
-    assert metres.rank == millimetres.rank
-    assert metres.weak_count == millimetres.weak_count > 0
-    assert metres.identifiability.verdicts == millimetres.identifiability.verdicts
-    found, other = ([x.change for x in d.weak_directions] for d in (metres, millimetres))
-    np.testing.assert_allclose(found, other, rtol=0.02)  # equal ones may be combined otherwise
-    assert np.linalg.norm(found) == pytest.approx(np.linalg.norm(other), rel=1e-6)
-    assert metres.nearby.ranks == millimetres.nearby.ranks
-    assert metres.nearby.weaker_here == pytest.approx(millimetres.nearby.weaker_here, rel=1e-6)
-    assert metres.weakest[0].change == pytest.approx(millimetres.weakest[0].change, rel=1e-6)
 
 
 def test_a_prior_is_a_scale() -> None:
@@ -302,66 +226,3 @@ def test_values_far_from_their_scale_are_noted() -> None:
     (note,) = notes()
     assert note.startswith("values of spot and their characteristic scales differ by a factor of")
     assert not notes(spot=1e-4)
-
-
-def test_a_suggested_prior_is_as_wide_as_the_scales() -> None:
-    f, g = Block("focal", (), "px"), Block("scale", (), "1")
-    r = Residual("seen", f.symbol * g.symbol - 2000, 1.0, "px", blocks=(f, g))
-    d = diagnose(
-        Problem([r], ("focal", "scale")), {"focal": np.array(1000.0), "scale": np.array(2.0)}
-    )
-    priors = [s.what for s in d.suggestions if s.kind == "prior"]
-    assert "add a Gaussian prior on focal (sigma 1000 px)" in priors
-
-
-def test_a_suggested_prior_follows_the_scale_of_each_entry() -> None:
-    """The first entry has a prior of 50 px; the second has the size of the block."""
-    x = Block("x", (3,), "px")
-    prior = residuals.gaussian(x.symbol[0], mean=30.0, covariance=50.0**2, name="prior")
-    data = Residual("data", x.symbol[2] - 30, 1.0, "px", blocks=(x,))
-    at = {"x": np.full(3, 30.0)}
-    d = diagnose(Problem([prior, data], "x"), at, priors="prior")
-    (suggested,) = (s for s in d.suggestions if s.kind == "prior")
-    assert suggested.what == "add a Gaussian prior on x (sigma 30 to 50 px)"
-    rows = suggested.problem.rows["prior on x"]
-    J = suggested.problem.linearize(at).dense[rows]
-    np.testing.assert_allclose(np.diag(J), [1 / 50, 1 / 30, 1 / 30])
-
-
-# A density in one row: no residual changes to first order, and yet the cost has a width.
-
-
-def density_in_one_row(*at: float) -> Diagnosis:
-    """sqrt(2 c) of a Gaussian exp(-c) with standard deviations 0.5, 1 and 2 around (1, 2, 3)."""
-    x = Block("x", (3,))
-    off = (x.symbol - cs.DM([1, 2, 3])) / cs.DM([0.5, 1, 2])
-    row = Residual("c", cs.sqrt(cs.sumsqr(off) + 1e-6), 1.0, blocks=(x,))
-    return diagnose(Problem([row], "x"), {"x": np.array(at)})
-
-
-@pytest.mark.parametrize("at", [(1.0, 2.0, 3.0), (0.5, 3.0, 2.0)], ids=["at its mode", "off it"])
-def test_a_density_in_one_row_has_a_width(at: tuple[float, ...]) -> None:
-    d = density_in_one_row(*at)
-    assert d.rank < 3
-    assert d.has_width
-    assert not d.warnings
-    assert not d.suggestions
-    assert "the cost rises along" in d.findings[0].text
-    said = d.report()
-    assert "gauge" not in said
-    assert "cannot determine" not in said
-    scale = d.scales.sizes
-    widths = np.array(d.widths) * scale[0]  # between the smallest and the largest
-    assert widths.min() >= 0.5 - 1e-3
-    assert widths.max() <= 2 + 1e-3
-
-
-def test_a_gauge_has_no_width_though_its_cost_bends() -> None:
-    """Far from the circle |x| = 1 the cost bends along it, but the circle is one of equal cost."""
-    x = Block("x", (2,))
-    ring = Residual("ring", cs.norm_2(x.symbol) - 1, 0.1, blocks=(x,))
-    for at in ([0.6, 0.8], [1.2, 1.6]):
-        d = diagnose(Problem([ring], "x"), {"x": np.array(at)})
-        assert d.rank == 1
-        assert not d.widths
-        assert d.suggestions

@@ -29,27 +29,6 @@ def warned(diagnosis: Diagnosis) -> str:
     return "; ".join(finding.text for finding in diagnosis.warnings)
 
 
-@pytest.mark.thorough
-def test_a_joint_after_a_full_turn_has_one_axis_left() -> None:
-    found = cases.diagnosed(cases.full_turn)
-    assert (found.rank, found.shape[1], found.structural_rank) == (73, 75, 75)
-    assert [d.kind for d in found.null_directions] == ["twist", "twist"]
-    for direction in found.null_directions:
-        assert direction.joints == ("left_knee",)
-        assert direction.name.startswith("a turn of pose[left_knee] alone: ")
-        assert all(name.startswith("pose[left_knee, ") for name in entries(found, direction))
-    assert len({d.name for d in found.null_directions}) == 2  # told apart
-    assert found.nearby.ranks == (75, 75, 75, 75)
-    assert "73 at this point, but 75 a tenth of a characteristic scale away" in warned(found)
-    (turned_back,) = (s for s in found.suggestions if s.kind == "rewrap")
-    assert turned_back.what == "take one turn of 2 pi off the rotation vector of left_knee"
-    assert turned_back.cured
-    # it is the same rotation, so the same residual
-    np.testing.assert_allclose(
-        turned_back.problem.linearize(turned_back.values).residual, found.here.residual, atol=1e-9
-    )
-
-
 def test_a_shape_without_effect_is_named() -> None:
     found = cases.diagnosed(cases.shape_without_effect)
     assert found.rank == 5
@@ -64,7 +43,7 @@ def test_a_free_block_that_nobody_reads_is_named() -> None:
     assert len(found.null_directions) == 72
     assert "no residual depends on all of pose" in warned(found)
     assert found.free.label(int(found.structure.unread[0])) == "pose[pelvis, x]"
-    assert suggested(found, "fix") == ["do not free pose"]
+    assert suggested(found, "fix") == ["fix pose"]
     assert "72 single entries: pose[pelvis, x y z]" in str(found)
 
 
@@ -103,43 +82,6 @@ def test_a_freed_template_can_move_against_the_translation() -> None:
         np.testing.assert_allclose(
             parts["template"].reshape(30, 3), np.tile(-parts["trans"], (30, 1)), atol=1e-12
         )
-
-
-def test_scale_and_distance_are_one_direction() -> None:
-    found = cases.diagnosed(cases.scale_against_depth)
-    assert found.rank == 3
-    ((kind, name),) = null_names(found)
-    assert kind == "scale"
-    assert name == "a common factor of scale and trans"
-    (direction,) = found.null_directions
-    # growing by a factor about the camera: (scale, trans) moves along itself
-    along = np.array([1.0, 0.1, 0.2, 3.0])
-    np.testing.assert_allclose(direction.vector, along / np.linalg.norm(along), atol=1e-12)
-    assert suggested(found, "fix") == ["fix scale", "fix trans"]
-
-
-def test_points_in_one_piece_can_be_shifted() -> None:
-    found = cases.diagnosed(cases.one_piece)
-    assert found.rank == 24
-    assert null_names(found) == [
-        ("translation", f"a translation along {a} of points") for a in "xyz"
-    ]
-
-
-def test_points_in_two_pieces_can_be_shifted_piece_by_piece() -> None:
-    found = cases.diagnosed(cases.two_pieces)
-    assert (found.rank, found.structural_rank) == (21, 27)
-    pieces = ("4 rows of points (0, 1, 2, ...)", "5 rows of points (4, 5, 6, ...)")
-    assert null_names(found) == [
-        ("translation", f"a translation along {axis} of {piece}")
-        for piece in pieces
-        for axis in "xyz"
-    ]
-    for direction, rows in zip(
-        found.null_directions, [range(4)] * 3 + [range(4, 9)] * 3, strict=True
-    ):
-        moved = np.flatnonzero(abs(direction.vector.reshape(9, 3)).max(axis=1) > 1e-12)
-        assert moved.tolist() == list(rows)
 
 
 def test_a_derivative_made_by_hand_and_wrong_is_named() -> None:

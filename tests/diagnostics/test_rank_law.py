@@ -1,4 +1,4 @@
-"""How much of a pose joints tell: the law of the tree, the names, and depth before a camera."""
+"""How much of a pose joints tell: the law of the tree, and the names."""
 
 from collections import Counter
 
@@ -15,15 +15,12 @@ from workbench import (
     Residual,
     Values,
     diagnose,
-    load_body,
     residuals,
-    sequence,
 )
 from workbench.blocks import Layout, Tree
 from workbench.diagnostics.gauges import SAME
 from workbench.diagnostics.null_space import Direction, named_by_joints
 from workbench.diagnostics.rank_law import law_in_words, rank_of_observed_joints
-from workbench.geometry.camera import Camera
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.problem import Linearization
 
@@ -101,7 +98,7 @@ def test_law_singular_values_and_names_agree(batch: int) -> None:
 
         found = named(J, parents, translation)
         assert len(found) == J.shape[1] - rank, (batch, case)
-        assert {d.kind for d in found} <= {"entry", "twist", "joint"}, (batch, case)
+        assert {d.kind for d in found} <= {"entry", "twist", "joint", "mixed"}, (batch, case)
         if found:
             V = np.linalg.qr(np.column_stack([d.vector for d in found]))[0]
             null = Vt[rank:].T
@@ -163,7 +160,7 @@ def test_the_law_holds_for_any_subset_of_a_body(seed: int) -> None:
     assert diagnosis.rank_law is not None
     assert diagnosis.rank_law[0] == diagnosis.rank
     assert len(diagnosis.null_directions) == 75 - diagnosis.rank
-    assert set(kinds(diagnosis)) <= {"entry", "twist", "joint"}
+    assert set(kinds(diagnosis)) <= {"entry", "twist", "joint", "mixed"}
 
 
 def test_law_is_for_observed_joints_alone() -> None:
@@ -176,129 +173,3 @@ def test_law_is_for_observed_joints_alone() -> None:
     (joints,) = problem.residuals[0].points
     heights = Residual("heights", joints.symbol[1, :].T, 0.01, "m", points=(joints,))
     assert diagnose(Problem((heights,), ("pose",)), values).rank_law is None
-
-
-@pytest.mark.parametrize("seed", few(range(6), 2))
-def test_law_holds_in_degenerate_poses(seed: int) -> None:
-    """Limbs stretched out straight, all bones in one plane, joints on top of each other."""
-    rng = np.random.default_rng(seed)
-    K = 14
-    parents = (-1, *(int(rng.integers(max(0, k - 3), k)) for k in range(1, K)))
-    offsets = np.eye(3)[rng.integers(2, size=K)]  # along x or along y
-    offsets[rng.random(K) < 0.2] = 0.0
-    joints = np.zeros((K, 3))
-    for k in range(1, K):
-        joints[k] = joints[parents[k]] + offsets[k]
-    carried = [np.eye(3)] * K  # nothing is turned
-    observed = np.sort(rng.permutation(K)[: int(rng.integers(1, K + 1))]).tolist()
-    J = jacobian_of(parents, joints, carried, observed, True)
-    law = rank_of_observed_joints(parents, joints, observed, translation=True)
-    assert law == np.linalg.matrix_rank(J)
-
-
-# Depth before a camera.
-
-
-def seen_by(*angles: float, distance: float = 4.0) -> tuple[Problem, Values]:
-    """The joints of a body in cameras around it, the first in front."""
-    body = load_body("small")
-    joints = body.joint_points(*(block.symbol for block in body.blocks()))
-    found, values = [], body.start()
-    for i, angle in enumerate(angles):
-        camera = Camera(f"camera {i}/")
-        observed = Block(f"camera {i}/observed", (24, 2), "px")
-        confidence = Block(f"camera {i}/confidence", (24,))
-        found.append(
-            residuals.keypoints(joints, camera, observed.symbol, confidence.symbol, sigma=1.0)
-        )
-        c, s = np.cos(angle), np.sin(angle)
-        values |= {observed.name: np.zeros((24, 2)), confidence.name: np.ones(24)} | camera.values(
-            K=[[1000, 0, 500], [0, 1000, 500], [0, 0, 1]],
-            R=np.diag([1.0, -1, -1]) @ [[c, 0, s], [0, 1, 0], [-s, 0, c]],
-            t=[0, 0, distance],
-        )
-    return Problem(found, ("pose", "trans")), values
-
-
-def nearly_degenerate(problem: Problem, values: Values) -> list[str]:
-    return [f.text for f in diagnose(problem, values).findings if "nearly degenerate" in f.text]
-
-
-@pytest.mark.parametrize("distance", few([5.0, 3.0, 10.0], 1))
-def test_a_t_pose_before_one_camera_is_nearly_degenerate(distance: float) -> None:
-    problem, values = seen_by(0.0, distance=distance)
-    found = diagnose(problem, values)
-    assert found.rank == 43  # the rank alone does not tell
-    (text,) = nearly_degenerate(problem, values)
-    assert text.startswith("nearly degenerate in depth: 14 of 14 joints (pelvis, left_hip, ")
-    shares = {turn.joint: turn.second / turn.best for turn in found.joint_turns}
-    assert shares["left_shoulder"] < 0.3 < shares["left_ankle"]  # the foot points to the camera
-
-
-@pytest.mark.parametrize("seed", few(range(4), 1))
-def test_other_poses_are_not_degenerate_in_depth(seed: int) -> None:
-    problem, values = seen_by(0.0)
-    rng = np.random.default_rng(seed)
-    found = nearly_degenerate(problem, values | {"pose": rng.normal(0, 0.5, size=(24, 3))})
-    assert not any("in depth" in text for text in found)
-
-
-@pytest.mark.thorough
-def test_a_second_camera_sees_depth() -> None:
-    assert nearly_degenerate(*seen_by(0.0, 1.2)) == []
-
-
-@pytest.mark.thorough
-def test_points_in_space_are_not_degenerate() -> None:
-    body = load_body("small")
-    joints = body.joint_points(*(block.symbol for block in body.blocks()))
-    observed = Block("observed", (24, 3), "m")
-    problem = Problem((residuals.landmarks(joints, observed.symbol, sigma=0.01),), ("pose",))
-    assert nearly_degenerate(problem, body.start() | {"observed": np.zeros((24, 3))}) == []
-
-
-def test_a_nearly_singular_point_is_told() -> None:
-    """r = (x, y^2) near y = 0: the rank is two, and hardly."""
-    x = Block("x", (2,))
-    r = Residual("r", cs.vertcat(x.symbol[0], x.symbol[1] ** 2), 0.01)
-    problem = Problem((r,), ("x",), blocks=(x,))
-    (text,) = nearly_degenerate(problem, {"x": np.array([1.0, 1e-6])})
-    assert "times smaller here than a tenth of a characteristic scale away" in text
-    assert text.endswith("its direction is along x[1]")
-    assert nearly_degenerate(problem, {"x": np.array([1.0, 1.0])}) == []
-    assert diagnose(problem, {"x": np.array([1.0, 0.0])}).rank == 1
-
-
-# A short sequence is diagnosed as every problem is, and its directions are named by frame.
-
-
-def film(free: tuple[str, ...], *, smooth: bool) -> tuple[Problem, Values]:
-    """The small body in two frames, all of whose joints are observed."""
-    body = load_body("small")
-    pose, betas, trans = body.blocks()
-    joints = body.joint_points(pose.symbol, betas.symbol, trans.symbol)
-    seen = Residual("joints", cs.vec(joints.symbol), 0.01, "m", points=(joints,))
-    between = [residuals.smooth("pose", sigma=0.1)] if smooth else []
-    whole = sequence([Problem([seen], free)] * 2, shared=("betas",), between=between)
-    rng = np.random.default_rng(0)
-    blocks = {b.name: b.base for b in (*whole.free.blocks, *whole.fixed.blocks)}
-    return whole, {name: rng.normal(scale=0.3, size=b.shape) for name, b in blocks.items()}
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("smooth", [False, True])
-def test_short_sequences_are_diagnosed_whole(smooth: bool) -> None:
-    found = diagnose(*film(("pose", "trans", "betas"), smooth=smooth))
-    assert isinstance(found, Diagnosis)
-    # 15 numbers of leaves in each frame, and 17 turns about bones without smoothness
-    assert found.shape[1] - found.rank == (15 if smooth else 2 * 32)
-    names = [direction.name for direction in found.null_directions]
-    if not smooth:
-        assert "a turn of pose[1, left_wrist] alone" in names
-        assert "pose[1, left_hand, y]" in names
-    assert "NULL DIRECTIONS" in found.report()
-
-
-@pytest.mark.thorough
-def test_rank_law_is_not_for_several_frames() -> None:
-    assert diagnose(*film(("pose",), smooth=False)).rank_law is None

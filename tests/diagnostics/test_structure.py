@@ -7,9 +7,8 @@ from scipy.sparse import csc_array, csr_array
 from scipy.sparse.csgraph import maximum_bipartite_matching
 
 from tests.tiers import few
-from workbench import Block, Problem, Residual, diagnose, load_body, residuals
+from workbench import Block, Problem, Residual, diagnose
 from workbench.blocks import Layout
-from workbench.diagnostics import active_set, structure
 from workbench.diagnostics.structure import Structure, decomposed
 from workbench.diagnostics.words import named_groups, named_rows
 
@@ -92,18 +91,6 @@ def test_a_residual_that_reads_nothing_free_is_named() -> None:
     assert warning.text == "the residual of b depends on no free block, so it is constant"
 
 
-def test_the_structure_allows_more_than_the_numbers() -> None:
-    x = Block("x", (3,))
-    A = np.ones((3, 3))
-    problem = Problem((Residual("sums", cs.DM(A) @ x.symbol, 1.0),), ("x",))
-    found = diagnose(problem, {"x": np.zeros(3)})
-    assert (found.rank, found.structural_rank) == (1, 3)
-    assert (
-        "the sparsity pattern allows 3: 2 of the null directions are due to the numbers"
-        in found.report()
-    )
-
-
 def test_entries_are_named_in_few_words() -> None:
     pose = Block("pose", (3, 3), "rad", ("hip", "knee", "foot"))
     layout = Layout((Block("scale", ()), pose, Block("betas", (4,))))
@@ -117,36 +104,3 @@ def test_entries_are_named_in_few_words() -> None:
 def test_rows_are_named_by_their_residuals() -> None:
     rows = {"a": slice(0, 4), "b": slice(4, 6), "c": slice(6, 9)}
     assert named_rows(rows, np.array([0, 3, 7])) == "2 of a, 1 of c"
-
-
-@pytest.mark.parametrize("seed", few(range(6), 2))
-def test_equal_rows_of_a_pattern_are_joined(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The parts of a pattern with many equal rows are those that all of its rows give."""
-    rng = np.random.default_rng(seed)
-    kinds = rng.random((8, 6)) < 0.3
-    pattern = csc_array(kinds[rng.integers(0, 8, int(rng.integers(1, 60)))])
-    found = structure.decomposed(pattern)
-    monkeypatch.setattr(structure, "_enough", lambda pattern, reads: np.arange(pattern.shape[0]))
-    whole = structure.decomposed(pattern)
-    assert found.rank == whole.rank
-    for part in ("over", "square", "under"):
-        one, other = getattr(found, part), getattr(whole, part)
-        np.testing.assert_array_equal(one.columns, other.columns)
-        np.testing.assert_array_equal(one.rows, other.rows)
-    np.testing.assert_array_equal(found.unread, whole.unread)
-    np.testing.assert_array_equal(found.idle, whole.idle)
-
-
-def test_patterns_of_meshes_come_from_the_chain_rule(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    body = load_body("small")
-    points = body.points(*(block.symbol for block in body.blocks()))
-    observed = np.zeros((body.n_vertices, 3))
-    problem = Problem((residuals.vertices(points, observed, sigma=0.1),), ("pose", "trans"))
-    by_graph = active_set.pattern_at(problem)
-    monkeypatch.setattr(active_set, "BY_GRAPH", 0)
-    by_chain = active_set.pattern_at(problem)
-    assert by_chain.nnz == problem.size * problem.free.size
-    assert (by_chain.toarray() >= by_graph.toarray()).all()
-    assert diagnose(problem, body.start()).structural_rank == problem.free.size

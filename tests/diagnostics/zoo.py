@@ -32,7 +32,6 @@ class Specimen:
     numbers: int
     acts: int
     says: str = ""
-    exchanged: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -129,41 +128,6 @@ def affine_cameras() -> tuple[Problem, Values]:
     return problem_of(seen, *blocks), at
 
 
-def panorama() -> tuple[Problem, Values]:
-    """Three views from one place of seven rays: no view tells how long a ray is."""
-    rng = np.random.default_rng(201)
-    rays = Block("rays", (7, 3))
-    blocks, at, seen = [rays], {"rays": rng.normal(size=(7, 3)) + [0.0, 0.0, 4.0]}, []
-    for k in range(3):
-        turn = Block(f"view{k}", (3,), "rad")
-        blocks.append(turn)
-        at[turn.name] = rng.normal(scale=0.2, size=3)
-        there = turned(turn.symbol, rays.symbol)
-        seen.append(observed(f"image {k}", pixels(there), 1.0, "px"))
-    return problem_of(seen, *blocks), at
-
-
-def board_of_unknown_squares() -> tuple[Problem, Values]:
-    """Zhang's calibration, in three views: all but the size of a square, against the distance."""
-    rng = np.random.default_rng(50)
-    focal, centre = Block("focal", (2,), "px"), Block("centre", (2,), "px")
-    size = Block("square", (), "m")
-    corners = np.array([[i, j, 0.0] for i in range(4) for j in range(5)])
-    blocks, seen = [focal, centre, size], []
-    at = {"focal": np.array([900.0, 920.0]), "centre": np.array([320.0, 240.0])}
-    at["square"] = np.array(0.1)
-    for k in range(3):
-        turn, place = Block(f"board{k}_turn", (3,), "rad"), Block(f"board{k}_place", (3,), "m")
-        blocks += [turn, place]
-        at[turn.name] = rng.uniform(0.3, 0.6, size=3) * rng.choice([-1, 1], size=3)
-        at[place.name] = np.array([-0.2, -0.1, 1.0]) + rng.normal(scale=0.05, size=3)
-        there = turned(turn.symbol, size.symbol * cs.DM(corners.T)) + beside(place.symbol, 20)
-        ratio = there[:2, :] / cs.repmat(there[2, :], 2, 1)
-        image = beside(focal.symbol, 20) * ratio + beside(centre.symbol, 20)
-        seen.append(observed(f"image {k}", image, 0.3, "px"))
-    return problem_of(seen, *blocks), at
-
-
 def body_and_camera() -> tuple[Problem, Values]:
     """A body of fixed pose, whose root, place and camera are free: they move together."""
     rng = np.random.default_rng(2)
@@ -251,19 +215,6 @@ def anchored_network() -> tuple[Problem, Values]:
     return Problem(seen, ("points",), blocks=(X,), constraints=[anchor]), {"points": at}
 
 
-def double_banana() -> tuple[Problem, Values]:
-    """18 distances of 8 points that fit the count and still leave a hinge through two points.
-
-    A point of each half moves in three independent ways, so two rows take 6 of the 7 away.
-    """
-    X = Block("points", (8, 3), "m")
-    halves = [(0, 1, 2), (3, 4, 5)]
-    pairs = [(i, j) for half in halves for i in half for j in half if i < j]
-    pairs += [(i, end) for half in halves for i in half for end in (6, 7)]
-    at = {"points": np.random.default_rng(50).normal(size=(8, 3))}
-    return problem_of([_distances(X.symbol, pairs)], X), at
-
-
 def bearings_of_robots() -> tuple[Problem, Values]:
     """Four robots of unknown heading see the bearings of eight landmarks in the plane."""
     rng = np.random.default_rng(52)
@@ -283,24 +234,6 @@ def bearings_of_robots() -> tuple[Problem, Values]:
     }
 
 
-def pose_graph_in_the_plane() -> tuple[Problem, Values]:
-    """Six poses, each seen from the one before and from the one before that."""
-    rng = np.random.default_rng(53)
-    place, heading = Block("place", (6, 2), "m"), Block("heading", (6,), "rad")
-    seen = []
-    for i in range(6):
-        for j in range(i + 1, min(i + 3, 6)):
-            way = place.symbol[:, j] - place.symbol[:, i]
-            c, s = cs.cos(heading.symbol[i]), cs.sin(heading.symbol[i])
-            seen += [c * way[0] + s * way[1], c * way[1] - s * way[0]]
-            seen.append(heading.symbol[j] - heading.symbol[i])
-    found = observed("relative poses", cs.vertcat(*seen), 0.01, "1")
-    return problem_of([found], place, heading), {
-        "place": rng.normal(size=(6, 2)),
-        "heading": rng.normal(size=6),
-    }
-
-
 def relative_turns() -> tuple[Problem, Values]:
     """Five turns, as rows of one array, each seen from two others."""
     rng = np.random.default_rng(214)
@@ -309,20 +242,6 @@ def relative_turns() -> tuple[Problem, Values]:
     ties = [(0, 1), (1, 2), (2, 3), (3, 4), (4, 0), (1, 3)]
     rows = [cs.vec(R[i].T @ R[j]) for i, j in ties]
     return problem_of(all_of(rows), turns), {"turns": rng.normal(scale=0.6, size=(5, 3))}
-
-
-def accelerometer_at_rest() -> tuple[Problem, Values]:
-    """Gravity in four attitudes that a gyroscope ties to each other, of an unknown strength."""
-    rng = np.random.default_rng(215)
-    turns, gravity = Block("attitude", (4, 3), "rad"), Block("gravity", (3,), "m/s^2")
-    R = [turned(turns.symbol[:, k], cs.MX.eye(3)) for k in range(4)]
-    rows = [cs.vec(R[k].T @ R[k + 1]) for k in range(3)]
-    fall = [R[k].T @ gravity.symbol for k in range(4)]
-    seen = [*all_of(rows), observed("falls", cs.vertcat(*fall), 0.01, "m/s^2")]
-    return problem_of(seen, turns, gravity), {
-        "attitude": rng.normal(scale=0.6, size=(4, 3)),
-        "gravity": np.array([1.0, -9.5, 2.0]),
-    }
 
 
 def clocks_that_drift() -> tuple[Problem, Values]:
@@ -339,40 +258,6 @@ def clocks_that_drift() -> tuple[Problem, Values]:
         "offset": rng.normal(size=5),
         "drift": rng.normal(scale=0.1, size=5),
     }
-
-
-def ranges_of_satellites() -> tuple[Problem, Values]:
-    """Ranges to seven satellites of known places: the receiver's clock against all of theirs."""
-    rng = np.random.default_rng(56)
-    place, mine, theirs = (
-        Block("place", (8, 3), "m"),
-        Block("receiver_clock", (8,), "m"),
-        Block("satellite_clock", (7,), "m"),
-    )
-    up = rng.normal(size=(7, 3))
-    up = 20.0 * up / np.linalg.norm(up, axis=1, keepdims=True)
-    ranges = [
-        cs.norm_2(place.symbol[:, t] - cs.DM(up[k])) + mine.symbol[t] - theirs.symbol[k]
-        for t in range(8)
-        for k in range(7)
-    ]
-    found = observed("ranges", cs.vertcat(*ranges), 1.0, "m")
-    return problem_of([found], place, mine, theirs), {
-        "place": 5.0 * rng.normal(size=(8, 3)),
-        "receiver_clock": rng.normal(size=8),
-        "satellite_clock": rng.normal(size=7),
-    }
-
-
-def additive_and_bilinear() -> tuple[Problem, Values]:
-    """m_i + n_j + u_i v_j: an offset of m, a factor of u, and offsets of u and v."""
-    rng = np.random.default_rng(73)
-    m, n, u, v = Block("m", (5,)), Block("n", (4,)), Block("u", (5,)), Block("v", (4,))
-    table = [
-        m.symbol[i] + n.symbol[j] + u.symbol[i] * v.symbol[j] for i in range(5) for j in range(4)
-    ]
-    found = observed("table", cs.vertcat(*table), 0.1, "1")
-    return problem_of([found], m, n, u, v), {b.name: rng.normal(size=b.shape) for b in (m, n, u, v)}
 
 
 def difficulty_and_ability() -> tuple[Problem, Values]:
@@ -430,27 +315,6 @@ def rectified_network() -> tuple[Problem, Values]:
     return _network(lambda hidden: cs.fmax(hidden, 0))
 
 
-def scores_of_attention() -> tuple[Problem, Values]:
-    """x' Q' K y for queries and keys of two rows: any matrix between the two cancels."""
-    rng = np.random.default_rng(314)
-    Q, K = Block("queries", (2, 5)), Block("keys", (2, 5))
-    x, y = cs.DM(rng.normal(size=(5, 7))), cs.DM(rng.normal(size=(5, 7)))
-    scores = (Q.symbol.T @ x).T @ (K.symbol.T @ y)
-    return problem_of([observed("scores", scores, 0.1, "1")], Q, K), {
-        "queries": rng.normal(size=(2, 5)),
-        "keys": rng.normal(size=(2, 5)),
-    }
-
-
-def two_exponentials() -> tuple[Problem, Values]:
-    """Nothing is free to first order, but the two terms may be exchanged."""
-    amount, rate = Block("amount", (2,)), Block("rate", (2,), "1/s")
-    t = cs.DM(np.linspace(0.0, 3.0, 12))
-    total = sum(amount.symbol[k] * cs.exp(-rate.symbol[k] * t) for k in range(2))
-    at = {"amount": np.array([1.0, 2.0]), "rate": np.array([0.5, 2.0])}
-    return problem_of([observed("decay", total, 0.01, "1")], amount, rate), at
-
-
 def two_compartments_by_one() -> tuple[Problem, Values]:
     """Two compartments that both lose: of four rates three combinations are seen."""
     s, blocks, at = numbers(out1=0.3, over=0.8, back=0.5, out2=0.2)
@@ -494,54 +358,24 @@ def springs_and_masses() -> tuple[Problem, Values]:
     }
 
 
-def wind_and_compass() -> tuple[Problem, Values]:
-    """Velocities over ground at known headings and speeds through the air: all is seen."""
-    rng = np.random.default_rng(824)
-    wind, factor, bias = Block("wind", (2,), "m/s"), Block("factor", ()), Block("bias", (), "rad")
-    rows = []
-    for heading, speed in zip(rng.uniform(0, 6, size=7), rng.uniform(8, 12, size=7), strict=True):
-        course = heading + bias.symbol
-        way = cs.vertcat(cs.cos(course), cs.sin(course))
-        rows.append(factor.symbol * speed * way + wind.symbol)
-    at = {"wind": np.array([2.0, -1.0]), "factor": np.array(1.1), "bias": np.array(0.05)}
-    return problem_of(all_of(rows, 0.1, "m/s"), wind, factor, bias), at
-
-
 ZOO = (
     Specimen(three_cameras, SIMILARITY, 7, 2, "points"),
     Specimen(affine_cameras, SIMILARITY | {"mixing": 5}, 12, 3, "points"),
-    Specimen(panorama, {"rotation": 3, "scale": 7}, 10, 8, "rays"),
-    Specimen(board_of_unknown_squares, {"scale": 1}, 1, 1, "square"),
     Specimen(body_and_camera, RIGID, 6, 1, "camera/"),
     Specimen(joints_of_a_body, {}, 32, 22, "pose"),
     Specimen(people_of_one_shape, {"scale": 1}, 1, 1, "template size"),
     Specimen(planar_arm, {}, 1, 1, "base_angle offset[0]"),
     Specimen(two_networks_in_the_plane, {"translation": 4, "rotation": 2}, 6, 4, "points"),
     Specimen(anchored_network, {"rotation": 3}, 3, 3, "points"),
-    Specimen(double_banana, RIGID, 7, 3, "points"),
     Specimen(bearings_of_robots, PLANE | {"scale": 1}, 4, 2, "landmarks robot_place"),
-    Specimen(pose_graph_in_the_plane, PLANE, 3, 2, "place heading"),
     Specimen(relative_turns, {"rotation": 3}, 3, 1, "turns"),
-    Specimen(accelerometer_at_rest, {"rotation": 3}, 3, 1, "attitude gravity"),
     Specimen(clocks_that_drift, {"offset": 2}, 2, 2, "offset drift"),
-    Specimen(ranges_of_satellites, {"offset": 1}, 1, 1, "receiver_clock satellite_clock"),
-    Specimen(additive_and_bilinear, {"offset": 3, "scale": 1}, 4, 4, "m n u v"),
     Specimen(difficulty_and_ability, {"offset": 1, "scale": 1}, 2, 2, "ability difficulty"),
     Specimen(photometric_stereo, {"scale": 3, "mixing": 6}, 9, 3, "normals lights"),
     Specimen(three_ways_of_a_table, {"scale": 4}, 4, 2, "a b c"),
     Specimen(linear_network, {"scale": 2, "mixing": 2}, 4, 2, "first second"),
     Specimen(rectified_network, {"scale": 2}, 2, 1, "first second"),
-    Specimen(
-        scores_of_attention,
-        {"scale": 2, "mixing": 2},
-        4,
-        4,
-        "queries keys",
-        exchanged=("queries", "keys"),
-    ),
-    Specimen(two_exponentials, {}, 0, 0, exchanged=("amount", "rate")),
     Specimen(two_compartments_by_one, {"trade-off": 1}, 1, 1, "out1 over back out2"),
     Specimen(pill, {"scale": 1}, 1, 1, "share volume clearance"),
     Specimen(springs_and_masses, {"scale": 4}, 4, 1, "stiffness mass"),
-    Specimen(wind_and_compass, {}, 0, 0),
 )

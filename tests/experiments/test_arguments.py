@@ -66,8 +66,8 @@ def test_arguments_that_do_not_fit_are_refused() -> None:
 
 
 def test_experiments_get_what_they_ask_for() -> None:
-    changed = find("balance", {"frame": "60", "held_out": "cam01", "adjusted": "false"})
-    assert changed.arguments == {"frame": 60, "held_out": ("cam01",), "adjusted": False}
+    changed = find("balance", {"frame": "60", "held_out": "cam01", "sigma": "3"})
+    assert changed.arguments == {"frame": 60, "held_out": ("cam01",), "sigma": 3.0}
     with pytest.raises(BadArgument, match=r"frame of balance must be .*, not '1\.5'"):
         find("balance", {"frame": "1.5"})
     with pytest.raises(UnknownName, match="no argument of balance is called 'frames'"):

@@ -1,19 +1,16 @@
 """Experiments are run: how solvers compare, and what an interrupt leaves of that."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import casadi as cs
 import numpy as np
 import pytest
 
-import workbench as wb
 from tests.outcomes_made_up import outcome_made_up, setup_made_up
 from workbench.experiments import Experiment, find, run
-from workbench.experiments.balance import balance
 from workbench.experiments.running import as_good, best_cost, excess, warm_up
-from workbench.fitting import Setup
 from workbench.solvers import (
     SOLVERS,
     Evaluations,
@@ -22,7 +19,6 @@ from workbench.solvers import (
     Nlopt,
     Solution,
     Status,
-    TrustRegion,
 )
 
 MADE_UP = Experiment("made up", setup_made_up, "for tests")  # asks gauss-newton, nlopt-lbfgs
@@ -60,15 +56,6 @@ def test_outcome_names_a_solver_that_found_less() -> None:
     assert poor.excess("trust-region") == pytest.approx(1 / 0.9 - 1)
     barely = replace(outcome.solution, cost=(1 - 1e-8) * outcome.solution.cost)
     assert replace(outcome, compared=outcome.compared | {"ipopt": barely}).better is None
-
-
-def test_one_camera_has_a_lower_second_minimum() -> None:
-    others = ("cam02", "cam03", "cam04")
-    setup = balance(held_out=others, compared=("gauss-newton",))
-    outcome = run(Experiment("monocular", lambda: setup, ""))
-    assert outcome.solution.converged
-    assert outcome.better == "gauss-newton"
-    assert outcome.best_cost < outcome.solution.cost - 5
 
 
 @dataclass(frozen=True)
@@ -140,41 +127,6 @@ def test_costs_of_residuals_add_up() -> None:
     setup = replace(outcome.setup, priors=("place",))
     share = costs["place"] / outcome.solution.cost
     assert replace(outcome, setup=setup).prior_share == pytest.approx(share)
-
-
-@dataclass(frozen=True)
-class Noted(TrustRegion):
-    """A solver that notes how each of its runs ended."""
-
-    ends: list[Solution] = field(default_factory=list, compare=False)
-
-    def solve(self, problem: Any, start: Any, *, callback: Any = None) -> Solution:
-        found = super().solve(problem, start, callback=callback)
-        self.ends.append(found)
-        return found
-
-
-def test_run_begins_with_one_iterate_that_is_not_reported() -> None:
-    solver = Noted()
-    setup = find("landmarks", {"body": "small"}).setup()
-    outcome = run(Experiment("x", lambda: setup, "x"), solver, compare=False)
-    first, second = solver.ends
-    assert first.status.name == "STOPPED"
-    assert first.iterations <= 1
-    assert second is outcome.solution
-    assert second.converged
-
-
-def test_warm_up_passes_over_solvers_that_cannot_solve() -> None:
-    x = wb.Block("x", (1,))
-    problem = wb.Problem([wb.residuals.gaussian(x.symbol)], "x", {"x": (-1, 1)})
-    warm_up(Setup(problem, {"x": np.zeros(1)}, "?"), [SOLVERS["gauss-newton"]])  # takes no bounds
-
-
-@pytest.mark.parametrize("name", ["ipopt", "sqp", "scipy-trf", "nlopt-lbfgs"])
-def test_warm_up_ends_after_the_first_iterate(name: str) -> None:
-    setup = find("landmarks", {"body": "small"}).setup()
-    warm_up(setup, [SOLVERS[name]])
 
 
 def test_warm_up_builds_what_a_solver_asks_for_at_its_end(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,16 +1,11 @@
 """The walk in eight frames, and a real person on a beam: one shape for all frames."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import workbench as wb
-from tests.bodies_made_up import tube_body
 from workbench.errors import BadArgument, UnknownName
-from workbench.experiments import find, run
-from workbench.fitting.videos import landmarks_of
-from workbench.reports import write_report
+from workbench.experiments import find
 
 
 def measured(setup: object, values: wb.Values) -> dict[str, float]:
@@ -58,48 +53,12 @@ def test_impossible_videos_are_refused() -> None:
             find("body-video", {"frames": frames}).setup()
 
 
-def test_bodies_without_arms_and_legs_stand_still(tmp_path: Path) -> None:
-    file = tmp_path / "tube.npz"
-    wb.save_body(tube_body(), file)
-    setup = find("body-video", {"body": str(file), "frames": 3}).setup()
-    assert wb.solve(setup.problem, setup.start).converged
-
-
-@pytest.mark.thorough
-def test_page_of_a_video_shows_its_frames(tmp_path: Path) -> None:
-    outcome = run(find("balance-video", {"last": 50}), compare=False)
-    assert outcome.solution.converged
-    text = write_report(outcome, tmp_path / "page").read_text()
-    assert "cam01: 3 of 3 frames at 12 a second" in text
-    assert "frames are worth" in text
-    assert outcome.values["pose"].shape == (3, 24, 3)
-
-
 def test_unknown_frames_and_cameras_are_refused() -> None:
     for wrong in ({"first": 40, "last": 40}, {"last": 100}, {"step": 0}, {"first": -1}):
         with pytest.raises(BadArgument, match="two frames or more"):
             find("balance-video", wrong).setup()
     with pytest.raises(UnknownName):
         find("balance-video", {"cameras": ["cam09"]}).setup()
-
-
-@pytest.mark.thorough
-def test_two_cameras_place_the_body_better_than_one() -> None:
-    apart = []
-    four = find("balance-video", {"last": 50, "cameras": ["cam01", "cam02", "cam03", "cam04"]})
-    true = None
-    for experiment in (
-        four,
-        find("balance-video", {"last": 50, "cameras": ["cam01", "cam02"]}),
-        find("balance-video", {"last": 50}),
-    ):
-        outcome = run(experiment, compare=False)
-        moving = outcome.setup.moving
-        assert moving is not None
-        places = landmarks_of(moving, outcome.values)
-        true = places if true is None else true
-        apart.append(np.linalg.norm(places - true, axis=-1).mean())
-    assert apart[1] < 0.7 * apart[2]
 
 
 def test_markers_keep_what_a_fit_of_markers_doubts() -> None:

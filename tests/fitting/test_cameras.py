@@ -46,29 +46,13 @@ adjusted = false
 """
 
 
-def test_broken_calibration_names_camera_and_key(tmp_path: Path) -> None:
-    good = {"K": np.eye(3).tolist(), "R": np.eye(3).tolist(), "t": [0, 0, 1]}
-    with pytest.raises(BadFile, match="camera 'b' lacks R"):
-        read_calibration(
-            written(tmp_path / "c.json", {"a": good, "b": {"K": good["K"], "t": good["t"]}})
-        )
-    with pytest.raises(BadFile, match=r"camera 'a': a camera takes .*\(2,\)"):
-        read_calibration(written(tmp_path / "d.json", {"a": good | {"t": [0, 1]}}))
-
-
 def test_bad_camera_numbers_are_refused(tmp_path: Path) -> None:
     for change, said in [
         ({"R": [[-1, 0, 0], [0, 1, 0], [0, 0, 1]]}, "determinant is -1"),
-        ({"R": [[0] * 3] * 3}, "R must be a rotation"),
         ({"R": [[1e308, 1, 0], [0, 1, 0], [0, 0, 1]]}, "R must be a rotation"),
         ({"R": "abc"}, "R of camera 'a' must be numbers, not 'abc'"),
-        ({"t": None}, "lacks t"),
-        ({"size": 3}, "size must be numbers, not 3"),
         ({"size": [0, 5]}, r"the size \[0, 5\]"),
         ({"K": [[0, 0, 1], [0, 1, 1], [0, 0, 1]]}, "focal lengths above zero"),
-        ({"K": [[-5, 0, 1], [0, 1, 1], [0, 0, 1]]}, "focal lengths above zero"),
-        ({"K": [[5, 0, 1], [0, 1, 1], [0, 0, 2]]}, "rows of K"),
-        ({"distortion": [float("nan")]}, "finite"),
         ({"distortion": [1] * 8}, "up to five distortion coefficients"),
     ]:
         good = {"K": np.eye(3).tolist(), "R": np.eye(3).tolist(), "t": [0, 0, 1]}
@@ -77,13 +61,13 @@ def test_bad_camera_numbers_are_refused(tmp_path: Path) -> None:
 
 
 def test_files_without_calibration_are_refused(tmp_path: Path) -> None:
-    for data in [3, [1], {}, {"a": 3}, {"a": {"K": 1}}, None]:
+    for data in [3, {}, {"a": {"K": 1}}]:
         with pytest.raises(BadFile, match=r"holds no cameras|must be numbers"):
             read_calibration(written(tmp_path / "c.json", data))
 
 
 def test_broken_toml_is_refused(tmp_path: Path) -> None:
-    for text in ["[a", "x = ", "\xff", "[a]\nmatrix = 1979-05-27"]:
+    for text in ["[a", "\xff"]:
         (tmp_path / "c.toml").write_bytes(text.encode("latin1"))
         with pytest.raises(BadFile):
             read_calibration(tmp_path / "c.toml")
@@ -102,12 +86,6 @@ def test_image_needs_a_size(tmp_path: Path) -> None:
     known = read_observations([file], size=(640, 480), focal=800.0).photographs[0].K
     assert known is not None
     assert known[0].tolist() == [800.0, 0.0, 320.0]
-
-
-def test_several_files_need_as_many_cameras(tmp_path: Path) -> None:
-    file = written(tmp_path / "a.json", {"people": [{"pose_keypoints_2d": person(25)}]})
-    with pytest.raises(BadFile, match="2 files of keypoints need as many calibrated cameras"):
-        read_observations([file, file], size=(640, 480))
 
 
 def test_one_file_refuses_two_cameras(tmp_path: Path) -> None:
@@ -420,7 +398,6 @@ def test_cameras_go_with_files_of_their_names(tmp_path: Path) -> None:
 def test_refused_calibrations_name_what_they_hold(tmp_path: Path) -> None:
     for name, content, said in [
         ("a.json", {"people": []}, r"no cameras \(it has the keys people\)"),
-        ("a.yml", "abc: 1\n", r"no cameras \(it has the keys abc\)"),
         ("intri.yml", easymocap("intri"), "camera 'c0' lacks R, t; .* and has K, distortion"),
         (
             "a.yml",
@@ -428,7 +405,6 @@ def test_refused_calibrations_name_what_they_hold(tmp_path: Path) -> None:
             "_matrix must be numbers",
         ),
         ("a.xml", "<!DOCTYPE a><a/>", "declares entities"),
-        ("a.xml", "<a>", "cannot be read as XML"),
         ("cameras.txt", "1 PINHOLE 9 9 1", "images.txt cannot be read"),
         ("a.json", all_of(**LENS, extrinsics=[1, 2]), "has extrinsics of shape"),
     ]:

@@ -4,25 +4,20 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from workbench.diagnostics.design import Candidate
-from workbench.errors import BadArgument, UnknownName
-from workbench.fitting import default_markers, marker_fit
+from workbench.errors import BadArgument
+from workbench.fitting import default_markers
 from workbench.fitting.body_priors import pose_prior, shape_prior, stature
 from workbench.fitting.candidates import (
     cameras_of,
     cameras_on_a_sphere,
     depth_of,
-    keypoint_candidates,
     looking_at,
     marker_candidates,
     stature_of,
-    without_hidden,
 )
 from workbench.fitting.keypoints import landmark_set
-from workbench.fitting.markers import marker_frame
 from workbench.fitting.observations import photograph
 from workbench.geometry.camera import Camera
-from workbench.residuals.kernels import quadratic
 
 SEEN = 0.1  # rad, of a pose
 
@@ -84,40 +79,8 @@ def test_camera_candidate_equals_its_keypoint_residual() -> None:
         cameras_of(BODY, [photograph("it", (9, 9), np.ones((3, 3)))])
     with pytest.raises(BadArgument, match="centre of the cameras"):
         cameras_on_a_sphere(BODY, [0, 0])
-    with pytest.raises(BadArgument, match="above zero"):
+    with pytest.raises(BadArgument, match="distance of cameras"):
         cameras_on_a_sphere(BODY, ROOT, distance=0)
-
-
-@pytest.mark.thorough
-def test_hidden_keypoints_do_not_count() -> None:
-    still = AT | {"pose": np.zeros((24, 3))}
-    around = cameras_on_a_sphere(BODY, BODY.joints(**still)[0], around=(0, 180), up=(0,))
-    found = without_hidden(BODY, around, still)
-    names = BODY.landmark_names(landmark_set(BODY))
-    front, back = (one.values["candidate/seen"] for one in found.values())
-    assert front.all()
-    hidden = {name for name, seen in zip(names, back, strict=True) if not seen}
-    assert {"nose", "left_eye", "right_eye", "left_big_toe", "right_big_toe"} <= hidden
-    assert not hidden & {"left_hip", "right_hip", "left_elbow", "right_knee", "left_heel"}
-    sees_all, sees_some = (wb.design(PROBLEM, several, still) for several in (around, found))
-    by_name = [{one.name: one.nats for one in d.ranking} for d in (sees_all, sees_some)]
-    assert by_name[1]["0 around, 0 up"] == pytest.approx(by_name[0]["0 around, 0 up"], rel=1e-9)
-    assert by_name[1]["180 around, 0 up"] < by_name[0]["180 around, 0 up"]
-
-
-@pytest.mark.thorough
-def test_keypoint_candidates_sum_to_the_camera() -> None:
-    camera = Camera("candidate/")
-    R, t = looking_at(ROOT, 0, 0, 4.0)
-    K = np.array([[1200.0, 0, 500], [0, 1200, 500], [0, 0, 1]])
-    numbers = camera.values(K=K, R=R, t=t)
-    single = keypoint_candidates(BODY, camera, numbers, sigma=4.0)
-    assert tuple(single) == BODY.landmark_names(landmark_set(BODY))
-    found = wb.design(PROBLEM, single, AT, choose=len(single))
-    whole = cameras_on_a_sphere(BODY, ROOT, around=(0,), up=(0,))
-    expected = wb.design(PROBLEM, whole, AT)
-    np.testing.assert_allclose(found.sd_after, expected.sd_after, rtol=1e-7)
-    assert found.after.sd == pytest.approx(expected.after.sd, rel=1e-9)
 
 
 @pytest.mark.thorough
@@ -139,42 +102,3 @@ def test_marker_candidates_determine_stature() -> None:
     lengths = np.linalg.norm(trans, axis=0)
     np.testing.assert_allclose(lengths, 1 / 0.005, rtol=1e-9)  # 3-4-5
     assert seen.size == 3 * 41
-
-
-@pytest.mark.thorough
-def test_frames_with_own_poses_equal_a_marker_fit() -> None:
-    """The same as the posterior of the shape in the fit to markers of these frames."""
-    worn = default_markers(BODY)
-    rng = np.random.default_rng(1)
-    poses = SEEN * rng.normal(size=(2, 24, 3))
-    betas = BODY.blocks()[1]
-    offsets = worn.on(BODY).offsets("markers")
-    near = wb.residuals.gaussian(
-        offsets.symbol, mean=worn.nominal, covariance=0.005**2, unit="m", name="offset prior"
-    )
-    problem = wb.Problem([shape_prior(BODY), near], ["betas", "offsets"], blocks=[betas, offsets])
-    at = {"betas": np.zeros(BODY.n_betas), "offsets": worn.nominal}
-    free = ("trans", "pose", "betas")
-    frame, _ = marker_frame(worn.on(BODY), worn, 0.002, 0.005, quadratic, free)
-    terms = [one for one in frame.residuals if one.name != "shape prior"]
-    seen = {"observed": np.zeros((41, 3)), "seen": np.ones(41), "trans": np.zeros(3)}
-    several = {
-        f"pose {i}": Candidate(terms, seen | {"pose": pose}, own=("trans", "pose"))
-        for i, pose in enumerate(poses)
-    }
-    found = wb.design(problem, several, at, choose=2, criterion=wb.a_optimal.over("betas"))
-    markers = worn.on(BODY).landmark("markers", poses, at["betas"], np.zeros((2, 3)), worn.nominal)
-    setup = marker_fit(
-        markers,
-        BODY,
-        worn,
-        sigma=0.002,
-        offset_sigma=0.005,
-        start={"pose": poses, "trans": np.zeros((2, 3)), "betas": at["betas"]},
-    )
-    C = setup.problem.linearize(setup.start).covariance
-    slices = setup.problem.free.slices
-    mine = found.sd_after[problem.free.slices["betas"]]
-    np.testing.assert_allclose(mine, np.sqrt(np.diag(C))[slices["betas"]], rtol=1e-5)
-    with pytest.raises(UnknownName, match="no block is called 'offsets'"):
-        wb.design(problem.without("offset prior"), several, {"betas": at["betas"]})

@@ -32,12 +32,6 @@ def places(folder: Path, **options: object) -> list[float]:
     ]
 
 
-def test_frames_are_ordered_by_number(tmp_path: Path) -> None:
-    for number in (10, 9, 8, 11):
-        write(tmp_path, str(number), person(10.0 * number))
-    assert places(tmp_path) == [80, 90, 100, 110]
-
-
 def test_missing_and_empty_frames_are_gaps(tmp_path: Path) -> None:
     for number in (1, 2, 5):
         write(tmp_path, str(number), person(100))
@@ -108,7 +102,7 @@ def test_bad_folders_are_refused(tmp_path: Path) -> None:
     write(tmp_path, "7", person(1))
     with pytest.raises(BadFile, match="--size"):
         read_clip(tmp_path, fps=30)
-    with pytest.raises(BadArgument, match="frames per second"):
+    with pytest.raises(BadArgument, match="fps of a clip"):
         read_clip(tmp_path, fps=0, size=SIZE)
     (tmp_path / "7.json").write_text("{}")
     with pytest.raises(BadFile, match="same number, 7"):
@@ -183,13 +177,8 @@ def test_damaged_clip_files_are_refused(tmp_path: Path) -> None:
     for data, said in [
         ([{"image_id": "a.jpg", "keypoints": COCO_17}], "is of image 'a.jpg', and the name of a"),
         ([{"keypoints": COCO_17}], "is of image None"),
-        ([1], "is of image None"),
         ([], "does not say which image"),
-        ({"1.jpg": 5}, "does not say which image"),
         ({"1.jpg": {"people": []}, "a1.png": {"people": []}}, "two images have the number 1"),
-        ({"images": 5, "annotations": []}, "images must be a list of objects, not 5"),
-        ({"annotations": [{"image_id": [], "keypoints": COCO_17}]}, "is of image \\[\\]"),
-        ({"annotations": []}, "holds no frame"),
         ({"1.jpg": {"people": []}}, "no frame holds a person"),
     ]:
         (tmp_path / "a.json").write_text(json.dumps(data))

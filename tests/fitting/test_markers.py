@@ -10,13 +10,10 @@ import pytest
 from rich.console import Console
 
 import workbench as wb
-from benchmarks.accuracy.markers import on_the_surface
 from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.cli.fit import Worn, fit_markers
-from workbench.diagnostics import diagnose
 from workbench.errors import BadArgument, BadFile, UnknownName
-from workbench.experiments import find
 from workbench.experiments.moving_people import dressed_person, true_measures
 from workbench.fitting import (
     BadObservation,
@@ -33,7 +30,6 @@ from workbench.fitting.marker_sets import known_labels, known_markers, matched
 from workbench.fitting.markers import marker_errors, offset_prior, surface_frames
 from workbench.geometry.guesses import UP_TO_Y
 from workbench.geometry.solids import vertex_normals
-from workbench.geometry.surface_tree import SurfaceTree
 from workbench.motions import read_motion
 from workbench.priors.poses import draw_poses, shipped_gaussian
 from workbench.solvers import TrustRegion
@@ -91,28 +87,12 @@ def test_offset_prior_is_wide_along_the_surface() -> None:
         r = problem.residual(off.ravel(), np.zeros(0))
         assert r @ r == pytest.approx(41 * (0.002 / sigma) ** 2)
     assert term.label(5).endswith(f"[{WORN.names[1]}, across]")
-    for wrong in (0.0, True, "0.001"):
-        with pytest.raises(BadArgument, match="across is a standard deviation"):
+    for wrong in (0.0, np.nan):
+        with pytest.raises(BadArgument, match="across of markers"):
             offset_prior(dressed, WORN, 0.005, across=wrong)
     bare = (dressed.faces != WORN.vertices[3]).all(axis=1)
     with pytest.raises(BadArgument, match=f"{WORN.names[3]!r} is on a vertex that no face has"):
         offset_prior(replace(dressed, faces=dressed.faces[bare]), WORN, 0.005, across=0.001)
-
-
-@pytest.mark.thorough
-def test_known_heights_recover_moved_markers() -> None:
-    rng = np.random.default_rng(3)
-    poses = draw_poses(shipped_gaussian(), 3, rng)
-    truth, observed = dressed_person(BODY, WORN, poses, rng, 0.001, 0.0, 0.005, on_the_surface)
-    centres = BODY.vertices(betas=truth["betas"])[WORN.vertices] + truth["offsets"]
-    heights = SurfaceTree(BODY.vertices(betas=truth["betas"]), BODY.faces).closest(centres)
-    np.testing.assert_allclose(heights.distances, 0.0095, atol=2e-4)
-    off = []
-    for across in (None, 0.001):
-        setup = marker_fit(observed, BODY, WORN, sigma=0.001, across=across)
-        values = setup.start | marker_solver().solve(setup.problem, setup.start).values
-        off.append(true_measures(BODY, values, truth)[1].value)
-    assert off[1] < 0.9 * off[0]
 
 
 def test_mosh_poses_every_frame() -> None:
@@ -202,9 +182,7 @@ def test_labels_of_any_case_and_prefix_are_understood(change: Callable[[str], st
     [
         ("LASI RPSI SACR LKNE LKNM RTIB LANK LHEE RTOE RBAK LFRA", "Plug-in Gait"),
         ("L.ASIS V.Sacral R.Knee R.Knee.Medial L.Ankle R.Heel L.Toe R.Shoulder", "Helen Hayes"),
-        ("LASIS RGT LLE RME LHF RTT LLM RMM LCA RFM LSM RVM", "Rizzoli"),
         ("LIAS R_IPS L_FLE RFME L_FAX RTTC LFAL R_TAM LFCC R_FM1 L_FM2 RFM5 CV7", "CAST"),
-        ("C7 CLAV LIWR ROWR RBAK LFRM RSHN", "CMU 41"),
         ("ARIEL LFSH RBSH LIEL ROWR LIHAND ROHAND MFWT MBWT LKNI RHEL LMT1 RMT5", "Vicon 53"),
         (
             "HeadTop BackTop WaistLFront RShoulderTop LWristIn RKneeOut LToeIn",
@@ -242,26 +220,6 @@ def test_known_labels_are_of_known_markers() -> None:
     assert not {"LKNEE", "RANKLE", "LSHOULDER", "RELBOW"} & {*known_labels()}  # joints of others
 
 
-def test_further_markers_are_where_they_are_called() -> None:
-    """x to the left, y up, z to the front, on the body at rest with its arms stretched."""
-    for name in ("small", "default"):
-        body = wb.load_body(name)
-        known = known_markers(body)
-        assert known.names[:41] == WORN.names
-        np.testing.assert_array_equal(known.vertices[:41], default_markers(body).vertices)
-        at = dict(zip(known.names, body.template[known.vertices], strict=True))
-        assert at["LKNE"][0] > at["LKNI"][0] > 0 > at["RKNI"][0] > at["RKNE"][0]
-        assert at["LANK"][0] > at["LMED"][0] > 0
-        assert at["LMT5"][0] > at["LMT1"][0] > 0
-        assert at["C7"][1] > at["T2"][1] > at["T7"][1] > at["T10"][1]
-        assert at["LFSH"][2] > at["LBSH"][2]
-        assert at["MFWT"][2] > 0 > at["MBWT"][2]
-        assert at["LIHA"][2] > at["LOHA"][2]  # palms down
-        assert at["LKNE"][1] > at["LTIB"][1] > at["LANK"][1]
-        assert at["ARIEL"][1] > body.template[:, 1].max() - 0.03
-        assert np.abs([at["MFHD"][0], at["T2"][0], at["MBWT"][0]]).max() < 0.06
-
-
 def written(path: Path, **arrays: object) -> Path:
     np.savez(path, **arrays)  # type: ignore[arg-type]
     return path
@@ -295,13 +253,11 @@ def test_damaged_marker_files_are_refused(tmp_path: Path) -> None:
         ({"labels": ["a", "b"]}, "markers missing"),
         ({"markers": np.zeros((2, 2, 3))}, "labels missing"),
         ({"markers": np.zeros((2, 3, 3)), "labels": ["a", "b"]}, "labels has shape"),
-        ({"markers": np.zeros((2, 2)), "labels": ["a", "b"]}, "markers has shape"),
         ({"markers": np.zeros((2, 2, 3)), "labels": ["a", "b"]}, "no marker was seen"),
         ({"markers": np.ones((2, 2, 3)), "labels": ["a", "a"]}, "more than once"),
         ({"markers": np.full((2, 2, 3), np.inf), "labels": ["a", "b"]}, "which is no place"),
         ({"markers": 1e9 * np.eye(3)[None], "labels": ["a", "b", "c"]}, "size of a body"),
         ({"markers": np.ones((2, 2, 3)), "labels": ["a", "b"], "fps": 0.0}, "fps is 0"),
-        ({"markers": np.array([["a"]]), "labels": ["a"]}, "markers"),
     ]:
         with pytest.raises(BadFile, match=rf"m\.npz .*{why}"):
             read_markers(written(tmp_path / "m.npz", **arrays))
@@ -320,7 +276,7 @@ def test_command_writes_the_motion_of_every_frame(
     said = " ".join(capsys.readouterr().out.split())
     assert "not fitted are *41" in said
     assert "the unit is taken to be mm" in said
-    assert "the worst are, in mm" in said
+    assert "the worst is" in said
     assert (tmp_path / "runs" / "take" / "index.html").exists()
     with np.load(tmp_path / "runs" / "take" / "motion.npz") as found:
         shapes = {name: found[name].shape for name in found}
@@ -334,23 +290,3 @@ def test_command_writes_the_motion_of_every_frame(
     assert shapes == of_frames | of_all | {"fps": (), "up_axis": ()}
     motion = read_motion(tmp_path / "runs" / "take" / "motion.npz")
     assert (len(motion), motion.fps, motion.joint_names) == (14, 30.0, BODY.joint_names)
-
-
-@pytest.mark.thorough
-def test_marker_experiment_is_called_synthetic() -> None:
-    setup = find("markers", {"body": "small", "frames": "4", "seed": "1"}).setup()
-    assert setup.synthetic
-    assert setup.made_of is not None
-    names = [measure.name for measure in setup.measures(setup.start)]
-    assert names[:2] == [f"{what} to synthetic truth, rms" for what in ("rest shape", "offsets")]
-    with pytest.raises(BadArgument, match="share of the markers"):
-        find("markers", {"missing": "1.5"}).setup()
-
-
-@pytest.mark.thorough
-def test_diagnosis_of_markers_finds_null_directions() -> None:
-    """Without priors, a hand turns in itself: three markers beside it say nothing of it."""
-    setup = find("markers", {"body": "small", "frames": "1"}).setup()
-    alone = diagnose(setup.problem.without(*setup.priors), setup.start)
-    assert alone.rank < setup.problem.free.size
-    assert "offsets" in alone.report()

@@ -11,14 +11,13 @@ from workbench.errors import BadArgument, BadFile, NotSupported
 from workbench.fitting import (
     read_regressor,
     regressed_start,
-    save_regressor,
     shipped_regressor,
-    train_pose_regressor,
 )
 from workbench.fitting.images import image_fit
 from workbench.fitting.placing import placed_by_rays
 from workbench.geometry.mirror import opposites
 from workbench.geometry.rotation import matrix_from_vector
+from workbench.lectures.material.regressor_training import save_regressor, train_pose_regressor
 from workbench.priors.poses import shipped_mixture
 
 REGRESSOR = shipped_regressor()

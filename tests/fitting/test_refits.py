@@ -1,15 +1,11 @@
 """Refits: other minima along weak directions, and profile likelihoods."""
 
-from pathlib import Path
-
 import casadi as cs
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from typer.testing import CliRunner
 
 import workbench as wb
-from workbench.cli.app import app
 from workbench.errors import BadArgument, UnknownName
 from workbench.fitting import OtherMinima, Profile, other_minima, profile_likelihood
 from workbench.residuals import Residual
@@ -131,16 +127,3 @@ def test_bad_profile_arguments_are_refused() -> None:
         profile_likelihood(problem, values, "x[0]", level=2)
     with pytest.raises(BadArgument, match="is all that is free"):
         profile_likelihood(problem.freeing("x[0]"), values, "x[0]")
-
-
-@pytest.mark.thorough
-def test_command_draws_profiles(tmp_path: Path) -> None:
-    arguments = ["diagnose", "nist-misra1a", "--out", str(tmp_path), "--profile", "b[b1]"]
-    result = CliRunner().invoke(app, arguments)
-    assert "b[b1] is between" in " ".join(result.output.split())
-    folder = tmp_path / "nist-misra1a-diagnosis"
-    assert "PROFILES\nb[b1] is between" in (folder / "diagnosis.txt").read_text()
-    page = (folder / "index.html").read_text()
-    assert "Every point is a fit of all other unknowns" in page
-    refused = CliRunner().invoke(app, [*arguments, "--at-start"])
-    assert "give it without them" in str(refused.exception) + refused.output

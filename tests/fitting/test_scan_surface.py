@@ -4,24 +4,17 @@ import numpy as np
 import pytest
 import trimesh
 
-from workbench import SkinnedBody, load_body
 from workbench.arrays import Array
 from workbench.errors import BadArgument
 from workbench.fitting import Scan, loose_points
+from workbench.fitting.scans.scan import areas_of_faces
 from workbench.fitting.scans.surface import (
-    NEIGHBOURS,
-    areas_of_faces,
     areas_of_neighbours,
     boundary,
-    filled,
-    least_spread,
-    neighbourhoods,
-    normals_of_faces,
     normals_of_neighbours,
     towards,
 )
-from workbench.registration import arms_lowered
-from workbench.synthetic import Clothing, Scanner, SimulatedScan, clothed, scan, scanners
+from workbench.geometry.solids import vertex_normals
 
 
 def on_a_sphere(n: int, seed: int = 0) -> Array:
@@ -38,7 +31,7 @@ def test_normals_of_a_sphere_are_its_points() -> None:
     np.testing.assert_allclose(-normals, towards(normals, points, np.zeros(3)), atol=0)
     mesh = trimesh.creation.icosphere(subdivisions=4)
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
-    np.testing.assert_allclose(normals_of_faces(vertices, faces), vertices, atol=8e-3)
+    np.testing.assert_allclose(vertex_normals(vertices, faces), vertices, atol=8e-3)
     areas = areas_of_faces(vertices, faces)
     np.testing.assert_allclose(areas.sum(), mesh.area, rtol=1e-12)
     np.testing.assert_allclose(areas @ vertices[:, 2] ** 2, 4 * np.pi / 3, rtol=5e-3)
@@ -55,13 +48,6 @@ def test_weighted_sums_are_integrals_at_any_density() -> None:
     assert sums == pytest.approx([4 * np.pi] * 3, rel=3 / np.sqrt(n))
     plain = 4 * np.pi * (points[:, 2] + 1).mean()
     assert plain > 1.1 * 4 * np.pi  # without weights the dense side counts too much
-
-
-def test_areas_scale_and_turn_with_the_scan() -> None:
-    points = on_a_sphere(1000)
-    w = areas_of_neighbours(points)
-    turn = trimesh.transformations.random_rotation_matrix(np.array([0.1, 0.5, 0.7]))[:3, :3]
-    np.testing.assert_allclose(areas_of_neighbours(3 * points @ turn.T), 9 * w, rtol=1e-9)
 
 
 def test_boundary_of_a_hemisphere_is_its_rim() -> None:
@@ -86,20 +72,8 @@ def test_boundary_of_a_mesh_has_edges_of_one_face() -> None:
     alone = edges[trimesh.grouping.group_rows(edges, require_count=1)]
     np.testing.assert_array_equal(np.flatnonzero(found), np.unique(alone))
     assert 0 < found.sum() < 0.2 * len(vertices)
-    with pytest.raises(BadArgument, match="width of 0 m or more"):
+    with pytest.raises(BadArgument, match="width of a boundary"):
         boundary(Scan(vertices), width=-1)
-
-
-def test_missing_normals_are_those_of_neighbours() -> None:
-    points = on_a_sphere(500)
-    normals = 7 * points
-    normals[3], normals[5] = 0, np.nan
-    found = filled(points, normals)
-    np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1)
-    others = np.delete(np.arange(500), [3, 5])
-    np.testing.assert_allclose(found[others], points[others], atol=1e-12)
-    nearest = others[np.argmin(np.linalg.norm(points[others] - points[3], axis=1))]
-    np.testing.assert_allclose(found[3], points[nearest], atol=1e-12)
 
 
 GRID = np.stack(np.meshgrid(*[np.arange(20.0)] * 2, [0.0]), axis=-1).reshape(-1, 3)
@@ -119,50 +93,3 @@ def test_points_that_face_another_way_are_loose() -> None:
     points, normals = np.vstack([GRID, [[9.5, 9.5, 0.0]]]), np.vstack([UP, [[1.0, 0.0, 0.0]]])
     assert not loose_points(Scan(points)).any()
     assert np.flatnonzero(loose_points(Scan(points, normals))).tolist() == [len(GRID)]
-
-
-STEP = 2.85e-3  # 1/m, of a Kinect: depths z are multiples of about this times z^2
-
-
-def from_behind(body: SkinnedBody, clothing: float = 0.0, seed: int = 0) -> SimulatedScan:
-    """A person who stands, one foot ahead, with the back to a depth camera 2.3 m away."""
-    pose = arms_lowered(body, 1.2)
-    pose[0] = [0.0, np.pi, 0.0]
-    for joint, turn in {"left_hip": -0.35, "right_hip": 0.25, "right_knee": 0.3}.items():
-        pose[body.joint_names.index(joint)] += [turn, 0.0, 0.0]
-    vertices = body.vertices(pose)
-    vertices[:, 1] -= vertices[:, 1].min()
-    return scan(
-        vertices,
-        body.faces,
-        scanners(1, distance=2.3, height=0.3, target=(0.0, 1.0, 0.0), focal=525.0, size=(480, 640)),
-        seed=seed,
-        clothing=Clothing(clothing, where=clothed(body)),
-    )
-
-
-def rounded(points: Array, camera: Scanner) -> Array:
-    """The points (N, 3) m, their depths moved to the nearest terrace of the camera."""
-    depth = camera.seen(points)[:, 2]
-    terrace = 1 / (STEP * np.round(1 / (STEP * depth)))
-    return np.asarray(camera.place + (points - camera.place) * (terrace / depth)[:, None])
-
-
-@pytest.mark.thorough
-def test_normals_ignore_terraces_of_depth_cameras() -> None:
-    body = load_body("small")
-    simulated = from_behind(body, 0.02)
-    (camera,) = simulated.scanners
-    points = rounded(simulated.scan.points, camera)
-    a, b, c = simulated.surface[simulated.faces[simulated.face]].transpose(1, 0, 2)
-    normals = np.cross(b - a, c - a)
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-
-    nearest = np.concatenate([least_spread(near) for _, near in neighbourhoods(points, NEIGHBOURS)])
-    narrow, wide = (
-        np.degrees(np.arccos((towards(n, points, camera.place) * normals).sum(axis=1).clip(-1, 1)))
-        for n in (nearest, normals_of_neighbours(points))
-    )
-    assert np.mean(wide) < 0.5 * np.mean(narrow)
-    assert np.mean(wide > 45) < 0.2 * np.mean(narrow > 45)
-    assert np.mean(wide > 60) < 0.5 * np.mean(narrow > 60)

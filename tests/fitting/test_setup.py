@@ -1,51 +1,25 @@
 """Setups: what is known of an answer, and what is said of data beside the fit."""
 
-import json
-from dataclasses import replace
-from io import StringIO
-from pathlib import Path
-
 import numpy as np
 import pytest
-from rich.console import Console
 
-from tests.fitting.test_cameras import person, written
-from tests.fitting.test_detector_files import whole_body
 from workbench.blocks import Block
-from workbench.bodies.catalogue import load_body
-from workbench.cli.run import print_outcome
 from workbench.errors import BadArgument, BadSetup
 from workbench.experiments import (
     EXPERIMENTS,
     SUITES,
-    Experiment,
     KnownAnswer,
-    Outcome,
     Setup,
     find,
-    run,
 )
 from workbench.experiments.catalogue import SUMMARIES
-from workbench.fitting.files.keypoints import read_observations
-from workbench.fitting.keypoints import keypoint_fit
-from workbench.fitting.observations import COCO, FEET
 from workbench.fitting.setup import digits
 from workbench.problem import Problem
-from workbench.reports import write_report
 from workbench.residuals import gaussian
 
 X = Block("x", (2,))
 PROBLEM = Problem((gaussian(X.symbol, mean=[1.0, 2.0]),), ("x",), blocks=(X,))
 START = {"x": np.zeros(2)}
-
-
-def test_setup_keeps_a_known_answer() -> None:
-    known = KnownAnswer("by hand", cost=0, values={"x": np.array([1.0, 2.0])}, residual_deviation=1)
-    setup = Setup(PROBLEM, START, "?", known=known)
-    assert setup.known is known
-    assert known.cost == 0.0
-    assert PROBLEM.linearize(known.values or {}).cost == known.cost
-    assert Setup(PROBLEM, START, "?").known is None
 
 
 def test_bad_known_answers_are_refused() -> None:
@@ -70,7 +44,7 @@ def test_bad_fields_of_setups_are_refused() -> None:
     for fields, said in [
         ({"known": {"cost": 1.0}}, "`known` of a setup must be a KnownAnswer or None"),
         ({"strategy": 3}, "`strategy` of a setup must be a function that makes a solver"),
-        ({"views": [3]}, "`views` are a tuple of View, but something of type int"),
+        ({"views": [3]}, "`views` are a tuple of View, but among them is something of type int"),
     ]:
         with pytest.raises(BadSetup, match=said):
             Setup(PROBLEM, START, "?", **fields)  # type: ignore[arg-type]
@@ -99,40 +73,3 @@ def test_digits_are_those_of_the_worst_parameter() -> None:
     assert digits({"x": [-np.inf, -3.0, 0.0], "y": 1.0}, c) == 0
     with pytest.raises(BadSetup, match="no values of x to compare; there are y"):
         digits({"y": 1.0}, c)
-
-
-@pytest.fixture(scope="module")
-def outcome(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
-    """The keypoints of a body in one made-up image, and hands beside them."""
-    body = load_body("small")
-    points = body.landmark("coco", trans=[0.0, 0.0, 4.0]) * (1, -1, 1)  # v down
-    pixels = points[:, :2] / points[:, 2:] * 500 + (320, 240)
-    flat = np.column_stack([pixels, np.ones(len(pixels))])
-    order = [body.landmark_names("coco").index(name) for name in (*COCO, *FEET)]
-    data = whole_body(keypoints=flat[order].ravel().tolist(), lefthand_kpts=person(21))
-    file = written(tmp_path_factory.mktemp("seen") / "a.json", data)
-    setup = keypoint_fit(read_observations([file], focal=500.0), body, "which?")
-    setup = replace(setup, synthetic="<all> of it")
-    return run(Experiment("hands", lambda: setup, ""), compare=False)
-
-
-@pytest.mark.thorough
-def test_synthetic_data_are_called_so(outcome: Outcome, tmp_path: Path) -> None:
-    surface = outcome.surface
-    assert surface is not None
-    made_up = replace(outcome, setup=replace(outcome.setup, truth=surface + 0.001))
-    measured = replace(made_up, setup=replace(made_up.setup, synthetic=""))
-    for one, heading in (
-        (made_up, "Distances to the synthetic truth"),
-        (measured, "Distances to the truth"),
-    ):
-        page = write_report(one, tmp_path / "run")
-        text = page.read_text(encoding="utf-8")
-        assert f"{heading}</h2>" in text
-        assert ("Synthetic data</strong>: &lt;all&gt; of it." in text) == (one is made_up)
-        said = json.loads((page.parent / "summary.json").read_text(encoding="utf-8"))["synthetic"]
-        assert said == one.setup.synthetic
-        assert ("in the synthetic truth" in text) == (one is made_up)
-        console = Console(record=True, width=200, file=StringIO())
-        print_outcome(console, one)
-        assert ("synthetic data: <all> of it" in console.export_text()) == (one is made_up)

@@ -1,7 +1,6 @@
 """Videos: what frames share, what they are worth, gaps, and single frames as a special case."""
 
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
@@ -18,13 +17,10 @@ from workbench.fitting import (
     video_fit,
     video_mean,
 )
-from workbench.fitting.videos import autocorrelation, errors_of
-from workbench.residuals import geman_mcclure, scaled
+from workbench.fitting.videos import errors_of
 from workbench.solvers import TrustRegion
 
 BODY = load_body("default")
-NOTHING = Smoothness(None, None)
-PRECISE = TrustRegion(gradient_tolerance=1e-8)
 
 
 def gapped(clip: Clip, frames: list[int]) -> Clip:
@@ -35,20 +31,6 @@ def gapped(clip: Clip, frames: list[int]) -> Clip:
         sure[frames] = 0
         films.append(replace(film, confidence=sure))
     return replace(clip, films=tuple(films))
-
-
-@pytest.mark.thorough
-def test_unshared_frames_are_fitted_as_if_alone() -> None:
-    frames, kernel = [40, 44, 48], scaled(geman_mcclure, 25.0)
-    fit = partial(video_fit, body=BODY, question="?", sigma=4.0, kernel=kernel, shared=())
-    setup = fit(balance_clip(frames, ["cam01", "cam02"]), smoothness=NOTHING, worth=len(frames))
-    whole = {**setup.start, **PRECISE.solve(setup.problem, setup.start).values}
-    for t, frame in enumerate(frames):
-        one = fit(balance_clip([frame], ["cam01", "cam02"]))
-        own = {name: setup.start[name][t][None] for name in ("pose", "betas", "trans")}
-        alone = PRECISE.solve(one.problem, {**one.start, **own}).values
-        for name in ("pose", "betas", "trans"):
-            np.testing.assert_allclose(whole[name][t], alone[name][0], atol=1e-4)
 
 
 @pytest.mark.thorough
@@ -170,16 +152,6 @@ def test_effective_frames_have_known_values() -> None:
     assert biased == pytest.approx(100 / (1 + 0.3 * 99), rel=0.05)
     gaps = np.where(np.arange(100)[:, None] % 2, white, np.nan)
     assert effective_frames(gaps, np.isfinite(gaps)) == pytest.approx(50, rel=0.1)
-
-
-def test_effective_frames_sum_the_autocorrelation() -> None:
-    x, FRAMES = correlated(0.7, 60, 40, seed=3), 60
-    r = autocorrelation(x, np.ones(x.shape, dtype=bool))
-    lags = np.arange(1, FRAMES)
-    products = np.array([np.sum(x[k:] * x[:-k]) / FRAMES for k in lags]) / np.mean(x**2) / 40
-    assert effective_frames(x) == pytest.approx(FRAMES / (1 + 2 * products.sum()))
-    assert r[0] == 1
-    assert r[1] == pytest.approx(0.7, abs=0.05)
 
 
 def test_bad_errors_of_frames_are_refused() -> None:

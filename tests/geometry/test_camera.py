@@ -2,12 +2,10 @@
 
 from typing import Any
 
-import casadi as cs
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tests.tiers import few
 from workbench.blocks import Values
 from workbench.errors import BadCamera, MissingValue, NotNumbers, ShapeMismatch
 from workbench.geometry.camera import Camera, triangulate
@@ -45,31 +43,6 @@ def test_pixels_are_those_of_opencv(distortion: tuple) -> None:
     R = Rotation.from_rotvec((0.3, -2.0, 0.5)).as_matrix()
     expected = opencv(POINTS, R, np.array([0.1, -0.2, 4.0]), distortion)
     np.testing.assert_allclose(camera.pixels(POINTS, values), expected, rtol=1e-12)
-
-
-@pytest.mark.parametrize("which", few([0, 3, 5, 1, 2, 4], 3))
-def test_derivatives_are_those_of_differences(which: int) -> None:
-    camera = Camera()
-    points = cs.MX.sym("points", 3, len(POINTS))
-    inputs = [*(block.symbol for block in camera.blocks), points]
-    numbers = [*looking((0.3, -0.4, 0.5), camera, DISTORTION).values(), POINTS.T]
-    pixels = cs.vec(camera.project(points))
-    f = cs.Function("f", inputs, [pixels, cs.jacobian(pixels, cs.vec(inputs[which]))])
-    J = np.asarray(f(*numbers)[1])
-    at = numbers[which].ravel(order="F")
-    for i in range(at.size):
-        h = 1e-4 * max(1.0, abs(at[i]))
-
-        def moved(by: float, i: int = i) -> np.ndarray:
-            x = at.copy()
-            x[i] += by
-            changed = list(numbers)
-            changed[which] = x.reshape(numbers[which].shape, order="F")
-            return np.asarray(f(*changed)[0]).ravel()
-
-        # fourth order: the error is h^4 f'''''/30 (1e-17) plus eps f / h (1e-9 of 1e3 px)
-        central = (8 * (moved(h) - moved(-h)) - (moved(2 * h) - moved(-2 * h))) / (12 * h)
-        np.testing.assert_allclose(J[:, i], central, atol=1e-8 * max(1.0, abs(J).max()))
 
 
 def rig(distortion=()) -> tuple[list[Camera], Values]:
@@ -138,19 +111,6 @@ def test_rounded_rotation_is_accepted() -> None:
     R = Rotation.from_rotvec((0.3, -2.0, 0.5)).as_matrix()
     values = Camera().values(K=K, R=R.round(4))
     np.testing.assert_allclose(values["rotation"], (0.3, -2.0, 0.5), atol=1e-3)
-
-
-@pytest.mark.parametrize("shape", few([pytest.param(s) for s in ((), (2, 5), (0,), (2, 0))], 2))
-def test_points_come_in_any_shape(shape: tuple[int, ...]) -> None:
-    camera = Camera()
-    values = looking((0.3, -2.0, 0.5), camera, DISTORTION)
-    points = np.random.default_rng(0).normal(scale=0.5, size=(*shape, 3))
-    pixels, depths = camera.pixels(points, values), camera.depths(points, values)
-    assert pixels.shape == (*shape, 2)
-    assert depths.shape == shape
-    flat = points.reshape(-1, 3)
-    np.testing.assert_array_equal(pixels.reshape(-1, 2), camera.pixels(flat, values))
-    np.testing.assert_allclose(depths.ravel(), camera.depths(flat, values), rtol=1e-15)
 
 
 def test_points_and_numbers_of_a_camera_are_checked() -> None:

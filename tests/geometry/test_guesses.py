@@ -23,16 +23,7 @@ from workbench.geometry.guesses import (
 from workbench.geometry.solids import random_surface_points
 
 BODY, SPREAD, ONE_HAND = load_body("default"), load_body("full-hands"), load_body("hand")
-KINDS = ("surface", "joints", "joints without names", "joints with fingers")
 LENGTHS = pytest.mark.parametrize("unit", ["m", "cm", "mm", "in"])
-
-
-def test_declared_unit_is_taken_when_a_body_has_the_size() -> None:
-    for declared, size in [("mm", 1800.0), ("m", 1.8), ("mm", 150.0)]:
-        assert unit_of(size, None, declared) == (
-            declared,
-            f"the unit is {declared}, as the file says",
-        )
 
 
 def test_declared_unit_that_makes_no_body_is_doubted() -> None:
@@ -81,13 +72,6 @@ def test_hand_has_the_unit_that_it_was_saved_in(unit: str, tmp_path: Path) -> No
     np.testing.assert_allclose(np.ptp(there, axis=1), np.ptp(joints, axis=1), atol=1e-9)
 
 
-def test_kind_of_body_is_told_by_names() -> None:
-    assert sizes_of(ONE_HAND.joint_names) is HAND
-    for body in (BODY, SPREAD):
-        assert sizes_of(body.joint_names) is PERSON
-    assert sizes_of(()) is PERSON
-
-
 def t_pose(kind: str) -> tuple[Array, tuple[str, ...]]:
     """Points (M, 3) m of a body whose arms are stretched to the sides, and their names."""
     if kind == "surface":
@@ -105,13 +89,6 @@ def t_pose(kind: str) -> tuple[Array, tuple[str, ...]]:
 def test_t_pose_stands_along_its_height(kind: str, up: str) -> None:
     points, names = t_pose(kind)
     assert up_of(points @ UP_TO_Y[up], names=names)[0] == up
-
-
-def test_names_tell_the_axis_when_some_points_are_missing() -> None:
-    points, names = t_pose("joints")
-    seen = points.copy()
-    seen[0, [names.index("head"), names.index("left_foot")]] = np.nan
-    assert up_of(seen @ UP_TO_Y["z"], names=names)[0] == "z"
 
 
 def test_bending_person_has_y_up() -> None:

@@ -104,44 +104,6 @@ def test_texture_coordinates_are_written_and_read(tmp_path: Path, suffix: str) -
     np.testing.assert_array_equal(read_mesh(tmp_path / "again.obj").vertices, again.vertices)
 
 
-@pytest.mark.parametrize(
-    "line", ["vt nan 0", "vt zero 0", "vt 0", "f 1/9 2/9 3/9", "f 1//1 2//1 3//1", "f 1/-9 2/x 3/0"]
-)
-def test_incomplete_texture_coordinates_are_left_in_the_file(tmp_path: Path, line: str) -> None:
-    write_mesh(tmp_path / "mesh.obj", textured())
-    with (tmp_path / "mesh.obj").open("a") as file:
-        file.write(f"{line}\n")
-    mesh = read_mesh(tmp_path / "mesh.obj")
-    assert (mesh.uv, mesh.uv_faces) == (None, None)
-    assert len(mesh.vertices) == 4
-
-
-def test_texture_coordinates_that_do_not_fit_are_refused() -> None:
-    mesh = textured()
-    assert mesh.uv is not None
-    assert mesh.uv_faces is not None
-    for uv, corners in (
-        (mesh.uv, None),
-        (None, mesh.uv_faces),
-        (mesh.uv[:4], mesh.uv_faces),
-        (mesh.uv, mesh.uv_faces[:1]),
-        (np.full_like(mesh.uv, np.nan), mesh.uv_faces),
-    ):
-        with pytest.raises(BadMesh, match="texture coordinates are"):
-            Mesh(mesh.vertices, mesh.faces, uv, corners)
-
-
-def test_parts_of_a_scene_are_placed(tmp_path: Path) -> None:
-    part = trimesh.Trimesh(VERTICES, FACES, process=False)
-    scene = trimesh.Scene()
-    scene.add_geometry(part, geom_name="a")
-    scene.add_geometry(part.copy(), geom_name="b", transform=np.diag([2.0, 2, 2, 1]))
-    scene.export(tmp_path / "scene.glb")
-    mesh = read_mesh(tmp_path / "scene.glb")
-    np.testing.assert_allclose(mesh.vertices, np.vstack([VERTICES, 2 * VERTICES]), atol=1e-6)
-    np.testing.assert_array_equal(mesh.faces, np.vstack([FACES, FACES + len(VERTICES)]))
-
-
 @pytest.mark.parametrize("suffix", few([".ply", ".obj", ".off"], 1))
 def test_points_alone_are_read_when_asked_for(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"points{suffix}"
@@ -372,22 +334,3 @@ def test_skins_pose_a_mesh_and_its_own_node_does_not_count(tmp_path: Path) -> No
         (tmp_path / "a.glb").write_bytes(skinned(**change)[0])
         with pytest.raises(BadFile, match=said):
             read_mesh(tmp_path / "a.glb")
-
-
-def test_glb_strips_turn_every_other_triangle_and_points_have_none(tmp_path: Path) -> None:
-    """Lines are left in the file."""
-    for modes, faces in (((5,), [[0, 1, 2], [2, 1, 3]]), ((0, 1), [])):
-        parts = [{"attributes": {"POSITION": 0}, "mode": mode} for mode in modes]
-        (tmp_path / "a.glb").write_bytes(square(meshes=[{"primitives": parts}]))
-        mesh = read_mesh(tmp_path / "a.glb", points_alone=True)
-        np.testing.assert_array_equal(mesh.vertices, SQUARE_PLACES)
-        assert mesh.faces.tolist() == faces
-
-
-def test_stl_in_text_is_read(tmp_path: Path) -> None:
-    corners = SQUARE_PLACES[TWO].reshape(-1, 3)
-    lines = [f"  Vertex {x:.1f} {y:.1e} {z}" for x, y, z in corners.tolist()]
-    for solid in ("solid a", "solid b"):
-        lines.append(f"end{solid}\n{solid}")
-    (tmp_path / "a.stl").write_text("\n".join(["solid a", *lines]))
-    np.testing.assert_array_equal(read_mesh(tmp_path / "a.stl").vertices, corners)

@@ -10,7 +10,7 @@ import scipy.linalg
 from scipy.spatial.transform import Rotation
 
 from tests.tiers import few
-from workbench.geometry.dual_quaternions import dual_quaternions, moved, quaternions
+from workbench.geometry.dual_quaternions import dual_quaternions, moved
 from workbench.geometry.rotation import (
     SERIES_BELOW,
     inverse_left_jacobian,
@@ -73,16 +73,6 @@ def value_gradient_hessian(kind: type) -> cs.Function:
     return cs.Function("f", [w], [r, J, cs.jacobian(cs.vec(J), w)])
 
 
-def test_reference_is_the_matrix_exponential() -> None:
-    for w in DIRECTIONS * 2.5:
-        R, dR, _ = truth(tuple(w))
-        A = skew(w)
-        np.testing.assert_allclose(R, scipy.linalg.expm(A), atol=1e-13)
-        for k, e in enumerate(np.eye(3)):
-            change = scipy.linalg.expm_frechet(A, skew(e), compute_expm=False)
-            np.testing.assert_allclose(dR[:, :, k], change, atol=1e-12)
-
-
 @KINDS
 @pytest.mark.parametrize("angle", few([*ANGLES, *AROUND_THE_SWITCH], (0, 1e-3, np.pi, SWITCH)))
 def test_value_jacobian_and_hessian_are_exact(angle: float, kind: type) -> None:
@@ -98,37 +88,10 @@ def test_value_jacobian_and_hessian_are_exact(angle: float, kind: type) -> None:
         np.testing.assert_allclose(H, second, rtol=0, atol=TOLERANCE)
 
 
-@KINDS
-def test_rotations_of_a_matrix_stand_side_by_side(kind: type) -> None:
-    vectors = np.array([angle * d for angle in ANGLES for d in DIRECTIONS])
-    w = kind.sym("w", 3, len(vectors))
-    r = rodrigues(w)
-    assert r.shape == (3, 3 * len(vectors))
-    R, J = cs.Function("f", [w], [r, cs.jacobian(cs.vec(r), cs.vec(w))])(vectors.T)
-    blocks = np.asarray(J).reshape(len(vectors), 9, len(vectors), 3)
-    for k, one in enumerate(vectors):
-        expected, gradient, _ = truth(tuple(one))
-        np.testing.assert_allclose(np.asarray(R)[:, 3 * k : 3 * k + 3], expected, atol=TOLERANCE)
-        by_column = gradient.transpose(1, 0, 2).reshape(9, 3)
-        np.testing.assert_allclose(blocks[k, :, k], by_column, rtol=0, atol=TOLERANCE)
-        blocks[k, :, k] = 0
-    assert not blocks.any()  # one rotation's numbers do not touch another's
-
-
 def random_vectors(n: int = 200, longest: float = 6.2) -> Array:
     rng = np.random.default_rng(0)
     w = rng.normal(size=(n, 3))
     return w / np.linalg.norm(w, axis=1, keepdims=True) * rng.uniform(0, longest, (n, 1))
-
-
-@pytest.mark.parametrize(("angle", "singular_values"), [(0.0, (1, 1, 1)), (2 * np.pi, (1, 0, 0))])
-def test_jacobian_loses_two_directions_at_a_full_turn(
-    angle: float, singular_values: tuple[int, ...]
-) -> None:
-    for direction in DIRECTIONS:
-        J = np.asarray(value_gradient_hessian(cs.SX)(angle * direction)[1])
-        s = np.linalg.svd(J, compute_uv=False)
-        np.testing.assert_allclose(s, np.sqrt(2) * np.array(singular_values), atol=1e-14)
 
 
 def test_logarithm_undoes_the_exponential() -> None:
@@ -196,7 +159,8 @@ def as_columns(found: cs.DM) -> np.ndarray:
 def test_quaternions_are_those_of_the_rotations(angle: float) -> None:
     """Also half turns, which are opposite after a full turn."""
     R = Rotation.from_rotvec(angle * AXES)
-    found = as_columns(quaternions(cs.DM(np.concatenate(list(R.as_matrix()), axis=1))))
+    still = [cs.DM(np.column_stack([matrix, np.zeros(3)])) for matrix in R.as_matrix()]
+    found = as_columns(dual_quaternions(still)[:4, :])
     np.testing.assert_allclose(np.linalg.norm(found, axis=1), 1, atol=1e-14)
     back = Rotation.from_quat(found[:, [1, 2, 3, 0]]).as_matrix()
     np.testing.assert_allclose(back, R.as_matrix(), atol=2e-15)
@@ -205,24 +169,6 @@ def test_quaternions_are_those_of_the_rotations(angle: float) -> None:
     np.testing.assert_allclose(found, expected, atol=1e-15)
     further = as_columns(quaternions_of_vectors(cs.DM(((angle + 2 * np.pi) * AXES).T)))
     np.testing.assert_allclose(further, -expected, atol=2e-15)
-
-
-@EACH_ANGLE
-def test_derivatives_of_quaternions_are_those_of_half_turns(angle: float) -> None:
-    """Through R and Shepperd's columns, or straight from the vector: one curve, either sign."""
-    w = cs.SX.sym("w", 3)
-    through_R, straight = quaternions(rodrigues(w)), quaternions_of_vectors(w)
-    outputs = []
-    for q in (through_R, straight):
-        J = cs.jacobian(q, w)
-        outputs += [q, J, cs.jacobian(cs.vec(J), w)]
-    f = cs.Function("f", [w], outputs)
-    for axis in AXES:
-        q, J, H, q2, J2, H2 = (np.asarray(part) for part in f(angle * axis))
-        sign = np.sign((q.T @ q2).item())
-        np.testing.assert_allclose(q, sign * q2, atol=2e-15)
-        np.testing.assert_allclose(J, sign * J2, atol=1e-14)
-        np.testing.assert_allclose(H, sign * H2, atol=5e-14)
 
 
 def test_dual_quaternions_move_points_as_matrices_do() -> None:
@@ -235,33 +181,3 @@ def test_dual_quaternions_move_points_as_matrices_do() -> None:
         np.testing.assert_allclose(found, expected, atol=1e-13)
     askew = dual + cs.vertcat(cs.DM.zeros(4, 40), 0.3 * dual[:4, :])  # no longer orthogonal
     np.testing.assert_allclose(as_columns(moved(cs.DM(v.T), askew)), expected, atol=1e-13)
-
-
-def gap(angle: float, share: float) -> float:
-    """Degrees between blended dual quaternions and the screw, of a turn by `angle` rad."""
-    turned = np.column_stack([Rotation.from_rotvec([0, 0, angle]).as_matrix(), [0.1, 0.2, 0.3]])
-    still = np.column_stack([np.eye(3), np.zeros(3)])
-    q = dual_quaternions([cs.DM(still), cs.DM(turned)])
-    blend = (1 - share) * q[:, 0] + share * q[:, 1] * np.sign(float(q[:4, 0].T @ q[:4, 1]))
-    corners = cs.DM(np.column_stack([np.eye(3), np.zeros(3)]))
-    found = np.asarray(moved(corners, cs.repmat(blend, 1, 4)))
-    R = found[:, :3] - found[:, 3:]
-    screw = Rotation.from_rotvec([0, 0, share * angle])  # the share of the turn, about its axis
-    return float(np.degrees(Rotation.from_matrix(R @ screw.as_matrix().T).magnitude()))
-
-
-def test_blending_is_within_a_known_angle_of_the_screw() -> None:
-    """The gap grows with the angle; at 180 degrees it is 2 |atan(s / (1 - s)) - s pi / 2|.
-
-    Its derivative vanishes where (1 - s)^2 + s^2 = 2 / pi: 8.149 degrees (the 8.15 of Kavan et
-    al. 2008).
-    """
-    almost = np.pi - 1e-6
-    s = (1 - np.sqrt(4 / np.pi - 1)) / 2
-    largest = np.degrees(2 * abs(np.arctan(s / (1 - s)) - s * np.pi / 2))
-    assert round(largest, 3) == 8.149
-    assert gap(almost, s) == pytest.approx(largest, abs=1e-4)
-    grid = [[gap(a, s) for s in np.linspace(0, 1, 21)] for a in np.linspace(0.1, almost, 6)]
-    assert np.max(grid) <= largest + 1e-4
-    assert (np.diff(np.max(grid, axis=1)) > 0).all()
-    assert gap(almost, 0.5) < 1e-4  # halfway they agree

@@ -10,17 +10,14 @@ from workbench.geometry.rotation import matrix_from_vector
 from workbench.geometry.triangles import (
     Stitching,
     edges,
-    frames,
     gradient_derivatives,
     gradients,
-    soup,
 )
 
 BODY = wb.load_body("small")
 FACES, TEMPLATE = BODY.faces, BODY.template
 STITCHING = Stitching(FACES, BODY.n_vertices)
 TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
-CORNERS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
 PAIR = np.vstack([TETRAHEDRON, TETRAHEDRON + 4])  # two components
 TURN = matrix_from_vector([0.4, -2.0, 1.1])
 
@@ -30,22 +27,6 @@ def some_pose(seed: int = 0) -> np.ndarray:
 
 
 # Frames and gradients.
-
-
-def test_frame_of_a_right_triangle() -> None:
-    # legs of 2 and 3 m: twice the area is 6 m^2, and the normal points along -z
-    v = np.array([[0.0, 0, 0], [0, 3, 0], [2, 0, 0]])
-    expected = np.array([[2.0, 0, 0], [0, 3, 0], [0, 0, -np.sqrt(6)]])
-    np.testing.assert_allclose(frames(v, np.array([[0, 1, 2]]))[0], expected, atol=1e-15)
-
-
-def test_normals_of_a_closed_mesh_point_outwards() -> None:
-    axes = frames(TEMPLATE, FACES)[..., 2]
-    middles = TEMPLATE[FACES].mean(axis=1)
-    area = 0.5 * (axes**2).sum(axis=1)
-    normals = axes / np.linalg.norm(axes, axis=1, keepdims=True)
-    volume = (area * (normals * middles).sum(axis=1)).sum() / 3  # the divergence theorem
-    assert 0.05 < volume < 0.1
 
 
 def test_gradients_of_a_similarity_are_found() -> None:
@@ -73,19 +54,7 @@ def test_face_without_area_is_refused() -> None:
         gradients(flat, flat, np.array([[0, 1, 3], [0, 1, 2]]))
 
 
-# The soup, and stitching.
-
-
-def test_soup_is_torn_where_parts_turn() -> None:
-    still = np.broadcast_to(np.eye(3), (len(FACES), 3, 3))
-    np.testing.assert_allclose(soup(TEMPLATE, FACES, still), TEMPLATE[FACES], atol=1e-15)
-    X = np.where((np.arange(len(FACES)) % 2 == 0)[:, None, None], TURN, np.eye(3))
-    torn = soup(TEMPLATE, FACES, X)
-    np.testing.assert_allclose(torn.mean(axis=1), TEMPLATE[FACES].mean(axis=1), atol=1e-15)
-    np.testing.assert_allclose(torn[0, 2] - torn[0, 0], TURN @ edges(TEMPLATE, FACES)[0, 0])
-    vertex = FACES[0, 0]
-    places = torn[vertex == FACES]
-    assert np.ptp(places, axis=0).max() > 0.005  # one vertex, in as many places as it has faces
+# Stitching.
 
 
 def test_gradients_reconstruct_a_posed_mesh() -> None:
@@ -128,34 +97,3 @@ def test_faces_that_are_none_are_refused() -> None:
 
 
 # Its null space, by name.
-
-
-def stitching_problem(faces: np.ndarray, n_vertices: int) -> wb.Problem:
-    V, e = wb.Block("V", (n_vertices, 3), "m"), wb.Block("edges", (2 * len(faces), 3), "m")
-    residual = wb.residuals.stitching(V.symbol, e.symbol, faces, sigma=0.01)
-    return wb.Problem([residual], "V", blocks=(V, e))
-
-
-@pytest.mark.parametrize(
-    ("faces", "V"),
-    [(TETRAHEDRON, CORNERS), (PAIR, np.vstack([CORNERS, CORNERS + 3]))],
-    ids=["one component", "two"],
-)
-def test_each_component_leaves_a_translation_open(faces: np.ndarray, V: np.ndarray) -> None:
-    problem, components = stitching_problem(faces, len(V)), len(V) // 4
-    values = {"V": V, "edges": edges(V, faces).reshape(-1, 3)}
-    seen = wb.diagnose(problem, values)
-    assert seen.rank == 3 * len(V) - 3 * components
-    names = [direction.name for direction in seen.null_directions]
-    of = ["V"] if components == 1 else [f"4 rows of V ({r}, ...)" for r in ("0, 1, 2", "4, 5, 6")]
-    assert names == [f"a translation along {axis} of {rows}" for rows in of for axis in "xyz"]
-    pins = [
-        wb.residuals.vertices(
-            problem.free["V"].symbol[:, 4 * c], np.zeros((1, 3)), sigma=1.0, name=f"pin {c}"
-        )
-        for c in range(components)
-    ]
-    pinned = wb.Problem([*problem.residuals, *pins], "V")
-    assert wb.diagnose(pinned, values).null_directions == ()
-    solution = wb.solve(pinned, values | {"V": V + 0.1}, wb.GaussNewton()).values["V"]
-    np.testing.assert_allclose(edges(solution, faces), edges(V, faces), atol=1e-10)

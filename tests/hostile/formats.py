@@ -20,6 +20,8 @@ import casadi as cs
 import numpy as np
 from scipy.sparse import csr_array, issparse
 
+from builder.ground_truth import GroundTruth, read_ground_truth
+from builder.recordings import read_recording
 from tests.bodies.model_files import MODELS, written
 from tests.bodies.random_bodies import decorated, entries
 from tests.fitting.mediapipe_made import mediapipe_results
@@ -35,7 +37,7 @@ from workbench.bodies.catalogue import load_skinned, read_embedded
 from workbench.bodies.files.joint_names import joint_names
 from workbench.bodies.skinned import Landmarks
 from workbench.bodies.triangles import TriangleBody, blend_scape
-from workbench.comparison.ends import Component, EndAnalysis, Explanation
+from workbench.comparison.ends import EndAnalysis
 from workbench.comparison.record import KINDS, ROW, Description, ObservedRun, Record, RunEnding
 from workbench.comparison.store import FolderStore
 from workbench.errors import BadFile
@@ -45,13 +47,11 @@ from workbench.fitting.marker_files import read_markers
 from workbench.fitting.scans.files import read_scan
 from workbench.geometry.meshes import read_mesh, write_mesh
 from workbench.motions import SoftTissue, load_tissue, read_motion, save_tissue
-from workbench.priors.poses import read_pose_gaussian, read_pose_mixture, read_pose_student
-from workbench.priors.recordings import read_recording
+from workbench.priors.poses import read_pose_gaussian, read_pose_mixture
 from workbench.sampling.checkpoint import SavedEnsemble, load, save
 from workbench.solvers import Solution
 from workbench.training.checkpoint import TrainingCheckpoint, read_checkpoint
 from workbench.training.estimate import Estimate
-from workbench.training.evaluation import GroundTruth, read_ground_truth
 from workbench.training.execution import LogEntry
 from workbench.training.first_guess import Start, read_start, write_start
 from workbench.training.folder import open_folder
@@ -218,9 +218,7 @@ def _description() -> Description:
 
 
 def _judgement() -> EndAnalysis:
-    why = Explanation(2.0, 1.0, 3.0, 0.5, (Component("a twist", 1.0, 0.1),), "the rest", 0.0)
-    facts = (0, 1, 0), (1.0, 2.0), (0.0, 1e-9), (0.5, -0.1)
-    return EndAnalysis(*facts, np.eye(2), {1: why})
+    return EndAnalysis((0, 1, 0), (1.0, 2.0), (0.0, 1e-9), (False, True), np.eye(2))
 
 
 STORED: dict[str, tuple[Callable[[], Any], Any]] = {
@@ -472,7 +470,7 @@ def _tables(folder: Path) -> None:
 def _published(folder: Path) -> None:
     """One for each way in which points, people and names are written."""
     known = ("MMPose with names", "Ultralytics 8.3", "EasyMocap", "DWPose in ComfyUI", "PoseNet")
-    known += ("easy_ViTPose", "ViTPose of transformers", "objects by name", "numbers of 25")
+    known += ("easy_ViTPose", "ViTPose of transformers", "objects by name", "numbers")
     for i, name in enumerate(known):
         (folder / f"{i}.json").write_text(json.dumps(READ[name][1]))
 
@@ -560,7 +558,6 @@ def _tissue(folder: Path) -> None:
 PRIORS: dict[str, Callable[[Path], object]] = {
     "cmu_gaussian.npz": read_pose_gaussian,
     "cmu_mixture.npz": read_pose_mixture,
-    "cmu_student.npz": read_pose_student,
 }
 
 

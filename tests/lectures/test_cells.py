@@ -11,10 +11,10 @@ from workbench.course.cells import apart, carried_out, cells
 from workbench.course.formulas import in_letters
 from workbench.course.outline import course
 from workbench.errors import BadFile
-from workbench.motions.tissue_inputs import MovingFrames, second_differences
+from workbench.motions.soft_tissue import MovingFrames, second_differences
 from workbench.sampling.mixing import integrated_time
 
-THERE = [one for one in course() if one.there]
+THERE = course()
 
 
 def test_apart_splits_a_cell_where_drawing_begins() -> None:
@@ -76,7 +76,7 @@ def test_source_shows_constants_above_the_code_that_reads_them() -> None:
     shown = source(second_differences, MovingFrames.forces)
     order = [shown.text.index(part) for part in ("GRAVITY = ", "def second_d", "def forces")]
     assert order == sorted(order)
-    assert shown.where.count("workbench.motions.tissue_inputs.") == 2
+    assert shown.where.count("workbench.motions.soft_tissue.") == 2
     assert source(wb.Linearization.gradient).text.startswith("@cached_property\ndef gradient")
 
 
@@ -94,11 +94,6 @@ def test_source_shows_constants_above_the_code_that_reads_them() -> None:
 )
 def test_formula_is_written_in_letters(formula: str, letters: str) -> None:
     assert in_letters(formula) == letters
-
-
-def test_formula_with_an_unknown_command_is_refused() -> None:
-    with pytest.raises(BadFile, match="oint"):
-        in_letters(r"\oint f")
 
 
 def test_formulas_of_every_lecture_are_known() -> None:

@@ -74,7 +74,6 @@ def test_hostile_answers_leave_the_others_marked(tmp_path: Path) -> None:
     assert "stopped after 2 s" in said(found, "hat")
     assert "sys.exit(3)" in said(found, "rodrigues")
     assert [m.state for m in found.exercises["angle_between"]] == [CheckState.PASSED] * 2
-    assert "characters more" in found.printed["angle_between"]
     assert len(found.printed["angle_between"]) < 1000
     assert "signature" in said(found, "shorter")
     assert "shorter(w)" in said(found, "shorter")
@@ -102,20 +101,9 @@ def test_file_that_cannot_be_loaded_says_why(
     path.write_text(text)
     monkeypatch.setattr(sys, "path", [*sys.path])
     monkeypatch.setitem(sys.modules, "answers", sys)  # what loading puts there is taken out again
-    module, found = load(str(path), ["hat"])
+    module, found = load(str(path))
     assert module is None
     assert told in found["trouble"]
-
-
-@pytest.mark.thorough
-def test_file_that_never_ends_is_stopped(tmp_path: Path) -> None:
-    path = tmp_path / "answers.py"
-    path.write_text("while True:\n    print('still here')\n")
-    found = grade(ROTATIONS, path, ProcessLimits(2))
-    assert "stopped after 2 s" in found.trouble
-    assert found.points == 0
-    assert found.of == sum(check.points for check in ROTATIONS.checks)
-    assert {m.state for m in found.results} == {CheckState.FAILED}
 
 
 @pytest.mark.thorough
@@ -135,7 +123,7 @@ def test_file_with_some_answers_is_marked(tmp_path: Path) -> None:
     assert set.union(*states.values()) == {CheckState.NOT_ATTEMPTED}
     (one,) = found.exercises["hat"]
     assert "v x w" in one.hint
-    with pytest.raises(BadFile, match="is there already and was left as it is"):
+    with pytest.raises(BadFile, match="exists already and was left as it is"):
         hand_out(ROTATIONS, path.parent)
     assert turned in path.read_text()
 
@@ -147,22 +135,6 @@ def test_solutions_reach_all_points_in_a_process_of_their_own(number: int) -> No
     found = grade(one, one.folder / "solutions.py", ProcessLimits(600))
     assert [m for m in found.results if m.state is not CheckState.PASSED] == []
     assert found.points == found.of
-
-
-@pytest.mark.thorough
-def test_functions_handed_out_answer_as_in_the_checks(tmp_path: Path) -> None:
-    """With whatever it takes there; and the mistake is known by what it answers."""
-    path = tmp_path / "answers.py"
-    path.write_text(
-        "import numpy as np\n"
-        "def numeric_jacobian(f, x):\n"
-        "    return np.transpose([f(x + 1e-30j * d).imag / 1e-30 for d in np.eye(len(x))])\n"
-        "def fit(f, J, x):\n"
-        "    return x - np.linalg.lstsq(J(x), f(x), rcond=None)[0]\n"
-    )
-    found = grade(lecture(6), path, ProcessLimits(60))
-    assert {m.state for m in found.exercises["numeric_jacobian"]} == {CheckState.PASSED}
-    assert all("one step is not enough" in m.hint for m in found.exercises["fit"])
 
 
 @pytest.mark.thorough
@@ -188,23 +160,6 @@ def test_imaginary_parts_beyond_rounding_fail(tmp_path: Path) -> None:
         assert {m.state for m in found} == states
 
 
-@pytest.mark.thorough
-def test_answer_does_not_reach_into_the_next_one(tmp_path: Path) -> None:
-    """What is changed in the arguments, or printed to the process's own output, stays there."""
-    path = tmp_path / "answers.py"
-    path.write_text(
-        HEAD + "import os\n"
-        "def hat(w):\n"
-        "    os.write(1, b'{\"done\": true}\\n')\n"
-        "    x, y, z = w\n"
-        "    w[:] = 0\n"
-        "    return [[0, -z, y], [z, 0, -x], [-y, x, 0]]\n"
-    )
-    found = grade(ROTATIONS, path)
-    assert [m.state for m in found.exercises["hat"]] == [CheckState.PASSED]
-    assert "no such name in the file" in said(found, "shorter")
-
-
 def test_grade_refuses_missing_files_and_lectures(tmp_path: Path) -> None:
     with pytest.raises(BadFile, match="there is no file"):
         grade(ROTATIONS, tmp_path / "nothing.py")
@@ -214,15 +169,3 @@ def test_grade_refuses_missing_files_and_lectures(tmp_path: Path) -> None:
         UnknownName, match=r"no lecture is called '99'; there are 1, 2, .*`workbench lec"
     ):
         lecture(99)
-
-
-@pytest.mark.thorough
-def test_file_that_ends_the_program_is_marked(tmp_path: Path) -> None:
-    path = tmp_path / "answers.py"
-    path.write_text(
-        HEAD + "import os, sys\ndef hat(w):\n    return np.cross(np.eye(3), w)\n"
-        "def shorter(w):\n    os._exit(0)\nsys.exit(0)\n"
-    )
-    found = grade(ROTATIONS, path)
-    assert [m.state for m in found.exercises["hat"]] == [CheckState.PASSED]
-    assert "it ended the program, with exit code 0" in said(found, "shorter")

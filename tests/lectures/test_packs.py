@@ -12,18 +12,13 @@ from workbench.course.outline import root
 from workbench.course.packs.handing_out import EXAMPLES, read_students, write_pack
 from workbench.course.packs.keys import KEYS, QUESTIONS, ClassKey, read_keys
 from workbench.course.packs.marking import (
-    NOT_YET,
     answers_of_class,
     mark_class,
-    plain_cell,
     try_file,
-    write_table,
 )
 from workbench.course.packs.submissions import (
     attempted,
     collect,
-    constants,
-    functions_in,
     owner,
     read_sheet,
     remarks_of,
@@ -103,8 +98,6 @@ def test_answers_of_a_class_are_marked(pack: tuple[Path, Path, ClassKey], tmp_pa
     assert rows["ben"]["4.2"] == "3"
     assert "lec04_skinning.py names workbench.lectures, where published" in told["cleo"]
     assert "handed out to Ada Lovelace" in told["dora"]
-    assert "has numbers of Ada Lovelace" in told["dora"]
-    assert "this answer and" not in told["dora"]  # it is wrong, and is not compared
     assert "stopped after 1.5 s" in told["emil"]
     assert told["fay"] == "4.2: not handed in"
     # the same command goes on: nothing is marked again but what has changed
@@ -122,8 +115,6 @@ def test_answers_of_a_class_are_marked(pack: tuple[Path, Path, ClassKey], tmp_pa
     )
     assert [student for student, kept in before.items() if not kept] == ["fay"]
     assert again[-1].points == 3
-    alike = again[-1].alike
-    assert alike[-1].startswith("4.2: this answer and that of Ada Lovelace are the same word for")
 
 
 def test_answers_found_without_the_keys_are_marked_beside_them(
@@ -205,17 +196,6 @@ def test_folders_of_learning_platforms_find_their_students() -> None:
         owner(Path("cho kim_7/x.py"), twins)
 
 
-def test_table_of_marks_says_what_is_not_marked_yet(
-    pack: tuple[Path, Path, ClassKey], tmp_path: Path
-) -> None:
-    key = pack[2]
-    write_table(tmp_path / "m.csv", key, {})
-    with (tmp_path / "m.csv").open(encoding="utf-8-sig") as file:
-        assert {row["remarks"] for row in csv.DictReader(file)} == {NOT_YET}
-    assert plain_cell("=cmd|'/C calc'!A0") == "'=cmd|'/C calc'!A0"
-    assert plain_cell(-1) == -1
-
-
 def test_file_of_a_lecturer_is_packed(tmp_path: Path) -> None:
     """The one that the guide shows."""
     guide = (root() / "GUIDE.md").read_text()
@@ -273,14 +253,7 @@ def test_students_come_from_a_list_or_a_file(tmp_path: Path) -> None:
         read_students(str(tmp_path / "none.csv"))
 
 
-def test_likeness_is_word_for_word_but_for_comments() -> None:
-    mine = "def f(x):\n    return x + 1\n"
-    assert functions_in('def f(x):\n    """Mine."""\n    return  x + 1  # so\n') == functions_in(
-        mine
-    )
-    assert functions_in(mine.replace("1", "2")) != functions_in(mine)
-    assert functions_in("def f(:") == {}
-    assert constants("a = [0.25, 7, 3.125, 1e3, 100]\nb = 'x'") == {3.125}
+def test_file_is_attempted_unless_it_is_as_handed_out() -> None:
     assert not attempted('def f(x):\n    """Do."""\n    raise Unsolved("f")\n', ["f"])
     assert attempted("def f(x):\n    return 1\n", ["f"])
     assert attempted("def f(", ["f"])

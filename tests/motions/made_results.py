@@ -10,7 +10,7 @@ import struct
 import sys
 import zipfile
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -21,12 +21,11 @@ from scipy.spatial.transform import Rotation
 
 from workbench import load_body
 from workbench.arrays import Array
-from workbench.bodies.files.joint_names import BODY, HANDS, TREES
+from workbench.bodies.files.joint_names import BODY, HANDS
 from workbench.motions import Motion
 
 SMALL = load_body("small")
 NAMES = (*BODY, "jaw", "left_eye", "right_eye", *HANDS)
-TREE = TREES["SMPL-X"]
 F = 12  # frames
 BETAS = np.random.default_rng(5).normal(0, 1, 10)
 ROOT = SMALL.joints(betas=BETAS[: SMALL.n_betas])[0]
@@ -40,38 +39,15 @@ def truth() -> Motion:
     return Motion(pose, trans, 30.0, NAMES, BETAS)
 
 
-def joints_of(motion: Motion, root: Array) -> dict[str, Array]:
-    """Places (T, 3) of joints by forward kinematics of our own, on bones that are made up.
-
-    The root rests at `root`; bones of the 22 joints of the body and of SMPL's two hands.
-    """
-    bones = np.random.default_rng(4).normal(0, 0.2, (55, 3))
-    at: dict[str, Array] = {"pelvis": root + motion.trans}
-    turned: dict[str, Array] = {}
-    for k, name in enumerate(NAMES[:22]):
-        j = motion.joint_names.index(name)
-        local = Rotation.from_rotvec(motion.pose[:, j]).as_matrix()
-        if k == 0:
-            turned[name] = local
-            continue
-        parent = NAMES[TREE[k]]
-        at[name] = at[parent] + turned[parent] @ bones[k]
-        turned[name] = turned[parent] @ local
-    for k, name in enumerate(NAMES[25:], start=25):
-        if name in motion.joint_names:
-            parent = NAMES[TREE[k]]
-            j = motion.joint_names.index(name)
-            local = Rotation.from_rotvec(motion.pose[:, j]).as_matrix()
-            at[name] = at[parent] + turned[parent] @ bones[k]
-            turned[name] = turned[parent] @ local
-            at[f"tip of {name}"] = at[name] + turned[name] @ bones[k]
-    return at
-
-
 def matrices(pose: Array) -> Array:
     """Rotation matrices (..., 3, 3) of vectors (..., 3)."""
     flat = Rotation.from_rotvec(pose.reshape(-1, 3)).as_matrix()
     return flat.reshape(*pose.shape[:-1], 3, 3)
+
+
+def rotations(motion: Motion, names: Sequence[str]) -> Array:
+    """Those of the named joints, (T, K, 3, 3)."""
+    return matrices(motion.pose[:, [motion.joint_names.index(name) for name in names]])
 
 
 def flat(motion: Motion, K: int) -> Array:
@@ -340,16 +316,6 @@ def _slahmr(path: Path, m: Motion) -> None:
     np.savez(path, **arrays)
 
 
-def _intergen(path: Path, m: Motion) -> None:
-    def one(of: Motion, gender: str) -> dict[str, Any]:
-        body = of.pose[:, 1:22].reshape(F, 63)
-        found = {"root_orient": of.pose[:, 0], "pose_body": body, "trans": of.trans}
-        return {**found, "betas": of.betas, "gender": gender}
-
-    two = {"person1": one(another(m), "male"), "person2": one(m, "female")}
-    path.write_bytes(pickle.dumps({**two, "mocap_framerate": 59.94}))
-
-
 def _smpler_x(path: Path, m: Motion) -> None:
     path.mkdir()
     for t in range(F):
@@ -357,13 +323,6 @@ def _smpler_x(path: Path, m: Motion) -> None:
         for key in ("body_pose", "left_hand_pose", "right_hand_pose"):
             found[key] = found[key].reshape(-1, 3)
         np.savez(path / f"{t:05}_0.npz", **found)
-
-
-def _emdb(path: Path, m: Motion) -> None:
-    pose = flat(m, 24)
-    inner = {"poses_root": pose[:, :3], "poses_body": pose[:, 3:], "trans": m.trans}
-    outer = {"gender": "male", "name": "P0_09", "smpl": {**inner, "betas": m.betas}}
-    path.write_bytes(pickle.dumps({**outer, "good_frames_mask": np.ones(F, bool)}))
 
 
 def _human_data(path: Path, m: Motion) -> None:
@@ -389,20 +348,19 @@ def _codec(path: Path, m: Motion) -> None:
         )
 
 
-def _frankmocap(path: Path, m: Motion) -> None:
-    path.mkdir()
-    for t in range(F):
-        people = [
-            {"pred_body_pose": flat(one, 24)[t : t + 1], "pred_betas": one.betas[None]}
-            for one in (m, another(m))
-        ]
-        found = {"image_path": f"{t}.jpg", "pred_output_list": people}
-        (path / f"{t:05}_prediction_result.pkl").write_bytes(pickle.dumps(found))
-
-
 def _dictionaries(path: Path, m: Motion) -> None:
     frames = np.array([smplx(m, slice(t, t + 1)) for t in range(F)], dtype=object)
     np.save(path, frames, allow_pickle=True)
+
+
+def _intergen(path: Path, m: Motion) -> None:
+    def one(of: Motion, gender: str) -> dict[str, Any]:
+        body = of.pose[:, 1:22].reshape(F, 63)
+        found = {"root_orient": of.pose[:, 0], "pose_body": body, "trans": of.trans}
+        return {**found, "betas": of.betas, "gender": gender}
+
+    two = {"person1": one(another(m), "male"), "person2": one(m, "female")}
+    path.write_bytes(pickle.dumps({**two, "mocap_framerate": 59.94}))
 
 
 def _fit3d(path: Path, m: Motion) -> None:
@@ -418,37 +376,6 @@ def _six(path: Path, m: Motion) -> None:
         "transl": m.trans,
     }
     np.savez(path, **arrays, fps=25)
-
-
-def _sloper4d(path: Path, m: Motion) -> None:
-    inner = {"opt_pose": flat(m, 24), "opt_trans": m.trans, "beta": m.betas.tolist()}
-    inner |= {"pose": flat(another(m), 24), "mocap_trans": another(m).trans}
-    found = {"framerate": 20, "second_person": {**inner, "gender": "male"}, "first_person": {}}
-    path.write_bytes(pickle.dumps(found))
-
-
-def _humor(path: Path, m: Motion) -> None:
-    arrays: dict[str, Any] = {"trans": m.trans, "root_orient": m.pose[:, 0], "betas": m.betas[None]}
-    arrays |= {"pose_body": m.pose[:, 1:22].reshape(F, 63), "floor_plane": np.zeros(3)}
-    np.savez(path, **arrays, fps=30, gender="neutral")
-
-
-def _cliff(path: Path, m: Motion) -> None:
-    arrays: dict[str, Any] = {
-        "pose": flat(m, 24),
-        "shape": np.tile(m.betas, (F, 1)),
-        "global_t": m.trans,
-    }
-    np.savez(path, **arrays, imgname=np.array(["a.jpg"] * F), focal_l=np.ones(F))
-
-
-def _spin(path: Path, m: Motion) -> None:
-    arrays: dict[str, Any] = {
-        "pose": flat(m, 24),
-        "shape": np.tile(m.betas, (F, 1)),
-        "S": np.zeros((F, 24, 4)),
-    }
-    np.savez(path, **arrays, imgname=np.array(["a.jpg"] * F), gender=np.array(["f"] * F))
 
 
 def _varying(path: Path, m: Motion) -> None:
@@ -488,22 +415,16 @@ RESULTS: dict[str, tuple[str, Maker, dict[str, Any]]] = {
     "GRAB": ("mug_pass_1.npz", _grab, {"K": 55, "fps": 120, "gender": "female"}),
     "3DPW": ("downtown.pkl", _3dpw, {"person": "1", "gender": "female"}),
     "SLAHMR": ("world_results.npz", _slahmr, {"K": 22, "person": "1"}),
+    "SMPLer-X": ("smplx", _smpler_x, {"K": 55}),
+    "HumanData": ("human.npz", _human_data, {"K": 55, "gender": "female"}),
+    "smplcodec": ("a.smpl", _codec, {"K": 55, "fps": 50, "gender": "female"}),
+    "dictionaries": ("frames.npy", _dictionaries, {"K": 55}),
     "InterGen": (
         "1.pkl",
         _intergen,
         {"K": 22, "person": "person2", "fps": 59.94, "gender": "female"},
     ),
-    "SMPLer-X": ("smplx", _smpler_x, {"K": 55}),
-    "EMDB": ("P0_09.pkl", _emdb, {"gender": "male"}),
-    "HumanData": ("human.npz", _human_data, {"K": 55, "gender": "female"}),
-    "smplcodec": ("a.smpl", _codec, {"K": 55, "fps": 50, "gender": "female"}),
-    "FrankMocap": ("mocap", _frankmocap, {"still": True, "said": "of 2 people (0, 1) 0 is read"}),
-    "dictionaries": ("frames.npy", _dictionaries, {"K": 55}),
     "Fit3D": ("smplx.json", _fit3d, {"K": 55}),
     "six numbers": ("a.npz", _six, {"K": 22, "fps": 25}),
-    "SLOPER4D": ("seq007.pkl", _sloper4d, {"fps": 20, "gender": "male"}),
-    "HuMoR": ("stage3_results.npz", _humor, {"K": 22, "gender": "neutral"}),
-    "CLIFF": ("cliff_hr48.npz", _cliff, {}),
-    "SPIN, Human3.6M": ("h36m_train.npz", _spin, {"still": True, "gender": "female"}),
     "y down": ("results.pkl", _down, {"said": "-y is taken to be up"}),
 }

@@ -1,6 +1,5 @@
 """The expression of a motion moves the face of bodies that have one, wherever they are played."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,8 +10,7 @@ from numpy.typing import NDArray
 import workbench as wb
 from tests.bodies.model_files import flame, written
 from workbench.bodies import shape_space
-from workbench.conversion import convert
-from workbench.geometry.gltf import document_of, local_motion
+from workbench.geometry.gltf import document_of, local_motions
 from workbench.motions import write_glb
 
 T = 4
@@ -102,32 +100,9 @@ def played_by_hand(path: Path, pose: NDArray[np.float64]) -> NDArray[np.float64]
                 nodes[goal["node"]][goal["path"]] = numbers[t].tolist()
         world = []
         for k in range(K):
-            own = local_motion(nodes[k])
+            own = local_motions(nodes[k], {})[0]
             world.append(world[parent[k]] @ own if k in parent else own)
         moved = rest + np.tensordot(weights, np.array(targets), 1)
         blend = np.einsum("nk,kij->nij", influences, np.array(world) @ bind)
         found.append(np.einsum("nij,nj->ni", blend, np.c_[moved, np.ones(N)])[:, :3])
     return np.array(found)
-
-
-def test_expression_is_converted_to_another_face(face: wb.SkinnedBody, talking: wb.Motion) -> None:
-    """The target has the same surface, with other directions of expression."""
-    mixed, _ = np.linalg.qr(np.random.default_rng(5).normal(size=(10, 10)))
-    directions = face.shapedirs.copy()
-    directions[:, :, 10:] = directions[:, :, 10:] @ mixed
-    other = replace(face, shapedirs=directions, name="other")
-    found = convert(talking, face, other)
-    assert found.motion.expression is not None
-    assert found.motion.expression.shape == (T, 10)
-    still = replace(found.motion, expression=None)
-    off = np.linalg.norm(still.vertices(other) - talking.vertices(face), axis=2)
-    assert found.mean() < 0.2 * off.mean()
-
-
-def test_expression_survives_its_file(
-    face: wb.SkinnedBody, talking: wb.Motion, tmp_path: Path
-) -> None:
-    wb.save_motion(tmp_path / "a.npz", talking)
-    again = wb.read_motion(tmp_path / "a.npz", body=face)
-    np.testing.assert_allclose(again.vertices(face), talking.vertices(face), atol=1e-9)
-    assert json.dumps(again.notes).count("expression") == 0

@@ -5,7 +5,6 @@ import os
 import re
 import shutil
 import subprocess
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,16 +13,13 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import workbench as wb
-from tests.bodies.model_files import flame, with_fingers, written
 from tests.clips_made_up import clip
 from tests.motions.made_glb import NAMES, TRANS, made, places_of, turns, write_text
 from tests.tiers import few
-from workbench.errors import BadArgument, BadFile, UnknownName
+from workbench.errors import BadFile, UnknownName
 from workbench.geometry import gltf
-from workbench.geometry.gltf import GlbDocument, document_of
-from workbench.motions import gltf as motion_files
+from workbench.geometry.gltf import document_of
 from workbench.motions import read_glb, write_glb
-from workbench.motions.gltf import AnimationTrack
 
 
 @pytest.mark.parametrize("option", few([{"cubic": True}, {"floor": True}, {}, {"step": True}], 2))
@@ -91,7 +87,7 @@ def test_damaged_glb_is_refused(tmp_path: Path) -> None:
     for change, said in [
         ({"skins": []}, "it has no skin with joints"),
         ({"animations": []}, "it has no animation of the joints of its skin"),
-        ({"skins": [{"joints": [1, 1]}]}, "a skin lists the same joint twice"),
+        ({"skins": [{"joints": [1, 1]}]}, r"skins\[0\] lists the same joint twice"),
         ({"skins": [{"joints": [1, 9]}]}, r"there is no nodes\[9\]"),
         ({"nodes": [{"children": [1]}, {"children": [0]}]}, "hang on each other in a circle"),
         (
@@ -114,37 +110,6 @@ def test_stretching_bones_are_refused(tmp_path: Path) -> None:
     (tmp_path / "a.glb").write_bytes(made(stretched=10.0))
     with pytest.raises(BadFile, match="its bones change their length, so that joints are up to"):
         read_glb(tmp_path / "a.glb")
-
-
-def test_unit_and_axis_of_glb_can_be_given(tmp_path: Path) -> None:
-    (tmp_path / "a.glb").write_bytes(made())
-    plain = read_glb(tmp_path / "a.glb").joints()
-    found = read_glb(tmp_path / "a.glb", unit="cm", up="z").joints()
-    np.testing.assert_allclose(found, 0.01 * plain[..., [0, 2, 1]] * [1, 1, -1], atol=1e-9)
-
-
-def test_normalized_integers_are_shares() -> None:
-    content = np.array([0, 51, 255], "<u1").tobytes() + np.array([-128, -127, 127], "<i1").tobytes()
-    views = [{"buffer": 0, "byteOffset": at, "byteLength": 3} for at in (0, 3)]
-    several = [
-        {"bufferView": v, "componentType": code, "type": "SCALAR", "count": 3, "normalized": True}
-        for v, code in ((0, 5121), (1, 5120))
-    ]
-    told = {"accessors": several, "bufferViews": views, "buffers": [{"byteLength": 6}]}
-    document = GlbDocument(told, [content])
-    np.testing.assert_allclose(document.values(0, "SCALAR", 1).ravel(), [0, 0.2, 1])
-    np.testing.assert_allclose(document.values(1, "SCALAR", 1).ravel(), [-1, -1, 1])
-
-
-def test_cubic_tracks_are_exact_for_cubics() -> None:
-    """x(t) = t^3 - t on [0, 2] is a cubic, so that one piece with its slopes at both ends is it."""
-    times, values = np.array([0.0, 2.0]), np.zeros((2, 3, 3))
-    values[:, 1, 0] = [0.0, 6.0]
-    values[0, 2, 0], values[1, 0, 0] = -1.0, 11.0  # the slopes after the first and before the last
-    at = np.array([0.0, 0.5, 1.0, 1.7, 2.0, 3.0])
-    inside = np.minimum(at, 2.0)
-    found = AnimationTrack(times, values, "CUBICSPLINE", turns=False).at(at)
-    np.testing.assert_allclose(found[:, 0], inside**3 - inside, atol=1e-12)
 
 
 def test_gltf_text_is_the_same_motion(tmp_path: Path) -> None:
@@ -233,64 +198,18 @@ def shown(path: Path) -> tuple[dict[str, object], np.ndarray]:
     [
         ("small", 12, None, 1e-6),
         ("default", 40, 32, 5e-4),
-        ("hand", 20, None, 1e-6),
-        ("52 joints", 12, None, 1e-6),
     ],
 )
 def test_validator_and_three_show_the_body(
     tmp_path: Path, name: str, frames: int, correctives: int | None, farthest: float
 ) -> None:
-    known = name != "52 joints"
-    body = wb.load_body(name if known else written(with_fingers("small"), tmp_path / "SMPLH.pkl"))
+    """The validator finds nothing, and three.js shows the body, to within `farthest` in m."""
+    body, path = wb.load_body(name), tmp_path / "a.glb"
     assert isinstance(body, wb.SkinnedBody)
     motion = clip(body, frames, seed=6)
-    seen_by_others(tmp_path / "a.glb", motion, body, correctives, farthest)
-
-
-@pytest.mark.thorough
-@NEEDS_NODE
-def test_three_shows_expressions(tmp_path: Path) -> None:
-    raw = flame(60)
-    raw["shapedirs"] = raw["shapedirs"][:, :, [*range(10), *range(300, 310)]]
-    body = wb.load_body(written(raw, tmp_path / "FLAME.pkl"))
-    assert isinstance(body, wb.SkinnedBody)
-    faces = np.arange(40)[:, None] + [0, 1, 2]  # some of those made up are flat
-    weights = np.where(body.weights > np.sort(body.weights)[:, :1], body.weights, 0)  # four of five
-    body = replace(body, faces=faces, weights=weights / weights.sum(axis=1, keepdims=True))
-    rng = np.random.default_rng(3)
-    pose = rng.normal(scale=0.3, size=(8, body.n_joints, 3))
-    trans, betas, expression = (rng.normal(size=s) for s in ((8, 3), 6, (8, 10)))
-    talking = wb.Motion(pose, trans, 30.0, body.joint_names, betas, expression)
-    still = replace(talking, expression=None)
-    assert np.abs(talking.vertices(body) - still.vertices(body)).max() > 1e-3
-    seen_by_others(tmp_path / "a.glb", talking, body, None, 1e-6)
-
-
-def seen_by_others(
-    path: Path,
-    motion: wb.Motion,
-    body: wb.SkinnedBody,
-    correctives: int | None,
-    farthest: float,
-) -> None:
-    """The validator finds nothing, and three.js shows the body, to within `farthest` in m."""
     write_glb(path, motion, body, correctives=correctives, shapes=10)
     issues, places = shown(path)
     found = [issues[f"num{kind}"] for kind in ("Errors", "Warnings", "Infos", "Hints")]
     assert found == [0, 0, 0, 0], issues["messages"]
     off = np.linalg.norm(places - motion.vertices(body).reshape(-1, 3), axis=1)
     assert off.max() < farthest
-
-
-@pytest.mark.thorough
-def test_glb_that_would_be_too_large_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    body = wb.load_body("small")
-    monkeypatch.setattr(motion_files, "LARGEST", 30_000)
-    with pytest.raises(
-        BadArgument, match="12 morph targets of 369 vertices in 12 frames take 0 MB"
-    ):
-        write_glb(tmp_path / "a.glb", clip(body, 12), body)
-    assert not list(tmp_path.iterdir())
-    write_glb(tmp_path / "a.glb", clip(body, 12), body, correctives=2)

@@ -31,15 +31,6 @@ def test_marker_formats_hold_the_same_markers(tmp_path: Path, name: str) -> None
     )
 
 
-@pytest.mark.parametrize(("kind", "scale"), [("<", -1.0), (">", 0.06), ("dec", 0.06)])
-def test_c3d_of_all_processors_is_read(tmp_path: Path, kind: str, scale: float) -> None:
-    (tmp_path / "walk.c3d").write_bytes(c3d_bytes(PLACES, LABELS, kind=kind, scale=scale))
-    found = read_c3d(tmp_path / "walk.c3d")
-    np.testing.assert_allclose(found.places, PLACES, atol=0.0301 if scale > 0 else 1e-4)
-    assert found.unit == "mm"
-    assert found.notes == ()
-
-
 @pytest.mark.parametrize("kind", ["<", ">", "dec"])
 @pytest.mark.parametrize("scale", [-1.0, 0.0625])
 def test_analog_samples_between_the_frames_are_passed_over(
@@ -66,22 +57,6 @@ def test_c3d_parameters_count_where_the_header_says_another_rate(tmp_path: Path)
     found = read_c3d(c3d_with(tmp_path, wrong))
     np.testing.assert_allclose(found.places, PLACES, atol=0.032)
     assert found.notes == ("its header says 0.5, and POINT:SCALE 0.0625, which counts",)
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("scale", [-1.0, 0.06])
-@pytest.mark.parametrize(("analog", "channels"), [(0, 0), (12, 3)])
-def test_ezc3d_reads_the_same_markers(
-    tmp_path: Path, scale: float, analog: int, channels: int
-) -> None:
-    ezc3d = pytest.importorskip("ezc3d", reason="another reader of C3D; pip install ezc3d")
-    content = c3d_bytes(PLACES, LABELS, scale=scale, analog=analog, channels=channels)
-    (tmp_path / "walk.c3d").write_bytes(content)
-    file = ezc3d.c3d(str(tmp_path / "walk.c3d"))
-    theirs = file["data"]["points"][:3].transpose(2, 1, 0)
-    ours = read_c3d(tmp_path / "walk.c3d")
-    np.testing.assert_allclose(ours.places, theirs, atol=1e-3)  # mm
-    assert tuple(file["parameters"]["POINT"]["LABELS"]["value"]) == ours.labels
 
 
 def c3d_with(tmp_path: Path, content: bytes) -> Path:
@@ -235,25 +210,3 @@ def test_tables_of_labels_rename_and_leave_out(tmp_path: Path) -> None:
         table.write_text(wrong)
         with pytest.raises(BadFile, match=f"map.csv is no table of names.*{said}"):
             read_markers(tmp_path / "walk.trc", labels=table)
-
-
-def test_trc_header_of_other_frames_is_noted(tmp_path: Path) -> None:
-    """As in a file that comes with Pose2Sim, which says 50 and has 25."""
-    (tmp_path / "walk.trc").write_text(TEXT.replace("\t6\t8", "\t50\t8"))
-    found = read_trc(tmp_path / "walk.trc")
-    assert len(found.places) == 6
-    assert found.notes == ("its header says 50 frames, and it has 6, which are read",)
-
-
-def test_trc_times_of_another_rate_are_noted(tmp_path: Path) -> None:
-    (tmp_path / "walk.trc").write_text(TEXT.replace("100.00", "50.00"))
-    notes = read_trc(tmp_path / "walk.trc").notes
-    assert notes == ("its frames are 0.01 s apart by their times, and 0.02 s by DataRate",)
-
-
-def test_markers_of_odd_size_need_a_unit(tmp_path: Path) -> None:
-    np.savez(tmp_path / "walk.npz", markers=PLACES / 1e5, labels=np.array(LABELS))
-    with pytest.raises(BadFile, match=r"reach 0.0167, in a unit that is not known"):
-        read_markers(tmp_path / "walk.npz")
-    found = read_markers(tmp_path / "walk.npz", unit="m")
-    assert found.notes[0].startswith("the unit m was given")

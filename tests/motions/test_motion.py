@@ -1,28 +1,21 @@
 """Motions: frames, names, bones, and what is refused."""
 
-from dataclasses import replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 import workbench as wb
+from builder.recordings import recorded_motions
 from tests.motions.made_files import random_motion
 from tests.tiers import few
-from workbench import load_body
-from workbench.arrays import Array
 from workbench.bodies.files.joint_names import BODY, HANDS
 from workbench.errors import BadArgument, BadFile
-from workbench.fitting import MarkerFit
-from workbench.fitting.setup import Moving
 from workbench.geometry.guesses import UP_TO_Y
-from workbench.motions import Bones, Motion, bones_of, read_motion
+from workbench.motions import Bones, Motion, bones_of
 from workbench.motions.motion import without_gaps
-from workbench.plots import plot_motion
-from workbench.plots.style import drawn
-from workbench.priors.recordings import recorded_motions
 
 SMALL = wb.load_body("small")
 
@@ -228,67 +221,3 @@ def test_recordings_are_cut_at_bad_frames(tmp_path: Path) -> None:
     for wrong in ({"fps": np.array(0.0)}, {"poses": np.zeros((12, 71))}):
         with pytest.raises(BadFile, match="is no recording in the layout described"):
             recorded_motions(recording(tmp_path / "mocap.npz", **wrong))
-
-
-def test_marker_fits_become_motions(tmp_path: Path) -> None:
-    motion = random_motion(SMALL.n_joints, SMALL.joint_names)
-    pose, trans = motion.pose.copy(), motion.trans.copy()
-    pose[3], trans[3] = np.nan, np.nan
-    nothing = cast(Any, None)
-    found = MarkerFit(pose, trans, motion.betas, nothing, nothing, nothing)
-    filled = found.motion(SMALL, 60.0)
-    np.testing.assert_array_equal(filled.pose[4], motion.pose[4])
-    assert filled.notes == ("1 of 6 frames were not found, and are interpolated",)
-    blocks = (block.name for block in SMALL.blocks())
-    values = dict(zip(blocks, (motion.pose, motion.betas, motion.trans), strict=True))
-    moved = Moving(SMALL, (), 60.0).motion(values)
-    np.testing.assert_array_equal(moved.vertices(SMALL), motion.vertices(SMALL))
-    np.savez(  # as `workbench fit` writes it for markers
-        tmp_path / "motion.npz",
-        poses=pose,
-        trans=trans,
-        betas=motion.betas,
-        fps=60.0,
-        joint_names=np.array(SMALL.joint_names),
-        up_axis="y",
-    )
-    np.testing.assert_allclose(read_motion(tmp_path / "motion.npz").pose, filled.pose, atol=1e-12)
-
-
-@pytest.mark.thorough
-def test_plot_of_a_motion_is_a_strip() -> None:
-    motion = random_motion(SMALL.n_joints, SMALL.joint_names, 20)
-    places: Array = motion.joints(SMALL)
-    pairs = np.array(list(enumerate(SMALL.parents)))[1:]
-    ax = drawn(lambda ax: plot_motion(places, pairs, 10.0, ax=ax), 8, 2).axes[0]
-    assert len(ax.collections) == 8
-    middles = [np.mean(np.concatenate(c.get_segments())[:, 0]) for c in ax.collections]  # type: ignore[attr-defined]
-    assert np.all(np.diff(middles) > 0.5)
-    heights = np.concatenate(ax.collections[0].get_segments())[:, 1]  # type: ignore[attr-defined]
-    assert heights.max() == pytest.approx(places[0, :, 1].max())
-    assert ax.texts[-1].get_text() == "1.90 s"
-
-
-BODY_JOINTS = load_body("small").joint_names
-
-
-def motion(names: tuple[str, ...]) -> Motion:
-    rng = np.random.default_rng(0)
-    pose = 0.1 * rng.normal(size=(3, len(names), 3))
-    return Motion(pose, np.zeros((3, 3)), 30.0, names, np.zeros(10))
-
-
-def test_motion_with_few_known_joints_is_refused() -> None:
-    names = tuple(name if k < 2 else f"bone{k}" for k, name in enumerate(BODY_JOINTS))
-    with pytest.raises(BadArgument, match=r"2 have a partner.*rename the joints"):
-        motion(names).named(load_body("small"))
-
-
-def test_motion_of_a_part_is_played_and_the_rest_is_noted() -> None:
-    part = BODY_JOINTS[:14]
-    played = motion(part).named(load_body("small"))
-    assert played.joint_names == BODY_JOINTS
-    np.testing.assert_array_equal(played.pose[:, :14], motion(part).pose)
-    assert any("stay at rest" in note for note in played.notes)
-    again = replace(played).named(load_body("small"))
-    np.testing.assert_array_equal(again.pose, played.pose)

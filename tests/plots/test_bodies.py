@@ -1,20 +1,32 @@
-"""Bodies on paper: to scale, upright, seen from where it says."""
+"""Bodies on paper and over images, registered scans, and names as users write them."""
 
+from dataclasses import replace
+
+import matplotlib
 import numpy as np
 import pytest
-from matplotlib.collections import PolyCollection
+from matplotlib.collections import LineCollection, PathCollection, PolyCollection
 
+from tests.outcomes_made_up import outcome_made_up
+from workbench.lectures.material.basins import BasinMap, caption_basins, grid, plot_basins
 from workbench.plots import (
     caption_body,
     caption_distances,
     caption_shape_gallery,
     plot_distances,
+    plot_overlay,
     plot_shape_gallery,
-    plot_stitching,
     png,
     sheet,
+    smallest,
+    svg,
 )
-from workbench.plots.body import back, front, lightness, plot_body, shape_gallery_sheet, side
+from workbench.plots.body import back, front, plot_body, shape_gallery_sheet, side
+from workbench.plots.scans import plot_joint_cost
+from workbench.plots.style import house_style, plain
+from workbench.plots.views import reprojection
+from workbench.registration import Stopped
+from workbench.training.execution import LogEntry
 
 pytestmark = pytest.mark.browser
 
@@ -65,14 +77,6 @@ def test_looks_turn_and_do_not_mirror(look, across, towards) -> None:
     assert np.linalg.det(turned) == pytest.approx(1)
 
 
-def test_lightness_depends_on_the_angle_to_the_light() -> None:
-    square = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], dtype=float)
-    edge_on = square[:, [2, 1, 0]]
-    face = np.array([[0, 1, 2]])
-    assert lightness(square, face) > lightness(edge_on, face)
-    np.testing.assert_allclose(lightness(square, face), lightness(square, face[:, ::-1]))
-
-
 @pytest.mark.thorough
 def test_shapes_stand_side_by_side_on_one_scale() -> None:
     shapes = {"mean": CUBE, "tall $1$ 高": CUBE * [1, 1.5, 1], "wide": CUBE * [2, 1, 1]}
@@ -99,12 +103,113 @@ def test_distances_have_a_scale_in_millimetres() -> None:
     assert "farthest is 7 mm off" in caption_distances(distances)
 
 
-def test_stitching_draws_torn_triangles() -> None:
-    whole = CUBE[FACES]
-    middle = whole.mean(axis=1, keepdims=True)
-    torn = middle + 0.5 * (whole - middle)
-    _, (ax,) = sheet(6, 4)
-    plot_stitching({"template": whole, "torn": torn}, ax=ax)
-    first, second = painted(ax)
-    assert len(first) == len(second) == len(FACES)
-    np.testing.assert_allclose(np.ptp(first, axis=1), 2 * np.ptp(second, axis=1), atol=1e-12)
+def test_overlay_draws_points_where_they_are() -> None:
+    outcome = outcome_made_up()
+    for i, overlay in enumerate(outcome.overlays):
+        _, (ax,) = sheet(4, 5)
+        assert plot_overlay(outcome, i, ax=ax) is ax
+        crosses, circles = (c for c in ax.collections if isinstance(c, PathCollection))
+        np.testing.assert_array_equal(crosses.get_offsets(), overlay.projected)
+        seen = overlay.view.confidence > 0
+        assert not seen.all()
+        np.testing.assert_array_equal(circles.get_offsets(), overlay.view.observed[seen])
+        np.testing.assert_array_equal(circles.get_edgecolor()[:, 3], overlay.view.confidence[seen])
+        (pairs,) = (c for c in ax.collections if isinstance(c, LineCollection))
+        np.testing.assert_array_equal(
+            np.array(pairs.get_segments())[:, 0], overlay.view.observed[seen]
+        )
+
+
+def test_overlay_paints_the_body_from_far_to_near() -> None:
+    outcome = outcome_made_up()
+    overlay, faces = outcome.overlays[0], outcome.setup.body.faces
+    _, (ax,) = sheet(4, 5)
+    plot_overlay(outcome, 0, ax=ax)
+    (mesh,) = (c for c in ax.collections if isinstance(c, PolyCollection))
+    painted = np.array([path.vertices[:3] for path in mesh.get_paths()])
+    far_first = faces[np.argsort(-overlay.depth[faces].sum(axis=1), kind="stable")]
+    np.testing.assert_allclose(painted, overlay.surface[far_first], rtol=1e-12)
+    assert mesh.get_rasterized()
+
+
+def test_reprojection_counts_confident_keypoints() -> None:
+    overlay = outcome_made_up().overlays[0]
+    off = np.zeros((24, 2))
+    off[:, 0] = np.where(overlay.view.confidence > 0.2, 3.0, 1000.0)
+    moved = replace(overlay, view=replace(overlay.view, observed=overlay.projected + off))
+    error, count = reprojection(moved)
+    assert error == pytest.approx(3.0)
+    assert count == int(np.sum(overlay.view.confidence > 0.2))
+
+
+def made_up(*axes: str, within: float = 60.0) -> BasinMap:
+    """Starts up to an angle end at the truth, the others half a turn away."""
+    angles = grid(axes, 30.0)
+    found = np.abs(angles).max(axis=1) <= within
+    S = len(angles)
+    ends = np.where(found, 0.1, 180.0), np.where(found, 1e-4, 0.4)
+    return BasinMap(axes, angles, *ends, np.full(S, 9), (Stopped.SETTLED,) * S)
+
+
+def test_basins_fill_starts_that_end_at_the_truth() -> None:
+    figure, (ax,) = sheet(6, 4)
+    assert plot_basins([made_up("y"), made_up("z", within=30)], ax=ax) is ax
+    assert png(figure).startswith(b"\x89PNG")
+    line, filled, empty, *others = ax.get_lines()
+    assert line.get_xdata().tolist() == list(range(-150, 181, 30))
+    assert filled.get_xdata().tolist() == [-60, -30, 0, 30, 60]
+    assert set(empty.get_ydata()) == {180.0}
+    assert empty.get_markerfacecolor() == "white"
+    assert others[1].get_xdata().tolist() == [-30, 0, 30]
+    legend = ax.get_legend()
+    assert legend is not None
+    assert [text.get_text() for text in legend.get_texts()] == ["about y", "about z"]
+    assert "degrees" in ax.get_xlabel()
+    assert "degrees" in ax.get_ylabel()
+
+
+def test_caption_says_how_far_a_basin_reaches() -> None:
+    nowhere = made_up("z", within=-1)
+    said = caption_basins([made_up("y"), nowhere])
+    assert "truth for angles up to 60 degrees about y; for no range of angles about z." in said
+    assert "within 20 mm on average" in said
+
+
+def test_joint_cost_draws_more_terms_than_there_are_marks() -> None:
+    costs = {f"E_{k}": 1.0 + k for k in range(12)}
+    _, (ax,) = sheet(4, 3)
+    plot_joint_cost([LogEntry("model", costs, {name: 0.5 for name in costs}, {}, 0.0)], ax=ax)
+    assert len(ax.get_lines()) == 13
+    assert ax.get_lines()[0].get_ydata().tolist() == [78.0, 6.0]
+
+
+def test_dollars_are_no_mathematics() -> None:
+    figure, (ax,) = sheet(3, 2)
+    ax.set_title(plain(r"$\frac{$ 左"))
+    ax.plot(np.arange(3))
+    assert png(figure)
+    assert svg(figure)
+
+
+def test_the_users_own_style_is_left_alone() -> None:
+    before = dict(matplotlib.rcParams)
+    with house_style():
+        assert matplotlib.rcParams["legend.frameon"] is False
+    assert dict(matplotlib.rcParams) == before
+
+
+def test_the_same_figure_is_the_same_bytes() -> None:
+    def drawn() -> bytes:
+        figure, (ax,) = sheet(3, 2)
+        ax.plot(np.arange(3))
+        return svg(figure)
+
+    assert drawn() == drawn()
+
+
+def test_lines_are_kept_as_lines_and_paint_as_pixels() -> None:
+    figure, (ax,) = sheet(3, 2)
+    (line,) = ax.plot(np.arange(3))
+    assert smallest(figure) == (svg(figure), "image/svg+xml")
+    line.set_rasterized(True)
+    assert smallest(figure)[1] == "image/png"

@@ -15,13 +15,11 @@ from workbench.plots.comparison import (
     caption_cost_traces,
     caption_data_profile,
     caption_performance_profile,
-    caption_verdicts,
     cost_traces_sheet,
     curves_sheet,
     plot_cost_traces,
     plot_data_profile,
     plot_performance_profile,
-    plot_verdicts,
     verdicts_sheet,
 )
 from workbench.plots.style import sheet
@@ -70,32 +68,6 @@ def test_cost_traces_begin_at_the_first_point_and_never_rise(found: Comparison, 
     assert y[-1] == LOWEST
     assert (np.diff(y) <= 0).all()
     assert "one run of each solver" in caption_cost_traces(found, "p")
-
-
-def test_bars_are_as_long_as_there_are_runs(found: Comparison, ax: Axes) -> None:
-    plot_verdicts(found, ax=ax)
-    length: dict[float, float] = {}
-    for bar in ax.patches:
-        length[bar.get_y()] = length.get(bar.get_y(), 0) + bar.get_width()
-    assert len(set(length.values())) == 1
-
-
-def test_caption_of_verdicts_explains_the_colours_that_are_there() -> None:
-    for solvers in (("good",), ("$x$ 左",), ("bad",), ("good", "bad")):
-        runs = {k: v for k, v in RUNS.items() if k[1] in solvers}
-        some = comparison(runs, basins={k: 1 for k in runs if k == ("p", "$x$ 左")})
-        ax = sheet(4, 3)[1][0]
-        plot_verdicts(some, ax=ax)
-        there = set(ax.get_legend_handles_labels()[1])
-        said = caption_verdicts(some).lower()
-        for colour, label in (
-            ("green", "reached"),
-            ("light blue", "other basin"),
-            ("vermillion", "false claim"),
-            ("grey", "no answer"),
-        ):
-            assert (colour in said) == (label in there), (solvers, colour)
-        assert ("no run claims" in said) == ("false claim" not in there)
 
 
 WHATEVER = {

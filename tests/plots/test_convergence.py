@@ -7,9 +7,9 @@ import pytest
 
 from tests.outcomes_made_up import outcome_made_up
 from workbench.fitting.setup import MANY
-from workbench.plots import caption_convergence, png, sheet
+from workbench.plots import sheet
 from workbench.plots.palette import solver_styles
-from workbench.plots.solutions import best_cost, convergence_sheet, gap, plot_convergence
+from workbench.plots.solutions import plot_convergence
 from workbench.reports.page import page
 from workbench.reports.replay import Recording
 from workbench.reports.run import solvers_table
@@ -82,40 +82,3 @@ def test_a_solver_has_one_colour_everywhere() -> None:
     assert ax.get_lines()[2].get_color() == every["gauss-newton"].color
     html = page("replay_page.html", title="", said=(), recording=NOTHING, without="")
     assert f'"gauss-newton": "{every["gauss-newton"].color}"' in html
-
-
-def test_gap_is_relative_to_the_best_of_all() -> None:
-    solutions = {"a": solution([10.0, 2.0]), "b": solution([10.0, 0.0])}
-    assert best_cost(solutions) == 0.0
-    np.testing.assert_allclose(gap(solutions["a"], solutions), [1.0, 0.2])
-    np.testing.assert_allclose(gap(solutions["b"], solutions), [1.0, 0.0])
-
-
-@pytest.mark.thorough
-def test_any_course_of_costs_can_be_drawn() -> None:
-    for costs in (
-        [5.0],
-        [0.0],
-        [1.0, float("inf"), float("nan"), 0.5],
-        list(np.geomspace(1e8, 1e-30, 500)),
-        [-1.0, -2.0],
-    ):
-        solutions = {"only": solution(costs, Status.MAX_ITERATIONS)}
-        convergence_sheet(solutions).draw_without_rendering()
-        assert caption_convergence(solutions)
-
-
-def test_solver_without_a_trace_has_only_a_name() -> None:
-    never = replace(solution([1.0]), trace=(), cost=float("inf"), status=Status.RAISED)
-    figure = convergence_sheet({"a": solution([2.0, 1.0]), "never": never})
-    assert png(figure).startswith(b"\x89PNG")
-    (legend,) = figure.legends
-    assert [t.get_text() for t in legend.get_texts()] == ["a: converged", "never: raised"]
-    assert "No solver found" in caption_convergence({"never": never})
-
-
-def test_caption_ranks_no_solver_by_the_clock() -> None:
-    quick, slow = solution([2.0, 1.0]), replace(solution([2.0, 1.0]), seconds=3.0)
-    said = caption_convergence({"a": quick, "b": slow})
-    assert said == caption_convergence({"a": slow, "b": quick})
-    assert "1.00 to 3.00 s as measured" in said

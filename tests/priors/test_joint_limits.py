@@ -7,18 +7,16 @@ import numpy as np
 import pytest
 
 import workbench
-from builder.hands.sets import HandPoses
-from builder.joint_limits import anatomical, recorded
+from builder.joint_limits import anatomical
 from builder.joint_limits import hand_limits as built
 from builder.pose_priors import mirrored_pose
 from workbench import Block, LevenbergMarquardt, Problem, load_body, residuals
 from workbench.bodies import hand_motions, is_hand
 from workbench.bodies.catalogue import load_skinned
-from workbench.errors import BadArgument, BadBody, BadResidual, UnknownName
+from workbench.errors import BadArgument, BadBody, UnknownName
 from workbench.fitting import usual_priors
 from workbench.geometry.mirror import AXIAL, opposites
-from workbench.priors.joint_limits import JointLimits, hand_limits, joint_limits
-from workbench.priors.recordings import PoseRecording
+from workbench.priors.joint_limits import hand_limits, joint_limits
 
 FOLDER = Path(workbench.__file__).parent / "data" / "joint_limits"
 BODY = load_body("small")
@@ -82,22 +80,6 @@ def test_limits_are_on_the_side_of_their_motion() -> None:
         assert away @ direction > 0.5 * np.linalg.norm(away) > 0
 
 
-def test_recorded_limits_are_the_extremes() -> None:
-    rng = np.random.default_rng(0)
-    poses = 0.3 * rng.normal(size=(400, 24, 3))
-    poses[:, NAMES.index("left_foot")] = 0
-    content = recorded(PoseRecording(poses, np.arange(400) // 50, tuple("abcdefgh"), NAMES))
-    rows = {(row["joint"], row["axis"]): row for row in content["limits"]}
-    knee = np.degrees(poses[:, NAMES.index("left_knee"), 0])
-    assert rows["left_knee", "x"]["lower"] == pytest.approx(knee.min(), abs=0.06)
-    assert rows["left_knee", "x"]["percentile_99"] == pytest.approx(
-        np.percentile(knee, 99), abs=0.06
-    )
-    assert ("left_foot", "x") not in rows  # does not move
-    assert ("pelvis", "x") not in rows  # is where the body is
-    assert content["clips"] == 8
-
-
 def test_limits_are_bounds_of_a_pose() -> None:
     limits = joint_limits("anatomical")
     lower, upper = limits.bounds(POSE)
@@ -117,16 +99,6 @@ def test_limits_are_bounds_of_a_pose() -> None:
         joint_limits("canine")
 
 
-def test_sets_of_limits_combine() -> None:
-    a = JointLimits({("knee", 0): (0.0, 2.0), ("hip", 2): (-np.inf, 0.8)}, {"a": ""})
-    b = JointLimits({("knee", 0): (-1.0, 1.0), ("hip", 2): (-0.5, 0.6), ("neck", 1): (-1, 1)}, {})
-    both = a.over(b)
-    assert both.limits["knee", 0] == (0.0, 2.0)
-    assert both.limits["hip", 2] == (-0.5, 0.8)
-    assert both.limits["neck", 1] == (-1, 1)
-    assert a.widened(0.1).limits["knee", 0] == (-0.1, 2.1)
-
-
 def test_limits_keep_knees_from_bending_backwards() -> None:
     """The joints of a body whose left knee bends the wrong way, with the limits and without."""
     backwards = np.zeros((24, 3))
@@ -139,7 +111,7 @@ def test_limits_keep_knees_from_bending_backwards() -> None:
     )
     start = BODY.start() | {"observed": BODY.joints(pose=backwards)}
     found = {}
-    for limits in (None, {"pose": joint_limits().over(joint_limits("recorded")).bounds(POSE)}):
+    for limits in (None, {"pose": joint_limits().bounds(POSE)}):
         solution = LevenbergMarquardt().solve(Problem(terms, ("pose",), limits), start)
         assert solution.converged
         found[limits is None] = solution.values["pose"][NAMES.index("left_knee"), 0]
@@ -198,26 +170,16 @@ def test_motions_of_hands_go_where_named() -> None:
 
 @pytest.mark.parametrize("body", [HAND, LEFT], ids=lambda body: body.name)
 def test_backward_bends_are_beyond_limits(body: workbench.SkinnedBody) -> None:
-    assert not LIMITS.beyond(body, np.zeros((16, 3))).any()
+    term = LIMITS.residual(body, sigma=0.1)
+    problem = Problem([term], ("pose",))
+    assert not problem.linearize({"pose": np.zeros((16, 3))}).residual.any()
     (axis,) = (m.axis for m in hand_motions(body) if m.joint == "index2" and m.motion == "flexion")
     pose = np.zeros((16, 3))
     pose[body.joint_names.index("index2")] = -0.3 * axis
-    term = LIMITS.residual(body, sigma=0.1)
-    problem = Problem([term], ("pose",))
-    beyond = LIMITS.beyond(body, pose)
+    beyond = 0.1 * problem.linearize({"pose": pose}).residual
     assert beyond.min() == pytest.approx(-0.3)
     assert np.count_nonzero(beyond) == 1
-    found = problem.linearize({"pose": pose})
-    np.testing.assert_allclose(found.residual * 0.1, beyond, atol=1e-12)
     assert term.label(int(beyond.argmin())) == "hand limits[index2, flexion]"
-
-
-def test_training_poses_are_mostly_within_limits() -> None:
-    poses = HandPoses(HAND.joints(), HAND.landmark("tips")).draw(2000, np.random.default_rng(5))
-    beyond = np.abs(LIMITS.beyond(HAND, poses))
-    assert beyond.shape == (2000, 43)
-    assert np.count_nonzero(beyond) <= 10
-    assert np.degrees(beyond.max()) < 5
 
 
 def test_only_hands_have_hand_limits() -> None:
@@ -234,17 +196,3 @@ def test_only_hands_have_hand_limits() -> None:
         LIMITS.residual(person)
     with pytest.raises(BadBody, match="no joints left_wrist"):
         hand_motions(HAND, "left_")
-
-
-def test_limits_of_expressions_name_what_is_beyond() -> None:
-    x = Block("x", (2,))
-    term = residuals.limits(
-        2 * x.symbol, [-1, -np.inf], [1, np.inf], sigma=0.5, unit="rad", labels=("first", "second")
-    )
-    assert (term.size, term.unit, term.labels) == (1, "rad", ("first",))
-    found = Problem([term], ("x",)).linearize({"x": np.array([2.0, 9.0])})
-    np.testing.assert_allclose(found.residual, [(4 - 1) / 0.5])
-    with pytest.raises(BadResidual, match="a column"):
-        residuals.limits(x.symbol.T, -1, 1, sigma=1, labels=("first", "second"))
-    with pytest.raises(BadResidual, match="second has the lower limit 2"):
-        residuals.limits(x.symbol, [0, 2], [1, 1], sigma=1, labels=("first", "second"))

@@ -1,10 +1,10 @@
-"""Priors on poses, a Gaussian, a mixture and a t: as learned, and as shipped."""
+"""Priors on poses, a Gaussian and a mixture: as learned, and as shipped."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.stats import multivariate_normal, multivariate_t
+from scipy.stats import multivariate_normal
 
 import workbench
 from builder.pose_priors import (
@@ -12,24 +12,20 @@ from builder.pose_priors import (
     UNMEASURED_STD,
     learn_pose_gaussian,
     learn_pose_mixture,
-    learn_pose_student,
     mirrored_pose,
     save_pose_gaussian,
     save_pose_mixture,
 )
+from builder.recordings import ELBOW_LIMIT, PoseRecording, read_recording
 from workbench.errors import BadFile
-from workbench.geometry.mirror import AXIAL, opposites
+from workbench.lectures.material.teacher import JOINT_NAMES, MIRRORED_JOINTS
 from workbench.priors.poses import (
     GAUSSIAN_FILE,
     MIXTURE_FILE,
     draw_poses,
     read_pose_gaussian,
     read_pose_mixture,
-    shipped_gaussian,
-    shipped_student,
 )
-from workbench.priors.recordings import ELBOW_LIMIT, PoseRecording, read_recording
-from workbench.synthetic.teacher import JOINT_NAMES, MIRRORED_JOINTS
 
 SHIPPED = Path(workbench.__file__).parent / "data" / "poses" / GAUSSIAN_FILE
 
@@ -170,37 +166,3 @@ def test_shipped_mixture_draws_poses_and_comes_back(tmp_path: Path) -> None:
     (tmp_path / "bad.npz").write_bytes(b"PK")
     with pytest.raises(BadFile, match="no mixture"):
         read_pose_mixture(tmp_path / "bad.npz")
-
-
-def test_student_density_is_that_of_scipy() -> None:
-    prior = shipped_student()
-    at = prior.mean + 0.3 * np.random.default_rng(0).normal(size=(4, len(prior.mean)))
-    expected = multivariate_t(prior.mean, prior.scale, df=prior.dof).logpdf(at)
-    np.testing.assert_allclose(prior.log_density(at), expected, rtol=1e-9)
-
-
-@pytest.mark.thorough
-def test_student_learns_the_tails() -> None:
-    """Two joints that move as a t of three degrees of freedom, and far more than another two."""
-    rng = np.random.default_rng(1)
-    clips, frames = 16, 60
-    n = clips * frames
-    poses = np.zeros((n, 24, 3))
-    scale = np.sqrt(3.0 / rng.chisquare(3.0, size=n))[:, None]
-    for joint, sd in (("spine1", 0.2), ("spine2", 0.1)):
-        poses[:, JOINT_NAMES.index(joint)] = sd * scale * rng.normal(size=(n, 3))
-    names = tuple(f"{k:02}" for k in range(clips))
-    found = learn_pose_student(PoseRecording(poses, np.arange(n) // frames, names, JOINT_NAMES))
-    assert found.joint_names == ("spine1", "spine2")
-    assert 2.3 < found.dof < 3.9
-    np.testing.assert_allclose(np.sqrt(np.diag(found.scale))[[0, 3]], [0.2, 0.1], rtol=0.1)
-
-
-def test_shipped_student_is_symmetric() -> None:
-    prior, normal = shipped_student(), shipped_gaussian()
-    assert set(prior.joint_names) == set(normal.joint_names) - set(normal.unmeasured)
-    assert (prior.n_frames, prior.held_out) == (normal.n_frames, normal.held_out)
-    turned = prior.mean.reshape(-1, 3)[opposites(prior.joint_names)] * AXIAL
-    np.testing.assert_allclose(turned.ravel(), prior.mean, atol=1e-6)
-    assert 3 < prior.dof < 5
-    assert np.linalg.eigvalsh(prior.scale).min() > 1e-5

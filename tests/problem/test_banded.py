@@ -14,8 +14,7 @@ from tests.problem.sequences import (
     values,
 )
 from tests.tiers import few
-from workbench import residuals
-from workbench.problem import steps, storage
+from workbench.problem import storage
 from workbench.problem.banded import BandedMatrix, BandOrder, BlockMatrix
 
 Array = np.ndarray
@@ -179,15 +178,6 @@ def test_blocks_of_frames_answer_as_the_dense_jacobian(blocked: wb.Linearization
     np.testing.assert_allclose(blocked.row(50), J[50], rtol=0, atol=near)
 
 
-@pytest.mark.parametrize("damping", [0.0, 1e-3])
-def test_banded_step_is_the_dense_one(blocked: wb.Linearization, damping: float) -> None:
-    D = np.linspace(0.5, 3, blocked.shape[1])
-    step = steps.automatic(blocked, damping, D)
-    assert step.by == "band cholesky"
-    expected = as_array(blocked).step(damping, D)
-    np.testing.assert_allclose(step.p, expected, rtol=0, atol=1e-10 * np.abs(expected).max())
-
-
 def test_held_frames_leave_a_band(monkeypatch: pytest.MonkeyPatch) -> None:
     in_blocks_of_frames(monkeypatch)
     whole = wb.sequence([frame()] * 4, shared=SHARED, between=SMOOTH)
@@ -201,67 +191,3 @@ def test_held_frames_leave_a_band(monkeypatch: pytest.MonkeyPatch) -> None:
         here = assert_numbers(part, values(4))
         step, expected = here.step(1e-2), as_array(here).step(1e-2)
         np.testing.assert_allclose(step, expected, rtol=0, atol=1e-10 * np.abs(expected).max())
-
-
-def test_step_of_dependent_columns_is_the_shortest(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Joints alone see no twist: no factor, and products with J take its place."""
-    in_blocks_of_frames(monkeypatch)
-    one = frame().without("image", "pose prior")
-    whole = wb.sequence([one] * 3, shared="betas")
-    given = {n: v for n, v in values(3).items() if n in whole.known}
-    here = whole.linearize(given)
-    assert isinstance(here.normal, BandedMatrix)
-    assert here.normal.factorized() is None
-    step = steps.automatic(here, 0.0, np.ones(here.shape[1]))
-    assert step.by == "lsmr"
-    expected = as_array(here).step()
-    np.testing.assert_allclose(step.p, expected, atol=1e-5 * np.abs(expected).max())
-    assert here.rank == as_array(here).rank < here.shape[1]
-
-
-def test_blocks_find_what_is_not_finite(blocked: wb.Linearization) -> None:
-    J = blocked.jacobian
-    assert isinstance(J, BlockMatrix)
-    J.blocks[0][1, 2, 3] = np.nan
-    found = wb.Linearization(blocked.residual, J)
-    assert not found.finite
-    row, column = J.places[0].rows[1, 2], J.places[0].columns[1, 3]
-    assert found.not_finite == [(int(row), int(column))]
-    assert found.normal.factorized() is None
-
-
-@pytest.mark.thorough
-def test_long_sequences_are_stored_by_blocks() -> None:
-    """Without being forced: 150 frames, one of which is not like the others."""
-    each = [frame()] * 150
-    each[40] = frame().without("image")
-    whole = wb.sequence(each, shared=SHARED, between=SMOOTH)
-    assert whole.sparse
-    here = whole.linearize(values(150))
-    assert isinstance(here.jacobian, BlockMatrix)
-    assert here.jacobian.entries.size < here.shape[0] * here.shape[1] / 20
-    found = wb.solve(whole, values(150), wb.LevenbergMarquardt(max_iterations=10))
-    assert found.cost < found.trace[0].cost / 3
-    assert {i.linear_algebra for i in found.trace[1:]} == {"band cholesky"}
-
-
-def test_smooth_number_has_a_tridiagonal_matrix(monkeypatch: pytest.MonkeyPatch) -> None:
-    """x_t seen with sigma 1, differences with sigma s: J'J is known by heart."""
-    in_blocks_of_frames(monkeypatch)
-    x, y = wb.Block("x"), wb.Block("y")
-    one = wb.Problem((wb.Residual("seen", x.symbol - y.symbol, 1.0),), ("x",), blocks=(x, y))
-    T, s = 7, 0.5
-    whole = wb.sequence([one] * T, between=[residuals.smooth("x", sigma=s)])
-    seen = np.random.default_rng(0).standard_normal(T)
-    here = whole.linearize({"x": np.zeros(T), "y": seen})
-    D = np.diff(np.eye(T), axis=0) / s
-    A = np.eye(T) + D.T @ D
-    np.testing.assert_allclose(storage.dense(here.normal), A, atol=1e-14)
-    assert here.normal.order.reach == 1
-    np.testing.assert_allclose(here.step(), np.linalg.solve(A, seen), atol=1e-14)
-    factor = here.normal.factorized()
-    assert factor is not None
-    half = factor.half_times(np.eye(T))
-    np.testing.assert_allclose(half @ half.T, np.linalg.inv(A), atol=1e-14)

@@ -7,8 +7,6 @@ import pytest
 import workbench as wb
 from tests.compilers import NEEDS_A_COMPILER
 from tests.tiers import THOROUGH
-from workbench.blocks.functions import Mapped
-from workbench.blocks.simd import simd_function
 from workbench.problem.costs import CostMethod, compiled, interpreted
 from workbench.residuals import geman_mcclure, huber
 
@@ -125,16 +123,3 @@ def test_costs_of_points_that_read_no_block() -> None:
     problem = wb.Problem([still, moving], "far")
     x, fixed = problem.split({"far": [3.0]})
     np.testing.assert_allclose(problem.costs(x, fixed)(np.array([[3.0], [2.0]])), [8.5, 2.5])
-
-
-@pytest.mark.thorough
-@NEEDS_A_COMPILER
-def test_long_compiled_functions_are_cut_into_pieces() -> None:
-    x = cs.SX.sym("x", 4)
-    value, early = x[0], x[1] * 1.5
-    for i in range(3000):
-        value = cs.sin(value) * x[i % 4] + 1e-3 * i
-    f = cs.Function("long", [x], [value + early])
-    X = np.random.default_rng(0).standard_normal((9, 4))
-    (fast,), (slow,) = simd_function(f, (False,))(X), Mapped(f, (False,))(X)
-    np.testing.assert_allclose(fast, slow, rtol=1e-9)

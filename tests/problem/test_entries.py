@@ -8,11 +8,10 @@ import workbench as wb
 from tests.bodies_made_up import smpl_like_body
 from tests.problem.test_chain import assert_same
 from tests.tiers import few
-from workbench import SOLVERS, Staged, residuals
+from workbench import SOLVERS, residuals
 from workbench.blocks import Layout
 from workbench.blocks.layout import entries
 from workbench.errors import BadBounds, MissingValue, ShapeMismatch, UnknownName
-from workbench.problem import Constraint
 
 BODY = smpl_like_body()
 POSE, BETAS, TRANS = (block.symbol for block in BODY.blocks())
@@ -120,15 +119,6 @@ def test_free_entries_keep_labels_and_units(free: tuple[str, ...]) -> None:
     assert entries(part.free, part.free.spelled()).tolist() == list(range(part.free.size))
 
 
-def test_entries_named_twice_are_free_once() -> None:
-    assert problem(("pose[pelvis]", "pose[pelvis, x]", "pose[0]")).free.size == 3
-    assert problem(("pose[pelvis]", "pose")).free.size == 72
-    every = tuple(f"betas[{i}]" for i in range(4))
-    found = problem(every)
-    assert found.free.blocks[0] is BODY.blocks()[1]  # all of it is the block itself
-    assert "betas" not in found.fixed.names
-
-
 # Numbers.
 
 
@@ -167,19 +157,6 @@ def test_jacobian_has_the_columns_of_free_entries(free: tuple[str, ...]) -> None
     assert part.optimality(x, part.linearize_at(x, fixed)) < 1e-6
 
 
-@EACH
-def test_costs_and_gradients_of_many_points(free: tuple[str, ...]) -> None:
-    part = problem(free)
-    x, fixed = part.split(start())
-    z = x + np.random.default_rng(1).normal(scale=0.1, size=(3, x.size))
-    expected = [part.linearize_at(one, fixed).cost for one in z]
-    np.testing.assert_allclose(part.costs(x, fixed)(z), expected, rtol=1e-10)
-    costs, slopes = part.cost_gradients(x, fixed)(z)
-    np.testing.assert_allclose(costs, expected, rtol=1e-10)
-    gradient = part.cost_and_gradient(z[1], fixed)[1]
-    np.testing.assert_allclose(slopes[1], gradient, rtol=0, atol=1e-9 * np.abs(gradient).max())
-
-
 # Bounds and constraints.
 
 
@@ -207,22 +184,6 @@ def test_bounds_of_blocks_and_of_entries() -> None:
         problem(("pose",), bounds={"pose[tail]": (0, 1)})
 
 
-def test_constraints_have_the_columns_of_free_entries() -> None:
-    # the hands meet: what the arms' free entries can do about it
-    joints = BODY.joint_points(POSE, BETAS, TRANS)
-    apart = Constraint(
-        "apart", joints.symbol[:, 22] - joints.symbol[:, 23], 0.0, 0.0, points=(joints,)
-    )
-    part = problem(("pose[left_shoulder]", "trans"), constraints=[apart])
-    whole = problem(("pose", "trans"), constraints=[apart])
-    values = start()
-    here = part.stacked_constraints.linearize(*part.split(values)).jacobian
-    there = whole.stacked_constraints.linearize(*whole.split(values)).jacobian
-    names = [part.free.label(i) for i in range(part.free.size)]
-    where = [[whole.free.label(i) for i in range(whole.free.size)].index(name) for name in names]
-    np.testing.assert_allclose(here, there[:, where], atol=1e-12)
-
-
 # Solvers.
 
 
@@ -242,18 +203,3 @@ def test_solution_has_whole_blocks(name: str) -> None:
     assert solution.trace[-1].values["pose"].shape == (24, 3)
     again = part.linearize(values | solution.values)
     np.testing.assert_allclose(again.cost, solution.cost, rtol=1e-9)
-
-
-def test_stages_take_entries() -> None:
-    whole, values = problem(("trans", "pose", "betas")), start()
-    stages = (("trans", "pose[pelvis]"), ("trans", "pose[0:3]", "betas[0:2]"))
-    seen: list[wb.Values] = []
-    solution = wb.solve(
-        whole, values, solver=Staged(stages), callback=lambda i: seen.append(i.values) and None
-    )
-    first = seen[1]
-    np.testing.assert_array_equal(first["pose"][1:], values["pose"][1:])
-    assert (first["pose"][0] != values["pose"][0]).any()
-    np.testing.assert_allclose(solution.cost, wb.solve(whole, values).cost, rtol=1e-6)
-    with pytest.raises(UnknownName, match=r"no entry is called 'pose\[tail\]'; there are"):
-        wb.solve(whole, values, solver=Staged((("pose[tail]",),)))

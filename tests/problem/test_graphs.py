@@ -1,9 +1,6 @@
 """What is symbolic is handed out whole: the obvious calls of CasADi are right on it."""
 
-import shutil
-import subprocess
 from collections.abc import Callable
-from pathlib import Path
 
 import casadi as cs
 import numpy as np
@@ -14,10 +11,8 @@ from tests.bodies_made_up import random_body
 from tests.residuals.test_every_residual import CASES, Case, near
 from tests.tiers import THOROUGH, few
 from workbench import residuals
-from workbench.blocks.points import scalars_repeated
 from workbench.bodies.triangles.body import blend_scape
 from workbench.errors import BadBody, BadResidual, TwoSymbolsOneName
-from workbench.problem import Constraint
 from workbench.residuals import huber
 
 BODY = random_body(4, n_vertices=20, n_joints=4, n_betas=2)
@@ -96,59 +91,6 @@ def test_broadcast_scalars_keep_their_derivatives(options: dict) -> None:
         np.testing.assert_allclose(found, right, atol=1e-13)
     same = numbers(graph, (x, shift), values)
     np.testing.assert_array_equal(same, numbers(expression, (x, shift), values))
-
-
-@pytest.mark.thorough
-def test_casadi_still_drops_broadcast_scalars() -> None:
-    """The day this fails, `written_out` is no longer needed."""
-    x = cs.MX.sym("x")
-    row = cs.MX.sym("row", 4) + x
-    assert np.count_nonzero(np.asarray(cs.evalf(cs.jacobian(row, x, BACKWARDS)))) == 1
-    assert (
-        np.count_nonzero(np.asarray(cs.evalf(cs.jacobian(scalars_repeated(row), x, BACKWARDS))))
-        == 4
-    )
-    other = cs.vertcat(x, 2 * x)
-    assert scalars_repeated(other) is other
-
-
-# What it is good for.
-
-
-def test_graphs_agree_with_numbers() -> None:
-    asked, values = problem(), somewhere()
-    r = numbers(asked.graph(), BLOCKS, values).ravel()
-    np.testing.assert_allclose(r, asked.linearize(values).residual, rtol=0, atol=1e-12)
-    points = BODY.points(*SYMBOLS).graph()
-    np.testing.assert_allclose(
-        numbers(points, BLOCKS, values).T, BODY.vertices(*values.values()), atol=1e-12
-    )
-    joints = BODY.joint_points(*SYMBOLS)
-    high = Constraint("high", joints.symbol[1, :].T, 0.0, np.inf, points=(joints,))
-    found = numbers(high.graph(), BLOCKS, values).ravel()
-    np.testing.assert_allclose(found, BODY.joints(*values.values())[:, 1], atol=1e-12)
-
-
-def test_graph_of_free_entries_reads_whole_blocks() -> None:
-    asked, values = problem().freeing("pose[joint1]", "trans"), somewhere()
-    J = numbers(cs.jacobian(asked.graph(), SYMBOLS[0]), BLOCKS, values)
-    expected = asked.linearize(values).jacobian[:, asked.free.slices["pose"]]
-    np.testing.assert_allclose(J[:, 3:6], expected, rtol=0, atol=1e-12 * np.abs(J).max())
-
-
-@pytest.mark.thorough
-@pytest.mark.skipif(shutil.which("gcc") is None, reason="no compiler")
-def test_graph_becomes_c_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)  # CasADi writes where one stands
-    asked, values = problem(), somewhere()
-    J = cs.jacobian(asked.graph(), SYMBOLS[0])
-    function = cs.Function("fit", SYMBOLS, [asked.graph(), J])
-    source, made = function.generate("fit.c"), tmp_path / "fit.so"
-    subprocess.run(["gcc", "-shared", "-fPIC", "-O0", source, "-o", made, "-lm"], check=True)
-    r, slopes = cs.external("fit", str(made))(*(values[block.name].T for block in BLOCKS))
-    here = asked.freeing("pose").linearize(values)
-    np.testing.assert_allclose(np.asarray(r).ravel(), here.residual, rtol=0, atol=1e-11)
-    np.testing.assert_allclose(np.asarray(slopes), here.jacobian, rtol=0, atol=1e-10)
 
 
 # What cannot work says so.

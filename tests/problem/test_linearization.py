@@ -9,8 +9,8 @@ from tests.compilers import NEEDS_A_COMPILER
 from tests.tiers import few
 from workbench import Block, Linearization, Problem, Residual, residuals
 from workbench.problem import steps
-from workbench.problem.gram import normal_equations
-from workbench.problem.rounding import Rounding
+from workbench.problem.optimality import Rounding
+from workbench.problem.storage import normal_equations
 
 RNG = np.random.default_rng(0)
 A, B = RNG.normal(size=(10, 4)), RNG.normal(size=10)
@@ -210,15 +210,6 @@ def test_rounding_explains_noiseless_residuals_alone(seed: int) -> None:
     assert 0 < rounding.norm < 1e-9 / 0.002
 
 
-def test_with_residual_keeps_the_normal_matrix() -> None:
-    here = Linearization(B, A)
-    other = here.with_residual(2 * B)
-    assert other.normal is here.normal
-    assert other.cost == pytest.approx(4 * here.cost)
-    np.testing.assert_allclose(other.gradient, 2 * here.gradient)
-    np.testing.assert_allclose(other.step(), 2 * here.step())
-
-
 def conditioned(condition: float, m: int = 40, n: int = 6, seed: int = 0) -> Linearization:
     """A Jacobian of given singular values, in columns of equal length as nearly as may be."""
     rng = np.random.default_rng(seed)
@@ -276,35 +267,6 @@ def test_automatic_choice_is_reported() -> None:
         assert steps.automatic(conditioned(condition), 0.0, np.ones(6)).by == by
 
 
-def test_equal_columns_share_their_step() -> None:
-    """Two equal columns share their step equally, at any damping."""
-    for damping in [1e-14, 1e-2]:
-        rng = np.random.default_rng(1)
-        A = rng.normal(size=(30, 3))
-        here = Linearization(rng.normal(size=30), np.column_stack([A, A[:, 2]]))
-        p = steps.automatic(here, damping, np.ones(4)).p
-        assert p[2] == pytest.approx(p[3], rel=1e-6)
-
-
-def test_triangle_keeps_normal_matrix_and_gradient() -> None:
-    for shape in [(40, 6), (3, 6)]:
-        rng = np.random.default_rng(2)
-        here = Linearization(rng.normal(size=shape[0]), rng.normal(size=shape))
-        d, R, b = here.triangle
-        assert R.shape == (min(shape), shape[1])
-        np.testing.assert_allclose(R.T @ R * np.outer(d, d), here.normal, atol=1e-12)
-        np.testing.assert_allclose(d * (R.T @ b), here.gradient, atol=1e-12)
-
-
-def test_linearization_without_held_entries() -> None:
-    here, p = conditioned(10.0), np.array([0.3, 0.0, 0.0, -0.2, 0.0, 0.0])
-    held = p != 0
-    smaller = here.without(held, p)
-    np.testing.assert_allclose(smaller.residual, here.residual + here.jacobian @ p)
-    np.testing.assert_allclose(smaller.normal, smaller.jacobian.T @ smaller.jacobian, atol=1e-14)
-    assert smaller.jacobian.shape == (40, 4)
-
-
 ROWS, COLUMNS = 6007, 61  # rows, not a whole number of blocks, and columns; enough of them
 
 
@@ -346,13 +308,3 @@ def test_compiled_normal_equations_keep_nonfinite_numbers() -> None:
     assert np.isnan(found[1][5])  # beside a residual of zero
     assert found[0][4, 4] == np.inf
     assert np.isfinite(found[0][7, 7])
-
-
-@pytest.mark.parametrize(("least", "rank"), [(1e-3, 2), (1e-10, 2), (1e-18, 1)])
-@pytest.mark.parametrize("longer", [1.0, 1e8])
-def test_rank_counts_singular_values_above_rounding(least: float, rank: int, longer: float) -> None:
-    U, V = (np.linalg.qr(np.random.default_rng(k).normal(size=(2, 2)))[0] for k in (1, 2))
-    x = Block("x", (2,))
-    expression = cs.DM(U @ np.diag([1.0, least]) @ V.T * [longer, 1.0]) @ x.symbol
-    here = Problem([Residual("r", expression, 1.0)], "x").linearize({"x": np.zeros(2)})
-    assert here.spectrum.rank == rank

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from tests.bodies_made_up import random_body, smpl_like_body
+from tests.bodies_made_up import random_body
 from tests.differences import assert_hessian, assert_jacobian, differences
 from tests.tiers import few
 from workbench import Block, Problem, Residual, residuals
@@ -55,24 +55,6 @@ def test_step_of_a_polynomial_fit_is_polyfit() -> None:
 # Names.
 
 
-def test_blocks_that_are_not_free_are_fixed() -> None:
-    problem, values = body_problem()
-    assert problem.free.names == ("pose", "betas", "trans")
-    assert problem.fixed.names == ("observed",)
-    x, fixed = problem.split(values)
-    assert (x.size, fixed.size) == (12 + 3 + 3, 36)
-    np.testing.assert_array_equal(fixed, values["observed"].ravel())
-
-
-def test_units_and_labels_come_with_the_points() -> None:
-    problem, _ = body_problem()
-    assert problem.free.label(5) == "pose[joint1, z]"
-    assert problem.free.unit(5) == "rad"
-    w = Block("w", (2,), "kg", ("left", "right"))
-    described = Problem((residuals.gaussian(w.symbol),), ("w",), blocks=(w,))
-    assert (described.free.label(1), described.free.unit(1)) == ("w[right]", "kg")
-
-
 def test_freeing_other_names_keeps_the_residuals() -> None:
     problem, values = body_problem()
     other = problem.freeing("trans", "observed")
@@ -105,14 +87,6 @@ def test_free_takes_a_name_or_names() -> None:
     assert Problem(problem.residuals, names).free.names == ("pose", "betas")
     with pytest.raises(UnknownName, match="no block is called 'poze'"):
         Problem(problem.residuals, "poze")
-
-
-def test_unknown_names_list_what_exists() -> None:
-    text = "no block is called 'poze'; there are betas, observed, pose, trans"
-    with pytest.raises(UnknownName, match=text):
-        body_problem()[0].freeing("poze")
-    with pytest.raises(UnknownName, match=text):
-        Problem(body_problem()[0].residuals, ("pose",), {"poze": (0, 1)})
 
 
 def test_missing_and_misshapen_values_are_named() -> None:
@@ -164,20 +138,6 @@ def test_bounds_are_numbers_or_arrays() -> None:
     assert not polynomial().bounded
 
 
-def test_residuals_may_share_points() -> None:
-    body = smpl_like_body()
-    symbols = [block.symbol for block in body.blocks()]
-    joints = body.joint_points(*symbols)
-    o, p = Block("o", (24, 3)).symbol, Block("p", (24, 3)).symbol
-    both = [residuals.landmarks(joints, target, sigma=1.0) for target in (o, p)]
-    problem = Problem(both, ("pose",))
-    assert set(problem.fixed.names) == {"betas", "trans", "o", "p"}
-    assert [tree.pose for tree in problem.trees] == ["pose"]
-    seen = body.joints()
-    here = problem.linearize(body.start() | {"o": seen, "p": seen + 1})
-    np.testing.assert_allclose(here.residual, np.repeat([0, -1], 72), atol=1e-14)
-
-
 # Derivatives.
 
 
@@ -190,17 +150,6 @@ def test_derivatives_match_differences_at_any_angle(angle: float) -> None:
     x, fixed = problem.split(values)
     assert_jacobian(problem, x, fixed, 1e-9)
     assert_hessian(problem, x, fixed, 1e-9)
-
-
-def test_adjoint_gradient_matches_the_jacobian() -> None:
-    problem, values = body_problem()
-    x, fixed = problem.split(values)
-    here = problem.linearize(values)
-    cost, gradient = problem.cost_and_gradient(x, fixed)
-    assert cost == pytest.approx(here.cost, rel=1e-14)
-    assert cost == pytest.approx(0.5 * np.sum(here.residual**2), rel=1e-14)
-    np.testing.assert_allclose(gradient, here.gradient, rtol=1e-11, atol=1e-11)
-    np.testing.assert_array_equal(problem.residual(x, fixed), here.residual)
 
 
 def test_hessian_is_gauss_newton_plus_curvature() -> None:
@@ -235,15 +184,6 @@ def test_more_unknowns_than_rows_keep_derivatives() -> None:
         x = np.random.default_rng(0).normal(size=problem.free.size)
         assert_jacobian(problem, x, np.zeros(0), 1e-10)
         assert_hessian(problem, x, np.zeros(0), 1e-10)
-
-
-def test_pattern_covers_the_jacobian() -> None:
-    problem, values = body_problem()
-    x, fixed = problem.split(values)
-    pattern = np.asarray(cs.DM(problem.derivative.sparsity_out("J"), 1.0)) != 0
-    J = problem.linearize_at(x + 0.1, fixed).jacobian
-    assert (J[~pattern] == 0).all()
-    assert not pattern[problem.rows["gaussian(betas)"], problem.free.slices["pose"]].any()
 
 
 def test_without_a_residual_unread_blocks_are_not_free() -> None:
@@ -285,13 +225,6 @@ def test_metres_minus_millimetres_are_refused() -> None:
             wb.Problem([residual], free=["pose"], blocks=[SEEN_MM])
 
 
-def test_pixels_minus_metres_are_refused() -> None:
-    camera, seen = wb.Camera("cam/"), wb.Block("seen", (24, 2), "m")
-    residual = wb.residuals.keypoints(JOINTS, camera, seen.symbol, np.ones(24), sigma=1.0)
-    with pytest.raises(BadResidual, match="'cam/centre', in px, and 'seen', in m"):
-        wb.Problem([residual], free=["pose"], blocks=[seen])
-
-
 def test_converted_units_are_accepted() -> None:
     for expression, block in [
         (JOINTS.symbol - SEEN.symbol, SEEN),
@@ -308,16 +241,6 @@ def test_units_of_constraints_are_checked() -> None:
     limit = wb.Constraint("limit", metres.symbol - seconds.symbol, lower=0.0)
     with pytest.raises(BadResidual, match="constraint 'limit' adds or subtracts"):
         wb.Problem([residual], ["a"], blocks=[metres, seconds], constraints=[limit])
-
-
-@pytest.mark.thorough
-def test_units_of_deep_expressions_are_given_up() -> None:
-    metres, seconds = wb.Block("a", (), "m"), wb.Block("b", (), "s")
-    deep = cs.sin(metres.symbol)
-    for _ in range(3_000):
-        deep = cs.sin(deep) + 1.0
-    residual = wb.Residual("r", deep * seconds.symbol, sigma=1.0)
-    assert wb.Problem([residual], ["a"], blocks=[metres, seconds]).size == 1
 
 
 def test_keypoints_keep_units_and_labels_of_cameras() -> None:
@@ -347,11 +270,6 @@ def test_blocks_that_nothing_reads_are_refused() -> None:
         wb.Problem([residual], ["x", "y"])
     with pytest.raises(BadResidual, match=r"give the Points themselves, as in points=\(points,\)"):
         wb.Residual("r", cs.vec(JOINTS.symbol - SEEN.symbol), sigma=1.0)
-
-
-def test_transposed_symbols_are_named() -> None:
-    with pytest.raises(BadResidual, match=r"it is transposed: .* observed.symbol without .T"):
-        wb.residuals.landmarks(JOINTS, SEEN.symbol.T, sigma=0.01)
 
 
 def test_composed_units_are_not_compared() -> None:

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from tests.differences import assert_jacobian
 from tests.problem.sequences import (
     BETAS,
     BODY,
@@ -18,7 +17,6 @@ from tests.problem.sequences import (
     POSE,
     SEEN,
     SHARED,
-    SKIN,
     SMOOTH,
     SURE,
     TRANS,
@@ -34,8 +32,7 @@ from tests.tiers import THOROUGH, few
 from workbench import residuals
 from workbench.errors import BadArgument, BadBounds, BadResidual, UnknownName, WorkbenchError
 from workbench.problem.banded import BlockMatrix
-from workbench.residuals import geman_mcclure, huber, of_norms
-from workbench.residuals.sequences import Frames
+from workbench.residuals import huber
 
 ONCE = ("shape prior",)
 
@@ -83,11 +80,6 @@ def test_sequence_of_a_repeated_frame(count: int, storage: str) -> None:
     whole = wb.sequence(each, shared=SHARED, between=between)
     assert_frames(whole, each, values(count))
     assert isinstance(whole.linearize(values(count)).jacobian, np.ndarray) == (storage == "array")
-
-
-def test_jacobian_of_a_sequence_matches_differences() -> None:
-    whole = wb.sequence([frame()] * 3, shared=SHARED, between=SMOOTH)
-    assert_jacobian(whole, *whole.split(values(3)), 1e-8)
 
 
 @pytest.mark.parametrize("shared", few([("trans", "betas"), (), "betas", OF_CAMERA], 2), ids=str)
@@ -176,27 +168,6 @@ def test_weights_of_frames_may_differ(storage: str) -> None:
     assert_frames(whole, each, given, ())
 
 
-@pytest.mark.parametrize("kernel", [of_norms(geman_mcclure)], ids=["norms"])
-def test_kernels_of_norms_act_on_frames(kernel: residuals.Kernel, storage: str) -> None:
-    each = [
-        counted(3, 0, kernel=kernel),
-        counted(2, 1, kernel=kernel),
-        counted(3, 2, kernel=kernel),
-    ]
-    whole = wb.sequence(each, shared="betas")
-    assert_frames(whole, each, values(3), ())
-
-
-def test_sigmas_are_those_of_frames() -> None:
-    each = [
-        counted(3, 0, sigma=0.5),
-        counted(3, 1, sigma=np.array([0.1, 0.2, 0.4])),
-        counted(2, 2, sigma=np.linspace(0.1, 1, 6)),
-    ]
-    whole = wb.sequence(each, shared="betas")
-    assert_frames(whole, each, values(3), ())
-
-
 def test_shared_priors_count_once() -> None:
     whole = wb.sequence([frame()] * 4, shared=SHARED)
     assert whole.rows["shape prior"].stop - whole.rows["shape prior"].start == 2
@@ -261,22 +232,6 @@ def test_sequence_of_free_entries(free: tuple[str, ...], storage: str) -> None:
     np.testing.assert_allclose(here.dense, J[:, chosen], rtol=0, atol=1e-10 * np.abs(J).max())
 
 
-@pytest.mark.thorough
-def test_sequence_of_frames_free_in_part(storage: str) -> None:
-    one = frame().freeing("pose[joint1]", "betas[1]", "trans")
-    whole = wb.sequence([one] * 3, shared=SHARED, between=SMOOTH)
-    labels = [whole.free.label(i) for i in range(whole.free.size)]
-    assert labels[:4] == [
-        "pose[0, joint1, x]",
-        "pose[0, joint1, y]",
-        "pose[0, joint1, z]",
-        "pose[1, joint1, x]",
-    ]
-    assert len(labels) == 9 + 1 + 9
-    assert "betas[1]" in labels
-    assert_numbers(whole, values(3))
-
-
 # Bounds and constraints.
 
 
@@ -296,23 +251,6 @@ def test_bounds_of_frames_and_of_shared_blocks() -> None:
     apart = wb.Problem(terms, FREE, {"betas": (4.0, 5.0)}, blocks)
     with pytest.raises(BadBounds, match=r"betas\[0\] has the lower bound 4 and the upper bound 2"):
         wb.sequence([one, apart], shared=SHARED)
-
-
-def test_solution_of_a_sequence_respects_bounds(storage: str) -> None:
-    one = wb.Problem(
-        frame().residuals,
-        FREE,
-        {"trans": (-0.05, 0.05), "betas": (-0.1, 0.1)},
-        (SEEN, PIXELS, SURE),
-    )
-    whole = wb.sequence([one] * 3, shared=SHARED, between=SMOOTH)
-    given = values(3)
-    start = given | {"trans": np.zeros((3, 3)), "betas": np.zeros(2)}
-    found = wb.solve(whole, start)
-    assert found.converged
-    x = whole.free.pack(found.values)
-    assert ((x >= whole.lower) & (x <= whole.upper)).all()
-    assert (np.abs(found.values["trans"]) == 0.05).any()
 
 
 def lifted(t: int) -> wb.Constraint:
@@ -380,48 +318,6 @@ def test_every_entry_and_row_has_a_name() -> None:
         np.testing.assert_array_equal(back[name], value)
 
 
-# What is between frames.
-
-
-def speed(frames: Frames) -> wb.Residual:
-    """Written by a user: the root moves by 0.1 m from frame to frame, whichever way."""
-    x = frames["trans"].symbol
-    step = x[:, 1:] - x[:, :-1]
-    return wb.Residual("speed", cs.sum1(step**2).T - 0.01, 0.01, "m^2")
-
-
-def feet(frames: Frames) -> wb.Residual:
-    """Points of single frames, some of them: the last joint rests in frames 0 and 2."""
-    one, other = frames.points(JOINTS, [0]), frames.points(JOINTS, [2])
-    gap = one.symbol[:, 2] - other.symbol[:, 2]
-    return wb.Residual("feet", gap, 0.01, "m", points=(one, other), labels=("x", "y", "z"))
-
-
-def test_residuals_between_frames_match_formulas(storage: str) -> None:
-    each = [frame()] * 4
-    between = (
-        residuals.smooth(JOINTS, sigma=0.05),
-        residuals.smooth(SKIN, sigma=0.05, order=2, kernel=huber(0.3)),
-        residuals.smooth("pose", sigma=0.1),
-        speed,
-        feet,
-    )
-    whole = wb.sequence(each, shared=SHARED, between=between)
-    given = values(4)
-    assert_frames(whole, each, given)
-    r = whole.residual(*whole.split(given))
-    steps = np.sum(np.diff(given["trans"], axis=0) ** 2, axis=1)
-    np.testing.assert_allclose(r[whole.rows["speed"]], (steps - 0.01) / 0.01, atol=1e-9)
-    joints = [
-        BODY.joints(p, given["betas"], t)
-        for p, t in zip(given["pose"], given["trans"], strict=True)
-    ]
-    gap = (joints[0][2] - joints[2][2]) / 0.01
-    np.testing.assert_allclose(r[whole.rows["feet"]], gap, atol=1e-9)
-    changes = np.diff(joints, axis=0).ravel() / 0.05
-    np.testing.assert_allclose(r[whole.rows["smooth(joints)"]], changes, atol=1e-9)
-
-
 # Solutions.
 
 
@@ -468,13 +364,3 @@ def test_residuals_of_one_name_must_be_alike() -> None:
         wb.sequence([counted(3, 0), counted(3, 1, kernel=huber(1.0))])
     with pytest.raises(BadResidual, match="'joints' has another unit in frame 1"):
         wb.sequence([counted(3, 0), counted(3, 1, unit="mm")])
-
-
-def test_values_of_other_frames_are_refused() -> None:
-    whole = wb.sequence([frame()] * 3, shared=SHARED)
-    with pytest.raises(WorkbenchError, match=r"'trans' has shape \(3, 3\), but was given \(2, 3\)"):
-        whole.linearize(values(2))
-    given = values(3)
-    given["pose"][2, 1, 0] = np.nan
-    with pytest.raises(WorkbenchError, match=r"\[2, joint1, x\]"):
-        whole.linearize(given)

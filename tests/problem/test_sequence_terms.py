@@ -8,15 +8,10 @@ import workbench as wb
 from tests.bodies_made_up import random_body
 from tests.differences import assert_jacobian
 from tests.problem.sequences import assert_numbers
-from tests.tiers import few
-from workbench.blocks import Values
-from workbench.diagnostics import SequenceDiagnosis, diagnose
 from workbench.errors import BadArgument, BadConstraint, BadResidual, UnknownName
 from workbench.problem import frames as frame_chains
 from workbench.residuals import Residual, gaussian, huber, landmarks, smooth
 from workbench.residuals.sequences import Frames
-from workbench.sampling.conditioning import conditioning
-from workbench.sampling.subspace import fixed, subspace_of
 
 BODY = random_body(1, n_vertices=5, n_joints=3, n_betas=2)
 POSE, BETAS, TRANS = BODY.blocks()
@@ -80,23 +75,6 @@ def test_derivatives_of_smooth_match_differences(what: str | wb.Points, order: i
     assert_jacobian(whole, *whole.split(VALUES), 1e-9)
 
 
-def test_smooth_is_invariant_to_a_shift() -> None:
-    between = [
-        smooth("pose", sigma=0.1),
-        smooth(JOINTS, sigma=0.1, order=2),
-        smooth("trans", sigma=1.0),
-    ]
-    whole = wb.sequence([FRAME] * T, shared="betas", between=between)
-    of = np.concatenate(
-        [np.arange(at.start, at.stop) for n, at in whole.rows.items() if n not in FRAME.rows]
-    )
-    still = {n: v if n == "betas" else np.repeat(v[:1], T, axis=0) for n, v in VALUES.items()}
-    np.testing.assert_allclose(whole.residual(*whole.split(still))[of], 0, atol=1e-12)
-    moved = VALUES | {"trans": VALUES["trans"] + 1.0}
-    one, other = (whole.residual(*whole.split(v))[of] for v in (VALUES, moved))
-    np.testing.assert_allclose(one, other, atol=1e-11)
-
-
 def test_smooth_names_rows_and_units() -> None:
     between = [
         smooth("pose", sigma=0.1),
@@ -111,16 +89,6 @@ def test_smooth_names_rows_and_units() -> None:
     assert found["smooth(pose)"].label(17) == "smooth(pose)[1 to 2, joint2, z]"
     assert found["smooth(joints, order 2)"].label(4) == "smooth(joints, order 2)[0 to 2, joint1, y]"
     assert found["slow"].label(5) == "slow[1 to 2, z]"
-
-
-def test_smooth_of_single_numbers() -> None:
-    scale = wb.Block("scale")
-    one = wb.Problem((gaussian(scale.symbol, name="near"),), ("scale",), blocks=(scale,))
-    whole = wb.sequence([one] * 3, between=[smooth("scale", sigma=0.5)])
-    r = whole.residual(*whole.split({"scale": np.array([1.0, 2.0, 4.0])}))
-    np.testing.assert_allclose(r, [1, 2, 4, 2, 4])
-    assert whole.row_label(3) == "smooth(scale)[0 to 1]"
-    assert whole.free.label(2) == "scale[2]"
 
 
 def test_bad_smooth_terms_are_refused() -> None:
@@ -172,58 +140,6 @@ def test_points_of_frames_in_any_order(some: tuple[int, int]) -> None:
     np.testing.assert_allclose(J, differences(whole, x, given), atol=1e-7)
 
 
-def test_unknown_frames_are_refused() -> None:
-    pose, betas, trans = PERSON.blocks()
-    points = PERSON.joint_points(pose.symbol, betas.symbol, trans.symbol)
-    frame = wb.Problem([gaussian(pose.symbol)], ["pose"], blocks=PERSON.blocks())
-    for some in ((-1, 0), (0, 4)):
-        with pytest.raises(BadResidual, match="the frames are 0 to 3"):
-            wb.sequence([frame] * 4, between=[lambda f, s=some: f.points(points, s)])  # type: ignore[misc]
-
-
-def linear_frames(count: int, extra: tuple[Residual, ...] = ()) -> tuple[wb.Problem, Values]:
-    y, s, obs = wb.Block("y", (5,)), wb.Block("s", (2,)), wb.Block("obs", (5,))
-    W = cs.DM(np.random.default_rng(0).standard_normal((5, 2)))
-    data = Residual("data", y.symbol + W @ s.symbol - obs.symbol, 0.1, blocks=(y, s, obs))
-    priors = (gaussian(y.symbol, name="prior"), gaussian(s.symbol, name="ps"))
-    free = ["y", "s", *(one.blocks[0].name for one in extra)]
-    more = tuple(block for one in extra for block in one.blocks)
-    frame = wb.Problem([data, *priors, *extra], free, blocks=(y, s, obs, *more))
-    values: Values = {"y": np.zeros((count, 5)), "s": np.zeros(2), "obs": np.ones((count, 5))}
-    for block in more:
-        values[block.name] = np.zeros((count, *block.shape))
-    between = [smooth("y", sigma=0.1)]
-    return wb.sequence([frame] * count, shared=("s",), between=between), values
-
-
-@pytest.mark.parametrize("free", few(["y[1:1000]", "y[0:900]"], 1))
-def test_held_frames_at_an_end_are_diagnosed(free: str) -> None:
-    whole, values = linear_frames(1000)
-    diagnosis = diagnose(whole.freeing("s", free), values)
-    assert isinstance(diagnosis, SequenceDiagnosis)
-    first, _, last = free[2:-1].partition(":")
-    assert diagnosis.rank == 5 * (int(last) - int(first)) + 2
-
-
-@pytest.mark.thorough
-def test_undetermined_numbers_keep_the_rest_determined() -> None:
-    """Standard deviations of s are finite although z0 - z1 is not seen, however many frames."""
-    z = wb.Block("z", (2,))
-    sum_of_z = Residual("z", cs.sum1(z.symbol), 1.0, blocks=(z,))
-    for count in (20, 1000):
-        whole, values = linear_frames(count, (sum_of_z,))
-        x, given = whole.split(values)
-        space = subspace_of(whole, x, given, ["s"], fixed)
-        marginal = conditioning(whole, given, space, space.centre).marginal
-        diagnosis = diagnose(whole, values)
-        known = (
-            diagnosis.sigma[whole.free.slices["s"]]
-            if isinstance(diagnosis, SequenceDiagnosis)
-            else diagnosis.identifiability.sigma[whole.free.slices["s"]]
-        )
-        np.testing.assert_allclose(marginal, known, rtol=1e-6)
-
-
 def test_chain_seen_at_one_end_is_solved(monkeypatch: pytest.MonkeyPatch) -> None:
     """Extrapolated over hundreds of frames, J is worse than 1e4, and still has full rank."""
     y, o = wb.Block("y", (3,)), wb.Block("o", (3,))
@@ -254,21 +170,6 @@ def test_constraints_of_one_name_must_agree() -> None:
     assert wb.sequence([frame("m", 1e-2), frame("m", 1e-6)]).constraints[0].tolerance == 1e-6
     with pytest.raises(BadConstraint, match="unit rad in frame 1 and m in frame 0"):
         wb.sequence([frame("m", 1e-2), frame("rad", 1e-2)])
-
-
-def test_frame_of_weight_zero_is_ignored() -> None:
-    x, b, o = wb.Block("x", (2,)), wb.Block("b", (2,)), wb.Block("o", (2,))
-
-    def frame(weight: float) -> wb.Problem:
-        gps = Residual("gps", x.symbol + b.symbol - o.symbol, 0.1, weights=np.full(2, weight))
-        return wb.Problem([gps, gaussian(x.symbol, name="prior")], ["x"], blocks=(x, b, o))
-
-    whole = wb.sequence([frame(1.0), frame(0.0), frame(1.0)], shared="b")
-    values = {"x": np.ones((3, 2)), "b": np.ones(2), "o": np.zeros((3, 2))}
-    assert whole.linearize(values).cost == pytest.approx(3 + 2 * 400)
-    found = wb.solve(whole, values)
-    np.testing.assert_allclose(found.values["x"][1], 0, atol=1e-5)
-    np.testing.assert_allclose(found.values["x"][0], -100 / 101, atol=1e-5)
 
 
 def test_free_entries_unread_between_frames() -> None:

@@ -8,11 +8,9 @@ from scipy.sparse import csc_array, random_array
 import workbench as wb
 from tests.tiers import few
 from workbench import Linearization, residuals
-from workbench.problem import steps, storage
-from workbench.problem.conjugate_gradients import ConjugateGradients
-from workbench.problem.sparsity import DenseTerm, Pattern, SparseSum, merged
-from workbench.problem.steps import cholesky, factorized
-from workbench.solvers.trust_region import box_step
+from workbench.problem import steps
+from workbench.problem.sparsity import DenseTerm, SparseSum, columns_of_nonzeros
+from workbench.problem.steps import ConjugateGradients, cholesky, factorized
 
 
 def sparse_matrix(seed: int, m: int = 60, n: int = 25, crowded: int = 0) -> np.ndarray:
@@ -37,30 +35,19 @@ def test_sum_of_sparse_parts_is_the_dense_sum() -> None:
         rng = np.random.default_rng(seed)
         m, n = 40, 12
         single = random_array((m, n), density=0.2, rng=rng, format="csc")
-        single.sort_indices()
-        pattern = Pattern(cs.Sparsity(m, n, single.indptr.tolist(), single.indices.tolist()))
         expected = single.toarray()
-        parts, numbers = [], []
+        parts, numbers = [(single.indices, columns_of_nonzeros(single))], [single.data]
         for columns in (slice(0, 4), slice(3, 9), slice(9, 12), slice(5, 5)):
             rows = np.sort(rng.permutation(m)[: int(rng.integers(1, m))])
             entries = rng.standard_normal((columns.stop - columns.start, len(rows)))
             expected[rows[:, None], np.arange(columns.start, columns.stop)] += entries.T
-            parts.append(DenseTerm(rows, columns))
+            parts.append(DenseTerm(rows, columns).places)
             numbers.append(entries)
-        found = SparseSum(pattern, parts).matrix([single.data, *numbers])
+        found = SparseSum(parts, (m, n)).matrix(numbers)
         np.testing.assert_allclose(found.toarray(), expected, atol=1e-15)
-        there = merged(pattern, parts)
+        there = SparseSum(parts, (m, n)).pattern
         np.testing.assert_array_equal(there.indices, found.indices)
         np.testing.assert_array_equal(there.indptr, found.indptr)
-
-
-def test_sparse_gram_matrix_is_the_dense_one() -> None:
-    for crowded in [0, 5]:
-        A = sparse_matrix(1, crowded=crowded)
-        assert storage.crowded(csc_array(A)).sum() >= crowded
-        found = storage.gram(csc_array(A))
-        np.testing.assert_allclose(storage.dense(found), A.T @ A, atol=1e-13)
-        assert found.has_sorted_indices
 
 
 # Steps.
@@ -92,31 +79,6 @@ def test_sparse_factors_solve_and_refuse_indefinite_matrices() -> None:
         assert factorized(csc_array(C.T @ C)) is None
         assert factorized(csc_array(A.T @ A - 1e3 * np.eye(25))) is None
         assert factorized(csc_array(np.where(np.eye(25) > 0, np.nan, A.T @ A))) is None
-
-
-def test_sparse_step_of_dependent_columns_is_the_shortest() -> None:
-    for damping in [0.0, 1e-6]:
-        A = sparse_matrix(4)
-        A[:, 4] = A[:, 9]
-        A[:, 11] = 0.0
-        dense, sparse = both(A)
-        step = steps.automatic(sparse, damping, np.ones(25))
-        assert step.by == ("lsmr" if damping == 0 else step.by)
-        expected = dense.step(damping)
-        assert step.p[11] == 0
-        np.testing.assert_allclose(step.p, expected, atol=1e-6 * np.linalg.norm(expected))
-
-
-def test_sparse_step_between_bounds_is_the_dense_one() -> None:
-    dense, sparse = both(sparse_matrix(5, crowded=2))
-    low, high = np.full(25, -0.1), np.full(25, 0.05)
-    found, expected = (
-        box_step(here, 1e-3, np.ones(25), low, high, steps.automatic) for here in (sparse, dense)
-    )
-    assert found is not None
-    assert expected is not None
-    assert (found.p == high).any()
-    np.testing.assert_allclose(found.p, expected.p, atol=1e-12)
 
 
 # The same questions.
@@ -211,16 +173,6 @@ def test_dependent_sparse_columns_are_damped_slightly() -> None:
     np.testing.assert_allclose(found.p, steps.svd(dense, least, D).p, rtol=0, atol=1e-6)
 
 
-def test_sparing_step_is_the_automatic_one_elsewhere() -> None:
-    for damping in [0.0, 1e-3]:
-        D = np.ones(25)
-        healthy, (dense, _) = both(sparse_matrix(7)), dependent()
-        for here in (*healthy, dense):
-            found, expected = (by(here, damping, D) for by in (steps.sparing, steps.automatic))
-            assert found.by == expected.by
-            np.testing.assert_array_equal(found.p, expected.p)
-
-
 EXACT = ConjugateGradients(tolerance=1e-13)
 
 
@@ -243,14 +195,6 @@ def test_conjugate_gradients_take_the_cholesky_step() -> None:
         assert expected is not None
         found = ConjugateGradients(block, 1e-13)(here, damping, D)
         np.testing.assert_allclose(found.p, expected.p, rtol=0, atol=1e-10)
-
-
-def test_early_conjugate_gradient_steps_still_decrease() -> None:
-    here, D = model(), np.ones(UNKNOWNS)
-    steps = [ConjugateGradients(1, 1e-14, products=k)(here, 0.0, D).p for k in (1, 2, 3, 4)]
-    gains = [here.predicted_decrease(p) for p in steps]
-    assert gains[0] > 0
-    assert (np.diff(gains) > 0).all()
 
 
 def test_conjugate_gradients_leave_undetermined_unknowns() -> None:

@@ -6,7 +6,6 @@ import pickle
 import signal
 from dataclasses import replace
 from functools import lru_cache
-from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -21,11 +20,10 @@ from workbench import load_body
 from workbench.bodies import pose_space
 from workbench.bodies.catalogue import load_skinned
 from workbench.cli.app import app
-from workbench.errors import BadArgument, BadBody, UnknownName
-from workbench.fitting import BadScan, Scan
+from workbench.errors import BadArgument, UnknownName
+from workbench.fitting import BadScan
 from workbench.fitting.hands import mean_hand, points_of
 from workbench.geometry.surface_tree import SurfaceTree
-from workbench.priors.poses import draw_poses, shipped_gaussian, shipped_mixture
 from workbench.registration import (
     HAND_RECIPE,
     PERSON_RECIPE,
@@ -39,31 +37,23 @@ from workbench.registration import (
     Support,
     body_size,
     facing,
-    fit_hand,
-    fit_model,
     hand_starts,
     jobs_of,
-    model_alone,
     register,
     registered,
     support,
     usual_recipe,
+    with_skeleton,
 )
-from workbench.residuals import distance, loose
-from workbench.residuals.contacts import Form
 from workbench.synthetic import (
-    Clothing,
     Noise,
-    ScannedPerson,
     SimulatedScan,
-    clothed,
-    people,
     scan,
     scanners,
 )
 
 FIT_STAGES = (FitStage(200, 0.05, 0.10, 8, 15), FitStage(600, 0.005, 0.03, 2, 40, 0.001))
-QUICK = Recipe(FIT_STAGES, model_alone)
+QUICK = Recipe(FIT_STAGES, ())
 
 
 BODY = load_body("small")
@@ -97,14 +87,6 @@ def test_person_is_registered() -> None:
 
 
 @pytest.mark.thorough
-def test_model_alone_is_the_body_of_the_values() -> None:
-    found = register(BODY, SCAN, recipe=QUICK)
-    assert [stage.name for stage in found.stages] == ["model"]
-    np.testing.assert_array_equal(found.vertices, found.model)
-    np.testing.assert_allclose(found.model, BODY.vertices(**found.values), atol=1e-15)
-
-
-@pytest.mark.thorough
 def test_triangle_bodies_are_registered() -> None:
     scape, scan = load_body("small-scape"), cloud(BODY, BODY.vertices())
     found = register(scape, scan, recipe=Recipe((FitStage(200, 0.02, 0.1, 1, 5),)))
@@ -113,41 +95,13 @@ def test_triangle_bodies_are_registered() -> None:
 
 
 @pytest.mark.thorough
-def test_hidden_side_is_less_certain() -> None:
-    found = register(BODY, HALF, recipe=QUICK)
-    assert 0.2 < found.seen.mean() < 0.8
-    assert found.sd[~found.seen].mean() > found.sd[found.seen].mean()
-
-
-@pytest.mark.thorough
-def test_intervals_of_measurements_hold_the_truth() -> None:
-    """Ten synthetic people in poses of the prior, seen all round with noise of 3 mm."""
-    rng = np.random.default_rng(3)
-    inside = []
-    for pose in draw_poses(shipped_mixture(), 10, rng):
-        betas = rng.standard_normal(BODY.n_betas)
-        vertices = BODY.vertices(np.vstack([np.zeros((1, 3)), pose[1:]]), betas)
-        points = cloud(BODY, vertices, 6000).points
-        found = register(
-            BODY,
-            Scan(points + 0.003 * rng.standard_normal(points.shape)),
-            recipe=Recipe(vertex_stages=model_alone),
-        )
-        truth = wb.measured(BODY, betas)
-        inside += [
-            one.interval[0] <= truth[one.name] <= one.interval[1] for one in found.measurements
-        ]
-    assert np.mean(inside) >= 0.8
-
-
-@pytest.mark.thorough
 def test_boundary_points_are_left_out() -> None:
-    found = register(BODY, HALF, recipe=Recipe(FIT_STAGES, model_alone, boundary=0.01))
+    found = register(BODY, HALF, recipe=Recipe(FIT_STAGES, (), boundary=0.01))
     assert found.left_out > 0
     assert found.scan.n_points + found.left_out == HALF.n_points
-    with pytest.raises(BadScan, match="leave a narrower boundary out"):
+    with pytest.raises(BadScan, match="this one is empty"):
         register(BODY, HALF, recipe=Recipe(FIT_STAGES, boundary=10.0))
-    with pytest.raises(BadArgument, match="0 m or more, not -1"):
+    with pytest.raises(BadArgument, match="boundary of a recipe"):
         Recipe(boundary=-1.0)
 
 
@@ -172,21 +126,12 @@ def test_interrupt_ends_a_registration(when: str, monkeypatch: pytest.MonkeyPatc
         signal.signal(signal.SIGINT, before)
 
 
-@pytest.mark.thorough
-def test_scan_file_is_registered(tmp_path: Path) -> None:
-    write_scan(str(tmp_path / "scan.xyz"))
-    found = registered(BODY, QUICK, Reading(), ScanJob("scan", tmp_path / "scan.xyz"))
-    assert isinstance(found, RegisteredScan)
-    assert np.linalg.norm(found.registration.vertices - TRUTH, axis=1).mean() < 0.02
-    assert any("taken to be m" in note for note in found.notes)
-
-
 def test_failure_of_one_scan_is_its_answer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "bad.obj").write_text("v 0 0 0\n")
     write_scan(str(tmp_path / "scan.xyz"))
     numbers = np.loadtxt(tmp_path / "scan.xyz") * [1, 1, 1, -1, -1, -1]
     np.savetxt(tmp_path / "inwards.xyz", numbers)
-    untouched = Recipe((FitStage(200, 0.001, 1e-6, 1, 1),), model_alone)
+    untouched = Recipe((FitStage(200, 0.001, 1e-6, 1, 1),), ())
     for file, recipe, why in [
         ("bad.obj", QUICK, "a scan has at least 100"),
         ("inwards.xyz", untouched, "touches the surface"),
@@ -295,7 +240,8 @@ def test_a_skeleton_starts_the_fit_and_counts_in_it() -> None:
     truth, simulated = made()
     rng = np.random.default_rng(2)
     points = points_of(HAND, truth) + 0.002 * rng.standard_normal((21, 3))
-    fit = fit_hand(HAND, simulated.scan, points, recipe=replace(HAND_RECIPE, fit_stages=FEW))
+    recipe = with_skeleton(replace(HAND_RECIPE, fit_stages=FEW), HAND, points)
+    fit = recipe.fit(HAND, simulated.scan)
     assert [residual.name for residual in fit.problem.residuals] == [
         *("scan", "pose prior", "shape prior", "hand limits", "hand points"),
     ]
@@ -311,7 +257,7 @@ def test_a_skeleton_is_read_in_the_unit_and_the_axes_of_the_scan(tmp_path: Path)
     known[4] = np.nan  # which was not seen
     np.savez(tmp_path / "skeleton.npz", joints=1e3 * known[:, [0, 2, 1]] * [1, -1, 1])
     one = (FitStage(600, 0.003, 0.009, 1, 8),)
-    recipe = replace(HAND_RECIPE, fit_stages=one, vertex_stages=model_alone)
+    recipe = replace(HAND_RECIPE, fit_stages=one, vertex_stages=())
     reading = Reading("mm", "z", skeleton=tmp_path / "skeleton.npz")
     done = registered(HAND, recipe, reading, ScanJob("scan", tmp_path / "scan.npy"))
     assert isinstance(done, RegisteredScan), done
@@ -324,19 +270,6 @@ def test_a_skeleton_is_read_in_the_unit_and_the_axes_of_the_scan(tmp_path: Path)
     other = registered(HAND, recipe, reading, ScanJob("scan", tmp_path / "scan.npy"))
     assert isinstance(other, FailedScan)
     assert "points of a hand have the shape (21, 3)" in other.reason
-
-
-@pytest.mark.thorough
-def test_a_scan_determines_what_points_leave_open() -> None:
-    """All 48 numbers of the pose, of which 16 joints see 23, and 21 points 38."""
-    truth, simulated = made()
-    term = fit_hand(
-        HAND,
-        simulated.scan,
-        points_of(HAND, truth),
-        recipe=replace(HAND_RECIPE, fit_stages=(FitStage(600, 0.003, 0.009, 1, 1),)),
-    ).problem.residuals[0]
-    assert wb.diagnose(wb.Problem([term], ("pose",)), truth).rank == 48
 
 
 def test_starts_are_all_turns_of_a_cube_about_the_middle() -> None:
@@ -355,63 +288,6 @@ def test_starts_are_all_turns_of_a_cube_about_the_middle() -> None:
 def test_the_recipe_is_that_of_what_the_body_is() -> None:
     assert usual_recipe(HAND) is HAND_RECIPE
     assert usual_recipe(load_skinned("small")) is PERSON_RECIPE
-    assert len(HAND_RECIPE.vertex_stages(HAND)) == 1
-    with pytest.raises(BadArgument, match="lengths above 0"):
-        Recipe(vertex_stages=model_alone, within=0.0)
-
-
-def test_what_is_no_scan_of_a_hand_is_refused() -> None:
-    cloud = made()[1].scan
-    with pytest.raises(BadScan, match="m in size"):
-        hand_starts(HAND, Scan(100 * cloud.points))
-    with pytest.raises(BadBody, match="is no hand"):
-        fit_hand(load_skinned("small"), cloud)
-
-
-@pytest.mark.thorough
-@pytest.mark.skipif("WORKBENCH_HAND" not in os.environ, reason="set WORKBENCH_HAND to a .glb")
-def test_the_hand_of_an_artist_is_found() -> None:
-    """webxr_generic_hand_right.glb of @webxr-input-profiles/assets (MIT), which is not ours."""
-    example = import_module("examples.31_a_scanned_hand")
-    found, off = example.of_a_file(Path(os.environ["WORKBENCH_HAND"]), HAND)
-    assert np.median(off) < 2  # mm, of points that were held out
-    assert found.stages[0].median < 0.002
-
-
-STAGE = (FitStage(800, 0.01, 0.03, starts=1, iterations=40, settled=0.001),)
-
-
-def dressed(seed: int, thickest: float) -> tuple[ScannedPerson, SimulatedScan]:
-    """A person in clothes of up to `thickest` m, seen by four scanners."""
-    poses = draw_poses(shipped_gaussian(), 20, np.random.default_rng(1))
-    (person,) = people(BODY, poses, 1, seed)
-    clothing = Clothing(thickest, where=clothed(BODY))
-    noise = Noise(growth=0.0, floor=0.002)
-    return person, scan(
-        person.vertices, BODY.faces, scanners(4), seed=seed, noise=noise, clothing=clothing
-    )
-
-
-def off(person: ScannedPerson, made: SimulatedScan, form: Form) -> tuple[float, float]:
-    """How far betas, and in mm the vertices at rest, are from the truth, by a fit that begins at
-    the true pose with the mean shape.
-    """
-    start, true = {**person.values, "betas": np.zeros(BODY.n_betas)}, person.values["betas"]
-    fit = fit_model(BODY, made.scan, starts=lambda *_: [start], stages=STAGE, form=form)
-    found = fit.values["betas"]
-    apart = BODY.vertices(betas=found) - BODY.vertices(betas=true)
-    return float(np.linalg.norm(found - true)), 1e3 * float(np.linalg.norm(apart, axis=1).mean())
-
-
-@pytest.mark.thorough
-def test_loose_distance_reads_less_clothing_as_shape() -> None:
-    clothes = [dressed(seed, 0.03) for seed in range(20, 26)]
-    plain = np.array([off(*one, distance) for one in clothes])
-    less = np.array([off(*one, loose(0.3)) for one in clothes])
-    (betas, shape), (loose_betas, loose_shape) = plain.mean(axis=0), less.mean(axis=0)
-    assert shape > 12  # mm
-    assert loose_shape < 0.8 * shape
-    assert loose_betas < 0.85 * betas
-    assert (less < plain).sum(axis=0).min() >= 5  # of 6
-    naked = dressed(24, 0.0)
-    assert off(*naked, distance)[1] < off(*naked, loose(0.3))[1]
+    assert len(HAND_RECIPE.stages_of_vertices(HAND)) == 1
+    with pytest.raises(BadArgument, match="within of a recipe"):
+        Recipe(vertex_stages=(), within=0.0)

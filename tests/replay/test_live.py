@@ -7,7 +7,6 @@ import time
 from base64 import urlsafe_b64encode
 from collections.abc import Iterator
 from functools import cache
-from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode, urlsplit
 
@@ -15,16 +14,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-import workbench as wb
-from tests.browsers import asked_of_replay
 from workbench.arrays import Array
 from workbench.cli.app import app
 from workbench.errors import BadArgument
 from workbench.experiments import find
 from workbench.fitting.setup import Setup
-from workbench.reports.page import page
 from workbench.reports.replay.live import LiveServer
-from workbench.reports.replay.runs import recorded_start
 from workbench.reports.replays import live_server
 from workbench.solvers import SOLVERS
 
@@ -86,7 +81,7 @@ def test_live_server_refuses_other_sites(server: LiveServer) -> None:
         {"Host": "elsewhere.example"},
         {"Origin": "null"},
     ):
-        for what in ("", "stop", "solve", "ends", "drag"):
+        for what in ("", "stop", "solve"):
             assert asked(server, what, headers).status == 403
 
 
@@ -114,23 +109,10 @@ def test_live_iterates_are_those_of_the_solver(server: LiveServer) -> None:
 
 
 def test_live_server_refuses_bad_queries(server: LiveServer) -> None:
-    good = {
-        "solve": {"solver": "trust-region", "run": "b"},
-        "drag": {"joint": "20", "x": "0", "y": "0", "z": "0"},
-    }
-    for what, query in (
-        ("solve", {"solver": "no-such"}),
-        ("solve", {"run": ""}),
-        ("solve", {"start": "AAAA"}),
-        ("solve", {"start": "%%%"}),
-        ("drag", {"joint": "24"}),
-        ("drag", {"joint": "-1"}),
-        ("drag", {"joint": "wrist"}),
-        ("drag", {"x": "nan"}),
-        ("drag", {"start": "A"}),
-    ):
-        response = asked(server, what, None, **({"start": start(server)} | good[what] | query))
-        assert response.status == 400, (what, query)
+    good = {"solver": "trust-region", "run": "b", "start": start(server)}
+    for query in ({"solver": "no-such"}, {"run": ""}, {"start": "AAAA"}, {"start": "%%%"}):
+        response = asked(server, "solve", None, **(good | query))
+        assert response.status == 400, query
         assert len(response.read()) > 10
 
 
@@ -173,79 +155,6 @@ def test_closed_tab_ends_its_solve(server: LiveServer) -> None:
     assert response.fp.readline() == b"event: iterate\n"
     response.close()
     assert waiting.stopped.wait(timeout=200)
-
-
-@pytest.mark.thorough
-def test_dragged_joint_moves_and_the_rest_stays(server: LiveServer) -> None:
-    body = setup().body
-    assert isinstance(body, wb.SkinnedBody)
-    wrist = body.joint_names.index("left_wrist")
-    given = body.start()
-    place = body.joints(**given)[wrist] + [-0.15, 0.2, 0.2]
-    zero = start(server, np.zeros(72))
-    x, y, z = map(str, place)
-    answer = asked(server, "drag", start=zero, joint=str(wrist), x=x, y=y, z=z)
-    row = np.array(json.loads(answer.read())["x"])
-    pose = row[:72].reshape(24, 3)
-    trans = setup().start["trans"]
-    moved = body.joints(pose, row[72:-3], trans)
-    there = body.joints(np.zeros((24, 3)), row[72:-3], trans)
-    np.testing.assert_allclose(moved[wrist], place, atol=2e-3)  # m
-    np.testing.assert_array_equal(row[-3:], trans)
-    legs = [k for k, name in enumerate(body.joint_names) if "knee" in name or "foot" in name]
-    np.testing.assert_allclose(moved[legs], there[legs], atol=1e-6)
-    assert not pose[0].any()
-
-
-@pytest.mark.thorough
-def test_dragged_root_moves_the_whole_body(server: LiveServer) -> None:
-    body = setup().body
-    assert body is not None
-    pose = 0.1 * np.ones(72)
-    answer = asked(server, "drag", start=start(server, pose), joint="0", x="1", y="2", z="3")
-    row = np.array(json.loads(answer.read())["x"])
-    np.testing.assert_allclose(row[:72], pose, atol=1e-8)
-    root = body.joints(row[:72].reshape(24, 3), row[72:-3], row[-3:])[0]
-    np.testing.assert_allclose(root, [1, 2, 3], atol=1e-8)
-
-
-DRAGGED = """
-  const scene = replay.scene, canvas = scene.canvas, box = canvas.getBoundingClientRect();
-  const k = replay.body.joint_names.indexOf("left_wrist");
-  const place = replay.byHand.joints[k].map((x, d) => x + replay.byHand.shift[d]);
-  const [u, v] = scene.place(place);
-  let asked;
-  window.fetch = url => {
-    asked = url;
-    return Promise.resolve({ ok: false, text: () => "no server" });
-  };
-  const send = (type, x, y) => {
-    try {
-      const at = { clientX: box.left + x, clientY: box.top + y, buttons: 1 };
-      canvas.dispatchEvent(new PointerEvent(type, at));
-    } catch (error) { }
-  };
-  const turn = scene.turn;
-  send("pointerdown", u + 3, v - 2);
-  send("pointermove", u + 43, v - 32);
-  const told = new URLSearchParams(asked.split("?")[1]);
-  answers.joint = told.get("joint");
-  answers.turned = scene.turn - turn;
-  answers.chosen = replay.live.joint.selectedOptions[0].textContent;
-  const target = ["x", "y", "z"].map((d, i) => +told.get(d) + replay.byHand.shift[i]);
-  answers.off = scene.place(target).map((x, d) => x - [u + 40, v - 30][d]);
-"""
-
-
-@pytest.mark.thorough
-def test_joint_is_dragged_in_the_browser(tmp_path: Path) -> None:
-    recording = recorded_start(setup())
-    html = page("live.html", title="t", question="q", recording=recording, solvers=["trust-region"])
-    answers = asked_of_replay(html, DRAGGED, tmp_path)
-    assert answers["joint"] == str(wb.load_body("small").joint_names.index("left_wrist"))
-    assert answers["chosen"] == "left elbow"  # what turns
-    assert answers["turned"] == 0  # the camera stands still meanwhile
-    np.testing.assert_allclose(answers["off"], 0, atol=0.5)  # px
 
 
 def test_live_server_refuses_problems_without_a_body() -> None:

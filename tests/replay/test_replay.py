@@ -4,21 +4,19 @@ import base64
 import gzip
 import json
 import re
-from dataclasses import replace
 from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
 
-import workbench as wb
 from tests.browsers import asked_of_replay
 from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.experiments import find, run
 from workbench.experiments.running import Outcome
 from workbench.plots.palette import solver_styles
-from workbench.reports.replay import Recording, recorded_diagnosis, recorded_posterior, recorded_run
+from workbench.reports.replay import Recording, recorded_run
 from workbench.reports.replay.recording import KINDS, packed
 from workbench.reports.replay.runs import kept
 from workbench.reports.run import run_page
@@ -138,31 +136,6 @@ def test_replay_is_small_and_fetches_nothing() -> None:
 
 def test_run_without_a_body_has_no_replay() -> None:
     assert recorded_run(run(find("nist-chwirut2", {}), compare=False)) is None
-
-
-@pytest.mark.browser
-def test_recorded_diagnosis_has_the_directions() -> None:
-    d, body = outcome().data_alone, outcome().setup.body
-    assert d is not None
-    found = recorded_diagnosis(d, body, outcome().setup.views)
-    assert found is not None
-    assert found.data["directions"] == recording().data["directions"]
-    assert recorded_diagnosis(d, wb.load_body("small-scape"), ()) is None
-
-
-@pytest.mark.thorough
-def test_recorded_posterior_has_draws() -> None:
-    setup = find("landmarks", {"body": "small"}).setup()
-    posterior = wb.laplace(setup.problem, setup.start, ("trans",), draws=200)
-    for method, name, by in (
-        ("laplace", "Laplace's draws", "Laplace's approximation of trans"),
-        ("emcee", "draws from the posterior", "the posterior of trans"),
-    ):
-        one = replace(posterior, method=method)
-        found = recorded_posterior(one, "trans", setup.body, setup.views)
-        assert found is not None
-        draws = found.data["draws"]
-        assert (draws["count"], draws["name"], draws["by"]) == (40, name, by)
 
 
 @pytest.fixture(scope="module")

@@ -17,8 +17,6 @@ from tests.registration.clouds import cloud, person
 from workbench.arrays import Array
 from workbench.errors import BadArgument, NotSupported
 from workbench.experiments import find
-from workbench.fitting.marker_sets import default_markers
-from workbench.fitting.markers import marker_errors
 from workbench.fitting.setup import Setup
 from workbench.registration import FitStage, Recipe, Registration, register
 from workbench.reports.replay import (
@@ -28,7 +26,6 @@ from workbench.reports.replay import (
     recorded_registration,
     recorded_solution,
 )
-from workbench.reports.replay.observations import MOST, observed_points
 from workbench.reports.replay.recording import KINDS
 from workbench.reports.replays import motion_page, replay_page
 
@@ -72,18 +69,6 @@ def moving() -> wb.Motion:
 
 
 @pytest.mark.thorough
-def test_registration_keeps_surfaces_of_its_stages() -> None:
-    found = registration()
-    names = ["start", "stage 1, 200 points", "stage 2, 300 points", "free vertices"]
-    names.append("free vertices, relaxed")
-    assert list(found.surfaces) == names
-    np.testing.assert_array_equal(found.surfaces[names[-1]], found.vertices)
-    assert found.stages[0].name == "model"
-    off = [np.linalg.norm(one - found.vertices, axis=1).mean() for one in found.surfaces.values()]
-    assert off[0] > 2 * off[2]
-
-
-@pytest.mark.thorough
 def test_recorded_scan_has_its_distances() -> None:
     found, shown = registration(), series(recorded_registration(registration()))
     far = numbers(shown["far"]).reshape(5, -1)[-1]
@@ -101,32 +86,13 @@ def test_recorded_scan_has_its_distances() -> None:
     assert np.isin(np.round(1e5 * ends[:20]), [far.round() + d for d in (-1, 0, 1)]).all()
 
 
-def test_recorded_frames_have_poses_and_markers() -> None:
+def test_recorded_frames_have_poses() -> None:
     setup = markers()
     shown = series(recorded_frames(setup, setup.start))
     x = numbers(shown["x"]).reshape(4, -1)
     pose, trans = setup.start["pose"], setup.start["trans"]
     np.testing.assert_allclose(x[:, :72], pose.reshape(4, -1), atol=1e-6)
     np.testing.assert_allclose(x[:, -3:], trans, atol=1e-6)
-    found, places = (numbers(one).reshape(4, -1, 3) for one in shown["links"])
-    assert np.isnan(places).any()
-    observed = np.where(setup.start["seen"][..., None] > 0, setup.start["observed"], np.nan)
-    np.testing.assert_allclose(places, observed, atol=1e-6)
-    dressed = default_markers(BODY).on(BODY)
-    wanted = marker_errors(dressed, observed, setup.start)
-    np.testing.assert_allclose(np.linalg.norm(found - places, axis=2), wanted, atol=1e-6)
-
-
-def test_observed_points_are_found_by_their_residual() -> None:
-    setup = landmarks()
-    values = setup.problem.read(setup.start)
-    (one,) = observed_points(setup.problem.residuals, values)
-    np.testing.assert_allclose(one.places, setup.start["observed"], atol=1e-12)
-    np.testing.assert_allclose(one.found, BODY.joints(), atol=1e-9)
-    known = find("known-correspondences", {}).setup()
-    (one,) = observed_points(known.problem.residuals, known.problem.read(known.start))
-    assert one.places.shape == (MOST, 3)
-    assert one.count == 1229
 
 
 def test_recorded_solution_has_stages_and_hypotheses() -> None:
@@ -141,12 +107,9 @@ def test_recorded_solution_has_stages_and_hypotheses() -> None:
     starts = wb.Starts(({}, turned), wb.TrustRegion(max_iterations=20))
     found = wb.solve(setup.problem, setup.start, starts)
     assert len(found.hypotheses) == 2
-    recording = recorded_solution(found, setup.problem, setup.start, BODY)
-    shown = series(recording)
+    shown = series(recorded_solution(found, setup.problem, setup.start, BODY))
     assert [text[:2] for text in shown["labels"]] == ["1:", "2:"]
     assert f"at cost {found.hypotheses[1].cost:.4g}; 1 of the starts" in shown["said"][1]
-    assert recording is not None
-    assert recording.data["observed"]["joints"] is True
 
 
 def test_recorded_motion_is_a_page_and_a_notebook_frame() -> None:
@@ -206,10 +169,5 @@ def test_frames_in_the_browser_are_those_of_python(tmp_path: Path) -> None:
     for t, points in enumerate(answers["vertices"]):
         wanted = BODY.vertices(values[0][t], values[1], values[2][t])
         assert np.linalg.norm(np.array(points).reshape(-1, 3) - wanted, axis=1).max() < 1e-6
-    found, places = (numbers(one).reshape(4, -1, 3)[-1] for one in series(recording)["links"])
-    off = np.linalg.norm(found - places, axis=1)
-    seen = off[np.isfinite(off)]
-    assert answers["said"].startswith(
-        f"Frame 4 of 4. {len(seen)} points are {1e3 * seen.mean():.1f} mm"
-    )
+    assert answers["said"].startswith("Frame 4 of 4.")
     assert "http" not in json.dumps(recording.data)

@@ -9,9 +9,8 @@ import pytest
 
 from tests.bodies_made_up import random_body, smpl_like_body
 from workbench.bodies.catalogue import load_body
-from workbench.errors import BadFile
 from workbench.reports import card_text, write_card
-from workbench.reports.card import card_page, facts, joint_table, shapes
+from workbench.reports.card import card_page, facts, joint_table
 
 CARD = {
     "licence": "CC0 <1.0>",
@@ -37,21 +36,6 @@ def test_card_page_holds_sizes_joints_and_provenance(tmp_path: Path) -> None:
     assert "<1.0>" not in text
     assert json.loads((page.parent / "summary.json").read_text())["card"] == CARD
     write_card(body, tmp_path / "card")
-
-
-def test_card_of_another_file_is_not_overwritten(tmp_path: Path) -> None:
-    body = random_body(n_betas=0)
-    write_card(body, tmp_path / "card", "/a/me.npz")
-    write_card(body, tmp_path / "card", "/a/me.npz")
-    with pytest.raises(BadFile, match="--out"):
-        write_card(body, tmp_path / "card", "/b/me.npz")
-
-
-def test_card_of_a_body_without_shapes(tmp_path: Path) -> None:
-    body = random_body(n_betas=0)
-    text = write_card(body, tmp_path / "card").read_text(encoding="utf-8")
-    assert text.count("<figure") == 1
-    assert "no card" in text
 
 
 def test_card_text_says_what_the_body_is() -> None:
@@ -87,13 +71,3 @@ def test_card_of_a_synthetic_body_says_so() -> None:
     plain = replace(body, card={})
     assert "synthetic" not in facts(plain)
     assert "The template from the front" in card_page(plain)
-
-
-def test_shapes_are_two_standard_deviations_from_the_mean() -> None:
-    body = random_body()
-    found = shapes(body)
-    assert list(found)[:2] == ["mean", "betas[0] +2 sd"]
-    assert len(found) == 8
-    np.testing.assert_allclose(
-        found["betas[1] −2 sd"], body.template - 2 * body.shapedirs[:, :, 1], atol=1e-12
-    )

@@ -12,7 +12,7 @@ import workbench as wb
 from tests.bodies_made_up import random_body
 from tests.cli.conftest import Run, workbench  # noqa: F401 - a fixture
 from workbench.errors import BadArgument, BadFile
-from workbench.reports.sliders import pose_and_betas, settings_of, sliders_page, write_sliders
+from workbench.reports.sliders import pose_and_betas, settings_of, write_sliders
 from workbench.writing import write_arrays
 
 BODY = wb.load_body("small")
@@ -69,25 +69,6 @@ def test_sliders_open_at_a_fit(run: Path, workbench: Run) -> None:  # noqa: F811
     code, _, error = workbench("body", "sliders", "small", "--from", "missing", "--out", "pages")
     assert code == 2
     assert "missing" in error
-
-
-def test_motion_becomes_a_page(workbench: Run) -> None:  # noqa: F811
-    motion = wb.Motion(np.array([0 * POSE, POSE]), np.zeros((2, 3)), 30.0, BODY.joint_names, BETAS)
-    wb.save_motion("walk.npz", motion)
-    code, out, error = workbench("motion", "walk.npz", "--page", "walk.html", "--body", "small")
-    assert code == 0, error
-    assert "page: walk.html" in out
-    assert "2 frames at 30 frames a second" in Path("walk.html").read_text(encoding="utf-8")
-    code, _, error = workbench("motion", "walk.npz", "--page", "walk.pdf")
-    assert code == 2
-    assert "--page takes a file that ends in .html" in error
-
-
-def test_sliders_page_fetches_nothing() -> None:
-    text = sliders_page(BODY)
-    assert not re.search(r"(src|href)=\"(?!data:|#)", text)
-    assert "https://" not in text
-    assert text.count("<script") == 2
 
 
 def test_sliders_refuse_what_they_cannot_show(tmp_path: Path) -> None:

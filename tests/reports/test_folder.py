@@ -75,13 +75,6 @@ def test_folder_of_others_is_left_alone(tmp_path: Path, summary: str | None) -> 
     assert [path.name for path in tmp_path.iterdir()] == ["thesis"]
 
 
-def test_an_empty_folder_and_one_that_is_not_there_are_fine(tmp_path: Path) -> None:
-    (tmp_path / "empty").mkdir()
-    for name in ("empty", "a/b/c"):
-        write(tmp_path / name)
-        assert (tmp_path / name / "index.html").is_file()
-
-
 def test_unwritable_place_is_a_sentence(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     for place in (tmp_path / "file", tmp_path / "file" / "run"):

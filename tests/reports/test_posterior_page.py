@@ -8,13 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import workbench as wb
 from tests.sampling.densities import conditioned, gaussian
 from workbench.experiments import find
 from workbench.fitting.setup import Setup
 from workbench.reports import write_posterior
 from workbench.reports.posterior import BlockPosterior, anchors, contradictions
-from workbench.reports.replay import recorded_posterior
 from workbench.sampling import fixed, laplace, sample
 
 C = conditioned(3, 30.0, seed=3)
@@ -100,39 +98,3 @@ def test_truth_against_a_prior_is_said() -> None:
     [text] = contradictions(find("landmarks", {"pose_sigma": 0.3}).setup())
     assert "contradicts the pose prior: the sum of its 69 squares" in text
     assert contradictions(replace(find("landmarks").setup(), made_of=None)) == []
-
-
-@pytest.mark.thorough
-def test_every_synthetic_body_tells_what_it_was_made_of() -> None:
-    """Where a true surface is known, the values are as well, and they make that surface."""
-    for name in ("body-vertices", "body-outliers", "known-correspondences", "landmarks"):
-        setup = find(name, {"body": "small"}).setup()
-        assert setup.made_of is not None, name
-        assert setup.body is not None
-        assert setup.truth is not None
-        blocks = [setup.made_of[block.name] for block in setup.body.blocks()]
-        np.testing.assert_allclose(setup.body.vertices(*blocks), setup.truth, atol=1e-12)
-    assert find("balance-monocular").setup().made_of is None  # a photograph
-
-
-@pytest.mark.thorough
-def test_draws_are_seen_by_held_out_cameras_too() -> None:
-    """The problem does not read these cameras, so that their numbers are those of the setup."""
-    setup = find("balance-monocular").setup()
-    p = laplace(setup.problem, setup.start, "trans", rest=fixed, draws=500)
-    recording = recorded_posterior(p, "trans", setup.body, setup.views, setup.start)
-    assert recording is not None
-    views = recording.data["views"]
-    assert [view["held_out"] for view in views].count(False) == 1
-    assert len(views) == 4
-    for view, one in zip(setup.views, views, strict=True):
-        assert one["focal"] == pytest.approx(setup.start[view.camera.focal.name])
-
-
-def test_setup_refuses_a_truth_that_does_not_fit() -> None:
-    problem = gaussian(C)
-    setup = Setup(problem, {"x": np.zeros(3)}, "?")
-    with pytest.raises(wb.WorkbenchError, match="made_of"):
-        replace(setup, made_of=3)  # type: ignore[arg-type]
-    with pytest.raises(wb.WorkbenchError, match="x"):
-        replace(setup, made_of={"x": np.zeros(4)})

@@ -18,7 +18,6 @@ from workbench.registration import (
     Recipe,
     RegisteredScan,
     ScanJob,
-    model_alone,
     register,
 )
 from workbench.reports import write_registration
@@ -28,7 +27,7 @@ from workbench.training.folder import Row, open_folder
 
 pytestmark = pytest.mark.thorough
 
-RECIPE = Recipe((FitStage(200, 0.02, 0.1, 2, 10),), model_alone)
+RECIPE = Recipe((FitStage(200, 0.02, 0.1, 2, 10),), ())
 
 
 @pytest.fixture(scope="module")
@@ -63,19 +62,6 @@ def test_registration_folder_holds_page_and_arrays(
     told = json.loads((tmp_path / "run" / "summary.json").read_text())
     assert told["median_m"] == found.registration.median
     assert told["key"] == "k"
-
-
-def test_registration_page_says_whether_it_is_doubted(
-    found: RegisteredScan, tmp_path: Path
-) -> None:
-    sure = replace(found, registration=replace(found.registration, doubts=()))
-    text = write_registration(sure, tmp_path / "sure", body="small").read_text()
-    assert "Nothing speaks against this registration" in text
-    doubts = ("another pose costs 1 % more",)
-    doubted = replace(found, registration=replace(found.registration, doubts=doubts))
-    text = write_registration(doubted, tmp_path / "doubted", body="small").read_text()
-    assert "Nothing speaks against" not in text
-    assert "Another pose costs 1 % more." in text
 
 
 def folder_in(place: Path, body: SkinnedBody, recipe: Recipe = RECIPE) -> RegistrationFolder:

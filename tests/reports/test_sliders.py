@@ -13,12 +13,8 @@ import pytest
 import workbench as wb
 from tests.browsers import dumped, need_browser
 from workbench.bodies.ablations import ABLATIONS, without_blend_weights, without_pose_blend_shapes
-from workbench.bodies.catalogue import load_body
-from workbench.bodies.triangles import TriangleBody
-from workbench.bodies.triangles.body import one_part
 from workbench.geometry.solids import volume
-from workbench.geometry.triangles import edges
-from workbench.reports.sliders import sliders_page, write_sliders
+from workbench.reports.sliders import write_sliders
 
 pytestmark = pytest.mark.thorough
 
@@ -39,13 +35,6 @@ KEPT = {
     "dual": ({"dual": True}, replace(BODY, skinning=wb.dual_quaternion_blend)),
 }
 
-TRIANGLES = load_body("small-blend-scape")
-KEPT_OF_TRIANGLES = {
-    "whole": ({}, TRIANGLES),
-    "one part": ({"weights": False}, one_part(TRIANGLES, "one part")),
-    "unbent": ({"pose_shapes": False}, replace(TRIANGLES, posedirs=0 * TRIANGLES.posedirs)),
-    "alike": ({"shape_shapes": False}, replace(TRIANGLES, shapedirs=0 * TRIANGLES.shapedirs)),
-}
 
 ASKED = """
 <pre id="answers"></pre>
@@ -63,8 +52,6 @@ const beta_slider = document.querySelectorAll("#betas input")[1];
 beta_slider.value = 2;
 beta_slider.dispatchEvent(new Event("input"));
 answers.measured = document.getElementById("measured").textContent;
-answers.drawn = body.drawn(state.pose, state.betas, { stitched: false });
-answers.drawn = [...(answers.drawn.points ?? answers.drawn)];
 answers.address = decodeURIComponent(location.hash.slice(1));
 document.getElementById("answers").textContent = JSON.stringify(answers);
 });
@@ -78,13 +65,7 @@ def answers(tmp_path_factory: pytest.TempPathFactory) -> Any:
     return asked(BODY, KEPT, tmp_path_factory.mktemp("page"))
 
 
-@pytest.fixture(scope="module")
-def answers_of_triangles(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """What the page of a BlendSCAPE body says."""
-    return asked(TRIANGLES, KEPT_OF_TRIANGLES, tmp_path_factory.mktemp("page"))
-
-
-def asked(body: wb.SkinnedBody | TriangleBody, kept: Any, folder: Path) -> Any:
+def asked(body: wb.SkinnedBody, kept: Any, folder: Path) -> Any:
     need_browser()
     page = write_sliders(body, folder / "sliders.html")
     questions = {
@@ -107,49 +88,7 @@ def test_vertices_in_the_browser_are_those_of_python(answers: Any) -> None:
         for which, (_, body) in KEPT.items():
             found = np.array(answers[f"{where}, {which}"]).reshape(-1, 3)
             off = np.linalg.norm(found - body.vertices(pose, BETAS), axis=1)
-            assert off.max() < said_to_differ_by(BODY) <= 1e-8, (where, which)
-
-
-def test_triangles_in_the_browser_are_those_of_python(answers_of_triangles: Any) -> None:
-    for where, pose in POSES.items():
-        for which, (_, body) in KEPT_OF_TRIANGLES.items():
-            found = np.array(answers_of_triangles[f"{where}, {which}"]).reshape(-1, 3)
-            off = np.linalg.norm(found - body.vertices(pose, BETAS), axis=1)
-            assert off.max() < said_to_differ_by(TRIANGLES) <= 5e-8, (where, which)
-
-
-def said_to_differ_by(body: wb.SkinnedBody | TriangleBody) -> float:
-    """How far the vertices of a body's page are from those of Python at most, in m, as it says."""
-    said = re.search(r"they differ by less than ([\d.]+) mm", sliders_page(body))
-    assert said
-    return round(1e-3 * float(said[1]), 12)
-
-
-def test_without_stitching_triangles_have_their_own_edges_about_their_middles(
-    answers_of_triangles: Any,
-) -> None:
-    pose, betas = np.zeros((24, 3)), np.zeros(10)
-    pose[TRIANGLES.joint_names.index("left_elbow"), 1], betas[1] = np.radians(-120), 2.0
-    corners = np.array(answers_of_triangles["drawn"]).reshape(-1, 3, 3)
-    X = TRIANGLES.deformations(pose, betas)
-    wanted = edges(TRIANGLES.template, TRIANGLES.faces) @ X.transpose(0, 2, 1)
-    own = np.stack([corners[:, 2] - corners[:, 0], corners[:, 1] - corners[:, 0]], axis=1)
-    np.testing.assert_allclose(own, wanted, atol=1e-6)
-    middles = TRIANGLES.vertices(pose, betas)[TRIANGLES.faces].mean(axis=1)
-    np.testing.assert_allclose(corners.mean(axis=1), middles, atol=1e-6)
-    assert "l of BlendSCAPE" in answers_of_triangles["measured"]
-
-
-def test_the_page_of_triangles_has_the_switches_of_its_model() -> None:
-    switches = {
-        body.name: re.findall(r'id="(\w+)" data-part', sliders_page(body))
-        for body in (TRIANGLES, load_body("small-scape"), BODY)
-    }
-    assert switches == {
-        "small-blend-scape": ["weights", "pose_shapes", "shape_shapes", "stitched"],
-        "small-scape": ["pose_shapes", "shape_shapes", "stitched"],
-        "small": ["weights", "pose_shapes", "shape_shapes", "dual"],
-    }
+            assert off.max() < 1e-8, (where, which)  # m, as the page says
 
 
 def test_sliders_move_the_body_and_the_numbers_beside_it(answers: Any) -> None:

@@ -5,7 +5,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import casadi as cs
 import numpy as np
 import pytest
 
@@ -131,15 +130,6 @@ def limits() -> Case:
     return Case(residual, {"pose": np.zeros((3, 3))}, spread=0.8)
 
 
-def on_plane() -> Case:
-    placed, height = Block("placed", (2, 3), "m"), Block("floor", (1,), "m")
-    residual = residuals.on_plane(
-        placed.symbol, sigma=0.2, offset=height.symbol, normal=(3.0, 0.0, 4.0)
-    )
-    points = np.array([[1.0, 5.0, 0.5], [0.2, -1.0, 1.1]])
-    return Case(residual, {"placed": points, "floor": np.array([1.0])})
-
-
 def max_mixture() -> Case:
     rng = np.random.default_rng(5)
     means, factors = rng.normal(size=(3, 2)), rng.normal(size=(3, 2, 2)) + 2 * np.eye(2)
@@ -148,14 +138,6 @@ def max_mixture() -> Case:
     best = int(np.argmax(shares / np.sqrt(np.linalg.det(C))))
     residual = residuals.max_mixture(BETAS.symbol, shares=shares, means=means, covariances=C)
     return Case(residual, {"betas": means[best]}, spread=2.0)
-
-
-def student_t() -> Case:
-    rng = np.random.default_rng(6)
-    A, mean = 0.3 * rng.normal(size=(9, 9)), rng.normal(size=9)
-    scale = A @ A.T + 0.01 * np.eye(9)
-    residual = residuals.student_t(POSE.symbol, dof=4.0, mean=mean, scale=scale, counted=5)
-    return Case(residual, {"pose": mean.reshape(3, 3)})
 
 
 CASES: list[Callable[[], Case]] = [
@@ -169,9 +151,7 @@ CASES: list[Callable[[], Case]] = [
     gaussian_matrix,
     limits,
     max_mixture,
-    student_t,
     mirrored,
-    on_plane,
     regressed,
 ]
 POINTS = [vertices, edges, stitching, landmarks, keypoints, mirrored, regressed]
@@ -230,25 +210,11 @@ def test_residual_vanishes_at_truth_and_sigma_whitens(build: Callable[[], Case])
     assert all(label.startswith(residual.name + "[") for label in labels)
 
 
-def test_cases_have_small_and_large_residuals() -> None:
-    """The differences above mean something only if residuals are small here and large there."""
-    for build in CASES:
-        case = build()
-        problem = case.problem(quadratic)
-        sizes = [abs(problem.residual(near(case, problem, seed), np.zeros(0))) for seed in (0, 1)]
-        assert np.min(sizes) < 0.7 < np.max(sizes), (
-            f"rows of {build.__name__} are between {np.min(sizes):.2g} and {np.max(sizes):.2g} "
-            "sigmas; give the case a sigma or a `spread` for which some are below 0.7, some above"
-        )
-
-
 ELSEWHERE = {
     "smooth",  # between the frames of a sequence: tests/problem/test_sequence_terms.py
     "scan_to_model",  # contacts that change, without a graph: tests/residuals/test_scans.py
-    "model_to_scan",
     "free_space",  # the same: tests/residuals/test_scans.py
     "bending",  # never zero: tests/residuals/test_image_terms.py
-    "log_sum_mixture",
     "apart",  # of capsules: tests/residuals/test_self_contact.py
     "spheres",
 }
@@ -268,19 +234,3 @@ def test_every_residual_is_exported_and_has_a_case() -> None:
                 "its name into __all__ there"
             )
             assert node.name in tried, f"write a case called {node.name}, and put it into CASES"
-
-
-def test_reads_lists_blocks_of_points_and_of_numbers() -> None:
-    assert set(keypoints().residual.reads) == {
-        "pose",
-        "betas",
-        "trans",
-        "observed",
-        "confidence",
-        "cam/focal",
-        "cam/centre",
-        "cam/distortion",
-        "cam/rotation",
-        "cam/translation",
-    }
-    assert not any(cs.is_equal(s, keypoints().residual.points[0].symbol) for s in SYMBOLS)

@@ -1,10 +1,7 @@
 """The terms of fits to images: exact values, bounds between forms, signs by bending a body."""
 
-import casadi as cs
 import numpy as np
 import pytest
-from scipy.special import logsumexp
-from scipy.stats import multivariate_t
 
 from tests.differences import assert_hessian, assert_jacobian
 from tests.tiers import few
@@ -29,7 +26,7 @@ def cost(residual: Residual, x: np.ndarray) -> float:
 
 
 def energies(x: np.ndarray) -> np.ndarray:
-    """e_j, of the docstring of the module, from the densities' own formula."""
+    """e_j, from the densities' own formula."""
     found = []
     for g, mu, C in zip(SHARES, MEANS, COVARIANCES, strict=True):
         d = x - mu
@@ -38,38 +35,20 @@ def energies(x: np.ndarray) -> np.ndarray:
     return np.array(found)
 
 
-def mixtures() -> tuple[Residual, Residual]:
-    given = {"shares": SHARES, "means": MEANS, "covariances": COVARIANCES}
-    return residuals.max_mixture(X.symbol, **given), residuals.log_sum_mixture(X.symbol, **given)
+def mixture() -> Residual:
+    return residuals.max_mixture(X.symbol, shares=SHARES, means=MEANS, covariances=COVARIANCES)
 
 
-def offsets() -> np.ndarray:
-    """The c_j: what the e_j are at the means."""
-    return np.array([0.5 * np.log(np.linalg.det(C)) for C in COVARIANCES]) - np.log(SHARES)
-
-
-def test_mixture_costs_match_their_formula() -> None:
+def test_mixture_cost_matches_its_formula() -> None:
+    c = np.array([0.5 * np.log(np.linalg.det(C)) for C in COVARIANCES]) - np.log(SHARES)
     for seed in range(2):
         x = 2 * np.random.default_rng(seed).normal(size=4)
-        best, whole = mixtures()
-        c = offsets()
-        assert cost(best, x) == pytest.approx(energies(x).min() - c.min(), rel=1e-12)
-        assert cost(whole, x) == pytest.approx(logsumexp(-c) - logsumexp(-energies(x)), rel=1e-10)
-
-
-def test_max_mixture_bounds_the_mixture() -> None:
-    for seed in range(3):
-        x = 3 * np.random.default_rng(seed).normal(size=4)
-        best, whole = mixtures()
-        c = offsets()
-        gap = (cost(best, x) + c.min()) - (cost(whole, x) - logsumexp(-c))
-        assert -1e-12 <= gap <= np.log(3) + 1e-12
+        assert cost(mixture(), x) == pytest.approx(energies(x).min() - c.min(), rel=1e-12)
 
 
 @pytest.mark.thorough
-@pytest.mark.parametrize("which", [0, 1])
-def test_derivatives_of_mixtures(which: int) -> None:
-    problem = problem_of(mixtures()[which])
+def test_derivatives_of_mixtures() -> None:
+    problem = problem_of(mixture())
     for seed in range(2):
         x = np.random.default_rng(seed).normal(size=4)
         assert_jacobian(problem, x, np.zeros(0), 1e-7)
@@ -89,9 +68,9 @@ def test_mixture_of_one_is_gaussian() -> None:
     one = {"shares": [2.0], "means": MEANS[:1], "covariances": COVARIANCES[:1]}
     plain = residuals.gaussian(X.symbol, mean=MEANS[0], covariance=COVARIANCES[0])
     x = RNG.normal(size=4)
-    for mixture in (residuals.max_mixture, residuals.log_sum_mixture):
-        assert cost(mixture(X.symbol, **one), x) == pytest.approx(cost(plain, x), rel=1e-12)
-        assert problem_of(mixture(X.symbol, **one)).linearize({"x": x}).finite
+    single = residuals.max_mixture(X.symbol, **one)
+    assert cost(single, x) == pytest.approx(cost(plain, x), rel=1e-12)
+    assert problem_of(single).linearize({"x": x}).finite
 
 
 def test_bad_mixtures_are_refused() -> None:
@@ -156,7 +135,7 @@ def test_bending_needs_a_pose_with_such_joints() -> None:
         residuals.bending(Block("pose", (2, 3), "rad", ("root", "tail")))
 
 
-# Limits and planes.
+# Limits.
 
 
 def test_limits_count_only_outside() -> None:
@@ -169,73 +148,3 @@ def test_limits_count_only_outside() -> None:
     for low, high in ((1.0, -1.0), (np.nan, 1.0), (-np.inf, np.inf)):
         with pytest.raises(BadResidual):
             residuals.limits(x, low, high, sigma=0.1)
-
-
-def test_points_on_a_plane() -> None:
-    placed = Block("placed", (3, 3), "m")
-    points = np.array([[0, 0.1, 5], [1, 0.3, 2], [2, -0.2, 7.0]])
-    floor = residuals.on_plane(placed.symbol, sigma=0.1, offset=0.1)
-    r = problem_of(floor).residual(points.ravel(), np.zeros(0))
-    np.testing.assert_allclose(r, [0, 2, -3], atol=1e-12)
-    wall = residuals.on_plane(placed.symbol, sigma=1.0, normal=(0, 0, -2.0), offset=-2.0)
-    r = problem_of(wall).residual(points.ravel(), np.zeros(0))
-    np.testing.assert_allclose(r, [-3, 0, -5], atol=1e-12)
-    height = Block("floor", (1,), "m")
-    unknown = residuals.on_plane(placed.symbol, sigma=1.0, offset=height.symbol)
-    assert unknown.reads == ("placed", "floor")
-    with pytest.raises(BadResidual, match="normal"):
-        residuals.on_plane(placed.symbol, sigma=1.0, normal=(0, 0, 0))
-
-
-def test_feet_of_a_body_are_named() -> None:
-    body = load_body("small")
-    points = body.landmark_points("coco", *(block.symbol for block in body.blocks()))
-    term = residuals.on_plane(points, sigma=0.01, some=("left_heel", "right_big_toe"))
-    assert term.label(1).endswith("[right_big_toe]")
-    with pytest.raises(BadResidual, match="tail"):
-        residuals.on_plane(points, sigma=0.01, some=("tail",))
-    assert isinstance(term.expression, cs.MX)
-
-
-def test_student_density_matches_scipy() -> None:
-    for d in [1, 4]:
-        x = Block("x", (d,))
-        mean, scale = MEANS[0, :d], COVARIANCES[0, :d, :d]
-        residual = residuals.student_t(x.symbol, dof=3.5, mean=mean, scale=scale)
-        density = multivariate_t(mean, scale, df=3.5)
-        for far in (1.0, 30.0):
-            at = mean + far * np.random.default_rng(d).normal(size=d)
-            expected = density.logpdf(mean) - density.logpdf(at)
-            assert cost(residual, at) == pytest.approx(expected, rel=1e-6)
-        for u in (1e-9, 0.9e-5, 1.1e-5):  # m^2 / nu; two of them by the series
-            at = mean + np.sqrt(3.5 * u) * np.linalg.cholesky(scale)[:, 0]
-            assert cost(residual, at) == pytest.approx(0.5 * (3.5 + d) * np.log1p(u), rel=1e-10)
-
-
-def test_student_tends_to_the_gaussian() -> None:
-    given = {"mean": MEANS[0], "name": "one"}
-    x = MEANS[0] + np.array([0.5, -2.0, 1.0, 3.0])
-    normal = cost(residuals.gaussian(X.symbol, covariance=COVARIANCES[0], **given), x)
-    off = [
-        abs(cost(residuals.student_t(X.symbol, dof=nu, scale=COVARIANCES[0], **given), x) - normal)
-        for nu in (1e4, 1e6, 1e8)
-    ]
-    assert off[0] > 50 * off[1] > 2500 * off[2]
-    assert off[2] < 1e-5 * normal
-
-
-def test_student_of_determined_numbers_is_their_marginal() -> None:
-    """With the others where the first two numbers leave them, it is the density of these two."""
-    mean, S = MEANS[1], COVARIANCES[1]
-    residual = residuals.student_t(X.symbol, dof=4.0, mean=mean, scale=S, counted=2)
-    first = mean[:2] + [0.7, -1.9]
-    others = mean[2:] + S[2:, :2] @ np.linalg.solve(S[:2, :2], first - mean[:2])
-    density = multivariate_t(mean[:2], S[:2, :2], df=4.0)
-    expected = density.logpdf(mean[:2]) - density.logpdf(first)
-    assert cost(residual, np.concatenate([first, others])) == pytest.approx(expected, rel=1e-10)
-
-
-def test_bad_student_is_refused() -> None:
-    for wrong, says in [({"dof": 0.0}, "above 0"), ({"counted": 5}, "at most 4")]:
-        with pytest.raises(BadResidual, match=says):
-            residuals.student_t(X.symbol, **({"dof": 3.0} | wrong))

@@ -1,6 +1,5 @@
 """Names, labels, priors, and residuals that cannot be."""
 
-from functools import partial
 from typing import Any
 
 import casadi as cs
@@ -78,12 +77,6 @@ def test_gaussian_cost_is_minus_log_density() -> None:
             assert 2 * cost == pytest.approx((x - mean) @ full @ (x - mean), rel=1e-12)
 
 
-def test_gaussian_covariance_comes_back_from_linearization() -> None:
-    C = np.array([[2, 0.5, 0], [0.5, 1, -0.3], [0, -0.3, 0.4]])
-    here = Problem((gaussian(X.symbol, covariance=C),), ("x",)).linearize({"x": np.zeros(3)})
-    np.testing.assert_allclose(here.covariance, C, rtol=1e-13, atol=1e-14)
-
-
 def test_mean_is_read_in_the_order_of_arrays() -> None:
     pose = Block("pose", (4, 3))
     mean = np.random.default_rng(0).normal(size=(4, 3))
@@ -134,22 +127,6 @@ def test_points_and_observations_must_match() -> None:
         keypoints(points, Camera(), Block("o", (5, 2)).symbol, Block("c", (4,)).symbol, sigma=1.0)
 
 
-def test_expressions_of_other_types_are_refused() -> None:
-    for expression, kind in [
-        (np.zeros(3), "ndarray"),
-        (cs.SX.sym("x", 3), "SX"),
-        (X, "Block"),
-    ]:
-        for make in (
-            partial(Residual, "x", expression, 1.0),
-            partial(gaussian, expression),
-            partial(landmarks, expression, np.zeros((1, 3)), sigma=1.0),
-        ):
-            hint = "; take its .symbol" if kind == "Block" else "$"
-            with pytest.raises(BadResidual, match=rf"must be a CasADi .* of type {kind}{hint}"):
-                make()
-
-
 # Numbers instead of symbols.
 
 
@@ -178,17 +155,6 @@ def test_observations_may_be_arrays() -> None:
         np.testing.assert_array_equal(here.residual, expected.residual)
         np.testing.assert_array_equal(here.jacobian, expected.jacobian)
     assert set(problem(observed).fixed.names) == {block.name for block in camera.blocks}
-
-
-def test_residuals_of_numbers_are_named_after_points() -> None:
-    body = smpl_like_body()
-    joints = body.joint_points(*(block.symbol for block in body.blocks("scan/")))
-    name = "landmarks(scan/pose, scan/betas, scan/trans)"
-    assert landmarks(joints, np.zeros((24, 3)), sigma=1.0).name == name
-    bare = Block("p", (24, 3)).symbol
-    assert landmarks(bare, np.zeros((24, 3)), sigma=1.0).name == "landmarks(p)"
-    seen = keypoints(joints, Camera(), np.zeros((24, 2)), np.ones(24), sigma=1.0)
-    assert seen.name == "keypoints(scan/pose, scan/betas, scan/trans)"
 
 
 def holed(shape: tuple[int, ...]) -> np.ndarray:

@@ -5,10 +5,8 @@ import pytest
 import scipy.stats
 
 import workbench as wb
-from workbench.experiments import find
 from workbench.problem.costs import compiled
-from workbench.sampling import Usability, sample
-from workbench.sampling.ensembles import SamplerSettings, differential_evolution, run
+from workbench.sampling.ensembles import SamplerSettings, run
 from workbench.sampling.log_density import LogDensity
 from workbench.sampling.subspace import fixed, subspace_of
 
@@ -59,7 +57,7 @@ def ranks(replications: int, seed: int = 0) -> tuple[tuple[str, ...], np.ndarray
         here = problem.linearize_at(x, given)
         space = fixed(problem, here, x, chosen_entries(problem, x, given, names))
         target = LogDensity(problem, given, space, compiled)
-        plan = SamplerSettings(40, 1, 1600, 40, replication, differential_evolution(), whole=True)
+        plan = SamplerSettings(40, 1, 1600, 40, replication, whole=True)
         chain = run(target, plan).chain[0, 8:]  # of 40 kept, every 40th step
         draws = rng.permutation(chain.reshape(-1, space.size))[:DRAWS]
         below = np.sum(draws < space.centre, axis=0)
@@ -82,13 +80,3 @@ def test_ranks_of_truths_are_uniform() -> None:
     low, high = scipy.stats.binom(REPLICATIONS, 0.9).ppf([UNLIKELY / k / 2, 1 - UNLIKELY / k / 2])
     assert (covered >= low).all(), dict(zip(labels, covered, strict=True))
     assert (covered <= high).all(), dict(zip(labels, covered, strict=True))
-
-
-def test_ensembles_of_the_whole_body_are_not_called_converged() -> None:
-    """85 numbers: more than ensembles can do at any length that people wait for."""
-    setup = find("balance-monocular").setup()
-    at = setup.start | wb.solve(setup.problem, setup.start).values
-    posterior = sample(setup.problem, at, steps=1000, seed=0)
-    assert posterior.size == 85
-    assert posterior.mixing.verdict is not Usability.USABLE
-    assert str(posterior).startswith("NOT CONVERGED")

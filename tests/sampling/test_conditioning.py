@@ -6,11 +6,9 @@ import pytest
 import workbench as wb
 from tests.sampling.densities import conditioned, gaussian
 from workbench.errors import BadArgument
-from workbench.experiments import find
 from workbench.residuals import huber, quadratic
 from workbench.sampling import NotConverged, Usability, fixed, integrated, laplace, sample
 from workbench.sampling.conditioning import contraction, prior_deviations
-from workbench.sampling.subspace import Subspace
 
 C, MEAN = conditioned(4, 30.0, seed=3), np.array([1.0, -2.0, 0.5, 3.0])
 TWO = [1, 3]
@@ -87,35 +85,6 @@ def test_bounds_and_equations_hold_the_rest() -> None:
     posterior = laplace(problem, {"x": 0.0, "y": 0.0, "z": 0.0}, "x", rest=fixed)
     # y = z, uniform on (-1, 1) at the most: x has the variance 0.1^2 + 4 / 3
     assert posterior.conditioning.marginal[0] == pytest.approx(np.sqrt(0.01 + 4 / 3), rel=1e-9)
-
-
-@pytest.mark.thorough
-def test_place_of_a_person_rests_on_pose_and_shape() -> None:
-    """The translation alone is known to millimetres, and with pose and shape to 13 cm."""
-    setup = find("balance-monocular").setup()
-    at = setup.start | wb.solve(setup.problem, setup.start).values
-    posterior = laplace(setup.problem, at, "trans", rest=fixed)
-    joint = np.sqrt(np.diag(setup.problem.linearize(at).covariance))
-    place = setup.problem.free.slices["trans"]
-    np.testing.assert_allclose(posterior.conditioning.marginal, joint[place], rtol=1e-3)
-    assert posterior.conditioning.names == ("pose", "betas")
-    assert (posterior.conditioning.ratios > 10).all()
-    assert posterior.judgement[0] is Usability.CONDITIONAL
-    assert "cam01/observed" in str(posterior)  # and what the problem takes as given
-
-
-def test_own_directions_have_ratios() -> None:
-    """One direction of two is sampled: what it holds is not an entry."""
-    covariance = np.array([[1.0, 0.9], [0.9, 1.0]])
-    way = np.array([[1.0], [0.0]]) + np.array([[0.0], [1.0]])
-
-    def along(problem: wb.Problem, x: np.ndarray, given: np.ndarray) -> Subspace:
-        return Subspace(x, way, np.zeros(1), np.empty((2, 0)), ("both",), ("1",))
-
-    posterior = laplace(gaussian(covariance), {"x": np.zeros(2)}, along)
-    assert posterior.conditioning.names == ("1 direction",)
-    assert posterior.conditioning.ratios[0] == pytest.approx(1.0)  # the other axis is independent
-    assert posterior.coordinates({"x": [2.0, 2.0]}) == pytest.approx([2.0])
 
 
 X = wb.Block("x", (2,))

@@ -5,7 +5,6 @@ the same image from in front, and from behind after half a turn about the camera
 """
 
 from dataclasses import replace
-from pathlib import Path
 
 import casadi as cs
 import numpy as np
@@ -13,10 +12,9 @@ import pytest
 
 import workbench as wb
 from tests.compilers import NEEDS_A_COMPILER
-from tests.problem.test_costs import problems
 from tests.sampling.test_modes import target_of
 from workbench.diagnostics.design import Candidate, with_candidates
-from workbench.errors import BadArgument, BadFile, BadResidual
+from workbench.errors import BadArgument, BadResidual
 from workbench.problem.costs import compiled, interpreted
 from workbench.residuals import Residual, gaussian, keypoints
 from workbench.sampling import laplace, posterior_mean, sample
@@ -70,19 +68,6 @@ def depth(draws: np.ndarray) -> np.ndarray:
     return draws.reshape(-1, draws.shape[-1])[:, 2]
 
 
-@pytest.mark.thorough
-def test_searches_for_modes_stay_in_front() -> None:
-    """Without the domain there is another mode behind the camera."""
-    found = {}
-    for which in (SEEN, everywhere(SEEN)):
-        target = target_of(which, VALUES)
-        first = mode_from(target, target.subspace.centre)
-        found[which] = modes(target, first, np.random.default_rng(0)).modes
-    in_front, both = found.values()
-    assert all(mode.z[2] > 0 for mode in in_front)
-    assert sum(mode.share for mode in both if mode.z[2] < 0) > 0.1
-
-
 def test_searches_do_not_step_behind_the_camera() -> None:
     """It ends in front of the border if its minimum lies beyond, and has then found no mode."""
     beyond = Residual("beyond", AT.symbol + 1.0, 1.0, domain=AT.symbol)
@@ -93,24 +78,6 @@ def test_searches_do_not_step_behind_the_camera() -> None:
         assert (found.z[0], found.settled) == (pytest.approx(end, abs=1e-2), settled)
         assert found.z.min() >= end
     assert sample(limited, {"at": at}, steps=100, walkers=32).flat.min() > 0
-
-
-@pytest.mark.thorough
-def test_constrained_searches_end_in_the_domain() -> None:
-    """SLSQP ends outside of it by 1e-11 here, where a mode would have no mass."""
-    x = AT.symbol
-    beyond = Residual("beyond", x - np.array([0.1, 0.1, -1.0]), 0.5, domain=x)
-    over = wb.Constraint("over", x[0] + x[1], 2.0)
-    at = np.ones(3)
-    limited = wb.Problem([beyond], "at", constraints=[over])
-    found = mode_from(target_of(limited, {"at": at}), at)
-    assert np.isfinite(found.log_mass)
-    np.testing.assert_allclose(found.z, [1.0, 1.0, 0.0], atol=1e-6)
-    assert found.z.min() >= 0
-    assert not found.settled
-    drawn = sample(limited, {"at": at}, steps=100, walkers=32).flat
-    assert drawn[:, 2].min() > 0
-    assert (drawn[:, 0] + drawn[:, 1]).min() > 2.0 - 1e-3
 
 
 @pytest.mark.thorough
@@ -177,54 +144,6 @@ def test_starts_behind_the_camera_are_refused() -> None:
     for draw in (sample, laplace, posterior_mean):
         with pytest.raises(BadArgument, match=r"seen\[0\] means nothing there, .* is -3, below"):
             draw(SEEN, BEHIND)
-
-
-@pytest.mark.thorough
-def test_checkpoint_without_domain_is_refused(tmp_path: Path) -> None:
-    saved = tmp_path / "draws.npz"
-    sample(everywhere(SEEN), VALUES, steps=50, walkers=32, checkpoint=saved)
-    with pytest.raises(BadFile, match="its domain is False"):
-        sample(SEEN, VALUES, steps=50, walkers=32, checkpoint=saved)
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("way", [interpreted, pytest.param(compiled, marks=NEEDS_A_COMPILER)])
-def test_costs_in_front_do_not_change(way: object) -> None:
-    limited, start = problems()["keypoints"]
-    x, fixed = limited.split(start)
-    X = x + 0.05 * np.random.default_rng(0).standard_normal((100, x.size))
-    cost, before = (one.costs(x, fixed, None, way)(X) for one in (limited, everywhere(limited)))  # type: ignore[arg-type]
-    assert np.isfinite(cost).all()
-    np.testing.assert_allclose(cost, before, rtol=1e-12)
-    X[::2, limited.free.slices["trans"]] += [0.0, 0.0, 6.0]
-    cost = limited.costs(x, fixed, None, way)(X)  # type: ignore[arg-type]
-    assert np.isposinf(cost[::2]).all()
-    np.testing.assert_allclose(cost[1::2], before[1::2], rtol=1e-12)
-
-
-@pytest.mark.thorough
-def test_frames_of_sequences_have_domains() -> None:
-    """A residual that has a domain in some frames only has it there."""
-    one, other = problem(), everywhere(problem())
-    frames = wb.sequence([one, other, one], shared=[b.name for b in CAMERA.blocks])
-    T = 3
-    values = LENS | {
-        name: np.repeat(np.asarray(VALUES[name])[None], T, axis=0) for name in (*FREE, "confidence")
-    }
-    x, fixed = frames.split(values)
-    costs = frames.costs(x, fixed)
-    found = []
-    for t in (None, 0, 1, 2):
-        moved = {name: value.copy() for name, value in values.items()}
-        if t is not None:
-            moved["at"][t], moved["turn"][t] = BEHIND["at"], BEHIND["turn"]
-        found.append(np.isfinite(costs(frames.split(moved)[0][None]))[0])
-        told = frames.domain.outside_in_words(*frames.split(moved)) if frames.domain else "none"
-        assert told.startswith(f"seen[{t}, 0] means nothing") == (t in (0, 2))
-    assert found == [True, False, True, False]
-    (first, *_) = frames.residuals
-    with pytest.raises(BadResidual, match="its domain were replaced"):
-        replace(first, domain=None)
 
 
 def test_only_points_that_count_have_a_domain() -> None:

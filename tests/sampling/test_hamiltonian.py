@@ -106,45 +106,6 @@ def test_funnels_are_not_usable() -> None:
         assert not posterior.usable, posterior.verdict
 
 
-@pytest.mark.thorough
-def test_second_mode_of_the_rest_is_found() -> None:
-    """s is near -5 or near 5, x near s: along the ridge from one of them the other is not seen."""
-    x, s, y = wb.Block("x"), wb.Block("s"), wb.Block("y", (22,))
-    overlap = 1 + np.log(2) - cs.log1p(cs.exp(-10 * cs.fabs(s.symbol)))
-    terms = [
-        wb.Residual("nearer mode", cs.fabs(s.symbol) - 5, 1.0),
-        wb.Residual("overlap", cs.sqrt(2 * overlap), 1.0),
-        wb.Residual("x", x.symbol - s.symbol, 1.0),
-        wb.Residual("y", y.symbol * (1 + 0.3 * y.symbol**2), 1.0),
-    ]
-    problem = wb.Problem(terms, ("x", "s", "y"), blocks=[x, s, y])
-    at = {"x": 5.0, "s": 5.0, "y": np.full(22, 0.01)}
-    posterior = sample(problem, at, "x", steps=3000, walkers=WALKERS)
-    assert len(posterior.modes) == 2
-    assert np.mean(posterior.flat > 0) == pytest.approx(0.5, abs=0.05)
-    assert posterior.usable, posterior.verdict  # chains jump from one to the other
-
-
-@pytest.mark.thorough
-def test_runs_can_be_stopped() -> None:
-    seen: list[bool] = []
-
-    def stop(progress: object) -> bool:
-        seen.append(progress.all_free)  # type: ignore[attr-defined]
-        return seen.count(True) == 100
-
-    posterior = sample(beside("bent"), AT, "x", steps=2000, walkers=WALKERS, callback=stop)
-    assert posterior.interrupted
-    assert posterior.method == "hamiltonian"
-    assert seen.count(True) == 100
-    again = sample(
-        beside("bent"), AT, "x", steps=2000, walkers=WALKERS, callback=lambda p: p.all_free
-    )
-    assert again.interrupted
-    assert again.method == "emcee"  # stopped in the warm-up: what the ensembles have is kept
-    assert not again.usable
-
-
 def test_progress_ends_at_its_goal_and_numpys_true_stops() -> None:
     target = target_of(gaussian(np.eye(2)))
     modes = (mode_from(target, np.zeros(2)),)

@@ -6,25 +6,19 @@ import pytest
 import scipy.stats
 
 import workbench as wb
-from tests.sampling.densities import bounded, conditioned, gaussian, rosenbrock, two_modes
+from tests.sampling.densities import conditioned, gaussian
 from workbench.blocks.layout import entries
-from workbench.registration import random_surface_points
-from workbench.residuals import scan_to_model
 from workbench.sampling import (
     Improper,
     NotConverged,
     Posterior,
     Usability,
-    compared_with_laplace,
-    directions,
     fixed,
     integrated,
     laplace,
     sample,
     sampling_blocks,
 )
-from workbench.sampling.ensembles import stretch
-from workbench.sampling.subspace import limbs
 
 COVARIANCE, MEAN = conditioned(4, 30.0, seed=3), np.array([1.0, -2.0, 0.5, 3.0])
 TWO = ("x[1]", "x[3]")
@@ -51,15 +45,6 @@ def test_integrated_rest_gives_marginal_variance() -> None:
     assert posterior.importance is not None
     assert posterior.importance.holds
     assert posterior.importance.effective == pytest.approx(4000)  # all weights are equal
-
-
-@pytest.mark.thorough
-def test_sampling_agrees_with_integrated_rest() -> None:
-    problem = gaussian(COVARIANCE, MEAN)
-    drawn = sample(problem, {"x": MEAN}, TWO, rest=integrated, steps=3000, seed=1)
-    assert drawn.usable, drawn.verdict
-    true = np.sqrt(np.diag(COVARIANCE)[[1, 3]])
-    np.testing.assert_allclose(drawn.sd, true, rtol=4 / np.sqrt(drawn.mixing.effective.min()))
 
 
 def curved(scale: float) -> wb.Problem:
@@ -95,20 +80,6 @@ def test_wrong_conditionals_are_noticed() -> None:
         found.interval()
 
 
-def test_directions_of_the_data_come_first() -> None:
-    """Two measured, two not: the measured ones come first, the rest is the prior."""
-    x = wb.Block("x", (4,))
-    A = np.array([[1.0, 2.0, 0.0, 0.0], [0.0, 1.0, 1.0, 0.0]])
-    data = wb.Residual("data", cs.DM(A) @ x.symbol - 1, 0.01)
-    problem = wb.Problem([data, wb.residuals.gaussian(x.symbol, name="prior")], "x", blocks=[x])
-    at = wb.solve(problem, {"x": np.zeros(4)}).values
-    posterior = laplace(problem, at, directions(2, ["prior"]), draws=40_000)
-    assert "100% data" in posterior.labels[0]
-    np.testing.assert_allclose(posterior.covariance, np.eye(2), atol=0.03)
-    exact = problem.linearize(at).covariance
-    np.testing.assert_allclose(np.cov(posterior.points(40_000).T), exact, atol=0.03)
-
-
 def test_improper_posteriors_are_refused_by_name() -> None:
     x = wb.Block("x", (2,))
     problem = wb.Problem([wb.Residual("sum", cs.sum(x.symbol) - 1, 0.1)], "x", blocks=[x])
@@ -123,23 +94,6 @@ def test_improper_posteriors_are_refused_by_name() -> None:
     assert posterior.sd[0] == pytest.approx(np.sqrt(1 / 12), rel=0.1)
 
 
-def test_names_choose_entries() -> None:
-    body = wb.load_body("small")
-    layout = wb.Layout(body.blocks())
-    assert entries(layout, "betas").size == 10
-    arm = entries(layout, ["pose[left_elbow]", "pose[left_wrist, x]"])
-    assert next(layout.label(i) for i in arm) == "pose[left_elbow, x]"
-    assert arm.size == 4
-    for wrong, match in (
-        ("bettas", "no free block is called 'bettas'"),
-        ("pose[elbow]", r"pose\[left_elbow\]"),
-        ("betas[77]", r"betas\[9\]"),
-        ((), "no free number is named"),
-    ):
-        with pytest.raises(wb.WorkbenchError, match=match):
-            entries(layout, wrong)
-
-
 def test_parts_of_a_body_cover_it() -> None:
     body = wb.load_body("small")
     layout = wb.Layout(body.blocks())
@@ -150,22 +104,6 @@ def test_parts_of_a_body_cover_it() -> None:
     meant = np.concatenate([entries(layout, names) for names in parts.values()])
     assert sorted(meant) == list(range(layout.size))
     assert max(entries(layout, names).size for names in parts.values()) <= 21
-    assert [tree.names[k] for k in limbs(tree)[0]][:2] == ["left_hip", "left_knee"]
-
-
-@pytest.mark.thorough
-def test_draws_are_compared_with_laplace() -> None:
-    agrees = [laplace(gaussian(np.eye(2)), {"x": np.zeros(2)}, seed=s) for s in (0, 1)]
-    assert [row.remark for row in compared_with_laplace(*agrees)] == ["agrees", "agrees"]
-    curved_one = sample(rosenbrock(), {"x": np.ones(2)}, steps=1600, walkers=16, seed=2)
-    rows = compared_with_laplace(curved_one, laplace(rosenbrock(), {"x": np.ones(2)}))
-    assert "curved" in rows[1].remark
-    both = sample(two_modes(3.0), {"x": [3.0, 0.0]}, steps=2000, walkers=16, seed=4)
-    rows = compared_with_laplace(both, laplace(two_modes(3.0), {"x": [3.0, 0.0]}))
-    assert rows[0].remark == "2 modes"
-    assert rows[1].remark == "agrees"
-    with pytest.raises(wb.WorkbenchError, match="different entries"):
-        compared_with_laplace(both, laplace(gaussian(np.eye(3)), {"x": np.zeros(3)}))
 
 
 BAD: list[tuple[dict[str, int], str]] = [
@@ -227,46 +165,6 @@ def test_gaussians_have_their_moments(k: int, condition: float) -> None:
     within_bands(posterior, mean, C)
 
 
-def test_bounded_gaussian_has_its_moments() -> None:
-    posterior = sample(bounded(), {"x": [1.5, 0.0]}, steps=4000, seed=2)
-    assert posterior.usable, posterior.verdict
-    assert posterior.flat[:, 0].min() >= 1.0
-    n = posterior.mixing.effective.min()
-    truth = scipy.stats.truncnorm(1, np.inf)
-    assert posterior.mean[0] == pytest.approx(truth.mean(), abs=4 * truth.std() / np.sqrt(n))
-    assert posterior.sd[0] == pytest.approx(truth.std(), rel=4 / np.sqrt(n))
-    assert posterior.sd[1] == pytest.approx(1.0, rel=4 / np.sqrt(n))
-
-
-@pytest.mark.thorough
-def test_rosenbrock_is_usable_only_when_right() -> None:
-    at = {"x": [1.0, 1.0]}
-    for hard in (10.0, 1.0):
-        short = sample(rosenbrock(hard), at, steps=300, seed=3)
-        assert not short.usable
-    posterior = sample(rosenbrock(0.3), at, steps=16_000, walkers=16, seed=3)
-    assert posterior.usable, posterior.verdict
-    error = np.abs(posterior.mean - [1.0, 1.3]) / np.sqrt([0.3, 1.48])
-    assert error.max() < 4 / np.sqrt(posterior.mixing.effective.min())
-
-
-@pytest.mark.thorough
-def test_near_modes_are_mixed() -> None:
-    posterior = sample(two_modes(3.0), {"x": [3.0, 0.0]}, steps=8000, seed=4)
-    assert len(posterior.modes) == 2
-    assert posterior.usable, posterior.verdict
-    share = np.mean(posterior.flat[:, 0] > 0)
-    assert share == pytest.approx(0.5, abs=4 * 0.5 / np.sqrt(posterior.mixing.effective.min()))
-
-
-@pytest.mark.thorough
-def test_far_modes_are_not_mixing() -> None:
-    posterior = sample(two_modes(12.0), {"x": [12.0, 0.0]}, steps=2000, seed=4, moves=stretch())
-    assert posterior.mixing.verdict is Usability.NOT_MIXING, posterior.verdict
-    assert "NOT CONVERGED" in str(posterior)
-    assert "95 % interval" not in str(posterior)  # none without a verdict that carries it
-
-
 @pytest.mark.thorough
 def test_inference_data_hold_the_draws_by_ensemble() -> None:
     pytest.importorskip("arviz")
@@ -274,40 +172,3 @@ def test_inference_data_hold_the_draws_by_ensemble() -> None:
     z = posterior.inference_data()["posterior"]["z"]
     assert (z.dims, list(z.entry.values)) == (("chain", "draw", "entry"), list(TWO))
     np.testing.assert_array_equal(z.values, posterior.draws.reshape(4, 10, 2))
-
-
-def test_three_ensembles_are_too_few() -> None:
-    posterior = sample(
-        gaussian(np.eye(2)), {"x": np.zeros(2)}, steps=300, walkers=16, ensembles=3, seed=5
-    )
-    assert posterior.mixing.verdict is Usability.TOO_SHORT
-    assert "at least 4" in posterior.verdict
-
-
-NOISE = 0.005  # m
-FREE = ("trans", "pose[pelvis]")
-
-
-def placed(seed: int) -> tuple[wb.Problem, dict[str, np.ndarray]]:
-    """200 noisy points of a body whose place and facing are free, and the minimum."""
-    rng, body = np.random.default_rng(seed), wb.load_body("small")
-    values = {**body.start(), "pose": 0.2 * rng.standard_normal((24, 3))}
-    surface = body.vertices(values["pose"], values["betas"], values["trans"])
-    points, _ = random_surface_points(surface, body.faces, 200, rng)
-    points += NOISE * rng.standard_normal(points.shape)
-    vertices = body.points(*(block.symbol for block in body.blocks()))
-    problem = wb.Problem([scan_to_model(vertices, body.faces, points, sigma=NOISE)], FREE)
-    return problem, values | wb.solve(problem, values).values
-
-
-@pytest.mark.thorough
-def test_draws_on_a_scan_spread_as_laplace() -> None:
-    problem, at = placed(0)
-    gaussian = laplace(problem, at, draws=400)
-    drawn = sample(problem, at, walkers=16, ensembles=2, steps=250, seed=0)
-    effective = drawn.mixing.effective
-    assert effective.min() > 100
-    errors = 4 / np.sqrt(2 * effective)  # four standard errors of a standard deviation
-    assert (np.abs(drawn.sd / gaussian.sd - 1) < errors).all()
-    off = drawn.flat.mean(axis=0) - problem.split(at)[0]
-    assert (np.abs(off) < 4 * gaussian.sd / np.sqrt(effective) + 0.1 * gaussian.sd).all()

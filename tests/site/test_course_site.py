@@ -6,20 +6,19 @@ import json
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from urllib.parse import urlparse
 
 import pytest
 
 from tests.site.links import pages_of, troubles
 from workbench.course import notebooks
 from workbench.course.cells import Cell, cells, only_imports
-from workbench.course.notebooks import exercises, notebook, tool, without_results
+from workbench.course.notebooks import notebook, tool, without_results
 from workbench.course.outline import lecture
-from workbench.course.site import NEEDED, references, write_course_site
+from workbench.course.site import NEEDED, write_course_site
 from workbench.errors import BadFile
 from workbench.lectures.outline import COURSE
 
-THERE = [one for one in COURSE if one.there]
+THERE = COURSE
 
 
 @pytest.mark.thorough
@@ -53,15 +52,6 @@ def test_lecture_that_fails_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: 
         notebook(replace(lecture(2), place=tmp_path))
 
 
-def test_exercises_are_listed_with_their_points() -> None:
-    rotations = next(one for one in COURSE if one.number == 2)
-    head, first, *rest = exercises(rotations)
-    assert "workbench lecture check 2" in head
-    assert "### 2.1 `hat(w)`" in first
-    assert first.endswith("1 point, about 5 minutes")
-    assert len(rest) == len(rotations.exercises) - 1
-
-
 def test_missing_tool_is_named_with_its_cure(monkeypatch: pytest.MonkeyPatch) -> None:
     def absent(name: str) -> None:
         raise ImportError(name)
@@ -69,15 +59,6 @@ def test_missing_tool_is_named_with_its_cure(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(notebooks, "import_module", absent)
     with pytest.raises(BadFile, match=r"pip install 'smpl-workbench\[course\]', or in .*'\.\[c"):
         tool("sphinx")
-
-
-@pytest.mark.thorough
-def test_site_replaces_nothing_of_others(tmp_path: Path) -> None:
-    have(*NEEDED)
-    (tmp_path / "thesis.tex").write_text("years of work")
-    with pytest.raises(BadFile, match="no site of ours"):
-        write_course_site(tmp_path)
-    assert (tmp_path / "thesis.tex").read_text() == "years of work"
 
 
 def have(*names: str) -> None:
@@ -101,10 +82,8 @@ def test_site_is_whole_and_loads_nothing_from_elsewhere(
     assert write_course_site(out) == out / "index.html"
     pages = {path.name: links for path, links in pages_of(out).items()}
     made = {f"{one.folder_name}.html" for one in THERE}
-    assert made | {"GUIDE.html", "sources.html"} <= pages.keys()
+    assert made | {"GUIDE.html"} <= pages.keys()
     assert troubles(out) == []
-    outside = {to for links in pages.values() for to in links.to if urlparse(to).netloc}
-    assert outside == {work["link"] for work in references()} - {""}
     (out / "left-over.html").touch()
     write_course_site(out)  # once more, in its own place
     assert not (out / "left-over.html").exists()

@@ -1,6 +1,5 @@
 """Constraints, by every solver that takes them, dense and sparse; the others say no."""
 
-import tracemalloc
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -8,16 +7,13 @@ from typing import Any
 import casadi as cs
 import numpy as np
 import pytest
-from scipy.sparse import csc_array
 
 from tests.bodies_made_up import random_body
-from tests.solvers.problems import T, decay
 from tests.tiers import few
 from workbench import (
     SOLVERS,
     Block,
     Constraint,
-    Newton,
     Nlopt,
     Problem,
     Residual,
@@ -26,12 +22,10 @@ from workbench import (
     Status,
     residuals,
 )
-from workbench.errors import NotSupported, TooLarge
+from workbench.errors import NotSupported
 from workbench.problem import storage
 from workbench.problem.naming import Bounds
 from workbench.solvers import Ipopt, Solver, exact_hessian
-from workbench.solvers.newton import raised
-from workbench.solvers.nlopt import ALGORITHMS
 
 X = Block("x", (2,)).symbol
 SOLUTION = np.array([2.0, 1.0]) / np.sqrt(5)
@@ -99,13 +93,6 @@ def test_equations_are_honoured(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", few(INEQUALITIES, TAKERS))
-def test_inactive_constraints_change_nothing(name: str) -> None:
-    solution = LOCAL[name].solve(near(Constraint("disc", cs.sumsqr(X), upper=9.0)), START)
-    np.testing.assert_allclose(solution.values["x"], [2.0, 1.0], atol=1e-5)
-    assert solution.violation == 0
-
-
-@pytest.mark.parametrize("name", few(INEQUALITIES, TAKERS))
 def test_constraints_that_cannot_be_met_are_told(name: str) -> None:
     """A squared length below -1: the best point is the one that misses it least."""
     problem = near(Constraint("never", cs.sumsqr(X), upper=-1.0))
@@ -125,29 +112,12 @@ def test_solvers_without_constraints_refuse_them() -> None:
             LOCAL[name].solve(free, START)
 
 
-@pytest.mark.parametrize("name", ["nlopt-mma", "nlopt-ccsaq"])
-def test_mma_and_ccsa_refuse_equations(name: str) -> None:
-    with pytest.raises(NotSupported, match="takes no equations, but the problem has circle; use"):
-        LOCAL[name].solve(near(ON), START)
-
-
 def test_a_feasible_point_is_better_than_a_cheap_one() -> None:
     """The start costs nothing, but is not allowed."""
     start = {"x": np.array([2.0, 1.0])}
     solution = LOCAL["ipopt"].solve(near(INSIDE), start)
     assert solution.trace[0].cost == 0 < solution.cost
     assert solution.violation <= 1
-
-
-def test_nan_in_a_constraint_is_survived_or_told() -> None:
-    root = Constraint("root", cs.sqrt(X[0]), upper=1.0)
-    for name in INEQUALITIES:
-        solution = LOCAL[name].solve(near(root), START)
-        if solution.converged:
-            np.testing.assert_allclose(solution.values["x"], [1.0, 1.0], atol=1e-5)
-        else:
-            assert solution.status in (Status.NOT_FINITE, Status.STALLED)
-        assert np.isfinite(solution.values["x"]).all()
 
 
 def test_a_body_stays_above_the_floor() -> None:
@@ -173,15 +143,6 @@ def test_a_body_stays_above_the_floor() -> None:
         assert height.min() == pytest.approx(0, abs=2e-6)
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize("name", [n for n, a in ALGORITHMS.items() if a.inequalities])
-def test_nlopt_algorithms_come_near_a_constrained_minimum(name: str) -> None:
-    """The global ones too, as far as they come."""
-    solution = Nlopt(name, max_evaluations=3000, max_seconds=5.0).solve(near(INSIDE), START)
-    assert solution.violation <= 1
-    np.testing.assert_allclose(solution.values["x"], SOLUTION, atol=0.1)
-
-
 # What IPOPT says.
 
 
@@ -198,25 +159,6 @@ def test_constraints_that_contradict_each_other_are_told(name: str) -> None:
     solution = LOCAL[name].solve(problem, START)
     assert solution.status is Status.INFEASIBLE
     assert "relax them" in solution.message
-
-
-@pytest.mark.parametrize("wrong", [np.ones(2), np.ones((2, 1)), 1.0])
-def test_a_hessian_of_the_users_has_to_be_square(wrong: np.ndarray | float) -> None:
-    with pytest.raises(ValueError, match=r"hessian is \(2, 2\), not"):
-        Ipopt(hessian=lambda run, x, here: wrong).solve(near(), START)
-
-
-@pytest.mark.thorough
-def test_ipopt_runs_are_as_with_a_solver_of_their_own() -> None:
-    """IPOPT is made once for a problem; one run after the other is served by it."""
-    other = {"y": 2.5 * np.exp(-0.8 * T) + 0.1, "x": np.array([0.5, 1.0, 0.2])}
-    for hessian in (Ipopt().hessian, exact_hessian, None):
-        problem, start = decay()
-        for one in (start, start | other, start):
-            found = Ipopt(hessian).solve(problem, one)
-            alone = Ipopt(hessian).solve(decay()[0], one)
-            assert [i.cost for i in found.trace] == [i.cost for i in alone.trace]
-            assert (found.status, found.evaluations) == (alone.status, alone.evaluations)
 
 
 # Sparse constraints and Hessians: what solvers make of them, they make of dense ones too.
@@ -279,105 +221,3 @@ def test_sparse_problems_end_where_dense_ones_do(
     # the gradient is zero to 1e-6 of the residual in both, and the cost is quadratic there
     np.testing.assert_allclose(found.values["q"], expected.values["q"], rtol=0, atol=1e-5)
     assert found.cost == pytest.approx(expected.cost, rel=1e-6)
-
-
-def test_sparse_derivatives_are_those_of_dense_problems(monkeypatch: pytest.MonkeyPatch) -> None:
-    problem = frames()
-    x, fixed = problem.split(start())
-    y = np.random.default_rng(2).standard_normal(problem.stacked_constraints.size)
-    dense = problem.stacked_constraints.linearize(x, fixed)
-    H, bend = problem.hessian_at(x, fixed), problem.stacked_constraints.hessian(x, fixed, y)
-    always_sparse(monkeypatch)
-    problem = frames()
-    there = problem.stacked_constraints
-    sparse = there.linearize(x, fixed)
-    assert isinstance(dense.jacobian, np.ndarray)
-    assert there.sparse
-    assert problem.sparse
-    for found, expected, pattern in (
-        (sparse.jacobian, dense.jacobian, there.pattern),
-        (there.hessian(x, fixed, y), bend, there.hessian_pattern),
-        (problem.hessian_at(x, fixed), H, None),
-    ):
-        assert isinstance(found, csc_array)
-        assert found.nnz < expected.size / 2
-        np.testing.assert_allclose(found.toarray(), expected, rtol=1e-13, atol=1e-13)
-        if pattern is not None:
-            outside = pattern.toarray() == 0
-            assert outside.any()
-            assert not expected[outside].any()
-
-
-@pytest.mark.parametrize("bounds", [None, {"q": (-0.4, 0.5)}], ids=["free", "bounded"])
-def test_optimality_of_sparse_problems_is_that_of_dense_ones(
-    monkeypatch: pytest.MonkeyPatch, bounds: Bounds | None
-) -> None:
-    rng, problem = np.random.default_rng(4), frames(bounds=bounds)
-    points = [problem.split({"q": q}) for q in rng.uniform(-0.3, 0.4, (20, FRAMES * SIZE))]
-    solved = problem.split(Ipopt().solve(problem, start()).values)
-    expected = [problem.optimality(at[0], problem.linearize_at(*at)) for at in (*points, solved)]
-    always_sparse(monkeypatch)
-    problem = frames(bounds=bounds)
-    found = [problem.optimality(at[0], problem.linearize_at(*at)) for at in (*points, solved)]
-    # least-squares problems of condition below a hundred or so, in double precision
-    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-11)
-    assert expected[-1] < 1e-6 < min(expected[:-1])
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("name", ["ipopt", "exact", "lbfgs", "sqp"])
-def test_long_sequences_make_no_dense_arrays(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
-    """3,000 unknowns are sparse by themselves; a dense Jacobian or Hessian is refused here."""
-
-    def never(rows: int, columns: int, *_: object) -> None:
-        if rows * columns > 10**6:
-            raise TooLarge(f"an array of {rows} x {columns}")
-
-    monkeypatch.setattr(storage, "check_fits", never)
-    monkeypatch.setattr("workbench.problem.chain.check_fits", never)
-    problem = frames(600)
-    assert problem.sparse
-    assert problem.stacked_constraints.hessian_pattern.nnz < 10**4
-    tracemalloc.start()
-    found = replace(SPARSE[name], max_iterations=3).solve(problem, start(600))
-    most = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    assert found.status is Status.MAX_ITERATIONS, found.message
-    assert most < 8 * 3000**2 / 2  # bytes that NumPy took, where one array of n x n takes twice it
-
-
-# Making a sparse Hessian positive definite.
-
-
-def convex_parts(seed: int, bend: float) -> tuple[np.ndarray, np.ndarray]:
-    """J'J and J'J + N, with an indefinite N that has entries of about this size."""
-    rng = np.random.default_rng(seed)
-    J = rng.standard_normal((30, 12)) * (rng.random((30, 12)) < 0.3)
-    N = rng.standard_normal((12, 12)) * (rng.random((12, 12)) < 0.2)
-    return J.T @ J, J.T @ J + bend * (N + N.T)
-
-
-@pytest.mark.parametrize("seed", few(range(4), 1))
-@pytest.mark.parametrize("bend", [0.01, 100.0])
-def test_sparse_hessian_is_raised_until_it_is_definite(seed: int, bend: float) -> None:
-    normal, H = convex_parts(seed, bend)
-    assert bend < 10 or np.linalg.eigvalsh(H).min() < 0
-    matrix, share = raised(csc_array(normal), csc_array(H))
-    change = matrix.toarray() - H
-    assert np.linalg.eigvalsh(matrix.toarray()).min() > 0
-    np.testing.assert_array_equal(change[~np.eye(12, dtype=bool)], 0)
-    assert (change.diagonal() > 0).all()
-    assert (share > 0) == (np.linalg.eigvalsh(H).min() < 0)
-
-
-def test_newton_takes_a_sparse_hessian(monkeypatch: pytest.MonkeyPatch) -> None:
-    def free() -> Problem:
-        whole = frames()
-        return Problem(whole.residuals, ("q",), blocks=(unknowns(FRAMES),))
-
-    expected = Newton().solve(free(), start())
-    always_sparse(monkeypatch)
-    found = Newton().solve(free(), start())
-    assert found.status is Status.CONVERGED is expected.status
-    np.testing.assert_allclose(found.values["q"], expected.values["q"], rtol=0, atol=1e-6)
-    assert len(found.trace) == len(expected.trace)

@@ -7,9 +7,7 @@ import numpy as np
 import pytest
 import scipy.optimize
 
-import workbench as wb
 from tests.solvers.problems import body_fit, decay, line, rosenbrock
-from tests.tiers import few
 from workbench import (
     Block,
     Dogleg,
@@ -18,16 +16,13 @@ from workbench import (
     Linearization,
     Problem,
     Residual,
-    Solution,
     Solver,
     Status,
     Values,
 )
 from workbench.errors import BadArgument
-from workbench.experiments import find
-from workbench.problem import steps
 from workbench.problem.steps import automatic
-from workbench.solvers import DampedGaussNewton, Ipopt, Sqp, chumpy, columns, full_step, identity
+from workbench.solvers import Ipopt, Sqp, chumpy, columns, identity
 from workbench.solvers.dogleg import FIRST, cauchy_point, dogleg_step
 from workbench.solvers.trust_region import box_step
 
@@ -91,44 +86,6 @@ def test_damping_falls_as_fast_as_it_may_when_every_gain_is_one() -> None:
     np.testing.assert_allclose(np.divide(dampings[1:], dampings[:-1]), 0.1)
 
 
-@pytest.mark.parametrize("n", few([8, 12], 1))
-def test_scaling_of_columns_stays_when_they_vanish(n: int) -> None:
-    """bdqrtic of Moré and Wild (SIAM J. Optim. 20, 2009), whose columns vanish where x does.
-
-    With D = |J_i| of each iterate alone it ends at several times the least cost.
-    """
-    x = Block("x", (n,)).symbol
-    rows = [3 - 4 * x[i] for i in range(n - 4)]
-    rows += [
-        x[i] ** 2 + 2 * x[i + 1] ** 2 + 3 * x[i + 2] ** 2 + 4 * x[i + 3] ** 2 + 5 * x[n - 1] ** 2
-        for i in range(n - 4)
-    ]
-    problem, start = Problem((Residual("bdqrtic", cs.vertcat(*rows), 1.0),), ("x",)), np.ones(n)
-    expected = scipy.optimize.least_squares(
-        lambda x: problem.residual(x, np.zeros(0)),
-        start,
-        jac=lambda x: problem.linearize_at(x, np.zeros(0)).jacobian,
-        xtol=1e-14,
-        ftol=1e-14,
-    )
-    solution = LevenbergMarquardt(scaling=columns).solve(problem, {"x": start})
-    assert solution.cost == pytest.approx(expected.cost, rel=1e-8)
-
-
-@pytest.mark.parametrize("by", [steps.qr, steps.svd, steps.cholesky])
-def test_linear_algebra_changes_no_solution(by) -> None:
-    """What Cholesky declines is damped until it does not."""
-    problem, start = decay()
-    solution = LevenbergMarquardt(linear_algebra=by).solve(problem, start)
-    assert solution.converged
-    assert solution.linear_algebra == {by.__name__: solution.iterations}
-    x = Block("x", (2,)).symbol
-    singular = Problem((Residual("sum", x[0] + x[1] - 1.0, 1.0),), ("x",))
-    solution = LevenbergMarquardt(linear_algebra=by).solve(singular, {"x": np.zeros(2)})
-    assert solution.converged
-    np.testing.assert_allclose(solution.values["x"], [0.5, 0.5], atol=1e-6)
-
-
 # Several steps with each Jacobian.
 
 
@@ -147,42 +104,12 @@ def test_steps_with_one_jacobian_raise_the_order_by_one_each(count: int) -> None
     assert np.log2(away[0] / away[1]) == pytest.approx(count + 1, abs=0.1)
 
 
-@pytest.mark.thorough
-def test_two_steps_with_each_jacobian_need_fewer_jacobians() -> None:
-    body = wb.load_body("small")
-    pose = 0.15 * np.random.default_rng(0).normal(size=(24, 3))
-    seen = body.vertices(pose, np.ones(10), np.zeros(3))
-    points = body.points(*(block.symbol for block in body.blocks()))
-    fit = Problem([wb.residuals.vertices(points, seen, sigma=0.01)], ("pose", "betas", "trans"))
-    for problem, start, fewer in ((fit, body.start(), 2), (rosenbrock()[0], FAR[1], 1)):
-        plain, two = (
-            LevenbergMarquardt(steps_per_jacobian=count).solve(problem, start) for count in (1, 2)
-        )
-        assert plain.converged
-        assert two.converged
-        assert two.evaluations.jacobian <= plain.evaluations.jacobian - fewer
-        assert (np.diff([iterate.cost for iterate in two.trace]) < 0).all()
-
-
 def test_steps_per_jacobian_must_be_one_or_more() -> None:
     with pytest.raises(BadArgument, match="`steps_per_jacobian` must be 1, for the plain method"):
         LevenbergMarquardt(steps_per_jacobian=0)
 
 
 # Between bounds.
-
-
-@pytest.mark.parametrize("by", [steps.automatic, steps.qr])
-def test_further_steps_stay_between_bounds(by) -> None:
-    problem, start = decay(bounds={"x": ([0.0, 0.0, 0.6], [1.8, 5.0, 5.0])})
-    plain = LevenbergMarquardt().solve(problem, start)
-    two = LevenbergMarquardt(steps_per_jacobian=2, linear_algebra=by).solve(problem, start)
-    assert two.converged
-    np.testing.assert_allclose(two.values["x"], plain.values["x"], atol=1e-6)
-    for iterate in two.trace:
-        x = np.asarray(iterate.values["x"])
-        assert ((problem.lower <= x) & (x <= problem.upper)).all()
-    assert two.values["x"][2] == 0.6
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.1, 10.0])
@@ -215,22 +142,6 @@ def test_convergence_is_quadratic_when_an_entry_is_at_its_bound() -> None:
     tail = [e for e in errors if 1e-14 < e < 0.1]
     assert solution.iterations <= 12
     assert all(b < 0.2 * a for a, b in pairwise(tail))
-
-
-@pytest.mark.parametrize("seed", few(range(5), 2))
-def test_minima_in_corners_are_those_of_scipy(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    corner = np.sort(rng.uniform(-1.5, 0.9, size=(2, 2)), axis=0)
-    problem = Problem(rosenbrock()[0].residuals, ("x",), {"x": (corner[0], corner[1])})
-    solution = LevenbergMarquardt().solve(problem, {"x": corner.mean(axis=0)})
-    assert solution.converged
-    best = min(
-        scipy.optimize.least_squares(
-            lambda x: problem.residual(x, np.zeros(0)), x, bounds=tuple(corner), xtol=1e-14
-        ).cost
-        for x in (corner.mean(axis=0), corner[0] + 1e-6, corner[1] - 1e-6)
-    )
-    assert solution.cost <= best * (1 + 1e-6) or solution.optimality < 1e-8
 
 
 def test_equal_bounds_fix_an_entry() -> None:
@@ -360,36 +271,3 @@ def test_first_step_keeps_to_the_radius(solver: Solver, start: tuple[float, floa
     np.testing.assert_allclose(solution.values["x"], [2.0, 1.5], rtol=1e-6)
     radius = FIRST * np.linalg.norm(values["x"])
     assert solution.trace[1].step_norm <= radius * (1 + 1e-12)
-
-
-@pytest.mark.parametrize(
-    "solver", [GaussNewton(line_search=full_step), Dogleg(rule=chumpy)], ids=["full", "chumpy"]
-)
-def test_whole_steps_leap_as_they_are_described(solver: Solver) -> None:
-    problem, values = peak(WIDE)
-    solution = solver.solve(problem, values)
-    assert solution.cost > 500
-    assert max(iterate.step_norm for iterate in solution.trace) > 10
-
-
-@pytest.mark.parametrize("solver", [GaussNewton(max_iterations=6), Dogleg(max_iterations=6)])
-def test_turned_unknowns_and_sigma_change_no_iterate(solver: Solver) -> None:
-    def points(solution: Solution) -> np.ndarray:
-        return np.array([i.values["x"] for i in solution.trace])
-
-    Q = np.array([[np.cos(0.7), -np.sin(0.7)], [np.sin(0.7), np.cos(0.7)]])
-    ours = points(solver.solve(*peak(WIDE)))
-    turned = points(solver.solve(*peak(WIDE, 0.7))) @ Q.T
-    other = points(solver.solve(*peak(WIDE, sigma=5.0)))
-    np.testing.assert_allclose(turned, ours, rtol=1e-6, atol=1e-6)
-    np.testing.assert_allclose(other, ours, rtol=1e-6, atol=1e-6)
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("solver", [Ipopt(), Sqp(), Ipopt(hessian=DampedGaussNewton(1e-2))])
-def test_damped_hessian_solves_a_nearly_singular_fit(solver: Solver) -> None:
-    setup = find("body-points-lbs", {"start": 3}).setup()
-    assert setup.known is not None
-    solution = solver.solve(setup.problem, setup.start)
-    assert solution.converged
-    assert solution.cost == pytest.approx(setup.known.cost, rel=1e-6)

@@ -60,14 +60,6 @@ def test_bounds_are_taken_refused_or_needed(name: str) -> None:
         assert solution.cost < COST + (0.1 if abilities.is_global else 1e-4)
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize("name", [n for n, a in ALGORITHMS.items() if a.stochastic])
-def test_stochastic_algorithms_repeat_with_a_seed(name: str) -> None:
-    solver = Nlopt(name, seed=1, max_evaluations=200)
-    first, second = (solver.solve(boxed(), START).values["x"] for _ in range(2))
-    np.testing.assert_array_equal(first, second)
-
-
 def test_mlsl_searches_several_minima() -> None:
     """1/2 (x^2 - 1)^2 and a slope: the start is in the wrong valley."""
     x = Block("x").symbol

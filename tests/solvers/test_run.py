@@ -8,7 +8,7 @@ import pytest
 
 from tests.solvers.problems import TEN, decay, rosenbrock
 from tests.tiers import few
-from workbench import SOLVERS, Block, GaussNewton, LevenbergMarquardt, Problem, Residual, Status
+from workbench import SOLVERS, Block, GaussNewton, Problem, Residual, Status
 from workbench.errors import NotSupported
 from workbench.solvers import Boxes, Derivative
 from workbench.solvers.limits import Stop
@@ -35,21 +35,6 @@ def test_giving_up_at_a_minimum_is_convergence() -> None:
     assert run.solution().status is Status.CONVERGED
 
 
-def test_a_seen_decrease_counts() -> None:
-    """It needs no Jacobian; only what rounding hides is judged by how stationary the points are."""
-    problem, start = decay()
-    to = np.asarray(GaussNewton().solve(problem, start).values["x"])
-    with Run("modest", GaussNewton(), problem, start, None) as run:
-        here = run.linearize(run.x)
-        fallen = here.cost - run.cost(to)
-        assert fallen > 0
-        gain_ratio = run.gain_ratio(run.x, here, to, 1e-25)
-        assert gain_ratio == pytest.approx(fallen / 1e-25)
-        assert run.meter.counts["jacobian"] == 1
-        rising = run.gain_ratio(to, run.linearize(to), run.x, 1.0)
-        assert rising == pytest.approx(-fallen)
-
-
 def test_rounding_ties_take_the_more_stationary_point() -> None:
     """The cost 4 + x^2, in which x = 1e-8 does not show, and the gradient 2 x, in which it does."""
     x = Block("x").symbol
@@ -71,46 +56,7 @@ def test_nothing_evaluated_leaves_the_start() -> None:
     assert (solution.values["x"] == start["x"]).all()
 
 
-def test_a_known_cost_is_not_evaluated_again() -> None:
-    problem, start = decay()
-    with Run("repetitive", GaussNewton(max_evaluations=2), problem, start, None) as run:
-        here = run.linearize(run.x)
-        cost, residual = run.cost_and_residual(run.x.copy())
-        assert run.meter.counts["residual"] == 0
-        run.cost(2 * run.x)
-        run.cost(run.x)  # but the limits hold for it
-    assert cost == here.cost
-    np.testing.assert_array_equal(residual, problem.residual(run.x, run.fixed))
-    solution = run.solution()
-    assert solution.status is Status.MAX_EVALUATIONS
-    assert (solution.evaluations.residual, solution.evaluations.jacobian) == (1, 1)
-
-
 # The best point.
-
-
-def test_the_best_point_is_a_copy_of_the_cheapest() -> None:
-    x = np.array([1.0])
-    best = Best(x)
-    for value, cost in ((2.0, 5.0), (3.0, 4.0), (4.0, 4.5)):
-        x[0] = value
-        best.offer(x, cost, 0.0)
-    assert best.cost == 4.0
-    assert best.x[0] == 3.0
-
-
-def test_equal_costs_are_ranked_by_the_gradient() -> None:
-    best = Best(np.zeros(1))
-    best.offer(np.array([1.0]), 4.0, 0.0)
-    best.offer(np.array([2.0]), 4.0 + 1e-15, 0.0)
-    best.settle(np.array([2.0]), 4.0 + 1e-15, 0.0, optimality=1e-12, noise=1e-14)
-    assert best.decide(1e-7) == 1e-12
-    assert best.x[0] == 2.0
-    best.settle(np.array([3.0]), 4.1, 0.0, optimality=0.0, noise=1e-14)  # costs more
-    assert best.decide(1e-12) == 1e-12
-    best.offer(np.array([5.0]), 3.0, 0.0)  # a better point makes all of that forgotten
-    assert best.decide(0.5) == 0.5
-    assert best.x[0] == 5.0
 
 
 def test_what_is_feasible_is_better_than_what_is_cheap() -> None:
@@ -127,16 +73,6 @@ def test_what_is_feasible_is_better_than_what_is_cheap() -> None:
 
 
 # Gains that rounding hides.
-
-
-def test_the_last_digits_are_polished_by_the_gradient() -> None:
-    """With no tolerance to stop at, Levenberg-Marquardt goes on where costs are all the same."""
-    problem, start = decay()
-    solution = LevenbergMarquardt(gradient_tolerance=0.0).solve(problem, start)
-    assert solution.status is Status.CONVERGED
-    same = [i for i in solution.trace if abs(i.cost - solution.cost) < 1e-14 * solution.cost]
-    assert len(same) >= 2
-    assert solution.optimality == 0 < same[0].optimality
 
 
 # What they can.

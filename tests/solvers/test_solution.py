@@ -68,22 +68,6 @@ def test_solutions_are_loaded_as_they_were_saved(
     assert [path.name for path in tmp_path.iterdir()] == ["run.npz"]
 
 
-def test_a_file_is_replaced_whole_or_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path, solution = tmp_path / "run.npz", some_solution()
-    solution.save(path)
-    before = path.read_bytes()
-
-    def broken(file, array, **options) -> None:
-        file.write(b"half of it")
-        raise OSError("no space left on device")
-
-    monkeypatch.setattr(np.lib.format, "write_array", broken)
-    with pytest.raises(BadFile, match="no space left"):
-        replace(solution, cost=0.0).save(path)
-    assert path.read_bytes() == before
-    assert [each.name for each in tmp_path.iterdir()] == ["run.npz"]
-
-
 def test_missing_folders_and_files_are_told(tmp_path: Path) -> None:
     with pytest.raises(BadFile, match=r"cannot write .*run\.npz: No such file.*existing folder"):
         some_solution().save(tmp_path / "nowhere" / "run.npz")

@@ -1,6 +1,5 @@
 """Several starts: minima as hypotheses, and how sure it is that there are no more; stages."""
 
-import os
 import signal
 from contextlib import suppress
 from dataclasses import replace
@@ -12,7 +11,7 @@ import numpy as np
 import pytest
 
 import workbench as wb
-from tests.solvers.problems import body_fit, decay
+from tests.solvers.problems import body_fit
 from workbench import (
     SOLVERS,
     Block,
@@ -26,7 +25,7 @@ from workbench import (
     Values,
 )
 from workbench.errors import BadArgument, UnknownName
-from workbench.processes import FORKING, ProcessDied, forked
+from workbench.processes import FORKING
 from workbench.solvers import Iterate, Solution, within_bounds
 from workbench.solvers.starts import all_seen, further_minima
 
@@ -89,18 +88,6 @@ def test_minima_are_told_apart_by_residuals_and_not_by_unknowns() -> None:
     assert "3 of 3 starts led here, and none elsewhere" in solution.message
 
 
-def test_starts_leave_blocks_that_they_do_not_name_as_they_are() -> None:
-    problem, start = body_fit()
-    starts = [{"trans": start["trans"] + move} for move in (0.0, 0.3)]
-    seen: list[Iterate] = []
-    solution = Starts(starts).solve(problem, start, callback=seen.append)
-    firsts = [one for one in seen if one.step_norm == 0 or np.isnan(one.step_norm)]
-    for first, one in zip(firsts, starts, strict=False):
-        np.testing.assert_allclose(first.values["trans"], one["trans"])
-        np.testing.assert_allclose(first.values["pose"], start["pose"])
-    assert solution.converged
-
-
 def test_start_k_depends_on_the_seed_and_k_alone() -> None:
     problem, start = waves()
     few, many = (replace(TWENTY, starts=n).drawn(problem, start) for n in (3, 6))
@@ -121,23 +108,6 @@ def test_copies_of_the_process_give_the_same_minima() -> None:
     assert together.evaluations == alone.evaluations
     assert together.message == alone.message
     assert len(seen) >= 20 + together.iterations
-
-
-@COPIES
-def test_errors_and_deaths_of_copies_are_told() -> None:
-    def work(k: int) -> int:
-        if k == 2:
-            raise BadArgument("two is too much")
-        return k
-
-    with pytest.raises(BadArgument, match="two is too much"):
-        list(forked(work, 5, 2))
-    with pytest.raises(ProcessDied, match="the process that did job 0 has died"):
-        list(forked(lambda k: os._exit(1) if k == 0 else k, 2, 2))
-    assert dict(forked(lambda k: k * k, 7, 3)) == {k: k * k for k in range(7)}
-    answers = forked(lambda k: k, 100, 2)
-    next(answers)
-    answers.close()  # leaves no process behind
 
 
 @ALONE_AND_COPIED
@@ -172,28 +142,6 @@ def test_starts_stop_when_ctrl_c_is_pressed(workers: int) -> None:
     assert solution.status is Status.STOPPED
     assert solution.message.startswith("interrupted from the keyboard; ")
     assert "callback" not in solution.message
-    assert runs_of(solution) == 2
-
-
-@ALONE_AND_COPIED
-def test_starts_keep_the_best_when_ctrl_c_is_pressed_in_the_last_run(workers: int) -> None:
-    """Also if the best end is that of another run, which had converged."""
-    problem, _ = waves()
-    starts = [{"omega": np.array(x)} for x in (4.1, 9.0)]
-    seen: list[Iterate] = []
-
-    def press(iterate: Iterate) -> None:
-        """Press Ctrl-C as the last run begins, or as it is told of."""
-        seen.append(iterate)
-        if sum(one.step_norm == 0 for one in seen) == 2:
-            with suppress(KeyboardInterrupt):
-                signal.raise_signal(signal.SIGINT)
-
-    solution = Starts(starts, workers=workers).solve(problem, starts[0], callback=press)
-    assert solution.status is Status.STOPPED
-    assert solution.message.startswith("interrupted from the keyboard; ")
-    assert solution.hypotheses[0].status is Status.CONVERGED
-    assert abs(solution.values["omega"]) == pytest.approx(OMEGA)
     assert runs_of(solution) == 2
 
 
@@ -295,12 +243,6 @@ def test_a_stage_that_is_stopped_is_the_last() -> None:
     assert solution.status is Status.STOPPED
     assert len(solution.trace) == 1
     assert solution.values.keys() == {"pose", "betas", "trans"}
-
-
-def test_bounds_hold_in_every_stage() -> None:
-    problem, start = decay(bounds={"x": ([0.0, 0.0, 0.55], [1.9, 5.0, 5.0])})
-    solution = Staged((("x",),)).solve(problem, start)
-    assert (solution.values["x"] >= problem.lower).all()
 
 
 def test_stages_are_tuples_of_names() -> None:

@@ -8,13 +8,11 @@ import pytest
 from scipy.stats import ortho_group
 
 import workbench.solvers.trust_region as module
-from tests.solvers.problems import body_fit, decay, line, rosenbrock
+from tests.solvers.problems import decay, line, rosenbrock
 from tests.tiers import few
-from workbench import Block, LevenbergMarquardt, Linearization, Problem, Residual, TrustRegion
-from workbench import residuals as terms
+from workbench import Block, Linearization, Problem, Residual, TrustRegion
 from workbench.arrays import Array
 from workbench.errors import BadArgument
-from workbench.problem import steps
 from workbench.problem.steps import Step, automatic
 from workbench.solvers.trust_region import LEAST, MOST, box_step, step_within
 
@@ -55,31 +53,6 @@ def test_a_step_is_the_best_of_its_length(weakest: float, share: float, first: f
     assert len(counted) <= 12
 
 
-def test_a_step_that_is_short_enough_is_not_damped() -> None:
-    here = graded(1, 5, 1e-3)
-    newton = here.step()
-    for first in (0.0, 1e-3, 1.0):
-        counted: list[float] = []
-        steepness = float(np.linalg.norm(here.gradient))
-        step, damping = step_within(
-            1.001 * float(np.linalg.norm(newton)), damped_in(here, counted), steepness, first
-        )
-        assert step is not None
-        assert damping in {0.0, first}
-        assert np.linalg.norm(step.p) >= LEAST * np.linalg.norm(newton)
-
-
-def test_without_an_answer_undamped_it_is_damped() -> None:
-    """Cholesky declines dependent columns; with damping it takes them."""
-    here = Linearization(np.array([1.0, -2.0]), np.array([[1.0, 1.0], [2.0, 2.0]]))
-    step, damping = step_within(
-        10.0, lambda damping: steps.cholesky(here, damping, np.ones(2)), 5.0, 0.0
-    )
-    assert step is not None
-    assert 0 < damping < 1e-3
-    np.testing.assert_allclose(step.p, [0.3, 0.3], rtol=1e-4)
-
-
 @pytest.mark.parametrize("start", [[-1.2, 1.0], [5.0, -7.0], [-30.0, 20.0]])
 def test_the_cost_falls_within_the_region(start: list[float]) -> None:
     problem, _ = rosenbrock()
@@ -111,42 +84,6 @@ def test_a_linear_problem_takes_one_step_within_the_radius() -> None:
     solution = TrustRegion(first_radius=1e3).solve(problem, start)
     assert solution.iterations == 1
     assert solution.trace[1].damping == 0
-
-
-def test_the_way_turns_with_the_unknowns() -> None:
-    """Lengths are all it knows of the unknowns, and a rotation does not change them."""
-    turn = ortho_group.rvs(3, random_state=0)
-    t = np.linspace(0, 3, 15)
-    y = 2 * np.exp(-1.3 * t) + 0.5 + 0.05 * np.random.default_rng(0).normal(size=15)
-    x = Block("x", (3,)).symbol
-
-    def problem(z: cs.MX) -> Problem:
-        return Problem((Residual("decay", z[0] * cs.exp(-z[1] * t) + z[2] - y, 0.05),), ("x",))
-
-    start = np.array([1.0, 0.5, 0.1])
-    solver = TrustRegion(max_iterations=4)
-    ours = solver.solve(problem(x), {"x": start})
-    theirs = solver.solve(problem(cs.mtimes(cs.DM(turn), x)), {"x": turn.T @ start})
-    assert ours.iterations == theirs.iterations == 4
-    for one, other in zip(ours.trace, theirs.trace, strict=True):
-        np.testing.assert_allclose(one.values["x"], turn @ other.values["x"], atol=1e-7)
-
-
-def test_one_unit_for_all_unknowns_does_not_matter() -> None:
-    """A start of length 0 apart, radii and dampings follow the unit."""
-    unit = 1000.0
-    t = np.linspace(0, 3, 15)
-    x = Block("x", (2,)).symbol
-
-    def problem(z: cs.MX) -> Problem:
-        row = z[0] * cs.exp(-z[1] * t) - 2 * np.exp(-1.3 * t)
-        return Problem((Residual("decay", row, 0.05),), ("x",))
-
-    ours = TrustRegion().solve(problem(x), {"x": np.array([1.0, 0.5])})
-    theirs = TrustRegion().solve(problem(x / unit), {"x": unit * np.array([1.0, 0.5])})
-    assert ours.iterations == theirs.iterations
-    for one, other in zip(ours.trace, theirs.trace, strict=True):
-        np.testing.assert_allclose(one.values["x"], other.values["x"] / unit, atol=1e-9)
 
 
 def test_convergence_is_quadratic_where_the_residual_vanishes() -> None:
@@ -201,28 +138,6 @@ def test_dependent_columns_do_no_harm() -> None:
     assert solution.converged
     half = np.log(2) / 2
     np.testing.assert_allclose(solution.values["x"], [half, half, 0], atol=1e-6)
-
-
-def test_ends_are_those_of_levenberg_marquardt() -> None:
-    problem, start = body_fit()
-    ours, theirs = TrustRegion().solve(problem, start), LevenbergMarquardt().solve(problem, start)
-    assert ours.converged
-    assert ours.cost == pytest.approx(theirs.cost, rel=1e-8)
-    x = Block("x", (2,)).symbol
-    t = np.arange(10.0)
-    seen = 1 + 2 * t + np.where(t == 7, 30.0, 0.0)
-    row = Residual("line", x[0] + x[1] * t - seen, 1.0, kernel=terms.geman_mcclure)
-    robust = Problem((row,), ("x",))
-    found = TrustRegion().solve(robust, {"x": np.zeros(2)})
-    assert found.converged
-    np.testing.assert_allclose(found.values["x"], [1, 2], atol=0.05)
-
-
-@pytest.mark.parametrize("by", [steps.qr, steps.svd, steps.cholesky])
-def test_the_linear_algebra_is_a_value(by) -> None:
-    solution = TrustRegion(linear_algebra=by).solve(*decay())
-    assert solution.converged
-    assert set(solution.linear_algebra) == {by.__name__}
 
 
 @pytest.mark.parametrize("start", [1e-300, 8e-17, -1e-12])

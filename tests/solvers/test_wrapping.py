@@ -40,28 +40,6 @@ def at(pose: np.ndarray) -> dict:
     return BODY.start() | {"pose": pose, "observed": BODY.vertices(pose=LONG)}
 
 
-def test_only_joints_that_are_turned_too_far_are_rewrapped() -> None:
-    case = problem()
-    x, _ = case.split(at(LONG))
-    pose = case.free.unpack(rewrapped(case, x, lambda _: True))["pose"]
-    np.testing.assert_array_equal(pose[0], LONG[0])
-    np.testing.assert_allclose(np.linalg.norm(pose[1:], axis=1) < np.pi, True)
-    short = case.split(BODY.start() | at(np.zeros((3, 3))))[0]
-    assert rewrapped(case, short, lambda _: True) is short
-
-
-def test_each_joint_is_turned_that_may_be() -> None:
-    """Where not all can turn at once, every one that can does: here all but the last."""
-    case = problem()
-    pose = np.array([[4.0, 0.0, 0.1], [0.0, -7.0, 0.2], [0.0, 5.0, 0.0]])
-    x, _ = case.split(at(pose))
-    last_is_long = lambda to: bool(np.linalg.norm(case.free.unpack(to)["pose"][2]) > np.pi)  # noqa: E731
-    turned = case.free.unpack(rewrapped(case, x, last_is_long))["pose"]
-    assert (np.linalg.norm(turned[:2], axis=1) < np.pi).all()
-    np.testing.assert_array_equal(turned[2], pose[2])
-    assert rewrapped(case, x, lambda _: False) is x
-
-
 def test_bounds_forbid_what_they_forbid() -> None:
     lower, upper = np.full((3, 3), -10.0), np.full((3, 3), 10.0)
     lower[1, 0] = 3.5  # where the shorter vector is not
@@ -91,15 +69,6 @@ def test_solutions_wrap_rotations_to_pi(name: str, off: float) -> None:
         BODY.vertices(pose=LONG),
         atol=1e-5,
     )
-
-
-def test_the_cost_never_rises_for_it() -> None:
-    solution = LevenbergMarquardt().solve(problem(), at(LONG + 0.2))
-    costs = np.array([i.cost for i in solution.trace])
-    assert (np.diff(costs) <= 1e-12 * costs[:-1] + 1e-20).all()
-    norms = [np.linalg.norm(i.values["pose"], axis=1).max() for i in solution.trace]
-    assert norms[0] > np.pi
-    assert max(norms[1:]) <= np.pi * 1.001
 
 
 def test_a_prior_that_would_rise_keeps_its_pose() -> None:

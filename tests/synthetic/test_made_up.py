@@ -1,22 +1,17 @@
-"""Simulated people and tissue: who they are, how their tissue swings, and what is refused."""
-
-from dataclasses import replace
+"""Simulated people: who they are, and what is refused."""
 
 import numpy as np
 import pytest
 
 import workbench as wb
-from workbench.bodies.spaces import body_mass_index
 from workbench.errors import BadArgument
 from workbench.geometry.solids import mesh_edges
-from workbench.motions import Motion, splined
-from workbench.synthetic import TissueLaw, people, simulate_tissue
+from workbench.motions import splined
+from workbench.synthetic import people
 from workbench.synthetic.made_up import made_up_motion
-from workbench.synthetic.tissue import softness
 
 SMALL = wb.load_body("small")
 POSES = 0.3 * np.random.default_rng(5).standard_normal((40, 24, 3))
-LINEAR = TissueLaw(coupling=0.0, stiffening=1e3, range=(4.0, 8.0), damping=0.5)
 
 
 def test_person_depends_on_seed_and_number_alone() -> None:
@@ -25,13 +20,6 @@ def test_person_depends_on_seed_and_number_alone() -> None:
         np.testing.assert_array_equal(one.vertices, same.vertices)
         assert not np.allclose(one.vertices, other.vertices, atol=1e-3)
     assert not np.allclose(few[0].vertices, few[1].vertices, atol=1e-3)
-
-
-def test_people_have_the_given_poses() -> None:
-    for one in people(SMALL, POSES, 5, 0):
-        np.testing.assert_array_equal(one.vertices, SMALL.vertices(**one.values))
-        below = one.values["pose"][1:]
-        assert any(np.array_equal(below, pose[1:]) for pose in POSES)
 
 
 def test_people_face_any_way() -> None:
@@ -72,66 +60,8 @@ def test_bad_poses_of_people_are_refused() -> None:
         people(SMALL, POSES[:0], 1, 0)
     with pytest.raises(BadArgument, match=r"not \(40, 22, 3\)"):
         people(SMALL, POSES[:, :22], 1, 0)
-    with pytest.raises(BadArgument, match="from 0 on, not 1, -1 and 0"):
+    with pytest.raises(BadArgument, match="seed of people"):
         people(SMALL, POSES, 1, -1)
-
-
-# Tissue.
-
-
-def still(frames: int, **changed: np.ndarray) -> Motion:
-    pose = np.zeros((frames, SMALL.n_joints, 3))
-    motion = Motion(pose, np.zeros((frames, 3)), 60.0, SMALL.joint_names)
-    return replace(motion, **changed)
-
-
-def test_tissue_at_rest_does_not_move() -> None:
-    assert not simulate_tissue(SMALL, still(5)).any()
-
-
-def test_displacement_is_acceleration_over_squared_frequency() -> None:
-    """In a car that accelerates, everything stays behind, each vertex as its spring is soft."""
-    times = np.arange(90) / 60
-    push = np.array([0.0, 0.0, 1.5])
-    moved = simulate_tissue(SMALL, still(90, trans=0.5 * times[:, None] ** 2 * push), LINEAR)[-1]
-    f = softness(SMALL, law=LINEAR)
-    soft = np.isfinite(f)
-    assert soft.any()
-    assert not moved[~soft].any()
-    np.testing.assert_allclose(
-        moved[soft], -push / (2 * np.pi * f[soft, None]) ** 2, rtol=2e-3, atol=1e-6
-    )
-
-
-def test_tissue_sags_when_lying_down() -> None:
-    """On the back, gravity pulls along -z of the body, and no longer along -y."""
-    pose = np.zeros((120, SMALL.n_joints, 3))
-    pose[:, 0, 0] = -np.pi / 2
-    moved = simulate_tissue(SMALL, still(120, pose=pose), LINEAR)[-1]
-    f = softness(SMALL, law=LINEAR)
-    at = int(np.argmin(f))
-    sag = 9.81 / (2 * np.pi * f[at]) ** 2
-    np.testing.assert_allclose(moved[at], [0, sag, -sag], rtol=0.02, atol=1e-4)
-
-
-def test_heavier_people_are_softer() -> None:
-    people = [np.array([0.0, 0.0, third]) for third in (-2.0, 2.0)]
-    index = [body_mass_index(SMALL, betas) for betas in people]
-    f = [softness(SMALL, betas) for betas in people]
-    both = np.isfinite(f[0]) & np.isfinite(f[1])
-    lighter = int(index[0] > index[1])
-    assert abs(index[0] - index[1]) > 3
-    assert np.mean(f[lighter][both]) > np.mean(f[1 - lighter][both])
-
-
-def test_bad_motions_of_tissue_are_refused() -> None:
-    with pytest.raises(BadArgument, match=r"too few for springs of .* spline the motion"):
-        simulate_tissue(SMALL, made_up_motion(SMALL, 1.0, fps=10.0))
-    with pytest.raises(BadArgument, match="three frames or more, and this motion has 2"):
-        simulate_tissue(SMALL, still(2))
-    strange = replace(SMALL, joint_names=tuple(map(str, range(24))))
-    with pytest.raises(BadArgument, match="is soft; its joints have other names"):
-        simulate_tissue(strange, replace(still(9), joint_names=strange.joint_names))
 
 
 def test_splined_motions_pass_through_their_frames() -> None:

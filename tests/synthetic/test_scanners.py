@@ -12,7 +12,6 @@ from workbench.synthetic import Scanner, scanners
 from workbench.synthetic.scanners import depth_image, visible
 
 CUBE = trimesh.creation.box((0.6, 0.6, 0.6))
-SPHERE = trimesh.creation.icosphere(5, 0.5)
 BODY = load_body("small")
 BENT = BODY.vertices(0.4 * np.random.default_rng(1).standard_normal((24, 3)))
 
@@ -64,16 +63,6 @@ def test_depth_of_a_cube() -> None:
     assert len(image.pixel) == (2 * round(164 * 0.3 / 1.7)) ** 2  # no pixel of the diagonal is lost
 
 
-def test_depth_of_a_sphere() -> None:
-    (scanner,) = scanners(1, distance=2.0)
-    image = depth_image(SPHERE.vertices, SPHERE.faces, scanner)
-    points = scanner.place + image.depth[:, None] * scanner.directions()[image.pixel]
-    radius = np.linalg.norm(points, axis=1)
-    assert radius.min() > 0.499
-    assert radius.max() <= 0.5 + 1e-12
-    assert (points[:, 2] > 0).all()
-
-
 def test_depth_image_agrees_with_an_exhaustive_search() -> None:
     (scanner,) = scanners(1, distance=2.0, turn=0.5, size=(24, 30), focal=25.0)
     image = depth_image(BENT, BODY.faces, scanner)
@@ -104,19 +93,10 @@ def test_visibility_agrees_with_an_exhaustive_search() -> None:
     assert 0.2 < found.mean() < 0.6
 
 
-def test_triangle_behind_the_scanner_is_cut() -> None:
-    floor = np.array([[-50.0, -1, -50], [50, -1, -50], [0, -1, 80]])
-    (scanner,) = scanners(1)
-    image = depth_image(floor, np.array([[0, 1, 2]]), scanner)
-    points = scanner.place + image.depth[:, None] * scanner.directions()[image.pixel]
-    np.testing.assert_allclose(points[:, 1], -1, rtol=1e-12)
-    assert image.pixel.min() // 150 >= 100  # below the horizon
-
-
 def test_scanners_that_cannot_be_are_refused() -> None:
-    with pytest.raises(BadArgument, match="one scanner or more look at a target"):
+    with pytest.raises(BadArgument, match="n of scanners"):
         scanners(0)
     with pytest.raises(BadArgument, match="straight down or up"):
         scanners(1, distance=0.01, height=2.0)
-    with pytest.raises(BadArgument, match="focal length above 0 px"):
+    with pytest.raises(BadArgument, match="focal of a scanner"):
         Scanner(np.eye(3), np.zeros(3), focal=0.0)

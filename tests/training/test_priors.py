@@ -6,19 +6,11 @@ import numpy as np
 import pytest
 
 from tests.training.test_symbolic import BODY, ESTIMATE, OBJECTIVE, START
-from workbench.errors import BadArgument
 from workbench.fitting import pose_prior
 from workbench.fitting.body_priors import pose_gaussian
-from workbench.geometry.rotation import (
-    inverse_left_jacobian,
-    matrix_from_vector,
-    vector_from_matrix,
-)
 from workbench.problem import Problem
-from workbench.training.blocks import BLOCKS, BlockInput
 from workbench.training.normal_equations import NormalEquations
-from workbench.training.objective import trusted
-from workbench.training.priors import PLACE, PosePrior, smooth_prior
+from workbench.training.priors import PosePrior, smooth_prior
 from workbench.training.registrations import InMemory
 from workbench.training.symbolic import SymbolicTraining
 
@@ -40,48 +32,6 @@ def test_betas_cost_what_a_standard_normal_costs() -> None:
     for k in range(BODY.n_betas):
         d = BODY.shapedirs[None, :, :, k]
         assert 0 < np.vdot(d, PRIOR.precision_product(d)) <= 1
-
-
-def test_edges_do_not_see_the_place() -> None:
-    without = smooth_prior(START.faces, BODY.shapedirs[:, :, :0], 0.01)
-    moved = np.broadcast_to([0.0, 0.0, PLACE], (1, N, 3))
-    assert np.vdot(moved, without.precision_product(moved)) == pytest.approx(1.0)
-
-
-def test_bumps_cost_more_than_smooth_changes() -> None:
-    bump = np.zeros((1, N, 3))
-    bump[0, N // 2] = 1.0
-    smooth = np.ones((1, N, 3)) / np.sqrt(3 * N)
-    assert np.vdot(bump, PRIOR.precision_product(bump)) > 100 * np.vdot(
-        smooth, PRIOR.precision_product(smooth)
-    )
-
-
-def test_bends_cost_what_neighbours_do_not_share() -> None:
-    """A displacement of all vertices costs nothing more; a bump of one does, by its own square."""
-    nothing = BODY.shapedirs[:, :, :0]
-    plain, bent = (
-        smooth_prior(START.faces, nothing, 0.01),
-        smooth_prior(START.faces, nothing, 0.01, bends=0.002),
-    )
-    moved = np.broadcast_to([0.0, 0.0, 0.1], (1, N, 3))
-    assert np.vdot(moved, bent.precision_product(moved)) == pytest.approx(
-        np.vdot(moved, plain.precision_product(moved)), rel=1e-9
-    )
-    bump = np.zeros((1, N, 3))
-    bump[0, N // 2, 1] = 0.002
-    more = np.vdot(bump, bent.precision_product(bump)) - np.vdot(
-        bump, plain.precision_product(bump)
-    )
-    assert 1 < more < 2  # the vertex itself, and a share of it for each neighbour
-    with pytest.raises(BadArgument, match="bends is above 0 m"):
-        smooth_prior(START.faces, nothing, 0.01, bends=0.0)
-
-
-def test_sigmas_of_templates_are_positive() -> None:
-    for sigma in (0.0, -1.0, np.inf, np.nan):
-        with pytest.raises(BadArgument, match="above 0 m"):
-            smooth_prior(START.faces, BODY.shapedirs, sigma)
 
 
 HELD = replace(OBJECTIVE, freedom=PRIOR, first_posedirs=BODY.posedirs + 0.001)
@@ -115,23 +65,6 @@ def test_slope_with_directed_confidence_is_that_of_the_cost(name: str) -> None:
     assert (behind - ahead) / (2 * h) == pytest.approx(np.vdot(slope, change[name]), rel=1e-5)
 
 
-def test_scalar_confidence_is_isotropic() -> None:
-    alike = np.einsum("jn,ab->jnab", BATCH.confidence, np.eye(3))
-    same = replace(HELD, registrations=InMemory(BATCH.vertices, BATCH.subject, alike))
-    assert same.cost(ESTIMATE) == pytest.approx(HELD.cost(ESTIMATE), rel=1e-12)
-    some = RNG.standard_normal((*BATCH.vertices.shape, 4))
-    by_matrix = trusted(replace(BATCH, confidence=alike), some)
-    np.testing.assert_allclose(by_matrix, trusted(BATCH, some), atol=1e-14)
-    np.testing.assert_allclose(replace(BATCH, confidence=alike).trust, BATCH.confidence, atol=1e-14)
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("block", ["surfaces", "people"])
-def test_blocks_lower_the_cost_with_directed_confidence(block: str) -> None:
-    found = BLOCKS[block](BlockInput(SOFT, START.faces), ESTIMATE).estimate
-    assert SOFT.cost(found) <= SOFT.cost(ESTIMATE) * (1 + 1e-9)
-
-
 PRIOR_RNG = np.random.default_rng(2)
 POSES = 3 * (BODY.n_joints - 1)
 MIXED = PRIOR_RNG.standard_normal((POSES, POSES)) / 4
@@ -141,47 +74,11 @@ POSE_PRIOR = PosePrior.of(
 PRIOR_HELD = replace(OBJECTIVE, pose_prior=POSE_PRIOR)
 
 
-@pytest.mark.parametrize("size", [0.0, 9.9e-3, 3.0])
-def test_rotation_vectors_move_with_turns(size: float) -> None:
-    w = PRIOR_RNG.standard_normal((7, 3))
-    w *= size / np.linalg.norm(w, axis=1)[:, None]
-    h = 1e-5
-    for axis in np.eye(3):
-        ends = [
-            vector_from_matrix(matrix_from_vector(s * h * np.tile(axis, (7, 1))) @ there)
-            for s in (1, -1)
-            for there in [matrix_from_vector(w)]
-        ]
-        expected = (ends[0] - ends[1]) / (2 * h)
-        np.testing.assert_allclose(inverse_left_jacobian(w) @ axis, expected, atol=2e-8)
-
-
 def test_pose_prior_costs_its_residual() -> None:
     prior = PosePrior.of(*pose_gaussian(BODY))
     problem = Problem([pose_prior(BODY)], ["pose"])
     for pose, cost in zip(ESTIMATE.poses, prior.costs(ESTIMATE.poses), strict=True):
         assert problem.linearize({"pose": pose}).cost == pytest.approx(cost, rel=1e-12)
-
-
-def test_pose_prior_slope_is_that_of_its_cost() -> None:
-    turn = ESTIMATE.zero_change(("poses",))
-    turn["poses"] = PRIOR_RNG.standard_normal(ESTIMATE.poses.shape)
-    h = 1e-5
-    ahead, behind = (
-        float(POSE_PRIOR.costs(ESTIMATE.moved(turn, s * h).poses).sum()) for s in (1.0, -1.0)
-    )
-    slope = POSE_PRIOR.negative_gradient(ESTIMATE.poses)
-    assert np.vdot(slope, turn["poses"]) == pytest.approx((behind - ahead) / (2 * h), rel=1e-7)
-
-
-def test_pose_prior_curvature_is_symmetric() -> None:
-    a, b = (PRIOR_RNG.standard_normal(ESTIMATE.poses.shape) for _ in range(2))
-    poses = ESTIMATE.poses
-    assert np.vdot(a, POSE_PRIOR.hessian_product(poses, b)) == pytest.approx(
-        np.vdot(b, POSE_PRIOR.hessian_product(poses, a))
-    )
-    flat = (POSE_PRIOR.blocks(poses) @ a.reshape(len(a), -1, 1)).reshape(a.shape)
-    np.testing.assert_allclose(flat, POSE_PRIOR.hessian_product(poses, a), atol=1e-12)
 
 
 def test_objective_has_the_pose_prior_and_its_slope() -> None:
@@ -195,10 +92,3 @@ def test_objective_has_the_pose_prior_and_its_slope() -> None:
     assert np.vdot(slope["poses"], turn["poses"]) == pytest.approx(
         (behind - ahead) / (2 * h), rel=1e-5
     )
-
-
-def test_people_lower_the_cost_with_a_pose_prior() -> None:
-    given = BlockInput(PRIOR_HELD, BODY.faces)
-    found = BLOCKS["people"](given, ESTIMATE)
-    assert PRIOR_HELD.cost(found.estimate) < PRIOR_HELD.cost(ESTIMATE)
-    assert found.facts["steps"] > 0

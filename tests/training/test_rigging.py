@@ -6,31 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.optimize import linear_sum_assignment
-from scipy.spatial.transform import Rotation
 
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadArgument, BadFile
-from workbench.geometry.rigid import procrustes
 from workbench.synthetic.made_up import jointed_tube, random_smpl
-from workbench.training.rigging.bones import (
-    RigidBones,
-    fit_bone_weights,
-    fit_bones,
-    joint_steps,
-    refined_at_once,
-    rigid_motions,
-)
 from workbench.training.rigging.decomposition import (
-    alternated,
     bones_needed,
-    least_rms,
-    merged_where_alike,
     noise_of,
-    rigid_clusters,
-    without_least,
 )
-from workbench.training.rigging.joints import joint_tree
 from workbench.training.rigging.rig import Rigged, pose_rms, rig
 from workbench.training.rigging.steps import RigProgress, RigSteps, silent
 
@@ -93,46 +77,6 @@ def compared(found: SkinnedBody, truth: SkinnedBody) -> Compared:
     return Compared(float(gaps[own, other].max()), max(away), edges)
 
 
-GIVEN = driven(12, seed=3)
-
-
-def rough() -> RigidBones:
-    return rigid_clusters(GIVEN.body.template, GIVEN.meshes, 5)
-
-
-def test_rigid_motions_of_whole_weights_are_procrustes() -> None:
-    rest, meshes = GIVEN.body.template, GIVEN.meshes
-    R, t = rigid_motions(rest, meshes.swapaxes(0, 1), np.ones(len(rest)))
-    for turn, shift, mesh in zip(R, t, meshes, strict=True):
-        motion = procrustes(rest, mesh)
-        np.testing.assert_allclose(turn, motion.R, atol=1e-12)
-        np.testing.assert_allclose(shift, motion.t, atol=1e-12)
-
-
-def test_motion_of_a_weighted_bone_is_stationary() -> None:
-    """No small turn or shift lowers sum |w (R p + t) - q|^2."""
-    rng = np.random.default_rng(0)
-    rest, targets, w = rng.random((9, 3)), rng.random((9, 1, 3)), rng.random(9)
-    (R,), (t,) = rigid_motions(rest, targets, w)
-    residual = w[:, None] * (rest @ R.T + t) - targets[:, 0]
-    np.testing.assert_allclose(w @ residual, 0, atol=1e-12)
-    np.testing.assert_allclose(w @ np.cross(rest @ R.T, residual), 0, atol=1e-12)
-
-
-def test_alternation_never_raises_the_cost() -> None:
-    rest, meshes = GIVEN.body.template, GIVEN.meshes
-    bones, costs = rough(), []
-    for _ in range(3):
-        for step in (fit_bone_weights, fit_bones):
-            bones = step(bones, rest, meshes)
-            costs.append(bones.rms(rest, meshes))
-    assert costs == sorted(costs, reverse=True)
-    assert costs[-1] < 0.9 * costs[0]
-    np.testing.assert_allclose(bones.weights.sum(axis=1), 1, atol=1e-12)
-    assert bones.weights.min() >= 0
-    assert (bones.weights > 0).sum(axis=1).max() <= 4
-
-
 def test_rank_of_meshes_counts_bones() -> None:
     assert bones_needed(driven(30, seed=3).meshes, 1e-4) == 6
     hinge = np.ones((6, 3))
@@ -151,58 +95,6 @@ def test_singular_values_tell_the_noise(sigma: float) -> None:
     assert bones_needed(noisy, 1e-4) > 10
     assert noise_of(noisy[:9]) is None  # 19 of 27 singular values are motion
     assert noise_of(given) is None
-
-
-def test_bones_that_move_alike_are_merged() -> None:
-    bones = rough()
-    twice = bones.with_bone(bones.rotations[:, 0], bones.translations[:, 0])
-    weights = twice.weights.copy()
-    weights[:, -1] = weights[:, 0] = weights[:, 0] / 2
-    twice = RigidBones(twice.rotations, twice.translations, weights)
-    rest = GIVEN.body.template
-    for fewer in (merged_where_alike(twice, rest, 1e-9), without_least(twice, rest)):
-        assert fewer.count == bones.count
-        assert fewer.rms(rest, GIVEN.meshes) == pytest.approx(bones.rms(rest, GIVEN.meshes))
-
-
-def bones_of(body_poses: np.ndarray) -> RigidBones:
-    """The true bones of the tube in some poses."""
-    body = GIVEN.body
-    joints, K = body.joints(), body.n_joints
-    R, t = np.zeros((len(body_poses), K, 3, 3)), np.zeros((len(body_poses), K, 3))
-    for i, pose in enumerate(body_poses):
-        world = body.joints(pose)
-        for k in range(K):
-            turn = np.eye(3)
-            at = k
-            while at >= 0:
-                turn = rotation(pose[at]) @ turn
-                at = body.parents[at]
-            R[i, k], t[i, k] = turn, world[k] - turn @ joints[k]
-    return RigidBones(R, t, body.weights)
-
-
-def rotation(vector: np.ndarray) -> np.ndarray:
-    return np.asarray(Rotation.from_rotvec(vector).as_matrix())
-
-
-def test_joints_and_tree_of_true_bones_are_true() -> None:
-    body = GIVEN.body
-    poses = 0.5 * np.random.default_rng(1).standard_normal((8, 6, 3))
-    poses[:, 3, :2] = 0  # a hinge about z
-    bones = bones_of(poses)
-    tree = joint_tree(bones, body.template)
-    assert tree.edges == {frozenset((k, body.parents[k])) for k in range(1, 6)}
-    for joint in tree.joints:
-        assert joint.gap < 1e-12
-        child = max(joint.bones)
-        off = joint.place - body.joints()[child]
-        if child == 3:
-            np.testing.assert_allclose(joint.free, [[0, 0, joint.free[0, 2]]], atol=1e-9)
-            np.testing.assert_allclose(off[:2], 0, atol=1e-9)
-        else:
-            assert not len(joint.free)
-            np.testing.assert_allclose(off, 0, atol=1e-9)
 
 
 def test_tube_is_rigged_and_explains_held_out_meshes() -> None:
@@ -272,21 +164,6 @@ def test_interrupted_rig_continues_and_is_the_same(tmp_path: Path) -> None:
 
 
 @pytest.mark.thorough
-def test_rig_does_not_depend_on_place_and_facing() -> None:
-    given = driven(24, seed=1)
-    R = Rotation.random(24, random_state=0).as_matrix()
-    away = 3 * np.random.default_rng(1).standard_normal((24, 1, 3))
-    placed = given.meshes @ R.swapaxes(1, 2) + away
-    first, found = (
-        rig(meshes, given.body.faces, rest=given.body.template) for meshes in (given.meshes, placed)
-    )
-    assert found.body.parents == first.body.parents
-    np.testing.assert_allclose(found.body.weights, first.body.weights, atol=1e-8)
-    np.testing.assert_allclose(found.body.joints()[1:], first.body.joints()[1:], atol=1e-8)
-    np.testing.assert_allclose(found.motion(30.0).vertices(found.body), placed, atol=1e-8)
-
-
-@pytest.mark.thorough
 def test_rest_pose_is_found() -> None:
     """From a mesh in another pose: in no bent mesh is the skin where linear blending has it."""
     given = driven(24, seed=1)
@@ -308,14 +185,6 @@ def test_hinges_are_named() -> None:
     assert compared(found.body, given.body).edges == 5
     (hinge,) = (note for note in found.notes if "one axis" in note)
     assert "may slide along (0.00, 0.00, 1.00) by any distance" in hinge
-
-
-@pytest.mark.thorough
-def test_too_few_meshes_do_not_tell_their_noise() -> None:
-    given = driven(6, seed=1)
-    noise = 0.001 * np.random.default_rng(0).standard_normal(given.meshes.shape)
-    found = rig(given.meshes + noise, given.body.faces, rest=given.body.template)
-    assert "how much noise the meshes have cannot be told" in found.notes[-1]
 
 
 @pytest.mark.thorough
@@ -356,41 +225,3 @@ def test_impossible_rigs_are_refused(wrong: dict[str, object], said: str) -> Non
     meshes = arguments.pop("meshes")
     with pytest.raises(BadArgument, match=said):
         rig(meshes, body.body.faces, **arguments)  # type: ignore[arg-type]
-
-
-TWELVE = driven(12, seed=3)
-
-
-def disturbed() -> RigidBones:
-    """The true bones of the meshes, with weights that are mixed with those of neighbours."""
-    found = rig(TWELVE.meshes, TWELVE.body.faces, rest=TWELVE.body.template)
-    body, T = found.body, len(TWELVE.meshes)
-    poses = zip(found.poses, found.trans, strict=True)
-    R, t = np.zeros((T, 6, 3, 3)), np.zeros((T, 6, 3))
-    for i, (pose, trans) in enumerate(poses):
-        world = body.vertices(pose, trans=trans)
-        for k in range(6):
-            own = body.weights[:, k] ** 2
-            middle, end = own @ body.template / own.sum(), own @ world / own.sum()
-            U, _, Vh = np.linalg.svd((world - end).T @ (own[:, None] * (body.template - middle)))
-            R[i, k] = U @ np.diag([1, 1, np.linalg.det(U @ Vh)]) @ Vh
-            t[i, k] = end - R[i, k] @ middle
-    return RigidBones(R, t, body.weights)
-
-
-@pytest.mark.thorough
-def test_joint_steps_reach_rounding_where_alternation_creeps() -> None:
-    rest, bones = TWELVE.body.template, disturbed()
-    crept = alternated(bones, rest, TWELVE.meshes).rms(rest, TWELVE.meshes)
-    stepped = joint_steps(bones, rest, TWELVE.meshes)
-    assert crept > 1e-4  # m
-    assert stepped.rms(rest, TWELVE.meshes) < 1e-8
-    np.testing.assert_allclose(stepped.weights.sum(axis=1), 1, atol=1e-12)
-    assert (refined_at_once(bones, rest, TWELVE.meshes).weights > 0).sum(axis=1).max() <= 4
-
-
-@pytest.mark.thorough
-def test_least_rms_is_a_lower_bound() -> None:
-    assert least_rms(TWELVE.meshes, 6) < 1e-7
-    found = rig(TWELVE.meshes, TWELVE.body.faces, rest=TWELVE.body.template, bones=3)
-    assert 1e-3 < least_rms(TWELVE.meshes, 3) < found.rms

@@ -14,8 +14,7 @@ from builder.collapsing import collapsed
 from workbench.errors import BadArgument
 from workbench.geometry.mirror import find_mirror
 from workbench.geometry.solids import mesh_edges
-from workbench.training.blend_shapes import MaskedCholesky, local_features
-from workbench.training.blocks import QUICK, BlockInput, BlockOptions, Plan, Stage, fit_poses
+from workbench.training.blocks import QUICK, Plan, Stage
 from workbench.training.estimate import Estimate, Sigmas, SkinningPass
 from workbench.training.first_guess import Start
 from workbench.training.objective import Objective
@@ -60,37 +59,6 @@ def _posed() -> tuple[Estimate, Objective]:
     return truth, Objective(data, BODY.J_regressor, BODY.weights, None, sigmas, BODY.template)
 
 
-def test_poses_are_recovered_from_some_vertices() -> None:
-    truth, objective = _posed()
-    near = truth.moved({"poses": 0.02 * np.random.default_rng(2).normal(size=truth.poses.shape)})
-    for _ in range(4):
-        given = BlockInput(objective, BODY.faces, BlockOptions(pose_vertices=200))
-        near = fit_poses(given, near).estimate
-    assert objective.rms(near) < 1e-7
-
-
-def test_features_reach_so_many_bones() -> None:
-    weights = np.zeros((3, 4))
-    weights[[0, 1], [3, 0]] = 1
-    weights[2] = 0.99, 0.01, 0, 0  # too little to count
-    parents = (-1, 0, 1, 2)
-    for reach, far in ((0, "001 000 000"), (1, "011 100 100"), (3, "111 111 111")):
-        found = local_features(weights, parents, reach)
-        wanted = [[x == "1" for x in row] for row in far.split()]
-        assert np.array_equal(found, np.repeat(wanted, 9, axis=1))
-
-
-def test_masked_systems_are_solved() -> None:
-    rng = np.random.default_rng(3)
-    A = rng.normal(size=(30, 8))
-    gram, own = A.T @ A, rng.random((12, 8)) < 0.6
-    right = rng.normal(size=(12, 3, 8))
-    found = MaskedCholesky.of(gram, own).solved(right)
-    for x, b, mine in zip(found, right, own, strict=True):
-        assert not x[:, ~mine].any()
-        assert x[:, mine] @ gram[np.ix_(mine, mine)] == pytest.approx(b[:, mine])
-
-
 def test_short_edges_collapse_symmetrically() -> None:
     every = Topology(csr_array(eye_array(BODY.n_vertices)), BODY.faces, BODY.mirror)
     fewer = collapsed(every, BODY.template, 301)
@@ -128,16 +96,6 @@ def test_large_mesh_is_trained_coarse_first(tmp_path: Path) -> None:
     again = train()
     for name, array in found.estimate.arrays().items():
         assert np.array_equal(array, again.estimate.arrays()[name])
-
-
-def test_scan_without_chosen_vertices_is_refused() -> None:
-    few = subsample(BODY.template, BODY.faces, 50)
-    confidence = np.ones((2, BODY.n_vertices))
-    confidence[1, few.vertices] = 0
-    data = InMemory(np.repeat(BODY.template[None], 2, axis=0), np.zeros(2, int), confidence)
-    assert few.registrations(data).read(slice(0, 1)).confidence.all()
-    with pytest.raises(BadArgument, match="registration 1 shows so little"):
-        few.registrations(data).read(slice(0, 2))
 
 
 def test_subsampled_mesh_keeps_its_sides() -> None:

@@ -23,7 +23,6 @@ from workbench.training import blocks
 from workbench.training.blocks import (
     BlockInput,
     BlockOptions,
-    BlockResult,
     Plan,
     Stage,
     alternation,
@@ -32,17 +31,12 @@ from workbench.training.blocks import (
 from workbench.training.checkpoint import FILE
 from workbench.training.estimate import Estimate, Sigmas
 from workbench.training.evaluation import (
-    GroundTruth,
-    best_linear,
-    errors_of_ideal_skinning,
     evaluate_held_out,
     held_out_errors,
-    ideal_skinning_errors,
     shape_share,
-    shapes_explained,
 )
 from workbench.training.execution import NotLowered, Progress, Report
-from workbench.training.registrations import InMemory, RegistrationSubset, training_and_held_out
+from workbench.training.registrations import InMemory, RegistrationSubset
 from workbench.training.shape_training import learn_shapes
 from workbench.training.training import train
 
@@ -94,15 +88,6 @@ def test_trained_body_has_a_card_and_round_trips(tmp_path: Path) -> None:
     np.testing.assert_allclose(again.vertices(betas=[1, 0]), body.vertices(betas=[1, 0]))
 
 
-@pytest.mark.thorough
-def test_trained_body_explains_others_better() -> None:
-    found = train(DATA, START, plan=short_plan(), n_betas=2).body
-    others, _ = draw_registrations(BODY, 3, 2, seed=9)
-    plain = replace(found, posedirs=0 * found.posedirs)
-    trained, without = (evaluate_held_out(b, others).errors.rms for b in (found, plain))
-    assert trained < 0.9 * without
-
-
 def test_one_subject_gives_no_shape_directions() -> None:
     one, _ = draw_registrations(BODY, 1, 8, seed=4)
     body = train(one, START, plan=without_blend_shapes(rounds=1)).body
@@ -152,8 +137,8 @@ def test_plans_without_known_blocks_are_refused() -> None:
 
 
 def test_raised_cost_stops_training(monkeypatch: pytest.MonkeyPatch) -> None:
-    def worse(given: BlockInput, estimate: Estimate) -> BlockResult:
-        return BlockResult(replace(estimate, templates=1.01 * estimate.templates), {})
+    def worse(given: BlockInput, estimate: Estimate) -> tuple[Estimate, dict[str, float]]:
+        return replace(estimate, templates=1.01 * estimate.templates), {}
 
     monkeypatch.setitem(blocks.BLOCKS, "weights", worse)
     with pytest.raises(NotLowered, match="'weights' raised the cost"):
@@ -235,76 +220,37 @@ def test_killed_training_ends_with_the_same_body(tmp_path: Path) -> None:
 EVEN = replace(random_smpl(START, 2, seed=3), mirror=START.mirror().vertices)  # type: ignore[union-attr]
 
 
-def made(seed: int, subjects: int = 3, poses: int = 30) -> tuple[GroundTruth, RegistrationSubset]:
-    data, drawn = draw_registrations(EVEN, subjects, poses, seed, turn=1.0)
-    rest = EVEN.vertices(betas=drawn.betas)
-    joints = np.stack([EVEN.J_regressor @ person for person in rest])
-    truth = GroundTruth(rest, joints, data.subject, drawn.poses, drawn.trans, EVEN.weights)
-    return truth, RegistrationSubset(data, np.arange(subjects * poses))
-
-
-def test_ideal_skinning_is_exact_with_true_blend_shapes() -> None:
-    truth, data = made(4)
-    assert errors_of_ideal_skinning(truth, data, START, EVEN.posedirs).largest < 1e-12
-    alone = errors_of_ideal_skinning(truth, data, START)
-    assert alone.mean > 1e-3
-    found = ideal_skinning_errors(truth, data, START, EVEN.posedirs)
-    assert found["ideal_linear_mean_mm"] == 0
-    assert found["ideal_skinning_mean_mm"] == pytest.approx(1e3 * alone.mean, abs=1e-4)
-
-
-@pytest.mark.thorough
-def test_best_linear_predictor_is_the_generator() -> None:
-    uneven = replace(START, joint_names=tuple(f"joint_{k}" for k in range(6)))  # nothing mirrored
-    truth, data = made(4, poses=80)
-    found = best_linear(truth, data, uneven)
-    left = errors_of_ideal_skinning(truth, data, START, found).mean
-    assert left < 0.1 * errors_of_ideal_skinning(truth, data, START).mean
+def made(seed: int, subjects: int = 3, poses: int = 30) -> RegistrationSubset:
+    data, _ = draw_registrations(EVEN, subjects, poses, seed, turn=1.0)
+    return RegistrationSubset(data, np.arange(subjects * poses))
 
 
 def test_every_second_registration_is_held_out() -> None:
-    _, data = made(5, subjects=2, poses=4)
+    data = made(5, subjects=2, poses=4)
     told = evaluate_held_out(replace(EVEN, mirror=None), data)
-    assert told.errors.distances.shape == (4, 35)
-    assert told.errors.mean < 0.02
-
-
-def test_order_of_registrations_does_not_change_held_out_errors() -> None:
-    _, data = made(5, subjects=3, poses=2)  # of people a a b b c c
-    mixed = RegistrationSubset(data, np.array([0, 2, 1, 3, 4, 5]))
-    found = evaluate_held_out(replace(EVEN, mirror=None), mixed)
-    assert found.errors.mean < 0.01  # m, as in order; without a rest shape of b it is 0.02
-    assert (found.errors.distances.mean(axis=1) < 0.02).all()
+    assert told.distances.shape == (4, 35)
+    assert told.distances.mean() < 0.02
 
 
 def test_person_with_one_registration_is_refused() -> None:
-    _, data = made(5, subjects=3, poses=2)
+    data = made(5, subjects=3, poses=2)
     with pytest.raises(BadArgument, match=r"there is only one of subject 1$"):
         evaluate_held_out(EVEN, RegistrationSubset(data, np.array([0, 1, 2, 4, 5])))
 
 
 @pytest.mark.thorough
 def test_body_explains_those_it_made() -> None:
-    _, data = made(5, subjects=2, poses=8)
+    data = made(5, subjects=2, poses=8)
     uneven = replace(EVEN, mirror=None)
     told = evaluate_held_out(uneven, data)
-    assert told.errors.distances.shape == (8, 35)
-    wrong = evaluate_held_out(replace(uneven, posedirs=0 * EVEN.posedirs), data).errors.mean
-    assert told.errors.mean < 0.4 * wrong
+    assert told.distances.shape == (8, 35)
+    wrong = evaluate_held_out(replace(uneven, posedirs=0 * EVEN.posedirs), data).distances.mean()
+    assert told.distances.mean() < 0.4 * wrong
     assert told.shape_explained > 0.7
     found = held_out_errors(uneven, data)
-    assert found["mean_mm"] == pytest.approx(1e3 * told.errors.mean, abs=1e-4)
+    assert found["mean_mm"] == pytest.approx(1e3 * told.distances.mean(), abs=1e-4)
     assert found["mean_without_posedirs_mm"] == pytest.approx(1e3 * wrong, abs=1e-4)
     assert found["people_in_poses"] == 2
-
-
-def test_people_in_one_pose_are_as_the_body_makes_them() -> None:
-    data, _ = draw_registrations(EVEN, 6, 1, seed=8, turn=0.1)
-    found = shapes_explained(EVEN, data)
-    assert found["people_in_one_pose"] == 6
-    assert found["their_shape_variance_explained"] > 0.95
-    odd = replace(EVEN, shapedirs=EVEN.shapedirs[:, ::-1])
-    assert shapes_explained(odd, data)["their_shape_variance_explained"] < 0.8
 
 
 def test_shape_share_of_what_is_known() -> None:
@@ -314,16 +260,3 @@ def test_shape_share_of_what_is_known() -> None:
     away = np.random.default_rng(0).standard_normal((40, 35, 3))
     assert shape_share(EVEN, EVEN.template + away) == pytest.approx(2 / 102, rel=0.5)
     assert shape_share(EVEN, EVEN.template[None]) == 1  # there is nothing to explain
-
-
-def test_last_fifth_of_subjects_is_held_out() -> None:
-    kept, back = training_and_held_out(np.array([0, 1, 2, 0, 1, 2]))
-    assert (kept.tolist(), back.tolist()) == ([0, 1, 3, 4], [2, 5])
-    assert training_and_held_out(np.arange(10))[1].tolist() == [8, 9]
-
-
-def test_registrations_of_one_subject_are_held_out() -> None:
-    kept, back = training_and_held_out(np.full(11, 3))
-    assert (kept.tolist(), back.tolist()) == ([*range(9)], [9, 10])
-    with pytest.raises(BadArgument, match="cannot be held out of fewer than two"):
-        training_and_held_out(np.zeros(1, int))

@@ -3,50 +3,27 @@
 from dataclasses import replace
 from functools import cache
 
-import casadi as cs
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 from scipy.linalg import lstsq
 from scipy.sparse.linalg import LinearOperator
 
-import workbench as wb
+from builder.triangle_learning import (
+    LSQR,
+    Lsqr,
+    learn_pose_deformations,
+)
 from tests.bodies_made_up import tube_body
-from workbench import LevenbergMarquardt, Problem, diagnose, solve
 from workbench.arrays import Array
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.errors import BadArgument
-from workbench.geometry.triangles import Stitching, edges, gradients
-from workbench.lectures.material.variance import (
-    additivity_gap,
-    explained_by_triangles,
-    explained_by_vertices,
-    unposed,
-)
-from workbench.training.registrations import InMemory
-from workbench.training.triangles import alternation
-from workbench.training.triangles.alternation import (
-    SMOOTHNESS,
-    TriangleEstimate,
-    TriangleOptions,
-    fit_pose_deformations,
-    fit_shapes,
-    fit_subjects,
-    train_triangles,
-)
-from workbench.training.triangles.learning import (
-    LSQR,
-    Lsqr,
-    LsqrNotConverged,
+from workbench.training.triangles import (
     PosedMeshes,
-    StitchedFit,
+    SymbolicTriangles,
     learn_gradient_shapes,
-    learn_pose_deformations,
-    learn_subject,
     neighbour_differences,
-    stitched_directions,
 )
-from workbench.training.triangles.symbolic import SymbolicTriangles, shape_term
 
 
 class Direct(Lsqr):
@@ -78,8 +55,6 @@ def learn(
     return learn_pose_deformations(shaped, posed, shapes.betas, ridge=ridge, by=by)
 
 
-SMALL = wb.load_body("small")
-TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
 P, B = 6, 2
 
 
@@ -128,80 +103,6 @@ def test_generators_are_learned_back(blended: bool) -> None:
     assert np.linalg.norm(before - true.vertices(poses, new), axis=-1).max() > 0.01
 
 
-@pytest.mark.thorough
-def test_one_person_is_learned_from_posed_meshes() -> None:
-    true = generator()
-    beta = np.array([1.5, -1.0])
-    rng = np.random.default_rng(4)
-    poses = rng.normal(scale=0.7, size=(12, 3, 3))
-    posed = PosedMeshes(true.vertices(poses, beta), poses, np.zeros(12, dtype=np.int64))
-    D = learn_subject(true, posed, smoothness=1e-12, by=Lsqr(1e-9))
-    one = replace(true, shapedirs=(D - np.eye(3))[..., None])
-    new = rng.normal(scale=0.5, size=(10, 3, 3))
-    apart = one.vertices(new, [1.0]) - true.vertices(new, beta)
-    assert abs(apart).max() < 1e-4
-    # and the smoother, the more alike are neighbours, at the cost of the fit
-    roughness = []
-    for smoothness in (1e-6, 1e-3, 1.0):
-        D = learn_subject(true, posed, smoothness=smoothness, by=Lsqr(1e-8))
-        roughness.append(np.linalg.norm(neighbour_differences(true.faces) @ D.reshape(len(D), -1)))
-    assert roughness[0] > roughness[1] > roughness[2]
-
-
-def test_stitched_fit_is_dense_least_squares() -> None:
-    rng = np.random.default_rng(6)
-    stitching, M, q = Stitching(TETRAHEDRON, 4), 3, 2
-    left, features = rng.normal(size=(4, M, 3, 3)), rng.normal(size=(4, 2, M, q))
-    wanted = rng.normal(size=(4, 2, M, 3))
-    ridge, smoothness = 0.3, 0.2
-    fit = StitchedFit(stitching, left, features, wanted)
-    C = fit.solve(ridge, smoothness, Lsqr(1e-14))
-    S = np.linalg.pinv(stitching.A.toarray())  # of vertices about their mean
-    columns = []
-    for unit in np.eye(4 * 3 * q):
-        e = np.einsum("fmac,fcq,fimq->fima", left, unit.reshape(4, 3, q), features)
-        tied = neighbour_differences(TETRAHEDRON).toarray() @ unit.reshape(4, -1)
-        parts = S @ e.reshape(8, -1), np.sqrt(smoothness) * tied, np.sqrt(ridge) * unit
-        columns.append(np.concatenate([part.ravel() for part in parts]))
-    J = np.array(columns).T
-    target = (S @ wanted.reshape(8, -1)).ravel()
-    right = np.concatenate([target, np.zeros(len(J) - target.size)])
-    np.testing.assert_allclose(C.ravel(), np.linalg.lstsq(J, right)[0], atol=1e-9)
-    np.testing.assert_allclose(fit.solve(ridge, smoothness, Direct()), C, atol=1e-9)
-    with pytest.raises(LsqrNotConverged, match="24 unknowns were stopped after 2 iterations"):
-        fit.solve(by=Lsqr(most=2))
-
-
-def test_stitched_vertices_of_a_mesh_are_its_own() -> None:
-    stitching, F = Stitching(SMALL.faces, SMALL.n_vertices), len(SMALL.faces)
-    none = np.zeros((F, 2, 1, 0))
-    fit = StitchedFit(stitching, np.zeros((F, 1, 3, 3)), none, np.zeros((F, 2, 1, 3)))
-    mesh = edges(SMALL.template, SMALL.faces).reshape(-1, 3)
-    centred = SMALL.template - SMALL.template.mean(axis=0)
-    np.testing.assert_allclose(fit.stitched(mesh), centred, atol=1e-12)
-    rng = np.random.default_rng(7)
-    a, b = rng.normal(size=(2 * F, 3)), rng.normal(size=(SMALL.n_vertices, 3))
-    np.testing.assert_allclose(
-        (fit.stitched(a) * b).sum(), (a * fit.stitched_adjoint(b)).sum(), atol=1e-9
-    )
-
-
-@pytest.mark.thorough
-def test_k_dimensional_people_have_k_components() -> None:
-    rng = np.random.default_rng(8)
-    betas = rng.normal(size=(12, 10))
-    people = SMALL.vertices(betas=betas)
-    shapes = learn_gradient_shapes(people, SMALL.faces, 11)
-    assert (shapes.explained[:10] > 1e-5).all()
-    assert abs(shapes.explained[10]) < 1e-12
-    np.testing.assert_allclose(shapes.explained.sum(), 1)
-    np.testing.assert_allclose(shapes.betas[:, :10].std(axis=0, ddof=1), 1)
-    directions = stitched_directions(shapes, SMALL.faces)
-    rebuilt = shapes.template + np.einsum("nab,pb->pna", directions, shapes.betas)
-    rebuilt -= rebuilt.mean(axis=1, keepdims=True)
-    np.testing.assert_allclose(rebuilt, people - people.mean(axis=1, keepdims=True), atol=1e-10)
-
-
 def test_mismatched_meshes_are_refused() -> None:
     true = generator()
     betas, posed = drawn(true, 3, 9)
@@ -209,48 +110,6 @@ def test_mismatched_meshes_are_refused() -> None:
         learn_gradient_shapes(true.vertices(betas=betas), true.faces, 6)
     with pytest.raises(BadArgument, match="must be as many"):
         PosedMeshes(posed.vertices, posed.poses[:1], posed.person)
-
-
-def many_people(seed: int) -> np.ndarray:
-    """The small body's shapes, and bumps that no shape direction has: full rank."""
-    rng = np.random.default_rng(seed)
-    people = SMALL.vertices(betas=rng.normal(size=(24, 10)))
-    middles = SMALL.template[rng.integers(SMALL.n_vertices, size=(24, 5))]
-    apart = np.linalg.norm(SMALL.template[None, :, None] - middles[:, None], axis=-1)
-    bumps = np.einsum("pnc,pca->pna", np.exp(-((apart / 0.1) ** 2)), rng.normal(size=(24, 5, 3)))
-    return np.asarray(people + 0.01 * bumps)
-
-
-@pytest.mark.thorough
-def test_vertex_components_explain_no_less() -> None:
-    people = many_people(0)
-    vertices = explained_by_vertices(people, 23)
-    triangles = explained_by_triangles(people, SMALL.faces, 23)
-    assert (vertices.share >= triangles.share - 1e-12).all()
-    assert (vertices.rms**2 <= triangles.rms**2 + 1e-12).all()
-    assert (vertices.share - triangles.share)[1:10].max() > 1e-4
-    for found in (vertices, triangles):
-        assert found.share[0] == 0
-        assert (np.diff(found.share) >= -1e-12).all()
-        np.testing.assert_allclose(found.share[23], 1, atol=1e-9)  # 24 people span 23 dimensions
-        left = found.rms[:20] ** 2 / found.rms[0] ** 2
-        np.testing.assert_allclose(left, 1 - found.share[:20], atol=1e-12)
-
-
-@pytest.mark.thorough
-def test_smpl_adds_and_scape_multiplies_pose() -> None:
-    rng = np.random.default_rng(10)
-    pose, betas = rng.normal(scale=0.4, size=(24, 3)), rng.normal(size=10)
-    np.testing.assert_allclose(additivity_gap(SMALL, pose, betas), 0, atol=1e-15)
-    plain = scape(SMALL)
-    np.testing.assert_allclose(additivity_gap(plain, pose, betas), 0, atol=1e-13)  # Q = I
-    bent = replace(plain, posedirs=rng.normal(scale=0.1, size=plain.posedirs.shape))
-    gap = additivity_gap(bent, pose, betas)
-    assert np.linalg.norm(gap, axis=1).max() > 1e-3
-    # (D - I)(Q - I), stitched: so it is bilinear for small shapes and poses
-    half = additivity_gap(bent, pose / 2, betas / 2)
-    np.testing.assert_allclose(half, gap / 4, atol=1e-12)
-    np.testing.assert_allclose(unposed(bent, 0 * pose, 0 * betas), SMALL.template, atol=1e-13)
 
 
 SYMBOLIC_RIDGE, SYMBOLIC_SMOOTHNESS = 1e-3, 1e-4  # m^2
@@ -271,25 +130,6 @@ def meshes() -> tuple[Array, PosedMeshes]:
 @cache
 def symbolic() -> SymbolicTriangles:
     return SymbolicTriangles.of(generator(blended=True), *meshes())
-
-
-@pytest.mark.parametrize("blended", [False, True])
-def test_freed_arrays_move_points_as_new_arrays(blended: bool) -> None:
-    body = generator(blended)
-    learning = body.freed("template", "shapedirs", "posedirs")
-    pose, betas, trans = (block.symbol for block in learning.blocks())
-    points = learning.points(pose, betas, trans)
-    assert points.source.numeric is None
-    values = learning.start() | {"pose": RNG.normal(size=(3, 3)), "betas": RNG.normal(size=2)}
-    for name in ("template", "shapedirs", "posedirs"):
-        values[name] = values[name] + 0.01 * RNG.normal(size=values[name].shape)
-    expected = learning.with_values(values).vertices(values["pose"], values["betas"])
-    symbols = {s.name(): s for s in cs.symvar(points.graph())}
-    function = cs.Function("f", list(symbols.values()), [points.graph()])
-    given = [np.asarray(values[name]).reshape(-1, order="C") for name in symbols]
-    given = [g.reshape(s.shape, order="F") for g, s in zip(given, symbols.values(), strict=True)]
-    np.testing.assert_allclose(np.asarray(function(*given)).T, expected, atol=1e-13)
-    assert learning.joint_points(pose, betas, trans).source.blocks[-1].name == "posedirs"
 
 
 @pytest.mark.thorough
@@ -317,132 +157,3 @@ def test_terms_are_those_of_the_blocks() -> None:
     }
     costs = {name: problem.linearize(values).cost for name, problem in found.items()}
     assert costs == pytest.approx(expected, rel=1e-12)
-
-
-@pytest.mark.thorough
-def test_learned_bends_are_a_minimum_of_the_problem() -> None:
-    form, (D, posed) = symbolic(), meshes()
-    shaped = replace(generator(blended=True), shapedirs=np.moveaxis(D - np.eye(3), 0, 3))
-    learned = learn_pose_deformations(shaped, posed, np.eye(2), ridge=SYMBOLIC_RIDGE, by=Direct())
-    terms = [*form.data(), *form.small_posedirs(SYMBOLIC_RIDGE)]
-    free = ["posedirs", *(f"mesh {j}/trans" for j in range(8))]
-    problem = form.problem(terms, free)
-    solver = LevenbergMarquardt(gradient_tolerance=1e-13)
-    found = solve(problem, form.values(), solver).values
-    np.testing.assert_allclose(found["posedirs"], learned.posedirs, atol=1e-9)
-
-
-@pytest.mark.thorough
-def test_learned_person_is_a_minimum_of_the_problem() -> None:
-    form, (_, posed) = symbolic(), meshes()
-    own = PosedMeshes(posed.vertices[:4], posed.poses[:4], posed.person[:4])
-    learned = learn_subject(
-        generator(blended=True), own, smoothness=SYMBOLIC_SMOOTHNESS, by=Direct()
-    )
-    terms = [*form.data()[:4], *form.smooth_subjects(SYMBOLIC_SMOOTHNESS)[:1]]
-    free = ["subject 0/shapedirs", *(f"mesh {j}/trans" for j in range(4))]
-    problem = form.problem(terms, free)
-    solver = LevenbergMarquardt(gradient_tolerance=1e-13)
-    found = solve(problem, form.values(), solver).values
-    np.testing.assert_allclose(np.eye(3) + found["subject 0/shapedirs"][..., 0], learned, atol=1e-6)
-
-
-@pytest.mark.thorough
-def test_directions_and_betas_have_k_squared_plus_k_gauges() -> None:
-    """S alone leaves k^2 + k directions open: a matrix between them, and where the mean is."""
-    k, people = 2, tube_body(rings=3).vertices(betas=RNG.normal(size=(6, 2)))
-    shapes = learn_gradient_shapes(people, generator(blended=True).faces, k)
-    D = np.stack([gradients(shapes.template, one, generator(blended=True).faces) for one in people])
-    residual, blocks = shape_term(D, k)
-    problem = Problem([residual], [block.name for block in blocks], blocks=blocks)
-    start = {block.name: RNG.normal(size=block.shape) for block in blocks}
-    solution = solve(problem, start)
-    flat = D.reshape(6, -1)
-    left = np.linalg.svd(flat - flat.mean(axis=0), compute_uv=False)[k:]
-    assert solution.cost == pytest.approx(0.5 * np.sum(left**2), abs=1e-8)
-    found = diagnose(problem, solution.values)
-    assert found.shape[1] - found.rank == k * k + k
-
-
-BY = Direct()
-ONCE = TriangleOptions(rounds=1, bends=BY, persons=BY)
-RIDGE = 1e-7
-
-
-def made(blended: bool) -> tuple[TriangleBody, TriangleEstimate, InMemory, InMemory]:
-    """A generator, a start that knows poses to 0.1 rad and nothing of Q, and its meshes."""
-    true, rng = generator(blended), np.random.default_rng(0)
-    betas = rng.normal(size=(P, B))
-    still = rng.normal(scale=0.05, size=(P, 3, 3))
-    who, poses = np.arange(24) % P, rng.normal(scale=0.6, size=(24, 3, 3))
-    standing = InMemory(true.vertices(still, betas, rng.normal(size=(P, 3))), np.arange(P))
-    posed = InMemory(true.vertices(poses, betas[who], rng.normal(size=(24, 3))), who)
-    D = np.eye(3) + np.moveaxis(true.shapedirs @ betas.T, 3, 0)
-    off = [p + rng.normal(scale=0.1, size=p.shape) for p in (poses, still)]
-    return true, TriangleEstimate(untrained(true), D, *off), standing, posed
-
-
-@pytest.mark.thorough
-def test_training_cost_is_monotone() -> None:
-    true, state, standing, posed = made(blended=True)
-    state = fit_shapes(state, standing, B)
-    E, left = [np.inf], []
-    for _ in range(2):
-        for block in (
-            lambda s: fit_pose_deformations(s, posed, RIDGE, BY),
-            lambda s: replace(s, poses=s.fits(posed).poses),
-            lambda s: fit_subjects(s, posed, BY),
-        ):
-            state = block(state)
-            E.append(cost(true, state, posed))
-            left.append(state.fits(posed, 0).rms(posed.vertices))
-    assert (np.diff(E) < 0).all()
-    assert left[-1] < 0.15 * left[0]
-    assert left[0] > 0.01  # m
-
-
-def cost(true: TriangleBody, state: TriangleEstimate, posed: InMemory) -> float:
-    """The meshes', E_Q and E_D, m^2."""
-    data = posed.vertices.size / 3 * state.fits(posed, 0).rms(posed.vertices) ** 2
-    tied = neighbour_differences(true.faces)
-    rough = sum(np.sum((tied @ D.reshape(len(D), 9)) ** 2) for D in state.D)
-    return float(data + RIDGE * np.sum(state.body.posedirs**2) + SMOOTHNESS * rough)
-
-
-@pytest.mark.thorough
-def test_rounds_find_a_model_of_the_meshes() -> None:
-    _, begun, standing, posed = made(blended=False)
-    end = train_triangles(begun, standing, posed, n_betas=B, ridge=RIDGE, options=ONCE)
-    before, after = (s.fits(posed, 10).rms(posed.vertices) for s in (begun, end))
-    assert after < 0.2 * before
-    assert end.body.n_betas == B
-    np.testing.assert_allclose(end.body.template.mean(axis=0), 0, atol=1e-12)
-    apart = [np.linalg.norm(s.poses - begun.poses) for s in (begun, end)]
-    assert apart[1] > apart[0] == 0
-
-
-def test_changed_template_changes_no_subject() -> None:
-    _, begun, standing, _ = made(blended=True)
-    after = fit_shapes(begun, standing, B)
-    assert abs(after.body.template - begun.body.template).max() > 0.01
-    still = [s.subjects.vertices(0 * s.poses[:P], np.eye(P)) for s in (begun, after)]
-    shown = [V - V.mean(axis=1, keepdims=True) for V in still]
-    np.testing.assert_allclose(*shown, atol=1e-12)
-
-
-@pytest.mark.thorough
-def test_persons_are_unposed() -> None:
-    body = blend_scape(SMALL)
-    rng = np.random.default_rng(1)
-    betas, pose = rng.normal(size=10), np.zeros((24, 3))
-    rest = body.vertices(betas=betas)
-    rest -= rest.mean(axis=0)
-    pose[0] = [1.0, -2.0, 0.5]  # only turned: to the last digit
-    turned = body.vertices(pose, betas, [1.0, 2.0, 3.0])
-    np.testing.assert_allclose(alternation.unposed(body, pose, turned), rest, atol=1e-11)
-    pose += rng.normal(scale=0.05, size=(24, 3))
-    moved = body.vertices(pose, betas)
-    apart = np.linalg.norm(alternation.unposed(body, pose, moved) - rest, axis=1)
-    pose[1:] = 0  # as if the jitter were not known
-    ignored = np.linalg.norm(alternation.unposed(body, pose, moved) - rest, axis=1)
-    assert apart.max() < 0.1 * ignored.max()

@@ -7,10 +7,10 @@ from workbench.blocks.points import (
     Points,
     PointsAt,
     PointSource,
+    Tree,
     in_blocks,
     jacobian,
 )
-from workbench.blocks.tree import Tree
 
 __all__ = [
     "Block",

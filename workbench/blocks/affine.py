@@ -5,11 +5,11 @@ share are all of the form
 
     a(x) = offset + sum over blocks b of A_b x_b,
 
-with arrays flat, row by row. CasADi tells whether an expression has this form.
+with arrays flat, row by row. An argument of another form, or of a form that CasADi's derivatives do
+not show, is part of the graph.
 
 A row of the map that only copies one entry of a block, which no other row reads, is differentiated
 straight into the Jacobian; other rows are differentiated by the argument and multiplied by the map.
-An argument that is not affine is part of the graph.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,30 +20,24 @@ from math import prod
 import casadi as cs
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, eye_array
 
 from workbench.arrays import Array, Index
 from workbench.blocks.functions import Buffered
+from workbench.blocks.points import scalars_repeated
 
 FILLED = 0.2  # share of nonzeros above which dense products are faster than sparse ones
 SMALL = 10_000  # entries of a matrix below which dense products are faster, too
-BENT = 1e-6  # of the largest number in it: rounding errors alone make no sum less affine
 SAME = 1e-12  # of the largest number in it: two computations of one map agree up to rounding
 
 
 @dataclass(frozen=True, eq=False)
 class Affine:
-    """offset + sum over blocks of matrix @ block, as an array of `shape`.
+    """offset + sum over blocks of matrix @ block, as an array of `shape`."""
 
-    Attributes:
-        shape: the shape of the array that the map makes, as a user sees it.
-        offset: (size,) the array where all blocks are zero, flat, row by row.
-        terms: for each block's name the matrix (size, size of the block) that multiplies it.
-    """
-
-    shape: tuple[int, ...]
-    offset: Array
-    terms: Mapping[str, csr_array]
+    shape: tuple[int, ...]  # of the array that the map makes, as a user sees it
+    offset: Array  # (size,) the array where all blocks are zero, flat, row by row
+    terms: Mapping[str, csr_array]  # of each block the matrix (size, its size) that multiplies it
 
     @staticmethod
     def of(expression: cs.MX, shape: tuple[int, ...]) -> "Affine | None":
@@ -51,32 +45,32 @@ class Affine:
 
         The axes of the expression are those of `shape` reversed.
         """
+        size = prod(shape)
         if expression.is_symbolic():
-            size = prod(shape)
-            return Affine(shape, np.zeros(size), {expression.name(): _unit(size)})
+            unit = csr_array(eye_array(size, format="csr"))
+            return Affine(shape, np.zeros(size), {expression.name(): unit})
         symbols = cs.symvar(expression)
         if not symbols:
             return Affine(shape, np.asarray(cs.evalf(expression)).ravel(order="F"), {})
-        column = cs.densify(cs.vec(expression))
+        column = scalars_repeated(cs.densify(cs.vec(expression)))
+        try:
+            jacobians = [cs.jacobian(column, symbol) for symbol in symbols]
+        except (RuntimeError, NotImplementedError):  # it calls what has no derivative
+            return None
+        if any(map(cs.symvar, jacobians)):
+            return None
+        matrices = [_numbers(J) for J in jacobians]
         function = Buffered(cs.Function("argument", symbols, [column]))
+        offset = function(*(np.zeros(s.numel()) for s in symbols))[0]
         rng = np.random.default_rng(0)
-        one, other = ([rng.standard_normal(s.numel()) for s in symbols] for _ in range(2))
-        both = [x + y for x, y in zip(one, other, strict=True)]
-        nothing = [np.zeros(s.numel()) for s in symbols]
-        offset, by_one, by_other, by_both = (function(*at)[0] for at in (nothing, one, other, both))
-        bent = by_both - by_one - by_other + offset
-        if not np.abs(bent).max(initial=0.0) <= BENT * np.abs([by_one, by_other]).max(initial=1.0):
-            return None  # not affine, or not finite
-        for slopes in (_by_matrices, _by_scalars):
-            matrices = slopes(column, symbols)
-            if matrices is None:
-                continue
-            known = offset + sum(A @ x for A, x in zip(matrices, one, strict=True))
-            # otherwise there is a branch or a number that is not finite, and slopes do not suffice
-            if np.allclose(by_one, known, rtol=SAME, atol=SAME * np.abs(known).max(initial=1.0)):
-                names = (symbol.name() for symbol in symbols)
-                return Affine(shape, offset, dict(zip(names, matrices, strict=True)))
-        return None
+        for _ in range(2):  # a branch has constant derivatives too, and is not affine
+            at = [rng.standard_normal(s.numel()) for s in symbols]
+            known = offset + sum(A @ x for A, x in zip(matrices, at, strict=True))
+            within = SAME * np.abs(known).max(initial=1.0)
+            if not np.isfinite(known).all() or (np.abs(function(*at)[0] - known) > within).any():
+                return None
+        names = (symbol.name() for symbol in symbols)
+        return Affine(shape, offset, dict(zip(names, matrices, strict=True)))
 
     @property
     def reads(self) -> tuple[str, ...]:
@@ -190,37 +184,7 @@ def filled(matrix: csr_array) -> Array | csr_array:
     return matrix.toarray() if matrix.nnz > FILLED * size or size < SMALL else matrix
 
 
-def _by_matrices(column: cs.MX, symbols: Sequence[cs.MX]) -> list[csr_array] | None:
-    """The derivative of a column by each symbol, if CasADi's MX finds that it reads none of them.
-
-    Its instructions are of whole matrices: for thousands of entries they are many times as fast as
-    scalars. But x - x is not zero to them, and entries of `matrix + scalar` may be missing.
-    """
-    try:
-        found = [cs.jacobian(column, symbol) for symbol in symbols]
-    except (RuntimeError, NotImplementedError):  # it calls what has no derivative
-        return None
-    return None if any(map(cs.symvar, found)) else [_numbers(J) for J in found]
-
-
-def _by_scalars(column: cs.MX, symbols: Sequence[cs.MX]) -> list[csr_array] | None:
-    """The derivatives by SX, one instruction per entry, which simplifies more and is exact."""
-    try:
-        function = cs.Function("argument", symbols, [column]).expand()
-    except (RuntimeError, NotImplementedError):  # it calls what has no scalar instructions
-        return None
-    scalars = [cs.SX.sym(s.name(), *s.shape) for s in symbols]
-    value = function(*scalars)
-    found = [cs.jacobian(value, x) for x in scalars]
-    return [_numbers(J) for J in found] if all(J.is_constant() for J in found) else None
-
-
-def _numbers(J: cs.MX | cs.SX) -> csr_array:
+def _numbers(J: cs.MX) -> csr_array:
     found = csr_array(cs.evalf(J).sparse()) if J.nnz() else csr_array(J.shape)
     found.eliminate_zeros()
     return found
-
-
-def _unit(size: int) -> csr_array:
-    places = np.arange(size)
-    return csr_array((np.ones(size), (places, places)), shape=(size, size))

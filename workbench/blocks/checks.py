@@ -19,32 +19,28 @@ def several(what: str, given: object, kind: type[T], error: Error = BadArgument)
     """`given` as a tuple, every element being of this kind. Raises the error."""
     if isinstance(given, kind) and not isinstance(given, Iterable):
         raise error(f"{what} are a tuple of {kind.__name__}; put the one into a tuple: (it,)")
-    if isinstance(given, str) or not _iterable(given):
-        raise error(f"{what} are a tuple of {kind.__name__}, not {_kind(given)}")
-    found: tuple[Any, ...] = tuple(given)  # type: ignore[arg-type]  # asked above
-    for one in found:
-        if not isinstance(one, kind):
-            raise error(f"{what} are a tuple of {kind.__name__}, but {_kind(one)} is among them")
-    return found
+    return _members(what, given, kind, f"a tuple of {kind.__name__}", error)
 
 
 def texts(what: str, given: object, error: Error = BadArgument) -> tuple[str, ...]:
     """A text or several texts as a tuple of texts. Raises the given error for anything else."""
-    if isinstance(given, str):
-        return (given,)
-    if not _iterable(given):
-        raise error(f"{what} are texts, not {_kind(given)}{_hint(given)}")
+    return (given,) if isinstance(given, str) else _members(what, given, str, "texts", error)
+
+
+def _members(what: str, given: object, kind: type[T], are: str, error: Error) -> tuple[T, ...]:
+    if isinstance(given, str) or not _iterable(given):
+        raise error(f"{what} are {are}, not {_kind(given)}")
     found: tuple[Any, ...] = tuple(given)  # type: ignore[arg-type]  # asked above
     for one in found:
-        if not isinstance(one, str):
-            raise error(f"{what} are texts, but {_kind(one)} is among them{_hint(one)}")
+        if not isinstance(one, kind):
+            raise error(f"{what} are {are}, but among them is {_kind(one)}")
     return found
 
 
-def mapping(what: str, given: object, error: Error = BadArgument) -> Mapping[str, Any]:
-    """`given` as it is, if it is a dict or the like. Raises the error for anything else."""
+def mapping(what: str, given: object) -> Mapping[str, Any]:
+    """`given` as it is, if it is a dict or the like. Raises BadArgument for anything else."""
     if not isinstance(given, Mapping):
-        raise error(f"{what} are a dict with a name for each, not {_kind(given)}")
+        raise BadArgument(f"{what} are a dict with a name for each, not {_kind(given)}")
     return given
 
 
@@ -58,11 +54,8 @@ def _iterable(given: object) -> bool:
 
 
 def _kind(given: object) -> str:
-    return "None" if given is None else f"something of type {type(given).__name__}"
-
-
-def _hint(given: object) -> str:
-    return "; take its .name" if isinstance(getattr(given, "name", None), str) else ""
+    hint = "; take its .name" if isinstance(getattr(given, "name", None), str) else ""
+    return "None" if given is None else f"something of type {type(given).__name__}{hint}"
 
 
 def numbers(what: str, value: object) -> NDArray[Any]:
@@ -85,3 +78,15 @@ def numbers(what: str, value: object) -> NDArray[Any]:
 def reals(what: str, value: object) -> Array:
     """`value` as float64, itself if it is that already. Raises NotNumbers."""
     return numbers(what, value).astype(np.float64, copy=False)
+
+
+def above_zero(what: str, /, **given: float) -> None:
+    """Raise BadArgument unless these numbers of `what` are finite and above zero."""
+    for name, number in given.items():
+        if not 0 < number < np.inf:
+            raise BadArgument(f"{name} of {what} must be finite and above 0, not {number!r}")
+
+
+def from_zero(what: str, /, **given: float) -> None:
+    """Raise BadArgument unless these numbers of `what` are finite, and zero or above."""
+    above_zero(what, **{name: number for name, number in given.items() if number != 0})

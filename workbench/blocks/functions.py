@@ -1,8 +1,7 @@
 """CasADi functions of arrays: without conversions, for many arguments at once, as scalars."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from threading import Lock
-from typing import Protocol
 
 import casadi as cs
 import numpy as np
@@ -13,9 +12,7 @@ from workbench.arrays import Array
 LONGEST = 20_000  # instructions; above, operations on whole matrices are faster
 LARGE = 1000  # numbers, from which on they are read and written in place
 TOGETHER = 32  # calls that one evaluation serves
-MOST_NUMBERS = (
-    500_000  # that one evaluation takes and gives, so that meshes are taken a few at a time
-)
+MOST_NUMBERS = 500_000  # that one evaluation takes and gives: meshes are taken a few at a time
 CALLS = 20  # of other functions, from which on a graph is evaluated in scalar instructions
 LONGEST_OF_CALLS = 400_000  # instructions, up to which it is
 
@@ -60,14 +57,9 @@ class Buffered:
             return [output.copy() if output.size < LARGE else output for output in found]
 
 
-class Batched(Protocol):
-    """A function whose arguments have one row for each of M calls, or one row for all of them."""
-
-    def __call__(self, *arguments: Array) -> list[Array]:
-        """Arguments (M, .), or (.) where they are shared; a list of outputs (M, .).
-
-        Nonzeros stand column by column, which for points is (N, 3) row by row.
-        """
+# A function whose arguments have a row for each of M calls, (M, .), or one for all of them, (.), to
+# a list of outputs (M, .). Nonzeros stand column by column, which for points is (N, 3) row by row.
+Batched = Callable[..., list[Array]]
 
 
 def scalar(function: cs.Function, longest: int = LONGEST) -> cs.Function | None:

@@ -127,10 +127,6 @@ class Layout:
             found[block.name] = value
         return found
 
-    def placed(self, flat: Array) -> Values:
-        """The numbers as whole blocks, with zeros for entries that are not in the vector."""
-        return self.unpack(flat, {b.name: np.zeros(b.base.shape) for b in self.parts})
-
     @cached_property
     def parts(self) -> tuple[Block, ...]:
         """The blocks of which only some entries are in the vector."""
@@ -183,10 +179,9 @@ class Layout:
 
     @cached_property
     def _of_parts(self) -> dict[str, dict[int, int]]:
-        return {
-            b.name: {entry: self.slices[b.name].start + i for i, entry in enumerate(b.places)}
-            for b in self.parts
-        }
+        """Where the entries of blocks that are here in part stand."""
+        first = {name: at.start for name, at in self.slices.items()}
+        return {b.name: {e: first[b.name] + i for i, e in enumerate(b.places)} for b in self.parts}
 
     def label(self, index: int) -> str:
         """The name of one entry of the vector: `pose[right_ankle, z]`."""
@@ -200,10 +195,6 @@ class Layout:
     def unit(self, index: int) -> str:
         """The unit of one entry of the vector."""
         return self.block_of(index)[0].unit
-
-    def only(self, names: Iterable[str]) -> "Layout":
-        """A layout of the named blocks, in the order of the names."""
-        return Layout(tuple(self[name] for name in names))
 
 
 def all_values(free: Layout, x: Array, fixed: Layout, given: Array) -> Values:
@@ -265,20 +256,11 @@ def places_named(layout: Layout, name: str, kind: str = "free block") -> list[in
     if not found and name.endswith("]"):
         found = _by_number(layout, block, row[len(block) + 1 :], labels)
     if not found:
-        known = list(dict.fromkeys(label.rsplit(", ", 1)[0] for label in labels.values()))
-        some = [label if label.endswith("]") else label + "]" for label in known]
-        own, more = _of_one_frame(layout[block], some)
-        raise UnknownName("entry", name, own, more=more)
+        known = dict.fromkeys(
+            label.rsplit(", ", 1)[0].removesuffix("]") for label in labels.values()
+        )
+        raise UnknownName("entry", name, [f"{label}]" for label in known])
     return found
-
-
-def _of_one_frame(block: Block, known: list[str]) -> tuple[list[str], str]:
-    """The names in one frame of a sequence, and that the others have them too."""
-    if not block.base.framed:
-        return known, ""
-    first = known[0].removesuffix("]").partition(", ")[0]
-    own = [name for name in known if name.startswith((f"{first},", f"{first}]"))]
-    return own, f"and the same in the others of {block.base.shape[0]} frames"
 
 
 def _by_number(layout: Layout, name: str, numbers: str, labels: dict[int, str]) -> list[int]:
@@ -307,3 +289,68 @@ def _by_number(layout: Layout, name: str, numbers: str, labels: dict[int, str]) 
         for i, entry in enumerate(block.places)
         if chosen.start <= entry // wide < chosen.stop and (not last or is_named(labels[start + i]))
     ]
+
+
+ALIKE = 1e-6  # entries of a direction that differ by less count as equal
+ROUNDING = 1e-12  # of the largest: less is none
+LISTED = 6  # entries that are said one by one; of the others their number and their size
+BLOCKS = 3  # of which the others are counted one by one
+OUTWEIGHS = 10.0  # times the entry of the largest effect, in scales: such an entry leads
+
+
+def signed(v: Array) -> Array:
+    """The vector scaled to length 1, the first of its largest entries positive."""
+    v = v / np.linalg.norm(v)
+    return np.asarray(v * np.sign(v[np.argmax(abs(v) > (1 - ALIKE) * abs(v).max())]))
+
+
+def leading(v: Array, effects: Array | None = None, scales: Array | None = None) -> Index:
+    """The places of the entries that are more than rounding, the one that matters most first.
+
+    `effects` (n,) says by how much one unit of each unknown changes the residuals, |J_i|; an entry
+    matters by |J_i v_i|, so that no unit counts. Without them, and among entries that change
+    nothing, it matters by its size. An entry that the residuals hardly depend on leads if it is far
+    larger than that of the largest effect, both in their characteristic `scales` (n,).
+    """
+    size = abs(v) if effects is None else abs(v) * effects
+    size = size if size.any() else abs(v)
+    rank = np.round(size / (size.max() * ALIKE))  # so that rounding does not shuffle equals
+    moves = (size > ROUNDING * size.max()) | (abs(v) > ROUNDING * abs(v).max())
+    if scales is not None:
+        scaled = abs(v) / scales
+        if scaled.max() >= OUTWEIGHS * scaled[np.argmax(rank)]:
+            large = OUTWEIGHS * scaled >= scaled.max()
+            rank = np.where(large, rank.max() + scaled / scaled.max(), rank)
+    order = np.argsort(-rank, kind="stable")
+    return np.asarray(order[moves[order]], dtype=np.int64)
+
+
+def in_units(
+    v: Array,
+    free: Layout,
+    effects: Array | None = None,
+    most: int = LISTED,
+    scales: Array | None = None,
+) -> str:
+    """A direction (n,) as a whole, in the units of its entries, the leading one being 1.
+
+    Of more than `most` entries the others are counted by block, with the largest of each:
+    `+1 px of focal with -0.004 m of points[3, z], 35 more of points (up to 0.0025 m)`.
+    """
+    order = leading(v, effects, scales)
+    v = v / v[order[0]]
+    shown, rest = order[:most], order[most:]
+    parts = [f"{_number(v[i], free.unit(int(i)), '+')} of {free.label(int(i))}" for i in shown]
+    others = {name: rest[(rest >= at.start) & (rest < at.stop)] for name, at in free.slices.items()}
+    counted = sorted((name for name in others if others[name].size), key=lambda n: -others[n].size)
+    for name in counted[:BLOCKS]:
+        own, unit = others[name], free[name].unit
+        parts.append(f"{own.size} more of {name} (up to {_number(abs(v[own]).max(), unit)})")
+    if left := counted[BLOCKS:]:
+        count = sum(others[name].size for name in left)
+        parts.append(f"{count} more of {len(left)} other block{'s'[: len(left) > 1]}")
+    return " with ".join([parts[0], ", ".join(parts[1:])]) if parts[1:] else parts[0]
+
+
+def _number(value: float, unit: str, sign: str = "") -> str:
+    return f"{value:{sign}.3g}" + ("" if unit == "1" else f" {unit}")

@@ -19,8 +19,81 @@ from scipy.sparse import csc_array
 from workbench.arrays import Array, Index
 from workbench.blocks.block import Block, Symbolic
 from workbench.blocks.functions import Buffered
-from workbench.blocks.tree import Tree
+from workbench.blocks.layout import Layout
 from workbench.errors import BadArgument, BadResidual, NotSupported, TwoSymbolsOneName
+
+Place = tuple[str, int]  # a block's name, and the first of three entries in a row
+
+
+@dataclass(frozen=True)
+class Tree:
+    """The joints that a pose turns, by which motions are named.
+
+    Attributes:
+        pose: the name of the block that holds their rotation vectors, or of all blocks that do.
+        names: the names of the joints.
+        parents: parents[k] < k is the parent of joint k, -1 for the root.
+        given_places: where the three numbers of each joint stand; None for a joint whose numbers
+            are no entries of a block. Without them, all stand in order in the block `pose`.
+        rigid_bones: whether each joint keeps its place on the bone of its parent, as the rank law
+            of observed joints requires; joints found on a surface that deforms do not.
+    """
+
+    pose: str
+    names: tuple[str, ...]
+    parents: tuple[int, ...]
+    given_places: tuple[Place | None, ...] | None = None
+    rigid_bones: bool = True
+
+    @cached_property
+    def places(self) -> tuple[Place | None, ...]:
+        """The block and first entry of each joint's three numbers; None where there are none."""
+        if self.given_places is not None:
+            return self.given_places
+        return tuple((self.pose, 3 * k) for k in range(len(self.names)))
+
+    @cached_property
+    def blocks(self) -> tuple[str, ...]:
+        """The names of the blocks that hold rotation vectors."""
+        return tuple(dict.fromkeys(place[0] for place in self.places if place is not None))
+
+    def children(self, joint: int) -> tuple[int, ...]:
+        """The joints whose parent is `joint`."""
+        return tuple(k for k, parent in enumerate(self.parents) if parent == joint)
+
+    def called(self, joint: int) -> str:
+        """`pose[left_hip]`: the joint by the name of the block that its numbers stand in."""
+        place = self.places[joint]
+        return f"{self.pose if place is None else place[0]}[{self.names[joint]}]"
+
+    def entries(self, joint: int, free: Layout) -> list[int]:
+        """The places, among the free numbers, of those numbers of the joint that are free."""
+        place = self.places[joint]
+        if place is None or place[0] not in free.slices:
+            return []
+        name, first = place
+        return [i for e in range(first, first + 3) if (i := free.place(name, e)) is not None]
+
+    def turned(self, free: Layout) -> dict[int, slice]:
+        """Joints whose three numbers are all free, and where these stand among the free ones."""
+        found = {k: self.entries(k, free) for k in range(len(self.names))}
+        return {k: slice(at[0], at[0] + 3) for k, at in found.items() if len(at) == 3}
+
+    def moves(self, free: Layout) -> bool:
+        """Whether any number of a joint is free."""
+        return any(self.entries(k, free) for k in range(len(self.names)))
+
+
+@dataclass(frozen=True)
+class Rest:
+    """The names of blocks that are arrays of a skinned body, for naming motions of them."""
+
+    pose: str  # rotation vectors, (K, 3) rad
+    trans: str  # the translation, (3,) m
+    template: str | None = None  # the rest surface (N, 3) m, if it is a block
+    joints: str | None = None  # the joints at rest (K, 3) m, if they are a block
+    posedirs: str | None = None  # pose blend shapes (N, 3, 9 (K - 1)) m, if they are a block
+
 
 PLACEHOLDER = "placeholder("  # how the names of placeholders begin when a graph is printed
 
@@ -108,8 +181,9 @@ class PointSource(Protocol):
     """Where points come from: an expression in the symbols of some blocks, arithmetic, or both.
 
     Arithmetic computes numbers faster than the expression does. It is all that exists for points
-    that no graph can express, such as those on triangles that are chosen anew at every step. The
-    expression may be large and is only made when it is asked for.
+    that no graph can express, such as those on triangles that are chosen anew at every step. Such a
+    source has a method `frozen`, which takes values and gives a source whose choice is held as it
+    is there. The expression may be large and is only made when it is asked for.
     """
 
     @property
@@ -141,10 +215,8 @@ class PointSource(Protocol):
 class Points(Symbolic):
     """The points that a residual reads: a symbol that stands for the points of a source.
 
-    A residual need not know a body. When the whole graph is needed, the problem puts the source's
-    expression in place of the symbol. For CasADi an expression in this symbol does not depend on
-    the blocks from which the source computes the points; `graph` gives the points as an expression
-    in these blocks.
+    For CasADi an expression in this symbol does not depend on the blocks from which the source
+    computes the points; `graph` gives the points as an expression in these blocks.
 
     Attributes:
         symbol: the placeholder, (3, N) in metres; (d, N) where a source has d numbers of each
@@ -174,12 +246,10 @@ class Points(Symbolic):
         return Points(cs.MX.sym(f"{PLACEHOLDER}{name})", numbers, source.count), source)
 
     def frozen(self, values: Mapping[str, Array]) -> "Points":
-        """The same placeholder, with what its source chooses anew at each point held as it is here.
-
-        Contacts with a scan are such a choice; see `ChosenAnew`.
-        """
+        """The same placeholder, with what its source chooses anew held as it is at these values."""
         frozen = getattr(self.source, "frozen", None)
-        return self if frozen is None else Points(self.symbol, frozen(values))
+        held = self.source if frozen is None else frozen(values)
+        return self if held is self.source else Points(self.symbol, held)
 
     @property
     def name(self) -> str:
@@ -205,27 +275,30 @@ def in_blocks(expression: cs.MX, points: Iterable[Points]) -> cs.MX:
     """An expression with these placeholders replaced by the expressions of their sources.
 
     The result depends only on the symbols of blocks, so that casadi.jacobian, sparsity,
-    casadi.Function and generated C code are right. See `scalars_repeated` for what makes Jacobians
-    right in both directions.
-
-    Raises NotSupported for points whose source has only arithmetic.
+    casadi.Function and generated C code are right. Raises NotSupported for points whose source has
+    only arithmetic.
     """
-    listed = tuple(points)
-    if not listed:
-        return scalars_repeated(expression)
-    replaced = cs.graph_substitute(
-        expression, [p.symbol for p in listed], [_expression_of(p) for p in listed]
-    )
-    return scalars_repeated(replaced)
+    symbols, expressions = [], []
+    for p in points:
+        symbols.append(p.symbol)
+        expressions.append(p.source.expression)
+        if p.source.expression is None:
+            raise NotSupported(
+                f"there is no graph of {p.symbol.name()}, whose points come from arithmetic alone; "
+                "residuals, linearizations and gradients come from the chain rule and need none: "
+                "take a solver that asks for these, such as LevenbergMarquardt"
+            )
+    if symbols:
+        expression = cs.graph_substitute(expression, symbols, expressions)
+    return scalars_repeated(expression)
 
 
 def jacobian(expression: cs.MX, by: cs.MX | Block) -> cs.MX:
     """The derivative of a column (m, 1) by a block or its symbol, (m, n), in symbols.
 
-    It is computed by casadi.jacobian. That function silently returns zero if the expression
-    contains a placeholder for points of a body, so such an expression is refused here. Raises
-    BadResidual for such an expression and for anything that is no expression, and TwoSymbolsOneName
-    if the expression reads another symbol with the same name.
+    casadi.jacobian silently returns zero if the expression contains a placeholder for points of a
+    body. Raises BadResidual for such an expression and for anything that is no expression, and
+    TwoSymbolsOneName if the expression reads another symbol with the same name.
     """
     if not isinstance(expression, cs.MX):
         hint = "; take its graph()" if hasattr(expression, "graph") else ""
@@ -247,17 +320,6 @@ def jacobian(expression: cs.MX, by: cs.MX | Block) -> cs.MX:
     return cs.jacobian(scalars_repeated(expression), symbol)
 
 
-def _expression_of(points: Points) -> cs.MX:
-    found = points.source.expression
-    if found is None:
-        raise NotSupported(
-            f"there is no graph of {points.symbol.name()}, whose points come from arithmetic "
-            "alone; residuals, linearizations and gradients come from the chain rule and need "
-            "none: take a solver that asks for these, such as LevenbergMarquardt"
-        )
-    return found
-
-
 def distinct(points: Iterable[Points]) -> tuple[Points, ...]:
     """The points without repetition."""
     return tuple({p.symbol.__hash__(): p for p in points}.values())
@@ -273,18 +335,12 @@ def unlisted(expression: cs.MX, points: Iterable[Points]) -> tuple[str, ...]:
     )
 
 
-class ChosenAnew(Protocol):
-    """What a PointSource provides in addition if something in it is chosen anew at every point.
-
-    Contacts between a scan and a surface are an example. Such a source has no graph;
-    `frozen` gives one that has, because its choice is held.
-    """
-
-    def frozen(self, values: Mapping[str, Array]) -> PointSource:
-        """The source with the choice held as it is at these values."""
-
-
-LOSES = (cs.OP_ADD, cs.OP_SUB, cs.OP_FMOD, cs.OP_REMAINDER)
+LOSES = {
+    cs.OP_ADD: cs.plus,
+    cs.OP_SUB: cs.minus,
+    cs.OP_FMOD: cs.fmod,
+    cs.OP_REMAINDER: cs.remainder,
+}
 
 
 def scalars_repeated(expression: cs.MX) -> cs.MX:
@@ -301,7 +357,9 @@ def scalars_repeated(expression: cs.MX) -> cs.MX:
             a, b = found.dep(0), found.dep(1)
             if a.is_scalar() != b.is_scalar() and not (a if a.is_scalar() else b).is_constant():
                 sums.append(found)
-                repeated.append(_repeated(graph.instruction_id(k), a, b))
+                shape = (b if a.is_scalar() else a).shape
+                a, b = (cs.repmat(x, *shape) if x.is_scalar() else x for x in (a, b))
+                repeated.append(LOSES[graph.instruction_id(k)](a, b))
     if not sums:
         return expression
     # each sum gets a symbol, and the sums are put back one after the other, in their order
@@ -321,20 +379,9 @@ def _put(expression: cs.MX, symbols: list[cs.MX], known: list[cs.MX]) -> cs.MX:
     return cs.graph_substitute(expression, [symbols[i] for i in some], [known[i] for i in some])
 
 
-def _repeated(operation: int, a: cs.MX, b: cs.MX) -> cs.MX:
-    if a.is_scalar():
-        a = cs.repmat(a, *b.shape)
-    else:
-        b = cs.repmat(b, *a.shape)
-    named = {cs.OP_ADD: cs.plus, cs.OP_SUB: cs.minus, cs.OP_FMOD: cs.fmod}
-    return named.get(operation, cs.remainder)(a, b)
-
-
 @dataclass(frozen=True, eq=False)
 class ExpressedPoints(NumericPoints):
-    """A source of points (3, N) that are an expression, such as the symbol of a block (N, 3).
-
-    It is a PointSource too.
+    """Points (3, N) that are an expression, such as the symbol of a block; a PointSource too.
 
     Attributes:
         expression: the points in the symbols of the blocks, (3, N) in metres.
@@ -367,10 +414,10 @@ class ExpressedPoints(NumericPoints):
         """Where the derivative by a block can be nonzero, (3 N, size)."""
         return self._jacobians[name][1]
 
-    def evaluate(self, values: Mapping[str, Array]) -> "ExpressedPointsAt":
+    def evaluate(self, values: Mapping[str, Array]) -> "_ExpressedPointsAt":
         """The points where the blocks have these values."""
         arguments = [np.asarray(values[name], dtype=float) for name in self.reads]
-        return ExpressedPointsAt(self, arguments)
+        return _ExpressedPointsAt(self, arguments)
 
     @cached_property
     def _symbols(self) -> list[cs.MX]:
@@ -393,36 +440,24 @@ class ExpressedPoints(NumericPoints):
 
 
 @dataclass(frozen=True, eq=False)
-class ExpressedPointsAt(PointsAt):
-    """The points at one set of values.
-
-    Attributes:
-        of: the source.
-        arguments: the values of its blocks.
-    """
-
+class _ExpressedPointsAt(PointsAt):
     of: ExpressedPoints
     arguments: list[Array]
 
     @cached_property
     def points(self) -> Array:
-        """The points, (N, 3) m."""
         return self.of._points(*self.arguments)[0].reshape(-1, 3)
 
     def jacobian(self, name: str) -> csc_array:
-        """The derivative by a block, (3 N, size)."""
         function, places = self.of._jacobians[name]
         (entries,) = function(*self.arguments)
         return csc_array((entries, places.indices, places.indptr), shape=places.shape)
 
     def write_jacobian(self, into: Mapping[str, Array], scale: Array | None) -> None:
-        """Write the derivative, transposed, with all its zeros, into[block] (size, 3 N)."""
         for name, target in into.items():
-            found = self.jacobian(name).toarray().T
-            target[...] = found if scale is None else found * scale
+            target[...] = self.jacobian(name).toarray().T * (1.0 if scale is None else scale)
 
     def vjp(self, cotangent: Array) -> dict[str, Array]:
-        """The gradient of cotangent (3 N,) . points by each block; flat."""
         return {name: np.asarray(self.jacobian(name).T @ cotangent) for name in self.of.reads}
 
 

@@ -61,14 +61,10 @@ class ConstantProduct:
     Pose blend shapes, shape directions and Gaussian priors are such products. Written out in scalar
     instructions they are five sixths of the graph of a fit to keypoints; as matrices they are
     arrays, which a loop reads faster, and which no compiler has to read.
-
-    Attributes:
-        function: of all other arguments, with two results u (n,) and w.
-        matrix: A (m, n).
     """
 
-    function: cs.Function
-    matrix: Array
+    function: cs.Function  # of all other arguments, with two results u (n,) and w
+    matrix: Array  # A (m, n)
 
 
 def simd_function(
@@ -92,33 +88,30 @@ def simd_function(
         return last(*arguments, w, u @ before.matrix.T)
 
     def agrees(loaded: ctypes.CDLL) -> bool:
-        return _agree(SimdFunction(loaded, function, shared), interpreted, function, shared)
+        return _agree(_loaded(loaded, function, shared), interpreted, function, shared)
 
     try:
-        return SimdFunction(library("simd", source, agrees), function, shared)
+        return _loaded(library("simd", source, agrees), function, shared)
     except NoLibrary as error:
         LOG.info("%s is interpreted: %s", function.name(), error)
         raise
 
 
-class SimdFunction:
-    """A compiled function of many arguments at once; see `Batched`."""
+def _loaded(found: ctypes.CDLL, function: cs.Function, shared: Sequence[bool]) -> Batched:
+    inputs = [function.nnz_in(i) for i in range(len(shared))]
+    outputs = [function.nnz_out(i) for i in range(function.n_out())]
+    run = function_of_addresses(found, "run", 1 + len(inputs) + len(outputs))
 
-    def __init__(self, loaded: ctypes.CDLL, function: cs.Function, shared: Sequence[bool]) -> None:
-        self._shared = tuple(shared)
-        self._wide = [function.nnz_in(i) for i in range(len(self._shared))]
-        self._outputs = [function.nnz_out(i) for i in range(function.n_out())]
-        self._run = function_of_addresses(loaded, "run", 1 + len(self._wide) + len(self._outputs))
-
-    def __call__(self, *arguments: Array) -> list[Array]:
-        """Arguments (M, .), or (.) where they are shared; a list of outputs (M, .)."""
-        M = count(arguments, self._shared)
+    def call(*arguments: Array) -> list[Array]:
+        M = count(arguments, shared)
         plain = [np.ascontiguousarray(a, dtype=np.float64) for a in arguments]
-        for array, wide, same in zip(plain, self._wide, self._shared, strict=True):
+        for array, wide, same in zip(plain, inputs, shared, strict=True):
             assert array.size == (wide if same else M * wide)  # the library trusts it
-        found = [np.empty((M, wide)) for wide in self._outputs]
-        self._run(M, *map(address, plain), *map(address, found))
-        return found
+        results = [np.empty((M, wide)) for wide in outputs]
+        run(M, *map(address, plain), *map(address, results))
+        return results
+
+    return call
 
 
 def simd_code(

@@ -11,7 +11,7 @@ from scipy.sparse import csr_array
 
 from workbench.arrays import Array
 from workbench.blocks import Points
-from workbench.blocks.composed_points import chosen, joined
+from workbench.blocks.composed_points import joined
 from workbench.bodies.body import Body, Landmarks
 from workbench.bodies.skinned import SkinnedBody
 from workbench.errors import BadBody, NotSupported
@@ -43,7 +43,7 @@ def hand_points(
         )
     at = pose, betas, trans
     every = [body.joint_points(*at), body.landmark_points(TIPS, *at)]
-    return joined(every, names) if side is None else chosen(joined(every), names)
+    return joined(every, names)
 
 
 FLEXION, DEVIATION, TWIST = "flexion", "radial deviation", "twist"

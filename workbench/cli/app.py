@@ -6,11 +6,10 @@ from importlib import import_module
 from typing import Annotated, Any, NamedTuple, ParamSpec
 
 import typer
-from typer.core import TyperCommand, TyperGroup
+from typer.core import TyperCommand
 
 from workbench.cli import INTERRUPTED, held, interrupts_say
 from workbench.environment import DISTRIBUTION, VERSION
-from workbench.errors import BadArgument
 
 P = ParamSpec("P")
 FIT, UNDERSTAND, COMPARE = "Fit", "Understand a fit", "Compare solvers"
@@ -48,26 +47,6 @@ VERBS = {
     "new": Verb("new", ELSE, "Write a commented file of your own that works as it is."),
     "info": Verb("info", ELSE, "Print versions, threads, the compiler and the cache."),
 }
-RENAMED = {  # verbs of before
-    "check-body": "workbench body check FILE",
-    "sliders": "workbench body sliders",
-    "export": "workbench motion FILE --out, or workbench body code",
-    "basins": "python -m examples.studies.icp_basins, in a checkout",
-    "blendshapes": "python -m examples.studies.blend_shapes, in a checkout",
-    "triangles": "python -m examples.studies.triangles, in a checkout",
-    "together": "python -m examples.studies.coregistration, in a checkout",
-    "loop": "python -m examples.studies.spin_loop, in a checkout",
-}
-
-
-class Verbs(TyperGroup):
-    """All commands; the names of before are answered with those of today."""
-
-    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """The command that is asked for. Raises BadArgument for a name of before."""
-        if args[0] in RENAMED:
-            raise BadArgument(f"`workbench {args[0]}` is now `{RENAMED[args[0]]}`")
-        return super().resolve_command(ctx, args)
 
 
 class Later(TyperCommand):
@@ -111,9 +90,7 @@ def interruptible(command: Callable[P, None]) -> Callable[P, None]:
     return run_it
 
 
-app = typer.Typer(
-    cls=Verbs, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False
-)
+app = typer.Typer(no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False)
 
 
 def tell_version(wanted: bool) -> None:

@@ -14,6 +14,7 @@ from workbench.bodies.checking.check_file import check_body_file, check_contents
 from workbench.bodies.files.c_code import JOINTS, write_c
 from workbench.bodies.files.saving import arrays_of
 from workbench.cli.console import folder_to_write, make_folder, print_page, rich_table, say
+from workbench.cli.options import Fit, Frame
 from workbench.cli.run import Out
 from workbench.environment import expanded
 from workbench.errors import BadArgument
@@ -28,10 +29,7 @@ WARNED = 1  # the exit code of `check` if there are warnings
 HEAD = ("key", "shape and type", "what becomes of it")
 
 
-def card(
-    name: Name = "default",
-    out: Out = Path("runs"),
-) -> None:
+def card(name: Name = "default", out: Out = Path("runs")) -> None:
     """Print a body's model card, and write its page, with figures."""
     console = Console()
     model = load_body(name)
@@ -77,17 +75,8 @@ def check(
 
 def sliders(
     name: Name = "default",
-    place: Annotated[
-        Path | None,
-        typer.Option(
-            "--from",
-            help="Open with the pose and betas of a fit: the folder of a run, of a registration "
-            "or of a clip, or an .npz.",
-        ),
-    ] = None,
-    frame: Annotated[
-        int, typer.Option(help="Which frame of --from, where the fit has several.")
-    ] = 0,
+    place: Fit = None,
+    frame: Frame = 0,
     out: Annotated[Path, typer.Option(help="Folder that the page is written to.")] = Path("runs"),
 ) -> None:
     """Write a page with sliders for pose and shape.

@@ -1,6 +1,5 @@
 """`workbench compare` and `workbench solvers`."""
 
-from collections import Counter
 from math import isnan
 from pathlib import Path
 from typing import Annotated
@@ -11,19 +10,12 @@ from rich.markup import escape
 
 from workbench import comparison
 from workbench.cli import interrupts_say
-from workbench.cli.console import (
-    Bars,
-    print_page,
-    say,
-    solver_table,
-    warn_without_effect,
-)
+from workbench.cli.console import Bars, print_page, rich_table, say
 from workbench.cli.options import Dask, Workers, executing
 from workbench.cli.run import Setting, settings
 from workbench.comparison.advice import advice, prices_sentence
 from workbench.comparison.comparison import MAIN
-from workbench.comparison.design import chosen, numbering
-from workbench.comparison.tables import seconds_of_runs
+from workbench.comparison.design import chosen
 from workbench.comparison.targets import TargetOutcome, tau_text
 from workbench.experiments import SUITES, find
 from workbench.experiments.experiment import ENOUGH
@@ -43,21 +35,9 @@ Names = Annotated[
 ]
 Limits = comparison.Budget()
 KEY = (
-    "elsewhere: ended in a basin of higher cost; no minimum: at a saddle, where it falls for "
-    "ever, or insensitive to unknowns; false claims: called converged where the point is not "
-    "stationary. Effort is the median over starts, and then over problems; ∞ where half of the "
-    "starts or more failed, of half of the problems or more."
+    "Effort is the median over starts, and then over problems; ∞ where half of the starts or more "
+    "failed, of half of the problems or more. The page says how the other runs ended."
 )
-TOLD = {  # what the columns of the table count, beside ends at the lowest cost
-    "elsewhere": (TargetOutcome.OTHER_BASIN,),
-    "no minimum": (
-        TargetOutcome.SADDLE,
-        TargetOutcome.NO_FINITE_MINIMUM,
-        TargetOutcome.INSENSITIVE,
-    ),
-    "false claims": (TargetOutcome.FALSE_CLAIM,),
-}
-MEASURED = "Seconds were measured on this machine under whatever load it had; they rank no solver."
 
 
 def compare(
@@ -65,9 +45,7 @@ def compare(
     solver: Annotated[
         list[str] | None,
         typer.Option(
-            "--solver",
-            help="A solver (`solvers` lists them), or a Python file that defines some; may be "
-            "repeated.",
+            "--solver", help="A solver, or a Python file that defines some; may be repeated."
         ),
     ] = None,
     setting: Setting = None,
@@ -77,10 +55,7 @@ def compare(
     workers: Workers = 1,
     dask: Dask = None,
     max_evaluations: Annotated[
-        int,
-        typer.Option(
-            help="Limit of each run on residuals, gradients, Jacobians and Hessians together."
-        ),
+        int, typer.Option(help="Limit of each run on evaluations of all kinds together.")
     ] = Limits.max_evaluations,
     max_seconds: Annotated[
         float, typer.Option(help="Limit of each run, in seconds.")
@@ -95,14 +70,6 @@ def compare(
     console = Console()
     experiments = chosen(names, settings(setting))
     budget = comparison.Budget(max_evaluations=max_evaluations, max_seconds=max_seconds)
-    single = [experiment.name for experiment in experiments if not numbering(experiment)]
-    if seeds > 1 and single:
-        warn_without_effect(
-            console,
-            f"--seeds {seeds}",
-            "an experiment without an argument `start` or `seed` has one start",
-            single,
-        )
     told = Bars(console)
 
     def left() -> str:
@@ -122,47 +89,27 @@ def compare(
                 folder=out,
                 progress=told,
             )
-        console.print(solver_table(_table(found)))
+        console.print(rich_table(_table(found)))
         for text in (prices_sentence(), *advice(found)):
             say(console, escape(text))
-        console.print(solver_table(_times(found)))
         say(console, KEY)
-        say(console, MEASURED)
         console.print("[dim]writing the page[/]")
         print_page(console, "report", write_comparison(found, out))
 
 
 def _table(found: comparison.Comparison) -> Table:
     """The success of each solver by counts alone, to fit a terminal; the page has intervals."""
-    head = (f"met {tau_text(MAIN)}", "lowest", "effort", *TOLD, "failed")
-    runs, rows = found.comparable, []
-    for solver in found.solvers:
-        counts = Counter(found.outcomes[i.name, solver] for i in runs)
+    runs = found.comparable
+
+    def cells(solver: str) -> tuple[str, ...]:
         met = sum(found.solved(i.name, solver, MAIN) for i in runs)
-        reached, effort = counts[TargetOutcome.REACHED], found.effort(solver, MAIN).value
-        others = [sum(counts[outcome] for outcome in some) for some in TOLD.values()]
-        failed = len(runs) - reached - sum(others)
-        shares = (
-            f"{met}/{len(runs)}",
-            f"{reached}/{len(runs)}",
-            "unknown" if isnan(effort) else number(effort),
-        )
-        cells = *shares, *map(str, others), str(failed)
-        rows.append((solver, *(cells if runs else ("–",) * len(head))))
-    broken = (name.replace(" ", "\n") for name in head)  # so that 80 letters hold all columns
-    return Table(("solver", *broken), tuple(rows), tuple(range(1, len(head) + 1)))
+        lowest = sum(found.outcomes[i.name, solver] is TargetOutcome.REACHED for i in runs)
+        effort = found.effort(solver, MAIN).value
+        shares = (f"{count}/{len(runs)}" if runs else "–" for count in (met, lowest))
+        return solver, *shares, "unknown" if isnan(effort) else number(effort)
 
-
-def _times(found: comparison.Comparison) -> Table:
-    """A table of the measured seconds, which rank no solver."""
-    spreads = {solver: seconds_of_runs(found, solver) for solver in found.solvers}
-    columns: Columns[str] = {
-        "seconds of a run": str,
-        "least": lambda solver: f"{spreads[solver].minimum:.3g}",
-        "median": lambda solver: f"{spreads[solver].median:.3g}",
-        "most": lambda solver: f"{spreads[solver].maximum:.3g}",
-    }
-    return Table.of(found.solvers, columns, (1, 2, 3))
+    head = ("solver", f"met {tau_text(MAIN)}", "lowest cost", "effort")
+    return Table(head, tuple(map(cells, found.solvers)), (1, 2, 3))
 
 
 ASKED = {
@@ -171,19 +118,16 @@ ASKED = {
     Derivative.JACOBIAN: "Jacobian",
     Derivative.HESSIAN: "Hessian",
 }
-WIDE = 120  # columns of a terminal, for everything in one table
 BOUNDS = {Boxes.UNKNOWN: "no", Boxes.TAKEN: "yes", Boxes.NEEDED: "needed"}
 
 
 def solvers(
-    nlopt: bool = typer.Option(
-        False, help="List the algorithms of NLopt instead, by NLopt's own names."
-    ),
+    nlopt: bool = typer.Option(False, help="List the algorithms of NLopt instead."),
     problem: str | None = typer.Option(
-        None, "--for", help="Recommend solvers for an experiment or a Python file, with reasons."
+        None, "--for", help="Recommend solvers for a problem, with reasons."
     ),
 ) -> None:
-    """List the solvers: derivatives, bounds, constraints, kind of search, first step, and sources.
+    """List the solvers: derivatives, bounds, constraints, kind of search, and sources.
 
     With --for, recommend one for a problem from its size, structure, bounds and conditioning.
     benchmarks/SOLVERS.md compares solvers on problems of each kind.
@@ -194,9 +138,9 @@ def solvers(
         return
     listed = ALGORITHMS if nlopt else {name: s.abilities for name, s in SOLVERS.items()}
     console, heads = Console(), [*COLUMNS]
-    for shown in [heads] if console.width >= WIDE else [heads[:-2], [heads[0], *heads[-2:]]]:
+    for shown in (heads[:-2], [heads[0], *heads[-2:]]):  # 80 columns hold either
         table = Table.of(listed.items(), {head: COLUMNS[head] for head in shown}, ())
-        console.print(solver_table(table), highlight=False)
+        console.print(rich_table(table), highlight=False)
         console.print()
     console.print("constraints: = equations, < inequalities", highlight=False)
     if nlopt:
@@ -212,7 +156,6 @@ COLUMNS: Columns[tuple[str, Abilities]] = {
         ("everywhere" if of[1].is_global else "downhill")
         + (", at random" if of[1].stochastic else "")
     ),
-    "first step": lambda of: of[1].first_step,
     "described in": lambda of: "; ".join(
         filter(None, (of[1].source, "for teaching" if of[1].teaching else "", of[1].note))
     ),

@@ -1,9 +1,10 @@
 """What a command prints: notes, tables, pages written, progress by parts, a waiting line."""
 
-import time
-from collections.abc import Callable, Collection, Iterable, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Collection, Iterable
+from contextlib import AbstractContextManager
+from math import inf, isfinite
 from pathlib import Path
+from textwrap import wrap
 from typing import Annotated
 
 import typer
@@ -12,8 +13,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table as RichTable
 
-from workbench.environment import in_browser
-from workbench.errors import BadArgument, WorkbenchError
+from workbench.errors import BadArgument, BadFile, WorkbenchError, listed, some_of
 from workbench.geometry.guesses import UP_TO_Y
 from workbench.reports.folder import refuse_foreign
 from workbench.reports.page import Table
@@ -29,6 +29,24 @@ def at_least_one(option: typer.CallbackParam, value: int) -> int:
     if value < 1:
         raise BadArgument(f"{option.opts[0]} takes 1 or more, not {value}")
     return value
+
+
+def above_zero(option: typer.CallbackParam, value: float | None) -> float | None:
+    """The value of an option, which has to be positive and finite. Raises BadArgument."""
+    if value is not None and not 0 < value < inf:
+        raise BadArgument(f"{option.opts[0]} takes a number above 0, not {value:g}")
+    return value
+
+
+def comma_separated(option: str, text: str) -> list[float]:
+    """The finite numbers in a text with commas between them. Raises BadArgument."""
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = [inf]
+    if not all(map(isfinite, numbers)):
+        raise BadArgument(f"{option} takes finite numbers such as 1,-0.5,2; not {text!r}")
+    return numbers
 
 
 def make_folder(folder: Path) -> None:
@@ -52,21 +70,36 @@ def folder_to_write(out: Path, name: str, source: str) -> Path:
     return out / name
 
 
+def files_inside(console: Console, folder: Path, kinds: Collection[str], what: str) -> list[Path]:
+    """The files of some kinds in a folder, by name; says which others are there.
+
+    Raises BadFile if there are none. In sentences the files are `what`.
+    """
+    inside = sorted(file for file in folder.iterdir() if file.is_file())
+    found = [f for f in inside if f.suffix.lower() in kinds and not f.name.startswith(".")]
+    if not found:
+        raise BadFile(
+            f"the folder {folder} holds no {what}, which are files with {listed(kinds)}; "
+            "howto/formats.md lists them"
+        )
+    if others := [file.name for file in inside if file not in found]:
+        say(console, f"note: not taken for {what}: {escape(some_of(others))}")
+    return found
+
+
 def rich_table(table: Table) -> RichTable:
-    """A table of a report in the form for a terminal; numbers are never broken or shortened."""
-    shown = RichTable(box=None, header_style="bold")
+    """A table of a report in the form for a terminal; numbers are never broken or shortened.
+
+    Nor are the names in the first column; headings above numbers are broken where these are narrow.
+    """
+    shown = RichTable(box=None, header_style="bold", pad_edge=False)
     for i, head in enumerate(table.head):
         number = i in table.numbers
-        shown.add_column(head, justify="right" if number else "left", no_wrap=number)
+        widest = max(len(text) for text in (*head.split(" "), *(row[i] for row in table.rows)))
+        title = "\n".join(wrap(head, max(1, widest))) if number else head
+        shown.add_column(title, justify="right" if number else "left", no_wrap=number or not i)
     for row in table.rows:
         shown.add_row(*map(escape, row))
-    return shown
-
-
-def solver_table(table: Table) -> RichTable:
-    """A table whose first column, the names of solvers, is never broken into lines."""
-    shown = rich_table(table)
-    shown.columns[0].no_wrap = True
     return shown
 
 
@@ -84,28 +117,14 @@ def say_notes(console: Console, notes: Iterable[str]) -> None:
         say(console, f"[dim]{escape(note)}[/]")
 
 
-def print_page(console: Console, kind: str, page: Path) -> None:
-    """Say where something of a kind (report, card, body) was written."""
+def print_page(console: Console, kind: str, page: Path | str) -> None:
+    """Say where something of a kind (report, card, body) was written, or what to type."""
     console.print(f"{kind}: [bold]{escape(str(page))}[/]", soft_wrap=True)
 
 
-def timed_lines(console: Console) -> Callable[[str], None]:
-    """A function that prints a line with the seconds since now before it."""
-    began = time.perf_counter()
-
-    def report(text: str) -> None:
-        took = time.perf_counter() - began
-        console.print(f"[dim]{took:6.0f} s  {escape(text)}[/]", highlight=False)
-
-    return report
-
-
-def warn_without_effect(
-    console: Console, option: str, because: str, among: Sequence[str] = ()
-) -> None:
-    """Say that an option changes nothing, or nothing for the names `among`; the command goes on."""
-    whom = f" for {escape(', '.join(among))}" if among else ""
-    say(console, f"[bold yellow]{option} changes nothing{whom}:[/] {escape(because)}")
+def warn_without_effect(console: Console, option: str, because: str) -> None:
+    """Say that an option changes nothing; the command goes on."""
+    say(console, f"[bold yellow]{option} changes nothing:[/] {escape(because)}")
 
 
 def warn_unused(
@@ -126,11 +145,7 @@ def warn_of(console: Console, doubts: Iterable[str], of: str = "") -> None:
 
 
 class Bars:
-    """Progress: bars where somebody watches, a line for each tenth elsewhere.
-
-    Attributes:
-        last: what is going on, and how much of it is done, for a sentence.
-    """
+    """Progress: bars where somebody watches, a line for each tenth elsewhere."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
@@ -143,7 +158,7 @@ class Bars:
         )
         self._tasks: dict[str, int] = {}
         self._tenths: dict[str, int] = {}
-        self.last = "starting"
+        self.last = "starting"  # what is going on, and how much of it is done, for a sentence
 
     def __enter__(self) -> "Bars":
         if self._console.is_terminal:
@@ -167,11 +182,5 @@ class Bars:
 
 
 def waiting(text: str) -> AbstractContextManager[object]:
-    """Show a line on stderr as long as the context lasts; in a browser, where no thread could move
-    it, it is printed.
-    """
-    console = Console(stderr=True)
-    if in_browser():
-        console.print(text, style="dim")
-        return nullcontext()
-    return console.status(text)
+    """Show a line on stderr as long as the context lasts."""
+    return Console(stderr=True).status(text)

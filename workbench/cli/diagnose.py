@@ -17,17 +17,22 @@ from workbench.cli.console import (
     warn_unused,
     warn_without_effect,
 )
-from workbench.cli.run import Name, Out, Setting, SolverName, settings, solved, solver_named
-from workbench.diagnostics.design import CRITERIA, with_candidates
+from workbench.cli.run import (
+    Name,
+    Out,
+    Setting,
+    SolverName,
+    begun,
+    built,
+    settings,
+    solved,
+    solver_named,
+)
+from workbench.diagnostics.design import CRITERIA
 from workbench.errors import BadArgument, check_known
 from workbench.experiments import Experiment, find
 from workbench.fitting.candidates import CANDIDATES, OWN, QUANTITIES, sd_named
-from workbench.fitting.refits import (
-    checked_by_fits,
-    other_minima,
-    profile_likelihood,
-    repeated_fits,
-)
+from workbench.fitting.refits import laplace_points, other_minima, profile_likelihood
 from workbench.fitting.setup import Setup
 from workbench.reports import write_design, write_diagnosis
 from workbench.solvers import DEFAULT, Solver
@@ -40,10 +45,7 @@ def diagnose(
     name: Name = "balance",
     setting: Setting = None,
     against: Annotated[
-        str | None,
-        typer.Option(
-            help="A second experiment or file to compare with; --set applies to the first."
-        ),
+        str | None, typer.Option(help="A second experiment or file to compare with.")
     ] = None,
     at_start: Annotated[
         bool, typer.Option("--at-start", help="Diagnose at the start instead of at the solution.")
@@ -52,22 +54,15 @@ def diagnose(
         bool, typer.Option("--data-alone", help="Leave the priors out of the Jacobian.")
     ] = False,
     draws: Annotated[
-        int,
-        typer.Option(
-            help="Diagnose at so many draws of the priors too, and say how often each direction "
-            "is null."
-        ),
+        int, typer.Option(min=0, help="Diagnose at so many draws of the priors too.")
     ] = 0,
     profile: Annotated[
         list[str] | None,
-        typer.Option(
-            help="Follow the lowest cost as this entry is held away from its value, such as "
-            "betas[0] or pose[left_knee, x]; may be repeated."
-        ),
+        typer.Option(help="Follow the lowest cost along this entry, such as betas[0]."),
     ] = None,
     minima: Annotated[
         int,
-        typer.Option(help="Look for other minima along so many of the weakest directions."),
+        typer.Option(min=0, help="Look for other minima along so many of the weakest directions."),
     ] = 0,
     solver: SolverName = DEFAULT,
     out: Out = Path("runs"),
@@ -80,9 +75,6 @@ def diagnose(
     The exit code is 1 if there are warnings.
     """
     console = Console()
-    for option, count in (("--draws", draws), ("--minima", minima)):
-        if count < 0:
-            raise BadArgument(f"{option} takes 1 or more, or 0 for none, not {count}")
     if (profile or minima) and (at_start or data_alone):
         raise BadArgument(
             f"{'--profile' if profile else '--minima'} begins at the minimum of the whole cost, "
@@ -135,8 +127,7 @@ def _diagnosed(
     console: Console, experiment: Experiment, solver: Solver | None, data_alone: bool
 ) -> tuple[diagnostics.Diagnosis | diagnostics.SequenceDiagnosis, Setup]:
     """At the end of the solver, or at the start if there is none."""
-    console.print(f"[dim]building {escape(experiment.name)}[/]")
-    setup = experiment.setup()
+    setup = built(console, experiment)
     if data_alone:
         _mind_priors(console, experiment, setup)
     values = setup.start if solver is None else solved(console, setup, solver)
@@ -191,11 +182,7 @@ def design(
     ] = None,
     choose: Annotated[int, typer.Option(help="How many candidates to choose.")] = 1,
     criterion: Annotated[
-        str,
-        typer.Option(
-            help="What should become small: d (the volume of all uncertainty), a (the mean "
-            "variance) or e (the worst direction)."
-        ),
+        str, typer.Option(help="To be small: d (volume), a (mean variance) or e (worst direction).")
     ] = "d",
     sd_of: Annotated[
         str | None,
@@ -211,12 +198,8 @@ def design(
     ] = None,
     points: Annotated[
         int,
-        typer.Option(help="Average over this number of points, drawn from the posterior."),
+        typer.Option(min=1, help="Average over this number of points, drawn from the posterior."),
     ] = 1,
-    check: Annotated[
-        int,
-        typer.Option(help="Check --sd-of by so many simulated fits, before and after the choice."),
-    ] = 0,
     seed: Annotated[int, typer.Option(help="The same seed gives the same draws.")] = 0,
     solver: SolverName = DEFAULT,
     out: Out = Path("runs"),
@@ -230,12 +213,10 @@ def design(
     check_known("criterion", criterion, CRITERIA)
     if candidates is not None:
         check_known("list of candidates", candidates, CANDIDATES)
-    _refuse_contradictions(sd_of, over, points, check)
-    experiment = find(name, settings(setting))
+    if sd_of is not None and over:
+        raise BadArgument("--over goes with --criterion; --sd-of says itself what matters")
     by = solver_named(solver)
-    folder = folder_to_write(out, f"{experiment.name}-design", experiment.source)
-    console.print(f"[dim]building {escape(experiment.name)}[/]")
-    setup = experiment.setup()
+    experiment, setup, folder = begun(console, name, setting, out, "design")
     values = solved(console, setup, by)
     known = candidates or (OWN if setup.candidates else "cameras")
     given = CANDIDATES[known](setup, values)
@@ -245,9 +226,7 @@ def design(
     several = [values]
     with Bars(console) as bars:
         if points > 1:
-            drawing = partial(bars, "drawing points")
-            drawn = repeated_fits(setup.problem, values, points, seed=seed, progress=drawing)
-            several = [drawn.values(i, values) for i in range(points)]
+            several = laplace_points(setup.problem, values, points, seed)
         found = diagnostics.design(
             setup.problem,
             given,
@@ -257,35 +236,8 @@ def design(
             progress=partial(bars, "comparing candidates"),
         )
     say(console, escape(found.report()))
-    told = ""
-    if check:
-        both = (setup.problem, with_candidates(setup.problem, given, found.chosen))
-        with Bars(console) as bars:
-            told = checked_by_fits(found, both, wanted, values, check, seed=seed, progress=bars)
-        say(console, escape(told))
     console.print("[dim]writing the page[/]")
     page = write_design(
-        found,
-        folder,
-        title=experiment.name,
-        question=setup.question,
-        check=told,
-        source=experiment.source,
+        found, folder, title=experiment.name, question=setup.question, source=experiment.source
     )
     print_page(console, "report", page)
-
-
-def _refuse_contradictions(
-    sd_of: str | None, over: list[str] | None, points: int, check: int
-) -> None:
-    if sd_of is not None and over:
-        raise BadArgument("--over goes with --criterion; --sd-of says itself what matters")
-    if points < 1 or check < 0:
-        raise BadArgument("--points is 1 or more, and --check is 0 or more")
-    if check == 1:
-        raise BadArgument("one simulated fit has no standard deviation; --check takes 2 or more")
-    if check and (sd_of is None or points > 1):
-        raise BadArgument(
-            "--check compares one standard deviation at one point; give --sd-of with it, and no "
-            "--points"
-        )

@@ -1,9 +1,6 @@
 """`workbench fit`: keypoints, a folder of images, a video, markers, a mesh."""
 
-import math
 import re
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -21,25 +18,23 @@ from workbench.bodies.catalogue import load_body
 from workbench.bodies.triangles import TriangleBody
 from workbench.cli import Interrupted, interrupts_say
 from workbench.cli.console import (
+    above_zero,
+    files_inside,
     folder_to_write,
     print_page,
     say,
     say_notes,
     warn_of,
+    warn_unused,
     warn_without_effect,
 )
 from workbench.cli.options import Dask, Workers, executing
 from workbench.cli.register import do_missing_jobs
 from workbench.cli.run import Compare, LiveTrace, Out, carry_out, solver_named
 from workbench.environment import expanded
-from workbench.errors import BadArgument, BadFile, NotSupported, some_of
+from workbench.errors import BadArgument, BadFile, NotSupported
 from workbench.experiments import Experiment
-from workbench.fitting.body_priors import (
-    apart_prior,
-    checked_height,
-    mixture_prior,
-    pose_prior,
-)
+from workbench.fitting.body_priors import apart_prior, checked_height, mixture_prior, pose_prior
 from workbench.fitting.doubts import doubts
 from workbench.fitting.files.clips import read_clip
 from workbench.fitting.images import (
@@ -56,7 +51,7 @@ from workbench.fitting.jobs import ImageReading, ImageWork, image_jobs, in_parts
 from workbench.fitting.keypoints import Terms, as_marked, keypoint_fit
 from workbench.fitting.known_points import own_mesh
 from workbench.fitting.marker_files import READERS as MARKERS
-from workbench.fitting.marker_files import MarkerRecording, read_markers
+from workbench.fitting.marker_files import read_markers
 from workbench.fitting.marker_sets import OUT, MarkerSet, known_markers, matched, read_marker_set
 from workbench.fitting.markers import SIGMA, marker_solver, rms_of_markers
 from workbench.fitting.mosh import mosh
@@ -65,6 +60,7 @@ from workbench.fitting.setup import MANY, Setup
 from workbench.fitting.videos import video_fit, video_mean
 from workbench.geometry.guesses import sizes_of
 from workbench.geometry.meshes import READERS, WITH_VERTEX_ORDER
+from workbench.motions.soft_tissue import load_tissue, with_tissue
 from workbench.reports.many import ImageFolder
 from workbench.reports.page import unit_text
 from workbench.reports.run import motion_arrays, write_video
@@ -72,47 +68,55 @@ from workbench.solvers import DEFAULT, LevenbergMarquardt, Solver, Status
 from workbench.writing import write_arrays
 
 FPS = 30.0  # frames per second of a clip that does not say
+HIGHEST = 0.1  # m above the skin: what is given in mm by mistake is above it
+MEAN_FILE = "mean.npz"
+WITHOUT_MEAN = f"interrupted; the report is written, but {MEAN_FILE} is not"
+PRIORS = {"gaussian": pose_prior, "mixture": mixture_prior}
+
+FOLDER, MESH = ("--workers", "--dask"), ("--tissue",)
+ONE_IMAGE = ("--recipe", "--prior", "--contact", "--height", "--hypotheses")
+CAMERAS = ("--cameras", "--camera-to-world", "--size", "--focal", "--person")
+WORN = ("--marker-set", "--labels", "--marker-height", "--across")
+UNUSED = {  # options without effect, by what is fitted
+    "a clip": (*MESH, *FOLDER, *ONE_IMAGE, *WORN, "--compare"),
+    "a folder of images": (*MESH, *WORN, "--compare", "--solver", "--mean", "--fps"),
+    "markers": (*MESH, *FOLDER, *CAMERAS, *ONE_IMAGE, "--mean", "--compare"),
+    "a mesh": (*FOLDER, *CAMERAS, *ONE_IMAGE, *WORN, "--mean", "--fps"),
+    "several cameras": (*MESH, *FOLDER, *ONE_IMAGE, *WORN, "--fps"),
+    "one image": (*MESH, *FOLDER, *WORN, "--fps"),
+}
 
 
-@dataclass(frozen=True)
-class Given:
-    """What was given to `workbench fit`, checked, and where its sentences go.
+def below_the_highest(option: typer.CallbackParam, length: float | None) -> float | None:
+    """A length of a marker in m. Raises BadArgument for one that must be in mm."""
+    if length is not None and not 0 < length < HIGHEST:
+        raise BadArgument(
+            f"{option.opts[0]} takes a length in m, above 0 and below {HIGHEST:g}, such as 0.001 "
+            f"for 1 mm; not {length:g}"
+        )
+    return length
 
-    Attributes:
-        console: where sentences are printed.
-        body: the body that is fitted.
-        body_name: as it was given.
-        reading: how files of keypoints are read.
-        recipe: how one image is fitted.
-        sigma: the standard deviation of the data, or None for the usual one.
-        solver: the solver that was named, or None.
-        compare: whether other solvers are run too.
-        out: the folder in which results get a folder.
-    """
 
-    console: Console
-    body: SkinnedBody | TriangleBody
-    body_name: str
-    reading: ImageReading
-    recipe: ByHeight | Smplify
-    sigma: float | None
-    solver: str | None
-    compare: bool
-    out: Path
-
-    @property
-    def named(self) -> Solver:
-        """The solver that was named, or the default."""
-        return solver_named(self.solver or DEFAULT)
-
-    def mind(self, unused: dict[str, bool], because: str) -> None:
-        """Name the options that were given and have no effect."""
-        for option, has in unused.items():
-            if has:
-                warn_without_effect(self.console, option, because)
+def kind_of_fit(paths: list[Path], video: bool) -> str:
+    """What is fitted, by the files; a key of UNUSED."""
+    first = paths[0]
+    suffix = first.suffix.lower()
+    kind = "one image" if len(paths) == 1 else "several cameras"
+    if video:
+        kind = "a clip"
+    elif first.is_dir():
+        kind = "a folder of images"
+    elif suffix in MARKERS or suffix in READERS:
+        kind = "markers" if suffix in MARKERS else "a mesh"
+    if len(paths) > 1 and kind != "several cameras":
+        raise BadFile(
+            f"one folder, mesh or file of markers is fitted at a time, not {len(paths)}; give one"
+        )
+    return kind
 
 
 def fit(
+    ctx: typer.Context,
     files: Annotated[
         list[Path],
         typer.Argument(
@@ -132,24 +136,18 @@ def fit(
         ),
     ] = None,
     camera_to_world: Annotated[
-        bool,
-        typer.Option(
-            "--camera-to-world",
-            help="The extrinsics of --cameras are poses of the cameras, camera to world.",
-        ),
+        bool, typer.Option("--camera-to-world", help="--cameras holds poses, camera to world.")
     ] = False,
     size: Annotated[str | None, typer.Option(help="The image's size, WIDTHxHEIGHT in px.")] = None,
     focal: Annotated[
         float | None,
-        typer.Option(help="Focal length in px; else it is estimated too."),
+        typer.Option(callback=above_zero, help="Focal length in px; else it is estimated too."),
     ] = None,
     person: Annotated[
-        int | None,
-        typer.Option(help="Which person of a file, from 0; else the largest."),
+        int | None, typer.Option(help="Which person of a file, from 0; else the largest.")
     ] = None,
     height: Annotated[
-        float | None,
-        typer.Option(help="Known stature of the person in one image, in m."),
+        float | None, typer.Option(help="Known stature of the person in one image, in m.")
     ] = None,
     recipe: Annotated[
         Literal["default", "smplify"],
@@ -160,35 +158,27 @@ def fit(
         typer.Option(help="Prior on the pose for one image; else the recipe's."),
     ] = None,
     contact: Annotated[
-        bool,
-        typer.Option("--contact", help="In one image, keep limbs out of each other."),
+        bool, typer.Option("--contact", help="In one image, keep limbs out of each other.")
     ] = False,
-    hypotheses: Annotated[
-        int,
-        typer.Option(help="Number of starts for one image, for bodies that may look alike."),
-    ] = 1,
+    hypotheses: Annotated[int, typer.Option(help="Number of starts for one image.")] = 1,
     mean: Annotated[
         bool,
         typer.Option(
-            "--mean",
-            help="Also write the mean of the posterior of keypoints, which on average is nearer to "
-            "the truth than the likeliest body.",
+            "--mean", help="Also write the posterior's mean, nearer to the truth on average."
         ),
     ] = False,
     video: Annotated[
-        bool,
-        typer.Option(
-            help="FILES is a clip: a folder with a file for each frame, or such a folder for each "
-            "camera."
-        ),
+        bool, typer.Option(help="FILES is a clip: a folder with a file for each frame.")
     ] = False,
     fps: Annotated[
         float | None,
-        typer.Option(help=f"Frames per second of a clip (else {FPS:g}) or markers."),
+        typer.Option(
+            callback=above_zero, help=f"Frames a second of a clip or markers, else {FPS:g}."
+        ),
     ] = None,
+    tissue: Annotated[bool, typer.Option("--tissue", help="Fit soft tissue to a mesh.")] = False,
     marker_set: Annotated[
-        Path | None,
-        typer.Option(help='Markers on the body: JSON {"LFHD": vertex}.'),
+        Path | None, typer.Option(help='Markers on the body: JSON {"LFHD": vertex}.')
     ] = None,
     labels: Annotated[
         Path | None,
@@ -197,31 +187,25 @@ def fit(
     marker_height: Annotated[
         float | None,
         typer.Option(
-            help="Height of the centres of markers above the skin in m, such as 0.007; "
-            f"{OUT:g} if not given."
+            callback=below_the_highest, help=f"Height of markers above the skin in m, else {OUT:g}."
         ),
     ] = None,
     across: Annotated[
         float | None,
         typer.Option(
-            help="Standard deviation of this height in m, such as 0.001: places of markers are "
-            "then uncertain along the skin only."
+            callback=below_the_highest,
+            help="Standard deviation of this height in m, such as 0.001.",
         ),
     ] = None,
     body: Annotated[str, typer.Option(help="An embedded body, or a file of your own.")] = "default",
     sigma: Annotated[
         float | None,
-        typer.Option(
-            help="Standard deviation of the data; else of keypoints 4 px for a person of 750 px "
-            "in an image of 1000 px, and in proportion; or 0.002 m in space."
-        ),
+        typer.Option(callback=above_zero, help="Standard deviation of the data, in px or m."),
     ] = None,
     solver: Annotated[
         str | None,
         typer.Option(
-            "--solver",
-            help=f"A solver (`solvers` lists them); else {DEFAULT}, and for one image "
-            "levenberg-marquardt.",
+            "--solver", help=f"A solver; else {DEFAULT}, or levenberg-marquardt for one image."
         ),
     ] = None,
     compare: Compare = False,
@@ -235,53 +219,18 @@ def fit(
     For a folder of images the results are in runs/fit-FOLDER/, and a command that was interrupted
     continues where it stopped.
     """
-    for option, what, number in (
-        ("--sigma", "a number", sigma),
-        ("--focal", "a length in px", focal),
-        ("--fps", "a number", fps),
-    ):
-        if number is not None and not 0 < number < math.inf:
-            raise BadArgument(f"{option} takes {what} above 0, not {number:g}")
     if solver is not None:
         solver_named(solver)
+    console, paths = Console(), [expanded(path) for path in files]
     reading = ImageReading(size_of(size), focal, cameras, person, camera_to_world)
     how = recipe_of(recipe, height, sigma, prior, contact)
-    worn = Worn(marker_set, OUT if marker_height is None else marker_height, across, labels)
-    model, paths = load_body(body), [expanded(path) for path in files]
-    given = Given(Console(), model, body, reading, how, sigma, solver, compare, out)
-    first = paths[0]
-    many = {"--workers": workers > 1, "--dask": dask is not None}
-    one_image = {
-        "--recipe": recipe != "default",
-        "--prior": prior is not None,
-        "--contact": contact,
-        "--height": height is not None,
-        "--hypotheses": hypotheses != 1,
-    }
-    drawn = {"--mean": mean}
-    by_keypoints = {
-        "--cameras": cameras is not None,
-        "--camera-to-world": camera_to_world,
-        "--size": size is not None,
-        "--focal": focal is not None,
-        "--person": person is not None,
-    }
-    moving = {"--fps": fps is not None}
-    of_markers = {
-        "--marker-set": marker_set is not None,
-        "--labels": labels is not None,
-        "--marker-height": marker_height is not None,
-        "--across": across is not None,
-    }
-    if len(paths) > 1 and (video or first.is_dir() or first.suffix.lower() in (*READERS, *MARKERS)):
-        raise BadFile(
-            f"one folder, mesh or file of markers is fitted at a time, not {len(paths)}; give one"
-        )
-    given.mind({"--contact": contact and recipe == "smplify"}, "SMPLify has spheres for that")
-    if not first.is_dir() or video:
-        given.mind(many, "it is for a folder of images")
-    if video:
-        given.mind(one_image | of_markers | {"--compare": compare}, "it is not for a clip")
+    model, first = load_body(body), paths[0]
+    kind = kind_of_fit(paths, video)
+    warn_unused(console, ctx, UNUSED[kind], f"it is not for {kind}")
+    if contact and recipe == "smplify":
+        warn_without_effect(console, "--contact", "SMPLify has spheres for that")
+    named = solver_named(solver or DEFAULT)
+    if kind == "a clip":
         clip = read_clip(
             first,
             fps=fps or FPS,
@@ -291,84 +240,62 @@ def fit(
             person=person,
             camera_to_world=camera_to_world,
         )
-        fit_video(
-            given.console,
-            first,
-            clip,
-            model,
-            sigma,
-            given.named,
-            out,
-            mean,
-        )
-    elif first.is_dir():
-        single = {"--compare": compare, "--solver": solver is not None}
-        given.mind(single | drawn | moving | of_markers, "it is not for a folder of images")
+        fit_video(console, first, clip, model, sigma, named, out, mean)
+    elif kind == "a folder of images":
         work = ImageWork(model, how, reading, hypotheses)
-        fit_folder(given.console, first, work, body=body, out=out, workers=workers, dask=dask)
-    elif first.suffix.lower() in MARKERS:
-        given.mind(
-            by_keypoints | one_image | drawn | {"--compare": compare}, "it is not for markers"
-        )
-        fit_markers(given.console, first, model, worn, fps, sigma, given.named, out)
-    elif first.suffix.lower() in READERS:
-        given.mind(by_keypoints, "it is for keypoints, and this is a mesh")
-        given.mind(one_image | drawn | moving | of_markers, "it is not for a mesh")
-        setup = own_mesh(first, model, 0.002 if sigma is None else sigma)
-        _carry_out(given, first, setup)
+        fit_folder(console, first, work, body=body, out=out, workers=workers, dask=dask)
+    elif kind == "markers":
+        worn = Worn(marker_set, marker_height or OUT, across, labels)
+        fit_markers(console, first, model, worn, fps, sigma, named, out)
     else:
-        given.mind(moving | of_markers, "it is not for keypoints of one moment")
-        if len(paths) > 1:
-            why = "it is for one camera; several show where and how tall a person is"
-            given.mind(one_image, why)
-        setup = of_keypoints(given, paths, hypotheses)
-        values, folder = _carry_out(given, first, setup)
+        if focal is not None and cameras is not None and kind != "a mesh":
+            why = f"{cameras} says the focal length of each camera"
+            warn_without_effect(console, "--focal", why)
+        setup = (
+            own_mesh(
+                first,
+                with_tissue(model, load_tissue()) if tissue else model,
+                0.002 if sigma is None else sigma,
+            )
+            if kind == "a mesh"
+            else of_keypoints(paths, model, reading, how, sigma, hypotheses)
+        )
+        one = Experiment(
+            first.stem, lambda: setup, "a user's own file", source=str(first.resolve())
+        )
+        by_setup = solver is None and setup.strategy is not None
+        values, folder = carry_out(console, one, None if by_setup else named, compare, out)
         (folder / MEAN_FILE).unlink(missing_ok=True)  # of an earlier fit
-        if mean:
-            add_mean(given.console, setup, values, folder)
+        if mean and kind != "a mesh":
+            add_mean(console, setup, values, folder)
 
 
-def of_keypoints(given: Given, files: list[Path], hypotheses: int) -> Setup:
+def of_keypoints(
+    files: list[Path],
+    body: SkinnedBody | TriangleBody,
+    reading: ImageReading,
+    recipe: ByHeight | Smplify,
+    sigma: float | None,
+    hypotheses: int,
+) -> Setup:
     """The fit to keypoints of one moment, from one camera or several."""
-    reading = given.reading
     observed = reading.observations(files)
-    if reading.focal is not None and reading.calibration is not None:
-        why = f"{reading.calibration} says the focal length of each camera"
-        warn_without_effect(given.console, "--focal", why)
     question = (
         f"Which pose, shape and place of the body explain the keypoints of "
         f"{', '.join(str(f.name) for f in files)}?"
     )
     if len(files) > 1:
         return keypoint_fit(
-            observed,
-            given.body,
-            question,
-            sigma=given.sigma,
-            kernel=None,
-            relative=as_marked,
-            compared=MANY,
+            observed, body, question, sigma=sigma, kernel=None, relative=as_marked, compared=MANY
         )
     return image_fit(
         observed,
-        given.body,
+        body,
         question,
-        recipe=replace(given.recipe, solver=LevenbergMarquardt()),
+        recipe=replace(recipe, solver=LevenbergMarquardt()),
         hypotheses=hypotheses,
         compared=MANY,
     )
-
-
-def _carry_out(given: Given, file: Path, setup: Setup) -> tuple[Values, Path]:
-    """Solve a setup and write its report: the values, and the folder."""
-    experiment = Experiment(
-        file.stem, lambda: setup, "a user's own file", source=str(file.resolve())
-    )
-    named = None if given.solver is None and setup.strategy is not None else given.named
-    return carry_out(given.console, experiment, named, given.compare, given.out)
-
-
-PRIORS = {"gaussian": pose_prior, "mixture": mixture_prior}
 
 
 def recipe_of(
@@ -396,9 +323,6 @@ def size_of(text: str | None) -> tuple[int, int] | None:
     return int(found[1]), int(found[2])
 
 
-KEYPOINTS = ".json"
-
-
 def fit_folder(
     console: Console,
     given: Path,
@@ -413,7 +337,7 @@ def fit_folder(
 
     Raises BadFile for a folder without such files, and Interrupted after Ctrl-C.
     """
-    jobs = image_jobs(files_in(console, given))
+    jobs = image_jobs(files_inside(console, given, [".json"], "keypoints"))
     source = given.resolve()
     folder = ImageFolder(out / f"fit-{source.name}", work, body, str(source))
     of_work = folder.key_of_work()
@@ -430,30 +354,6 @@ def fit_folder(
         )
 
 
-def files_in(console: Console, given: Path) -> list[Path]:
-    """The files of keypoints in a folder, in the order of their names."""
-    inside = sorted(file for file in given.iterdir() if file.is_file())
-    found = [f for f in inside if f.suffix.lower() == KEYPOINTS and not f.name.startswith(".")]
-    if not found:
-        raise BadFile(
-            f"the folder {given} holds no keypoints, which are {KEYPOINTS} files of detectors; "
-            "howto/formats.md lists them"
-        )
-    if others := [file.name for file in inside if file not in found]:
-        say(console, f"note: not taken for keypoints: {escape(some_of(others))}")
-    return found
-
-
-MEAN_FILE = "mean.npz"
-
-
-@contextmanager
-def drawing(folder: Path) -> Iterator[Path]:
-    """The file for a mean beside a report that is written; an interrupt says that it is missing."""
-    with interrupts_say(lambda: f"interrupted; the report is written, but {MEAN_FILE} is not"):
-        yield folder / MEAN_FILE
-
-
 def add_mean(console: Console, setup: Setup, values: Values, folder: Path) -> None:
     """Draw about the fit, and write the mean of the draws to `mean.npz` in the report's folder.
 
@@ -464,23 +364,20 @@ def add_mean(console: Console, setup: Setup, values: Values, folder: Path) -> No
     """
     assert setup.body is not None  # which every fit to images has
     console.print("[dim]drawing from the posterior[/]")
-    with drawing(folder) as file:
+    with interrupts_say(lambda: WITHOUT_MEAN):
         found = image_mean(setup, values)
     blocks = [block.name for block in setup.body.blocks()]
     arrays = {name: found.values[name] for name in (*blocks, *setup.problem.free.names)}
     of_landmarks = {"landmarks": found.landmarks, "sd": found.sd, "names": np.array(found.names)}
-    of_landmarks["sd_is"] = np.array(SPREAD)
-    write_arrays(file, arrays | of_landmarks)
-    console.print(
+    write_arrays(folder / MEAN_FILE, {**arrays, **of_landmarks, "sd_is": np.array(SPREAD)})
+    say(
+        console,
         f"the mean of the posterior puts the body {1e3 * found.moved:.0f} mm from its likeliest "
-        f"place (a standard error of {1e3 * found.error:.0f} mm, from {found.draws} draws); with "
-        f"their middles brought together, landmarks are {1e3 * found.apart.mean():.0f} mm apart on "
-        f"average, and have a standard deviation of {1e3 * np.sqrt(np.mean(found.sd**2)):.0f} mm, "
+        f"place (a standard error of {1e3 * found.error:.0f} mm, from {found.draws} draws); "
+        f"landmarks have a standard deviation of {1e3 * np.sqrt(np.mean(found.sd**2)):.0f} mm, "
         f"which is {SPREAD}",
-        highlight=False,
-        soft_wrap=True,
     )
-    console.print(f"mean: {file}", highlight=False, soft_wrap=True)
+    print_page(console, "mean", folder / MEAN_FILE)
 
 
 def fit_video(
@@ -526,43 +423,25 @@ def fit_video(
     if solution.status is Status.STOPPED:
         raise Interrupted("interrupted; the page holds the motion that was found until then")
     if mean and setup.moving is not None:
-        with drawing(folder) as file, console.status("") as status:
+        with interrupts_say(lambda: WITHOUT_MEAN), console.status("") as status:
             expected = video_mean(
                 setup,
                 values,
                 told=lambda done, all_: status.update(f"drawing: frame {done} of {all_}"),
             )
-        write_arrays(file, motion_arrays(setup.moving, expected))
-        console.print(f"mean: {file}", highlight=False, soft_wrap=True)
-
-
-WORST = 5  # markers that are named
-HIGHEST = 0.1  # m above the skin: what is given in mm by mistake is above it
+        write_arrays(folder / MEAN_FILE, motion_arrays(setup.moving, expected))
+        print_page(console, "mean", folder / MEAN_FILE)
 
 
 @dataclass(frozen=True)
 class Worn:
-    """What is known of the markers that a person wears. Raises BadArgument for lengths in mm.
+    """What is known of the markers that a person wears."""
 
-    Attributes:
-        file: the marker set, in JSON; None for the markers whose places are known.
-        height: of their centres above the skin, in m.
-        across: its standard deviation in m, or None where places are uncertain in all directions.
-        labels: a table of what the labels of a recording mean, or None.
-    """
-
-    file: Path | None = None
-    height: float = OUT
+    file: Path | None = None  # the marker set, in JSON; None for the markers whose places are known
+    height: float = OUT  # of their centres above the skin, in m
+    # its standard deviation in m, or None where places are uncertain in all directions
     across: float | None = None
-    labels: Path | None = None
-
-    def __post_init__(self) -> None:
-        for option, length in (("--marker-height", self.height), ("--across", self.across)):
-            if length is not None and not 0 < length < HIGHEST:
-                raise BadArgument(
-                    f"{option} takes a length in m, above 0 and below {HIGHEST:g}, such as 0.001 "
-                    f"for 1 mm; not {length:g}"
-                )
+    labels: Path | None = None  # a table of what the labels of a recording mean, or None
 
     def on(self, body: SkinnedBody) -> MarkerSet:
         """The markers on a body. Raises BadFile as `read_marker_set` does."""
@@ -636,18 +515,11 @@ def fit_markers(
     if rate is not None:
         arrays["fps"] = np.array(rate)
     write_arrays(folder / "motion.npz", arrays)
-    console.print(_worst(worn, found.errors, recording), highlight=False, soft_wrap=True)
-    console.print(f"motion: {folder / 'motion.npz'}", highlight=False, soft_wrap=True)
-
-
-def _worst(worn: MarkerSet, errors: np.ndarray, recording: MarkerRecording) -> str:
-    """A sentence on the markers that fit worst over all frames."""
-    off = 1e3 * errors
-    each = rms_of_markers(off)
-    worst = np.argsort(-each, kind="stable")[:WORST]
-    named = ", ".join(f"{escape(worn.names[m])} {each[m]:.1f}" for m in worst)
-    whole = float(np.sqrt(np.nanmean(off**2)))
-    return (
-        f"markers are {whole:.1f} mm from those of the body (root mean square over "
-        f"{len(recording.markers)} frames); the worst are, in mm: {named}"
+    off = 1e3 * float(np.sqrt(np.nanmean(found.errors**2)))
+    worst = int(np.argmax(rms_of_markers(found.errors)))
+    say(
+        console,
+        f"markers are {off:.1f} mm from those of the body (root mean square over {len(markers)} "
+        f"frames); the worst is {escape(worn.names[worst])}",
     )
+    print_page(console, "motion", folder / "motion.npz")

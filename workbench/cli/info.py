@@ -7,7 +7,7 @@ import platform
 import typer
 from rich.console import Console
 from rich.logging import RichHandler
-from rich.table import Table
+from rich.markup import escape
 
 from workbench.bodies import SkinnedBody
 from workbench.bodies.catalogue import load_body
@@ -19,15 +19,7 @@ from workbench.compiling import NoLibrary, cache_folder, find_compiler
 from workbench.reports.page import versions
 from workbench.threads import blas_libraries, thread_count
 
-VARIABLES = (
-    "WORKBENCH_COMPILE",
-    "WORKBENCH_CACHE",
-    "WORKBENCH_THREADS",
-    "CC",
-    "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS",
-    "MKL_NUM_THREADS",
-)
+VARIABLES = ("WORKBENCH_COMPILE", "WORKBENCH_CACHE", "WORKBENCH_THREADS", "CC", "OMP_NUM_THREADS")
 
 
 def info(
@@ -37,12 +29,8 @@ def info(
     console = Console()
     said = RichHandler(console=console, show_time=False, show_level=False, show_path=False)
     logging.basicConfig(level=logging.INFO, format="%(message)s", handlers=[said])
-    table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
-    table.add_column(style="bold", no_wrap=True)
-    table.add_column(overflow="fold")
     for label, text in _facts(body):
-        table.add_row(label, text)
-    console.print(table, highlight=False, markup=False)
+        console.print(f"[bold]{label:16}[/]{escape(text)}", highlight=False, soft_wrap=True)
 
 
 def _facts(name: str) -> list[tuple[str, str]]:

@@ -10,7 +10,6 @@ import typer
 from rich.console import Console
 from rich.markdown import Markdown
 from rich.markup import escape
-from rich.syntax import Syntax
 from rich.table import Table
 
 from workbench import course
@@ -37,10 +36,7 @@ Folder = Annotated[
     Path, typer.Argument(help="Folder to write to; it is made if it does not exist.")
 ]
 Number = Annotated[
-    str,
-    typer.Argument(
-        help="The number of a lecture, which `list` names, or the folder of a lecture of your own."
-    ),
+    str, typer.Argument(help="The number of a lecture, or the folder of one of your own.")
 ]
 
 
@@ -55,13 +51,10 @@ def list_(
     for title in ("", "lecture", "minutes", "points", "minutes of exercises"):
         table.add_column(title, justify="left" if title == "lecture" else "right")
     for one in (*outline(), *map(own_lecture, folders or ())):
-        if one.there:
-            points = str(sum(check.points for check in one.checks))
-            said = f"[bold]{escape(one.title)}[/]\n[dim]{escape(one.question)}[/]"
-            needed = f"about {one.exercise_minutes}" if one.exercise_minutes else ""
-            table.add_row(str(one.number), said, str(one.minutes), points, needed)
-        else:
-            table.add_row(str(one.number), f"{escape(one.title)} [dim](to come)[/]", "", "", "")
+        points = str(sum(check.points for check in one.checks))
+        said = f"[bold]{escape(one.title)}[/]\n[dim]{escape(one.question)}[/]"
+        needed = f"about {one.exercise_minutes}" if one.exercise_minutes else ""
+        table.add_row(str(one.number), said, str(one.minutes), points, needed)
     console = Console()
     console.print(table, highlight=False)
     told = "`workbench lecture show N` says which exercises a pack holds, with points of their own"
@@ -104,7 +97,12 @@ def run(
     one, console = lecture_named(number), Console()
     make_folder(out / one.folder_name)
     pictures = 0
-    for cell, value, _ in carried_out(one.folder / "lecture.py", _show_code if code else _nothing):
+
+    def before(cell: Cell) -> None:
+        if code and not cell.prose:
+            print(cell.text)
+
+    for cell, value, _ in carried_out(one.folder / "lecture.py", before):
         if cell.prose:
             _show_prose(console, cell.text)
         elif isinstance(value, course.Picture):
@@ -118,23 +116,6 @@ def run(
         elif value is not None:
             say(console, escape(repr(value)) + "\n")
     console.print(f"the code: {escape(str(one.folder / 'lecture.py'))}", soft_wrap=True)
-
-
-def _nothing(cell: Cell) -> None:
-    pass
-
-
-def _show_code(cell: Cell) -> None:
-    """Print a cell of code. It is called before the cell runs, whose output then stands below.
-
-    In a terminal its colours tell it from results, and long lines are wrapped; in a file lines are
-    as they are written.
-    """
-    console = Console()
-    if not cell.prose and console.is_terminal:
-        console.print(Syntax(cell.text, "python", background_color="default", word_wrap=True))
-    elif not cell.prose:
-        print(cell.text)
 
 
 def _show_prose(console: Console, text: str) -> None:
@@ -185,9 +166,7 @@ def check(
     files: Annotated[
         list[Path] | None,
         typer.Argument(
-            metavar="FILE",
-            help="Files with answers, or folders that contain them; by default the lecture's file "
-            "in this folder.",
+            metavar="FILE", help="Files with answers, or their folders; else the one here."
         ),
     ] = None,
     seconds: Annotated[
@@ -197,8 +176,7 @@ def check(
 ) -> None:
     """Check answers, and print points and hints.
 
-    Each file runs in its own process; in a browser, in the process that checks. Exits with 1
-    unless every check passed.
+    Each file runs in its own process. Exits with 1 unless every check passed.
     """
     limits, one, console = ProcessLimits(seconds), lecture_named(number), Console()
     paths = [
@@ -224,7 +202,7 @@ def notebooks(folder: Folder) -> None:
     No file there is overwritten.
     """
     console = Console()
-    paths = {folder / f"{one.folder_name}.ipynb": one for one in outline() if one.there}
+    paths = {folder / f"{one.folder_name}.ipynb": one for one in outline()}
     for path in paths:
         if path.exists():
             raise BadFile(f"{path} exists already, perhaps with somebody's work; name a new folder")
@@ -306,8 +284,6 @@ def print_grade(console: Console, found: Grade) -> None:
             table.add_row("[dim]  printed[/]", f"[dim]{escape(printed)}[/]")
     console.print(table, highlight=False)
     console.print(f"[bold]{found.points} of {counted(found.of, 'point')}[/]\n", highlight=False)
-    if found.note:
-        say(console, found.note)
 
 
 def _state(mark: CheckResult) -> str:

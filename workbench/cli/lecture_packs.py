@@ -48,28 +48,17 @@ def pack(
     group: Annotated[str, typer.Option("--for", metavar="CLASS", help="The name of the class.")],
     to: Annotated[Path, typer.Option(help="New folder, with a folder in it for each student.")],
     students: Annotated[
-        str,
-        typer.Option(
-            help="FILE.csv as learning platforms export it, or names with commas between them."
-        ),
+        str, typer.Option(help="FILE.csv of a learning platform, or names: ada,ben.")
     ] = "everybody",
     column: Annotated[
         str | None,
-        typer.Option(
-            metavar="TITLE",
-            help="The column of FILE.csv that holds the names; else `student`, `name`, "
-            "`first name` and `last name`, `login`, `id` or `email`.",
-        ),
+        typer.Option(metavar="TITLE", help="The column of FILE.csv that holds the names."),
     ] = None,
     keys: Annotated[
-        Path | None,
-        typer.Option(
-            help="New folder for the answers, which is yours alone; else TO with `-keys` appended."
-        ),
+        Path | None, typer.Option(help="New folder for the answers, else TO-keys.")
     ] = None,
     seed: Annotated[
-        int | None,
-        typer.Option(help="A number from which all others are drawn; else one nobody can guess."),
+        int | None, typer.Option(help="Draws all numbers; else one that nobody can guess.")
     ] = None,
 ) -> None:
     """Write exercises for a class, each student's with own numbers.
@@ -81,9 +70,7 @@ def pack(
     listed = read_students(students, column)
     named = listed.names
     if listed.columns:
-        titles = escape(" and ".join(listed.columns))
-        word = "column" if len(listed.columns) == 1 else "columns"
-        say(console, f"{counted(len(named), 'student')}, named by the {word} {titles}")
+        say(console, f"students are named by {escape(' and '.join(listed.columns))}")
     with Console(stderr=True).status("drawing numbers and computing answers") as status:
         made = write_pack(
             what, group, named, to, hidden, seed, lambda name: status.update(f"writing {name}")
@@ -100,10 +87,7 @@ def pack(
     )
     print_page(console, "to hand out, a folder for each student", to)
     print_page(console, "keys, which are yours alone", hidden)
-    say(
-        console,
-        f"mark them: workbench lecture mark HANDED_IN --keys {escape(str(hidden))} --csv marks.csv",
-    )
+    print_page(console, "mark them", f"workbench lecture mark HANDED_IN --keys {hidden}")
     chose = ["--column", column] if column else []
     again = [*what, "--for", group, "--students", students, *chose, "--seed", str(made.seed)]
     say(
@@ -142,10 +126,7 @@ def attempt(
 
 def mark(
     folder: Annotated[
-        Path,
-        typer.Argument(
-            help="The submissions: a folder for each student, or files such as ada_NAME.py."
-        ),
+        Path, typer.Argument(help="A folder for each student, or files such as ada_NAME.py.")
     ],
     keys: Annotated[Path, typer.Option(help="The folder of keys that `pack` wrote.")],
     table: Annotated[
@@ -156,17 +137,10 @@ def mark(
     workers: Annotated[int, typer.Option(help="Files that run at once.")] = 1,
     only_answers: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE.json",
-            help="Run the files, write what they answer, and mark nothing; KEYS needs only "
-            "`questions.json`.",
-        ),
+        typer.Option(metavar="FILE.json", help="Write what the files answer, and mark nothing."),
     ] = None,
     answers: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE.json", help="Mark the answers that --only-answers wrote; nothing is run."
-        ),
+        Path | None, typer.Option(metavar="FILE.json", help="Mark what --only-answers wrote.")
     ] = None,
 ) -> None:
     """Mark submissions of a class, and write the marks as CSV.
@@ -211,10 +185,7 @@ def mark(
         interrupts_say(left),
         Console(stderr=True).status("marking, which takes some seconds for each file"),
     ):
-        marks = mark_class(found, key, keys, table, limits, tell, workers, given)
-    for one in marks:
-        for said in one.alike:
-            say(console, f"[bold]{escape(key.students[one.student])}[/]  {escape(said)}")
+        mark_class(found, key, keys, table, limits, tell, workers, given)
     _say_unused(console, found)
     print_page(console, "marks", table)
 
@@ -231,16 +202,11 @@ def _read_answers(path: Path) -> dict[str, Any]:
 
 
 def _say_unused(console: Console, found: Submissions) -> None:
-    """Every file that is not marked, with the reason; what is to be expected in one line."""
+    """Every file that is not marked, with the reason, but for what is to be expected."""
     for one in found.unused:
         if one.why not in EXPECTED:
             path, why = escape(str(one.path)), escape(one.why)
             say(console, f"[yellow]not marked:[/] {path}: {why}")
-    rest = [one.path.name for one in found.unused if one.why in EXPECTED]
-    if rest:
-        names = escape(", ".join(sorted(set(rest))))
-        told = "as they were handed out, or made by programs"
-        say(console, f"[dim]not marked: {counted(len(rest), 'file')} {told} ({names})[/]")
 
 
 COMMANDS: dict[str, Callable[..., None]] = {"pack": pack, "try": attempt, "mark": mark}

@@ -1,6 +1,5 @@
 """`workbench measure`: stature, lengths and girths of a body."""
 
-from pathlib import Path
 from typing import Annotated
 
 import numpy as np
@@ -10,7 +9,8 @@ from rich.console import Console
 from workbench.bodies.body import why_not_skinned
 from workbench.bodies.catalogue import BODIES, load_body
 from workbench.bodies.skinned import SkinnedBody
-from workbench.cli.console import rich_table
+from workbench.cli.console import comma_separated, rich_table
+from workbench.cli.options import Fit, Frame
 from workbench.environment import expanded
 from workbench.errors import BadArgument
 from workbench.fitting.measures import measured
@@ -25,17 +25,8 @@ def measure(
     betas: Annotated[
         str | None, typer.Option(help="Shape coefficients with commas between, such as 1,-0.5.")
     ] = None,
-    place: Annotated[
-        Path | None,
-        typer.Option(
-            "--from",
-            help="Take the betas of a fit: the folder of a run, of a registration or of a clip, or "
-            "an .npz.",
-        ),
-    ] = None,
-    frame: Annotated[
-        int, typer.Option(help="Which frame of --from, where the fit has several.")
-    ] = 0,
+    place: Fit = None,
+    frame: Frame = 0,
 ) -> None:
     """Measure a body at rest: stature, inseam, arm span, shoulder width, and six girths.
 
@@ -50,19 +41,9 @@ def measure(
             raise BadArgument("give --betas or --from, not both")
         shape = pose_and_betas(expanded(place), body, frame)[1]
     elif betas is not None:
-        numbers = _numbers(betas)
+        numbers = comma_separated("--betas", betas)
         if len(numbers) > body.n_betas:
             raise BadArgument(f"body {name} has {body.n_betas} betas, not {len(numbers)}")
         shape[: len(numbers)] = numbers
     rows = tuple((one, f"{float(value):.3f}") for one, value in measured(body, shape).items())
     Console().print(rich_table(Table(("measurement", "m"), rows)))
-
-
-def _numbers(text: str) -> list[float]:
-    try:
-        numbers = [float(part) for part in text.split(",")]
-    except ValueError:
-        numbers = [np.nan]
-    if not np.isfinite(numbers).all():
-        raise BadArgument(f"--betas takes numbers such as 1,-0.5; not {text!r}")
-    return numbers

@@ -7,30 +7,26 @@ import numpy as np
 import typer
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
 from workbench import conversion
-from workbench.arrays import Array, Index, Mask
+from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body, why_not_skinned
 from workbench.bodies.catalogue import BODIES, load_body
 from workbench.cli.console import (
+    Bars,
     Up,
+    above_zero,
     print_page,
+    rich_table,
     say,
     say_notes,
-    timed_lines,
     warn_of,
+    warn_unused,
     warn_without_effect,
 )
-from workbench.conversion import (
-    PointFit,
-    conversion_errors,
-    correspond,
-    motion_from_points,
-    motion_from_skeleton,
-)
-from workbench.conversion.converting import Converted, doubts_of, skeleton_errors
+from workbench.conversion import PointFit, correspond, motion_from_points, motion_from_skeleton
+from workbench.conversion.converting import doubts_of, skeleton_errors
 from workbench.conversion.points_in_space import SIGMA
 from workbench.environment import expanded
 from workbench.errors import BadArgument, BadBody, some_of
@@ -41,45 +37,26 @@ from workbench.fitting.marker_files import (
     read_markers,
     write_markers,
 )
-from workbench.fitting.tracking import Progress
 from workbench.geometry.guesses import UNITS, sizes_of
-from workbench.motions import (
-    Motion,
-    bones_of,
-    load_tissue,
-    read_motion,
-    save_motion,
-    write_bvh,
-    write_glb,
-)
+from workbench.motions import Motion, load_tissue, read_motion, save_motion, write_bvh, write_glb
 from workbench.motions.skeleton_names import renamed
 from workbench.motions.smpl_files import LAYOUTS
-from workbench.motions.soft_tissue import (
-    betas_with_tissue,
-    displaced_by,
-    with_dmpls,
-    with_tissue,
-)
-from workbench.plots import plot_motion
-from workbench.plots.style import drawn, png
+from workbench.motions.soft_tissue import betas_with_tissue, displaced_by, with_dmpls, with_tissue
+from workbench.reports.page import Table
 from workbench.reports.replays import motion_page
-from workbench.writing import write_file
 
 MARKERS = (".npz", ".trc")  # what is written of markers
 MOTIONS = (".bvh", ".npz", ".glb", ".smpl")  # and of a motion
 EXACT = "exact"
+OF_MOTIONS = ("--fps", "--rate", "--body", "--page", "--tissue", "--animation")
 Person = Annotated[
-    str | None,
-    typer.Option(help="Which of several people in a file; else who is in most frames."),
+    str | None, typer.Option(help="Which of several people in a file; else who is in most frames.")
 ]
-Animation = Annotated[
-    str | None,
-    typer.Option(help="Animation of a .glb, by its name or number."),
-]
-NO_PAIRS = np.zeros((0, 2), dtype=np.int64)
+Animation = Annotated[str | None, typer.Option(help="Animation of a .glb, by its name or number.")]
 
 
 def motion(
+    ctx: typer.Context,
     file: Annotated[
         Path,
         typer.Argument(
@@ -89,28 +66,22 @@ def motion(
     ],
     out: Annotated[
         Path | None,
-        typer.Option(
-            help="Write it to this file: a motion as .bvh, .npz, .smpl or .glb, markers as .trc or "
-            ".npz."
-        ),
+        typer.Option(help="Write a motion as .bvh, .npz, .smpl or .glb, markers as .trc or .npz."),
     ] = None,
     fps: Annotated[
-        float | None, typer.Option(help="Resample a motion to so many frames a second.")
+        float | None,
+        typer.Option(callback=above_zero, help="Resample a motion to so many frames a second."),
     ] = None,
     rate: Annotated[
         float | None,
-        typer.Option(help="Frames a second of a motion whose file does not say it, or says wrong."),
+        typer.Option(callback=above_zero, help="Frames a second, if the file lacks it."),
     ] = None,
     layout: Annotated[
         str,
         typer.Option(help="Of an .npz: amass, or smplx, whose arrays are the arguments of smplx."),
     ] = LAYOUTS[0],
-    strip: Annotated[
-        Path | None, typer.Option(help="Draw some frames side by side into this .png.")
-    ] = None,
     page: Annotated[
-        Path | None,
-        typer.Option(help="Write a page (.html) on which a body plays the motion."),
+        Path | None, typer.Option(help="Write a page (.html) on which a body plays the motion.")
     ] = None,
     correctives: Annotated[
         str,
@@ -130,21 +101,12 @@ def motion(
         ),
     ] = None,
     tissue: Annotated[
-        bool,
-        typer.Option(
-            "--tissue", help="Let soft tissue follow on --page or in a .glb; it is simulated."
-        ),
+        bool, typer.Option("--tissue", help="Simulate soft tissue on --page or in a .glb.")
     ] = False,
     dmpls: Annotated[
         Path | None,
-        typer.Option(
-            help="DMPL's directions (dmpls/GENDER/model.npz), by which a motion of AMASS moves the "
-            "soft tissue of --body."
-        ),
+        typer.Option(help="DMPL's model.npz, for the dmpls of a motion of AMASS on --body."),
     ] = None,
-    exaggeration: Annotated[
-        float, typer.Option(help="Multiply the displacements of the tissue by this.", min=0)
-    ] = 1.0,
     unit: Annotated[
         str | None,
         typer.Option(
@@ -156,23 +118,15 @@ def motion(
     person: Person = None,
     animation: Animation = None,
 ) -> None:
-    """Say what a file of a motion or of markers holds, draw it, and convert it."""
+    """Say what a file of a motion or of markers holds, show it on a page, and convert it."""
     console, path = Console(), expanded(file)
-    for option, number in (("--fps", fps), ("--rate", rate)):
-        if number is not None and not 0 < number < np.inf:
-            raise BadArgument(f"{option} takes a number above 0, not {number:g}")
     count = number_of_correctives(correctives)
-    if strip is not None and strip.suffix.lower() != ".png":
-        raise BadArgument(f"--strip takes a file that ends in .png, not {strip}")
     if page is not None and page.suffix.lower() != ".html":
         raise BadArgument(f"--page takes a file that ends in .html, not {page}")
     if holds_markers(path):
         refuse_suffix(out, MARKERS, "markers")
-        others = ("--fps", fps), ("--rate", rate), ("--body", body), ("--page", page)
-        for option, given in (*others, ("--tissue", tissue or None), ("--animation", animation)):
-            if given is not None:
-                warn_without_effect(console, option, f"{path.name} holds markers, and no motion")
-        _markers(console, read_markers(path, unit=unit, up=up), path, out, strip)
+        warn_unused(console, ctx, OF_MOTIONS, f"{path.name} holds markers, and no motion")
+        _markers(console, read_markers(path, unit=unit, up=up), path, out)
         return
     refuse_suffix(out, MOTIONS, "a motion")
     model = None if body is None else load_body(body)
@@ -184,10 +138,8 @@ def motion(
         found = found.resampled(fps)
         say(console, f"resampled to {len(found)} frames at {fps:g} frames a second")
     wanted = "" if out is None else out.suffix.lower()
-    bare = found.bones is None and (strip is not None or wanted == ".bvh")
+    bare = found.bones is None and wanted == ".bvh"
     shown = page is not None or wanted == ".glb"
-    if exaggeration != 1.0 and not tissue:
-        warn_without_effect(console, "--exaggeration", "it is for --tissue")
     if tissue and not shown:
         raise BadArgument("--tissue shows on a page or in a .glb; give --page or --out WALK.glb")
     if model is None and (bare or shown):
@@ -199,10 +151,6 @@ def motion(
         say_notes(console, found.notes[len(before) :])
         if len(found.betas):
             warn_of(console, of_person(model, found.betas_on(model)))
-    if strip is not None:
-        places, pairs = _stick_figure(found, model)
-        _draw(strip, places, pairs, found.fps)
-        say(console, f"strip: {escape(str(strip))}")
     betas, told = None, ""
     if dmpls is not None:
         if not isinstance(model, SkinnedBody) or found.dmpls is None or not shown or tissue:
@@ -214,7 +162,7 @@ def motion(
         betas = found.betas_on(model)
     if tissue:
         assert model is not None
-        found, model, betas, told = _with_tissue(console, found, model, exaggeration)
+        found, model, betas, told = _with_tissue(console, found, model)
     if page is not None:
         assert model is not None
         made = motion_page(found, model, path.name, betas, [f"{told}."] if told else ())
@@ -224,27 +172,24 @@ def motion(
 
 
 def _with_tissue(
-    console: Console, found: Motion, body: Body, exaggeration: float
+    console: Console, found: Motion, body: Body
 ) -> tuple[Motion, SkinnedBody, Array, str]:
     """The motion at the tissue's rate, the body with tissue, its betas in every frame; a sentence.
 
     The sentence says where the tissue comes from, and how far it moves.
     """
     soft = load_tissue()
-    if not isinstance(body, SkinnedBody):
-        raise BadArgument(f"body {body.name!r} has no soft tissue; take --body default")
+    model = with_tissue(body, soft)
     found = soft.prepared(found)
-    betas = betas_with_tissue(body, soft, found, exaggeration)
+    betas = betas_with_tissue(body, soft, found)
     away = 1e3 * np.linalg.norm(displaced_by(soft, betas), axis=2)
     told = (
         "The soft tissue is simulated, and was learned from no measurement of people: in "
         f"{len(found)} frames at {found.fps:g} frames a second it moves vertices by "
         f"{away.mean():.1f} mm on average and {away.max():.0f} mm at most"
     )
-    if exaggeration != 1.0:
-        told += f", {exaggeration:g} times as far as the model says"
     say(console, told)
-    return found, with_tissue(body, soft), betas, told
+    return found, model, betas, told
 
 
 def _say_motion(console: Console, found: Motion, path: Path) -> None:
@@ -274,36 +219,15 @@ def _ends(found: Motion) -> Array:
     return found.bones.ends(found.pose[:1], found.trans[:1])
 
 
-def _stick_figure(found: Motion, model: Body | None) -> tuple[Array, Index]:
-    """The joints and ends of bones (T, M, 3) m, and which of them are joined by a line."""
-    bones = found.bones if model is None else bones_of(model, found.betas)
-    assert bones is not None  # there is one or the other by now
-    K, E = len(bones.parents), len(bones.end_parents)
-    joints, ends = (f(found.pose, found.trans) for f in (bones.joints, bones.ends))
-    last = np.column_stack([np.arange(K, K + E), np.array(bones.end_parents, dtype=np.int64)])
-    return np.concatenate([joints, ends], axis=1), np.concatenate([bones.pairs, last])
-
-
-def _markers(
-    console: Console, found: MarkerRecording, path: Path, out: Path | None, strip: Path | None
-) -> None:
+def _markers(console: Console, found: MarkerRecording, path: Path, out: Path | None) -> None:
     T, M = found.markers.shape[:2]
     rate = "of an unknown rate" if found.fps is None else f"at {found.fps:g} frames a second"
     say(console, escape(f"{path.name} holds {M} markers in {T} frames {rate}"))
     say(console, escape(f"labels: {some_of(found.labels)}"))
     say_notes(console, found.notes)
-    if strip is not None:
-        seen: Mask = np.asarray(np.isfinite(found.markers[..., 0]).any(axis=1))
-        _draw(strip, found.markers[seen], NO_PAIRS, found.fps if seen.all() else None)
-        say(console, f"strip: {escape(str(strip))}")
     if out is not None:
         write_markers(out, found)
         say(console, f"markers: {escape(str(out))}")
-
-
-def _draw(path: Path, places: Array, pairs: Index, fps: float | None) -> None:
-    figure = drawn(lambda ax: plot_motion(places, pairs, fps, ax=ax), 10, 3)
-    write_file(path, png(figure))
 
 
 def refuse_suffix(out: Path | None, suffixes: tuple[str, ...], what: str) -> None:
@@ -358,7 +282,6 @@ def write_motion(
 
 
 WORST = 8  # points that are listed
-TIMES = 10  # how often progress is told
 APART = 0.1  # m, of joints from those of a skeleton: proportions explain less
 SKELETON = (
     "the joints are far from those of the skeleton in the file: its proportions, its rest pose or "
@@ -376,20 +299,13 @@ def convert(
         ),
     ],
     out: Annotated[
-        Path | None,
-        typer.Option(
-            help="The motion of the other body: .npz, .bvh or .glb; FILE-BODY.npz if not given."
-        ),
+        Path | None, typer.Option(help="A .npz, .bvh or .glb; else FILE-BODY.npz.")
     ] = None,
     to: Annotated[
         str, typer.Option(help=f"The body that it becomes a motion of ({KNOWN}).")
     ] = "default",
     source: Annotated[
-        str | None,
-        typer.Option(
-            "--from",
-            help="The body that the motion is one of; without it a skeleton's joints are fitted.",
-        ),
+        str | None, typer.Option("--from", help="The motion's own body; else a skeleton is fitted.")
     ] = None,
     names: Annotated[
         Path | None,
@@ -399,18 +315,14 @@ def convert(
         ),
     ] = None,
     points: Annotated[
-        str | None,
-        typer.Option(
-            help="What the named points are: joints, a landmark set such as coco, or hand; "
-            "otherwise whichever has most of the names."
-        ),
+        str | None, typer.Option(help="What named points are: joints, hand, or a set such as coco.")
     ] = None,
     sigma: Annotated[
         float, typer.Option(help="Standard deviation of the named points in mm.")
     ] = 1e3 * SIGMA,
     rate: Annotated[
         float | None,
-        typer.Option(help="Frames a second, where the file does not say it, or says wrong."),
+        typer.Option(callback=above_zero, help="Frames a second, if the file lacks it."),
     ] = None,
     unit: Annotated[
         str | None, typer.Option(help=f"Unit of the points ({', '.join(UNITS)}).")
@@ -422,8 +334,6 @@ def convert(
     """Turn a motion, a skeleton that moves, or points in space into the motion of a body."""
     console, path = Console(), expanded(file)
     refuse_suffix(out, MOTIONS, "a motion")
-    if rate is not None and not 0 < rate < np.inf:
-        raise BadArgument(f"--rate takes a number above 0, not {rate:g}")
     target = load_body(to)
     written = out or Path(f"{path.stem}-{target.name}.npz")
     table = None if names is None else expanded(names)
@@ -436,15 +346,16 @@ def convert(
         fps = recording.fps if rate is None else rate
         if fps is None:
             raise BadArgument(f"{path.name} does not say its rate; give it with --rate")
-        fit = motion_from_points(
-            recording.markers,
-            recording.labels,
-            target,
-            fps,
-            kind=points,
-            sigma=1e-3 * sigma,
-            progress=_told(console),
-        )
+        with Bars(console) as bars:
+            fit = motion_from_points(
+                recording.markers,
+                recording.labels,
+                target,
+                fps,
+                kind=points,
+                sigma=1e-3 * sigma,
+                progress=bars,
+            )
         found = _from_points(console, fit, target, "points")
         write_motion(console, written, found, target)
         return
@@ -464,9 +375,10 @@ def convert(
         if table is not None:
             labels, notes = renamed(labels, table)
             say_notes(console, notes)
-        fit = motion_from_skeleton(
-            motion, target, names=labels, sigma=1e-3 * sigma, progress=_told(console)
-        )
+        with Bars(console) as bars:
+            fit = motion_from_skeleton(
+                motion, target, names=labels, sigma=1e-3 * sigma, progress=bars
+            )
         found = _from_points(console, fit, target, "joints")
     else:
         raise BadArgument(f"say with --from which body {path.name} is a motion of: {KNOWN}")
@@ -474,12 +386,14 @@ def convert(
 
 
 def _from_body(console: Console, motion: Motion, source: Body, target: Body) -> Motion:
-    report = timed_lines(console)
-    correspondence = correspond(source, target, report)
-    say(console, escape(str(correspondence)))
-    found = conversion.convert(
-        motion, source, target, correspondence=correspondence, progress=_told(console)
+    correspondence = correspond(
+        source, target, lambda text: say(console, f"[dim]{escape(text)}[/]")
     )
+    say(console, escape(str(correspondence)))
+    with Bars(console) as bars:
+        found = conversion.convert(
+            motion, source, target, correspondence=correspondence, progress=bars
+        )
     say_notes(console, found.motion.notes)
     warn_of(console, doubts_of(found.motion, target, found.errors, f"the surface of {source.name}"))
     own = skeleton_errors(found.motion, target, motion)
@@ -488,54 +402,26 @@ def _from_body(console: Console, motion: Motion, source: Body, target: Body) -> 
         if mean > 1e3 * APART:
             warn_of(console, [SKELETON])
         say(console, f"joints are {mean:.1f} mm from those of the file's skeleton on average")
-    _print_errors(console, found)
-    joints = {*source.joint_names} & {*target.joint_names}
-    copied = conversion_errors(
-        motion.named(source).named(target), target, motion, source, correspondence
+    rows = tuple(
+        (part, f"{1e3 * mean:.1f}", f"{1e3 * largest:.1f}")
+        for part, (mean, largest) in found.by_part.items()
     )
-    say(
-        console,
-        f"vertices are {1e3 * found.mean():.2f} mm from the other surface on average, and would be "
-        f"{1e3 * float(np.nanmean(copied)):.2f} mm if the angles of {len(joints)} joints were "
-        "copied",
-    )
+    console.print(rich_table(Table(("part", "mean mm", "largest mm"), rows, (1, 2))))
+    say(console, f"vertices are {1e3 * found.mean():.2f} mm from the other surface on average")
     return found.motion
-
-
-def _print_errors(console: Console, found: Converted) -> None:
-    table = Table(box=None, header_style="bold")
-    for name, justify in (("part", "left"), ("mean mm", "right"), ("largest mm", "right")):
-        table.add_column(name, justify=justify)  # type: ignore[arg-type]
-    for part, (mean, largest) in found.by_part.items():
-        table.add_row(escape(part), f"{1e3 * mean:.1f}", f"{1e3 * largest:.1f}")
-    console.print(table)
 
 
 def _from_points(console: Console, fit: PointFit, target: Body, what: str) -> Motion:
     """Print how far points or joints (`what`) are off, those of joints all; give the motion."""
     say_notes(console, fit.motion.notes)
-    table = Table(box=None, header_style="bold")
-    table.add_column(what.removesuffix("s"))
-    table.add_column("in the file")
-    table.add_column("mean mm", justify="right")
     each = 1e3 * np.nanmean(fit.errors, axis=0)
     order = np.argsort(-each, kind="stable")
-    for i in order if what == "joints" else order[:WORST]:
-        table.add_row(escape(fit.names[i]), escape(fit.labels[i]), f"{each[i]:.1f}")
-    console.print(table)
+    rows = tuple(
+        (fit.names[i], fit.labels[i], f"{each[i]:.1f}")
+        for i in (order if what == "joints" else order[:WORST])
+    )
+    console.print(rich_table(Table((what.removesuffix("s"), "in the file", "mean mm"), rows, (2,))))
     warn_of(console, doubts_of(fit.motion, target, fit.errors, f"the {what}"))
     mean = 1e3 * float(np.nanmean(fit.errors))
     say(console, f"{what} are {mean:.2f} mm from those of the body on average")
     return fit.motion
-
-
-def _told(console: Console) -> Progress:
-    """Progress as a line for every tenth of the work, with the seconds since now before it."""
-    report = timed_lines(console)
-
-    def told(what: str, done: int, all_of: int) -> None:
-        every = max(1, all_of // TIMES)
-        if done % every == 0 or done == all_of:
-            report(f"{what}: {done} of {all_of}")
-
-    return told

@@ -3,11 +3,10 @@
 import re
 import shutil
 import sys
-from collections.abc import Mapping
 from importlib.util import find_spec
 from keyword import iskeyword
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import typer
 from rich.console import Console
@@ -16,28 +15,17 @@ from rich.markup import escape
 from workbench.cli.console import print_page, say
 from workbench.course.outline import course
 from workbench.errors import BadArgument, BadFile, check_known
+from workbench.writing import write_new
 
 TEMPLATES = Path(__file__).parent / "templates"
 LONGEST = 40  # characters of a name, which folders of results repeat
 
 
-class Scaffold(NamedTuple):
-    """A kind of file to begin with.
-
-    Attributes:
-        what: what it holds, in a line.
-        tries: commands that it works with as written; FILE stands for what was written.
-    """
-
-    what: str
-    tries: tuple[str, ...]
-
-
 USUAL = "run FILE", "diagnose FILE", "compare FILE", "sample FILE"
-SCAFFOLDS = {
-    "problem": Scaffold("blocks, residuals, the names that are free, and a start", USUAL),
-    "residual": Scaffold("an error term of points, with a problem to try it on", USUAL),
-    "solver": Scaffold(
+SCAFFOLDS = {  # what a kind of file holds, and commands that it works with as written
+    "problem": ("blocks, residuals, the names that are free, and a start", USUAL),
+    "residual": ("an error term of points, with a problem to try it on", USUAL),
+    "solver": (
         "an algorithm that stops, counts and reports as all solvers do",
         (
             "run FILE --solver FILE",
@@ -46,11 +34,11 @@ SCAFFOLDS = {
             "sample FILE --solver FILE",
         ),
     ),
-    "experiment": Scaffold(
+    "experiment": (
         "a problem with arguments, made-up data, and numbers by which it is judged",
         ("run FILE --set noise=0.1", "diagnose FILE", "compare FILE --seeds 3", "sample FILE"),
     ),
-    "lecture": Scaffold(
+    "lecture": (
         "a folder: text and code, exercises, solutions, checks, its line in the outline",
         ("lecture list FILE", "lecture run FILE", "lecture start FILE .", "lecture check FILE"),
     ),
@@ -76,39 +64,18 @@ def write_scaffold(kind: str, name: str, folder: str | Path = ".") -> Path:
             "lecture 0": f"lecture {number}",
             "    0,  #": f"    {number},  #",
         } | words
+    if path.exists():
+        raise BadFile(f"{path} exists already and was left as it is; give another name or folder")
     try:
-        Path(folder).mkdir(parents=True, exist_ok=True)
-        if template.is_dir():
-            path.mkdir()
-            for source in template.glob("*.py"):
-                _write_new(path / source.name, source, words)
-        else:
-            _write_new(path, template, words)
-    except FileExistsError as error:
-        raise BadFile(
-            f"{error.filename or path} exists already and was left as it is; give another name or "
-            "folder"
-        ) from error
-    except OSError as error:
-        if path.is_dir():
-            shutil.rmtree(path)
-        raise BadFile(
-            f"cannot write {path}: {error.strerror or error}; give another folder"
-        ) from error
+        for source in template.glob("*.py") if template.is_dir() else [template]:
+            text = source.read_text(encoding="utf-8")
+            for word, instead in words.items():
+                text = text.replace(word, instead)
+            write_new(path / source.name if template.is_dir() else path, text)
+    except BadFile:
+        shutil.rmtree(path, ignore_errors=True)  # half a lecture is of no use
+        raise
     return path
-
-
-def _write_new(path: Path, template: Path, words: Mapping[str, str]) -> None:
-    """Write a file that is new, its words replaced. Raises OSError, and leaves nothing then."""
-    text = template.read_text(encoding="utf-8")
-    for word, instead in words.items():
-        text = text.replace(word, instead)
-    with path.open("x", encoding="utf-8") as file:
-        try:
-            file.write(text)
-        except OSError:
-            path.unlink()
-            raise
 
 
 def check_name(name: str) -> None:
@@ -137,7 +104,7 @@ def _installed(name: str) -> bool:
     return name == "workbench" or bool({"site-packages", "dist-packages"} & {*places})
 
 
-KINDS = "; ".join(f"{kind}: {scaffold.what}" for kind, scaffold in SCAFFOLDS.items())
+KINDS = "; ".join(f"{kind}: {what}" for kind, (what, _) in SCAFFOLDS.items())
 
 
 def new(
@@ -156,6 +123,6 @@ def new(
     console = Console()
     path = write_scaffold(kind, name, folder)
     print_page(console, kind, path)
-    for command in SCAFFOLDS[kind].tries:
+    for command in SCAFFOLDS[kind][1]:
         said = f"workbench {command}".replace("FILE", str(path))
         say(console, f"[dim]try[/] {escape(said)}")

@@ -1,7 +1,8 @@
-"""Where work is done: in processes of this machine, or on a Dask cluster."""
+"""Options that several commands have, and where work is done: in processes or on a cluster."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -13,18 +14,13 @@ from workbench.environment import pip_install
 from workbench.errors import WorkbenchError
 from workbench.training.execution import Executor, Processes, by_backend
 
-Workers = Annotated[
-    int,
-    typer.Option(
-        callback=at_least_one, help="Number of processes; the result does not depend on it."
-    ),
+Fit = Annotated[
+    Path | None,
+    typer.Option("--from", help="Take pose and betas of a fit: its folder, or an .npz."),
 ]
-Dask = Annotated[
-    str | None,
-    typer.Option(
-        help="Work on the workers of this Dask scheduler, which read files at the same paths."
-    ),
-]
+Frame = Annotated[int, typer.Option(help="Which frame of --from, where the fit has several.")]
+Workers = Annotated[int, typer.Option(callback=at_least_one, help="Number of processes.")]
+Dask = Annotated[str | None, typer.Option(help="Work on the workers of this Dask scheduler.")]
 
 
 @contextmanager

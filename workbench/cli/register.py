@@ -19,6 +19,8 @@ from workbench.cli.console import (
     Bars,
     Up,
     at_least_one,
+    comma_separated,
+    files_inside,
     folder_to_write,
     print_page,
     rich_table,
@@ -30,7 +32,7 @@ from workbench.cli.options import Dask, Workers, executing
 from workbench.cli.run import Out
 from workbench.cli.train import Lines
 from workbench.environment import expanded
-from workbench.errors import BadArgument, BadFile, listed, some_of
+from workbench.errors import BadArgument, BadFile, some_of
 from workbench.fitting.jobs import FailedFile
 from workbench.fitting.scans.files import READERS
 from workbench.geometry.guesses import UNITS
@@ -40,7 +42,6 @@ from workbench.registration import (
     Recipe,
     ScanJob,
     jobs_of,
-    model_alone,
     registered,
     usual_recipe,
 )
@@ -59,7 +60,6 @@ from workbench.reports.many import ImageFolder, RegistrationFolder
 from workbench.reports.page import Entry
 from workbench.reports.registration import (
     ARRAYS,
-    CoregistrationEnd,
     begin_folder,
     stages_table,
     write_coregistration,
@@ -109,20 +109,13 @@ def register(
         int, typer.Option(help="Number of points that are used of a larger scan, at random.")
     ] = MOST,
     boundary: Annotated[
-        float,
-        typer.Option(
-            help="Leave out points within so many metres of a scan's boundary; 0.02 suits a Kinect."
-        ),
+        float, typer.Option(help="Leave out points within so many m of a scan's boundary.")
     ] = 0.0,
     model: Annotated[
         bool, typer.Option("--model-only", help="Fit the body and leave its vertices as they are.")
     ] = False,
     subjects: Annotated[
-        Path | None,
-        typer.Option(
-            help="Table (.csv): file, subject, and maybe gender and set; without it each scan is "
-            "of another person."
-        ),
+        Path | None, typer.Option(help="Table (.csv) of file and subject, maybe gender and set.")
     ] = None,
     workers: Workers = 1,
     dask: Dask = None,
@@ -137,12 +130,14 @@ def register(
     if not 0 <= boundary < math.inf:
         raise BadArgument(f"--boundary takes a width of 0 m or more, not {boundary:g}")
     skeleton = None if skeleton is None else expanded(skeleton)
-    reading = Reading(unit, up, array, _place(camera), points, skeleton)
+    reading = Reading(
+        unit, up, array, None if camera is None else camera_place(camera), points, skeleton
+    )
     scans = [expanded(path) for path in scans]
     template, jobs = load_body(body), jobs_of(_files(console, scans), array)
     recipe = replace(usual_recipe(template), boundary=boundary)
     if model:
-        recipe = replace(recipe, vertex_stages=model_alone)
+        recipe = replace(recipe, vertex_stages=())
     if len(jobs) == 1 and not scans[0].is_dir():
         for_several = ("--subjects", "--workers", "--dask")
         warn_unused(console, ctx, for_several, "it is for several scans, and there is one")
@@ -171,6 +166,14 @@ def register(
             "scans",
             "registered",
         )
+
+
+def camera_place(text: str) -> tuple[float, float, float]:
+    """The place of `--camera`. Raises BadArgument."""
+    numbers = comma_separated("--camera", text)
+    if len(numbers) != 3:
+        raise BadArgument(f"--camera takes x,y,z such as 0,0,0; not {text!r}")
+    return numbers[0], numbers[1], numbers[2]
 
 
 def _one(
@@ -204,18 +207,6 @@ def _one(
     print_page(console, "report", write_registration(found, folder, body=name, source=source))
 
 
-def _place(text: str | None) -> tuple[float, float, float] | None:
-    if text is None:
-        return None
-    try:
-        x, y, z = (float(part) for part in text.split(","))
-    except ValueError as error:
-        raise BadArgument(f"--camera takes x,y,z such as 0,0,0; not {text!r}") from error
-    if not all(map(math.isfinite, (x, y, z))):
-        raise BadArgument(f"--camera takes three finite numbers, not {text!r}")
-    return x, y, z
-
-
 def _files(console: Console, given: list[Path]) -> list[Path]:
     """The files of scans that were given, those in folders in the order of their names."""
     found: list[Path] = []
@@ -223,14 +214,7 @@ def _files(console: Console, given: list[Path]) -> list[Path]:
         if not path.is_dir():
             found.append(path)
             continue
-        inside = sorted(file for file in path.iterdir() if file.is_file())
-        kinds = set(READERS) - set(NO_SCANS)
-        of_scans = [f for f in inside if f.suffix.lower() in kinds and not f.name.startswith(".")]
-        if not of_scans:
-            raise BadFile(f"the folder {path} holds no scans; scans are files with {listed(kinds)}")
-        if others := [file.name for file in inside if file not in of_scans]:
-            say(console, f"note: not taken for scans: {escape(some_of(others))}")
-        found += of_scans
+        found += files_inside(console, path, {*READERS} - {*NO_SCANS}, "scans")
     return list(dict.fromkeys(found))
 
 
@@ -324,18 +308,10 @@ def coregister(
         ),
     ] = None,
     edges: Annotated[
-        float,
-        typer.Option(
-            help="Sigma of the edges of a person's template beyond what betas explain, in m: a "
-            "larger one learns more detail and slides more."
-        ),
+        float, typer.Option(help="Sigma of a template's edges beyond what betas explain, in m.")
     ] = EDGES,
     betas: Annotated[
-        int,
-        typer.Option(
-            callback=at_least_one,
-            help="Number of shape directions; at most one fewer than people.",
-        ),
+        int, typer.Option(callback=at_least_one, help="Number of shape directions.")
     ] = 10,
     workers: Workers = 1,
     dask: Dask = None,
@@ -386,8 +362,7 @@ def coregister(
     with interrupts_say(told):
         with executing(console, workers, dask) as executor:
             state = run(folder=place, execution=Execution(executor, Lines(console)))
-        end = CoregistrationEnd.of(problem, state, betas)
-        page = write_coregistration(body, scans, end, place, source)
+        page = write_coregistration(body, scans, problem, state, betas, place, source)
     for scan, told_before in scans.doubts().items():
         warn_of(console, told_before, f"{scan}, by itself: ")
     print_page(console, "body", place / "body.npz")

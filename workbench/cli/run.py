@@ -46,17 +46,11 @@ Name = Annotated[
 ]
 Setting = Annotated[
     list[str] | None,
-    typer.Option(
-        "--set",
-        help="An argument of the experiment, such as frame=60 or noise=0.001; may be repeated.",
-    ),
+    typer.Option("--set", help="An argument of it, such as noise=0.001; may be repeated."),
 ]
 Out = Annotated[Path, typer.Option(help="Folder in which the results get a folder.")]
 SolverName = Annotated[
-    str,
-    typer.Option(
-        "--solver", help="A solver (`solvers` lists them), or a Python file that defines one."
-    ),
+    str, typer.Option("--solver", help="A solver, or a Python file that defines one.")
 ]
 Compare = Annotated[
     bool,
@@ -71,8 +65,7 @@ def run(
     compare: Compare = True,
     out: Out = Path("runs"),
     listing: Annotated[
-        bool,
-        typer.Option("--list", help="Only list the experiments, or the problems of a suite."),
+        bool, typer.Option("--list", help="Only list the experiments, or the problems of a suite.")
     ] = False,
     verbose: Annotated[
         bool, typer.Option("--verbose", "-v", help="Print a line for each iterate.")
@@ -124,6 +117,21 @@ def carry_out(
     if outcome.interrupted:
         raise Interrupted("interrupted; the report holds what was found until then")
     return outcome.values, folder
+
+
+def begun(
+    console: Console, name: str, setting: list[str] | None, out: Path, kind: str
+) -> tuple[Experiment, Setup, Path]:
+    """An experiment, its setup, and the folder of what a command of a kind writes about it."""
+    experiment = find(name, settings(setting))
+    folder = folder_to_write(out, f"{experiment.name}-{kind}", experiment.source)
+    return experiment, built(console, experiment), folder
+
+
+def built(console: Console, experiment: Experiment) -> Setup:
+    """The setup of an experiment; says that it is being built, which may take long."""
+    console.print(f"[dim]building {escape(experiment.name)}[/]", highlight=False)
+    return experiment.setup()
 
 
 def solved(console: Console, setup: Setup, solver: Solver) -> Values:
@@ -205,7 +213,7 @@ def print_outcome(console: Console, outcome: Outcome) -> None:
     )
     for said in (better_said(outcome), interrupted_said(outcome)):
         if said:
-            console.print(f"[bold yellow]{escape(_typed(said))}[/]", highlight=False)
+            console.print(f"[bold yellow]{escape(said)}[/]", highlight=False)
     if outcome.setup.synthetic:
         console.print(f"synthetic data: {escape(outcome.setup.synthetic)}", highlight=False)
     for note in outcome.setup.notes:
@@ -235,16 +243,11 @@ def _print_residuals(console: Console, outcome: Outcome) -> None:
     found = residuals_table(outcome)
     rows = sorted(zip(outcome.costs.values(), found.rows, strict=True), key=lambda row: -row[0])
     shown = {row for _, row in rows[:ROWS]}
-    typed = tuple(tuple(map(_typed, row)) for row in found.rows if row in shown)
-    console.print(rich_table(Table(found.head, typed, found.numbers)))
+    kept = tuple(row for row in found.rows if row in shown)
+    console.print(rich_table(Table(found.head, kept, found.numbers)))
     if len(rows) > ROWS:
         console.print(f"and {len(rows) - ROWS} residuals with less cost (see the report)")
     console.print(escape(priors_said(outcome)), highlight=False)
-
-
-def _typed(text: str) -> str:
-    """As every terminal can show it."""
-    return text.replace("−", "-").replace("–", "-").replace("∞", "inf")
 
 
 def _seen(what: str, d: Diagnosis) -> str:
@@ -270,7 +273,7 @@ def _comparison(outcome: Outcome) -> RichTable:
     columns: Columns[tuple[str, Solution]] = {
         "solver": lambda of: of[0],
         "status": lambda of: status_said(outcome, of[0]).upper(),
-        "cost": lambda of: _typed(number(of[1].cost, 8)),
+        "cost": lambda of: number(of[1].cost, 8),
         "seconds": lambda of: f"{of[1].seconds:.2f}",
     }
     table = rich_table(Table.of(outcome.compared.items(), columns, (2, 3)))
@@ -291,8 +294,7 @@ def live(
     """Move a body by hand, pick a solver, and watch its iterates come in; until Ctrl-C."""
     console = Console()
     experiment = find(name, settings(setting))
-    console.print(f"[dim]building {experiment.name}[/]", highlight=False)
-    setup = experiment.setup()
+    setup = built(console, experiment)
     try:
         server = live_server(experiment.name, setup, port)
     except OSError as error:

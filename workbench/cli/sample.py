@@ -8,35 +8,17 @@ import numpy as np
 import typer
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-from rich.progress import Progress as Bar
 
 from workbench import sampling
 from workbench.blocks.layout import entries
 from workbench.cli import Interrupted, interrupts_say
-from workbench.cli.console import (
-    folder_to_write,
-    make_folder,
-    print_page,
-    rich_table,
-    say,
-    warn_of,
-    warn_without_effect,
-)
-from workbench.cli.run import Name, Out, Setting, SolverName, settings, solved, solver_named
-from workbench.errors import check_known
-from workbench.experiments import find
+from workbench.cli.console import Bars, make_folder, print_page, rich_table, say, warn_of
+from workbench.cli.run import Name, Out, Setting, SolverName, begun, solved, solver_named
 from workbench.fitting.measures import measured_in, person_of
 from workbench.fitting.setup import Setup
 from workbench.reports import write_posterior
 from workbench.reports.page import Table
-from workbench.reports.posterior import (
-    BlockPosterior,
-    anchors,
-    contradictions,
-    posterior_text,
-)
-from workbench.sampling import MOVES
+from workbench.reports.posterior import BlockPosterior, anchors, contradictions, posterior_text
 from workbench.solvers import DEFAULT
 
 ENDS = (0.05, 0.95)  # of a central interval of 90 %
@@ -53,25 +35,14 @@ def sample(
             "May be repeated; without it, parts of up to 21 entries are chosen."
         ),
     ] = None,
-    directions: Annotated[
-        int | None,
-        typer.Option(
-            help="Sample this number of directions instead: those that the data determine best."
-        ),
-    ] = None,
     conditional: Annotated[
         bool,
-        typer.Option(
-            "--conditional",
-            help="Hold the other unknowns fixed, as if known exactly; otherwise they are sampled "
-            "too or integrated out.",
-        ),
+        typer.Option("--conditional", help="Hold the other unknowns fixed, as if known exactly."),
     ] = False,
     steps: Annotated[int, typer.Option(help="Largest number of steps of each walker.")] = 20_000,
     walkers: Annotated[int | None, typer.Option(help="Number of walkers in each ensemble.")] = None,
     ensembles: Annotated[int, typer.Option(help="Number of independent ensembles.")] = 4,
     seed: Annotated[int, typer.Option(help="The same seed gives the same draws.")] = 0,
-    move: Annotated[str, typer.Option(help=f"One of {', '.join(MOVES)}.")] = "de",
     fresh: Annotated[
         bool, typer.Option("--fresh", help="Begin anew, even if an earlier run left draws.")
     ] = False,
@@ -84,13 +55,9 @@ def sample(
     continues from them. The exit code is 1 if a block is not usable.
     """
     console = Console()
-    check_known("move", move, MOVES)
-    experiment = find(name, settings(setting))
-    folder = folder_to_write(out, f"{experiment.name}-posterior", experiment.source)
+    experiment, setup, folder = begun(console, name, setting, out, "posterior")
     kept = out / f"{experiment.name}-draws"
     make_folder(kept)
-    console.print(f"[dim]building {escape(experiment.name)}[/]")
-    setup = experiment.setup()
     at = solved(console, setup, solver_named(solver))
     problem = setup.problem
     rest = sampling.fixed if conditional else sampling.integrated
@@ -98,18 +65,8 @@ def sample(
     for text in block or ():
         everything = text == "everything"
         chosen[text] = problem.free.names if everything else _names(text)
-    if directions is not None:
-        chosen[f"{directions} directions"] = sampling.directions(directions, setup.priors)
     if not chosen:
         chosen |= sampling.sampling_blocks(problem.free, problem.trees)
-    if conditional:
-        for part, names in chosen.items():
-            if callable(names):
-                why = f"with {part}, the other unknowns are never held fixed"
-                warn_without_effect(console, "--conditional", why)
-            elif names is None or set(problem.free.names) <= set(names):
-                why = f"{part} is all that there is to sample"
-                warn_without_effect(console, "--conditional", why)
     file_of = dict(zip(chosen, anchors(chosen), strict=True))
     parts: list[BlockPosterior] = []
     interrupted = False
@@ -124,23 +81,12 @@ def sample(
             path = kept / f"{file_of[part]}.npz"
             if fresh:
                 path.unlink(missing_ok=True)
-            elif (before := path.with_suffix(".h5")).exists() and not path.exists():
-                say(
-                    console,
-                    f"[yellow]{escape(str(before))} is of an earlier version and is not continued; "
-                    "sampling begins anew[/]",
-                )
             console.print(f"\n[bold]{escape(part)}[/]")
-            with _bar(console) as bar:
-                task = bar.add_task("sampling", total=steps, info="")
+            with Bars(console) as bars:
 
-                def tell(
-                    progress: sampling.SamplingProgress, bar: Bar = bar, task: TaskID = task
-                ) -> None:
-                    info = f"{progress.acceptance:.0%} accepted"
-                    if progress.all_free:
-                        info += ", all unknowns by Hamiltonian Monte Carlo"
-                    bar.update(task, completed=progress.step, total=progress.steps, info=info)
+                def tell(progress: sampling.SamplingProgress, bars: Bars = bars) -> None:
+                    by = "Hamiltonian Monte Carlo" if progress.all_free else "sampling"
+                    bars(by, progress.step, progress.steps)
 
                 posterior = sampling.sample(
                     problem,
@@ -151,7 +97,6 @@ def sample(
                     steps=steps,
                     ensembles=ensembles,
                     seed=seed,
-                    moves=MOVES[move](),
                     checkpoint=path,
                     callback=tell,
                 )
@@ -186,20 +131,6 @@ def sample(
 def _names(text: str) -> tuple[str, ...]:
     """`betas,pose[left_elbow, x]` at the commas that are in no brackets."""
     return tuple(part.strip() for part in re.split(r",(?![^\[]*\])", text) if part.strip())
-
-
-def _bar(console: Console) -> Bar:
-    return Bar(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.completed}/{task.total}"),
-        TextColumn("{task.fields[info]}"),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    )
 
 
 def _print_measurements(

@@ -14,6 +14,8 @@ from workbench.bodies.files.saving import save_body
 from workbench.cli import interrupts_say
 from workbench.cli.console import (
     Bars,
+    above_zero,
+    at_least_one,
     make_folder,
     print_page,
     rich_table,
@@ -22,7 +24,7 @@ from workbench.cli.console import (
 )
 from workbench.cli.options import Workers
 from workbench.cli.run import Out
-from workbench.errors import BadArgument, BadFile
+from workbench.errors import BadArgument, BadFile, check_known
 from workbench.motions import save_motion
 from workbench.reading.facts import json_in
 from workbench.reports import write_card
@@ -31,16 +33,7 @@ from workbench.synthetic.made_up import noisy_tubes
 from workbench.threads import limited_threads
 from workbench.training.blocks import REACH, alternation, without_blend_shapes
 from workbench.training.checkpoint import FILE as CHECKPOINT
-from workbench.training.evaluation import (
-    CARD,
-    best_linear,
-    check_held_out,
-    held_out_errors,
-    ideal_skinning_errors,
-    read_ground_truth,
-    shapes_explained,
-)
-from workbench.training.evaluation import FILE as TRUTH
+from workbench.training.evaluation import CARD, check_held_out, held_out_errors, shapes_explained
 from workbench.training.execution import Execution, Processes, Progress, Report
 from workbench.training.first_guess import Start, read_start
 from workbench.training.folder import GENDERS, open_folder, read_meshes
@@ -76,20 +69,16 @@ def train(
         str | None, typer.Option(help=f"Use registrations of one gender ({', '.join(GENDERS)}).")
     ] = None,
     held_out: Annotated[
-        Path | None,
-        typer.Option(
-            help="Folder with registrations of other people; the model card says how well the "
-            "body explains them."
-        ),
+        Path | None, typer.Option(help="Folder of other people, on whom the body is measured.")
     ] = None,
-    betas: Annotated[int, typer.Option(help="Number of shape directions.")] = 10,
-    rounds: Annotated[int, typer.Option(help="Number of rounds of the alternation.")] = 2,
+    betas: Annotated[
+        int, typer.Option(callback=at_least_one, help="Number of shape directions.")
+    ] = 10,
+    rounds: Annotated[
+        int, typer.Option(callback=at_least_one, help="Number of rounds of the alternation.")
+    ] = 2,
     reach: Annotated[
-        int,
-        typer.Option(
-            help="Number of bones from a vertex to the furthest joint whose rotation "
-            "changes the skin there."
-        ),
+        int, typer.Option(min=0, help="Number of bones between a vertex and joints that change it.")
     ] = REACH,
     blend_shapes: Annotated[
         bool,
@@ -104,12 +93,8 @@ def train(
     its model card at the end.
     """
     console = Console()
-    if betas < 1 or rounds < 1:
-        raise BadArgument("--betas and --rounds take 1 or more")
-    if reach < 0:
-        raise BadArgument(f"--reach takes 0 or more bones, not {reach}")
-    if gender is not None and gender not in GENDERS:
-        raise BadArgument(f"--gender takes {', '.join(GENDERS)}, not {gender!r}")
+    if gender is not None:
+        check_known("gender", gender, GENDERS)
     if folder is None:
         unused = {
             "--start": "the synthetic tube has its own template",
@@ -167,7 +152,6 @@ def train(
                 errors = held_out_errors(body, people, execution)
                 if standing.rows:
                     errors |= shapes_explained(body, standing, execution)
-            errors |= _ideal_errors(folder, held_out, guess, poses, people)
             body = replace(body, card={**body.card, "held_out": errors})
             for said, number in errors.items():
                 console.print(f"  {said}: {number:g}")
@@ -203,18 +187,6 @@ def _data(
         f"{len(shapes.rows)} people for shape"
     )
     return folder.resolve().name, guess, poses, shapes if shapes.rows else None
-
-
-def _ideal_errors(
-    folder: Path | None, held_out: Path, guess: Start, poses: Registrations, people: Registrations
-) -> dict[str, float]:
-    """The errors of ideal skinning on held-out people whose ground truth is known."""
-    if not (held_out / TRUTH).is_file():
-        return {}
-    linear = None
-    if folder is not None and (folder / TRUTH).is_file():
-        linear = best_linear(read_ground_truth(folder), poses, guess)
-    return ideal_skinning_errors(read_ground_truth(held_out), people, guess, linear)
 
 
 def _origin(folder: Path | None) -> dict[str, Any]:
@@ -275,11 +247,7 @@ def rig(
         "rigged.npz"
     ),
     rest: Annotated[
-        str | None,
-        typer.Option(
-            help="The mesh whose pose becomes the body's rest pose: a mesh file, or a body; else "
-            "the first mesh."
-        ),
+        str | None, typer.Option(help="A mesh, or a body, in the rest pose; else the first mesh.")
     ] = None,
     bones: Annotated[
         int | None,
@@ -287,10 +255,7 @@ def rig(
     ] = None,
     tolerance: Annotated[
         float | None,
-        typer.Option(
-            help="Error, rms in m, below which no further bone is looked for; else that of the "
-            "meshes' noise, and 0.0001 at least."
-        ),
+        typer.Option(help="Error, rms in m, below which no further bone is looked for."),
     ] = None,
     frames: Annotated[
         int, typer.Option(help="Learn from at most so many meshes, spread evenly.")
@@ -299,7 +264,9 @@ def rig(
         Path | None,
         typer.Option(help="Write the motion of the meshes that were learned from to this .npz."),
     ] = None,
-    fps: Annotated[float, typer.Option(help="Meshes a second, for --motion.")] = 30.0,
+    fps: Annotated[
+        float, typer.Option(callback=above_zero, help="Meshes a second, for --motion.")
+    ] = 30.0,
 ) -> None:
     """Find the skeleton and the skinning weights of meshes in motion, and write them as a body.
 
@@ -314,17 +281,15 @@ def rig(
         raise BadArgument(f"--motion takes a file that ends in .npz, not {motion}")
     if frames < 2:
         raise BadArgument(f"--frames takes 2 or more, not {frames}")
-    if not 0 < fps < np.inf:
-        raise BadArgument(f"--fps takes a number above 0, not {fps:g}")
-    given = read_meshes(meshes, rest)
-    T = len(given.meshes)
+    every, faces, own = read_meshes(meshes, rest)
+    T = len(every)
     learned = T - T // 5
     rows = np.unique(np.linspace(0, learned - 1, min(learned, frames)).round().astype(int))
     others = np.unique(np.linspace(learned, T - 1, min(T // 5, MOST_HELD_OUT)).round().astype(int))
-    first = given.meshes[0] if given.rest is None else given.rest
+    first = every[0] if own is None else own
     say(
         console,
-        f"{T} meshes of {given.meshes.shape[1]} vertices: learning from {len(rows)}, the last "
+        f"{T} meshes of {every.shape[1]} vertices: learning from {len(rows)}, the last "
         f"{T // 5} are held out",
     )
     card = {"provenance": [f"Rigged from the meshes in {', '.join(p.name for p in meshes[:3])}."]}
@@ -332,8 +297,8 @@ def rig(
 
     def rigged(steps: RigSteps, report: RigProgress) -> Rigged:
         return find_rig(
-            given.meshes[rows],
-            given.faces,
+            every[rows],
+            faces,
             rest=first,
             bones=bones,
             tolerance=tolerance,
@@ -363,7 +328,7 @@ def rig(
     console.print(rich_table(_joints(found)))
     say(console, f"{found.body.n_joints} bones; {1e3 * found.rms:.3g} mm from the meshes (rms)")
     if len(others):
-        rms = pose_rms(found.body, given.meshes[others])
+        rms = pose_rms(found.body, every[others])
         say(console, f"{1e3 * rms:.3g} mm from {len(others)} meshes that were held out (rms)")
     for note in found.notes:
         say(console, f"note: {escape(note)}")

@@ -3,19 +3,18 @@
 import math
 from collections.abc import Iterable
 
-from workbench.comparison.comparison import MAIN, Comparison, by_effort, by_success
+from workbench.comparison.comparison import MAIN, Comparison, by_effort
+from workbench.comparison.record import KINDS, LIMITED
 from workbench.comparison.statistics import FEWEST, LEVEL, Interval
 from workbench.comparison.targets import (
+    PRICES,
     SOURCE,
     TargetOutcome,
     ended_by_clock,
-    prices_in_words,
     tau_text,
 )
 from workbench.diagnostics.words import counted
 from workbench.errors import joined
-
-LISTED = 5  # groups of problems that are told one by one
 
 
 def percent(interval: Interval) -> str:
@@ -27,15 +26,15 @@ def percent(interval: Interval) -> str:
     return f"{interval.value:.0%} ({100 * interval.low:.0f}–{100 * interval.high:.0f})"
 
 
-def reliable(comparison: Comparison, problems: Iterable[str], tau: float = MAIN) -> tuple[str, ...]:
+def reliable(comparison: Comparison, problems: Iterable[str]) -> tuple[str, ...]:
     """The solvers that returned an answer within the target from every start of these problems."""
     starts = [i.name for p in problems for i in comparison.starts(p)]
     return tuple(
-        s for s in comparison.solvers if all(comparison.returned_within(i, s, tau) for i in starts)
+        s for s in comparison.solvers if all(comparison.returned_within(i, s, MAIN) for i in starts)
     )
 
 
-def advice(comparison: Comparison, tau: float = MAIN) -> tuple[str, ...]:
+def advice(comparison: Comparison) -> tuple[str, ...]:
     """Which solver to take for which problems, and why; nothing if the runs do not show it.
 
     A solver is advised for problems only if it returned an answer within the target from each of
@@ -44,17 +43,12 @@ def advice(comparison: Comparison, tau: float = MAIN) -> tuple[str, ...]:
     """
     sentences = _nothing_to_compare(comparison)
     if comparison.compared:
-        everywhere = reliable(comparison, comparison.compared, tau)
-        if everywhere:
-            sentences += _sure(comparison, everywhere, tau)
-            failed = {solver: _failures(comparison, solver) for solver in everywhere}
-            sentences += [text for text in failed.values() if text]
-            sound = tuple(s for s in everywhere if not failed[s])
-            sentences += _cheapest(comparison, sound, tau)
-        else:
-            sentences += _none(comparison, tau)
-    sentences += _uncounted(comparison, tau)
-    return (*sentences, *_wrong_ends(comparison), *_clock(comparison))
+        everywhere = reliable(comparison, comparison.compared)
+        sentences.append(_met(comparison, everywhere))
+        failed = {solver: _failures(comparison, solver) for solver in everywhere}
+        sentences += [text for text in failed.values() if text]
+        sentences += _cheapest(comparison, tuple(s for s in everywhere if not failed[s]))
+    return (*sentences, *_uncounted(comparison), *_clock(comparison))
 
 
 def _failures(comparison: Comparison, solver: str) -> str:
@@ -82,45 +76,34 @@ def _nothing_to_compare(comparison: Comparison) -> list[str]:
     ]
 
 
-def _all_starts(comparison: Comparison) -> str:
-    starts = len(comparison.comparable)
-    return f"all {starts} starts" if starts > 1 else "the one start"
-
-
-def _sure(comparison: Comparison, everywhere: tuple[str, ...], tau: float) -> list[str]:
-    each = " each" if len(everywhere) > 1 else ""
-    text = (
-        f"{joined(everywhere)}{each} returned a point within the target τ = {tau_text(tau)} from "
-        f"{_all_starts(comparison)}."
-    )
-    others = [s for s in comparison.solvers if s not in everywhere]
+def _met(comparison: Comparison, everywhere: tuple[str, ...]) -> str:
+    """Which solvers met the target from every start, and from how many the others did."""
+    count, several = len(comparison.comparable), len(comparison.compared) > 1
+    starts = f"all {count} starts" if count > 1 else "the one start"
+    what = f"returned a point within the target τ = {tau_text(MAIN)} from {starts}"
+    if not everywhere:
+        problems = " for all of these problems" if several else ""
+        return f"No solver {what}, so none is advised{problems}."
+    text = f"{joined(everywhere)}{' each' if len(everywhere) > 1 else ''} {what}."
+    others = {
+        s: sum(comparison.returned_within(i.name, s, MAIN) for i in comparison.comparable)
+        for s in comparison.solvers
+        if s not in everywhere
+    }
     if others:
-        counts = ", ".join(
-            f"{s} {sum(comparison.returned_within(i.name, s, tau) for i in comparison.comparable)}"
-            for s in others
-        )
-        starts = len(comparison.comparable)
-        text += f" The others did so from fewer of the {starts}: {counts}."
-    pairs = by_success(comparison, tau)
-    undecided = tuple(s for s in others if not pairs[everywhere[0], s].decided)
-    if not undecided:
-        return [text]
-    least = min(pairs[everywhere[0], s].corrected for s in undecided)
-    return [
-        text,
-        f"These runs do not show whether {joined(undecided)} would also fail more often on other "
-        f"problems (sign test over {_problems(comparison)}: p {_at_least(least)}; level "
-        f"{LEVEL:.0%}).",
-    ]
+        counts = ", ".join(f"{solver} {met}" for solver, met in others.items())
+        text += f" The others did so from fewer of the {count}: {counts}."
+    return text
 
 
-def _cheapest(comparison: Comparison, sound: tuple[str, ...], tau: float) -> list[str]:
+def _cheapest(comparison: Comparison, sound: tuple[str, ...]) -> list[str]:
     """Which solver that always met the target needed the least effort, and how sure that is."""
-    known = comparison.all_counted(tau)
-    ranked = {s: comparison.effort(s, tau).value for s in sound if s in known}
+    known = comparison.all_counted(MAIN)
+    ranked = {s: comparison.effort(s, MAIN).value for s in sound if s in known}
     if len(ranked) < 2:
         return []
-    pairs, test = by_effort(comparison, tau), f"sign test over {_problems(comparison)}: p"
+    pairs = by_effort(comparison)
+    test = f"sign test over {counted(len(comparison.compared), 'problem')}: p"
     level = f"corrected for all pairs; level {LEVEL:.0%}"
     for one in ranked:
         others = tuple(s for s in ranked if s != one)
@@ -136,20 +119,12 @@ def _cheapest(comparison: Comparison, sound: tuple[str, ...], tau: float) -> lis
     first = tuple(s for s, effort in ranked.items() if effort == least)
     if len(first) > 1:
         return [f"Of these, {joined(first)} have the least median effort, {_worth(least)}."]
-    one, others = first[0], tuple(s for s in ranked if s != first[0])
-    ahead = tuple(s for s in others if pairs[s, one].won)
-    unbeaten = tuple(s for s in others if not pairs[one, s].decided)
-    text = f"Of these, {one} has the least median effort, {_worth(least)}"
+    unbeaten = tuple(s for s in ranked if s != first[0] and not pairs[first[0], s].decided)
+    text = f"Of these, {first[0]} has the least median effort, {_worth(least)}"
     if unbeaten:
-        smallest = min(pairs[one, s].corrected for s in unbeaten)
-        text += (
-            f", but its lead over {joined(unbeaten)} may be chance ({test} "
-            f"{_at_least(smallest)}, {level})"
-        )
-    if ahead:
-        text += (
-            f"; yet {joined(ahead)} needed less than it on more problems than chance would explain"
-        )
+        smallest = min(pairs[first[0], s].corrected for s in unbeaten)
+        p = "= 1" if smallest >= 1 else f"= {smallest:.2g} or more"
+        text += f", but its lead over {joined(unbeaten)} may be chance ({test} {p}, {level})"
     if len(comparison.compared) < FEWEST:
         text += f". With fewer than {FEWEST} problems no pair can pass this test"
     return [f"{text}."]
@@ -159,64 +134,17 @@ def _worth(effort: float) -> str:
     return f"{effort:.4g} evaluations of the residual at the published prices"
 
 
-def _none(comparison: Comparison, tau: float) -> list[str]:
-    """If no solver always met the target: which solvers did so on which problems."""
-    several = len(comparison.compared) > 1
-    sentences = [
-        f"No solver returned a point within the target τ = {tau_text(tau)} from "
-        f"{_all_starts(comparison)}, so none is advised"
-        f"{' for all of these problems' if several else ''}."
-    ]
-    if not several:
-        return sentences
-    groups: dict[tuple[str, ...], list[str]] = {}
-    for problem in comparison.compared:
-        groups.setdefault(reliable(comparison, (problem,), tau), []).append(problem)
-    order = sorted(groups, key=lambda who: (not who, -len(groups[who])))
-    for who in order[:LISTED]:
-        did = f"{joined(who)} did so" if who else "no solver did so"
-        sentences.append(f"On {joined(tuple(groups[who]))}: {did} from every start.")
-    if len(order) > LISTED:
-        sentences.append("The page shows the other problems one by one.")
-    return sentences
-
-
-def _uncounted(comparison: Comparison, tau: float) -> list[str]:
+def _uncounted(comparison: Comparison) -> list[str]:
     """The solvers of which not all evaluations were counted."""
     sentences = []
     for solver in comparison.solvers:
-        runs = [i.name for i in comparison.instances if comparison.uncounted(i.name, solver, tau)]
+        runs = [i.name for i in comparison.instances if comparison.uncounted(i.name, solver)]
         if runs:
             sentences.append(
                 f"{solver}: not everything was counted in {len(runs)} of "
                 f"{len(comparison.instances)} runs, so its effort is unknown, and it is left out "
                 "of all statements on effort. It evaluated a graph or the residuals in its own "
                 "code (as nlpsol does), or returned a point that it never evaluated."
-            )
-    return sentences
-
-
-def _wrong_ends(comparison: Comparison) -> list[str]:
-    """The solvers that end in other basins or at saddles, or that claim convergence wrongly."""
-    sentences = []
-    for solver in comparison.solvers:
-        counts = comparison.outcome_counts(solver)
-        runs = counts.total()
-        if wrong := counts[TargetOutcome.FALSE_CLAIM]:
-            sentences.append(
-                f"{solver} claims convergence at points that are not stationary, in {wrong} of "
-                f"{runs} runs: do not believe its status."
-            )
-        elsewhere = counts[TargetOutcome.OTHER_BASIN]
-        if elsewhere and elsewhere >= runs / 2:
-            sentences.append(
-                f"In {elsewhere} of {runs} runs {solver} ends in a basin of higher cost: start it "
-                "from several points."
-            )
-        if saddles := counts[TargetOutcome.SADDLE]:
-            sentences.append(
-                f"In {saddles} of {runs} runs {solver} ends at a saddle point, from which the cost "
-                "falls: start it again from the `lower` point of its solution."
             )
     return sentences
 
@@ -234,38 +162,29 @@ def _clock(comparison: Comparison) -> list[str]:
 
 def prices_sentence() -> str:
     """At which prices effort is counted."""
+    priced = ", ".join(f"{PRICES[k].name} {PRICES[k].formula}" for k in KINDS[: LIMITED + 1])
     return (
         "Effort is the number of evaluations until the target is met, each kind times a fixed "
-        f"price in units of one evaluation of the residual: {prices_in_words()} "
+        f"price in units of one evaluation of the residual: {priced}, for n free numbers "
         f"(a gradient as {SOURCE}, bound it, a Jacobian as differences would give it, constraints "
         "by convention). It does not depend on any clock."
     )
 
 
-def _problems(comparison: Comparison) -> str:
-    return counted(len(comparison.compared), "problem")
-
-
-def _at_least(p: float) -> str:
-    return "= 1" if p >= 1 else f"= {p:.2g} or more"
-
-
 def basin_sentence(comparison: Comparison, problem: str) -> str:
     """How many basins the ends of a problem fall into, and how many runs ended in the lowest."""
-    chosen = [i.name for i in comparison.instances_of(problem)]
-    found = {n: comparison.end_analysis(n) for n in chosen}
-    several = max((len(j.costs) for j in found.values()), default=0)
-    counted = [b for (i, _), b in comparison.basins.items() if i in found]
-    lowest = sum(1 for b in counted if b == 0)
-    if not counted:
+    found = {i.name: comparison.end_analysis(i.name) for i in comparison.instances_of(problem)}
+    basins = [b for (i, _), b in comparison.basins.items() if i in found]
+    several = max((len(analysis.costs) for analysis in found.values()), default=0)
+    if not basins:
         return f"{problem}: no run ended at a point of finite cost."
-    if len(counted) == 1:
+    if len(basins) == 1:
         return f"{problem}: only one run ended, so that no other basin is known."
-    per = "" if len({id(j) for j in found.values()}) == 1 else "up to "
+    own = len({id(analysis) for analysis in found.values()}) > 1  # data for each start
     if several == 1:
-        each = "on each data set " if per else ""
-        return f"{problem}: {each}all {len(counted)} ends lead to one basin."
+        each = "on each data set " if own else ""
+        return f"{problem}: {each}all {len(basins)} ends lead to one basin."
     return (
-        f"{problem}: the ends lead to {per}{several} basins; {lowest} of {len(counted)} ends lead "
-        "to the lowest."
+        f"{problem}: the ends lead to {'up to ' if own else ''}{several} basins; "
+        f"{basins.count(0)} of {len(basins)} ends lead to the lowest."
     )

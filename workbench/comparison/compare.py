@@ -4,6 +4,7 @@ import uuid
 from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TypeVar
 
 import numpy as np
@@ -20,7 +21,7 @@ from workbench.comparison.design import (
 )
 from workbench.comparison.ends import EndAnalysis
 from workbench.comparison.record import Description, Record, Stored, ended
-from workbench.comparison.store import FolderStore, MemoryStore
+from workbench.comparison.store import FolderStore
 from workbench.comparison.workers import AnalyseEnds, JobFailed, Solve, SolverJob, answered, pool
 from workbench.errors import BadArgument, WorkbenchError
 from workbench.writing import Keeping
@@ -59,18 +60,18 @@ def compare(
     chosen = design(experiments, solvers, seeds, budget or Budget())
     if workers < 1:
         raise BadArgument(f"workers is how many runs go side by side, 1 or more; not {workers}")
-    store = MemoryStore() if folder is None else FolderStore(folder)
-    dispatcher = _Dispatcher(store, workers, progress)
-    try:
-        return _carried_out(chosen, dispatcher)
-    finally:
-        pool().close(dispatcher.name)
+    with TemporaryDirectory(prefix="workbench-", ignore_cleanup_errors=True) as temporary:
+        dispatcher = _Dispatcher(FolderStore(folder or temporary), workers, progress)
+        try:
+            return _carried_out(chosen, dispatcher)
+        finally:
+            pool().close(dispatcher.name)
 
 
 class _Dispatcher:
     """Sends jobs to workers, and stores the answers as they come."""
 
-    def __init__(self, store: MemoryStore | FolderStore, workers: int, progress: Callback) -> None:
+    def __init__(self, store: FolderStore, workers: int, progress: Callback) -> None:
         self.name = uuid.uuid4().hex  # by which workers know whose jobs they do
         self._store, self._workers, self._progress = store, workers, progress
         self._keep = Keeping()

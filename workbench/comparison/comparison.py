@@ -283,26 +283,11 @@ class Comparison:
         outcomes = [self.outcomes[i.name, solver] for i in self.comparable]
         return self._share(outcomes.count(TargetOutcome.REACHED), self.comparable)
 
-    def digits(self, solver: str) -> Array:
-        """Digits that agree with the certified answer, run by run; 0 of a run without an end."""
-        certified = [i.name for i in self.instances if self.described[i.name].certified]
-        digits = [float(np.nan_to_num(self.records[name, solver].digits)) for name in certified]
-        return np.array(digits)
-
 
 def by_effort(comparison: Comparison, tau: float = MAIN) -> Pairs:
     """All pairs of solvers by effort until a target; the tests are corrected for their number."""
-    return _pairs(comparison, comparison.needed(tau))
-
-
-def by_success(comparison: Comparison, tau: float = MAIN) -> Pairs:
-    """By success alone: a win is a target that only one of them met."""
-    return _pairs(comparison, np.where(np.isposinf(comparison.needed(tau)), np.inf, 1.0))
-
-
-def _pairs(comparison: Comparison, amounts: Array) -> Pairs:
     problems, names = [i.problem for i in comparison.comparable], comparison.solvers
-    pairs = list(combinations(range(len(names)), 2))
+    amounts, pairs = comparison.needed(tau), list(combinations(range(len(names)), 2))
     tests = [paired_test(amounts[:, i], amounts[:, j], problems) for i, j in pairs]
     both: Pairs = {}
     for (i, j), one in zip(pairs, holm_corrected(tests), strict=True):

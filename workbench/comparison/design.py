@@ -103,21 +103,13 @@ class NamedSolver:
 
 @dataclass(frozen=True)
 class Instance:
-    """An experiment with all its arguments: one problem and one start, the same for all solvers.
+    """An experiment with all its arguments: one problem and one start, the same for all solvers."""
 
-    Attributes:
-        problem: the name of the problem on the page.
-        experiment: the experiment with its arguments.
-        argument: the argument that numbers the repetitions; empty if none does.
-        number: the value of that argument; 0 without one.
-        repetition: which repetition it is: 0, 1, ...
-    """
-
-    problem: str
-    experiment: Experiment
-    argument: str
-    number: int
-    repetition: int
+    problem: str  # the name of the problem on the page
+    experiment: Experiment  # the experiment with its arguments
+    argument: str  # the argument that numbers the repetitions; empty if none does
+    number: int  # the value of that argument; 0 without one
+    repetition: int  # which repetition it is: 0, 1,
 
     @property
     def name(self) -> str:
@@ -153,19 +145,12 @@ def _pickled(thing: Any, what: str) -> bytes:
 
 @dataclass(frozen=True)
 class Design:
-    """What a comparison carries out: every solver solves every instance, within one budget.
+    """What a comparison carries out: every solver solves every instance, within one budget."""
 
-    Attributes:
-        instances: the instances.
-        named_solvers: the solvers.
-        budget: the limits of each run.
-        seeds: how many starts each problem has.
-    """
-
-    instances: tuple[Instance, ...]
-    named_solvers: tuple[NamedSolver, ...]
-    budget: Budget
-    seeds: int
+    instances: tuple[Instance, ...]  # the instances
+    named_solvers: tuple[NamedSolver, ...]  # the solvers
+    budget: Budget  # the limits of each run
+    seeds: int  # how many starts each problem has
 
     def key(self, kind: str, *parts: Any) -> str:
         """The key of a stored result; it changes with everything that the result depends on."""

@@ -13,7 +13,7 @@ from workbench.comparison.record import KINDS, RunLog
 from workbench.problem import Linearization, Problem
 from workbench.problem.constraints import ConstraintSet
 from workbench.problem.costs import CostGradients, CostMethod, Costs, Places, interpreted
-from workbench.problem.rounding import half_squared
+from workbench.problem.optimality import half_squared
 from workbench.problem.storage import Stored
 from workbench.residuals import Residual
 from workbench.solvers.limits import Meter, limited
@@ -136,45 +136,34 @@ class RunMeter:
                 self._log.better(x, _numbers(counts), seconds, self._best)
 
 
+def _taken(name: str) -> Any:
+    """An attribute of a metered problem by which its evaluations can go on unseen.
+
+    It is noted if it is taken from outside of the workbench.
+    """
+
+    def get(problem: "MeteredProblem") -> Any:
+        if sys._getframe(1).f_globals.get("__name__", "").partition(".")[0] != "workbench":
+            problem._meter.taken()
+        return getattr(problem._problem, name)
+
+    return property(get)
+
+
 class MeteredProblem(Problem):
     """A copy of a problem that a `RunMeter` counts; see `RunMeter.metered`.
 
     What takes residuals or graphs to where their evaluations cannot be seen is noted in the log.
     """
 
+    residuals, function, derivative, adjoint, hessian = map(
+        _taken, ("residuals", "function", "derivative", "adjoint", "hessian")
+    )
+
     def __init__(self, problem: Problem, meter: RunMeter, complete: Complete | None) -> None:
         vars(self).update(vars(problem))
         self._problem, self._meter, self._complete = problem, meter, complete
-        sizes = problem.free.size, problem.fixed.size
-
-        def graph(
-            kind: str, build: Callable[[], cs.Function], costs: Callable[[cs.DM], Array] | None
-        ) -> MeteredFunction:
-            def ask(compute: Callable[[], Any], x: Array, fixed: Array) -> Any:
-                return meter.ask(
-                    {kind: len(x)}, compute, costs, lambda i: (x[i], fixed[i]), complete
-                )
-
-            return MeteredFunction(build, sizes, ask, meter)
-
-        graphs = {  # in place of those of the problem, which are kept there as well
-            "function": graph("residual", lambda: problem.function, _half_squared),
-            "derivative": graph(
-                "jacobian", lambda: problem.derivative, lambda out: _half_squared(out[0])
-            ),
-            "adjoint": graph("gradient", lambda: problem.adjoint, lambda out: np.asarray(out[0])),
-            "hessian": graph("hessian", lambda: problem.hessian, None),
-        }
-        vars(self).update(graphs)
         self.stacked_constraints = _counted(problem.stacked_constraints, meter)
-        self.solvers_made = []  # so that no run is quicker for those before it
-
-    @property
-    def residuals(self) -> tuple[Residual, ...]:  # type: ignore[override]
-        """The residuals; who takes them from outside of the workbench can ask them unseen."""
-        if sys._getframe(1).f_globals.get("__name__", "").partition(".")[0] != "workbench":
-            self._meter.taken()
-        return self._problem.residuals
 
     def variant(self, residuals: Iterable[Residual], names: Iterable[str]) -> Problem:
         """Another problem, whose evaluations are not counted."""
@@ -271,50 +260,6 @@ class MeteredProblem(Problem):
         return ask
 
 
-class MeteredFunction:
-    """A function (x, fixed) -> outputs of a problem, in the place of the function itself.
-
-    Called with numbers, of one point or of several side by side, every point is counted. In
-    whatever else a CasADi function can be used for (called with symbols or by names, mapped, given
-    to nlpsol, differentiated, saved) its evaluations cannot be seen: then this is noted, and the
-    function itself is handed over. It is built when it is needed first.
-    """
-
-    def __init__(
-        self,
-        build: Callable[[], cs.Function],
-        sizes: tuple[int, int],
-        ask: Callable[[Callable[[], Any], Array, Array], Any],
-        meter: RunMeter,
-    ) -> None:
-        self._build, self._sizes, self._ask, self._meter = build, sizes, ask, meter
-
-    @property  # type: ignore[misc]  # for solvers that ask what they were given
-    def __class__(self) -> Any:
-        return cs.Function
-
-    def __call__(self, *arguments: Any, **named: Any) -> Any:
-        """The outputs, as a CasADi function returns them; a call with numbers is counted."""
-        with self._meter.paused():
-            function = self._build()
-        try:
-            x, fixed = (np.asarray(cs.DM(one), dtype=float).T for one in arguments)
-        except (NotImplementedError, TypeError, ValueError):
-            x = fixed = np.zeros((0, 0))
-        if named or (x.shape[1:], fixed.shape[1:]) != tuple((size,) for size in self._sizes):
-            self._meter.taken()
-            return function(*arguments, **named)
-        fixed = np.broadcast_to(fixed, (len(x), self._sizes[1]))
-        return self._ask(lambda: function(*arguments), x, fixed)
-
-    def __getattr__(self, name: str) -> Any:
-        if name.startswith("__"):
-            raise AttributeError(name)
-        if not name.endswith(("_in", "_out")):
-            self._meter.taken()
-        return getattr(self._build(), name)
-
-
 def _counted(there: ConstraintSet | None, meter: RunMeter) -> ConstraintSet | None:
     """A copy of constraints whose evaluations are counted."""
     if there is None:
@@ -335,8 +280,3 @@ def _counted(there: ConstraintSet | None, meter: RunMeter) -> ConstraintSet | No
 def _numbers(counts: dict[str, int]) -> Array:
     """The counts in the order of KINDS."""
     return np.array(list(counts.values()), dtype=float)
-
-
-def _half_squared(r: cs.DM) -> Array:
-    """The costs (M,) of residuals (m, M), one column for each point."""
-    return 0.5 * np.asarray(np.sum(np.asarray(r, dtype=float) ** 2, axis=0))

@@ -3,7 +3,7 @@
 import os
 import platform
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from enum import Enum
 from functools import cache
 from pathlib import Path
@@ -36,26 +36,17 @@ ROWS = 20_000  # improvements that are kept
 
 @dataclass(frozen=True, eq=False)
 class ObservedRun:
-    """What a metered problem observed of one run.
+    """What a metered problem observed of one run."""
 
-    Attributes:
-        counts: the number of evaluations by kind, in the order of KINDS.
-        spent: the seconds spent in the problem by kind, likewise.
-        not_finite: the number of evaluations whose cost was NaN or infinite.
-        seconds: how long the run took.
-        best: (n,) the point of least cost; empty if no cost was finite.
-        trace: (k, kinds + 2) for every improvement the evaluations by kind, the seconds and the
-            cost, which falls.
-        taken: whether a graph was taken to where its evaluations cannot be counted.
-    """
-
-    counts: tuple[int, ...]
-    spent: tuple[float, ...]
-    not_finite: int
-    seconds: float
-    best: Array
+    counts: tuple[int, ...]  # the number of evaluations by kind, in the order of KINDS
+    spent: tuple[float, ...]  # the seconds spent in the problem by kind, likewise
+    not_finite: int  # the number of evaluations whose cost was NaN or infinite
+    seconds: float  # how long the run took
+    best: Array  # (n,) the point of least cost; empty if no cost was finite
+    # (k, kinds + 2) for every improvement the evaluations by kind, the seconds and the cost,
+    # which falls
     trace: Array
-    taken: bool = False
+    taken: bool = False  # whether a graph was taken to where its evaluations cannot be counted
 
     @property
     def evaluations(self) -> Evaluations:
@@ -198,9 +189,9 @@ class Record:
         end, best = array_of(arrays, "end", 1), array_of(arrays, "best", 1)
         if end.size and best.size and end.size != best.size:
             raise BadFile(f"the end has {end.size} unknowns, and the best point has {best.size}")
-        cost = facts.amount("cost")
-        if np.isfinite(cost) and not (end.size and np.isfinite(end).all()):
-            raise BadFile(f"its end costs {cost:.3g}, and is no point")
+        plain = _read(Record, facts)
+        if np.isfinite(plain["cost"]) and not (end.size and np.isfinite(end).all()):
+            raise BadFile(f"its end costs {plain['cost']:.3g}, and is no point")
         trace = array_of(arrays, "trace", 2)
         if trace.shape[1] != ROW or len(trace) > ROWS or not np.isfinite(trace).all():
             raise BadFile(f"trace has shape {trace.shape}, or is not finite")
@@ -209,29 +200,14 @@ class Record:
         counts, spent = facts.several("counts", whole), facts.several("spent", amount)
         if not len(counts) == len(spent) == len(KINDS) or not np.isfinite(spent).all():
             raise BadFile(f"counts are {counts} and times {spent}, of {len(KINDS)} kinds")
-        claim = facts.text("claim")  # older files have older names of statuses
+        claim = plain.pop("claim")  # older files have older names of statuses
+        seen = facts.whole("not_finite"), facts.duration("seconds"), best, trace
         return Record(
-            solver=facts.text("solver"),
-            instance=facts.text("instance"),
+            **plain,
             ending=RunEnding[facts.among("ending", RunEnding.__members__)],
-            message=facts.text("message"),
             claim=Status[claim].name if claim in Status.__members__ else claim,
-            claimed_cost=facts.number("claimed_cost"),
-            cost=cost,
-            optimality=facts.amount("optimality"),
-            inside=facts.truth("inside"),
-            digits=facts.number("digits"),
             end=end,
-            machine=facts.text("machine"),
-            observed=ObservedRun(
-                counts,
-                spent,
-                facts.whole("not_finite"),
-                facts.duration("seconds"),
-                best,
-                trace.reshape(-1, ROW),
-                facts.truth("taken"),
-            ),
+            observed=ObservedRun(counts, spent, *seen, facts.truth("taken")),
         )
 
 
@@ -253,29 +229,17 @@ def array_of(arrays: Mapping[str, Array], name: str, axes: int) -> Array:
 
 @dataclass(frozen=True)
 class Description:
-    """An instance as a worker process found it.
+    """An instance as a worker process found it."""
 
-    Attributes:
-        instance: its name.
-        rows: m, the number of residual rows.
-        unknowns: n, the number of free numbers.
-        bounded: whether there are bounds.
-        start_cost: the cost at the start.
-        known_cost: the cost of the known answer; NaN if none is known.
-        known_source: where the known answer comes from.
-        certified: whether the values of the known answer are known.
-        question: the question that the experiment asks.
-    """
-
-    instance: str
-    rows: int
-    unknowns: int
-    bounded: bool
-    start_cost: float
-    known_cost: float
-    known_source: str
-    certified: bool
-    question: str
+    instance: str  # its name
+    rows: int  # m, the number of residual rows
+    unknowns: int  # n, the number of free numbers
+    bounded: bool  # whether there are bounds
+    start_cost: float  # the cost at the start
+    known_cost: float  # the cost of the known answer; NaN if none is known
+    known_source: str  # where the known answer comes from
+    certified: bool  # whether the values of the known answer are known
+    question: str  # the question that the experiment asks
 
     def stored(self) -> Stored:
         """The description as facts; `of` reads them."""
@@ -284,18 +248,15 @@ class Description:
     @staticmethod
     def of(stored: Stored) -> "Description":
         """The description that `stored` gave. Raises BadFile for anything else."""
-        facts = Facts(stored[0])
-        return Description(
-            instance=facts.text("instance"),
-            rows=facts.whole("rows"),
-            unknowns=facts.whole("unknowns"),
-            bounded=facts.truth("bounded"),
-            start_cost=facts.amount("start_cost"),
-            known_cost=facts.number("known_cost"),
-            known_source=facts.text("known_source"),
-            certified=facts.truth("certified"),
-            question=facts.text("question"),
-        )
+        return Description(**_read(Description, Facts(stored[0])))
+
+
+READERS = {str: Facts.text, int: Facts.whole, bool: Facts.truth, float: Facts.number}
+
+
+def _read(kind: type, facts: Facts) -> dict[str, Any]:
+    """The plain fields of a dataclass from facts."""
+    return {f.name: READERS[f.type](facts, f.name) for f in fields(kind) if f.type in READERS}
 
 
 @cache

@@ -20,8 +20,8 @@ TIE = 0.01  # efforts that differ by less, as a share of the smaller one, are eq
 
 @dataclass(frozen=True)
 class Interval:
-    """An estimate, and between which numbers it lies with a confidence of `coverage` or more;
-    NaN where no interval of at least 95 % exists.
+    """An estimate, and between which numbers it lies with a confidence of `coverage` or more, at
+    least 95 %; NaN where there is no such interval.
     """
 
     value: float
@@ -36,9 +36,8 @@ class Interval:
 
 
 def rate(successes: int, trials: int) -> Interval:
-    """A proportion of independent trials with the exact interval of Clopper and Pearson (The use
-    of confidence or fiducial limits illustrated in the case of the binomial, Biometrika 26, 1934):
-    for every true proportion it covers in at least 95 % of the cases, whatever `trials` is.
+    """A proportion of independent trials with the exact interval of Clopper and Pearson (Biometrika
+    26, 1934): for every true proportion it covers in at least 95 % of the cases.
     """
     if trials == 0:
         return Interval(np.nan)
@@ -56,9 +55,8 @@ def median(numbers: ArrayLike) -> Interval:
 
     Of n independent numbers the median of their distribution lies between the k-th smallest and the
     k-th largest with probability 1 - 2 P(B < k) or more, B being binomial (n, 1/2), for every
-    distribution. k is the largest for which that is 95 %; `coverage` says what it is. Below
-    FEWEST = 6 numbers even the smallest and the largest lose more (2 (1/2)^5 = 6 %), so there is
-    no interval. The value is NaN if one of the numbers is.
+    distribution. k is the largest for which that is 95 %; below FEWEST = 6 numbers there is none.
+    The value is NaN if one of the numbers is.
     """
     x = np.sort(np.asarray(numbers, dtype=float).ravel())
     n = x.size
@@ -110,22 +108,15 @@ class PairedTest:
 
     Several starts of one problem are not independent evidence. A problem is therefore won by the
     solver that won more of its starts, and the test compares problems.
-
-    Attributes:
-        first: from how many starts the first solver needed less.
-        second: from how many starts the second solver needed less.
-        ties: from how many starts both needed equally much.
-        both_fail: from how many starts both failed.
-        problems: on how many problems the first was ahead, and on how many the second.
-        corrected: the p-value corrected for all pairs that were compared; NaN if there are no
-            other pairs.
     """
 
-    first: int
-    second: int
-    ties: int
-    both_fail: int
+    first: int  # from how many starts the first solver needed less
+    second: int  # from how many starts the second solver needed less
+    ties: int  # from how many starts both needed equally much
+    both_fail: int  # from how many starts both failed
+    # on how many problems the first was ahead, and on how many the second
     problems: tuple[int, int]
+    # the p-value corrected for all pairs that were compared; NaN if there are no other pairs
     corrected: float = np.nan
 
     @property

@@ -19,28 +19,6 @@ RUNS = "runs"
 FACTS = "facts"
 
 
-class MemoryStore:
-    """A store that lasts as long as the process."""
-
-    def __init__(self) -> None:
-        self._held: dict[str, Stored] = {}
-
-    def get(self, key: str, of: Callable[[Stored], T]) -> T | None:
-        """What is stored under a key, as `of` makes it; None if nothing is, or nothing whole.
-
-        `of` raises BadFile for what is something else.
-        """
-        return of(self._held[key]) if key in self._held else None
-
-    def put(self, key: str, stored: Stored) -> None:
-        """Keep a result, its facts and its arrays, so that `get` finds it under this key.
-
-        A result that was kept under the same key before is replaced.
-        """
-        facts, arrays = stored
-        self._held[key] = json.loads(json.dumps(facts)), arrays
-
-
 class FolderStore:
     """One file for each result in FOLDER/runs, written whole or not at all.
 
@@ -69,7 +47,10 @@ class FolderStore:
             write_file(self.folder / MARK, text)
 
     def get(self, key: str, of: Callable[[Stored], T]) -> T | None:
-        """The same; a file that is not whole, or holds something else, counts as none."""
+        """What is stored under a key, as `of` makes it; None if nothing is, or nothing whole.
+
+        `of` raises BadFile for what is something else.
+        """
         try:
             with open_arrays(self._runs / f"{key}.npz") as archive:
                 facts = facts_in(read_expected(archive, {FACTS: texts()})[FACTS])

@@ -6,24 +6,17 @@ separately, with their spread, and rank no solver.
 
 import csv
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
+from workbench.arrays import Array
 from workbench.comparison.comparison import Comparison
 from workbench.comparison.design import Instance
 from workbench.comparison.record import KINDS
-from workbench.comparison.targets import claims, stationary, tau_text
+from workbench.comparison.targets import claims, tau_text
 from workbench.writing import replacing
-
-
-def deterministic(comparison: Comparison) -> tuple[str, ...]:
-    """The columns that a repetition gives again: all but those with times."""
-    columns = next(rows(comparison))
-    return tuple(c for c in columns if not c.startswith(("seconds", "machine")))
 
 
 def rows(comparison: Comparison) -> Iterator[dict[str, Any]]:
@@ -48,7 +41,8 @@ def write_csv(comparison: Comparison, path: Path, chosen: Sequence[str] | None =
 def _row(comparison: Comparison, instance: Instance, solver: str) -> dict[str, Any]:
     record = comparison.records[instance.name, solver]
     reference = comparison.references[instance.name]
-    holds = stationary(record, comparison.design.budget.stationary) if claims(record) else None
+    budget = comparison.design.budget
+    holds = record.optimality <= budget.stationary if claims(record) else None
     basin = comparison.basins.get((instance.name, solver))
     row: dict[str, Any] = {
         "problem": instance.problem,
@@ -89,36 +83,24 @@ def _plain(value: Any) -> Any:
     return repr(float(value)) if isinstance(value, float) else value
 
 
-@dataclass(frozen=True)
-class Seconds:
-    """The smallest, the median and the largest of several times in seconds; NaN without any."""
-
-    minimum: float
-    median: float
-    maximum: float
-
-    @staticmethod
-    def of(seconds: ArrayLike) -> "Seconds":
-        """The spread of any number of seconds."""
-        s = np.asarray(seconds, dtype=float)
-        if not s.size:
-            return Seconds(np.nan, np.nan, np.nan)
-        return Seconds(float(s.min()), float(np.median(s)), float(s.max()))
-
-
 def seconds_to(
     comparison: Comparison, solver: str, tau: float, problem: str | None = None
-) -> Seconds:
-    """The seconds until a target was met, over the starts from which a run met it."""
+) -> Array:
+    """(3,) the least, median and most seconds until a target, over the starts from which it was
+    met; NaN without any.
+    """
     reached = [comparison.reached_at(i.name, solver, tau) for i in comparison.starts(problem)]
-    return Seconds.of([row[-2] for row in reached if row is not None])
+    return _spread([row[-2] for row in reached if row is not None])
 
 
-def seconds_of_runs(comparison: Comparison, solver: str) -> Seconds:
-    """The time of whole runs, over all starts."""
-    return Seconds.of(
-        [comparison.records[i.name, solver].observed.seconds for i in comparison.instances]
-    )
+def seconds_of_runs(comparison: Comparison, solver: str) -> Array:
+    """(3,) the same of whole runs, over all starts."""
+    runs = (comparison.records[i.name, solver] for i in comparison.instances)
+    return _spread([run.observed.seconds for run in runs])
+
+
+def _spread(seconds: list[float]) -> Array:
+    return np.quantile(seconds, [0.0, 0.5, 1.0]) if seconds else np.full(3, np.nan)
 
 
 def evaluation_seconds(comparison: Comparison, problem: str) -> dict[str, float]:

@@ -9,36 +9,29 @@ Effort is a sum of counts times prices, so the same runs have the same effort on
 residual is the unit, and n the number of free numbers. A derivative costs no more than anybody can
 have it for: a gradient of the cost, one reverse sweep, 4 (Griewank and Walther, Evaluating
 Derivatives, second edition, SIAM 2008, chapter 4), or n + 1 by forward differences where that is
-less; residual and Jacobian n + 1, the price of forward differences, so that exact derivatives are
-never dearer than approximate ones; a Hessian of the cost, the same differences of gradients,
-4 (n + 1). These are operations, not seconds: a sparse Jacobian takes less than its price, and a
-gradient of a very quick residual may take many times its price on the clock. The page of a
-comparison therefore shows the measured ratios beside the prices. All constraints together are
-priced as one residual by convention, and their derivatives accordingly.
+less; residual and Jacobian n + 1, so that exact derivatives are never dearer than differences; a
+Hessian of the cost, differences of gradients, 4 (n + 1). These are operations, not seconds. All
+constraints together are priced as one residual by convention, and their derivatives accordingly.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
-from workbench.comparison.record import KINDS, LIMITED, Record, RunEnding
+from workbench.comparison.record import KINDS, Record, RunEnding
 from workbench.experiments.running import SMALLEST, relative_excess
 from workbench.solvers import Status
 from workbench.solvers.starts import AS_GOOD
 
 
-@dataclass(frozen=True)
-class Price:
-    """The price of one kind of evaluation.
-
-    Attributes:
-        name: the name of the kind.
-        formula: the formula, as text.
-        of: the formula as a function of n; it returns evaluations of the residual.
+class Price(NamedTuple):
+    """The price of one kind of evaluation: its name and formula as texts, and as a function of n,
+    in evaluations of the residual.
     """
 
     name: str
@@ -66,12 +59,6 @@ def prices(n: int) -> dict[str, float]:
 def units(counts: ArrayLike, n: int) -> Array:
     """The effort in evaluations of the residual: the counts (..., kinds) times their prices."""
     return np.asarray(np.asarray(counts, dtype=float) @ np.array(list(prices(n).values())))
-
-
-def prices_in_words() -> str:
-    """The prices in a sentence."""
-    short = (f"{PRICES[kind].name} {PRICES[kind].formula}" for kind in KINDS[: LIMITED + 1])
-    return f"{', '.join(short)}, for n free numbers"
 
 
 TAUS = (1e-1, 1e-3, 1e-5, 1e-7)
@@ -115,19 +102,12 @@ EARLY = {
 
 @dataclass(frozen=True)
 class ReferenceCosts:
-    """The two costs by which the runs from one start are measured.
+    """The two costs by which the runs from one start are measured."""
 
-    Attributes:
-        start: f_0, the cost at the start.
-        best: f*, the lowest cost known.
-        origin: where f* comes from.
-        alone: whether f* comes from the only run that ended, and no other cost is known.
-    """
-
-    start: float
-    best: float
-    origin: str
-    alone: bool = False
+    start: float  # f_0, the cost at the start
+    best: float  # f*, the lowest cost known
+    origin: str  # where f* comes from
+    alone: bool = False  # whether f* comes from the only run that ended, and no other cost is known
 
     def target(self, tau: float) -> float:
         """The largest cost that meets the target; NaN where start or best is not finite.
@@ -158,11 +138,6 @@ class ReferenceCosts:
         """
         excess = relative_excess(cost, self.best, self.start)
         return excess <= AS_GOOD or cost <= self.target(NEARLY)
-
-
-def stationary(record: Record, tolerance: float) -> bool:
-    """Whether the returned point is stationary, as the problem judges it."""
-    return record.optimality <= tolerance
 
 
 def claims(record: Record) -> bool:
@@ -206,7 +181,7 @@ def target_outcome(
         return TargetOutcome.NOT_ALLOWED
     if reference.alone:
         return TargetOutcome.ALONE
-    settled = stationary(record, tolerance)
+    settled = record.optimality <= tolerance
     if (settled and lowest) or (lowest is not False and reference.is_lowest(record.cost)):
         return TargetOutcome.REACHED
     if record.claim in SAID and (settled or record.claim != Status.SADDLE.name):

@@ -1,15 +1,12 @@
 """A worker process: it receives jobs by a channel and answers them.
 
-What a solver or a problem prints is discarded. An alarm of the system ends a process that still
-hangs after the process that started it has gone.
+What a solver or a problem prints is discarded.
 """
 
 import pickle
 import random
-import signal
 import sys
 import time
-from collections import OrderedDict
 from copy import deepcopy
 from dataclasses import replace
 from functools import partial
@@ -31,8 +28,6 @@ from workbench.solvers import Solution
 from workbench.solvers.limits import Stop
 from workbench.threads import limited_threads
 
-KEPT = 4  # problems that stay built
-ORPHAN = 5.0  # s after a limit, at which the system ends a process that nobody ended
 SLOW = 3  # Jacobians: the grace of a problem whose evaluations take long
 
 
@@ -44,12 +39,9 @@ def main() -> None:
 
 def serve(channel: Channel) -> None:
     """Answer jobs until the connection is closed."""
-    built: OrderedDict[bytes, Setup] = OrderedDict()  # the last few
-    alarm = getattr(signal, "setitimer", lambda which, seconds: None)
-    timer = getattr(signal, "ITIMER_REAL", 0)
+    built: dict[bytes, Setup] = {}  # the last one
 
     def announce(phase: str, seconds: float) -> None:
-        alarm(timer, seconds + ORPHAN)
         channel.send(pickle.dumps((phase, seconds)))
 
     while message := channel.receive():
@@ -59,16 +51,11 @@ def serve(channel: Channel) -> None:
         try:
             key = pickle.dumps(job.open_experiment)
             if key not in built:
-                built[key] = job.open_experiment().setup()
-                while len(built) > KEPT:
-                    built.popitem(last=False)
-            built.move_to_end(key)
+                built = {key: job.open_experiment().setup()}
             with limited_threads():
                 answer = _answered(job, built[key], announce)
         except BaseException as error:  # also a user's SystemExit
-            said = str(error) if isinstance(error, WorkbenchError) else _told(error)
-            answer = JobFailed(said, isinstance(error, UnknownName))
-        alarm(timer, 0.0)
+            answer = JobFailed(_told(error), isinstance(error, UnknownName))
         channel.send(pickle.dumps(answer))
 
 
@@ -151,11 +138,12 @@ def _asked(
                 return RunEnding.CUT, cause.message, None
             if isinstance(cause, NotSupported):
                 return RunEnding.REFUSED, str(cause), None
-        said = str(error) if isinstance(error, WorkbenchError) else _told(error)
-        return RunEnding.RAISED, said, None
+        return RunEnding.RAISED, _told(error), None
 
 
 def _told(error: BaseException) -> str:
+    if isinstance(error, WorkbenchError):
+        return str(error)
     return f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
 
 

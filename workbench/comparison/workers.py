@@ -24,80 +24,58 @@ Announce = Callable[[str, float], None]  # what begins, and how many seconds it 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 MAIN = "from workbench.comparison.worker import main; main()"
 STARTING = 120.0  # s, for Python to start and import the workbench
-ATTEMPTS = 3  # at starting a worker
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SolverJob:
-    """What is asked of a worker process: to build an instance, and to describe it.
+    """What is asked of a worker process: to build an instance, and to describe it."""
 
-    Attributes:
-        key: the key under which the answer is stored.
-        open_experiment: gives the experiment with its arguments.
-        instance: the name of the instance.
-        budget: the limits.
-    """
-
-    key: str
-    open_experiment: Callable[[], Experiment]
-    instance: str
-    budget: Budget
+    key: str  # the key under which the answer is stored
+    open_experiment: Callable[[], Experiment]  # gives the experiment with its arguments
+    instance: str  # the name of the instance
+    budget: Budget  # the limits
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Solve(SolverJob):
-    """Run a solver once on an instance.
+    """Run a solver once on an instance."""
 
-    Attributes:
-        solver: the name of the solver.
-        open_solver: gives the solver.
-        source: the file that defines it; empty if none does.
-        own: the solver whose process it needs; empty if the process is shared.
-        repetition: the number of the repetition, which seeds random numbers.
-        log: the path of the file in which the metered problem records the run.
-    """
-
-    solver: str
-    open_solver: Callable[[], Solver]
-    source: str = ""
-    own: str = ""
-    repetition: int = 0
-    log: str = ""
+    solver: str  # the name of the solver
+    open_solver: Callable[[], Solver]  # gives the solver
+    source: str = ""  # the file that defines it; empty if none does
+    own: str = ""  # the solver whose process it needs; empty if the process is shared
+    repetition: int = 0  # the number of the repetition, which seeds random numbers
+    log: str = ""  # the path of the file in which the metered problem records the run
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class AnalyseEnds(SolverJob):
-    """Analyse all ends of one problem, (n,) each: where each leads to, and what keeps it there."""
+    """Analyse all ends of one problem, (n,) each: where each leads to."""
 
     ends: tuple[Array, ...]
 
 
 @dataclass(frozen=True)
 class JobFailed:
-    """The answer of a worker process that could not do its job.
+    """The answer of a worker process that could not do its job."""
 
-    Attributes:
-        message: why it could not.
-        argument: whether the experiment has no such start or seed.
-    """
-
-    message: str
-    argument: bool = False
+    message: str  # why it could not
+    argument: bool = False  # whether the experiment has no such start or seed
 
 
 @dataclass(frozen=True)
 class WorkerLost:
-    """What is known of a worker process that gave no answer.
+    """What is known of a worker process that gave no answer."""
 
-    Attributes:
-        phase: what it was doing; empty if it had not begun.
-        killed: whether it was killed for taking too long; otherwise it died by itself.
-        message: the reason, as a sentence.
-    """
+    killed: bool  # whether it was killed for taking too long; otherwise it died by itself
+    message: str  # the reason, as a sentence
 
-    phase: str
-    killed: bool
-    message: str
+
+class NotBegun(WorkbenchError):
+    """A worker process that ended before it began its job, which says nothing of the job."""
+
+
+Answer = Stored | JobFailed | WorkerLost
 
 
 class Worker:
@@ -106,9 +84,12 @@ class Worker:
     def __init__(self, process: Started) -> None:
         self._process, self._channel = process, Channel(process.connection)
 
-    def ask(self, job: SolverJob) -> Stored | JobFailed | WorkerLost:
-        """Ask for an answer; a worker that was lost is killed, and cannot be asked again."""
-        phase, limit = "", STARTING
+    def ask(self, job: SolverJob) -> Answer:
+        """Ask for an answer; a worker that was lost is killed, and cannot be asked again.
+
+        Raises NotBegun.
+        """
+        phase, limit, killed = "", STARTING, False
         try:
             self._channel.send(pickle.dumps(job), limit)
             while (message := self._channel.receive(limit)) is not None:
@@ -117,17 +98,18 @@ class Worker:
                     return answer  # type: ignore[no-any-return]  # what the worker sends
                 phase, limit = answer
         except TimeoutError:
-            self.kill()
-            return WorkerLost(
-                phase, True, f"in the phase of {phase or 'starting'}, it took too long"
-            )
+            killed = True
         except Exception:  # whatever happens to the channel is the end of it
             pass
         code = self.kill()
         by = signal_name(code) if code < 0 else f"exit code {code}"
-        return WorkerLost(
-            phase, False, f"in the phase of {phase or 'starting'}, its process died ({by})"
-        )
+        if not phase:
+            raise NotBegun(
+                f"a worker process ended before it had begun ({by}); is there enough memory, and "
+                "does `python -c 'import workbench.comparison.worker'` work?"
+            )
+        why = "it took too long" if killed else f"its process died ({by})"
+        return WorkerLost(killed, f"in the phase of {phase}, {why}")
 
     def kill(self) -> int:
         """Kill the process, and all that it has started; return its exit code."""
@@ -143,66 +125,47 @@ class Pool:
         self._lock = threading.Lock()
         self._idle: dict[str, list[Worker]] = {}
         self._busy: dict[Worker, str] = {}  # and for which comparison
-        self._closed: set[str] = set()  # comparisons that have ended
         self._starting = ThreadPoolExecutor(1)  # a process ends with the thread that started it
 
-    def ask(self, job: SolverJob, comparison: str) -> Stored | JobFailed | WorkerLost:
+    def ask(self, job: SolverJob, comparison: str) -> Answer:
         """Ask an idle worker, or a new one, for a comparison with this name.
 
-        A worker that dies before it begins says nothing of the job, and another one is asked.
-        Raises WorkbenchError if several do.
+        Raises NotBegun, or OSError if no process can be started.
         """
-        own = job.own if isinstance(job, Solve) else ""
-        answer: Stored | JobFailed | WorkerLost
-        for _ in range(ATTEMPTS):
-            answer = self._asked_once(job, own, comparison)
-            if comparison in self._closed or not isinstance(answer, WorkerLost) or answer.phase:
-                return answer
-        assert isinstance(answer, WorkerLost)
-        raise WorkbenchError(
-            f"{ATTEMPTS} worker processes ended before they had begun ({answer.message}); is there "
-            "enough memory, and does `python -c 'import workbench.comparison.worker'` work?"
-        )
-
-    def _asked_once(
-        self, job: SolverJob, own: str, comparison: str
-    ) -> Stored | JobFailed | WorkerLost:
-        try:
-            with self._lock:
-                idle = self._idle.setdefault(own, [])
-                worker = idle.pop() if idle else self._started()
-                self._busy[worker] = comparison
-        except OSError as error:
-            return WorkerLost("", False, f"it could not be started: {error}")
-        answer: Stored | JobFailed | WorkerLost | None = None
+        with self._lock:
+            idle = self._idle.setdefault(job.own if isinstance(job, Solve) else "", [])
+            known = bool(idle)
+            worker = idle.pop() if known else self._started()
+            self._busy[worker] = comparison
+        answer: Answer | None = None
         try:
             answer = worker.ask(job)
-            return answer
+        except NotBegun:
+            if not known:  # one that died while it was idle is replaced
+                raise
         finally:
             with self._lock:
                 del self._busy[worker]
                 if answer is None:
                     worker.kill()
                 elif not isinstance(answer, WorkerLost):
-                    self._idle.setdefault(own, []).append(worker)
+                    idle.append(worker)
+        return self.ask(job, comparison) if answer is None else answer
 
     def _started(self) -> Worker:
-        return Worker(self._starting.submit(Started, ["-c", MAIN], _environment()).result())
+        threads = dict.fromkeys(THREADS, str(thread_count()))
+        environment = {**threads, "PYTHONPATH": os.pathsep.join(absolute_paths())}
+        return Worker(self._starting.submit(Started, ["-c", MAIN], environment).result())
 
     def close(self, comparison: str = "") -> None:
         """End all idle workers, and those that are busy for this comparison; for any if empty."""
         with self._lock:
-            self._closed.add(comparison)
-            idle = [worker for each in self._idle.values() for worker in each]
-            busy = [worker for worker, whose in self._busy.items() if comparison in ("", whose)]
-            self._idle.clear()
-        for worker in (*idle, *busy):
+            ended = [worker for worker, whose in self._busy.items() if comparison in ("", whose)]
+            for idle in self._idle.values():
+                ended += idle
+                idle.clear()
+        for worker in ended:
             worker.kill()
-
-
-def _environment() -> dict[str, str]:
-    threads = dict.fromkeys(THREADS, str(thread_count()))
-    return {**threads, "PYTHONPATH": os.pathsep.join(absolute_paths())}
 
 
 @cache

@@ -23,8 +23,6 @@ from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 from workbench.motions import Motion
 from workbench.residuals import gaussian
 
-HANDS = tuple(f"{side}_{part}" for side in ("left", "right") for part in ("hand", "fingers"))
-
 
 def vertex_parts(body: Body) -> tuple[str, ...]:
     """The name (N,) of each vertex's part: that of the joint which moves it most.
@@ -80,10 +78,9 @@ class Converted:
                 found[name] = float(np.nanmean(own)), float(np.nanmax(own))
         return dict(sorted(found.items(), key=lambda item: -item[1][0]))
 
-    def mean(self, *, hands: bool = True) -> float:
-        """The mean error in m, of all parts or of those that are no hands."""
-        some = np.array([hands or name not in HANDS for name in self.parts])
-        return float(np.nanmean(self.errors[:, some]))
+    def mean(self) -> float:
+        """The mean error in m."""
+        return float(np.nanmean(self.errors))
 
 
 def convert(

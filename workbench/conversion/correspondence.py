@@ -112,12 +112,16 @@ def correspond(source: Body, target: Body, said: Said = lambda text: None) -> Co
     said("the joints of one body are brought onto those of the other")
     at = _by_joints(source, target)
     chosen = sampled_vertices(target, SAMPLE)
-    refine = _SurfaceFit(target, chosen)
+    problem = _to_places(target, chosen)
+    solver = TrustRegion(max_iterations=10, gradient_tolerance=1e-3)
     said(f"closest places are found, and the body fitted to them, {ROUNDS} times")
     for _ in range(ROUNDS):
         posed = _vertices(target, at)
         places, seen, _ = _closest(tree, posed, target.faces, chosen)
-        at = refine(at, places, seen)
+        given = at | {"observed": places, "seen": seen.astype(float)}
+        at |= {
+            name: value for name, value in solver.solve(problem, given).values.items() if name in at
+        }
     posed = _vertices(target, at)
     _, matched, distances = _closest(tree, posed, target.faces, np.arange(N))
     return Correspondence(
@@ -180,23 +184,14 @@ def _rest_priors(target: Body) -> list[Residual]:
     return [about, shape_prior(target)]
 
 
-class _SurfaceFit:
+def _to_places(body: Body, chosen: Index) -> Problem:
     """A fit of some vertices of a body to places, which may be others each time."""
-
-    def __init__(self, body: Body, chosen: Index) -> None:
-        pose, betas, trans = body.blocks()
-        points = body.points(pose.symbol, betas.symbol, trans.symbol, vertices=chosen)
-        place = Block("observed", (len(chosen), 3), "m")
-        seen = Block("seen", (len(chosen),))
-        data = vertices(points, place.symbol, sigma=SURFACE_SIGMA, name="surface")
-        self.problem = Problem(
-            [replace(data, weights=seen.symbol), *_rest_priors(body)],
-            (trans.name, pose.name, betas.name),
-            blocks=(place, seen),
-        )
-        self.solver = TrustRegion(max_iterations=10, gradient_tolerance=1e-3)
-
-    def __call__(self, at: Values, places: Array, seen: Mask) -> Values:
-        start = {**at, "observed": places, "seen": seen.astype(float)}
-        found = self.solver.solve(self.problem, start).values
-        return {name: found[name] for name in at}
+    pose, betas, trans = body.blocks()
+    points = body.points(pose.symbol, betas.symbol, trans.symbol, vertices=chosen)
+    place, seen = Block("observed", (len(chosen), 3), "m"), Block("seen", (len(chosen),))
+    data = vertices(points, place.symbol, sigma=SURFACE_SIGMA, name="surface")
+    return Problem(
+        [replace(data, weights=seen.symbol), *_rest_priors(body)],
+        (trans.name, pose.name, betas.name),
+        blocks=(place, seen),
+    )

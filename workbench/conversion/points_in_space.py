@@ -34,9 +34,6 @@ LEAST = 4  # points that place a body
 FEWEST = 8  # joints of a skeleton, with which a body is no statue
 JOINTS, HAND = "joints", "hand"
 Placed = Callable[[cs.MX, cs.MX, cs.MX], Points]
-Finish = Callable[
-    [PointTracker, Array, Array, Array, float, Progress], tuple[Array, Array, Array]
-]  # of pose, betas and trans
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +89,7 @@ def motion_from_points(
     body does not have are left out. The motion's `notes` say both. Raises BadArgument for other
     arrays and if no frame shows four points, UnknownName for a set, and NotNumbers.
     """
-    return _from_places(observed, names, body, fps, kind, sigma, progress, _smoothed)
+    return _from_places(observed, names, body, fps, kind, sigma, progress, together=True)
 
 
 def _from_places(
@@ -103,9 +100,9 @@ def _from_places(
     kind: str | None,
     sigma: float,
     progress: Progress,
-    finish: Finish,
+    together: bool,
 ) -> PointFit:
-    """`motion_from_points`, whose poses frame by frame a last function finishes."""
+    """`motion_from_points`, whose frames are smoothed together or stay as they were found."""
     given = reals("the observed points", observed)
     labels = tuple(map(str, names))
     if given.ndim != 3 or given.shape[1:] != (len(labels), 3):
@@ -143,9 +140,10 @@ def _from_places(
     turned, where = _spread(tracker.poses(shape, progress), usable, len(given), body)
     turned, lines, filled = without_gaps(turned, {"trans": where})
     whole = slice(int(usable[0]), int(usable[-1]) + 1)
-    turned, shape, where = finish(
-        replace(tracker, observed=places[whole]), turned, shape, lines["trans"], fps, progress
-    )
+    where = lines["trans"]
+    if together and len(turned) > 2:
+        tracker = replace(tracker, observed=places[whole])
+        turned, shape, where = _smoothed(tracker, turned, shape, where, fps, progress)
     motion = Motion(
         turned, where, fps, tuple(body.joint_names), shape, origin="points", notes=(*notes, *filled)
     )
@@ -176,7 +174,7 @@ def motion_from_skeleton(
     """
     labels = skeleton.joint_names if names is None else names
     fit = _from_places(
-        skeleton.joints(), labels, body, skeleton.fps, None, sigma, progress, _as_found
+        skeleton.joints(), labels, body, skeleton.fps, None, sigma, progress, together=False
     )
     if len(fit.names) < FEWEST:
         raise BadArgument(
@@ -218,12 +216,6 @@ def _worlds(pose: Array, parents: Sequence[int]) -> Array:
     return world
 
 
-def _as_found(
-    tracker: PointTracker, pose: Array, betas: Array, trans: Array, fps: float, progress: Progress
-) -> tuple[Array, Array, Array]:
-    return pose, betas, trans
-
-
 def _smoothed(
     tracker: PointTracker,
     pose: Array,
@@ -238,8 +230,6 @@ def _smoothed(
     root turns freely, because a person who turns round passes half a turn.
     """
     T, names = len(pose), [block.name for block in tracker.body.blocks()]
-    if T < 3:
-        return pose, betas, trans
     sigma = np.full((tracker.body.n_joints, 3), POSE_SIGMA / fps**2)
     sigma[0] = FREELY
     between = [

@@ -4,6 +4,8 @@ Prose takes its numbers from the run: `{{ expression:format }}` in a Markdown ce
 the value of the expression at that place, with the format of an f-string. A field whose value is
 true is shown as nothing, and one whose value is false stops the lecture, so that a sentence can be
 held to what was computed: `SMPL is closer{{ off["SMPL"] < off["cubic"] }}.`
+
+A cell `# %% slide [markdown]` is a slide. Its fields are filled too, but only slides show it.
 """
 
 import ast
@@ -21,21 +23,16 @@ from workbench.errors import BadFile
 
 @dataclass(frozen=True)
 class Cell:
-    """A cell of a script.
+    """A cell of a script."""
 
-    Attributes:
-        prose: whether it is prose, and not code.
-        text: its text; of prose without the comment signs.
-        line: the line of the script at which it begins.
-    """
-
-    prose: bool
-    text: str
-    line: int
+    prose: bool  # whether it is prose, and not code
+    text: str  # its text; of prose without the comment signs
+    line: int  # the line of the script at which it begins
+    slide: str = ""  # "moving" if its figure may move, "still" if not; empty if it is no slide
 
 
-def cells(path: Path) -> list[Cell]:
-    """The cells of a percent script. Raises BadFile if it has none."""
+def cells(path: Path, slides: bool = False) -> list[Cell]:
+    """The cells of a percent script, its slides only if wanted. Raises BadFile if it has none."""
     found: list[Cell] = []
     lines = path.read_text(encoding="utf-8").splitlines()
     marks = [i for i, line in enumerate(lines) if re.match(r"# %%", line)]
@@ -45,8 +42,10 @@ def cells(path: Path) -> list[Cell]:
         if prose:
             body = [re.sub(r"^# ?", "", line) for line in body]
         text = "\n".join(body).strip("\n")
-        if text:
-            found.append(Cell(prose, text, begin + 2))
+        mark = re.match(r"# %% slide( still)? \[markdown\]", lines[begin])
+        slide = "" if not mark else "still" if mark[1] else "moving"
+        if text and (slides or not slide):
+            found.append(Cell(prose, text, begin + 2, slide))
     if not found:
         raise BadFile(f"{path} has no cells; begin them with `# %%` or `# %% [markdown]`")
     return found
@@ -56,21 +55,24 @@ def carried_out(
     path: Path,
     before: Callable[[Cell], None] = lambda cell: None,
     names: dict[str, Any] | None = None,
+    slides: bool = False,
 ) -> Iterator[tuple[Cell, Any, str]]:
     """Run the cells one by one; yields each with the value of its last line and what it printed.
 
-    Prose comes with its fields filled. What is printed is shown as well. `before` is called with
-    each cell before it is run. What the cells define is put into `names`. Raises BadFile if a field
-    has no value, or a false one.
+    Prose comes with its fields filled, slides only if wanted. What is printed is shown as well.
+    `before` is called with each cell before it is run. What the cells define is put into `names`.
+    Raises BadFile if a field has no value, or a false one.
     """
     names = {} if names is None else names
     output = _Output()
     names |= {"__name__": "lecture", "__file__": str(path)}
-    for cell in cells(path):
+    for cell in cells(path, slides=True):
         before(cell)
         if cell.prose:
             fields = {**names, "printed": output.numbers}
-            yield replace(cell, text=filled(cell.text, fields, path, cell.line)), None, ""
+            text = filled(cell.text, fields, path, cell.line)
+            if slides or not cell.slide:
+                yield replace(cell, text=text), None, ""
         else:
             output.shown, printed = sys.stdout, len(output.getvalue())
             with redirect_stdout(output):

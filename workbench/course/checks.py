@@ -3,7 +3,7 @@
 import copy
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
@@ -18,34 +18,21 @@ Answer = Callable[..., Any]  # a student's function, or one of ours in its place
 
 @dataclass(frozen=True)
 class Check:
-    """A test of an answer.
+    """A test of an answer."""
 
-    Attributes:
-        exercise: the function's name in exercises.py.
-        points: how many points it is worth.
-        name: what it expects of the answer, in a line.
-        run: takes the function, and raises Missed.
-    """
-
-    exercise: str
-    points: int
-    name: str
-    run: Callable[[Answer], None]
+    exercise: str  # the function's name in exercises.py
+    points: int  # how many points it is worth
+    name: str  # what it expects of the answer, in a line
+    run: Callable[[Answer], None]  # takes the function, and raises Missed
 
 
 @dataclass(frozen=True)
 class Mistake:
-    """A wrong answer that students are likely to give.
+    """A wrong answer that students are likely to give."""
 
-    Attributes:
-        exercise: the function's name in exercises.py.
-        hint: what is wrong with the answer.
-        answer: the wrong function.
-    """
-
-    exercise: str
-    hint: str
-    answer: Answer
+    exercise: str  # the function's name in exercises.py
+    hint: str  # what is wrong with the answer
+    answer: Answer  # the wrong function
 
 
 class Missed(Exception):
@@ -123,17 +110,11 @@ REAL = 1e-9  # how large rounding leaves imaginary parts, as a share of real one
 
 @dataclass(frozen=True)
 class Raised:
-    """The error that a function raised instead of an answer.
+    """The error that a function raised instead of an answer."""
 
-    Attributes:
-        kind: the class of the error.
-        message: what it said, with the line of the student's file.
-        unsolved: whether the exercise is as it was handed out.
-    """
-
-    kind: str
-    message: str
-    unsolved: bool = False
+    kind: str  # the class of the error
+    message: str  # what it said, with the line of the student's file
+    unsolved: bool = False  # whether the exercise is as it was handed out
 
 
 def outcome(answer: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
@@ -274,23 +255,18 @@ LONGEST_TEXT = 1000  # characters of any other text from the process of a studen
 
 @dataclass(frozen=True)
 class Described:
-    """Stands for a value that is no number, array, text, list, tuple or dict of these.
+    """Stands for a value that is no number, array, text, list, tuple or dict of these."""
 
-    Attributes:
-        kind: what the value is, such as `a set`.
-        words: the value in words.
-    """
-
-    kind: str
-    words: str
+    kind: str  # what the value is, such as `a set`
+    words: str  # the value in words
 
     def __repr__(self) -> str:
         return f"<{self.kind}: {self.words}>"
 
 
-def described(value: Any, words: str = "") -> Described:
+def described(value: Any) -> Described:
     """A value that cannot be sent, in words; for a function they say that it has to be called."""
-    return Described(kind(value), words or ("call it" if callable(value) else in_words(value)))
+    return Described(kind(value), "call it" if callable(value) else in_words(value))
 
 
 def in_words(value: Any) -> str:
@@ -303,8 +279,10 @@ def in_words(value: Any) -> str:
         array = np.asarray(value)
         if array.dtype.kind != "c":
             array = np.asarray(array, dtype=float)
-    except Exception:
-        return cut(_repr(value))
+    except Exception:  # a type of the student's own may raise anything
+        with suppress(Exception):
+            return cut(repr(value))
+        return kind(value)
     if array.ndim == 0:
         return f"{array:.6g}"
     return cut(np.array2string(array, precision=6, suppress_small=True, threshold=40))
@@ -343,10 +321,3 @@ def legible(text: str) -> str:
         c if c.isprintable() or c in "\n\t" else c.encode("unicode_escape").decode("ascii")
         for c in cut(text, LONGEST_TEXT)
     )
-
-
-def _repr(value: Any) -> str:
-    try:
-        return repr(value)
-    except Exception:
-        return kind(value)

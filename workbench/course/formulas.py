@@ -1,15 +1,11 @@
 """Formulas as a terminal can show them: the TeX of a lecture in letters of Unicode.
 
-`$\\tfrac12 \\|e\\|^2$` becomes `½ ‖e‖²`. This module knows the part of TeX that lectures use; a
-test finds formulas that use more.
+`$\\tfrac12 \\|e\\|^2$` becomes `½ ‖e‖²`. Commands of TeX without letters of their own stay.
 """
 
 import re
-from collections.abc import Iterator
-
-from workbench.errors import BadFile
-
-_TOKEN = re.compile(r"\\(?:[A-Za-z]+|.)|\s+|.", re.S)
+from collections.abc import Callable
+from functools import partial
 
 
 def _named(names: str, letters: str) -> dict[str, str]:
@@ -25,28 +21,16 @@ SYMBOLS = {
     **_named("times cdot pm circ top | lVert rVert", "×·±∘⊤‖‖‖"),
     **_named("approx ge geq le leq ne neq gg ll", "≈≥≥≤≤≠≠≫≪"),
     **_named("propto sim in to mapsto leftarrow parallel", "∝~∈→↦←∥"),
-    **_named("Longleftrightarrow Rightarrow iff", "⟺⇒⟺"),
-    **_named("mid langle rangle lfloor rfloor { }", "|⟨⟩⌊⌋{}"),
+    **_named("Longleftrightarrow Rightarrow iff mid", "⟺⇒⟺|"),
+    **_named("langle rangle lfloor rfloor", "⟨⟩⌊⌋"),
+    **{"dots": "...", "ldots": "...", "quad": "  ", "qquad": "    ", "\\": "; ", "%": "%"},
+    **dict.fromkeys(("left", "right", "Big", "bigl", "bigr", "big", "displaystyle", "!"), ""),
+    **dict.fromkeys((",", ";", ":", " "), " "),
     **{name: name for name in ("sin", "cos", "tan", "log", "exp", "min", "max", "det", "arg")},
     **{name: name for name in ("arctan", "ln", "tr", "diag")},
-    "dots": "...",
-    "ldots": "...",
-    "%": "%",
-    ",": " ",
-    ";": " ",
-    ":": " ",
-    " ": " ",
-    "!": "",
-    "quad": "  ",
-    "qquad": "    ",
-    "\\": "; ",
-    **{name: "" for name in ("left", "right", "Big", "bigl", "bigr", "big", "displaystyle")},
 }
-ACCENTS = {
-    **{"hat": "\u0302", "bar": "\u0304", "tilde": "\u0303", "vec": "\u20d7"},
-    **{"dot": "\u0307", "ddot": "\u0308"},
-}
-UPRIGHT = ("text", "mathrm", "operatorname", "mathcal", "mathbf", "boldsymbol")
+ACCENTS = {"hat": "\u0302", "bar": "\u0304", "tilde": "\u0303", "vec": "\u20d7"}
+ACCENTS |= {"dot": "\u0307", "ddot": "\u0308"}
 SUPERSCRIPTS = _named(
     "0 1 2 3 4 5 6 7 8 9 + - = ( ) n i j k a b c d T t x p m ⊤ ' *",
     "⁰¹²³⁴⁵⁶⁷⁸⁹⁺⁻⁼⁽⁾ⁿⁱʲᵏᵃᵇᶜᵈᵀᵗˣᵖᵐᵀ'*",
@@ -55,89 +39,55 @@ SUBSCRIPTS = _named(
     "0 1 2 3 4 5 6 7 8 9 + - = ( ) a e h i j k l m n o p r s t u v x β ρ φ χ",
     "₀₁₂₃₄₅₆₇₈₉₊₋₌₍₎ₐₑₕᵢⱼₖₗₘₙₒₚᵣₛₜᵤᵥₓᵦᵨᵩᵪ",
 )
-SHARES = {"1/2": "½", "1/3": "⅓", "2/3": "⅔", "1/4": "¼", "3/4": "¾", "1/6": "⅙", "1/8": "⅛"}
-_FUNCTION = re.compile(r"(?:sin|cos|tan|log|exp|det)[⁰¹²³]*\s*$")
+ARGUMENT = r"\s*(?:\{([^{}]*)\}|([^\s{}\\]))"  # a group without groups in it, or a letter
+RULES: tuple[tuple[str, Callable[..., str]], ...] = (  # a command, and its letters
+    (r"\\[td]?frac" + 2 * ARGUMENT, lambda a, b: _fraction(a, b)),
+    (r"\\binom" + 2 * ARGUMENT, lambda a, b: f"({a} over {b})"),
+    (r"\\sqrt" + ARGUMENT, lambda a: "√" + _whole(a)),
+    (r"\\(?:text|math\w+|operatorname|boldsymbol|underbrace)" + ARGUMENT, lambda a: a),
+    *(
+        (rf"\\{name}" + ARGUMENT, lambda a, accent=accent: a[:1] + accent + a[1:])
+        for name, accent in ACCENTS.items()
+    ),
+    (r"\^" + ARGUMENT, lambda a: _script("❛", a, SUPERSCRIPTS)),
+    (r"_" + ARGUMENT, lambda a: _script("❟", a, SUBSCRIPTS)),
+)
 
 
 def in_letters(formula: str) -> str:
-    """A formula of TeX, without its dollars, in letters of Unicode; its lines are kept.
-
-    Raises BadFile for a command of TeX that is not known here.
-    """
-    tokens = iter([*_TOKEN.findall(formula), "}"])
-    lines = _group(tokens).strip().splitlines() or [""]
-    tidy = (re.sub(r"(?<! ) {2}(?! )", " ", line.strip()) for line in lines)
+    """A formula of TeX, without its dollars, in letters of Unicode; its lines are kept."""
+    text = re.sub(r"\\(begin|end)\{\w+\}", lambda m: "[" if m[1] == "begin" else "]", formula)
+    text = text.replace("~", " ").replace(r"\{", "❴").replace(r"\}", "❵")  # braces are groups now
+    text = re.sub(r"\\([A-Za-z]+|.)", lambda m: SYMBOLS.get(m[1], m[0]), text)
+    text, before = text.replace("-", "−").replace("&", " "), ""
+    while text != before:  # from the inside to the outside
+        before = text
+        for pattern, letters in RULES:
+            text = re.sub(pattern, partial(_written, letters), text)
+    text = re.sub(r"(?<!\w)1/2(?!\w)", "½", re.sub(r"[{}]", "", text)).translate(
+        str.maketrans("❴❵❛❟", "{}^_")
+    )
+    tidy = (re.sub(r"(?<! ) {2}(?! )", " ", line.strip()) for line in text.strip().splitlines())
     return "\n".join(re.sub(r" ([,.;:])(?=\s|$)", r"\1", line) for line in tidy)
 
 
-def _group(tokens: Iterator[str]) -> str:
-    """Everything up to the brace that closes."""
-    found: list[str] = []
-    for token in tokens:
-        if token == "}":
-            break
-        found.append(_one(token, tokens, found))
-    return "".join(found)
-
-
-def _one(token: str, tokens: Iterator[str], before: list[str]) -> str:
-    """What a token stands for, with the arguments that it takes from the ones behind it."""
-    if token == "{":
-        return _group(tokens)
-    if token in "^_":
-        return _script(token, _argument(tokens))
-    if token.isspace():
-        return "\n" if "\n" in token else " "
-    if not token.startswith("\\"):
-        return {"-": "−", "&": " ", "~": " "}.get(token, token)
-    name = token[1:]
-    if name in ("frac", "tfrac", "dfrac"):
-        share = _fraction(_argument(tokens), _argument(tokens))
-        return f"({share})" if "/" in share and _FUNCTION.search("".join(before)) else share
-    if name == "binom":
-        return f"({_argument(tokens)} over {_argument(tokens)})"
-    if name == "sqrt":
-        return "√" + _whole(_argument(tokens))
-    if name == "underbrace":
-        return _argument(tokens)
-    if name in ACCENTS:
-        inside = _argument(tokens)
-        return inside[:1] + ACCENTS[name] + inside[1:]
-    if name in UPRIGHT:
-        return _argument(tokens)
-    if name in ("begin", "end"):
-        _argument(tokens)
-        return "[" if name == "begin" else "]"
-    if name not in SYMBOLS:
-        raise BadFile(
-            f"a formula has the command \\{name}, which the terminal cannot show; add it to "
-            f"SYMBOLS in {__name__}, or write the formula in another way"
-        )
-    letters = SYMBOLS[name]
-    return f" {letters}" if letters.isalpha() and before and before[-1][-1:].isalnum() else letters
-
-
-def _argument(tokens: Iterator[str]) -> str:
-    """The next group or letter."""
-    token = next((one for one in tokens if not one.isspace()), "}")
-    return _one(token, tokens, [])
+def _written(letters: Callable[..., str], found: re.Match[str]) -> str:
+    given = found.groups(default="")
+    return letters(*(a or b for a, b in zip(given[::2], given[1::2], strict=True)))
 
 
 def _fraction(above: str, below: str) -> str:
-    plain = f"{above}/{below}"
-    below = f"({below})" if re.match(r"\d+[^\W\d]", below) else _whole(below)
-    return SHARES.get(plain) or f"{_whole(above)}/{below}"
+    """`sin (α/2)` has brackets: without them it might be read as a half of a sine."""
+    plain = f"{_whole(above)}/{_whole(below)}"
+    return f"({plain})" if len(plain) == 3 and not above.isdigit() else plain
 
 
 def _whole(text: str) -> str:
     """In brackets, unless it can be read as one thing without them."""
-    one = re.fullmatch(r"[^\s+−=·×/]*|\([^()]*\)|‖[^‖]*‖[²₂]*", text)
+    one = re.fullmatch(r"(?!\d+[^\W\d])[^\s+−=·×/]*|\([^()]*\)|‖[^‖]*‖[²₂]*", text)
     return text if one else f"({text})"
 
 
-def _script(sign: str, text: str) -> str:
-    letters = SUPERSCRIPTS if sign == "^" else SUBSCRIPTS
-    small = [letters.get("-" if letter == "−" else letter) for letter in text]
-    if text and all(small):
-        return "".join(one for one in small if one)
-    return sign + (text if len(text) == 1 else f"({text})")
+def _script(sign: str, text: str, letters: dict[str, str]) -> str:
+    small = [letters.get("-" if letter == "−" else letter, "") for letter in text]
+    return "".join(small) if all(small) else sign + (text if len(text) == 1 else f"({text})")

@@ -40,27 +40,16 @@ class CheckState(Enum):
 
 @dataclass(frozen=True)
 class CheckResult:
-    """The result of one check of one exercise.
+    """The result of one check of one exercise."""
 
-    Attributes:
-        exercise: the function's name in exercises.py.
-        check: the name of the check.
-        of: how many points it is worth.
-        state: how it ended.
-        what: the quantity or the property that was missed.
-        expected: what was expected of it.
-        came: what the answer was instead.
-        hint: the likeliest mistake.
-    """
-
-    exercise: str
-    check: str
-    of: int
-    state: CheckState
-    what: str = ""
-    expected: str = ""
-    came: str = ""
-    hint: str = ""
+    exercise: str  # the function's name in exercises.py
+    check: str  # the name of the check
+    of: int  # how many points it is worth
+    state: CheckState  # how it ended
+    what: str = ""  # the quantity or the property that was missed
+    expected: str = ""  # what was expected of it
+    came: str = ""  # what the answer was instead
+    hint: str = ""  # the likeliest mistake
 
     @property
     def points(self) -> int:
@@ -80,23 +69,14 @@ class CheckResult:
 
 @dataclass(frozen=True)
 class Grade:
-    """The results of one file of answers to a lecture's exercises.
+    """The results of one file of answers to a lecture's exercises."""
 
-    Attributes:
-        lecture: the lecture.
-        file: the path of the file.
-        results: one for each check, in the lecture's order.
-        trouble: why the file as a whole could not be read.
-        printed: what the file printed for each exercise, and under "" while it was loaded.
-        note: what has to be known of how it was graded, in whole sentences; usually nothing.
-    """
-
-    lecture: Lecture
-    file: str
-    results: tuple[CheckResult, ...]
-    trouble: str = ""
+    lecture: Lecture  # the lecture
+    file: str  # the path of the file
+    results: tuple[CheckResult, ...]  # one for each check, in the lecture's order
+    trouble: str = ""  # why the file as a whole could not be read
+    # what the file printed for each exercise, and under "" while it was loaded
     printed: dict[str, str] = field(default_factory=dict)
-    note: str = ""
 
     @property
     def points(self) -> int:
@@ -131,7 +111,6 @@ class Grade:
             "of": self.of,
             "passed": self.passed,
             "trouble": self.trouble,
-            "note": self.note,
             "exercises": [
                 {
                     "number": f"{self.lecture.number}.{k}",
@@ -248,16 +227,15 @@ def _failed(check: Check, missed: Missed) -> CheckResult:
 
 
 def _likeliest(mistakes: list[Mistake], calls: list[Call], part: list[Call]) -> str:
-    """The hint of the first mistake with the same answers to all calls, to all digits or to six.
+    """The hint of the first mistake with the same answers to all calls.
 
     If there is none, it is the hint of the only mistake with the same answers in this check.
     """
     for within in (TO_ALL_DIGITS, TO_SIX):
-        for one in mistakes:
-            if _explains(one, calls, within):
-                return one.hint
-    here = [one for one in mistakes if _explains(one, part, TO_SIX)]
-    return here[0].hint if len(here) == 1 else ""
+        if every := [one.hint for one in mistakes if _explains(one, calls, within)]:
+            return every[0]
+    here = [one.hint for one in mistakes if _explains(one, part, TO_SIX)]
+    return here[0] if len(here) == 1 else ""
 
 
 def _explains(one: Mistake, calls: list[Call], within: float) -> bool:

@@ -12,6 +12,7 @@ from typing import Any
 
 from workbench.course.cells import FOLDED, Cell, apart, carried_out, only_imports, value_of
 from workbench.course.outline import Lecture
+from workbench.diagnostics.words import counted
 from workbench.environment import pip_install
 from workbench.errors import BadFile
 from workbench.writing import write_file
@@ -108,12 +109,27 @@ def _parts(code: str, value: Any, printed: str) -> list[dict[str, Any]]:
 
 
 def _exercise_cells(lecture: Lecture, names: dict[str, Any]) -> list[dict[str, Any]]:
-    introduction, *texts = exercises(lecture)
+    """The section of exercises: an introduction, then three cells for each of them."""
+    here, given = f"{lecture.folder_name}.py", lecture.module("exercises")
+    introduction = (
+        "## Exercises\n\n"
+        "Write each answer into its cell, in place of the line that raises `Unsolved`; the cell "
+        "below checks it, and says what is likely to be wrong. To hand in a file, "
+        f"`workbench lecture start {lecture.number} .` puts `{here}` here, and "
+        f"`workbench lecture check {lecture.number} {here}` grades it."
+    )
     made = [prose_cell(introduction), _ran(_given(lecture), [], names)]
-    for name, text in zip(lecture.exercises, texts, strict=True):
-        stub = inspect.getsource(getattr(lecture.module("exercises"), name)).rstrip()
-        check = f"check_here({lecture.number}, {name})"
-        made += [prose_cell(text), _ran(stub, ["answer"], names), _ran(check, ["check"], names)]
+    for k, name in enumerate(lecture.exercises, 1):
+        function = getattr(given, name)
+        points = sum(check.points for check in lecture.checks if check.exercise == name)
+        minutes = f", about {known} minutes" if (known := lecture.minutes_for(name)) else ""
+        arguments = ", ".join(inspect.signature(function).parameters)
+        title = f"### {lecture.number}.{k} `{name}({arguments})`"
+        made += [
+            prose_cell(f"{title}\n\n{counted(points, 'point')}{minutes}"),
+            _ran(inspect.getsource(function).rstrip(), ["answer"], names),
+            _ran(f"check_here({lecture.number}, {name})", ["check"], names),
+        ]
     return made
 
 
@@ -121,29 +137,6 @@ def _ran(code: str, tags: list[str], names: dict[str, Any]) -> dict[str, Any]:
     with redirect_stdout(StringIO()) as printed:
         value_of(Cell(False, code, 1), names, Path("exercises.py"))
     return code_cell(code, {"tags": tags} if tags else {}, None, printed.getvalue())
-
-
-def exercises(lecture: Lecture) -> list[str]:
-    """The section of exercises, in Markdown: an introduction, then one text for each exercise."""
-    here = f"{lecture.folder_name}.py"
-    texts = [
-        "## Exercises\n\n"
-        "Write each answer into its cell, in place of the line that raises `Unsolved`; the cell "
-        "below checks it, and says what is likely to be wrong. To hand in a file, "
-        f"`workbench lecture start {lecture.number} .` puts `{here}` here, and "
-        f"`workbench lecture check {lecture.number} {here}` grades it."
-    ]
-    given = lecture.module("exercises")
-    for k, name in enumerate(lecture.exercises, 1):
-        function = getattr(given, name)
-        points = sum(check.points for check in lecture.checks if check.exercise == name)
-        arguments = ", ".join(inspect.signature(function).parameters)
-        minutes = f", about {known} minutes" if (known := lecture.minutes_for(name)) else ""
-        texts.append(
-            f"### {lecture.number}.{k} `{name}({arguments})`\n\n{points} "
-            f"point{'s' * (points != 1)}{minutes}"
-        )
-    return texts
 
 
 def _given(lecture: Lecture) -> str:

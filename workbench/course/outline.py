@@ -2,7 +2,6 @@
 
 import sys
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import import_module
@@ -14,7 +13,8 @@ from types import ModuleType
 from typing import Any
 
 from workbench.course.checks import Check, Mistake, checks_in, mistakes_in
-from workbench.errors import BadArgument, BadFile, UnknownName
+from workbench.errors import BadFile, UnknownName
+from workbench.writing import write_new
 
 LECTURES = "workbench.lectures"  # leads to the package's lectures or the checkout's
 FILES = ("lecture.py", "exercises.py", "solutions.py", "checks.py")
@@ -22,27 +22,16 @@ FILES = ("lecture.py", "exercises.py", "solutions.py", "checks.py")
 
 @dataclass(frozen=True)
 class Lecture:
-    """A line of the outline. A lecture that is still to come has no folder.
+    """A line of the outline."""
 
-    Attributes:
-        number: its number.
-        name: the name of its folder, after the number.
-        title: its title.
-        question: the question that it begins with.
-        minutes: how long it takes to read and to try, without the exercises.
-        assumes: what a reader has to know.
-        teaches: what a reader learns.
-        place: the folder of its files, if it is not part of the course.
-    """
-
-    number: int
-    name: str
-    title: str
-    question: str
-    minutes: int
-    assumes: str
-    teaches: str
-    place: Path | None = None
+    number: int  # its number
+    name: str  # the name of its folder, after the number
+    title: str  # its title
+    question: str  # the question that it begins with
+    minutes: int  # how long it takes to read and to try, without the exercises
+    assumes: str  # what a reader has to know
+    teaches: str  # what a reader learns
+    place: Path | None = None  # the folder of its files, if it is not part of the course
 
     @property
     def asked(self) -> str:
@@ -58,11 +47,6 @@ class Lecture:
     def folder(self) -> Path:
         """The folder of its files, which may be missing."""
         return self.place or root() / self.folder_name
-
-    @property
-    def there(self) -> bool:
-        """Whether all of its files exist."""
-        return all((self.folder / name).is_file() for name in FILES)
 
     @cached_property
     def checks(self) -> tuple[Check, ...]:
@@ -123,18 +107,13 @@ def course() -> tuple[Lecture, ...]:
 
 
 def lecture(number: int) -> Lecture:
-    """The lecture of that number. Raises UnknownName, or BadArgument if it is still to come."""
-    lectures = course()
-    for one in lectures:
-        if one.number == number and one.there:
-            return one
-        if one.number == number:
-            raise BadArgument(
-                f"lecture {number}, {one.title}, is still to come; `workbench lecture list` says "
-                "which are there"
-            )
-    there = ", ".join(str(one.number) for one in lectures if one.there)
-    raise UnknownName("lecture", str(number), hint=f"{there}; `workbench lecture list` names them")
+    """The lecture of that number. Raises UnknownName."""
+    lectures = {one.number: one for one in course()}
+    if number not in lectures:
+        there = ", ".join(map(str, lectures))
+        hint = f"{there}; `workbench lecture list` names them"
+        raise UnknownName("lecture", str(number), hint=hint)
+    return lectures[number]
 
 
 OUTLINE = "outline.py"  # of a single lecture: it defines LECTURE
@@ -143,8 +122,8 @@ OUTLINE = "outline.py"  # of a single lecture: it defines LECTURE
 def lecture_named(text: str) -> Lecture:
     """A lecture by its number in the course, or by the folder of one that is not part of it.
 
-    Raises UnknownName for a number that the course does not have, BadArgument for a lecture that is
-    still to come, and BadFile for a folder that holds no lecture.
+    Raises UnknownName for a number that the course does not have, and BadFile for a folder that
+    holds no lecture.
     """
     return lecture(int(text)) if text.strip().isdecimal() else own_lecture(text)
 
@@ -198,20 +177,6 @@ def hand_out(lecture: Lecture, folder: str | Path) -> Path:
 
     Returns the file. Raises BadFile if it exists: answers are never overwritten.
     """
-    folder = Path(folder)
-    path = folder / f"{lecture.folder_name}.py"
-    text = (lecture.folder / "exercises.py").read_text(encoding="utf-8")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with path.open("x", encoding="utf-8") as file:
-            file.write(text)
-    except FileExistsError as error:
-        raise BadFile(
-            f"{error.filename or path} is there already and was left as it is; "
-            "give another folder, or move it away"
-        ) from error
-    except OSError as error:
-        with suppress(OSError):
-            path.unlink(missing_ok=True)  # it is new, and half of it is of no use
-        raise BadFile(f"cannot write {path}: {error.strerror or error}") from error
+    path = Path(folder) / f"{lecture.folder_name}.py"
+    write_new(path, (lecture.folder / "exercises.py").read_text(encoding="utf-8"))
     return path

@@ -21,17 +21,10 @@ from types import ModuleType
 from typing import Any
 
 import workbench
-from workbench.course.checks import error_in_words, legible, without_warnings
-from workbench.course.grading import (
-    CheckResult,
-    CheckState,
-    Grade,
-    grade_exercise,
-    unfit,
-)
+from workbench.course.checks import cut, error_in_words, legible, without_warnings
+from workbench.course.grading import CheckResult, CheckState, Grade, grade_exercise, unfit
 from workbench.course.outline import Lecture, lecture_named
 from workbench.course.plain import answered, decode
-from workbench.environment import in_browser
 from workbench.errors import BadArgument, BadFile
 from workbench.processes import Channel, Started, TooLong, end_with_parent, signal_name
 
@@ -39,23 +32,14 @@ STARTING = 120.0  # s, for Python to start and import the workbench on a slow ma
 LARGEST = 4 * 2**20  # bytes of what is sent for an exercise: half a million numbers
 KEPT = 400  # characters of what was printed
 NO_ANSWER = "its process sent what is no answer"
-IN_THIS_PROCESS = (
-    "No other process can be started here, so the file ran in the one that grades it, without a "
-    "limit of time. Use this for learning; a grade that counts needs a machine with processes."
-)
 
 
 @dataclass(frozen=True)
 class ProcessLimits:
-    """What the process of a file may take.
+    """What the process of a file may take."""
 
-    Attributes:
-        seconds: for all answers to an exercise, and for loading the file.
-        memory: address space in GiB, where the system can limit it.
-    """
-
-    seconds: float = 10.0
-    memory: float = 6.0
+    seconds: float = 10.0  # for all answers to an exercise, and for loading the file
+    memory: float = 6.0  # address space in GiB, where the system can limit it
 
     def __post_init__(self) -> None:
         if not self.seconds > 0:
@@ -70,25 +54,21 @@ class ProcessEnded(Exception):
 
 @dataclass
 class Sent:
-    """What the process of a file sent.
+    """What the process of a file sent."""
 
-    Attributes:
-        exercises: of each exercise what was sent, or why nothing was.
-        printed: what the file printed, by exercise, and under "" while it was loaded.
-        trouble: why the file could not be loaded at all.
-    """
-
+    # of each exercise what was sent, or why nothing was
     exercises: dict[str, dict[str, Any] | str] = field(default_factory=dict)
+    # what the file printed, by exercise, and under "" while it was loaded
     printed: dict[str, str] = field(default_factory=dict)
-    trouble: str = ""
+    trouble: str = ""  # why the file could not be loaded at all
 
 
 def grade(lecture: Lecture, path: str | Path, limits: ProcessLimits | None = None) -> Grade:
     """Grade a file of answers by the checks of a lecture, in a process of its own.
 
     All answers to an exercise together may take `limits.seconds`. An exercise that takes longer, or
-    ends the process, fails; the others are answered by a new process. In a browser, where there are
-    no other processes, the file runs in this one, and the grade's note says so. Raises BadFile.
+    ends the process, fails; the others are answered by a new process. Raises
+    BadFile, and NoProcesses in a browser.
     """
     path = Path(path)
     if not path.is_file():
@@ -100,8 +80,7 @@ def grade(lecture: Lecture, path: str | Path, limits: ProcessLimits | None = Non
     results = [
         one for name in lecture.exercises for one in _results(lecture, name, sent.exercises[name])
     ]
-    note = IN_THIS_PROCESS if in_browser() else ""
-    return Grade(lecture, str(path), tuple(results), sent.trouble, sent.printed, note)
+    return Grade(lecture, str(path), tuple(results), sent.trouble, sent.printed)
 
 
 def _results(lecture: Lecture, name: str, sent: dict[str, Any] | str) -> list[CheckResult]:
@@ -131,7 +110,7 @@ def ask(
     found = Sent()
     while left := {name: data for name, data in exercises.items() if name not in found.exercises}:
         job = {"file": str(file.resolve()), "memory": limits.memory, **about, "exercises": left}
-        with (_Here if in_browser() else _Child)(job) as child:
+        with _Child(job) as child:
             try:
                 found.printed[""] = _loaded(child, limits.seconds)
             except ProcessEnded as ended:
@@ -152,7 +131,7 @@ def ask(
     return found
 
 
-def _loaded(child: "_Child | _Here", seconds: float) -> str:
+def _loaded(child: "_Child", seconds: float) -> str:
     """What the file printed while it was loaded.
 
     Raises BadFile if the process did not start, and ProcessEnded if the file could not be loaded.
@@ -216,28 +195,6 @@ class _Child:
         return f"it ended the program, with exit code {code}"
 
 
-class _Here:
-    """This process in the place of another one, as in a browser; it ends no file.
-
-    Afterwards the module of the file and its folder are forgotten, and no byte code is left.
-    """
-
-    def __init__(self, job: dict[str, Any]) -> None:
-        self._before = list(sys.path), sys.dont_write_bytecode
-        self._messages = _done(job)
-
-    def __enter__(self) -> "_Here":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        sys.path[:], sys.dont_write_bytecode = self._before
-        sys.modules.pop("answers", None)
-
-    def receive(self, seconds: float) -> dict[str, Any]:
-        """The next thing that a process would send."""
-        return next(self._messages)
-
-
 def environment() -> dict[str, str]:
     """Variables by which a process that starts in another folder finds the workbench."""
     here = str(Path(workbench.__file__).parents[1])
@@ -249,25 +206,6 @@ def environment() -> dict[str, str]:
 
 
 # In the process of the file.
-
-
-class Page(io.TextIOBase):
-    """A stream that keeps the beginning of what is written, and counts the rest."""
-
-    def __init__(self) -> None:
-        self._kept, self._count = "", 0
-
-    def write(self, text: str) -> int:
-        """Keep as much of a text as there is room for."""
-        self._kept += text[: max(0, KEPT - len(self._kept))]
-        self._count += len(text)
-        return len(text)
-
-    @property
-    def text(self) -> str:
-        """The beginning of what was written, and the number of characters that were not kept."""
-        left = self._count - len(self._kept)
-        return self._kept.rstrip() + (f"\n... and {left:,} characters more" if left else "")
 
 
 def main() -> None:
@@ -296,10 +234,10 @@ def _done(job: dict[str, Any]) -> Iterator[dict[str, Any]]:
     if lecture is not None:
         _ = lecture.checks, lecture.mistakes, lecture.solutions  # loaded before the file is
     yield {"begun": True}
-    module, told = load(job["file"], list(job["exercises"]))
+    module, told = load(job["file"])
     yield dict(told)
     for name, given in job["exercises"].items() if module is not None else ():
-        page, answer = Page(), getattr(module, name, None)
+        page, answer = io.StringIO(), getattr(module, name, None)
         with _printing_to(page):
             if lecture is None:
                 found = answers(name, answer, **given)
@@ -310,7 +248,7 @@ def _done(job: dict[str, Any]) -> Iterator[dict[str, Any]]:
                         for one in grade_exercise(lecture, name, answer)
                     ]
                 }
-        yield {**found, "printed": page.text}
+        yield {**found, "printed": cut(page.getvalue().rstrip(), KEPT)}
 
 
 def answers(
@@ -322,22 +260,18 @@ def answers(
     return {"answers": [answered(answer, tuple(decode(one))) for one in arguments]}
 
 
-def load(file: str, exercises: Sequence[str]) -> tuple[ModuleType | None, dict[str, str]]:
+def load(file: str) -> tuple[ModuleType | None, dict[str, str]]:
     """Run a student's file: its module, and {"loaded": what it printed}.
 
     If it cannot be loaded, this is None, and {"trouble": why not}.
     """
-    page = Page()
+    page = io.StringIO()
     with _printing_to(page):
         try:
             module = _module(file)
-        except BaseException as error:
-            found = sys.modules.get("answers")
-            late = isinstance(error, SystemExit) and any(hasattr(found, e) for e in exercises)
-            if found is None or not late:
-                return None, {"trouble": error_in_words(error, file=file)}
-            module = found  # a script may end by sys.exit: what stands above is there
-    return module, {"loaded": page.text}
+        except BaseException as error:  # SystemExit, too
+            return None, {"trouble": error_in_words(error, file=file)}
+    return module, {"loaded": cut(page.getvalue().rstrip(), KEPT)}
 
 
 def _module(file: str) -> ModuleType:
@@ -352,7 +286,7 @@ def _module(file: str) -> ModuleType:
 
 
 @contextmanager
-def _printing_to(page: Page) -> Iterator[None]:
+def _printing_to(page: io.StringIO) -> Iterator[None]:
     with redirect_stdout(page), redirect_stderr(page), without_warnings():
         yield
 

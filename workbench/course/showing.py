@@ -45,21 +45,21 @@ class Picture:
         return f"[figure] {self.caption}"
 
     @property
-    def still(self) -> str:
+    def image(self) -> str:
         """The figure as HTML, whether or not there is one that moves."""
-        return self._html("")
-
-    def _html(self, below: str) -> str:
         width = round(100 * self.figure.get_figwidth())
         return (
-            f'<figure class="picture"><img alt="{escape(self.caption)}" style="width: {width}px" '
+            f'<img alt="{escape(self.caption)}" style="width: {width}px" '
             f'src="data:image/png;base64,{b64encode(self.png).decode()}">'
-            f"<figcaption>{escape(self.caption)}</figcaption>{below}</figure>"
         )
 
     def _repr_html_(self) -> str:
         """For notebooks and the site: the figure of which the text speaks, and below what moves."""
-        return self._html("" if self.page is None else framed(self.page.html))
+        below = "" if self.page is None else framed(self.page.html)
+        return (
+            f'<figure class="picture">{self.image}'
+            f"<figcaption>{escape(self.caption)}</figcaption>{below}</figure>"
+        )
 
 
 @dataclass(frozen=True)

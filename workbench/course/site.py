@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from workbench.course.cells import cells
-from workbench.course.notebooks import notebook, tool, without_results, write_notebook
+from workbench.course.notebooks import Notebook, notebook, tool, without_results, write_notebook
 from workbench.course.outline import Lecture, course, root
 from workbench.errors import BadFile
 
@@ -122,7 +122,6 @@ def copy_licences(folder: Path) -> None:
 
 VENUES = ("journal", "booktitle", "institution", "howpublished", "publisher")  # in BibTeX
 GUIDES = ("GUIDE", "PLANS", "AUTHORS")  # the pages beside the lectures
-TABLE = "<!-- the outline -->"  # a guide has this line where the table of lectures belongs
 Tell = Callable[[str], None]  # is called with a line for each part that begins
 
 
@@ -134,18 +133,25 @@ def write_course_pages(pages: Path, files: Path, tell: Tell) -> None:
     """
     pages.mkdir(parents=True, exist_ok=True)
     files.mkdir(parents=True, exist_ok=True)
-    there = [one for one in course() if one.there]
+    there, made = list(course()), []
     for one in there:
         tell(f"running lecture {one.number}, {one.title}")
-        _write_lecture(one, pages, files)
-    (pages / "index.md").write_text(_index(there), encoding="utf-8")
+        made.append(_write_lecture(one, pages, files))
+    (pages / "index.md").write_text(_index(there, _moving(made)), encoding="utf-8")
     (pages / "sources.md").write_text(sources_page(there), encoding="utf-8")
     for guide in GUIDES:
-        text = (root() / f"{guide}.md").read_text(encoding="utf-8")
-        (pages / f"{guide}.md").write_text(text.replace(TABLE, _table()), encoding="utf-8")
+        shutil.copy(root() / f"{guide}.md", pages)
 
 
-def _write_lecture(one: Lecture, pages: Path, files: Path) -> None:
+def _moving(made: list[Notebook]) -> str:
+    """The first figure of the lectures that moves, for a page in Markdown; empty if none does."""
+    outputs = (out for one in made for cell in one["cells"] for out in cell.get("outputs", []))
+    figures = (out.get("data", {}).get("text/html", "") for out in outputs)
+    found = next((figure for figure in figures if "<iframe" in figure), "")
+    return found and f"```{{raw}} html\n{found}\n```\n\n"
+
+
+def _write_lecture(one: Lecture, pages: Path, files: Path) -> Notebook:
     made, name = notebook(one), one.folder_name
     write_notebook(without_results(made), files / f"{name}.ipynb")
     shutil.copy(one.folder / "exercises.py", files / f"{name}.py")
@@ -157,39 +163,26 @@ def _write_lecture(one: Lecture, pages: Path, files: Path) -> None:
     )
     first["source"] = f"{head}\n\n{facts}\n{rest}"
     write_notebook(made, pages / f"{name}.ipynb")
+    return made
 
 
-def _index(there: list[Lecture]) -> str:
-    """The first page of the course: every lecture with its question."""
+def _index(there: list[Lecture], figure: str) -> str:
+    """The first page of the course: a figure, and every lecture with its question."""
     rows = [
         f"| {one.number} | [{one.title}]({one.folder_name}.ipynb)<br>{one.question} "
         f"| {one.minutes} | {sum(check.points for check in one.checks)} |"
-        if one.there
-        else f"| {one.number} | {one.title} (to come) | | |"
-        for one in course()
+        for one in there
     ]
     names = [one.folder_name for one in there]
     return (
         "# Body models, from a function to a posterior\n\n"
         "A course on the workbench. All figures and numbers on these pages were computed by the "
         "code beside them when the pages were made.\n\n"
-        "| | lecture | minutes | points |\n| --- | --- | --- | --- |\n" + "\n".join(rows) + "\n\n"
+        f"{figure}| | lecture | minutes | points |\n| --- | --- | --- | --- |\n"
+        + "\n".join(rows)
+        + "\n\n"
         "```{toctree}\n:hidden:\n\n" + "\n".join((*names, "sources", *GUIDES)) + "\n```\n"
     )
-
-
-def _table() -> str:
-    """What each lecture assumes and teaches, and how long it and its exercises take, in minutes."""
-    rows = [
-        f"| {one.number} | {one.title}{'' if one.there else ' (to come)'} | {one.minutes} "
-        f"| {one.exercise_minutes if one.there else ''} | {one.assumes} | {one.teaches} |"
-        for one in course()
-    ]
-    head = (
-        "| | lecture | minutes | exercises (estimated) | assumes | teaches |\n"
-        "| --- | --- | --- | --- | --- | --- |"
-    )
-    return "\n".join((head, *rows))
 
 
 def references() -> list[dict[str, str]]:

@@ -1,15 +1,16 @@
-"""A lecture as slides for a browser, from the same cells: reveal.js shows them, without a network.
+"""A lecture as slides for a browser, made of its slide cells, which need no network.
 
-Prose becomes slides of a few paragraphs, what a cell prints and each figure a slide of its own; the
-code of a cell stands below its result ("down"). reveal.js comes with the package sphinx-revealjs,
-and MathJax with sphinx-mathjax-offline; both are copied beside the slides.
+A cell `# %% slide [markdown]` is a slide: a headline, at most three bullets, and the figure that
+was drawn since the slide before it. A figure that moves does so on the slide; after a cell
+`# %% slide still [markdown]`, which shows the still one, it does so on the next slide. The prose
+becomes the speaker's notes. Code is shown where a slide quotes it. reveal.js comes with the package
+sphinx-revealjs, and MathJax with sphinx-mathjax-offline; both are copied beside the slides.
 """
 
 import re
 import shutil
-from collections.abc import Iterator
 from contextlib import redirect_stdout, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 from importlib.metadata import PackageNotFoundError, distribution
 from io import StringIO
@@ -19,157 +20,132 @@ from typing import Any
 from jinja2 import Environment
 
 from workbench.course import Picture
-from workbench.course.cells import carried_out
+from workbench.course.cells import Cell, carried_out
 from workbench.course.notebooks import tool
 from workbench.course.outline import Lecture
-from workbench.course.showing import Source
-from workbench.course.site import OTHERS
+from workbench.course.showing import Source, framed
+from workbench.course.site import DARK, LIGHT, OTHERS
 from workbench.environment import pip_install
 from workbench.errors import BadFile
 from workbench.writing import write_file
 
 WIDTH, HEIGHT = 1280, 720  # px of a slide
-LINES, WORDS = 12.0, 14  # that a slide of prose has room for, and words in a line
-MOST_ROWS = 36  # of code on a slide
+MOST_BULLETS, MOST_ROWS, LONGEST_ROW = 3, 12, 92  # rows and letters of code
+WIDE = 1.55  # a still figure stands below the bullets if it is as many times as wide as high
 OURS = "<!-- slides of the workbench -->"  # in each file that may be written over
-COLOURS = "default"  # of code, by Pygments' name
 
 
 @dataclass(frozen=True)
 class Slide:
-    """A slide, as HTML.
+    """A slide; its texts are HTML.
 
     Attributes:
-        section: the heading of the section to which it belongs.
-        body: what it shows.
-        below: the code that made it, or nothing.
-        lines: how many lines it takes, about.
+        headline: what it says, in a line.
+        words: bullets, formulas, and code.
+        notes: what the speaker reads.
+        still: the figure.
+        moving: the figure in a frame that answers to the hand; `still` then stands for it on paper.
+        wide: whether the figure stands below the words, and not beside them.
     """
 
-    section: str
-    body: str
-    below: str = ""
-    lines: float = LINES
+    headline: str
+    words: str
+    notes: str = ""
+    still: str = ""
+    moving: str = ""
+    wide: bool = False
 
 
 def slides(lecture: Lecture) -> list[Slide]:
-    """Run a lecture; its slides in order. What is short stands below the prose before it.
+    """Run a lecture; its slides in order, and one with its exercises.
 
-    Raises BadFile if a library is missing.
+    Raises BadFile if a slide is not one, or if a library is missing.
     """
+    path = lecture.folder / "lecture.py"
     found: list[Slide] = []
-    for one in _each(lecture):
-        last = found[-1] if found else one
-        if one.below and not last.below and last.lines + one.lines <= LINES:
-            one = Slide(last.section, last.body + one.body, one.below, last.lines + one.lines)
-            found.pop()
-        found.append(one)
-    return found
-
-
-def _each(lecture: Lecture) -> Iterator[Slide]:
-    section = lecture.title
+    notes, shown = "", ""
+    picture: Picture | None = None
     with redirect_stdout(StringIO()):
-        for cell, value, printed in carried_out(lecture.folder / "lecture.py"):
-            if cell.prose:
-                for heading, body, lines in _of_prose(cell.text):
-                    section = heading or section
-                    yield Slide(section, body, lines=lines)
-                continue
-            code = _code(cell.text)
-            if text := printed.rstrip():
-                rows = text.count("\n") + 2.0
-                yield Slide(section, _fixed(escape(text), text), code, rows)
-            for shown in _shown(value):
-                yield Slide(section, shown, code)
-    yield Slide("Exercises", _exercises(lecture))
+        for cell, value, _ in carried_out(path, slides=True):
+            if cell.slide:
+                found.append(_slide(cell, picture, shown, notes, path))
+                notes, picture = "", picture if cell.slide == "still" else None
+            elif cell.prose:
+                notes += _html(cell.text)
+            else:
+                shown += f"{cell.text}\n{value.text if isinstance(value, Source) else ''}\n"
+                picture = value if isinstance(value, Picture) else picture
+    if not found:
+        raise BadFile(f"{path} has no slides; a cell `# %% slide [markdown]` is one")
+    found[-1] = replace(found[-1], notes=found[-1].notes + notes)
+    return [*found, Slide("Exercises", _exercises(lecture))]
 
 
-def _shown(value: Any) -> Iterator[str]:
-    """The value of a cell's last line, on one slide or on several."""
-    match value:
-        case None:
-            pass
-        case Picture():
-            yield re.sub(r'style="width: \d+px" ', "", value.still, count=1)
-        case Source():
-            rows = value.text.splitlines()
-            pages = -(-len(rows) // MOST_ROWS)
-            each = -(-len(rows) // pages)
-            for k in range(pages):
-                where = escape(value.where) + (f", {k + 1} of {pages}" if pages > 1 else "")
-                some = "\n".join(rows[k * each : (k + 1) * each])
-                yield f'<p class="where">{where}</p>{_code(some)}'
-        case _:
-            yield _fixed(escape(repr(value)), repr(value))
+def _slide(cell: Cell, picture: Picture | None, shown: str, notes: str, path: Path) -> Slide:
+    """The slide of a cell. Raises BadFile if it has no headline, or too much of anything."""
+    headline, _, rest = cell.text.partition("\n")
+    quoted = "\n".join(re.findall(r"```python\n(.*?)```", rest, re.S)).splitlines()
+    known = {line.strip() for line in shown.splitlines()}
+    troubles = {
+        "begins with its headline: `# ## ...`": headline.startswith("## "),
+        f"has at most {MOST_BULLETS} bullets": len(re.findall(r"^- ", rest, re.M)) <= MOST_BULLETS,
+        f"has at most {MOST_ROWS} rows of code": len(quoted) <= MOST_ROWS,
+        f"has rows of at most {LONGEST_ROW} letters": all(len(q) <= LONGEST_ROW for q in quoted),
+        "quotes rows of code that the lecture has shown, or `...`": known | {"..."}
+        >= {line.strip() for line in quoted},
+    }
+    for rule, kept in troubles.items():
+        if not kept:
+            raise BadFile(f"{path}, line {cell.line}: a slide {rule}")
+    words, title = _html(rest), _inline(headline.removeprefix("## "))
+    if picture is None:
+        return Slide(title, words, notes)
+    moves = picture.page if cell.slide == "moving" else None
+    wide, high = picture.figure.get_size_inches()
+    return Slide(
+        title,
+        words,
+        f"{notes}<p>{escape(picture.caption if moves is None else moves.caption)}</p>",
+        picture.image,
+        "" if moves is None else framed(moves.html.replace("</head>", f"{ALONE}</head>", 1)),
+        moves is None and bool(wide >= WIDE * high),
+    )
 
 
-def _of_prose(text: str) -> Iterator[tuple[str, str, float]]:
-    """Slides of a cell of prose: the heading if one begins, HTML, and about how many lines."""
-    waiting: list[str] = []
-    heading, lines = "", 0.0
-    for block in _blocks(text):
-        title = re.match(r"#{1,3} +(.+)", block)
-        if title or (waiting and lines + _lines(block) > LINES):
-            if waiting:
-                yield heading, _html("\n\n".join(waiting)), lines
-            heading, waiting, lines = "", [], 0.0
-        if title:
-            heading = title[1].strip()
-            block = block[title.end() :].strip()
-        if block:
-            waiting.append(block)
-            lines += _lines(block)
-    if waiting or heading:
-        yield heading, _html("\n\n".join(waiting)), lines
+ALONE = """
+<style>
+main .replay figcaption { display: none; } /* it is in the notes */
+main .replay figure figcaption { display: block; }
+main .replay-stage { height: 27rem; }
+</style>
+"""
 
 
-def _blocks(text: str) -> list[str]:
-    """Paragraphs, lists, tables and formulas that stand alone; fenced code stays together."""
-    found: list[str] = []
-    fence = False
-    for part in re.split(r"\n\s*\n", text):
-        if fence:
-            found[-1] += f"\n\n{part}"
-        else:
-            found.append(part.strip("\n"))
-        fence ^= part.count("```") % 2 == 1
-    return [part for part in found if part.strip()]
-
-
-def _lines(block: str) -> float:
-    """How many lines of a slide a block takes, about."""
-    prose = re.sub(r"\$\$.+?\$\$", "", block, flags=re.S)
-    formulas = block.count("$$") / 2
-    rows = [row for row in prose.splitlines() if row.strip()]
-    listed = [row for row in rows if re.match(r"\s*([-*|]|\d+\.)", row)]
-    return max(len(prose.split()) / WORDS, float(len(listed))) + 2.5 * formulas + 0.8
-
-
-def _html(text: str) -> str:
+def _reader() -> Any:
+    """A reader of Markdown that leaves formulas to MathJax, and colours code."""
     markdown, dollars = tool("markdown_it"), tool("mdit_py_plugins.dollarmath")
-    reader = markdown.MarkdownIt("commonmark").enable("table")
 
     def formula(content: str, options: dict[str, Any]) -> str:
         inside = escape(content.strip())
         return rf"\[{inside}\]" if options["display_mode"] else rf"\({inside}\)"
 
-    reader.use(dollars.dollarmath_plugin, renderer=formula, allow_space=True)
-    return str(reader.render(text))
+    def coloured(code: str, language: str, attributes: str) -> str:
+        pygments, lexers = tool("pygments"), tool("pygments.lexers")
+        formatter = tool("pygments.formatters").HtmlFormatter(nowrap=True)
+        size = min(28.0, (WIDTH - 160) / (0.61 * max(len(row) for row in code.splitlines())))  # px
+        inside = pygments.highlight(code, lexers.PythonLexer(), formatter)
+        return f'<pre style="font-size: {size:.0f}px">{inside}</pre>'
+
+    reader = markdown.MarkdownIt("commonmark", {"highlight": coloured}).enable("table")
+    return reader.use(dollars.dollarmath_plugin, renderer=formula, allow_space=True)
 
 
-def _code(text: str) -> str:
-    pygments, lexers = tool("pygments"), tool("pygments.lexers")
-    formatter = tool("pygments.formatters").HtmlFormatter(nowrap=True)
-    return _fixed(pygments.highlight(text, lexers.PythonLexer(), formatter), text)
+def _html(text: str) -> str:
+    return str(_reader().render(text))
 
 
-def _fixed(html: str, text: str) -> str:
-    """Text of a fixed width, in the size in which it fits on a slide."""
-    rows = text.splitlines() or [""]
-    high, wide = 540 / (1.3 * len(rows)), (WIDTH - 120) / (0.61 * max(map(len, rows)) + 1)
-    size = max(7.0, min(24.0, high, wide))
-    return f'<pre style="font-size: calc({size:.1f}px * var(--fit, 1))">{html}</pre>'
+def _inline(text: str) -> str:
+    return str(_reader().renderInline(text))
 
 
 def _exercises(lecture: Lecture) -> str:
@@ -184,7 +160,7 @@ def _exercises(lecture: Lecture) -> str:
             f"<td>{'' if minutes is None else f'about {minutes}'}</td></tr>"
         )
     head = "<tr><th></th><th>exercise</th><th>points</th><th>minutes</th></tr>"
-    return f"<table>{head}{''.join(rows)}</table>"
+    return f'<table class="exercises">{head}{"".join(rows)}</table>'
 
 
 def write_slides(lecture: Lecture, folder: str | Path) -> Path:
@@ -205,7 +181,7 @@ def write_slides(lecture: Lecture, folder: str | Path) -> Path:
     template = Environment(autoescape=False).from_string(
         (here / "slides.html").read_text(encoding="utf-8")
     )
-    formatter = tool("pygments.formatters").HtmlFormatter(style=COLOURS)
+    formatter = tool("pygments.formatters").HtmlFormatter
     text = template.render(
         ours=OURS,
         lecture=lecture,
@@ -213,7 +189,8 @@ def write_slides(lecture: Lecture, folder: str | Path) -> Path:
         question=escape(lecture.question),
         slides=slides(lecture),
         style=(here / "slides.css").read_text(encoding="utf-8"),
-        colours=formatter.get_style_defs("pre"),
+        light=formatter(style=LIGHT).get_style_defs("pre"),
+        dark=formatter(style=DARK).get_style_defs("pre"),
         width=WIDTH,
         height=HEIGHT,
     )

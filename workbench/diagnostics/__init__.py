@@ -31,7 +31,6 @@ from workbench.diagnostics.design import (
 )
 from workbench.diagnostics.diagnosis import (
     Diagnosis,
-    Neighbourhood,
     Undiagnosed,
     diagnose,
     diagnose_whole,
@@ -45,7 +44,6 @@ from workbench.diagnostics.identifiability import (
 )
 from workbench.diagnostics.null_space import Direction
 from workbench.diagnostics.over_points import PointsDiagnosis, Recurring, diagnose_over, prior_draws
-from workbench.diagnostics.rank_law import JointTurn
 from workbench.diagnostics.remedies import RankAndCondition, Suggestion
 from workbench.diagnostics.report import Finding
 from workbench.diagnostics.scales import Scales
@@ -67,9 +65,7 @@ __all__ = [
     "Finding",
     "Gauge",
     "Identifiability",
-    "JointTurn",
     "MeasurementDesign",
-    "Neighbourhood",
     "NullDirections",
     "PointsDiagnosis",
     "Quantity",

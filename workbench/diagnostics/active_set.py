@@ -23,7 +23,6 @@ from workbench.problem.storage import by_nonzeros, stacked
 from workbench.threads import limited_threads
 
 UNKNOWN = 1e-9  # squared part of an entry in the null space, from which on it is not known
-MOVES = 1e-8  # of null vectors of length 1: by less, unknowns are not moved
 NEAR = 1e-6  # of the size of a bound: nearer points are on it, as for the sampler
 NEAR_OF_WIDTH = 1e-3  # of the way between two bounds, the most that counts as on one
 COUNT, FEWER = 4, 2  # points nearby: in a space of g motions, chance leaves nothing at each point
@@ -190,10 +189,6 @@ class ConstrainedJacobian:
             return spectrum.Vt[spectrum.rank :].T
         with limited_threads():
             return self.sparse.null
-
-    def null_rank(self, part: slice) -> int:
-        """In how many independent ways null directions move some of the unknowns."""
-        return int(np.linalg.matrix_rank(self.null[part], tol=MOVES))
 
     @property
     def tolerance(self) -> float:

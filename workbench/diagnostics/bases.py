@@ -143,11 +143,7 @@ def tangent_space(rows: Array) -> Array:
 
 
 def _spanned(rows: Array) -> tuple[Index, Index, int, Array]:
-    """The unknowns that rows of one entry hold; those that the others read, their rank, and Vt.
-
-    The others (l, n) are scaled to length 1 before what is held is taken from them. Rows of which
-    only rounding is left then are dropped, and so are rows of zeros.
-    """
+    """The unknowns that rows of one entry hold; those that the others read, their rank, and Vt."""
     alone = np.count_nonzero(rows, axis=1) == 1
     held = rows[alone].any(axis=0)
     others = rows[rows.any(axis=1) & ~alone]

@@ -13,11 +13,8 @@ if TYPE_CHECKING:
     from workbench.diagnostics.diagnosis import Diagnosis
 
 SCHEMA = "workbench.diagnosis"
-VERSION = 2  # raised when a key is removed or changes its meaning; new keys do not raise it
-CHECKED = (
-    *("passed", "wrong", "largest_error", "slope"),
-    *("gradient_error", "hessian_error", "neglected"),
-)
+VERSION = 3  # raised when a key is removed or changes its meaning; new keys do not raise it
+CHECKED = ("passed", "wrong", "largest_error", "slope", "gradient_error", "neglected")
 
 
 def as_data(d: "Diagnosis") -> dict[str, Any]:
@@ -88,9 +85,7 @@ def _numbers(d: "Diagnosis") -> dict[str, Any]:
         "condition": d.condition,
         "singular_values": [] if d.sparse is not None else d.singular_values,
         "weak_count": d.weak_count,
-        "scaled_rank": d.scaled_rank,
-        "ranks_nearby": d.nearby.ranks,
-        "weaker_here": d.nearby.weaker_here,
+        "ranks_nearby": d.ranks_nearby,
         "rank_law": None if law is None else {"rank": law[0], "because": law[1]},
         "null_directions": [_direction(d, x) for x in d.null_directions],
         "weak_directions": [_direction(d, x) for x in d.weak_directions],
@@ -98,10 +93,8 @@ def _numbers(d: "Diagnosis") -> dict[str, Any]:
             {"first": d.free.label(p.first), "second": d.free.label(p.second), "sine": p.sine}
             for p in d.parallel_columns
         ],
-        "turns": [vars(turn) for turn in d.joint_turns],
         "weakest": [
             {
-                "singular_value": w.singular_value,
                 "change": w.change,
                 "columns": d.free.labels_of(w.columns),
                 "rows": [d.problem.row_label(i) for i in w.rows],
@@ -124,10 +117,7 @@ def _numbers(d: "Diagnosis") -> dict[str, Any]:
             {"first": d.free.label(a), "second": d.free.label(b), "value": c}
             for a, b, c in known.correlations
         ],
-        "contributions": [
-            {key: value for key, value in vars(c).items() if not key.startswith("singular")}
-            for c in d.contributions
-        ],
+        "contributions": [vars(c) for c in d.contributions],
         "derivatives": {
             **{key: getattr(check, key) for key in CHECKED},
             "suspects": [

@@ -23,17 +23,16 @@ from workbench.diagnostics.active_set import (
     points_nearby,
 )
 from workbench.diagnostics.derivatives import DerivativeCheck, check_derivatives
-from workbench.diagnostics.gauges import Gauge, exchanges
+from workbench.diagnostics.gauges import Gauge
 from workbench.diagnostics.identifiability import (
     Contribution,
     Identifiability,
     contributions,
     identifiability,
     sigma_of_priors,
-    widths_by_curvature,
 )
 from workbench.diagnostics.null_space import Direction
-from workbench.diagnostics.rank_law import JointTurn, joint_turns, law_of
+from workbench.diagnostics.rank_law import law_of
 from workbench.diagnostics.remedies import RankAndCondition, Suggestion, rank_and_condition
 from workbench.diagnostics.report import Finding
 from workbench.diagnostics.scales import Scales, checked, scales
@@ -50,20 +49,6 @@ if TYPE_CHECKING:
 
 class Undiagnosed(WorkbenchError, AssertionError):
     """An assertion about a diagnosis that does not hold."""
-
-
-@dataclass(frozen=True)
-class Neighbourhood:
-    """Rank and singular values at a few random points, a tenth of a scale away in each entry.
-
-    Attributes:
-        ranks: the rank at each of the points; none of a large problem.
-        weaker_here: how many times smaller the smallest nonzero singular value is here than
-            typically there.
-    """
-
-    ranks: tuple[int, ...] = ()
-    weaker_here: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,36 +226,19 @@ class Diagnosis:
         return rank_and_condition(self.constrained)
 
     @cached_property
-    def scaled_rank(self) -> int:
-        """The rank with every column scaled to length 1."""
-        if self.sparse is not None:
-            return self.rank  # in such columns
-        s = self.constrained.stacked.singular_values
-        relative = self.tolerance / max(float(self.singular_values.max(initial=0.0)), 1e-300)
-        return int(np.sum(s > relative * s.max(initial=0.0)))
+    def ranks_nearby(self) -> tuple[int, ...]:
+        """The rank at a few random points, a tenth of a scale away in each entry.
 
-    @cached_property
-    def nearby(self) -> Neighbourhood:
-        """Rank and weakest singular value at the points nearby."""
+        None of a problem with many unknowns, or of a sparse Jacobian.
+        """
         if self.here.estimated or self.free.size > MANY:
-            return Neighbourhood()
-        there = [near.measured(self.scales.sizes) for _, near in self.points_nearby]
-        s, rank = self.measured.reduced.spectrum.s, self.measured.reduced.spectrum.rank
-        ranks = tuple(near.rank for near in there)
-        weakest = [near.reduced.spectrum.s[rank - 1 : rank] for near in there if rank]
-        if not weakest:
-            return Neighbourhood(ranks)
-        return Neighbourhood(ranks, float(np.median(np.concatenate(weakest)) / s[rank - 1]))
+            return ()
+        return tuple(near.measured(self.scales.sizes).rank for _, near in self.points_nearby)
 
     @cached_property
     def null_directions(self) -> tuple[Direction, ...]:
         """The directions that change no residual, with their names."""
         return null_space.null_directions(self)
-
-    @cached_property
-    def exchanges(self) -> tuple[tuple[str, ...], ...]:
-        """Groups of blocks whose rows may be exchanged, together, without changing a residual."""
-        return exchanges(self.problem, self.values, self.constrained)
 
     @cached_property
     def weak_directions(self) -> tuple[Direction, ...]:
@@ -303,19 +271,9 @@ class Diagnosis:
         return conditioning.parallel_columns(self.constrained.stacked)
 
     @cached_property
-    def joint_turns(self) -> tuple[JointTurn, ...]:
-        """The strongest two turns of each joint that the residuals depend on."""
-        return joint_turns(self)
-
-    @cached_property
     def weakest(self) -> tuple[conditioning.WeakestDirection, ...]:
         """The directions of the smallest nonzero singular values, in scales."""
         return conditioning.weakest(self)
-
-    @cached_property
-    def leverage(self) -> Array | None:
-        """(m,) the leverage of each row, 0 to 1; None for a large sparse Jacobian."""
-        return conditioning.leverage(self.constrained.reduced)
 
     @cached_property
     def identifiability(self) -> Identifiability:
@@ -330,17 +288,6 @@ class Diagnosis:
         )
 
     @cached_property
-    def widths(self) -> tuple[float, ...]:
-        """Standard deviations, in characteristic scales, of null directions that the cost rises in.
-
-        The Jacobian does not show them, the exact Hessian does; see `widths_by_curvature`.
-        """
-        if self.here.estimated or self.active.any or self.rank == self.shape[1]:
-            return ()
-        scales = self.scales.sizes
-        return widths_by_curvature(self.problem, self.values, self.null_in_scales, scales)
-
-    @cached_property
     def null_in_scales(self) -> Array:
         """(n, d) an orthonormal basis of the null space, with unknowns in characteristic scales.
 
@@ -349,11 +296,6 @@ class Diagnosis:
         if self.measured.rank == self.rank:
             return self.measured.null
         return np.asarray(np.linalg.qr(self.constrained.null / self.scales.sizes[:, None])[0])
-
-    @property
-    def has_width(self) -> bool:
-        """Whether the cost rises along every null direction, though no residual changes."""
-        return 0 < self.shape[1] - self.rank == len(self.widths)
 
     @cached_property
     def contributions(self) -> tuple[Contribution, ...]:

@@ -1,19 +1,13 @@
 """The unknowns of a sequence eliminated frame after frame, whatever the rank of each frame is.
 
-With the unknowns of frame t called x_t and the shared ones s, the rows that belong to frame t are
-J_t x_t + B_t s. All other rows are between frames, or of shared unknowns alone. All columns are
-scaled to length 1, so that no unknown's unit matters.
-
 Let [A B] (u; w) be all rows that read the unknowns u of a frame; they also read some of the
 unknowns w that are left. With the pseudoinverse A^+, the best u for a given w is u = -A^+ B w, and
 the rows (I - A A^+) B remain for w. A direction of u that A takes to zero is, with w = 0, a null
 direction of the whole sequence. At the end the shared unknowns are left, with the square root of
 their Schur complement. This is the square-root information filter (Bierman, Factorization Methods
 for Discrete Sequential Estimation, 1977) with an SVD in place of a triangular factor, which finds
-the null directions.
-
-Time and memory grow in proportion to the number of frames while no row reaches over many of them,
-and null directions of single frames stay apart, however many there are.
+the null directions. All columns are scaled to length 1. Time and memory grow in proportion to the
+number of frames while no row reaches over many of them.
 """
 
 from collections.abc import Sequence

@@ -12,7 +12,7 @@ Triggs et al., Bundle adjustment - a modern synthesis (2000), section 9, treats 
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import chain, combinations, pairwise
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +22,6 @@ from scipy.sparse import coo_array, csc_array
 from workbench.arrays import Array, Index
 from workbench.blocks import Block, Layout, Values
 from workbench.diagnostics import generators
-from workbench.diagnostics.active_set import ConstrainedJacobian
 from workbench.diagnostics.bases import sparsest
 from workbench.diagnostics.generators import Cloud, Generator, Group, Segment, places_of, together
 from workbench.diagnostics.words import LENGTHS, in_space, listed, things
@@ -35,8 +34,6 @@ CLOSE = 1e-4  # between coefficients of motions, from spaces that are known up t
 PART = 1e-5  # of the largest coefficient: less takes no part
 MANY = 400  # groups up to which combinations of few are looked for
 LABOUR = 15_000  # unknowns times blocks, up to which each is asked whether it can be left out
-EXCHANGED = 8  # rows that may be exchanged, at the most
-SMALL = 400  # unknowns up to which exchanges are tried
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,7 +163,6 @@ class Found:
     def __init__(self, space: NullSpace) -> None:
         self.space = space
         self.known = np.zeros((space.basis.shape[1], 0))
-        self.told: set[frozenset[str]] = set()  # the blocks that each gauge moves
         self.new = max(NEW, 2 * space.same)  # of its length: less is nothing new
 
     def all(self) -> bool:
@@ -208,8 +204,7 @@ def gauges(
     """The gauges of a problem at these values, among the motions that are not seen.
 
     `pattern` (m, n) says which unknowns a row reads: points that no row ties together move
-    independently of each other. What a motion adds nothing to those before it is left out, and what
-    moves the same unknowns in the same way as before, undone by others, comes last.
+    independently of each other. A motion that adds nothing to those before it is left out.
     """
     free, space = problem.free, found.space
     for gauge in declared:
@@ -217,7 +212,7 @@ def gauges(
     if found.all():
         return
     for generator in generators.rest(problem):
-        yield from _of_generator(generator, free, found, again=False)
+        yield from _of_generator(generator, free, found)
     if found.all():
         return
     blocks, islands, points = _looked_at(problem, space, pattern)
@@ -225,16 +220,13 @@ def gauges(
     groups = list(generators.block_groups(free, blocks, islands))
     if points and space.nearby:  # what scales with the points
         yield from _of_groups([g for g in groups if g.factor], found, of_points)
-    for again in (False, True):
-        for stage, several in enumerate(_catalogue(problem, space, blocks, points)):
-            for generator in several:
-                if found.all():
-                    return
-                yield from _of_generator(generator, free, found, again=again)
-            if stage == 0 and not again:
-                yield from _of_groups(groups, found, of_points)
-    if space.nearby:
-        yield from _of_groups(list(generators.slice_groups(free, blocks)), found)
+    for stage, several in enumerate(_catalogue(problem, space, blocks, points)):
+        for generator in several:
+            if found.all():
+                return
+            yield from _of_generator(generator, free, found)
+        if stage == 0:
+            yield from _of_groups(groups, found, of_points)
 
 
 def _looked_at(
@@ -257,10 +249,7 @@ def _looked_at(
 def _catalogue(
     problem: Problem, space: NullSpace, blocks: Sequence[Block], points: Sequence[Cloud]
 ) -> Iterator[Iterator[Generator]]:
-    """All generators of a problem: what acts on most unknowns in a known form comes first.
-
-    The second stage comes after numbers that change in a fixed ratio.
-    """
+    """All generators of a problem, in two stages: numbers in a fixed ratio are asked in between."""
     free = problem.free
     of_points = {b.name for cloud in points for b in cloud.blocks}
     matrices = [
@@ -290,11 +279,7 @@ def _catalogue(
 
 
 def _turns(problem: Problem, space: NullSpace) -> Iterator[Generator]:
-    """Turns of roots and of rotation vectors.
-
-    A single turn that others undo in every way, or in all but one, says little: these have to be
-    turns and places.
-    """
+    """Turns of roots and rotation vectors; a single one that others undo anyhow says little."""
     free = problem.free
     posed = {name for tree in problem.trees for name in tree.blocks}
     angles = [b for b in free.blocks if b.unit in generators.ANGLES and b.name not in posed]
@@ -307,9 +292,9 @@ def _turns(problem: Problem, space: NullSpace) -> Iterator[Generator]:
     for at, block in moved:
         frames = [b for b in spatial if b is not block]
         if frames:
-            yield from generators.turns(block, at, together(free, frames))
+            yield generators.turns(block, at, together(free, frames))
         if len(at) > 3 or (space.nearby and space.fixed(at) > 1):
-            yield from generators.turns(block, at, None)
+            yield generators.turns(block, at, None)
 
 
 def _are_points(cloud: Cloud, space: NullSpace) -> bool:
@@ -347,9 +332,7 @@ def _inside(Q: Array, wanted: Array) -> Array:
     return np.asarray(np.linalg.norm(W - Q @ (Q.T @ W), axis=0) <= CLOSE)
 
 
-def _of_generator(
-    generator: Generator, free: Layout, found: Found, *, again: bool
-) -> Iterator[GaugeMotion]:
+def _of_generator(generator: Generator, free: Layout, found: Found) -> Iterator[GaugeMotion]:
     """The motions of a generator that others undo, each by the fewest of them."""
     space, at = found.space, generator.places
     others = generator.others
@@ -365,18 +348,13 @@ def _of_generator(
         v = space.moved(generator, c / lengths)
         if np.linalg.norm(v) <= SAME * np.linalg.norm(c):
             continue  # such as a turn of points about the line on which they all lie
-        if not (again or generator.with_others) and found.does(v, at):
+        if not generator.with_others and found.does(v, at):
             continue
-        for a in _ways(generator, v, c / lengths, others, found, free, again=again):
+        for a in _ways(generator, v, c / lengths, others, space, free):
             w = space.basis @ a
             still = np.linalg.norm(w[others]) <= SAME * np.linalg.norm(w)
-            blocks = found.blocks_of(w, free)
-            # what moves the same blocks in another way would hide what is left to be named
-            if (generator.with_others and still) or (again and frozenset(blocks) in found.told):
-                continue
-            if found.adds(a):
-                found.told.add(frozenset(blocks))
-                said = segment.words(c / lengths)
+            if not (generator.with_others and still) and found.adds(a):
+                said, blocks = segment.words(c / lengths), found.blocks_of(w, free)
                 title = _title(said, generator, c / lengths, w, blocks, free, space)
                 yield GaugeMotion(segment.kind, title, a)
 
@@ -384,8 +362,7 @@ def _of_generator(
 def _chosen(Q: Array, generator: Generator) -> Iterator[tuple[Segment, Array]]:
     """Combinations (g,) that span those in Q (g, k), by segments: single columns, where it may be.
 
-    A combination has a one in a column of its own segment, and parts in earlier ones: a rotation
-    about a point that is held is a turn and a shift.
+    A combination has parts in earlier segments: a rotation about a point is a turn and a shift.
     """
     first, g = 0, len(Q)
     known = np.zeros((g, 0))
@@ -413,15 +390,12 @@ def _ways(
     v: Array,
     c: Array,
     others: Index,
-    found: Found,
+    space: NullSpace,
     free: Layout,
-    *,
-    again: bool,
 ) -> Iterator[Array]:
     """The motions (d,) that are v (n,) but for what undoes it: nobody, each single block that can,
-    or the fewest blocks, one after the other being left out; the last ones first, or last `again`.
+    or the fewest blocks, one after the other being left out, the last ones first.
     """
-    space = found.space
     nobody, at = np.zeros(0, dtype=np.int64), generator.places
     choice = _range(space.basis[at], space.same)[1].size < space.basis.shape[1]
     if not choice:
@@ -429,7 +403,7 @@ def _ways(
         return
     along = generator._replace(columns=lambda x: (generator.columns(x) @ c)[:, None])
     choices = [np.intersect1d(others, places_of(free, b)) for b in free.blocks]
-    choices = [some for some in choices if some.size][:: -1 if again else 1]
+    choices = [some for some in choices if some.size]
     few = len(v) * len(choices) <= LABOUR
     single = [nobody, *choices] if few else [nobody]
     alone = False
@@ -478,10 +452,9 @@ def _title(
 def _of_groups(
     groups: list[Group], found: Found, of_points: Collection[str] = ()
 ) -> Iterator[GaugeMotion]:
-    """Offsets and factors of groups of unknowns that cancel: combinations of few, the same ratio
-    at all points. Offsets are asked first, then factors, then both together.
+    """Offsets and factors of groups that cancel: combinations of few, the same ratio everywhere.
 
-    A factor of the blocks `of_points` is called a scale.
+    Offsets are asked first, then factors, then both. A factor `of_points` is called a scale.
     """
     space = found.space
     kinds = [[g for g in groups if not g.factor], [g for g in groups if g.factor]]
@@ -493,9 +466,8 @@ def _of_groups(
             # at one point alone, single numbers undo each other in ways that say nothing
             if not space.nearby and max(group.places.size for group, _ in parts) == 1:
                 continue
-            named = None if _cross(parts) else _in_ratio(parts, exact=bool(space.nearby))
+            named = _in_ratio(parts, exact=bool(space.nearby))
             if named and found.adds(a):
-                found.told.add(frozenset(group.block for group, _ in parts))
                 kind, title = named
                 if any(group.factor and group.block in of_points for group, _ in parts):
                     title = title.replace("a common factor", "a scale", 1)
@@ -540,21 +512,8 @@ def _cancelling(
             yield [(g, float(x)) for g, x in zip(groups, amounts, strict=True) if x], a
 
 
-def _cross(parts: Sequence[tuple[Group, float]]) -> bool:
-    """Whether a row and a column of one block take part: then entries say it better."""
-    alike = (
-        (a, b)
-        for (a, _), (b, _) in combinations(parts, 2)
-        if a.block == b.block and a.factor == b.factor
-    )
-    return any(np.intersect1d(a.places, b.places).size for a, b in alike)
-
-
 def _in_ratio(parts: Sequence[tuple[Group, float]], exact: bool) -> tuple[str, str] | None:
-    """The kind and the title of a combination: `a common factor of ability, undone by slope`.
-
-    None for single numbers that are offset by unlike amounts, which is a trade-off.
-    """
+    """The kind and the title of a combination; None for single numbers in an unlike ratio."""
     factors = [(group, c) for group, c in parts if group.factor]
     several = [(g, c) for g, c in parts if g.places.size > 1]
     by_block: dict[str, list[float]] = {}
@@ -585,7 +544,7 @@ def _part(group: Group, amount: float) -> str:
     return f"{group.name} ({how})"
 
 
-# What is declared, what rows tie together, and what may be exchanged.
+# What is declared, and what rows tie together.
 
 
 def is_gauge(gauge: Gauge, problem: Problem, values: Values, null: Array) -> bool:
@@ -624,50 +583,3 @@ def _islands(free: Layout, pattern: csc_array) -> list[Index]:
     read = pattern.tocoo()
     tied = coo_array((read.data, (read.row, group[read.col])), (pattern.shape[0], count))
     return [np.flatnonzero(np.isin(group, groups)) for groups in tied_columns(tied)]
-
-
-def exchanges(
-    problem: Problem, values: Values, constrained: ConstrainedJacobian
-) -> tuple[tuple[str, ...], ...]:
-    """Groups of free blocks whose rows may be exchanged, together, in any order.
-
-    Such a symmetry is discrete: the terms of a sum, the units of a layer. It takes no rank away,
-    but every minimum then has equals elsewhere. An exchange that only moves along the null space is
-    left out: it says nothing new.
-    """
-    free = problem.free
-    if free.size > SMALL or problem.trees:
-        return ()
-    null = constrained.null
-    x, fixed = problem.split(values)
-    before = problem.residual(x, fixed)
-    by_count: dict[int, list[str]] = {}
-    for block in free.blocks:
-        if block.whole is None and block.shape and 1 < block.shape[0] <= EXCHANGED:
-            by_count.setdefault(block.shape[0], []).append(block.name)
-    groups = [tuple(names) for names in by_count.values()]
-    groups += [(name,) for names in by_count.values() if len(names) > 1 for name in names]
-    kept: list[tuple[str, ...]] = []
-    for group in groups:
-        if any(set(group) <= set(one) for one in kept):
-            continue
-        moved = [
-            _exchanged(free, x, group, i, j) for i, j in pairwise(range(free[group[0]].shape[0]))
-        ]
-        outside = [y - x - null @ (null.T @ (y - x)) for y in moved]
-        new = max(np.linalg.norm(outside, axis=1)) > SAME * np.linalg.norm(x)
-        if new and all(
-            np.linalg.norm(problem.residual(y, fixed) - before)
-            <= 1e-9 * (1.0 + float(np.linalg.norm(before)))
-            for y in moved
-        ):
-            kept.append(group)
-    return tuple(kept)
-
-
-def _exchanged(free: Layout, x: Array, group: tuple[str, ...], i: int, j: int) -> Array:
-    y = x.copy()
-    for name in group:
-        rows = y[free.slices[name]].reshape(free[name].shape[0], -1)
-        rows[[i, j]] = rows[[j, i]]
-    return y

@@ -9,11 +9,11 @@ points     rows in the plane or in space: shifts, turns and a scale; stretches a
            the plane at infinity, X -> X / (1 - v'X) (Hartley and Zisserman, Multiple View Geometry
            in Computer Vision, 2004, section 10.2)
 matrix     an array of coefficients: factors and offsets of its rows or columns, one added to
-           another, rotations among them, any linear map A E
+           another, rotations among them
 shifts     a place is shifted, and other places undo that
-turns      rotation vectors turn about an axis of the world, or about one of their own
+turns      rotation vectors turn about an axis of the world
 rest       the arrays of a body at rest against the poses and places of its registrations
-groups     offsets and factors of blocks or slices, in a ratio that is the same everywhere
+groups     offsets and factors of blocks, in a ratio that is the same everywhere
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -24,7 +24,7 @@ import numpy as np
 
 from workbench.arrays import Array, Index
 from workbench.blocks import Block, Layout
-from workbench.blocks.tree import Rest
+from workbench.blocks.points import Rest
 from workbench.diagnostics.words import LENGTHS, in_space, listed, rows_of
 from workbench.geometry.rotation import inverse_left_jacobian
 from workbench.problem import Problem
@@ -32,7 +32,6 @@ from workbench.problem import Problem
 ANGLES = ("rad", "deg")
 LARGEST = 4_000_000  # numbers in the columns of a generator
 WIDEST = 24  # rows or columns among which every sum and every rotation is asked for
-SLICES = 100  # rows, columns or entries of a block, up to which each is a group of its own
 ROUNDING = 1e-6  # of an axis: less is none
 
 
@@ -288,7 +287,7 @@ def may_mix(what: str, places: Index) -> bool:
 
 
 def mixtures(block: Block, what: str, places: Index) -> Iterator[Generator]:
-    """One column of A added to another, then rotations among them, and any other map A E."""
+    """One column of A added to another, then rotations among them."""
     h = places.shape[1]
     pairs = [(i, j) for i, j in np.ndindex(h, h) if i != j]
     planes = list(combinations(range(h), 2))
@@ -308,9 +307,6 @@ def mixtures(block: Block, what: str, places: Index) -> Iterator[Generator]:
     yield Generator(*own, sums, (Segment("mixing", len(pairs), added),), single=True)
     turns = _mixing(places, [[(i, j, 1.0), (j, i, -1.0)] for i, j in planes])
     yield Generator(*own, turns, (Segment("rotation", len(planes), turned),))
-    every = _mixing(places, [[(i, j, 1.0)] for i, j in np.ndindex(h, h)])
-    said = f"a linear map of the {what}s"
-    yield Generator(*own, every, (Segment("mixing", h * h, lambda c: said),))
 
 
 def _mixing(
@@ -357,22 +353,18 @@ def _along(c: Array) -> str:
     return f"a translation along {axis_of(c)}"
 
 
-def turns(block: Block, at: Index, frames: Index | None) -> Iterator[Generator]:
-    """Rotation vectors (K, 3) turn about an axis of the world, and about one of their own.
+def turns(block: Block, at: Index, frames: Index | None) -> Generator:
+    """Rotation vectors (K, 3) turn about an axis of the world.
 
     What undoes that are the `frames`, or anything if they are None.
     """
-    for said, sign in (("a rotation about", 1.0), ("a rotation about its own", -1.0)):
 
-        def columns(x: Array, sign: float = sign) -> Array:
-            w = x[at].reshape(-1, 3)
-            return np.asarray(sign * inverse_left_jacobian(sign * w).reshape(-1, 3))
+    def columns(x: Array) -> Array:
+        return np.asarray(inverse_left_jacobian(x[at].reshape(-1, 3)).reshape(-1, 3))
 
-        def words(c: Array, said: str = said) -> str:
-            return f"{said} {axis_of(c)}"
-
-        segments, alone = (Segment("rotation", 3, words),), len(at) == 3
-        yield Generator(block.name, (block.name,), at, columns, segments, False, frames, alone)
+    segments = (Segment("rotation", 3, lambda c: f"a rotation about {axis_of(c)}"),)
+    alone = len(at) == 3
+    return Generator(block.name, (block.name,), at, columns, segments, False, frames, alone)
 
 
 # Groups of numbers.
@@ -396,25 +388,6 @@ def block_groups(
             elif own.size > d:
                 for k in range(d):
                     yield Group(f"column {k} of {name}", own[k::d], False, block.name)
-
-
-def slice_groups(free: Layout, blocks: Sequence[Block]) -> Iterator[Group]:
-    """Rows, columns and other slices of arrays, the entries of a vector, and single numbers."""
-    for block in blocks:
-        at = places_of(free, block)
-        if block.whole is not None or len(block.shape) < 2:
-            named = [(free.label(int(i)), np.array([i])) for i in at]
-        else:
-            words = ("row", "column") if len(block.shape) == 2 else None
-            named = [
-                (f"{words[axis] if words else f'slice {axis},'} {k} of {block.name}", own.ravel())
-                for axis in range(len(block.shape))
-                for k, own in enumerate(np.moveaxis(at.reshape(block.shape), axis, 0))
-            ]
-        if len(named) <= SLICES:
-            yield from (
-                Group(n, own, factor, block.name) for n, own in named for factor in (True, False)
-            )
 
 
 # Bodies at rest.

@@ -13,23 +13,18 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.sparse import csc_array
 
 from workbench.arrays import Array, Index, Mask
 from workbench.blocks import Layout
 from workbench.diagnostics.active_set import ConstrainedJacobian
-from workbench.diagnostics.derivatives import exact_hessian
 from workbench.diagnostics.sparse_jacobian import SparseJacobian
-from workbench.problem import Linearization, Problem
-from workbench.problem.sparsity import tied_columns
+from workbench.problem import Linearization
 from workbench.problem.storage import unblocked
 from workbench.threads import limited_threads
 
 MOST = 20  # correlations that are listed
 STRONG = 0.5  # size from which on a correlation is listed
-RISES = 10.0  # times the gradient: more than an orbit of a gauge bends
-MOST_OF_A_STEP = 0.999  # at its end r = sqrt(2 c) has no derivative
 UNCHANGED = 0.9  # posterior over prior sigma from which on the data added nothing
 
 
@@ -52,7 +47,8 @@ class Identifiability:
     Attributes:
         sigma: (n,) posterior standard deviations; infinite where a null direction takes part.
         prior_sigma: (n,) standard deviations by the priors alone; infinite where they say nothing.
-        correlations: pairs of entries and their correlation, the strongest first.
+        correlations: pairs of entries and their correlation, the strongest first; none where a
+            sparse Jacobian was factorized.
         data_share: c^2 (rank,), falling: the data's share of the information on each direction,
             from 1 (the data alone) to 0 (the priors alone);
             None where a sparse Jacobian was factorized, without singular values.
@@ -97,9 +93,10 @@ def identifiability(
     """
     sparse = constrained.sparse
     share: Array | None = None
+    pairs: tuple[tuple[int, int, float], ...] = ()
     if sparse is not None:
         with limited_threads():
-            sigma, pairs, decided, better = _of_sparse(sparse, prior_rows)
+            sigma, decided, better = _of_sparse(sparse, prior_rows)
     else:
         measured = constrained.measured(scales)
         sigma, half = measured.laplace
@@ -111,32 +108,15 @@ def identifiability(
     return Identifiability(sigma, prior, pairs, share, decided, better, verdicts)
 
 
-def _of_sparse(
-    jacobian: SparseJacobian, prior_rows: Mask
-) -> tuple[Array, tuple[tuple[int, int, float], ...], float, int]:
-    """Sigmas, correlated pairs, `effective` and `better_from_data` without singular values."""
+def _of_sparse(jacobian: SparseJacobian, prior_rows: Mask) -> tuple[Array, float, int]:
+    """Sigmas, `effective` and `better_from_data` without singular values."""
     sigma = np.sqrt(jacobian.variances)
     decided: float = jacobian.rank - len(jacobian.forbidden)
     better = int(decided)
     if prior_rows.any():
         decided -= jacobian.information_in(prior_rows)
         better = jacobian.count_mostly_from(prior_rows)
-    return sigma, _strongest(jacobian, sigma), decided, better
-
-
-def _strongest(jacobian: SparseJacobian, sigma: Array) -> tuple[tuple[int, int, float], ...]:
-    """The MOST strongest correlations of unknowns that are known, above one half."""
-    known = np.isfinite(sigma) & (sigma > 0)
-    over = np.where(known, 1 / np.where(known, sigma, 1.0), 0.0)
-    found: list[tuple[int, int, float]] = []
-    for first, columns in jacobian.covariances():
-        C = columns * over[:, None] * over[first : first + columns.shape[1]]
-        C[np.arange(len(C))[:, None] >= first + np.arange(columns.shape[1])] = 0.0  # pairs once
-        order = np.argpartition(-abs(C), min(MOST, C.size - 1), axis=None)[:MOST]
-        a, b = np.unravel_index(order, C.shape)
-        found += zip(a.tolist(), (first + b).tolist(), C[a, b].tolist(), strict=True)
-        found = sorted(found, key=lambda pair: -abs(pair[2]))[:MOST]
-    return tuple(pair for pair in found if abs(pair[2]) > STRONG)
+    return sigma, decided, better
 
 
 def _data_share(here: Linearization, prior_rows: Mask, half: Array) -> Array:
@@ -154,25 +134,14 @@ def sigma_of_priors(here: Linearization, prior_rows: Mask) -> Array:
         return sigma
     rows = here.rows(np.flatnonzero(prior_rows))
     read = np.flatnonzero(rows.column_norms)
-    sigma[read] = 1 / rows.column_norms[read]  # where no row reads another unknown as well
-    for some in _apart(rows, read):
-        if some.size > 1:
-            unit = rows.columns(some).scaled(sigma[some])  # columns of length 1
-            sigma[some] *= _sigma(ConstrainedJacobian(unit, np.zeros((0, some.size))))
+    sigma[read] = 1 / rows.column_norms[read]
+    if rows.estimated and csc_array(unblocked(rows.jacobian)).nnz == read.size:
+        return sigma  # each row reads one of them
+    unit = rows.columns(read).scaled(sigma[read])  # columns of length 1
+    alone = ConstrainedJacobian(unit, np.zeros((0, read.size)))
+    sparse = alone.sparse
+    sigma[read] *= alone.laplace[0] if sparse is None else np.sqrt(sparse.variances)
     return sigma
-
-
-def _sigma(constrained: ConstrainedJacobian) -> Array:
-    sparse = constrained.sparse
-    return constrained.laplace[0] if sparse is None else np.sqrt(sparse.variances)
-
-
-def _apart(rows: Linearization, read: Index) -> list[Index]:
-    """The unknowns that these rows read, apart where no row reads both, if J is sparse."""
-    if not rows.estimated:
-        return [read]
-    J = csc_array(unblocked(rows.jacobian))[:, read]
-    return [read[some] for some in tied_columns(J.tocoo())]
 
 
 def _verdicts(
@@ -201,37 +170,6 @@ def _correlated(half: Array, null: Mask) -> tuple[tuple[int, int, float], ...]:
     )
 
 
-def widths_by_curvature(
-    problem: Problem, values: Mapping[str, ArrayLike], null: Array, scales: Array
-) -> tuple[float, ...]:
-    """Standard deviations along null directions in which the cost rises, in characteristic scales.
-
-    J d = 0 says that no residual changes to first order. With r = sqrt(2 c), one row for a whole
-    negative logarithm c of a density, the exact Hessian H of the cost has d'H d > 0 all the same,
-    and the width along d is 1 / sqrt(d'H d). Along the orbit x(t) of a gauge x'H x' = -x''g, with
-    the gradient g, which is nothing at a minimum: only a curvature far above |g| counts. It is
-    asked for at `values`, and if H is definite most of a Newton step further.
-
-    `null` (n, k) is orthonormal in unknowns in their `scales` (n,). Empty where the cost rises
-    along none of them, and where there is no exact Hessian.
-    """
-    x, fixed = problem.split(values)
-    for _ in range(2 if null.shape[1] else 0):
-        H = exact_hessian(problem, x, fixed)
-        if H is None or not np.isfinite(H).all():
-            break
-        H = H * np.outer(scales, scales)
-        g = problem.cost_and_gradient(x, fixed)[1] * scales
-        curvatures, rounding = np.linalg.eigvalsh(null.T @ H @ null), 1e-8 * float(abs(H).max())
-        rises = curvatures > max(RISES * float(np.linalg.norm(g)), rounding)
-        if rises.any():
-            return tuple((1 / np.sqrt(curvatures[rises])).tolist())
-        if np.linalg.eigvalsh(H)[0] <= rounding:
-            break
-        x = x - MOST_OF_A_STEP * scales * np.linalg.solve(H, g)
-    return ()
-
-
 @dataclass(frozen=True, eq=False)
 class Contribution:
     """What one residual adds to all the others.
@@ -240,8 +178,6 @@ class Contribution:
         residual: its name.
         rank_without: the rank of the problem without it.
         rank_with: the rank of the whole problem.
-        singular_values_without: the singular values without it.
-        singular_values_with: the singular values of the whole problem.
         sigma_without: by block, the root mean square of the standard deviations without it.
         sigma_with: the same for the whole problem.
     """
@@ -249,8 +185,6 @@ class Contribution:
     residual: str
     rank_without: int
     rank_with: int
-    singular_values_without: Array = field(repr=False)
-    singular_values_with: Array = field(repr=False)
     sigma_without: Mapping[str, float] = field(repr=False)
     sigma_with: Mapping[str, float] = field(repr=False)
 
@@ -263,20 +197,20 @@ def contributions(
     What is known is judged with every unknown in its characteristic scale, `sizes` (n,).
     """
     m = constrained.here.shape[0]
-    s, rank, sigma = _known(constrained, sizes, free)
+    rank, sigma = _known(constrained, sizes, free)
     parts = []
     for term, part in rows.items():
         left = np.delete(np.arange(m), part)
-        s0, rank0, sigma0 = _known(constrained.only(left), sizes, free)
-        parts.append(Contribution(term, rank0, rank, s0, s, sigma0, sigma))
+        rank_without, without = _known(constrained.only(left), sizes, free)
+        parts.append(Contribution(term, rank_without, rank, without, sigma))
     return tuple(parts)
 
 
 def _known(
     constrained: ConstrainedJacobian, sizes: Array, free: Layout
-) -> tuple[Array, int, dict[str, float]]:
+) -> tuple[int, dict[str, float]]:
     if not constrained.here.shape[0]:
-        return np.zeros(0), constrained.count, dict.fromkeys(free.names, np.inf)
+        return constrained.count, dict.fromkeys(free.names, np.inf)
     variance = (constrained.measured(sizes).laplace[0] * sizes) ** 2
     rms = {name: float(np.sqrt(np.mean(variance[at]))) for name, at in free.slices.items()}
-    return constrained.reduced.spectrum.s, constrained.rank, rms
+    return constrained.rank, rms

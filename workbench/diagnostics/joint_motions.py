@@ -3,7 +3,7 @@
 A null space has no basis of its own: singular vectors spread one joint's twist over the whole body.
 Null directions are therefore searched for in small subspaces that have a name: one entry; one
 joint; a joint and one below it that undoes its turn (the twist of a bone, the swivel of an elbow);
-a joint against a translation; a limb, and one against a translation.
+a joint against a translation; a limb.
 
 A direction that is found among all turns of a limb may move little of the limb: one that turns a
 hand, and the collar by a hundredth as much, is called a turn of the hand.
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.arrays import Array, Index
-from workbench.blocks import Block, Layout, Tree
+from workbench.blocks import Layout, Tree
 
 MOVES = 0.1  # of the largest entry: a motion is not named by joints of a limb that turn less
 
@@ -42,13 +42,14 @@ class JointNullMotion:
     undone_by: str = ""
 
     def called(self, v: Array, free: Layout, least: float) -> tuple[str, tuple[str, ...]]:
-        """The name of a direction v (n,) found in it, and the joints that it turns.
+        """The name of a direction v (n,), or (T n,) in T frames, and the joints that it turns.
 
         A limb's motion goes by the joints that turn by at least a tenth of its largest entry; one
         of a joint that another undoes by those that turn by more than `least` of it.
         """
         if self.tree is None:
             return self.name, self.joints
+        v = np.linalg.norm(v.reshape(-1, free.size), axis=0)
         tree, largest = self.tree, float(abs(v).max())
         angles = [np.linalg.norm(v[tree.entries(k, free)]) for k in range(len(tree.names))]
         moves = MOVES if self.kind == "joint" else least
@@ -90,8 +91,6 @@ def joint_motions(free: Layout, trees: Sequence[Tree]) -> Iterator[JointNullMoti
                     yield _motion("twist", motion, (name,), [*turn, *moves], tree, block.name)
     for tree in moving:
         yield from _limbs(free, tree)
-    for tree in moving:
-        yield from _limbs_against_places(free, tree, places)
 
 
 def _motion(
@@ -133,22 +132,6 @@ def _limbs(free: Layout, tree: Tree) -> Iterator[JointNullMotion]:
         entries = [e for j in sorted(below[k]) for e in tree.entries(j, free)]
         if len(entries) > 6:
             yield _motion("joint", f"turns from {tree.names[k]} down", (), entries, tree)
-
-
-def _limbs_against_places(
-    free: Layout, tree: Tree, places: Sequence[Block]
-) -> Iterator[JointNullMotion]:
-    """The root moves, and turns of the joints near it undo that at all observed points."""
-    depth = [0] * len(tree.parents)
-    for k, parent in enumerate(tree.parents[1:], start=1):
-        depth[k] = depth[parent] + 1 if parent >= 0 else 0
-    for block in places:
-        moves = range(free.slices[block.name].start, free.slices[block.name].stop)
-        for most in range(1, max(depth) + 1):
-            near = [e for k, d in enumerate(depth) if d <= most for e in tree.entries(k, free)]
-            if near:
-                name = f"turns near {tree.names[0]}, undone by {block.name}"
-                yield _motion("joint", name, (), [*near, *moves], tree, block.name)
 
 
 def _turns(tree: Tree, joints: list[int]) -> str:

@@ -11,11 +11,10 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse import csc_array
 
 from workbench.arrays import Array
 from workbench.blocks import Layout, Tree
-from workbench.blocks.directions import in_units, signed
+from workbench.blocks.layout import in_units, signed
 from workbench.diagnostics.active_set import ConstrainedJacobian
 from workbench.diagnostics.bases import MANY, beyond, null_basis, sparsest
 from workbench.diagnostics.gauges import PART, SAME, Found, Gauge, GaugeMotion, NullSpace, gauges
@@ -23,7 +22,6 @@ from workbench.diagnostics.generators import together
 from workbench.diagnostics.joint_motions import JointNullMotion, joint_motions
 from workbench.diagnostics.words import listed
 from workbench.problem import Linearization
-from workbench.problem.storage import column_norms, unblocked
 from workbench.threads import limited_threads
 
 if TYPE_CHECKING:
@@ -70,7 +68,7 @@ def null_directions(d: "Diagnosis") -> tuple[Direction, ...]:
     if not count:
         return ()
     if sparse is not None and count > SEARCHED:
-        return tuple(_by_entries(sparse.local_null, d))
+        return tuple(_by_entries(d))
     space, held, free = null_space(d), d.constrained, d.free
     found = Found(space)
     directions = []
@@ -81,18 +79,17 @@ def null_directions(d: "Diagnosis") -> tuple[Direction, ...]:
     return tuple(directions)
 
 
-def _by_entries(vectors: csc_array, d: "Diagnosis") -> Iterator[Direction]:
-    """Null vectors (n, d), too many for names, each by its entries."""
-    free, held = d.problem.free, d.constrained.stacked
-    changes = column_norms(csc_array(unblocked(held.jacobian) @ vectors))
-    for j, change in enumerate(changes.tolist()):
-        v = signed(vectors[:, [j]].toarray().ravel())
+def _by_entries(d: "Diagnosis") -> Iterator[Direction]:
+    """Null directions that are too many for names, each by its entries."""
+    free, null = d.problem.free, d.constrained.null
+    for v in sparsest(null, np.zeros((len(null), 0))).T:
+        change, terms = float(np.linalg.norm(d.constrained.stacked.along(v))), ""
         if np.count_nonzero(v) == 1:
             name = free.label(int(np.argmax(abs(v))))
-            yield Direction(name, "entry", (), v, change, f"+1 of {name}")
+            yield Direction(name, "entry", (), signed(v), change, f"+1 of {name}")
         else:
-            terms = in_units(v, free, d.here.column_norms, scales=d.scales.sizes)
-            yield Direction(terms, "mixed", (), v, change, terms)
+            terms = in_units(signed(v), free, d.here.column_norms, scales=d.scales.sizes)
+            yield Direction(terms, "mixed", (), signed(v), change, terms)
 
 
 def weak_directions(d: "Diagnosis") -> tuple[Direction, ...]:
@@ -131,7 +128,7 @@ def named_by_joints(
     """Directions that span an orthonormal basis (n, d), by the motions of joints near to them."""
     space = NullSpace(np.zeros(free.size), np.ones(free.size), basis, same)
     found = Found(space)
-    motions = list(_of_joints(list(joint_motions(free, trees)), free, found))
+    motions = list(of_joints(list(joint_motions(free, trees)), free, found))
     rest = _sparse(space, null_basis(found.known.T, 0.5), found.known)
     motions += [GaugeMotion("mixed", "", a) for a in rest.T]
     return tuple(_direction(m, signed(basis @ m.coefficients), here, here, free) for m in motions)
@@ -176,16 +173,19 @@ def _named(d: "Diagnosis", found: Found, declared: Sequence[Gauge] = ()) -> Iter
     problem = d.problem
     free = problem.free
     motions = list(joint_motions(free, problem.trees))
-    yield from _of_joints([one for one in motions if one.kind == "entry"], free, found)
+    yield from of_joints([one for one in motions if one.kind == "entry"], free, found)
     if not found.all():
         yield from gauges(problem, d.values, found, d.structure.pattern, declared)
-    yield from _of_joints([one for one in motions if one.kind != "entry"], free, found)
+    yield from of_joints([one for one in motions if one.kind != "entry"], free, found)
 
 
-def _of_joints(
-    motions: Sequence[JointNullMotion], free: Layout, found: Found
+def of_joints(
+    motions: Sequence[JointNullMotion], free: Layout, found: Found, *, apart: bool = True
 ) -> Iterator[GaugeMotion]:
-    """The motions that move the entries of one of these subspaces alone, or nearly so."""
+    """The motions that move the entries of one of these subspaces alone, or nearly so.
+
+    Several of one subspace are told apart by few entries, if they are to be.
+    """
     space = found.space
     parts = np.sum(space.basis**2, axis=1)
     for motion in motions:
@@ -200,7 +200,7 @@ def _of_joints(
             continue
         new = beyond(found.known, inside)[1]
         several = new.shape[1] > 1
-        if several:
+        if several and apart:
             new = _sparse(space, new, found.known)
         for a in new.T:
             v = space.basis @ a
@@ -252,9 +252,8 @@ def _of_rows(d: "Diagnosis", found: Found) -> Iterator[GaugeMotion]:
 def _unnamed(d: "Diagnosis", space: NullSpace, a: Array) -> GaugeMotion:
     """A trade-off of a few numbers, or a direction that has only its entries for a name.
 
-    Numbers that undo each other at points nearby as well, or however far, are a trade-off; not
-    where there are no more rows than directions that they determine, so that counting alone leaves
-    others open everywhere. What holds to first order only says so.
+    Numbers that undo each other nearby too, or however far, are a trade-off, unless there are too
+    few rows for all. What holds to first order only says so.
     """
     free, v = d.problem.free, space.basis @ a
     some = np.flatnonzero(abs(v) > PART * abs(v).max())
@@ -288,10 +287,7 @@ def _parallel(v: Array, w: Array) -> bool:
 
 
 def _one_scale(d: "Diagnosis", v: Array) -> float:
-    """How much the residuals change a step along v (n,) of at most one scale of each unknown.
-
-    In sigmas, or relative to the residuals where these are larger.
-    """
+    """By how much the residuals change a step along v (n,) of at most one scale of each unknown."""
     x, fixed = d.problem.split(d.values)
     before = d.problem.residual(x, fixed)
     step = v / float(np.max(abs(v) / d.scales.sizes))
@@ -317,10 +313,7 @@ def _direction(
 
 
 def _without_rounding(y: Array, lengths: Array, held: Linearization, tolerance: float) -> Array:
-    """The vector x = y / lengths, of length 1, without entries that are only rounding.
-
-    Those are left out that change J x by no more than what counts as nothing.
-    """
+    """The vector y / lengths, of length 1, without entries whose part in J x counts as nothing."""
     x = y / lengths
     least = max(float(np.linalg.norm(held.along(x))), tolerance * float(np.linalg.norm(x)))
     for part in ROUNDING:

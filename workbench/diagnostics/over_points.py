@@ -7,13 +7,12 @@ many points, draws of its priors, of a posterior, or frames of a recording, and 
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import asdict, dataclass, field
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import Array, Index
+from workbench.arrays import Index
 from workbench.blocks import Layout, Values
 from workbench.diagnostics.diagnosis import diagnose_whole
 from workbench.diagnostics.gauges import Gauge
@@ -35,13 +34,11 @@ class Recurring:
             no name but a combination of entries are `mixed directions of betas and pose`.
         count: at how many points there are some.
         most: the largest number of them at one point.
-        first: the number of the first point that has some, from 0.
     """
 
     name: str
     count: int
     most: int
-    first: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,14 +48,12 @@ class PointsDiagnosis:
     Attributes:
         unknowns: n.
         ranks: (M,) the rank at each point.
-        conditions: (M,) the largest singular value over the smallest one that is not zero.
         null: the null directions, the most frequent first.
         weak: the weak directions likewise.
     """
 
     unknowns: int
     ranks: Index
-    conditions: Array = field(repr=False)
     null: tuple[Recurring, ...]
     weak: tuple[Recurring, ...]
 
@@ -89,8 +84,6 @@ class PointsDiagnosis:
                 f"{rank} at {times}" for rank, times in sorted(Counter(self.ranks.tolist()).items())
             )
             lines.append(f"rank {ranks} of them; {n} would be full")
-        low, high = float(self.conditions.min()), float(self.conditions.max())
-        lines.append(f"condition number of what is determined: {low:.2g} to {high:.2g}")
         for title, directions in (
             ("null at every point", self.everywhere),
             ("null at some points", self.somewhere),
@@ -102,24 +95,11 @@ class PointsDiagnosis:
                     lines.append(f"  and {counted(len(directions) - LISTED, 'further name')}")
         return "\n".join(lines)
 
-    def data(self) -> dict[str, Any]:
-        """All numbers, for programs."""
-        return {
-            "kind": "diagnosis over points",
-            "points": self.count,
-            "unknowns": self.unknowns,
-            "ranks": self.ranks.tolist(),
-            "conditions": self.conditions.tolist(),
-            "null": [asdict(one) for one in self.null],
-            "weak": [asdict(one) for one in self.weak],
-        }
-
     def _said(self, one: Recurring) -> str:
         several = f", up to {one.most} at one point" if one.most > 1 else ""
         if one.count == self.count:
             return f"{one.name}{several}"
-        times = f"at {one.count} of {self.count} points{several}, first at number {one.first}"
-        return f"{one.name}: {times}"
+        return f"{one.name}: at {one.count} of {self.count} points{several}"
 
 
 def diagnose_over(
@@ -145,7 +125,6 @@ def diagnose_over(
     [0, 1, 1]
     """
     ranks: list[int] = []
-    conditions: list[float] = []
     null: dict[str, Counter[int]] = {}
     weak: dict[str, Counter[int]] = {}
     names = priors if isinstance(priors, str) else tuple(priors)
@@ -153,8 +132,6 @@ def diagnose_over(
     for number, at in enumerate(points):
         here = diagnose_whole(problem, at, priors=names, gauges=declared)
         ranks.append(here.rank)
-        s = here.singular_values[: here.rank]
-        conditions.append(float(s[0] / s[-1]) if len(s) else 1.0)
         for counts, directions in ((null, here.null_directions), (weak, here.weak_directions)):
             for one in directions:
                 counts.setdefault(_family(one, problem.free), Counter())[number] += 1
@@ -162,13 +139,8 @@ def diagnose_over(
             progress(number + 1)
     if not ranks:
         raise BadArgument("there is no point to diagnose at; give the values of one or more")
-    return PointsDiagnosis(
-        problem.free.size,
-        np.array(ranks),
-        np.array(conditions),
-        _by_frequency(null),
-        _by_frequency(weak),
-    )
+    null_ones, weak_ones = _by_frequency(null), _by_frequency(weak)
+    return PointsDiagnosis(problem.free.size, np.array(ranks), null_ones, weak_ones)
 
 
 def _family(direction: Direction, free: Layout) -> str:
@@ -181,8 +153,8 @@ def _family(direction: Direction, free: Layout) -> str:
 
 
 def _by_frequency(families: Mapping[str, Counter[int]]) -> tuple[Recurring, ...]:
-    ranked = [Recurring(name, len(at), max(at.values()), min(at)) for name, at in families.items()]
-    return tuple(sorted(ranked, key=lambda one: (-one.count, one.first, one.name)))
+    ranked = [Recurring(name, len(at), max(at.values())) for name, at in families.items()]
+    return tuple(sorted(ranked, key=lambda one: (-one.count, one.name)))
 
 
 def prior_draws(

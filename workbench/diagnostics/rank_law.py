@@ -8,7 +8,6 @@ for each joint with one (its twist about the bone is hidden), 0 for a leaf.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import casadi as cs
@@ -22,7 +21,7 @@ from workbench.bodies.forward.sources import BodySource
 from workbench.problem import Problem
 
 if TYPE_CHECKING:
-    from workbench.diagnostics.diagnosis import Diagnosis
+    pass
 
 SMALL = 1e-9  # of a singular value, bones having length 1
 
@@ -88,11 +87,7 @@ def law_of(problem: Problem, at: Mapping[str, ArrayLike]) -> tuple[int, str] | N
 def _only_joints(
     problem: Problem, at: Mapping[str, ArrayLike]
 ) -> tuple[Tree, Array, tuple[int, ...]] | None:
-    """The tree, the posed joints (K, 3) m and which of them are read, for the rank law.
-
-    None unless all residuals read the joints of one body, coordinate by coordinate, and nothing is
-    free but its pose and perhaps its translation.
-    """
+    """The tree, the posed joints (K, 3) m and which of them are read, if the law applies."""
     if len(problem.points) != 1:
         return None
     (found,) = problem.points
@@ -143,38 +138,6 @@ def law_in_words(parents: Sequence[int], *, translation: bool) -> str:
         f"{first}3 x {several} joints with several children + 2 x {one} with one child, whose "
         f"twist about the bone moves no joint + 0 x {int(np.sum(counts == 0))} leaves = {total}"
     )
-
-
-@dataclass(frozen=True)
-class JointTurn:
-    """How strongly the residuals change when a joint turns, in sigmas per radian.
-
-    Attributes:
-        joint: the joint's name.
-        best: the change for a turn about the axis of the largest change.
-        second: the change about the best axis at right angles to it.
-    """
-
-    joint: str
-    best: float
-    second: float
-
-
-def joint_turns(d: "Diagnosis") -> tuple[JointTurn, ...]:
-    """The strongest two turns of each joint, all other joints at rest.
-
-    Points in space show two turns of a bone equally well. One image shows only one of them if the
-    bone lies across the line of sight: the other turn moves its end in depth.
-    """
-    found, here, tolerance = [], d.here, d.constrained.tolerance
-    for tree in d.problem.trees:
-        for k, place in tree.turned(d.free).items():
-            some = np.arange(place.start, place.stop)
-            columns = here.columns(some).dense if here.estimated else here.R[:, place]
-            best, second, *_ = *np.linalg.svd(columns, compute_uv=False), 0.0, 0.0
-            if best > tolerance:
-                found.append(JointTurn(tree.names[k], float(best), float(second)))
-    return tuple(found)
 
 
 def _cross(e: Array) -> Array:

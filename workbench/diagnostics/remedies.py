@@ -2,10 +2,9 @@
 
 A null space of dimension d needs d numbers, and no d numbers serve if a null direction changes none
 of them: to hold g numbers takes g rows of an orthonormal basis N (n, d), measured in characteristic
-scales. A user does not hold numbers but things, a camera or a row of points. Things are chosen
+scales. A user does not hold numbers but things, a camera or a row of points. They are chosen
 greedily: the one of the most numbers that are all still unknown, and of these the one of the
-largest volume; single numbers by QR with pivoting (Golub and Van Loan, Matrix Computations, section
-5.4). So no more is held than is unknown.
+largest volume; single numbers by QR with pivoting.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -16,7 +15,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import scipy.linalg
-from scipy.sparse import csr_array
 
 from workbench.arrays import Array
 from workbench.blocks import Values
@@ -31,7 +29,6 @@ from workbench.residuals import Residual, gaussian
 if TYPE_CHECKING:
     from workbench.diagnostics.diagnosis import Diagnosis
 
-TURN = 2 * np.pi
 MOST = 200  # null directions up to which the fewest things to hold are searched for
 MOST_SETS = 500  # sets of blocks of one size that are compared
 LISTED = 3  # priors that are suggested
@@ -78,7 +75,7 @@ class Suggestion:
         after: rank and condition with the suggestion carried out.
         problem: the problem with the suggestion carried out.
         values: the values with the suggestion carried out.
-        kind: `least`, `fix`, `prior`, `drop` or `rewrap`.
+        kind: `least`, `fix`, `prior` or `drop`.
         acts: how many things a user does for it.
         numbers: how many numbers a least remedy holds; 0 for others.
     """
@@ -122,13 +119,10 @@ def with_more(problem: Problem, residuals: Iterable[Residual]) -> Problem:
 def advise(d: "Diagnosis") -> tuple[Suggestion, ...]:
     """Suggestions that improve the rank or the condition at the point of the diagnosis.
 
-    None where the Jacobian is not finite, as the findings say; and none for null directions along
-    all of which the cost rises.
+    None where the Jacobian is not finite, as the findings say.
     """
     if not d.here.finite:
         return ()
-    if d.has_width:
-        return (*_rewrapped(d), *_dropped(d))
     least, priors = _least(d), list(_priors(d))
     few = [s for s in priors if s.acts <= FEW]
     if least and few and min(s.acts for s in least) > FEW:
@@ -136,7 +130,7 @@ def advise(d: "Diagnosis") -> tuple[Suggestion, ...]:
     fixes = list(_fixed(d))
     if any(s.cured for s in (*least, *priors)):
         fixes = [s for s in fixes if s.cured]  # half a remedy helps nobody then
-    return (*_rewrapped(d), *least, *_unread(d), *_dropped(d), *priors, *fixes)
+    return (*least, *_dropped(d), *priors, *fixes)
 
 
 def fewer_null(before: RankAndCondition, after: RankAndCondition) -> bool:
@@ -153,67 +147,17 @@ def _tried(
     problem: Problem,
     *,
     better: Callable[[RankAndCondition, RankAndCondition], bool] = fewer_null,
-    values: Values | None = None,
     acts: int = 1,
     numbers: int = 0,
 ) -> Iterator[Suggestion]:
-    """Carry a suggestion out: it is made only if the state after it is `better` than before.
-
-    The values are those of the diagnosis unless others are given.
-    """
-    at = dict(d.values) if values is None else values
+    """Carry a suggestion out: it is made only if the state after it is `better` than before."""
+    at = dict(d.values)
     try:
         after = rank_and_condition(constrained_jacobian_at(problem, at))
     except TooLarge:  # it cannot be tried
         return
     if after.finite and better(d.state, after):
         yield Suggestion(what, why, cost, d.state, after, problem, at, kind, acts, numbers)
-
-
-def _rewrapped(d: "Diagnosis") -> Iterator[Suggestion]:
-    """Shorten rotation vectors near a full turn by one turn, which leaves the rotation the same."""
-    problem = d.problem
-    for tree in problem.trees:
-        x = problem.split(d.values)[0]
-        turned = tree.turned(problem.free)
-        angle = {k: float(np.linalg.norm(x[place])) for k, place in turned.items()}
-        far = [k for k in turned if abs(angle[k] - TURN) < 0.5]
-        for k in far:
-            x[turned[k]] *= 1 - TURN / angle[k]
-        if far:
-            yield from _tried(
-                d,
-                "rewrap",
-                f"take one turn of 2 pi off the rotation vector of "
-                f"{', '.join(tree.names[k] for k in far)}",
-                "at a full turn, two of the three numbers of a rotation vector change nothing, and "
-                "near it they change little",
-                "nothing: it is the same rotation",
-                problem,
-                better=lambda a, b: fewer_null(a, b) or 3 * b.condition < a.condition,
-                values=d.values | problem.free.unpack(x, d.values),
-            )
-
-
-def _unread(d: "Diagnosis") -> Iterator[Suggestion]:
-    """Do not free blocks on which no residual depends."""
-    whole = [name for name in d.free.names if _is_unread(d, name)]
-    others = d.free.spelled(whole)
-    if whole and others:
-        blocks = _together(whole)
-        yield from _tried(
-            d,
-            "fix",
-            f"do not free {blocks}",
-            f"no residual depends on {blocks}",
-            "nothing: the fit cannot change it",
-            d.problem.freeing(*others),
-        )
-
-
-def _is_unread(d: "Diagnosis", name: str) -> bool:
-    part = d.free.slices[name]
-    return part.stop > part.start and bool(np.isin(np.r_[part], d.structure.unread).all())
 
 
 def _dropped(d: "Diagnosis") -> Iterator[Suggestion]:
@@ -264,10 +208,7 @@ def _priors(d: "Diagnosis") -> Iterator[Suggestion]:
 
 
 def _fewest(d: "Diagnosis", names: Sequence[str]) -> list[Sequence[str]]:
-    """The smallest sets of blocks in which no null direction stays without a change, best first.
-
-    Of a Jacobian that is large and sparse only all blocks are tried.
-    """
+    """The smallest sets of blocks in which no null direction stays without a change, best first."""
     if d.here.estimated:
         return [names]
     null = d.null_in_scales
@@ -290,22 +231,15 @@ def _fixed(d: "Diagnosis") -> Iterator[Suggestion]:
     if d.shape[1] - d.rank > SEARCHED:
         return
     for name in _null_blocks(d)[: 3 if d.here.estimated else None]:
-        others = d.free.spelled([name])
-        if not others or _is_unread(d, name):
-            continue
-        part = d.free.slices[name]
-        null = d.constrained.null_rank(part)
-        known = part.stop - part.start - int(null)
-        noun = "number that is" if known == 1 else "numbers that are"
-        yield from _tried(
-            d,
-            "fix",
-            f"fix {name}",
-            f"{name} takes part in null directions",
-            f"{name} stays at its present value, whether right or wrong"
-            + (f", and with it {known} {noun} known already" if known else ""),
-            d.problem.freeing(*others),
-        )
+        if others := d.free.spelled([name]):
+            yield from _tried(
+                d,
+                "fix",
+                f"fix {name}",
+                f"{name} takes part in null directions",
+                f"{name} stays at its present value, whether right or wrong",
+                d.problem.freeing(*others),
+            )
 
 
 def _null_blocks(d: "Diagnosis") -> list[str]:
@@ -347,26 +281,18 @@ class HeldPlaces(NamedTuple):
 
 
 def _least(d: "Diagnosis") -> list[Suggestion]:
-    """Up to two remedies of the least number of numbers, fewest things first.
-
-    They hold things and entries, or entries alone. Of as many things those come first after which
-    no direction is nearly unknown.
-    """
-    k = d.shape[1] - d.rank
+    """The remedy of the least number of numbers: things and entries, or else entries alone."""
+    null, k = d.null_in_scales, d.shape[1] - d.rank
     if not 0 < k <= MOST or k == d.shape[1]:
         return []
     entries = [HeldPlaces(d.free.label(i), [i]) for i in range(d.free.size)]
     # blocks of one number come before entries: a focal length, and not one point of many
     numbers = [entries[at.start] for at in d.free.slices.values() if at.stop == at.start + 1]
-    choices = [_chosen(d.null_in_scales, some, numbers, entries) for some in (_things(d), [])]
-    ranked: list[tuple[int, float, Suggestion]] = []
-    for things in {frozenset(one.what for one in some): some for some in choices}.values():
-        rows = _rows(d.null_in_scales, things)
-        if len(rows) == k:
-            least = float(np.round(np.linalg.svd(rows, compute_uv=False)[-1], 6))
-            ranked += [(len(things), -least, one) for one in _held(d, things)]
-    ranked.sort(key=lambda one: one[:2])
-    return [one[2] for i, one in enumerate(ranked) if i == 0 or one[0] == k]
+    for groups in (_things(d), []):
+        things = _chosen(null, groups, numbers, entries)
+        if len(_rows(null, things)) == k and (least := list(_held(d, things))):
+            return least
+    return []
 
 
 def _rows(null: Array, things: Sequence[HeldPlaces]) -> Array:
@@ -376,10 +302,7 @@ def _rows(null: Array, things: Sequence[HeldPlaces]) -> Array:
 def _chosen(
     null: Array, groups: Sequence[HeldPlaces], *singles: Sequence[HeldPlaces]
 ) -> list[HeldPlaces]:
-    """Things that together determine the null space (n, d), greedily: the largest first.
-
-    `singles` are lists of things of one number, the preferred ones first.
-    """
+    """Things that together determine the null space (n, d), the largest first; then `singles`."""
     chosen: list[HeldPlaces] = []
     left = null
     while left.shape[1]:
@@ -416,49 +339,20 @@ def _pivoted(things: Sequence[HeldPlaces], null: Array) -> list[HeldPlaces]:
 
 
 def _things(d: "Diagnosis") -> list[HeldPlaces]:
-    """What can be held as one thing: families of blocks, blocks, rows, and rows of two blocks.
-
-    Rows of the same number in two blocks are one thing, unless a residual reads different rows of
-    the two.
-    """
+    """What can be held as one thing: families of blocks, blocks, and rows."""
     free, most = d.free, d.shape[1] - d.rank
     at = {name: list(range(part.start, part.stop)) for name, part in free.slices.items()}
     named: dict[tuple[int, ...], str] = {}
     for stem, members in families(free.names).items():
         named.setdefault(tuple(i for name in members for i in at[name]), stem)
-    by_count: dict[int, list[str]] = {}
+    for name in free.names:
+        named.setdefault(tuple(at[name]), name)
     for block in free.blocks:
-        named.setdefault(tuple(at[block.name]), block.name)
         if len(block.shape) == 2 and block.shape[1] > 1 and 1 < block.shape[0] <= WIDE:
-            by_count.setdefault(block.shape[0], []).append(block.name)
-    for count, names in by_count.items():
-        pairs = [pair for pair in combinations(names, 2) if _row_by_row(d, pair, count)]
-        for row in range(count):
-            for some in (*((name,) for name in names), *pairs):
-                entries = [i for n in some for i in np.reshape(at[n], (count, -1))[row].tolist()]
-                named.setdefault(tuple(entries), " and ".join(_row(d, n, row) for n in some))
+            for row, entries in enumerate(np.reshape(at[block.name], block.shape).tolist()):
+                label = row_label(block, row, block.shape[1])
+                named.setdefault(tuple(entries), f"{block.name}[{label}]")
     return [HeldPlaces(what, list(at)) for at, what in named.items() if 1 < len(at) <= most]
-
-
-def _row_by_row(d: "Diagnosis", pair: tuple[str, str], count: int) -> bool:
-    """Whether what reads both blocks reads some row of the one and the same row of the other.
-
-    So do residuals of a star that has a place and a velocity. Markers and views, of which there may
-    be as many by chance, are read in any order.
-    """
-    reads = []
-    for name in pair:
-        part = d.structure.pattern[:, d.free.slices[name]].tocoo()
-        row = part.col // (d.free[name].size // count)
-        reads.append(csr_array((np.ones(row.size), (part.row, row)), (part.shape[0], count)))
-    both = np.diff(reads[0].indptr).astype(bool) & np.diff(reads[1].indptr).astype(bool)
-    same = np.diff(csr_array(reads[0].multiply(reads[1])).indptr).astype(bool)
-    return bool(same[both].all())
-
-
-def _row(d: "Diagnosis", name: str, row: int) -> str:
-    """`pose[left_hand]`, or `points[3]`."""
-    return f"{name}[{row_label(d.free[name], row, d.free[name].shape[-1])}]"
 
 
 def _held(d: "Diagnosis", things: Sequence[HeldPlaces]) -> Iterator[Suggestion]:

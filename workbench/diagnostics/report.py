@@ -1,7 +1,7 @@
 """A diagnosis in words: what it found, a summary, and the whole report section by section."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +11,7 @@ from workbench.diagnostics.gauges import is_gauge
 from workbench.diagnostics.identifiability import EntryIdentifiability
 from workbench.diagnostics.null_space import Direction
 from workbench.diagnostics.scales import METRES
-from workbench.diagnostics.words import counted, gathered, named_groups, named_rows, sections, table
+from workbench.diagnostics.words import counted, gathered, named_groups, sections, table
 from workbench.errors import joined, some_of
 
 if TYPE_CHECKING:
@@ -20,12 +20,6 @@ if TYPE_CHECKING:
 MOST = 12  # lines of one list
 ILL = 1e8  # condition of J from which half of the digits are gone
 UNEVEN = 1e6  # longest over shortest column
-BETTER = 100.0  # times the condition without, from which on a scaling of columns is spoken of
-FLAT = 0.3  # second best turn of a joint over its best, below which only one turn is seen
-MOSTLY = 0.75  # of the joints: if so many are flat, the view is the reason and not one limb
-FELT = 0.05  # of the best turn of all joints: joints with weaker turns are not counted
-WEAKER = 30.0  # times weaker than nearby: the point is near one where the rank falls
-ALONE = 0.999  # leverage from which on a row determines a direction alone
 NEARBY = 1e-3  # characteristic scales: how far from a point that is not finite to look again
 FAR = 1e3  # times a characteristic scale, or less by that: it may not be what matters
 GAUGES = {  # nouns, one and several, by the kinds of directions that are gauges
@@ -61,16 +55,11 @@ class Finding:
 
 
 def findings(d: "Diagnosis") -> tuple[Finding, ...]:
-    """All findings, warnings first.
-
-    Where the cost rises along every null direction, what is said of rows alone is no warning.
-    """
+    """All findings, warnings first."""
     if not d.here.finite:
         return tuple(_values(d))
-    of_rows = [f for part in (_structure, _rank, _conditioning) for f in part(d)]
-    if d.has_width:
-        of_rows = [replace(finding, warning=False) for finding in of_rows]
-    every = [*_width(d), *of_rows, *_priors(d), *_derivatives(d)]
+    parts = (_structure, _rank, _conditioning, _priors, _derivatives)
+    every = [finding for part in parts for finding in part(d)]
     return tuple(sorted(every, key=lambda finding: not finding.warning))
 
 
@@ -99,24 +88,11 @@ def _values(d: "Diagnosis") -> Iterator[Finding]:
         yield Finding("values", text, False)
 
 
-def _width(d: "Diagnosis") -> Iterator[Finding]:
-    if d.widths:
-        low, high = (f"{width:.2g}" for width in (min(d.widths), max(d.widths)))
-        null = counted(d.shape[1] - d.rank, "null direction")
-        text = (
-            f"the cost rises along {len(d.widths)} of {null}, by its "
-            f"exact Hessian with a standard deviation of "
-            f"{low if low == high else f'{low} to {high}'} characteristic scales: these directions "
-            "have a width, which the Jacobian does not show"
-        )
-        yield Finding("rank", text, False)
-
-
 def _structure(d: "Diagnosis") -> Iterator[Finding]:
     if d.structure.unread.size:
         yield Finding("structure", unread(d))
     under = np.setdiff1d(d.structure.under.columns, d.structure.unread)
-    if under.size and not d.has_width:
+    if under.size:
         text = (
             f"{counted(len(d.structure.under.rows), 'row')} cannot determine {under.size} "
             f"unknowns: {named_groups(d.free, under)}"
@@ -133,40 +109,25 @@ def _structure(d: "Diagnosis") -> Iterator[Finding]:
 
 
 def _rank(d: "Diagnosis") -> Iterator[Finding]:
-    n, nearby = d.shape[1], d.nearby
+    n = d.shape[1]
     if d.rank < n:
         text = f"{n - d.rank} of {n} directions change no residual"
-        text += " to first order" if d.widths else ""
         text += f", and no active {_one(d)} forbids them" if d.active.any else ""
         yield Finding("rank", text)
-        if text := gauges_in_words(() if d.widths else d.null_directions):
+        if text := gauges_in_words(d.null_directions):
             yield Finding("rank", text, False)
         for gauge in d.gauges:
             if not is_gauge(gauge, d.problem, d.values, d.constrained.null):
                 text = f"{gauge.name} is declared to be a gauge, but no other unknowns undo it here"
                 yield Finding("rank", text)
-    for names in d.exchanges:
-        text = (
-            f"the rows of {' and '.join(names)} can be exchanged without changing a residual, so "
-            "that every solution has equals elsewhere"
-        )
-        yield Finding("rank", text, False)
     if d.active.any:
         yield Finding("rank", held(d), False)
-    if nearby.ranks and max(nearby.ranks) > d.rank:
+    if d.ranks_nearby and max(d.ranks_nearby) > d.rank:
         text = (
-            f"the rank is {d.rank} at this point, but {max(nearby.ranks)} a tenth of a "
+            f"the rank is {d.rank} at this point, but {max(d.ranks_nearby)} a tenth of a "
             "characteristic scale away"
         )
         yield Finding("rank", text)
-    if nearby.weaker_here > WEAKER:
-        text = (
-            f"nearly degenerate: the smallest nonzero singular value is {nearby.weaker_here:.0f} "
-            "times smaller here than a tenth of a characteristic scale away; its direction is along"
-            f" {_columns(d, d.weakest[0].columns)}"
-        )
-        yield Finding("rank", text, False)
-    yield from _depth(d)
     if d.weak_count:
         text = (
             f"{counted(d.weak_count, 'weak direction')}: a whole characteristic scale "
@@ -225,22 +186,6 @@ def held(d: "Diagnosis") -> str:
     )
 
 
-def _depth(d: "Diagnosis") -> Iterator[Finding]:
-    """A body that lies flat across the view of one camera shows one turn of each bone only."""
-    least = FELT * max((turn.best for turn in d.joint_turns), default=0.0)
-    seen = [turn for turn in d.joint_turns if turn.best > least]
-    flat = [turn.joint for turn in seen if turn.second < FLAT * turn.best]
-    if len(seen) < 3 or len(flat) < MOSTLY * len(seen):
-        return
-    text = (
-        f"nearly degenerate in depth: {len(flat)} of {len(seen)} joints ({', '.join(flat[:3])}, "
-        f"...) change the residuals strongly when they turn about one axis, and less than {FLAT:g} "
-        "times as strongly about any other, as happens when a body lies flat across the view of a "
-        "single camera: bending towards the camera or away from it changes the image little"
-    )
-    yield Finding("rank", text, False)
-
-
 def _conditioning(d: "Diagnosis") -> Iterator[Finding]:
     if ILL < d.condition < np.inf:
         text = f"the condition number is {d.condition:.1e}: at least half of the digits are lost"
@@ -248,29 +193,12 @@ def _conditioning(d: "Diagnosis") -> Iterator[Finding]:
     norms = d.here.column_norms[d.here.column_norms > 0]
     if norms.size and norms.max() > UNEVEN * norms.min():
         text = f"the columns differ in length by a factor of {norms.max() / norms.min():.1e}"
-        if np.isfinite(d.condition) and d.sparse is None and not d.active.any:
-            s = d.constrained.stacked.singular_values
-            if BETTER * s[0] < s[-1] * d.condition:
-                text += (
-                    f"; with columns of length 1, as scaling=columns does, the condition number is "
-                    f"{s[0] / s[-1]:.3g} instead of {d.condition:.3g}"
-                )
         yield Finding("conditioning", text, False)
     same = [p for p in d.parallel_columns if p.sine <= PARALLEL]
     if same:
         pairs = ", ".join(f"{d.free.label(p.first)} and {d.free.label(p.second)}" for p in same[:3])
         text = f"{counted(len(same), 'pair')} of unknowns with parallel columns: {pairs}"
         yield Finding("conditioning", text)
-    if d.leverage is not None:
-        data = np.flatnonzero((d.leverage > ALONE) & ~d.is_prior).tolist()
-        if data:
-            rows = ", ".join(d.problem.row_label(i) for i in data[:3])
-            which = "it determines" if len(data) == 1 else "each determines"
-            text = (
-                f"{counted(len(data), 'row')} with a leverage of 1: {which} a direction alone, so "
-                f"that an outlier there cannot be detected: {rows}"
-            )
-            yield Finding("conditioning", text, False)
 
 
 def _priors(d: "Diagnosis") -> Iterator[Finding]:
@@ -299,19 +227,6 @@ def _derivatives(d: "Diagnosis") -> Iterator[Finding]:
     yield from (Finding("derivatives", fault) for fault in check.faults)
 
 
-def further(d: "Diagnosis") -> str:
-    """What to look at where priors decide directions and nothing else is wrong; or empty."""
-    rest = d.shape[1] - d.identifiability.better_from_data if d.here.finite and d.priors else 0
-    if not rest:
-        return ""
-    verb = "decides" if len(d.priors) == 1 else "decide"
-    return (
-        f"{joined(d.priors)} {verb} {rest} of {d.shape[1]} directions, not the data: a diagnosis "
-        "without the priors (--data-alone) names them, and --minima 3 looks for other answers "
-        "along the weakest"
-    )
-
-
 # A few lines.
 
 
@@ -330,7 +245,7 @@ def summary(d: "Diagnosis") -> Iterator[str]:
     if d.rank == n:
         yield f"full rank, condition {d.condition:.3g}"
     else:
-        if text := gauges_in_words(() if d.widths else d.null_directions):
+        if text := gauges_in_words(d.null_directions):
             yield text
         null = counted(len(d.null_directions), "null direction")
         yield f"{null} (no residual changes along them):"
@@ -384,8 +299,6 @@ def report(d: "Diagnosis") -> str:
             ("derivatives", _checked(d)),
         ]
     parts.append(("suggestions (each was tried out)", _advice(d)))
-    if not d.suggestions and (text := further(d)):
-        parts.append(("where to look further", [text]))
     return sections(parts)
 
 
@@ -412,11 +325,6 @@ def _size(d: "Diagnosis") -> Iterator[str]:
         f"square {s.square.rows.size} x {s.square.columns.size}, "
         f"under-determined {s.under.rows.size} x {s.under.columns.size} (rows x unknowns)"
     )
-    if s.under.columns.size:
-        yield (
-            f"the under-determined unknowns are {named_groups(d.free, s.under.columns)}, in "
-            f"{named_rows(d.rows, s.under.rows) or 'no row'}"
-        )
 
 
 def _ranks(d: "Diagnosis") -> Iterator[str]:
@@ -427,22 +335,12 @@ def _ranks(d: "Diagnosis") -> Iterator[str]:
     if d.here.estimated:
         yield (
             "the Jacobian is large and sparse: the rank was found by a factorization, without "
-            "singular values; leverage, nearby points and contributions are left out"
+            "singular values; nearby points and contributions are left out"
         )
-    if d.structural_rank > d.rank:
+    if d.ranks_nearby:
         yield (
-            f"the sparsity pattern allows {d.structural_rank}: {d.structural_rank - d.rank} of the "
-            "null directions are due to the numbers, not to the pattern"
-        )
-    if d.scaled_rank != d.rank:
-        yield f"with columns of length 1: rank {d.scaled_rank}"
-    if d.nearby.ranks:
-        times = f"{d.nearby.weaker_here:.2g} times as large"
-        size = f"; the smallest nonzero singular value is {times} there"
-        yield (
-            f"at {len(d.nearby.ranks)} points drawn nearby, a tenth of a characteristic scale away:"
-            f" rank {', '.join(map(str, d.nearby.ranks))}"
-            + (size if min(d.nearby.ranks) >= d.rank else "")
+            f"at {len(d.ranks_nearby)} points drawn nearby, a tenth of a characteristic scale away:"
+            f" rank {', '.join(map(str, d.ranks_nearby))}"
         )
     if d.rank_law:
         yield f"the kinematic tree predicts the rank {d.rank_law[0]}: {d.rank_law[1]}"
@@ -459,25 +357,16 @@ def _null(d: "Diagnosis") -> Iterator[str]:
         f"{counted(count, 'direction')}; one unit along {which} changes the residuals by at most "
         f"{worst:.1e} sigma"
     )
-    if text := gauges_in_words(() if d.widths else d.null_directions):
+    if text := gauges_in_words(d.null_directions):
         yield text
     yield from names_of(d.null_directions)
 
 
 def _weak(d: "Diagnosis") -> Iterator[str]:
-    """The number of each row decides what is said of it."""
-    shown = d.weak_directions[:MOST]
-    for rows, words in (
-        ([x for x in shown if x.change < 1], "less than one sigma"),
-        (
-            [x for x in shown if x.change >= 1],
-            "one sigma or more: only combinations with others are weak",
-        ),
-    ):
-        if rows:
-            yield f"a whole characteristic scale along each changes the residuals by {words}"
-            numbered = [(f"{x.change:.2g}", x.name) for x in rows]
-            yield from table(("|J d|", "direction"), numbered, numbers=(0,))
+    if shown := d.weak_directions[:MOST]:
+        yield "a whole characteristic scale along each changes the residuals by less than one sigma"
+        numbered = [(f"{x.change:.2g}", x.name) for x in shown]
+        yield from table(("|J d|", "direction"), numbered, numbers=(0,))
     if shown and d.weak_count > len(shown):
         yield f"and {d.weak_count - len(shown)} more"
 
@@ -501,10 +390,6 @@ def _columns_and_rows(d: "Diagnosis") -> Iterator[str]:
             f"smallest nonzero singular value ({weak.change:.2g} sigma per characteristic scale): "
             f"along {_columns(d, weak.columns)}; it changes {some_of(rows)}"
         )
-    if d.leverage is not None:
-        top = np.argsort(-d.leverage)[:3]
-        largest = [f"{d.problem.row_label(int(i))} ({d.leverage[i]:.2f})" for i in top]
-        yield f"rows with the largest leverage (at most 1): {', '.join(largest)}"
 
 
 def _columns(d: "Diagnosis", columns: Sequence[int]) -> str:
@@ -512,20 +397,20 @@ def _columns(d: "Diagnosis", columns: Sequence[int]) -> str:
 
 
 def _known(d: "Diagnosis") -> Iterator[str]:
-    known, used = d.identifiability, [False] * len(VERDICTS)
+    known = d.identifiability
     rows = []
     for block in d.free.blocks:
         at = d.free.slices[block.name]
         finite = known.sigma[at][np.isfinite(known.sigma[at])]
         spread = f"{finite.min():.2g} .. {finite.max():.2g}" if finite.size else "-"
         counts = [known.verdicts[at].count(v) for v in reversed(EntryIdentifiability)]
-        used = [some or count > 0 for some, count in zip(used, counts, strict=True)]
         rows.append((block.name, block.unit, spread, *map(str, counts)))
-    yield from table(("block", "unit", "sigma", *VERDICTS), rows)
+    used = [verdict in known.verdicts for verdict in reversed(EntryIdentifiability)]
+    kept = [0, 1, 2, *(3 + k for k, some in enumerate(used) if some)]  # 80 columns hold three more
+    head = ("block", "unit", "sigma", *VERDICTS)
+    yield from table([head[k] for k in kept], [[row[k] for k in kept] for row in rows])
     means = zip(VERDICTS, reversed(EntryIdentifiability), used, strict=True)
     yield "; ".join(f"{head}: {verdict.value}" for head, verdict, some in means if some)
-    if d.widths:
-        yield "sigmas are those of J'J, which does not show the width along null directions"
     if not d.weak_count:
         yield f"the characteristic scales are, {d.scales}"
     for a, b, c in known.correlations[:3]:
@@ -536,13 +421,15 @@ def _contributions(d: "Diagnosis") -> Iterator[str]:
     if not d.contributions:
         return
     names, unknown = compared_blocks(d)
-    rows = []
-    for c in d.contributions:
-        sigmas = [(c.sigma_without[n], c.sigma_with[n]) for n in names]
-        both = [changed(*pair, lambda sigma: f"{sigma:.2g}") for pair in sigmas]
-        rows.append((c.residual, str(c.rank_without), str(c.rank_with), *both))
-    header = ("residual", "rank without", "with", *(f"sigma {n}" for n in names))
-    yield from table(header, rows)
+    whole = d.contributions[0]
+
+    def row(name: str, rank: int, sigma: Mapping[str, float]) -> tuple[str, ...]:
+        known = (f"{sigma[n]:.2g}" if np.isfinite(sigma[n]) else "unknown" for n in names)
+        return name, str(rank), *known
+
+    rows = [row("nothing", whole.rank_with, whole.sigma_with)]
+    rows += [row(c.residual, c.rank_without, c.sigma_without) for c in d.contributions]
+    yield from table(("left out", "rank", *(f"sigma {n}" for n in names)), rows)
     if unknown:
         yield f"with or without any one of them the sigmas of {joined(unknown)} are unknown"
 
@@ -559,14 +446,6 @@ def compared_blocks(d: "Diagnosis") -> tuple[list[str], list[str]]:
     return [n for n in names if n in known], [n for n in names if n not in known]
 
 
-def changed(without: float, with_it: float, number: Callable[[float], str]) -> str:
-    """`0.3 -> 0.1`: a sigma without a residual and with it; infinite is called unknown."""
-    if np.isinf(without) and np.isinf(with_it):
-        return "unknown"
-    first = "unknown" if np.isinf(without) else number(without)
-    return f"{first} -> {'unknown' if np.isinf(with_it) else number(with_it)}"
-
-
 def _checked(d: "Diagnosis") -> Iterator[str]:
     check = d.derivatives
     of = "" if len(check.columns) == d.shape[1] else f" ({len(check.columns)} columns, at random)"
@@ -576,8 +455,6 @@ def _checked(d: "Diagnosis") -> Iterator[str]:
     )
     if check.slope is not None:
         yield f"the error of the linear model falls like h^{check.slope:.2f} (2 is right)"
-    if check.hessian_error is not None:
-        yield f"exact Hessian compared with finite differences: {check.hessian_error:.1e}"
     if check.neglected is not None:
         yield (
             f"the Gauss-Newton Hessian J'J leaves out {check.neglected:.1%} of the exact Hessian"

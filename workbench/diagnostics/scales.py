@@ -1,9 +1,5 @@
 """Characteristic scales: how large a change of an unknown matters, whatever its unit.
 
-A sigma of 5 says nothing by itself, and neither does a direction that changes the residuals by half
-a sigma. Both are compared with a characteristic scale of each unknown, so that no judgement depends
-on the unit that a block is measured in:
-
 1. the scale that the caller says, `diagnose(..., scales={"radius": 7e6})`;
 2. a radian for an angle, one standard deviation for a coefficient of shape, and a metre for a
    length, whatever multiple of these is the block's unit (deg, mm, ...). A metre serves where the
@@ -11,13 +7,11 @@ on the unit that a block is measured in:
    its lengths is between 0.1 and 10 m. In others, such as an orbit, a length is compared with the
    size of its block, or with that root mean square if the block is zero;
 3. the standard deviation that the priors give it, where there is one;
-4. the size of its block at this point, the root mean square of its entries: a focal length of
-   1000 px with 1000 px;
+4. the size of its block at this point, the root mean square of its entries;
 5. a block that is zero with the size of all values in its unit, and if these are zero too, or
    if it has no unit, with 1, as the words of the scale say.
 
-A block has one unit, so one size serves all of its entries; parameters of different sizes belong
-into blocks of their own. Suggested priors are as wide as the scales.
+One size serves all entries of a block. Suggested priors are as wide as the scales.
 """
 
 from collections.abc import Iterable, Mapping

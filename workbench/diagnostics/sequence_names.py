@@ -1,6 +1,7 @@
 """Names of a sequence's null directions, gathered over the frames that have the same ones."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -8,19 +9,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.sparse import csc_array, hstack
 
-from workbench.arrays import Array, Index, Mask
+from workbench.arrays import Array, Index
 from workbench.blocks import Layout
-from workbench.blocks.directions import in_units
-from workbench.diagnostics.bases import FRESH, beyond
+from workbench.blocks.layout import in_units
+from workbench.diagnostics.bases import beyond, null_basis
 from workbench.diagnostics.gauges import Found, Gauge, NullSpace, gauges
 from workbench.diagnostics.joint_motions import JointNullMotion, joint_motions
+from workbench.diagnostics.null_space import of_joints
 from workbench.diagnostics.words import counted, gathered
 
 if TYPE_CHECKING:
     from workbench.diagnostics.sequences import SingleFrames
 
-OUTSIDE = 1e-10  # squared part of a direction outside of a motion's entries, up to rounding
+OUTSIDE = 1e-5  # part of a direction outside of a motion's entries, up to rounding
 LARGE = 10_000_000  # numbers in the null vectors of several frames, up to which gauges are sought
+Key = tuple[str, str, tuple[str, ...]]  # kind, name and joints of directions
 TAKES_PART = 1e-6  # of a direction's length: less is rounding
 
 
@@ -70,23 +73,24 @@ def named(
     for j, some in enumerate(reached):
         if some[0] >= 0 and len(some) == 1:
             local.setdefault(int(some[0]), []).append(j)
-    dictionary = Dictionary.of(frames.layout, joint_motions(frames.layout, frames.trees))
+    motions = list(joint_motions(frames.layout, frames.trees))
     several = [*over_all, *_of_shared(csc_array(vectors[:, shared]), frames)]
-    if tied:
-        several += _gathered(_tied(csc_array(vectors[:, tied]), frames, dictionary))
-    groups: dict[tuple[str, str, tuple[str, ...]], dict[int, int]] = {}
+    counts: Counter[Key] = Counter()
+    moved: dict[Key, list[int]] = {}
+    for key, direction in _names(_by_frames(vectors[:, tied], frames), frames.layout, motions):
+        counts[key] += 1
+        in_frames = np.flatnonzero(np.linalg.norm(direction, axis=1) > TAKES_PART)
+        moved[key] = sorted({*moved.get(key, ()), *in_frames.tolist()})
+    several += _gathered(counts, moved, tied=True)
+    counts, moved = Counter(), {}
     for t, columns in sorted(local.items()):
         here = frame_of == t
-        V = np.zeros((frames.layout.size, len(columns)))
-        V[place[here]] = vectors[:, columns].toarray()[here]
-        for motion, moved in dictionary.names(V[None]):
-            key = motion.kind, motion.name, motion.joints
-            groups.setdefault(key, {})[t] = moved.shape[-1]
-    single = [
-        (kind, NullDirections(name, joints, tuple(counts), sum(counts.values())))
-        for (kind, name, joints), counts in groups.items()
-    ]
-    return (*several, *_gathered(single))
+        V = np.zeros((1, frames.layout.size, len(columns)))
+        V[0, place[here]] = vectors[:, columns].toarray()[here]
+        for key, _ in _names(V, frames.layout, motions):
+            counts[key] += 1
+            moved[key] = sorted({*moved.get(key, ()), t})
+    return (*several, *_gathered(counts, moved, tied=False))
 
 
 def _frames_reached(vectors: csc_array, frame_of: Index) -> list[Index]:
@@ -139,98 +143,52 @@ def _by_frame(rest: Array, frame_of: Index) -> csc_array:
     return csc_array(combined)
 
 
-@dataclass(frozen=True, eq=False)
-class Dictionary:
-    """The motions of one frame by which its null directions are named.
+def _names(
+    V: Array, layout: Layout, motions: Sequence[JointNullMotion]
+) -> Iterator[tuple[Key, Array]]:
+    """Directions (T, n) that span V (T, n, d), by the motions of joints, which come first.
 
-    Attributes:
-        layout: the unknowns of the frame.
-        subspaces: the motions, smallest first.
-        moves: (M, n) which unknowns each motion moves.
+    A motion is one of them if some combination (d,) of the vectors moves its entries alone, in all
+    frames.
     """
-
-    layout: Layout
-    subspaces: Sequence[JointNullMotion]
-    moves: Mask
-
-    @staticmethod
-    def of(layout: Layout, found: Iterable[JointNullMotion]) -> "Dictionary":
-        """The dictionary of these subspaces."""
-        kept = list(found)
-        moves = np.zeros((len(kept), layout.size), dtype=bool)
-        for row, motion in zip(moves, kept, strict=True):
-            row[motion.entries] = True
-        return Dictionary(layout, kept, moves)
-
-    def names(self, V: Array) -> list[tuple[JointNullMotion, Array]]:
-        """The motions in the span of V (T, n, d), and for each the directions (T, n, k) of it.
-
-        A motion is one of them if some combination (d,) of the vectors moves its entries alone, in
-        all frames; the smallest motions come first.
-        """
-        T, n, d = V.shape
-        Q = np.linalg.qr(V.reshape(T * n, d))[0].reshape(T, n, d)
-        gram = np.einsum("tei,tej->eij", Q, Q)  # of each entry; they add up to the unit matrix
-        parts = self.moves.astype(float) @ np.einsum("eii->e", gram)
-        found: list[tuple[JointNullMotion, Array]] = []
-        known = np.zeros((d, 0))
-        others = (~self.moves).astype(float)
-        inside = np.zeros(len(self.subspaces))  # how many of those that are known a motion has
-        for k, motion in enumerate(self.subspaces):
-            if known.shape[1] == d:
-                break
-            if parts[k] < inside[k] + 1 - OUTSIDE:
-                continue
-            outside = np.eye(d) - gram[motion.entries].sum(axis=0)
-            w, basis = np.linalg.eigh(outside)
-            combined = basis[:, w < OUTSIDE]
-            beyond = combined - known @ (known.T @ combined)
-            U, s, _ = np.linalg.svd(beyond, full_matrices=False)
-            fresh = U[:, s > FRESH]
-            if not fresh.shape[1]:
-                continue
-            found.append((motion, Q @ fresh))
-            known = np.column_stack([known, fresh])
-            moved = np.linalg.norm(Q @ fresh, axis=0) ** 2 > OUTSIDE
-            inside += np.sum(others @ moved.astype(float) == 0, axis=1)
-        if known.shape[1] < d:
-            rest = Q @ np.linalg.svd(known, full_matrices=True)[0][:, known.shape[1] :]
-            large = np.linalg.norm(rest, axis=(0, 2)) > TAKES_PART
-            blocks = [b for b, at in self.layout.slices.items() if large[at].any()]
-            name = f"combinations of {' and '.join(blocks)}"
-            found.append((JointNullMotion("mixed", name, (), np.flatnonzero(large)), rest))
-        return found
+    T, n, d = V.shape
+    if not d:
+        return
+    basis = np.linalg.qr(V.reshape(T * n, d))[0]
+    found = Found(NullSpace(np.zeros(T * n), np.ones(T * n), basis, OUTSIDE))
+    each = n * np.arange(T)[:, None]
+    whole = [replace(one, entries=(one.entries + each).ravel()) for one in motions]
+    for one in of_joints(whole, layout, found, apart=False):
+        key = one.kind, one.name.removesuffix(": "), one.joints
+        yield key, (basis @ one.coefficients).reshape(T, n)
+    rest = (basis @ null_basis(found.known.T, 0.5)).reshape(T, n, -1)
+    if rest.shape[-1]:
+        large = np.linalg.norm(rest, axis=(0, 2)) > TAKES_PART
+        blocks = [b for b, at in layout.slices.items() if large[at].any()]
+        key = "mixed", f"combinations of {' and '.join(blocks)}", ()
+        yield from ((key, direction) for direction in np.moveaxis(rest, -1, 0))
 
 
-def _gathered(found: Iterable[tuple[str, NullDirections]]) -> list[NullDirections]:
-    """Null directions with their kinds; single entries of the same frames become one, and lead."""
-    entries: dict[tuple[int, ...], list[NullDirections]] = {}
-    others = []
-    for kind, one in found:
-        if kind == "entry":
-            entries.setdefault(one.frames, []).append(one)
-        else:
-            others.append(one)
+def _gathered(
+    counts: Mapping[Key, int], moved: Mapping[Key, Sequence[int]], *, tied: bool
+) -> list[NullDirections]:
+    """Null directions; single entries of the same frames become one, and lead."""
+    entries: dict[tuple[int, ...], list[Key]] = {}
+    for key in counts:
+        if key[0] == "entry":
+            entries.setdefault(tuple(moved[key]), []).append(key)
     first = [
-        replace(
-            several[0],
-            name=", ".join(gathered([one.name for one in several])),
-            joints=tuple(dict.fromkeys(joint for one in several for joint in one.joints)),
-            count=sum(one.count for one in several),
+        NullDirections(
+            ", ".join(gathered([name for _, name, _ in keys])),
+            tuple(dict.fromkeys(joint for *_, joints in keys for joint in joints)),
+            some,
+            sum(counts[key] for key in keys),
+            tied,
         )
-        for several in entries.values()
+        for some, keys in entries.items()
     ]
-    return [*first, *others]
-
-
-def _tied(
-    vectors: csc_array, frames: "SingleFrames", dictionary: Dictionary
-) -> Iterator[tuple[str, NullDirections]]:
-    """Null directions that move several frames at once, with their kinds."""
-    for motion, moved in dictionary.names(_by_frames(vectors, frames)):
-        some = tuple(np.flatnonzero(np.linalg.norm(moved, axis=(1, 2)) > TAKES_PART).tolist())
-        count = moved.shape[-1]
-        yield motion.kind, NullDirections(motion.name, motion.joints, some, count, tied=True)
+    others = [key for key in counts if key[0] != "entry"]
+    return first + [NullDirections(k[1], k[2], tuple(moved[k]), counts[k], tied) for k in others]
 
 
 def _of_shared(vectors: csc_array, frames: "SingleFrames") -> list[NullDirections]:
@@ -239,24 +197,20 @@ def _of_shared(vectors: csc_array, frames: "SingleFrames") -> list[NullDirection
         return []
     frame_of, place = frames.places
     S = vectors.toarray()[frame_of < 0][np.argsort(place[frame_of < 0])]
-    dictionary = Dictionary.of(frames.shared, joint_motions(frames.shared, ()))
     V = _by_frames(vectors, frames)
+    motions = list(joint_motions(frames.shared, ()))
     found = []
-    for motion, moved in dictionary.names(S[None]):
-        combined = np.linalg.lstsq(S, moved[0])[0]
-        of_frames = V @ combined
-        there = np.linalg.norm(of_frames, axis=(1, 2)) > TAKES_PART
-        size = np.linalg.norm(of_frames, axis=(0, 2))
+    for (kind, name, _), direction in _names(S[None], frames.shared, motions):
+        of_frames = V @ np.linalg.lstsq(S, direction[0])[0]
+        there = np.linalg.norm(of_frames, axis=1) > TAKES_PART
+        size = np.linalg.norm(of_frames, axis=0)
         blocks = [b for b, at in frames.layout.slices.items() if (size[at] > TAKES_PART).any()]
-        name = motion.name
-        if motion.kind in ("mixed", "block"):
-            name = "; ".join(in_units(v, frames.shared) for v in moved[0].T)
+        name = in_units(direction[0], frames.shared) if kind == "mixed" else name
         if there.any():
             where = f"{int(there.sum())} of {frames.count} frames"
             name = f"{name}, undone by {' and '.join(blocks)} in {where}"
         some = tuple(np.flatnonzero(there).tolist())
-        count = moved.shape[-1]
-        found.append(NullDirections(name, motion.joints, some, count, tied=True, shared=True))
+        found.append(NullDirections(name, (), some, 1, tied=True, shared=True))
     return found
 
 

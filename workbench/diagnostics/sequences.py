@@ -11,15 +11,11 @@ from scipy.sparse import csc_array
 from workbench.arrays import Array, Index, Mask
 from workbench.blocks import Block, Layout, Tree, Values
 from workbench.diagnostics.active_set import check_finite, linearized, not_finite
-from workbench.diagnostics.bases import FRESH
 from workbench.diagnostics.data import plain
 from workbench.diagnostics.diagnosis import Diagnosis, Undiagnosed
 from workbench.diagnostics.elimination import Elimination, FrameRows, frames_of_rows
 from workbench.diagnostics.gauges import Gauge
-from workbench.diagnostics.identifiability import sigma_of_priors
-from workbench.diagnostics.null_space import WEAK
 from workbench.diagnostics.report import Finding, listed
-from workbench.diagnostics.scales import Scales, scales
 from workbench.diagnostics.sequence_names import NullDirections, named
 from workbench.diagnostics.words import counted, sections, table
 from workbench.errors import BadArgument, some_of
@@ -27,7 +23,7 @@ from workbench.problem import Linearization, Problem
 from workbench.problem.sparsity import columns_of_nonzeros
 
 SCHEMA = "workbench.sequence-diagnosis"
-VERSION = 2  # raised when a key is removed or changes its meaning; new keys do not raise it
+VERSION = 3  # raised when a key is removed or changes its meaning; new keys do not raise it
 FEW = 0.1  # of the frames: a shared unknown that at most so many see causes a warning
 RUNS = 5  # of frames that are listed
 
@@ -114,54 +110,22 @@ class SharedUnknowns:
 
     The rows of frame t are J_t x_t + B_t s. What the frame's own unknowns x_t can undo is projected
     out of them by P_t, which is at right angles to the range of J_t. Unknown i is *seen* in frame t
-    where the length of column i of P_t B_t is above the tolerance of the rank; it is seen *well*
-    where a whole characteristic scale of it changes P_t B_t s by at least one sigma.
+    where the length of column i of P_t B_t is above the tolerance of the rank.
 
     Attributes:
         layout: the shared unknowns.
-        scales: what changes of them are compared with.
         seen: (T, b) in which frames each unknown is seen.
-        well: (T, b) in which frames each unknown is seen well.
         sigma: (b,) posterior standard deviations by all residuals; infinite where not identified.
-        ranks: by block, its rank once all other unknowns are eliminated.
     """
 
     layout: Layout
-    scales: Scales
     seen: Mask
-    well: Mask
     sigma: Array
-    ranks: dict[str, int]
-
-    @staticmethod
-    def of(
-        rows: FrameRows, layout: Layout, sizes: Scales, sigma: Array, null_vectors: csc_array
-    ) -> "SharedUnknowns":
-        """The shared unknowns of a sequence's rows and its null vectors (n, d)."""
-        lengths = np.array(
-            [
-                _beside(R, len(own), rows.tolerance)
-                for own, R in zip(rows.own, rows.triangles, strict=True)
-            ]
-        ).reshape(rows.count, len(rows.shared))
-        per_unit = lengths * rows.lengths[rows.shared] * sizes.sizes
-        hidden = null_vectors.tocsr()[rows.shared].toarray()
-        ranks = {
-            name: at.stop - at.start - int(np.linalg.matrix_rank(hidden[at], tol=FRESH))
-            for name, at in layout.slices.items()
-        }
-        seen = lengths > rows.tolerance
-        return SharedUnknowns(layout, sizes, seen, seen & (per_unit >= WEAK), sigma, ranks)
 
     @property
     def frames_seen(self) -> Index:
         """In how many frames each unknown is seen, (b,)."""
         return np.asarray(self.seen.sum(axis=0), dtype=np.int64)
-
-    @property
-    def frames_well(self) -> Index:
-        """In how many frames each unknown is seen well, (b,)."""
-        return np.asarray(self.well.sum(axis=0), dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -277,49 +241,23 @@ class SequenceDiagnosis:
     @cached_property
     def shared(self) -> SharedUnknowns:
         """What is known about the unknowns that all frames share, and in how many they are seen."""
-        layout, border = self.frames.shared, self.rows.shared
-        read = np.diff(self.rows.rest.indptr) > 0
-        at = np.flatnonzero(self.problem.rows_named(self.priors) & read)
-        part = self.rows.rest[at][:, border].toarray() * self.rows.lengths[border]
-        reads = np.asarray(part.any(axis=1))
-        prior = sigma_of_priors(Linearization(np.zeros(len(part)), part), reads)
-        sizes = scales(layout, self.problem.known.values(), self.values, prior)
-        return SharedUnknowns.of(self.rows, layout, sizes, self.sigma[border], self.null_vectors)
+        layout, rows = self.frames.shared, self.rows
+        lengths = [
+            _beside(R, len(own), rows.tolerance)
+            for own, R in zip(rows.own, rows.triangles, strict=True)
+        ]
+        seen = np.array(lengths).reshape(self.count, layout.size) > rows.tolerance
+        return SharedUnknowns(layout, seen, self.sigma[rows.shared])
 
     @cached_property
     def largest_sigma(self) -> dict[str, Array]:
         """By block, the largest sigma of its entries in each frame (T,), 0 where none is free."""
-        return {name: np.maximum(most, 0.0) for name, most in self._largest(self.sigma).items()}
-
-    def _largest(self, numbers: Array) -> dict[str, Array]:
-        """By block, the largest of its numbers (n,) in each frame (T,), -1 where none is free."""
         frame_of, place = self.frames.places
         found = {}
         for name, at in self.frames.layout.slices.items():
             some = np.flatnonzero((frame_of >= 0) & (place >= at.start) & (place < at.stop))
-            found[name] = np.full(self.count, -1.0)
-            np.maximum.at(found[name], frame_of[some], numbers[some])
-        return found
-
-    @cached_property
-    def insensitive(self) -> dict[str, tuple[int, ...]]:
-        """By block, the frames where it is free but whose own residuals do not depend on it."""
-        length = np.zeros(self.shape[1])
-        for own, R in zip(self.rows.own, self.rows.triangles, strict=True):
-            length[own] = np.linalg.norm(R[:, : len(own)], axis=0)
-        return {
-            name: tuple(np.flatnonzero((most >= 0) & (most <= self.tolerance)).tolist())
-            for name, most in self._largest(length).items()
-        }
-
-    @cached_property
-    def missing(self) -> dict[str, tuple[int, ...]]:
-        """By name of a residual of single frames, the frames that have none of that name."""
-        found = {}
-        for residual in self.problem.residuals:
-            absent = sorted(set(range(self.count)) - {t for t, _ in residual.by_frame})
-            if residual.by_frame and absent:
-                found[residual.name] = tuple(absent)
+            found[name] = np.zeros(self.count)
+            np.maximum.at(found[name], frame_of[some], self.sigma[some])
         return found
 
     @property
@@ -356,18 +294,6 @@ class SequenceDiagnosis:
             if not count and np.isfinite(self.shared.sigma[i]):
                 text += ": only residuals that belong to no single frame determine it"
             yield Finding("shared", text, bool(count <= FEW * T))
-        for name, some in self.insensitive.items():
-            if some:
-                verb = "sees" if len(some) == 1 else "see"
-                text = f"{frames_in_words(some, T)} {verb} nothing of {name}"
-                warning = bool(np.isinf(self.largest_sigma[name][list(some)]).any())
-                text += (
-                    "" if warning else f": there it is determined by {' and '.join(self.between)}"
-                )
-                yield Finding("frames", text, warning)
-        for name, some in self.missing.items():
-            text = f"the residual {name} is missing in {frames_in_words(some, T)}"
-            yield Finding("frames", text, False)
         if self.problem.bounded or self.problem.constraints:
             text = "bounds and constraints are ignored in a sequence of this size"
             yield Finding("rank", text, False)
@@ -423,9 +349,6 @@ class SequenceDiagnosis:
     def _ranks(self) -> Iterator[str]:
         columns = f"columns of length 1; tolerance {self.tolerance:.1e}"
         yield f"numerical rank {self.rank} of {self.shape[1]}, {columns}"
-        for name, rank in self.shared.ranks.items():
-            size = self.shared.layout[name].size
-            yield f"{name}: rank {rank} of {size} once all other unknowns are eliminated"
 
     def _null(self) -> list[str]:
         missing = self.shape[1] - self.rank
@@ -438,19 +361,17 @@ class SequenceDiagnosis:
         known, T = self.shared, self.count
         if not known.layout.size:
             return
-        yield "a frame sees an unknown if its own unknowns cannot undo a change of it; it sees it"
-        yield f"well if a characteristic scale ({known.scales}) changes the rest by a sigma or more"
+        yield "a frame sees an unknown if its own unknowns cannot undo a change of it"
         rows = [
             (
                 known.layout.label(i),
                 f"{known.frames_seen[i]} of {T}",
-                f"{known.frames_well[i]} of {T}",
                 f"{known.sigma[i]:.3g}",
                 known.layout.unit(i),
             )
             for i in range(known.layout.size)
         ]
-        yield from table(("unknown", "frames that see it", "see it well", "sigma", "unit"), rows)
+        yield from table(("unknown", "frames that see it", "sigma", "unit"), rows)
 
     def _frames(self) -> list[str]:
         rows = []
@@ -504,15 +425,11 @@ class SequenceDiagnosis:
                     "name": known.layout.label(i),
                     "unit": known.layout.unit(i),
                     "frames_seen": known.frames_seen[i],
-                    "frames_seen_well": known.frames_well[i],
                     "sigma": known.sigma[i],
                 }
                 for i in range(known.layout.size)
             ],
-            "shared_ranks": known.ranks,
             "largest_sigma": self.largest_sigma,
-            "insensitive": {name: some for name, some in self.insensitive.items() if some},
-            "missing": self.missing,
         }
 
 

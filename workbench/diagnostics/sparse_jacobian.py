@@ -19,13 +19,11 @@ from functools import cached_property
 
 import casadi as cs
 import numpy as np
-import scipy.linalg
 from scipy.sparse import (
     block_array,
     csc_array,
     csr_array,
     diags_array,
-    eye_array,
     tril,
     triu,
     vstack,
@@ -36,9 +34,9 @@ from workbench.arrays import Array, Mask
 from workbench.diagnostics.bases import row_space
 from workbench.errors import TooLarge
 from workbench.problem import Linearization
-from workbench.problem.spectrum import largest_eigenpairs, largest_eigenvalue
+from workbench.problem.linearization import largest_eigenpairs, largest_eigenvalue
 from workbench.problem.steps import EPS
-from workbench.problem.storage import Matrix, column_norms, scaled_sparse, unblocked
+from workbench.problem.storage import Matrix, scaled_sparse, unblocked
 
 SHIFT = 1e-11  # eps, in squares of singular values: above their rounding errors
 WEAK = 3e-3  # singular values below it take part in the inverse iteration, and those
@@ -51,7 +49,6 @@ LONG = 300  # entries from which on a row may be kept apart from S'S
 FEW = 0.1  # of the unknowns: if more rows are long, none of them is kept apart
 LARGEST = 5e7  # nonzeros of L, about a gigabyte with U
 NUMBERS = 4e7  # in the vectors of weak directions together
-SQUARE = 4e10  # m^2 n, up to which a Jacobian with few rows m has a dense SVD
 NEGLIGIBLE = 1e-10  # pivots so small say nothing of signs
 FIRM = 1e-8  # what a forbidden direction may give way: 1 over the weight of its constraint
 TAKES_PART = 1e-9  # squared entries of null vectors from which on an unknown is not known at all
@@ -79,8 +76,7 @@ class FactoredJacobian:
         """The factorization of a matrix. Raises TooLarge where that would take too much memory."""
         m, n = S.shape
         tolerance = EPS * max(m, n) * max(largest_singular_value(S), 1.0)
-        wide = 2 * m < n and float(m) ** 2 * n < SQUARE
-        return (WideJacobian if wide else FactoredJacobian)(S, tolerance)
+        return FactoredJacobian(S, tolerance)
 
     @property
     def rank(self) -> int:
@@ -100,16 +96,6 @@ class FactoredJacobian:
     def takes_part(self) -> Mask:
         """Which unknowns a null vector moves, (n,)."""
         return np.asarray(np.sum(self.null**2, axis=1) > TAKES_PART)
-
-    @cached_property
-    def local_null(self) -> csc_array:
-        """A basis (n, n - rank) of the null space, in which each vector has an unknown of its own.
-
-        It is 1 there, and 0 at the own unknowns of the others.
-        """
-        N = self.null
-        own = scipy.linalg.qr(N.T, mode="r", pivoting=True)[1][: N.shape[1]]
-        return _without_rounding(np.asarray(np.linalg.solve(N[own].T, N.T).T, dtype=float))
 
     def covariance_times(self, B: Array) -> Array:
         """The pseudoinverse of S'S, times B (n, q)."""
@@ -186,44 +172,6 @@ class FactoredJacobian:
         return s[::-1], np.asarray(Q @ Wt[::-1].T)
 
 
-class WideJacobian(FactoredJacobian):
-    """The same with far fewer rows than columns, by a dense SVD of the rows."""
-
-    @cached_property
-    def directions(self) -> tuple[Array, Array]:
-        """The singular values above the tolerance (rank,), and their directions (n, rank)."""
-        _, s, Vt = np.linalg.svd(self.S.toarray(), full_matrices=False)
-        return s[s > self.tolerance], Vt[s > self.tolerance].T
-
-    @property
-    def rank(self) -> int:
-        """How many singular values are above the tolerance."""
-        return len(self.directions[0])
-
-    @cached_property
-    def null(self) -> Array:
-        """An orthonormal basis (n, n - rank) of the null space."""
-        return np.linalg.qr(self.directions[1], mode="complete")[0][:, self.rank :]
-
-    @cached_property
-    def local_null(self) -> csc_array:
-        """A basis (n, n - rank) of the null space; each vector has an unknown of its own."""
-        r, (R, order) = self.rank, scipy.linalg.qr(self.directions[1].T, mode="r", pivoting=True)
-        others = _without_rounding(-scipy.linalg.solve_triangular(R[:, :r], R[:, r:]))
-        vectors = csc_array(vstack([others, eye_array(len(order) - r)]))
-        return csc_array(vectors[np.argsort(order)])
-
-    @cached_property
-    def takes_part(self) -> Mask:
-        """Which unknowns a null vector moves, (n,)."""
-        return np.asarray(1 - np.sum(self.directions[1] ** 2, axis=1) > TAKES_PART)
-
-    def covariance_times(self, B: Array) -> Array:
-        """The pseudoinverse of S'S, times B (n, q)."""
-        s, V = self.directions
-        return np.asarray(V @ ((V.T @ B) / s[:, None] ** 2))
-
-
 @dataclass(frozen=True, eq=False)
 class SparseJacobian:
     """A sparse Jacobian J (m, n) under constraints.
@@ -258,11 +206,6 @@ class SparseJacobian:
         )
 
     @property
-    def wide(self) -> "WideJacobian | None":
-        """J above A, if it has far fewer rows than columns."""
-        return self.factored if isinstance(self.factored, WideJacobian) else None
-
-    @property
     def rank(self) -> int:
         """How many directions change a residual or are forbidden by a constraint."""
         return self.factored.rank
@@ -276,12 +219,6 @@ class SparseJacobian:
     def null(self) -> Array:
         """(n, n - rank), orthonormal: what no residual notices and no constraint forbids."""
         return np.asarray(np.linalg.qr(self.factored.null / self.lengths[:, None])[0])
-
-    @property
-    def local_null(self) -> csc_array:
-        """(n, n - rank): the same space by vectors of length 1 with few entries."""
-        vectors = csc_array(diags_array(1 / self.lengths) @ self.factored.local_null)
-        return csc_array(scaled_sparse(vectors, 1 / column_norms(vectors)))
 
     @cached_property
     def forbidden(self) -> Array:
@@ -383,21 +320,7 @@ class SparseJacobian:
 
     def _seen(self, v: Array) -> Array:
         """What is left of v (n,) without null directions."""
-        if self.wide is not None:
-            return np.asarray(self._row_space @ (self._row_space.T @ v))
         return np.asarray(v - self.null @ (self.null.T @ v))
-
-    @cached_property
-    def _row_space(self) -> Array:
-        """(n, rank), orthonormal: what is at right angles to the null space."""
-        assert self.wide is not None
-        return np.linalg.qr(self.wide.directions[1] * self.lengths[:, None])[0]
-
-
-def _without_rounding(vectors: Array) -> csc_array:
-    """Parts of vectors of about length 1 by their nonzeros."""
-    vectors[abs(vectors) < ROUNDING] = 0.0
-    return csc_array(vectors)
 
 
 def count_negative(S: csc_array, signs: Array, shift: Array, forbidden: Array | None = None) -> int:

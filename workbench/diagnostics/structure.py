@@ -111,8 +111,7 @@ def decomposed(residuals: csc_array, held: csc_array | None = None) -> Structure
 def _enough(pattern: csc_array, reads: Index) -> Index:
     """The rows that suffice for the decomposition, rising.
 
-    Of all rows that read the same k columns at most k can be matched. Therefore k + 1 of them are
-    enough: at least one of these is unmatched, and all further ones belong to the same part.
+    Of all rows that read the same k columns at most k can be matched: k + 1 of them are enough.
     """
     weights = np.random.default_rng(0).random(pattern.shape[1])[columns_of_nonzeros(pattern)]
     keys = np.bincount(pattern.indices, weights, pattern.shape[0])  # one for each set of columns

@@ -63,16 +63,16 @@ def _shipped(name: str, expected: Mapping[str, Expected]) -> dict[str, NDArray[A
         return read_expected(archive, expected)
 
 
-def observations(frame: int = FITTED, *, adjusted: bool = True) -> tuple[Observations, Array]:
+def observations(frame: int = FITTED) -> tuple[Observations, Array]:
     """The keypoints of one frame, and the file's own triangulation of them (M, 3) m.
 
-    The four cameras are the `adjusted` ones, or else the published ones. Raises UnknownName.
+    The four cameras are the adjusted ones. Raises UnknownName.
     """
     data = published()
     if not 0 <= frame < len(data["keypoints"]):
         raise UnknownName("frame", str(frame), hint=f"0 to {len(data['keypoints']) - 1}")
     landmarks = tuple(NAMES.get(str(name), str(name)) for name in data["keypoint_names"])
-    R, T = calibrated() if adjusted else (data["R"], data["T"])
+    R, T = calibrated()
     K, dist, size = data["K"], data["dist"], data["image_size"]
     photographs = tuple(
         photograph(
@@ -92,16 +92,14 @@ def balance(
     body: str = "default",
     held_out: Sequence[str] = (),
     sigma: float = 4.0,
-    adjusted: bool = True,
     compared: Sequence[str] = MANY,
 ) -> Setup:
     """Fit pose, betas and trans of a body to the 2D keypoints; `sigma` is in px.
 
-    The calibration is the adjusted one if `adjusted`, and otherwise the published one. Cameras in
-    `held_out` are not used for the fit, only for the measures. Raises UnknownName for a frame or a
-    camera that does not exist.
+    Cameras in `held_out` are not used for the fit, only for the measures. Raises UnknownName for a
+    frame or a camera that does not exist.
     """
-    observed, reference, question = _asked(frame, model := load_body(body), held_out, adjusted)
+    observed, reference, question = _asked(frame, model := load_body(body), held_out)
     return keypoint_fit(
         observed,
         model,
@@ -120,7 +118,7 @@ def balance_monocular(frame: int = FITTED, body: str = "default", camera: str = 
     known = [p.name for p in observations(frame)[0].photographs]
     check_known("camera", camera, known)
     held_out = tuple(name for name in known if name != camera)
-    observed, reference, question = _asked(frame, model := load_body(body), held_out, True)
+    observed, reference, question = _asked(frame, model := load_body(body), held_out)
     return image_fit(
         observed,
         model,
@@ -132,11 +130,9 @@ def balance_monocular(frame: int = FITTED, body: str = "default", camera: str = 
     )
 
 
-def _asked(
-    frame: int, body: Body, held_out: Sequence[str], adjusted: bool
-) -> tuple[Observations, Array, str]:
+def _asked(frame: int, body: Body, held_out: Sequence[str]) -> tuple[Observations, Array, str]:
     """The keypoints of a frame, their places (M, 3) m by the file, and what is asked of them."""
-    observed, triangulated = observations(frame, adjusted=adjusted)
+    observed, triangulated = observations(frame)
     known = [p.name for p in observed.photographs]
     for name in names(held_out):
         check_known("camera", name, known)

@@ -307,27 +307,22 @@ def body_points(
     body: str = "small",
     seed: int = 0,
     start: int = 0,
-    every: int = 7,
-    noise: float = 0.005,
-    pose_sigma: float = 0.4,
 ) -> Setup:
-    """Fit one of MODELS to every `every`-th of its own vertices; noise in m, pose_sigma in rad.
+    """Fit one of MODELS to every seventh of its own vertices, seen with 5 mm of noise.
 
     The triangle models have the template, tree, shape space and J_regressor of `body`, and no
     learned posedirs. Raises UnknownName for another model.
     """
     check_known("model", model, MODELS)
-    if every < 1:
-        raise BadArgument(f"every says that each such vertex is observed, 1 or more, not {every}")
     fitted, rng = MODELS[model](load_skinned(body)), np.random.default_rng(seed)
-    truth = bent_person(fitted, rng, pose_sigma)
+    truth = bent_person(fitted, rng, 0.4)
     pose, betas, trans = fitted.blocks()
     truth[pose.name][0] *= TURN
     surface = fitted.vertices(**truth)
-    seen = np.arange(0, fitted.n_vertices, every)
-    observed = surface[seen] + noise * rng.standard_normal((len(seen), 3))
+    seen = np.arange(0, fitted.n_vertices, 7)
+    observed = _with_noise(surface[seen], 0.005, rng)
     points = fitted.points(pose.symbol, betas.symbol, trans.symbol, vertices=seen)
-    data = vertices(points, observed, sigma=noise or 1e-3)
+    data = vertices(points, observed, sigma=0.005)
 
     def measures(values: Values) -> tuple[Measure, ...]:
         found = fitted.vertices(*(values[block.name] for block in fitted.blocks()))
@@ -340,7 +335,7 @@ def body_points(
         problem=Problem((data, shape_prior(fitted)), (pose.name, betas.name, trans.name)),
         start=random_start(fitted, seed, start),
         question=f"{len(seen)} vertices of a synthetic person (seed {seed}) of the model {model} "
-        f"are known to {1e3 * noise:g} mm. Does a fit of this model find the person"
+        f"are known to 5 mm. Does a fit of this model find the person"
         f"{start_text(start)}?",
         body=fitted,
         truth=surface,
@@ -399,17 +394,11 @@ def registration(
     return replace(setup, measures=lambda values: (*setup.measures(values), known))
 
 
-def self_contact(
-    body: str = "small",
-    seed: int = 3,
-    noise: float = 0.01,
-    sigma: float = 0.001,
-    depth: float = 0.03,
-) -> Setup:
+def self_contact(body: str = "small", seed: int = 3, noise: float = 0.01) -> Setup:
     """Fit a body to its joints, which noise of so many m moved, in a pose that penetrates itself.
 
     The pose is the one of `DRAWS` draws of the mixture of poses whose capsules overlap most nearly
-    by `depth` m. What remains of the overlap has the standard deviation `sigma` in m.
+    by 3 cm. What remains of the overlap has a standard deviation of 1 mm.
     """
     model = load_body(body)
     if not isinstance(model, SkinnedBody):
@@ -417,14 +406,14 @@ def self_contact(
     rng = np.random.default_rng(seed)
     poses = draw_poses(shipped_mixture(), DRAWS, rng)
     overlap = -capsule_gaps(model, poses).min(axis=1)
-    taken = poses[int(np.argmin(abs(overlap - depth)))]
+    taken = poses[int(np.argmin(abs(overlap - 0.03)))]
     pose, betas, trans = model.blocks()
     symbols = pose.symbol, betas.symbol, trans.symbol
     joints = model.joints(taken)
     observed = Block("observed", joints.shape, "m", model.joint_names)
     data = landmarks(model.joint_points(*symbols), observed.symbol, sigma=noise, name="joints")
     capsules, ends = capsules_of(model), capsule_points(model, *symbols)
-    contact = apart(ends, capsules.radii_in(betas.symbol), capsules.pairs, sigma=sigma)
+    contact = apart(ends, capsules.radii_in(betas.symbol), capsules.pairs, sigma=0.001)
     priors = (pose_prior(model), shape_prior(model))
     at = model.start() | {observed.name: joints + noise * rng.standard_normal(joints.shape)}
 

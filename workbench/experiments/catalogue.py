@@ -24,7 +24,6 @@ from workbench.experiments.experiment import (
     run_file,
     user_errors,
 )
-from workbench.experiments.learning import TRAINING, TRIANGLES
 from workbench.experiments.more_wild import MORE_WILD
 from workbench.experiments.moving_people import markers
 from workbench.experiments.nist import NIST
@@ -34,15 +33,11 @@ SUITES: Mapping[str, tuple[Experiment, ...]] = {
     "nist": NIST,
     "more-wild": MORE_WILD,
     "bodies": (*BODIES, *MODEL_FITS),
-    "training": TRAINING,
-    "triangles": TRIANGLES,
 }
 SUMMARIES: Mapping[str, str] = {
     "nist": "regressions, answers certified by NIST",
     "bodies": "fits of synthetic people, graded",
     "more-wild": "sums of squares of Moré and Wild",
-    "training": "small trainings of SMPL on symbols",
-    "triangles": "small trainings of SCAPE and BlendSCAPE on symbols",
 }
 
 

@@ -30,7 +30,6 @@ from workbench.fitting.setup import Setup, names
 from workbench.identity import file_digest
 
 IN_CASADI = re.compile(r"^\S*casadi\S*:\d+: (Assertion .* failed:\s*)?")  # where in its source
-UNLIKE = re.compile(r"Dimension mismatch for (.+), x is (\d+)x(\d+), while y is (\d+)x(\d+)")
 COLUMNS = (
     "in expressions points are columns, so that the symbol of a block of shape (N, 3) is 3 x N, as "
     "that of joints or vertices is"
@@ -75,20 +74,10 @@ def _reason(error: BaseException) -> str:
         if isinstance(error, TypeError) and f"'{kind}'" in said:
             return f"{said}; {instead}"
     if place := IN_CASADI.match(said):
-        return _shapes(said[place.end() :])
+        said = said[place.end() :]
+        about_shapes = "imension" in said or "shape" in said
+        return f"{said.rstrip('.')}; {COLUMNS}" if about_shapes else said
     return f"{type(error).__name__}: {said}" if said else type(error).__name__
-
-
-def _shapes(said: str) -> str:
-    """What CasADi says, and what to do if it is about matrices that do not fit."""
-    if found := UNLIKE.search(said):
-        operation, *sizes = found.groups()
-        a, b, c, d = map(int, sizes)
-        turned = (a, b) == (d, c)
-        said = f"{operation} needs matrices of one shape, but x is {a} x {b} and y is {c} x {d}" + (
-            "; one of them is transposed: take a .T away, or put one in" if turned else ""
-        )
-    return f"{said.rstrip('.')}; {COLUMNS}" if "dimension" in said or "shape" in said else said
 
 
 def parameters(build: Callable[..., object]) -> Mapping[str, Parameter]:
@@ -111,7 +100,7 @@ def converted(what: str, annotation: object, given: object) -> Any:
     for _, convert in kinds:
         try:
             return convert(given)
-        except (ValueError, TypeError, OverflowError, RecursionError):
+        except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
             continue
     raise BadArgument(
         f"{what} must be {' or '.join(wanted for wanted, _ in kinds)}, not {shown(given)}"
@@ -119,6 +108,7 @@ def converted(what: str, annotation: object, given: object) -> Any:
 
 
 def _kind(annotation: object) -> tuple[str, Callable[[Any], Any]]:
+    """What an annotation asks for, in words, and the function that makes it or raises."""
     several = get_origin(annotation) in (tuple, list, Sequence, Iterable)
     if several and get_args(annotation)[0] is str:
         return 'a name, or names such as ["a", "b"]', _names
@@ -131,16 +121,8 @@ def _whole(given: Any) -> int:
 
 
 def _real(given: Any) -> float:
-    _refuse(isinstance(given, (bool, np.bool_)))
-    number = float(given)
-    _refuse(not math.isfinite(number))
-    return number
-
-
-def _truth(given: Any) -> bool:
-    word = str(given).lower()  # also of True and np.True_
-    _refuse(word not in ("true", "false"))
-    return word == "true"
+    _refuse(isinstance(given, (bool, np.bool_)) or not math.isfinite(float(given)))
+    return float(given)
 
 
 def _text(given: Any) -> Any:
@@ -153,10 +135,6 @@ def _names(given: Any) -> tuple[str, ...]:
     found = names(json.loads(given) if typed else given)
     _refuse(not all(isinstance(name, str) for name in found))
     return () if found == ("",) else found
-
-
-def _nothing(given: Any) -> None:
-    _refuse(str(given).lower() not in ("none", "null"))
 
 
 def _anything(given: Any) -> Any:
@@ -174,9 +152,9 @@ def _refuse(wrong: bool) -> None:
 _KINDS: dict[object, tuple[str, Callable[[Any], Any]]] = {
     int: ("a whole number", _whole),
     float: ("a finite number", _real),
-    bool: ("true or false", _truth),
+    bool: ("true or false", lambda given: {"true": True, "false": False}[str(given).lower()]),
     str: ("a text", _text),
-    NoneType: ("none", _nothing),
+    NoneType: ("none", lambda given: {"none": None, "null": None}[str(given).lower()]),
 }
 
 

@@ -232,20 +232,13 @@ MOVED = 0.1  # of an entry of the standard start, by which random starts lie off
 
 @dataclass(frozen=True)
 class Family:
-    """One formula in several sizes.
+    """One formula in several sizes."""
 
-    Attributes:
-        residual: the residuals (m, 1) from x (n, 1) and m.
-        start: the standard start (n,) for n unknowns.
-        sizes: the number m of residuals for each number n of unknowns.
-        source: where the best known costs are from.
-        answer: the minimum (n,) for n unknowns, where there is only one.
-    """
-
-    residual: Callable[[cs.MX, int], cs.MX]
-    start: Callable[[int], Array]
-    sizes: Mapping[int, int]
-    source: str
+    residual: Callable[[cs.MX, int], cs.MX]  # the residuals (m, 1) from x (n, 1) and m
+    start: Callable[[int], Array]  # the standard start (n,) for n unknowns
+    sizes: Mapping[int, int]  # the number m of residuals for each number n of unknowns
+    source: str  # where the best known costs are from
+    # the minimum (n,) for n unknowns, where there is only one
     answer: Callable[[int], Array] | None = None
 
 

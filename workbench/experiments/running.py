@@ -79,69 +79,37 @@ def ending_in_words(status: Status, above: bool) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Overlay:
-    """A fitted body as one camera sees it, in pixels of its image.
+    """A fitted body as one camera sees it, in pixels of its image."""
 
-    Attributes:
-        view: the camera and what it observed.
-        landmarks: the names of the M landmarks.
-        projected: (M, 2) where the fitted body has them.
-        surface: (N, 2) the body's vertices.
-        depth: (N,) their distances from the camera's plane in m.
-        vertices: (N, 3) the vertices in space, in m.
-    """
-
-    view: View
-    landmarks: tuple[str, ...]
-    projected: Array
-    surface: Array
-    depth: Array
-    vertices: Array
+    view: View  # the camera and what it observed
+    landmarks: tuple[str, ...]  # the names of the M landmarks
+    projected: Array  # (M, 2) where the fitted body has them
+    surface: Array  # (N, 2) the body's vertices
+    depth: Array  # (N,) their distances from the camera's plane in m
+    vertices: Array  # (N, 3) the vertices in space, in m
 
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """All that a run of an experiment found; figures and reports are made from it.
+    """All that a run of an experiment found; figures and reports are made from it."""
 
-    Attributes:
-        name: the experiment's name.
-        setup: what was solved.
-        solver: the solver's name in `SOLVERS`, or what it calls itself if it has other options.
-        solution: what that solver found.
-        values: the values of every block at the solution, free and fixed.
-        costs: what each residual adds to the cost, by its name.
-        diagnosis: the diagnosis at the solution.
-        data_alone: the diagnosis without the priors, if there are both priors and data.
-        compared: the solutions of all solvers from the same start, by name.
-        skipped: the solvers that an interrupt prevented from running.
-        measures: the numbers of the summary.
-        overlays: the fitted body in each view.
-        surface: (N, 3) m, the posed body, if there is one.
-        source: the user's file that the run is about.
-        doubts: what speaks against the fit, in sentences.
-        stages: the body at the end of each stage, in the first fitted view, if it was solved in
-            stages.
-        hypotheses: the body of each hypothesis there, if there was more than one start.
-        measurements: those of the person, if one is fitted.
-    """
-
-    name: str
-    setup: Setup
-    solver: str
-    solution: Solution
-    values: Values
-    costs: Mapping[str, float]
-    diagnosis: Diagnosis
+    name: str  # the experiment's name
+    setup: Setup  # what was solved
+    solver: str  # the solver's name in `SOLVERS`, or what it calls itself if it has other options
+    solution: Solution  # what that solver found
+    values: Values  # the values of every block at the solution, free and fixed
+    costs: Mapping[str, float]  # what each residual adds to the cost, by its name
+    diagnosis: Diagnosis  # the diagnosis at the solution
+    # the diagnosis without the priors, if there are both priors and data
     data_alone: Diagnosis | None
-    compared: Mapping[str, Solution]
-    skipped: tuple[str, ...]
-    measures: tuple[Measure, ...]
-    overlays: tuple[Overlay, ...]
-    surface: Array | None
-    source: str = ""
-    doubts: tuple[str, ...] = ()
-    stages: tuple[Overlay, ...] = ()
-    hypotheses: tuple[Overlay, ...] = ()
-    measurements: tuple[Measurement, ...] = ()
+    compared: Mapping[str, Solution]  # the solutions of all solvers from the same start, by name
+    skipped: tuple[str, ...]  # the solvers that an interrupt prevented from running
+    measures: tuple[Measure, ...]  # the numbers of the summary
+    overlays: tuple[Overlay, ...]  # the fitted body in each view
+    surface: Array | None  # (N, 3) m, the posed body, if there is one
+    source: str = ""  # the user's file that the run is about
+    doubts: tuple[str, ...] = ()  # what speaks against the fit, in sentences
+    measurements: tuple[Measurement, ...] = ()  # those of the person, if one is fitted
 
     @property
     def best_cost(self) -> float:
@@ -236,8 +204,6 @@ def run(
         surface=body.vertices(*arguments) if body and arguments else None,
         source=experiment.source,
         doubts=doubts(setup, values, solution),
-        stages=_at(setup, values, [solution.trace[k].values for k in solution.stages]),
-        hypotheses=_at(setup, values, [one.values for one in solution.hypotheses]),
     )
 
 
@@ -248,20 +214,6 @@ def called(given: Solver | None, solver: Solver, solution: Solution) -> str:
     house = type(solver).__module__.partition(".")[0] == "workbench"
     options = " (with other options)" if given is not None and house else ""
     return catalogue_name(solver) or f"{solution.solver}{options}"
-
-
-def _at(setup: Setup, values: Values, each: Sequence[Values]) -> tuple[Overlay, ...]:
-    """The body at each of these values of free blocks, in the first fitted view."""
-    view = next((view for view in setup.views if not view.held_out), None)
-    if setup.body is None or view is None or len(each) < 2:
-        return ()
-    found = []
-    for free in each:
-        whole = dict(values) | free
-        arguments = arguments_from_values(setup.body, setup.problem.points, whole)
-        if arguments is not None:
-            found.append(overlay(setup.body, view, whole, arguments))
-    return tuple(found)
 
 
 def _measured(experiment: Experiment, setup: Setup, values: Values) -> tuple[Measure, ...]:

@@ -116,17 +116,15 @@ def exact_answer(body: Body, truth: Values) -> KnownAnswer:
     )
 
 
-def with_refined_answer(
-    setup: Setup, truth: Values, begin: Values | None = None, solver: Solver | None = None
-) -> Setup:
+def with_refined_answer(setup: Setup, truth: Values, begin: Values | None = None) -> Setup:
     """Add to a setup of noisy data, made of `truth`, the minimum that a solver finds from there.
 
-    `begin` is where the solver begins if `truth` violates the bounds. Without a `solver` it is
-    IPOPT if there are bounds, and Levenberg and Marquardt's otherwise.
+    `begin` is where the solver begins if `truth` violates the bounds. It is IPOPT if there are
+    bounds, and Levenberg and Marquardt's otherwise.
     """
-    if solver is None and setup.problem.bounded:
+    solver: Solver = LevenbergMarquardt(gradient_tolerance=TIGHT, max_iterations=500)
+    if setup.problem.bounded:
         solver = Ipopt(gradient_tolerance=TIGHT)
-    solver = solver or LevenbergMarquardt(gradient_tolerance=TIGHT, max_iterations=500)
     found = solver.solve(setup.problem, setup.start | (begin or truth))
     source = (
         f"{found.solver} from the synthetic person that the data were made of; no proof that there "

@@ -14,47 +14,39 @@ from workbench.fitting.body_priors import (
     pose_prior,
     shape_prior,
     stature,
-    stature_prior,
     usual_priors,
 )
 from workbench.fitting.candidates import (
     cameras_of,
     cameras_on_a_sphere,
     depth_of,
-    keypoint_candidates,
     marker_candidates,
     stature_of,
-    without_hidden,
 )
 from workbench.fitting.files.cameras import read_calibration
 from workbench.fitting.files.clips import read_clip
 from workbench.fitting.files.keypoints import read_keypoints, read_observations
 from workbench.fitting.files.layouts import KEYPOINT_SCHEMAS
-from workbench.fitting.hands import hand_fit, hand_landmarks, hand_problem, hand_start
+from workbench.fitting.hands import hand_problem, hand_start
 from workbench.fitting.images import (
-    Appearance,
     ByHeight,
     ImageFits,
-    ImageRecipe,
     Smplify,
     WithStature,
     image_fit,
     image_priors,
-    wider,
 )
 from workbench.fitting.keypoints import keypoint_fit
 from workbench.fitting.known_points import (
     STARTS,
     from_correspondences,
-    joint_fit,
     mesh_fit,
     own_mesh,
 )
-from workbench.fitting.marker_files import MarkerRecording, read_markers
+from workbench.fitting.marker_files import read_markers
 from workbench.fitting.marker_sets import (
     MarkerSet,
     default_markers,
-    known_markers,
     read_marker_set,
 )
 from workbench.fitting.markers import marker_fit, marker_solver
@@ -64,27 +56,20 @@ from workbench.fitting.observations import (
     Clip,
     Film,
     Observations,
-    Photograph,
-    clip_of,
     photograph,
 )
-from workbench.fitting.placing import placed, regressed_start
+from workbench.fitting.placing import regressed_start
 from workbench.fitting.pose_regressor import (
     PoseRegressor,
     read_regressor,
-    save_regressor,
     shipped_regressor,
 )
 from workbench.fitting.refits import (
     OtherMinima,
-    OtherMinimum,
     Profile,
-    RepeatedFits,
     other_minima,
     profile_likelihood,
-    repeated_fits,
 )
-from workbench.fitting.regressor_training import train_pose_regressor
 from workbench.fitting.scans.files import ReadScan, read_scan
 from workbench.fitting.scans.scan import BadScan, Scan
 from workbench.fitting.scans.surface import boundary, loose_points
@@ -95,28 +80,22 @@ from workbench.fitting.videos import Smoothness, effective_frames, video_fit, vi
 __all__ = [
     "KEYPOINT_SCHEMAS",
     "STARTS",
-    "Appearance",
     "BadObservation",
     "BadScan",
     "ByHeight",
     "Clip",
     "Film",
     "ImageFits",
-    "ImageRecipe",
     "KnownAnswer",
     "MarkerFit",
-    "MarkerRecording",
     "MarkerSet",
     "Measure",
     "Moving",
     "Observations",
     "OtherMinima",
-    "OtherMinimum",
-    "Photograph",
     "PoseRegressor",
     "Profile",
     "ReadScan",
-    "RepeatedFits",
     "Scan",
     "Setup",
     "Smoothness",
@@ -126,21 +105,15 @@ __all__ = [
     "boundary",
     "cameras_of",
     "cameras_on_a_sphere",
-    "clip_of",
     "default_markers",
     "depth_of",
     "effective_frames",
     "from_correspondences",
-    "hand_fit",
-    "hand_landmarks",
     "hand_problem",
     "hand_start",
     "image_fit",
     "image_priors",
-    "joint_fit",
-    "keypoint_candidates",
     "keypoint_fit",
-    "known_markers",
     "loose_points",
     "marker_candidates",
     "marker_fit",
@@ -150,7 +123,6 @@ __all__ = [
     "other_minima",
     "own_mesh",
     "photograph",
-    "placed",
     "pose_prior",
     "profile_likelihood",
     "read_calibration",
@@ -162,18 +134,12 @@ __all__ = [
     "read_regressor",
     "read_scan",
     "regressed_start",
-    "repeated_fits",
-    "save_regressor",
     "shape_prior",
     "shipped_regressor",
     "spread_frames",
     "stature",
     "stature_of",
-    "stature_prior",
-    "train_pose_regressor",
     "usual_priors",
     "video_fit",
     "video_mean",
-    "wider",
-    "without_hidden",
 ]

@@ -26,6 +26,7 @@ BESIDE = 0.05  # rad, beside what a pose space says: nobody's poses are exactly 
 BESIDE_ON_A_BODY = 0.1  # rad, the same for the hands of a whole body
 SHORTEST, TALLEST = 0.4, 2.8  # m
 OVERLAP = 0.005  # m, of capsules, which are only about as wide as the limbs
+TISSUE = 1.5  # of a coefficient of soft tissue: their root mean square in made-up motions
 MEASURED = 0.01  # m, the usual standard deviation of a stature that was measured
 
 
@@ -128,8 +129,15 @@ def _place(
 
 
 def shape_prior(body: Body) -> Residual:
-    """A standard normal prior on the shape coefficients betas."""
-    return gaussian(body.blocks()[1].symbol, name="shape prior")
+    """A standard normal prior on betas; those of soft tissue have standard deviation `TISSUE`."""
+    variances = np.ones(body.n_betas)
+    variances[n_of_shape(body) :] = TISSUE**2
+    return gaussian(body.blocks()[1].symbol, covariance=variances, name="shape prior")
+
+
+def n_of_shape(body: Body) -> int:
+    """How many of the first betas say who a person is; the others displace soft tissue."""
+    return body.n_betas - int(body.extras.get("tissue", 0))
 
 
 def usual_priors(body: Body) -> tuple[Residual, ...]:

@@ -1,7 +1,6 @@
 """Measurements of a body that could be made, and the catalogue of them that `design` takes.
 
-All of them see every landmark, also those that the body itself hides; of cameras these can be left
-out (`without_hidden`).
+All of them see every landmark, also those that the body itself hides.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -11,9 +10,9 @@ import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import Array, Mask
+from workbench.arrays import Array
 from workbench.blocks import Block, Values
-from workbench.blocks.checks import reals
+from workbench.blocks.checks import above_zero, reals
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.diagnostics.design import Candidate, Criterion, Quantity, sd_of
@@ -27,27 +26,12 @@ from workbench.fitting.observations import Photograph, pinhole
 from workbench.fitting.setup import Setup, View
 from workbench.geometry.camera import Camera
 from workbench.geometry.rotation import matrix_from_vector
-from workbench.geometry.solids import ray_crossings
 from workbench.residuals import Residual, keypoints, landmarks
 
-THICK = 0.15  # m of the body in front of a landmark: a joint is hardly ever as deep under the skin
 AROUND = tuple(range(0, 360, 30))  # degrees
 UP = (0, 30, 60)  # degrees
 PREFIX = "candidate/"  # of the blocks of a camera that could be put up
 OWN = "own"
-
-
-def hidden_landmarks(body: SkinnedBody, name: str, values: Values, eye: Array) -> Mask:
-    """Which landmarks of a set the body hides from an eye (3,) m, where the values put it, (M,).
-
-    A landmark is hidden where the way to it leaves the body again, as behind another limb, or is
-    for more than 0.15 m inside of it. Joints lie inside, so that a way that only enters says
-    nothing. Detectors often guess hidden landmarks, so this is the strict case.
-    """
-    at = [values[block.name] for block in body.blocks()]
-    points, skin = body.landmark(name, *at), body.vertices(*at)
-    exits, inside = ray_crossings(eye, points, skin, body.faces)
-    return np.asarray((exits > 0) | (inside > THICK))
 
 
 def looking_at(centre: ArrayLike, around: float, up: float, distance: float) -> tuple[Array, Array]:
@@ -83,11 +67,7 @@ def cameras_on_a_sphere(
     middle = reals("the centre of the cameras", centre)
     if middle.shape != (3,) or not np.isfinite(middle).all():
         raise BadArgument(f"the centre of the cameras is a point (3,) in m, not {middle.tolist()}")
-    if not (distance > 0 and focal > 0 and sigma > 0):
-        raise BadArgument(
-            f"cameras need a distance, a focal length and a sigma above zero, not {distance:g} m, "
-            f"{focal:g} px and {sigma:g} px"
-        )
+    above_zero("cameras", distance=distance, focal=focal, sigma=sigma)
     K, numbers = pinhole(focal, *size), {}
     for u in up:
         for a in around:
@@ -115,45 +95,10 @@ def cameras_of(
     )
 
 
-def without_hidden(
-    body: SkinnedBody, cameras: Mapping[str, Candidate], values: Values
-) -> dict[str, Candidate]:
-    """Cameras of `cameras_on_a_sphere` or `cameras_of`, without what the body hides from each.
-
-    What is hidden is decided where the values put the body, and does not change with the body; see
-    `hidden_landmarks`.
-    """
-    name = landmark_set(body)
-    seen = Block(PREFIX + "seen", (len(body.landmark_names(name)),), "1")
-    found = {}
-    for called, one in cameras.items():
-        (rows,) = one.residuals
-        sigma = float(np.max(rows.sigma))  # one for all, as these functions make them
-        t, R = (np.asarray(one.values[PREFIX + part]) for part in ("translation", "rotation"))
-        hidden = hidden_landmarks(body, name, values, -matrix_from_vector(R).T @ t)
-        rows = _keypoints(body, Camera(PREFIX), seen.symbol, sigma)
-        found[called] = Candidate((rows,), one.values | {seen.name: np.where(hidden, 0.0, 1.0)})
-    return found
-
-
 def _cameras(body: Body, numbers: dict[str, Values], sigma: float) -> dict[str, Candidate]:
     count = len(body.landmark_names(landmark_set(body)))
     seen = _keypoints(body, Camera(PREFIX), np.ones(count), sigma)
     return {name: Candidate((seen,), one) for name, one in numbers.items()}
-
-
-def keypoint_candidates(
-    body: Body, camera: Camera, numbers: Values, *, sigma: float = 4.0
-) -> dict[str, Candidate]:
-    """Each of the body's keypoints by itself, seen by one camera with these numbers; sigma in px.
-
-    Points of a detector's layout are candidates too, if the body has them as landmarks.
-    """
-    labels = body.landmark_names(landmark_set(body))
-    seen, one = _one_of(labels)
-    own = {block.name: np.asarray(numbers[block.name], dtype=float) for block in camera.blocks}
-    rows = _keypoints(body, camera, seen.symbol, sigma)
-    return {label: Candidate((rows,), own | only) for label, only in one.items()}
 
 
 def marker_candidates(
@@ -168,13 +113,15 @@ def marker_candidates(
     A marker is beside its nominal place by an offset that one moment cannot tell from the body, so
     its rows have the standard deviation sqrt(sigma^2 + offset_sigma^2).
     """
-    seen, one = _one_of(marker_set.names)
+    names = marker_set.names
+    seen = Block(PREFIX + "seen", (len(names),), "1", names)  # weights, which count one alone
     at = [block.symbol for block in body.blocks()]
     points = marker_set.on(body).landmark_points(MARKERS, *at)
-    origin = np.zeros((len(marker_set.names), 3))
+    origin = np.zeros((len(names), 3))
     spread = float(np.hypot(sigma, offset_sigma))
     rows = replace(landmarks(points, origin, sigma=spread, name=MARKERS), weights=seen.symbol)
-    return {label: Candidate((rows,), only) for label, only in one.items()}
+    only = np.eye(len(names))
+    return {label: Candidate((rows,), {seen.name: only[i]}) for i, label in enumerate(names)}
 
 
 def stature_of(body: SkinnedBody) -> Quantity:
@@ -191,13 +138,6 @@ def depth_of(body: Body, camera: Camera, numbers: Values) -> Quantity:
     away = float(np.asarray(numbers[camera.translation.name], dtype=float)[2])
     name = f"the distance from {camera.prefix.rstrip('/') or 'the camera'}"
     return Quantity(name, cs.dot(axis, joints.symbol[:, 0]) + away, "m", (joints,))
-
-
-def _one_of(labels: tuple[str, ...]) -> tuple[Block, dict[str, Values]]:
-    """A block of weights (M,), and by label the values of it that count this one alone."""
-    seen = Block(PREFIX + "seen", (len(labels),), "1", labels)
-    only = np.eye(len(labels))
-    return seen, {label: {seen.name: only[i]} for i, label in enumerate(labels)}
 
 
 def _keypoints(body: Body, camera: Camera, confidence: cs.MX | Array, sigma: float) -> Residual:
@@ -243,23 +183,12 @@ def held_out_views(setup: Setup, values: Values) -> dict[str, Candidate]:
     return _cameras(_body(setup), numbers, 4.0)
 
 
-def occluded(cameras: Callable[[Setup, Values], dict[str, Candidate]]) -> Candidates:
-    """The same cameras, none of which sees what the body hides from it."""
-    return lambda setup, values: without_hidden(_skinned(setup), cameras(setup, values), values)
-
-
 CANDIDATES: Mapping[str, Candidates] = {
     OWN: own_candidates,
     "cameras": cameras_around,
     "views": held_out_views,
-    "cameras-occluded": occluded(cameras_around),
-    "views-occluded": occluded(held_out_views),
     "markers": lambda setup, values: marker_candidates(
         _skinned(setup), default_markers(_skinned(setup))
-    ),
-    # each keypoint, seen once more by the first camera
-    "keypoints": lambda setup, values: keypoint_candidates(
-        _body(setup), _view(setup).camera, values
     ),
 }
 QUANTITIES: Mapping[str, Callable[[Setup, Values], Quantity]] = {

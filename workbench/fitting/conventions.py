@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import combinations, permutations
+from itertools import combinations
 
 import numpy as np
 
@@ -38,7 +38,6 @@ ORDERS = {  # of 17 keypoints
     ),
 }
 AGREE = 0.02  # of the size of the person in an image: rays that miss each other by more contradict
-MOST_ORDERS = 5  # cameras of which all orders are tried; of more, every exchange of two
 OPENGL = np.diag([1.0, -1.0, -1.0])  # x right, y up, z backwards
 PERSON = 0.5, 2.6  # m, between the keypoints of a person that are farthest apart
 UNITS = {"mm": 1e-3, "cm": 1e-2, "in": 0.0254}
@@ -98,9 +97,8 @@ def _reordered(view: View, names: Sequence[str], order: Sequence[str]) -> View:
 def better_reading(setup: Setup, values: Values, solution: Solution, *, doubted: bool) -> str:
     """What would fit the keypoints of one moment much better, in a sentence; empty if nothing does.
 
-    Fits that are `doubted` are made again with all other `readings`, those of a person who stands
-    on their head with those that turn the image, and any other to one image with left and right
-    exchanged.
+    Fits that are `doubted`, and those of a person who stands on their head, are made again with all
+    other `readings`, and any other to one image with left and right exchanged.
     """
     views = [view for view in setup.views if not view.held_out]
     if setup.body is None or not views:
@@ -109,15 +107,14 @@ def better_reading(setup: Setup, values: Values, solution: Solution, *, doubted:
     if len(views) > 1:
         known[MIRRORED] = mirrored
     head = all(is_upside_down(setup, view, values) for view in views)
-    if not doubted:
-        once = (UPWARDS, HALF_TURN) if head else (SIDES,) if len(views) == 1 else ()
-        known = {what: known[what] for what in once}
+    if not (doubted or head):
+        known = {SIDES: known[SIDES]} if len(views) == 1 else {}
     costs = {what: _cost(setup, views, [*map(change, views)]) for what, change in known.items()}
     best = min(costs, key=lambda what: costs[what], default="")
-    if head and (up := min((UPWARDS, HALF_TURN), key=lambda what: costs[what])):
-        best = up if costs[up] < CLOSE * costs[best] or costs[best] > solution.cost else best
-    if best in (UPWARDS, HALF_TURN) and head:
-        return f"the person stands on their head in the image; if they do not, {best}"
+    if head:
+        up = min((UPWARDS, HALF_TURN), key=lambda what: costs[what])
+        if costs[up] < CLOSE * costs[best] or costs[best] > solution.cost:
+            return f"the person stands on their head in the image; if they do not, {up}"
     if best and costs[best] < BETTER * solution.cost:
         share = 100 * costs[best] / solution.cost
         return f"the keypoints would fit better, at {share:.0f} % of the cost, if {best}"
@@ -128,17 +125,15 @@ def is_upside_down(setup: Setup, view: View, values: Values) -> bool:
     """Whether the body's own y points down in the image."""
     assert setup.body is not None
     root = matrix_from_vector(values[setup.body.blocks()[0].name][0])
-    if setup.body.bind_pose[0].any():
-        root = root @ matrix_from_vector(setup.body.bind_pose[0]).T
+    root = root @ matrix_from_vector(setup.body.bind_pose[0]).T
     camera = matrix_from_vector(np.asarray(values[view.camera.rotation.name]))
     return bool((camera @ root)[1, 1] > DOWN)
 
 
 def _cost(setup: Setup, views: Sequence[View], changed: Sequence[View]) -> float:
     """The cost of the fit to other readings of the views, from its own start."""
-    body = setup.body
+    body, start = setup.body, dict(setup.start)
     assert body is not None
-    start = dict(setup.start)
     for view, other in zip(views, changed, strict=True):
         prefix = view.camera.prefix
         start |= {prefix + "observed": other.observed, prefix + "confidence": other.confidence}
@@ -156,7 +151,9 @@ def _cost(setup: Setup, views: Sequence[View], changed: Sequence[View]) -> float
 
 Extrinsics = list[tuple[Array, Array]]  # R (3, 3) and t (3,) of each camera
 CONVENTIONS: dict[str, Callable[[Array, Array], tuple[Array, Array]]] = {
-    "the extrinsics are camera-to-world, not world-to-camera": lambda R, t: (R.T, -R.T @ t),
+    "the extrinsics are camera-to-world, not world-to-camera (--camera-to-world)": (
+        lambda R, t: (R.T, -R.T @ t)
+    ),
     "rotations are in degrees": lambda R, t: (
         matrix_from_vector(np.radians(vector_from_matrix(R))),
         t,
@@ -204,7 +201,7 @@ def unit_of_translations(views: Sequence[View], values: Values) -> str:
 def agreeing_convention(views: Sequence[View], values: Values, names: Sequence[str]) -> str:
     """What would make views that contradict each other agree; empty if nothing known does.
 
-    Other conventions of the extrinsics, other orders of the cameras, other readings of images, and
+    Other conventions of the extrinsics, two cameras exchanged, other readings of images, and
     views left out are tried. `names` (M,) are those of the keypoints.
     """
     given: Extrinsics = [
@@ -257,12 +254,7 @@ def _other_views(
 def _conventions(given: Extrinsics) -> Iterator[tuple[str, Extrinsics]]:
     for what, change in CONVENTIONS.items():
         yield what, [change(R, t) for R, t in given]
-    count = len(given)
-    if count <= MOST_ORDERS:
-        orders = [*permutations(range(count))][1:]
-    else:
-        pairs = combinations(range(count), 2)
-        orders = [tuple({i: j, j: i}.get(k, k) for k in range(count)) for i, j in pairs]
-    for order in orders:
+    for i, j in combinations(range(len(given)), 2):
+        order = [{i: j, j: i}.get(k, k) for k in range(len(given))]
         said = ", ".join(str(k + 1) for k in order)
         yield f"the cameras belong to the files in the order {said}", [given[k] for k in order]

@@ -2,27 +2,22 @@
 
 A doubt is a sentence: what was seen, what it probably means, and what to do. None of them says that
 a fit is wrong; they name what a converged solver does not look at. Scans are judged by
-`registration.doubts`, in sentences of the same form. The thresholds are judgements. They were tuned
-on other seeds and frames, and doubt 1 of 485 honest fits (synthetic people in 1 to 4 cameras, with
-their arms spread, in markers, meshes and scans; frames of `balance` in one camera, in four, and as
-clips), and 114 of 122 absurd inputs of 18 kinds, of which 110 are told their cause. The other 8 are
-half of the single images of which left and right were exchanged or that were mirrored.
+`registration.doubts`, in sentences of the same form. The thresholds are judgements, tuned on other
+seeds and frames than those on which they were counted.
 """
 
-import warnings
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from workbench.arrays import Array, Mask
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.errors import some_of
-from workbench.fitting.body_priors import POSE_PRIOR, pose_gaussian, stature
+from workbench.fitting.body_priors import POSE_PRIOR, n_of_shape, pose_gaussian, stature
 from workbench.fitting.conventions import (
     AGREE,
     agreeing_convention,
@@ -122,6 +117,7 @@ def doubts(
 
 
 Views = tuple[View, ...]
+Said = dict[str, str]  # sentences by what they are about
 
 
 def _moments(setup: Setup, values: Values) -> list[tuple[Views, Values]]:
@@ -143,9 +139,6 @@ def _moments(setup: Setup, values: Values) -> list[tuple[Views, Values]]:
         )
         for t in some
     ]
-
-
-Said = dict[str, str]  # sentences by what they are about
 
 
 def _often(moments: Sequence[Said]) -> list[str]:
@@ -191,15 +184,10 @@ def _views(body: Body, views: Views, values: Values) -> Said:
             f"cameras seem to be in {unit}; give them in m"
         }
     size = f"{100 * off:.1f} % of the person's size" if np.isfinite(off) else "no common point"
-    names = body.landmark_names(views[0].landmarks)
-    convention = agreeing_convention(views, values, names)
-    do = (
-        f"they would agree if {convention}"
-        if convention
-        else "compare the calibration with the files, their order, and the person in each"
-    )
-    if convention.startswith("the extrinsics are camera-to-world, not"):
-        do += " (--camera-to-world)"
+    convention = agreeing_convention(views, values, body.landmark_names(views[0].landmarks))
+    do = "compare the calibration with the files, their order, and the person in each"
+    if convention:
+        do = f"they would agree if {convention}"
     text = f"the views contradict each other (rays of a keypoint miss by {size}); {do}"
     return {"views": text}
 
@@ -245,9 +233,10 @@ def of_person(body: Body, betas: Array) -> Iterator[str]:
         return
     if betas.ndim == 2:
         betas = np.median(betas, axis=0)
-    largest, square = float(np.abs(betas).max()), float(np.mean(betas**2))
+    shape = betas[: n_of_shape(body)]
+    largest, square = float(np.abs(shape).max()), float(np.mean(shape**2))
     if largest > ONE_BETA or square > SHAPE:
-        k = int(np.abs(betas).argmax())
+        k = int(np.abs(shape).argmax())
         yield (
             f"the shape is improbable: betas[{k}] is {betas[k]:.1f} standard deviations from "
             f"the mean person, root mean square {np.sqrt(square):.1f}; check the units, which "
@@ -324,8 +313,7 @@ def of_markers(
         which = [names[m] for m in np.argsort(-each) if wrong[m]]
         yield (
             f"markers are up to {100 * each.max():.0f} cm from where the set has them on the body: "
-            f"{some_of(which)}; check their labels, and the marker set"
-            f"{_exchanged(nominal, observed, names)}"
+            f"{some_of(which)}; check their labels, which may be exchanged, and the marker set"
         )
     elif np.median(each) > MARKERS_OFF:
         yield (
@@ -349,19 +337,6 @@ def _rigid_error(rest: Array, observed: Array) -> float:
             motion = procrustes(rest[seen], places[seen])
             found.append(np.sqrt(np.mean((rest[seen] @ motion.R.T + motion.t - places[seen]) ** 2)))
     return float(np.median(found)) if found else np.nan
-
-
-def _exchanged(nominal: Array, observed: Array, names: Sequence[str]) -> str:
-    """Which markers are nearer to one another's places, for the end of a sentence."""
-    with np.errstate(all="ignore"), warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of markers that were never seen
-        off = np.nanmean(
-            np.linalg.norm(nominal[:, :, None] - observed[:, None, :], axis=-1), axis=0
-        )
-    assigned = linear_sum_assignment(np.nan_to_num(off, nan=1e3))[1].tolist()
-    moved = [(names[m], names[k]) for m, k in enumerate(assigned) if m != k]
-    pairs = [f"{a} and {b}" for a, b in moved if (b, a) in moved and a < b]
-    return f"; {some_of(pairs)} seem to be exchanged" if pairs else ""
 
 
 def pose_square(body: Body, pose: Array) -> Array:

@@ -22,7 +22,6 @@ from workbench.errors import BadBody
 from workbench.fitting.body_priors import pose_gaussian, usual_priors
 from workbench.fitting.observations import BadObservation
 from workbench.fitting.placing import moved
-from workbench.fitting.setup import Measure, Setup, distances, rms
 from workbench.geometry.rigid import procrustes
 from workbench.problem import Problem
 from workbench.residuals import Residual, landmarks
@@ -91,44 +90,6 @@ def hand_start(body: SkinnedBody, observed: ArrayLike) -> Values:
     motion = procrustes(own[used], places[used])
     pose, betas, _ = (mean[block.name] for block in body.blocks())
     return mean | moved(body, motion.R, motion.t, pose, betas) | {OBSERVED: places, SEEN: seen}
-
-
-def hand_fit(
-    body: SkinnedBody,
-    observed: ArrayLike,
-    question: str = "Which pose and shape of the hand explain these points?",
-    *,
-    sigma: float = SIGMA,
-    kernel: Kernel = quadratic,
-    truth: Array | None = None,
-) -> Setup:
-    """Fit a hand to a skeleton of 16 or 21 points in m; see `hand_problem` and `hand_start`.
-
-    `truth` (N, 3) m is the true surface, where it is known. Raises BadBody and BadObservation.
-    """
-    problem = hand_problem(body, sigma=sigma, kernel=kernel)
-    start = hand_start(body, observed)
-    known = start[SEEN] > 0
-
-    def measures(values: Values) -> tuple[Measure, ...]:
-        off = distances(points_of(body, values), start[OBSERVED])[known]
-        shown = [rms(f"distance of {known.sum()} points", off)]
-        if truth is not None:
-            at = (values[block.name] for block in body.blocks())
-            away = distances(body.vertices(*at), truth)
-            shown.append(Measure("vertex to truth, median", float(np.median(away)), "mm"))
-            shown.append(Measure("vertex to truth, largest", float(away.max()), "mm"))
-        return tuple(shown)
-
-    return Setup(
-        problem=problem,
-        start=start,
-        question=question,
-        body=body,
-        truth=truth,
-        measures=measures,
-        priors=tuple(residual.name for residual in problem.residuals[1:]),
-    )
 
 
 def mean_hand(body: Body) -> Values:

@@ -13,18 +13,16 @@ begins at what a small network reads off the keypoints, and further hypotheses a
 and at turned ones.
 
 The landmarks of a detector are not those of a body: a hip, say, is always found a little farther
-out. Detectors are marker sets whose markers have unknown offsets. If each keypoint k has an offset
-of its own, o_k ~ N(0, (s m_k)^2) m in each direction, seen as s m_k f / z px at the distance z, and
-it is integrated out, then the estimate x of the fit has another covariance than Laplace's
-C = (J'J)^-1:
+out. If each keypoint k has an offset of its own, o_k ~ N(0, (s m_k)^2) m in each direction, seen as
+s m_k f / z px at the distance z, and it is integrated out, then the estimate x of the fit has
+another covariance than Laplace's C = (J'J)^-1:
 
     C + (s f / (z sigma))^2 C J_d' J_d C
 
 with the rows J_d of the keypoints, whitened (White, Maximum likelihood estimation of misspecified
 models, 1982), both up to the curvature that the Gauss-Newton Hessian J'J leaves out. A keypoint
 that is known less well has a larger offset too: m_k is its standard deviation in sigmas, 1 for a
-typical keypoint of confidence 1 (`as_marked`). The estimate stays what it is: fits in which
-keypoints have this larger variance from the outset have larger errors (`benchmarks/DECISIONS.md`).
+typical keypoint of confidence 1 (`as_marked`).
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -34,6 +32,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.blocks import Values
+from workbench.blocks.checks import above_zero
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.bodies.triangles import TriangleBody
@@ -108,11 +107,8 @@ def image_priors(body: SkinnedBody | TriangleBody) -> tuple[Residual, ...]:
 
 @dataclass(frozen=True)
 class WithPosePrior:
-    """The priors of an image, with another one on the pose, and with others beside them.
-
-    Attributes:
-        pose: from a body to the prior on its pose, such as `mixture_prior`.
-        others: from a body to further terms, such as `apart_prior`.
+    """The priors of an image, with another one on the pose, such as `mixture_prior`, and with
+    others beside them, such as `apart_prior`.
     """
 
     pose: Callable[[Body], Residual] = pose_prior
@@ -133,11 +129,8 @@ def spheres_prior(body: Body) -> Residual:
 
 @dataclass(frozen=True)
 class SmplifyTerms:
-    """The prior on the pose, shape, elbows and knees, and for bodies with capsules E_sp, with the
+    """The prior `pose`, shape, elbows and knees, and for bodies with capsules E_sp, with the
     weights that SMPLify's code has in its last stage.
-
-    Attributes:
-        pose: from a body to the prior on its pose.
     """
 
     pose: Callable[[Body], Residual] = mixture_prior
@@ -151,11 +144,6 @@ class SmplifyTerms:
         capsules = isinstance(body, SkinnedBody) and body.capsules is not None
         terms = WithPosePrior(self.pose, (spheres_prior,) if capsules else ())(body)
         return tuple(p.weighed(counts[p.name]) if p.name in counts else p for p in terms)
-
-
-def wider(sigma: float, *wide: float, solver: Solver | None = None) -> tuple[SolveStage, ...]:
-    """Stages in which keypoints have these larger sigmas in px, before the fit with `sigma`."""
-    return tuple(SolveStage(weights={KEYPOINTS: (sigma / w) ** 2}, solver=solver) for w in wide)
 
 
 def smplify_stages() -> tuple[SolveStage, ...]:
@@ -174,13 +162,7 @@ def smplify_stages() -> tuple[SolveStage, ...]:
 
 @dataclass(frozen=True)
 class WithStature:
-    """The priors of an image and a stature that was measured.
-
-    Attributes:
-        height: the stature in m.
-        sigma: its standard deviation in m.
-        priors: the other terms.
-    """
+    """The priors of an image, and a stature that was measured as `height`, with `sigma`, in m."""
 
     height: float
     sigma: float = MEASURED
@@ -221,9 +203,7 @@ class ImageRecipe:
     relative: Relative = alike
 
     def __post_init__(self) -> None:
-        for name in ("sigma", "outlier"):
-            if not 0 < getattr(self, name) < np.inf:
-                raise BadArgument(f"{name} is a length in px above 0, not {getattr(self, name)!r}")
+        above_zero("keypoints in px", sigma=self.sigma, outlier=self.outlier)
 
     def stages_of(self, residuals: Iterable[str], solver: Solver | None) -> tuple[SolveStage, ...]:
         """The stages of a problem with residuals of these names, by `solver` if there is one."""
@@ -253,14 +233,7 @@ class Appearance:
 
 @dataclass(frozen=True)
 class Smplify:
-    """SMPLify's own terms, weights and stages, whatever the person looks like.
-
-    Attributes:
-        sigma: the standard deviation of a keypoint, in px.
-        outlier: the scale of Geman and McClure's kernel, in px.
-        priors: the residuals of a body beside its keypoints.
-        solver: what solves each stage.
-    """
+    """SMPLify's terms, weights and stages, whatever the person looks like; see `ImageRecipe`."""
 
     sigma: float = SMPLIFY_SIGMA
     outlier: float = 100.0
@@ -274,27 +247,19 @@ class Smplify:
 
 @dataclass(frozen=True)
 class ByHeight:
-    """A recipe whose lengths grow with the height of the person in the image.
-
-    Whether a keypoint is wrong, or the body still far from where it should be, is a matter of
-    its distance compared with the person, not of px: 100 px are little for a person who fills a
-    photograph, and half of one in its background.
+    """A recipe whose lengths grow with the height of the person in the image: 100 px are little for
+    a person who fills a photograph, and half of one in its background. See also `ImageRecipe`.
 
     Attributes:
         sigma: the standard deviation of a keypoint, in px; without one, `usual_sigma`.
         outlier: from which distance on a coordinate counts as an outlier, as a share of the
             person's height in the image.
         strict: the same if some keypoints are suspected to be wrong already at the start.
-        wide: the sigmas of keypoints in the stages before the last one, as such shares.
-        priors: the residuals of a body beside its keypoints.
-        solver: what solves the last stage; those before are solved roughly.
-        relative: the standard deviations of keypoints by name, in sigmas.
     """
 
     sigma: float | None = None
     outlier: float = OUTLIER
     strict: float = 0.04
-    wide: tuple[float, ...] = ()
     priors: Terms = image_priors
     solver: Solver = NEARLY
     relative: Relative = as_marked
@@ -303,18 +268,14 @@ class ByHeight:
         """The recipe for a person of this appearance."""
         height = person.height
         sigma = usual_sigma(height, (person.side,) * 2) if self.sigma is None else self.sigma
-        stages = wider(sigma, *(share * height for share in self.wide), solver=ROUGHLY)
         outlier = height * (self.strict if person.suspect else self.outlier)
-        return ImageRecipe(sigma, outlier, self.priors, stages, self.solver, self.relative)
+        return ImageRecipe(sigma, outlier, self.priors, (), self.solver, self.relative)
 
 
 @dataclass(frozen=True, eq=False)
 class ImageFits:
-    """Fits of a body to single images by a recipe; what images have in common is made once.
-
-    Attributes:
-        body: the body that is fitted.
-        recipe: how it is fitted, by the appearance of the person.
+    """Fits of a body to single images by a recipe, which depends on the appearance of the person;
+    what images have in common is made once.
     """
 
     body: SkinnedBody | TriangleBody
@@ -327,17 +288,14 @@ class ImageFits:
         self,
         observations: Observations,
         question: str,
-        *,
         hypotheses: int = 1,
         held_out: Sequence[str] = (),
         reference: Array | None = None,
         compared: tuple[str, ...] = (),
     ) -> Setup:
-        """Pose, betas and trans of the body from the keypoints of one image.
+        """Pose, betas and trans of the body from the keypoints of one image; see `image_fit`.
 
-        The `strategy` of the setup takes the stages of the recipe, from `hypotheses` starts (see
-        `image_starts`). Its measures tell the distance from the camera with its 90 % interval (see
-        `depth_interval`). Other arguments and errors are those of `keypoint_fit`.
+        The measures of the setup tell the distance from the camera with its 90 % interval.
         """
         shown = placed_views(self.body, observations, held_out)
         view = next(view for view in shown.views if not view.held_out)
@@ -388,18 +346,10 @@ def image_fit(
     """Pose, betas and trans of a body from the keypoints of one image, as SMPLify does.
 
     The setup's `strategy` is how it is solved: in stages, from `hypotheses` starts. To fit many
-    images, make one `ImageFits`. `reference` is as for `keypoint_fit`. Raises
-    BadObservation if the keypoints cannot place the body.
+    images, make one `ImageFits`. Other arguments and errors are those of `keypoint_fit`.
     """
-    fits = ImageFits(body, recipe or ByHeight())
-    return fits.setup(
-        observations,
-        question,
-        hypotheses=hypotheses,
-        held_out=held_out,
-        reference=reference,
-        compared=compared,
-    )
+    fits, rest = ImageFits(body, recipe or ByHeight()), (hypotheses, held_out, reference, compared)
+    return fits.setup(observations, question, *rest)
 
 
 def appearance(body: Body, view: View, values: Values) -> Appearance:
@@ -415,12 +365,7 @@ def appearance(body: Body, view: View, values: Values) -> Appearance:
 
 @dataclass(frozen=True)
 class DepthInterval:
-    """How far the body's root is from the camera's plane, along the axis of the camera.
-
-    Attributes:
-        mean: the distance in m.
-        sd: its standard deviation in m.
-    """
+    """How far the body's root is from the camera's plane, along the axis of the camera, in m."""
 
     mean: float
     sd: float
@@ -456,22 +401,21 @@ def depth_interval(setup: Setup, values: Values, offset: float = OFFSET) -> Dept
 
 def depth_measures(setup: Setup, values: Values) -> tuple[Measure, ...]:
     """The distance of `depth_interval` and the ends of its interval; none where it is unknown."""
-    found = depth_interval(setup, values)
-    if found is None:
+    if (found := depth_interval(setup, values)) is None:
         return ()
     name, of = "distance from the camera", "end of the 90 % interval"
-    return (
-        Measure(name, found.mean, "m"),
-        Measure(f"{name}, lower {of}", found.low, "m"),
-        Measure(f"{name}, upper {of}", found.high, "m"),
+    named = (
+        (name, found.mean),
+        (f"{name}, lower {of}", found.low),
+        (f"{name}, upper {of}", found.high),
     )
+    return tuple(Measure(what, metres, "m") for what, metres in named)
 
 
 def depth_spread(setup: Setup, view: View, values: Values) -> tuple[float, float, float]:
-    """The distance of a body's root in one view in m, and how uncertain it is.
-
-    What it is at `values`; Laplace's standard deviation; and what an offset of 1 m in each
-    direction, as standard deviation of each typical landmark by itself, adds to that in quadrature.
+    """The distance in m of a body's root in one view, at `values`; its standard deviation by
+    Laplace; and what an offset of 1 m in each direction, as standard deviation of each typical
+    landmark by itself, adds to that in quadrature.
     """
     body, camera, keypoints = setup.body, view.camera, _keypoints_of(setup, view)
     assert body is not None
@@ -510,8 +454,7 @@ class ImageMean:
         names: the landmarks (M,) of the body.
         landmarks: (M, 3) m their places on the body of the means.
         sd: (M,) m the standard deviations of their distances from there, once the middle of all
-            landmarks of a draw is brought to that of the mean. They are those of the posterior
-            near its mode; `SPREAD` says how far landmarks were from measured ones instead.
+            landmarks of a draw is brought to that of the mean (see `SPREAD`).
         moved: how far that middle is from the one of the likeliest body, in m.
         apart: (M,) m how far landmarks are from those of the likeliest body, about their middles.
         error: the standard error of the mean place, from the number of draws, in m.

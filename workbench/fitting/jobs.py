@@ -81,15 +81,7 @@ def reason_of(error: Exception, path: Path, work: str) -> str:
 
 @dataclass(frozen=True)
 class ImageReading:
-    """How files of keypoints are read.
-
-    Attributes:
-        size: width and height of the images in px; None if the files say it.
-        focal: the focal length in px; None to estimate it for each image.
-        calibration: a file with one camera, or None.
-        person: the number of the person in each file; None for the largest.
-        camera_to_world: whether extrinsics without a name that says so are poses of cameras.
-    """
+    """How files of keypoints are read: the arguments of `read_observations`."""
 
     size: tuple[int, int] | None = None
     focal: float | None = None
@@ -98,18 +90,14 @@ class ImageReading:
     camera_to_world: bool = False
 
     def observations(self, files: Sequence[Path]) -> Observations:
-        """The keypoints in files of one moment; see `read_observations`."""
+        """The keypoints in files of one moment."""
         return read_observations(files, **vars(self))
 
 
 @dataclass(frozen=True, eq=False)
 class FittedPicture:
-    """What is drawn of a fitted image, in px.
-
-    Attributes:
-        joints: (K, 2) where the joints of the body are.
-        observed: (M, 2) the keypoints.
-        confidence: (M,) theirs.
+    """What is drawn of a fitted image: the joints (K, 2) px of the body, the keypoints (M, 2) px
+    that were observed, and their confidence (M,).
     """
 
     joints: Array
@@ -122,16 +110,12 @@ class FittedImage:
     """The body that was fitted to one image.
 
     Attributes:
-        job: its name and its file.
         values: pose, betas, trans, and the focal length if it was free.
-        others: the same of the other hypotheses, in the order of their costs.
-        costs: the cost of every hypothesis, the lowest first.
+        others, costs: those of the other hypotheses, and the costs of all, the lowest first.
         status: how the best run ended.
         error: the mean distance in px of keypoints with a confidence above 0.2; NaN without any.
         depth: the distance in m of the body's root from the camera's plane.
         interval: the same with its standard deviation; None if the distance is not determined.
-        picture: what is drawn of it.
-        seconds: how long the fit took.
         notes: sentences on what the file holds and was not read.
         doubts: what speaks against the fit, in sentences.
     """
@@ -154,11 +138,7 @@ class FittedImage:
 class ImageWork:
     """How images are read and fitted; called with some of them, it returns what it found of each.
 
-    Attributes:
-        body: the body that is fitted.
-        recipe: how it is fitted.
-        reading: how files are read.
-        hypotheses: the number of starts of each image.
+    `hypotheses` is the number of starts of each image.
     """
 
     body: SkinnedBody | TriangleBody

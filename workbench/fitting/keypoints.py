@@ -97,8 +97,7 @@ class KeypointProblem:
 
     Attributes:
         body: the body that is fitted.
-        sigma: the standard deviation of a keypoint, in px: one, or one for each photograph.
-        kernel: the robust kernel of keypoints: one, or one for each photograph.
+        sigma, kernel: of keypoints, the first in px: one, or one for each photograph.
         priors: the residuals of a body beside its keypoints.
         relative: the standard deviations of keypoints by name, in sigmas.
     """
@@ -175,9 +174,8 @@ def camera_residual(
 ) -> tuple[Residual, tuple[Block, Block]]:
     """The residual of M landmarks in one camera, and the blocks of what the camera observed.
 
-    These are `observed` (M, 2) px and `confidence` (M,), whose square is the residual's weight.
-    `relative` (M,) are the keypoints' standard deviations in sigmas, all 1 if they are not given;
-    the weight is divided by their squares.
+    The squares of the confidences are the weights, divided by those of `relative` (M,), the
+    keypoints' standard deviations in sigmas.
     """
     observed, confidence = observed_blocks(camera, landmarks)
     residual = keypoints(
@@ -230,9 +228,8 @@ def keypoint_fit(
     """Pose, betas and trans of a body from its keypoints in photographs; `sigma` in px.
 
     Without a sigma, it follows the person's height in each image (`usual_sigma`). Without a kernel,
-    it is Geman and McClure's, with outliers from OUTLIER times that height on; as such a kernel
-    needs a start that is near, the fit then begins in the pose that a regressor reads off the view
-    that shows most (`regressed_start`), where the body is of its kind.
+    it is Geman and McClure's, with outliers from OUTLIER times that height on; the fit then begins
+    in the pose that a regressor reads off the view that shows most, if the body is of its kind.
 
     A detector's confidence c enters as the weight c^2, outside of the kernel, as in SPIN
     (Kolotouros et al. 2019): without a robust kernel, that keypoint has the standard deviation
@@ -272,13 +269,9 @@ def keypoint_setup(
 
 @dataclass(frozen=True, eq=False)
 class PlacedViews:
-    """What cameras observed of a body that was placed where it was seen.
-
-    Attributes:
-        observations: what was observed.
-        photographs: the same, of the landmarks that are fitted.
-        views: one for each photograph.
-        start: the numbers of the cameras, what they observed, and the placed body.
+    """What cameras observed, also as photographs and views of the landmarks that are fitted;
+    `start` has the numbers of the cameras, what they observed, and the body placed where it was
+    seen.
     """
 
     observations: Observations

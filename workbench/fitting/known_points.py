@@ -32,10 +32,9 @@ def from_correspondences(body: Body, observed: Array) -> Values:
     """Pose, betas and trans of a body near a mesh (N, 3) m, however far it is bent.
 
     Each part is moved rigidly onto the mesh by itself (Procrustes; vertices are weighted by the
-    squares of their `vertex_weights`). The rotations along the tree are those of each part
-    relative to its parent; their angles lie in [0, pi]. The vertices are then linear in betas and
-    trans, which are solved for. Betas have their standard normal prior, because the shape would
-    otherwise make up for parts that are not rigid.
+    squares of their `vertex_weights`); its rotation is relative to its parent's. The vertices are
+    then linear in betas and trans, which are solved for. Betas have their standard normal prior,
+    because the shape would otherwise make up for parts that are not rigid.
 
     Raises NotNumbers, ShapeMismatch or NonFiniteValue for another mesh.
     """

@@ -27,60 +27,6 @@ OUT = 0.0095  # m from the surface to the centre of a marker, as in MoSh
 MARKERS = "markers"  # the name of the landmark set
 FAR = 0.1  # how much a metre along a ray is worth beside a metre off it: the outermost surface
 FACING = 0.3  # the least cosine between a ray and the normal, which keeps to the outer surface
-# A marker's place: from a point between two joints (the share of the second one) in a direction of
-# the rest pose, x to the body's left, y up, z to the front. Those on the left have a mirror image.
-MIDDLE = {
-    "C7": ("neck", "neck", 0.0, (0.0, 0.0, -1.0)),
-    "T10": ("spine2", "spine3", 0.3, (0.0, 0.0, -1.0)),
-    "CLAV": ("spine3", "neck", 0.7, (0.0, 0.0, 1.0)),
-    "STRN": ("spine2", "spine3", 0.6, (0.0, 0.0, 1.0)),
-    "RBAC": ("spine3", "right_shoulder", 0.6, (0.0, -0.5, -1.0)),
-}
-SIDES = {
-    "FHD": ("neck", "head", 1.8, (0.6, 0.2, 1.0)),
-    "BHD": ("neck", "head", 1.8, (0.6, 0.2, -1.0)),
-    "SHO": ("left_collar", "left_shoulder", 0.9, (0.0, 1.0, 0.0)),
-    "UPA": ("left_shoulder", "left_elbow", 0.5, (0.0, 0.6, -1.0)),
-    "ELB": ("left_elbow", "left_elbow", 0.0, (0.0, -0.3, -1.0)),
-    "FRM": ("left_elbow", "left_wrist", 0.5, (0.0, 1.0, 0.5)),
-    "WRA": ("left_wrist", "left_wrist", 0.0, (0.0, 0.0, 1.0)),
-    "WRB": ("left_wrist", "left_wrist", 0.0, (0.0, 0.0, -1.0)),
-    "FIN": ("left_wrist", "left_hand", 0.9, (0.0, 1.0, 0.0)),
-    "FWT": ("pelvis", "left_hip", 0.9, (0.3, 0.6, 1.0)),
-    "BWT": ("pelvis", "left_hip", 0.5, (0.0, 0.6, -1.0)),
-    "THI": ("left_hip", "left_knee", 0.55, (1.0, 0.0, 0.4)),
-    "KNE": ("left_knee", "left_knee", 0.0, (1.0, 0.0, 0.0)),
-    "SHN": ("left_knee", "left_ankle", 0.4, (0.3, 0.0, 1.0)),
-    "ANK": ("left_ankle", "left_ankle", 0.0, (1.0, 0.0, 0.0)),
-    "HEE": ("left_ankle", "left_ankle", 0.0, (0.0, -0.5, -1.0)),
-    "TOE": ("left_ankle", "left_foot", 1.1, (-0.1, 1.0, 0.3)),
-    "MT5": ("left_ankle", "left_foot", 0.9, (1.0, 0.0, 0.0)),
-}
-
-# Places of markers that other marker sets have, `data/markers/labels.csv` says under which labels.
-FURTHER_MIDDLE = {
-    "ARIEL": ("head", "head", 0.0, (0.0, 1.0, 0.0)),
-    "MFHD": ("neck", "head", 1.8, (0.0, 0.2, 1.0)),
-    "T2": ("spine3", "neck", 0.7, (0.0, 0.0, -1.0)),
-    "T7": ("spine2", "spine3", 0.8, (0.0, 0.0, -1.0)),
-    "LBAC": ("spine3", "left_shoulder", 0.6, (0.0, -0.5, -1.0)),
-    "MFWT": ("pelvis", "pelvis", 0.0, (0.0, 0.6, 1.0)),
-    "MBWT": ("pelvis", "pelvis", 0.0, (0.0, 0.6, -1.0)),
-}
-FURTHER_SIDES = {
-    "FSH": ("left_collar", "left_shoulder", 0.9, (0.0, 0.3, 1.0)),
-    "BSH": ("left_collar", "left_shoulder", 0.9, (0.0, 0.3, -1.0)),
-    "IEL": ("left_elbow", "left_elbow", 0.0, (0.0, -1.0, 0.3)),
-    "IHA": ("left_wrist", "left_hand", 0.9, (0.0, 0.3, 1.0)),
-    "OHA": ("left_wrist", "left_hand", 0.9, (0.0, 0.3, -1.0)),
-    "TRO": ("left_hip", "left_hip", 0.0, (1.0, 0.0, 0.0)),
-    "KNI": ("left_knee", "left_knee", 0.0, (-1.0, 0.0, 0.0)),
-    "HFI": ("left_knee", "left_ankle", 0.1, (1.0, 0.0, -0.4)),
-    "TTC": ("left_knee", "left_ankle", 0.12, (0.0, 0.0, 1.0)),
-    "TIB": ("left_knee", "left_ankle", 0.45, (1.0, 0.0, 0.0)),
-    "MED": ("left_ankle", "left_ankle", 0.0, (-1.0, 0.0, 0.0)),
-    "MT1": ("left_ankle", "left_foot", 0.9, (-1.0, 0.0, 0.0)),
-}
 Ray = tuple[str, str, float, tuple[float, float, float]]
 
 
@@ -168,30 +114,43 @@ def default_markers(body: SkinnedBody) -> MarkerSet:
     rest. Names are in the style of motion capture, such as LFHD, C7 or RANK; the places are our
     own, and no marker protocol's. Raises UnknownName for a body without these joints.
     """
-    return MarkerSet.of(body, _placed(body, _both_sides(MIDDLE, SIDES)))
+    return MarkerSet.of(body, _placed(body, usual=True))
 
 
 def known_markers(body: SkinnedBody) -> MarkerSet:
     """All 72 markers whose places are known: the 41, and those that other marker sets have."""
-    rays = _both_sides(MIDDLE, SIDES) | _both_sides(FURTHER_MIDDLE, FURTHER_SIDES)
-    return MarkerSet.of(body, _placed(body, rays))
+    return MarkerSet.of(body, _placed(body, usual=False))
 
 
-def _both_sides(middle: Mapping[str, Ray], sides: Mapping[str, Ray]) -> dict[str, tuple[Ray, int]]:
-    """Rays by the names of markers, and the side on which each must end, as the sign of x."""
-    rays = {name: (ray, 0) for name, ray in middle.items()}
-    for name, ray in sides.items():
-        a, b, share, (x, y, z) = ray
-        c, d = (joint.replace("left", "right") for joint in (a, b))
-        rays |= {"L" + name: (ray, 1), "R" + name: ((c, d, share, (-x, y, z)), -1)}
+def _table(name: str) -> list[list[str]]:
+    """The rows of a table in `data/markers`, without its head."""
+    text = (files("workbench") / "data" / "markers" / name).read_text(encoding="utf-8")
+    return [*csv.reader(text.splitlines())][1:]
+
+
+def _rays(usual: bool) -> dict[str, tuple[Ray, int]]:
+    """Rays by the names of markers, and the side on which each must end, as the sign of x.
+
+    A ray starts between two joints (the share is that of the second one), in a direction of the
+    rest pose: x to the body's left, y up, z to the front. Those with a star are on both sides.
+    """
+    rays: dict[str, tuple[Ray, int]] = {}
+    for name, a, b, share, *towards, of_the_41 in _table("places.csv"):
+        if usual and of_the_41 != "yes":
+            continue
+        x, y, z = map(float, towards)
+        for label, side, sign in (("L", "left", 1), ("R", "right", -1))[: 1 + name.startswith("*")]:
+            joints = a.replace("*", side), b.replace("*", side)
+            ray = (*joints, float(share), (sign * x, y, z))
+            rays[name.replace("*", label)] = ray, sign if "*" in name else 0
     return rays
 
 
-def _placed(body: SkinnedBody, rays: Mapping[str, tuple[Ray, int]]) -> dict[str, int]:
+def _placed(body: SkinnedBody, usual: bool) -> dict[str, int]:
     """The vertex nearest to each ray, none of them twice. Raises UnknownName for a joint."""
     joints, normals = body.joints(), vertex_normals(body.template, body.faces)
     found: dict[str, int] = {}
-    for name, ((a, b, share, towards), side) in rays.items():
+    for name, ((a, b, share, towards), side) in _rays(usual).items():
         for joint in (a, b):
             check_known("joint", joint, body.joint_names)
         start, end = (joints[body.joint_names.index(joint)] for joint in (a, b))
@@ -211,11 +170,9 @@ def known_labels() -> dict[str, str]:
 
     `data/markers/labels.csv` names the set of each label, and where it is described.
     """
-    text = (files("workbench") / "data" / "markers" / "labels.csv").read_text(encoding="utf-8")
-    rows = [row[:2] for row in csv.reader(text.splitlines())][1:]
     return {
         label.replace("*", side).upper(): marker.replace("*", side)
-        for marker, label in rows
+        for marker, label, *_ in _table("labels.csv")
         for side in ("LR" if "*" in marker else " ")
     }
 

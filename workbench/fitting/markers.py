@@ -19,7 +19,7 @@ from scipy.linalg import block_diag
 
 from workbench.arrays import Array, Mask
 from workbench.blocks import Block, Values
-from workbench.blocks.checks import reals
+from workbench.blocks.checks import above_zero, reals
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadArgument
 from workbench.fitting.body_priors import pose_prior, shape_prior
@@ -64,10 +64,8 @@ def offset_prior(
     deviations that are not above 0, and where heights are known for a marker on a vertex that
     belongs to no face.
     """
-    for what, value in (("offset_sigma", sigma), ("across", across)):
-        number = isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
-        if value is not None and not (number and 0 < value < np.inf):
-            raise BadArgument(f"{what} is a standard deviation in m, above 0, not {value!r}")
+    known = {"offset_sigma": sigma} | ({} if across is None else {"across": across})
+    above_zero("markers in m", **known)
     offsets = body.offsets(MARKERS).symbol
     if across is None:
         return gaussian(offsets, mean=marker_set.nominal, covariance=sigma**2, unit="m", name=NAME)

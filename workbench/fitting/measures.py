@@ -9,10 +9,10 @@ They are found once, on the template:
     a girth    the same along a closed path, around which a tape would lie
 
 A girth is where a plane cuts the template, without the hollows that a tape passes over (the convex
-hull of the cut). On another shape its points are no longer in one plane; a new cut at the same
-level differs from it by a few millimetres (`tests/fitting/test_measures.py` measures that). Names
-and levels are those of ISO 8559-1:2017 and ISO 7250-1:2017 as far as a mesh shows them; levels that
-these find by touch, such as the lowest rib, are replaced by the narrowest or widest place.
+hull of the cut). On another shape a new cut at the same level differs by a few millimetres
+(`tests/fitting/test_measures.py`). Names and levels are those of ISO 8559-1:2017 and ISO
+7250-1:2017 as far as a mesh shows them; levels that these find by touch, such as the lowest rib,
+are replaced by the narrowest or widest place.
 """
 
 from collections.abc import Mapping, Sequence
@@ -51,12 +51,8 @@ JOINTS = ("pelvis", "spine3", "neck", "head") + tuple(
 
 @dataclass(frozen=True, eq=False)
 class MeasuredPath:
-    """Points of the surface at rest of which a measurement is made.
-
-    Attributes:
-        weights: (P, N) of which vertices each point is made.
-        closed: whether the path through them ends where it begins.
-        vertical: whether only the height of the first above the last counts.
+    """P points of the surface at rest of which a measurement is made, by weights (P, N) of
+    vertices; a path through them that may be closed, or of which the height alone counts.
     """
 
     weights: csr_array
@@ -76,14 +72,9 @@ def measures(body: SkinnedBody) -> dict[str, Quantity]:
 
     Stature, inseam (crotch height), arm span (along the joints, so that arms need not be
     stretched), shoulder width (between the places above the joints); girths of chest, waist, hips,
-    thigh, upper arm and neck, limbs on the right. All are of the surface at rest. Raises
+    thigh, upper arm and neck, limbs on the right. Raises
     BadArgument for a body that is not skinned, of which joints have other names, or whose surface
     is not a person's.
-
-    >>> from workbench import load_body
-    >>> found = measures(load_body("small"))
-    >>> found["waist"].unit, found["waist"].blocks[0].name
-    ('m', 'betas')
     """
     found, paths, betas = {}, _paths(body), body.blocks()[1]
     shapes = body.shapedirs.reshape(-1, body.n_betas)

@@ -1,9 +1,6 @@
 """MoSh: shape and offsets of markers from a few frames, then the poses of all frames.
 
 Loper, Mahmood and Black, MoSh: Motion and Shape Capture from Sparse Markers, 2014.
-
-Markers are landmarks with offsets, a block of displacements at rest that move with the body. Where
-their height above the skin is known, offsets are uncertain along the skin alone (`offset_prior`).
 """
 
 from collections.abc import Callable
@@ -31,8 +28,6 @@ from workbench.fitting.markers import (
 from workbench.fitting.observations import BadObservation
 from workbench.fitting.setup import Setup
 from workbench.fitting.tracking import FRAMES, spread_frames
-from workbench.motions import Motion
-from workbench.motions.motion import without_gaps
 from workbench.residuals.kernels import quadratic
 
 EVERY = 10  # frames between two that are fitted by themselves as well
@@ -57,15 +52,6 @@ class MarkerFit:
     offsets: Array
     frames: Index
     errors: Array
-
-    def motion(self, body: SkinnedBody, fps: float) -> Motion:
-        """The motion of the body, frames that were not found being filled from their neighbours.
-
-        `fps` is that of the recording. Raises BadArgument for another body.
-        """
-        pose, lines, filled = without_gaps(self.pose, {"trans": self.trans})
-        names, betas = body.joint_names, self.betas
-        return Motion(pose, lines["trans"], fps, names, betas, origin="markers", notes=filled)
 
 
 def mosh(

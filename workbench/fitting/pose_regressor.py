@@ -2,30 +2,28 @@
 
 It is the regressor with which SPIN begins its fits (Kolotouros et al., Learning to Reconstruct 3D
 Human Pose and Shape via Model-fitting in the Loop, 2019), of keypoints in the place of an image.
-Only NumPy is needed to use it; `workbench.fitting.regressor_training` trains it.
+Only NumPy is needed to use it; `lectures/material/regressor_training.py` trains it.
 """
 
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache
 from importlib.resources import as_file, files
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import Array, Index, Mask
+from workbench.arrays import Array, Mask
 from workbench.errors import BadArgument, BadFile
 from workbench.geometry.mirror import AXIAL, REFLECTION, opposites
 from workbench.geometry.rotation import nearest_rotation
 from workbench.reading.arrays import opened, read_expected, reals, texts, wholes
-from workbench.writing import write_arrays
 
 FEWEST = 3  # keypoints, below which nothing says how a body is turned
 COLUMNS = np.outer(REFLECTION, REFLECTION)[:, :2]  # what becomes of them under S R S
 FOLDER = files("workbench") / "data" / "poses"
 REGRESSOR_FILE = "regressor.npz"
 MOST_LAYERS = 9
-LARGEST = 2**15 - 1  # of the whole numbers in which weights are stored
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,13 +64,13 @@ class PoseRegressor:
         seen = self._checked(rays, confidence)
         points, known = (one.reshape(-1, *one.shape[seen[1].ndim - 1 :]) for one in seen)
         network, to_virtual = normalised(points, known)
-        swap = self._opposite_keypoints
+        swap = opposites(self.keypoint_names)
         both_ways = np.stack([network, network[:, swap] * [-1, 1, 1]])
         answers = self._forward(both_ways.reshape(2 * len(points), -1))
         answers = answers.reshape(2, len(points), -1)
         columns = answers[..., :6].reshape(2, -1, 3, 2)
         columns = (columns[0] + COLUMNS * columns[1]) / (2 * self.scales[0])
-        K, other = len(self.joint_names), self._opposite_joints
+        K, other = len(self.joint_names), opposites(self.joint_names)
         turns = answers[..., 6:].reshape(2, -1, K - 1, 3) / self.scales[1:, None]
         pose = np.zeros((len(points), K, 3))
         pose[:, 1:] = (self.mean + self.mean[other] * AXIAL)[1:] / 2
@@ -104,14 +102,6 @@ class PoseRegressor:
         if ((trust > 0).sum(axis=-1) < FEWEST).any():
             raise BadArgument(f"an image shows fewer than {FEWEST} keypoints of {M}")
         return points, trust
-
-    @cached_property
-    def _opposite_keypoints(self) -> Index:
-        return opposites(self.keypoint_names)
-
-    @cached_property
-    def _opposite_joints(self) -> Index:
-        return opposites(self.joint_names)
 
 
 def normalised(rays: Array, confidence: Array) -> tuple[Array, Array]:
@@ -155,28 +145,9 @@ def _median(points: Array, known: Mask) -> Array:
     return np.asarray(np.nanmedian(np.where(known[..., None], points, np.nan), axis=1))
 
 
-def save_regressor(regressor: PoseRegressor, path: str | Path) -> None:
-    """Write a regressor into an .npz; weights become multiples of a step, in 16 bits.
-
-    The step is the largest weight of a layer / 32,767. Raises BadFile if it cannot be written.
-    """
-    arrays = {
-        "keypoint_names": np.array(regressor.keypoint_names),
-        "joint_names": np.array(regressor.joint_names),
-        "mean": regressor.mean.astype(np.float32),
-        "scales": regressor.scales.astype(np.float32),
-    }
-    for i, (W, b) in enumerate(zip(regressor.weights, regressor.biases, strict=True)):
-        step = float(np.abs(W).max()) / LARGEST or 1.0
-        arrays[f"weights_{i}"] = np.rint(W / step).astype(np.int16)
-        arrays[f"step_{i}"] = np.array(step)
-        arrays[f"biases_{i}"] = b.astype(np.float32)
-    write_arrays(path, arrays)
-
-
 def read_regressor(path: str | Path) -> PoseRegressor:
-    """Read a regressor that `save_regressor` wrote. Raises BadFile if there is none in it."""
-    with opened(path, "regressor of poses", "give a file that `save_regressor` wrote") as archive:
+    """Read a regressor; `lectures/material/regressor_training.py` saves it. Raises BadFile."""
+    with opened(path, "regressor of poses", "give a file of such a network") as archive:
         layers = sum(f"weights_{i}" in archive.headers for i in range(MOST_LAYERS))
         expected = {
             "keypoint_names": texts("M"),

@@ -1,4 +1,4 @@
-"""What one linearization does not tell: profiles of the cost, other minima, fits to new noise.
+"""What one linearization does not tell: profiles of the cost, and other minima.
 
 Laplace's interval of an entry is what a parabola through the minimum says. The profile follows the
 true cost: at each value of the entry all other unknowns are fitted anew. The interval of level
@@ -8,39 +8,26 @@ intervals, 1988). It may be lopsided, and it may be open: then no value of the e
 refuted (Raue et al., Structural and practical identifiability analysis, Bioinformatics 2009).
 
 A direction that is weak at one point may be the floor of a valley, along which every point is as
-good, or the way into a second basin: a limb that one camera sees may lean towards it or away from
-it, at nearly the same cost. So the fit is repeated from points on both sides along the weakest
-directions, and the ends are told apart.
-
-Fits to data that are made anew say how uncertain a solution is without linear algebra. At a point
-x* every whitened row r(x) is replaced by r(x) - r(x*) - e with e ~ N(0, 1): data at which x* is
-exact, and noise of the size that sigma states. Priors count as data about x*, so that the spread
-of the ends is that of the posterior: J'J exactly where residuals are linear (randomized maximum
-likelihood; Oliver, He and Reynolds, Conditioning permeability fields to pressure data, 1996), and
-up to curvature elsewhere.
+good, or the way into a second basin, at nearly the same cost. So the fit is repeated from points on
+both sides along the weakest directions, and the ends are told apart.
 """
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import partial
 from math import inf, sqrt
 
-import casadi as cs
 import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike
 from scipy.special import ndtri
 
-from workbench.arrays import Array, Mask
-from workbench.blocks import Block, Layout, Values
-from workbench.blocks.directions import in_units
-from workbench.blocks.layout import entries
+from workbench.arrays import Array
+from workbench.blocks import Values
+from workbench.blocks.layout import in_units
 from workbench.diagnostics import diagnose_whole
-from workbench.diagnostics.design import Criterion, MeasurementDesign, Quantity
 from workbench.errors import BadArgument, UnknownName
 from workbench.problem import Problem
-from workbench.residuals import Residual
-from workbench.solvers import DEFAULT, SOLVERS, Solver, TrustRegion
+from workbench.solvers import DEFAULT, SOLVERS, Solver
 
 FIRST = 0.5  # of Laplace's standard deviation: the first step
 GROWTH, LONGEST = 1.5, 4.0  # of a step while the cost rises slowly, and its limit in deviations
@@ -134,26 +121,15 @@ def profile_likelihood(
     *,
     level: float = 0.9,
     solver: Solver = SOLVERS[DEFAULT],
-    progress: Callable[[int], object] | None = None,
 ) -> Profile:
     """Follow the lowest cost to both sides of a free entry's value at the minimum `values`.
 
     `entry` is the name of a single number, such as `betas[0]` or `pose[left_knee, x]`. Every fit
     starts from the one before it. A side ends where the cost has risen past the end of the
-    interval, or after 25 fits. `progress` is told how many fits are done.
+    interval, or after 25 fits.
 
     Raises UnknownName for an entry that is not free, and BadArgument for a level that is not
     between 0 and 1 and for a problem with nothing else free.
-
-    >>> import casadi, numpy as np, workbench as wb
-    >>> from workbench.fitting import profile_likelihood
-    >>> from workbench.residuals import Residual
-    >>> x = wb.Block("x", (2,))
-    >>> seen = Residual("sum and difference", casadi.vertcat(
-    ...     x.symbol[0] + x.symbol[1], x.symbol[0] - x.symbol[1]), 1.0)
-    >>> found = profile_likelihood(wb.Problem([seen], ["x"]), {"x": [0, 0]}, "x[0]", level=0.9)
-    >>> np.round([*found.interval, *found.laplace], 3).tolist()
-    [-1.163, 1.163, -1.163, 1.163]
     """
     if not 0 < level < 1:
         raise BadArgument(f"the level of an interval is between 0 and 1, not {level:g}")
@@ -169,17 +145,12 @@ def profile_likelihood(
     sd = float(whole.identifiability.sigma[k])
     size = min(sd, float(whole.scales.sizes[k]))
     others = problem.freeing(*(name for name in labels if name != entry))
-    count = 0
 
     def fit(values: Values, at: float) -> _Fit:
-        nonlocal count
         x, fixed = problem.split(values)
         x[k] = at
         there = problem.values(x, fixed)
         there = {**there, **solver.solve(others, there).values}
-        count += 1
-        if progress is not None:
-            progress(count)
         return at, problem.linearize(there).cost, there
 
     start = problem.read(values)
@@ -320,24 +291,12 @@ def other_minima(
     *,
     directions: int = 8,
     solver: Solver = SOLVERS[DEFAULT],
-    progress: Callable[[int, int], object] | None = None,
 ) -> OtherMinima:
     """Fit from four starts along each of the weakest directions at the minimum `values`.
 
     On each side of the minimum there are two starts: at three standard deviations along the
-    direction, but at most 1.5 characteristic scales, and at half this distance. `progress` is told
-    how many fits are done, and of how many. Minima in no such direction are not found. Raises
-    BadArgument for no directions.
-
-    >>> import casadi, workbench as wb
-    >>> from workbench.fitting import other_minima
-    >>> from workbench.residuals import Residual
-    >>> x = wb.Block("x", (2,))
-    >>> bent = casadi.vertcat(x.symbol[0] ** 2 - 0.5, 0.1 * (x.symbol[0] + 2), x.symbol[1])
-    >>> problem = wb.Problem([Residual("two wells", bent, 1.0)], ["x"])
-    >>> found = other_minima(problem, wb.solve(problem, {"x": [1, 0]}).values)
-    >>> len(found.better), found.better[0].entry
-    (1, 'x[0]')
+    direction, but at most 1.5 characteristic scales, and at half this distance. Minima in no such
+    direction are not found. Raises BadArgument for no directions.
     """
     if directions < 1:
         raise BadArgument(f"one direction or more is looked along, not {directions}")
@@ -361,7 +320,7 @@ def other_minima(
         return float(np.abs((one - other) / sizes).max())
 
     ends: list[tuple[Array, float, int]] = []
-    for done, start in enumerate(starts, start=1):
+    for start in starts:
         solution = solver.solve(problem, problem.values(start, fixed))
         end = problem.split({**values, **solution.values})[0]
         near = (i for i, (there, *_) in enumerate(ends) if apart(end, there) < SAME)
@@ -371,8 +330,6 @@ def other_minima(
             ends[same] = (*ends[same][:2], ends[same][2] + 1)
         else:
             ends.append((end, solution.cost, 1))
-        if progress is not None:
-            progress(done, len(starts))
     found = []
     for end, cost, count in ends:
         away = np.abs((end - x) / sizes)
@@ -386,120 +343,13 @@ def other_minima(
     return OtherMinima(len(starts), back, valley, tuple(others), words)
 
 
-@dataclass(frozen=True, eq=False)
-class RepeatedFits:
-    """The ends of N fits.
-
-    Attributes:
-        free: the layout of the unknowns.
-        truth: (n,) the point from which the data were made.
-        ends: (N, n) the free numbers at the ends.
-        converged: (N,) which of the fits converged.
+def laplace_points(
+    problem: Problem, values: Mapping[str, ArrayLike], count: int, seed: int = 0
+) -> list[Values]:
+    """Points drawn from N(x*, (J'J)^-1) at the minimum `values`, within the bounds; what the
+    problem does not determine stays.
     """
-
-    free: Layout
-    truth: Array
-    ends: Array
-    converged: Mask
-
-    @property
-    def errors(self) -> Array:
-        """The ends minus the truth, (N, n)."""
-        return self.ends - self.truth
-
-    def values(self, fit: int, values: Values) -> Values:
-        """The values of all blocks at the end of one fit; fixed ones are taken from `values`."""
-        return dict(values) | self.free.unpack(self.ends[fit])
-
-    def numbers(self, what: Quantity, values: Values) -> Array:
-        """A quantity at every end, (N, q); fixed blocks are taken from `values`."""
-        graph = what.residual.graph()
-        symbols = cs.symvar(graph)
-        function = cs.Function("quantity", symbols, [graph])
-        found = []
-        for fit in range(len(self.ends)):
-            at = self.values(fit, values)
-            given = (np.asarray(at[symbol.name()], dtype=float).T for symbol in symbols)
-            found.append(np.asarray(function(*given)).ravel())
-        return np.array(found)
-
-    def spread(self, criterion: Criterion, values: Values) -> float:
-        """The standard deviation that `sd_of` predicts, as it is among the ends."""
-        if criterion.quantity is not None:
-            numbers = self.numbers(criterion.quantity, values)
-        else:
-            numbers = self.ends[:, entries(self.free, criterion.names or self.free.names)]
-        return float(np.sqrt(numbers.var(axis=0, ddof=1).sum()))
-
-
-def repeated_fits(
-    problem: Problem,
-    values: Mapping[str, ArrayLike],
-    count: int,
-    *,
-    seed: int = 0,
-    solver: Solver | None = None,
-    progress: Callable[[int, int], object] = lambda done, of: None,
-) -> RepeatedFits:
-    """`count` fits to data with new noise, each of which begins at the point `values`.
-
-    Bounds and constraints hold as usual. Raises BadArgument for less than one fit, and for a
-    problem whose residuals are of a sequence.
-    """
-    if count < 1:
-        raise BadArgument(f"one fit or more can be made, not {count}")
-    if any(residual.by_frame for residual in problem.residuals):
-        raise BadArgument(
-            "the data of a sequence are not made anew; take the problem of one frame, or stack "
-            "residuals of your own in a Problem"
-        )
+    s, V = problem.linearize(values).spectrum.determined
     x, fixed = problem.split(values)
-    exact = problem.residual(x, fixed)
-    noise = Block("noise", (problem.size,), "1")
-    noisy = []
-    for one in problem.residuals:  # zero at the point but for the noise
-        rows = problem.rows[one.name]
-        whitened = one.whitened - exact[rows] - noise.symbol[rows]
-        noisy.append(Residual(one.name, whitened, 1.0, points=one.points, blocks=one.blocks))
-    blocks = (*problem.known.values(), noise)
-    made = Problem(
-        noisy, problem.free.spelled(), problem.bounds, blocks, constraints=problem.constraints
-    )
-    rng, by = np.random.default_rng(seed), solver or TrustRegion()
-    ends, converged = [], []
-    for fit in range(count):
-        data = {noise.name: rng.standard_normal(problem.size)}
-        solution = by.solve(made, {**problem.read(values), **data})
-        ends.append(problem.split(dict(values) | solution.values)[0])
-        converged.append(solution.converged)
-        progress(fit + 1, count)
-    return RepeatedFits(problem.free, x, np.array(ends), np.array(converged))
-
-
-def checked_by_fits(
-    found: MeasurementDesign,
-    problems: tuple[Problem, Problem],
-    criterion: Criterion,
-    values: Values,
-    count: int,
-    *,
-    seed: int = 0,
-    progress: Callable[[str, int, int], None] = lambda what, done, of: None,
-) -> str:
-    """A sentence that compares the standard deviations of a design with those of `count` fits each.
-
-    `problems` are those without and with the chosen candidates.
-    """
-    unit = "" if found.unit == "1" else f" {found.unit}"
-    parts = []
-    for when, problem, score in zip(
-        ("before", "after"), problems, (found.before, found.after), strict=True
-    ):
-        if score.open:
-            parts.append(f"{when}: undetermined, so nothing was simulated")
-            continue
-        told = partial(progress, f"simulated fits {when}")
-        fits = repeated_fits(problem, values, count, seed=seed, progress=told)
-        sd = fits.spread(criterion, values)
-        parts.append(f"{when}: predicted {score.sd:.3g}{unit}, simulated {sd:.3g}{unit}")
-    return f"Checked by {count} simulated fits each; {'; '.join(parts)}."
+    steps = (np.random.default_rng(seed).standard_normal((count, len(s))) / s) @ V
+    return [problem.values(np.clip(x + one, problem.lower, problem.upper), fixed) for one in steps]

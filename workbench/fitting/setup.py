@@ -32,11 +32,8 @@ BOUNDED = ("ipopt", "ipopt-exact", "nlopt-lbfgs", "nlopt-slsqp")
 
 @dataclass(frozen=True, eq=False)
 class KnownAnswer:
-    """The answer of a problem, or the lowest known cost, and its source.
-
-    Raises BadSetup for an empty source, for a cost or a standard deviation of a residual that is no
-    number from 0 on, and for deviations without values; `check` also compares values with a
-    problem.
+    """The answer of a problem, or the lowest known cost, and its source; raises BadSetup for what
+    is none.
 
     Attributes:
         source: `NIST StRD, certified to 11 digits`, `best of 100 starts, polished`.
@@ -256,9 +253,7 @@ class Setup:
             ("known", (KnownAnswer, NoneType), "a KnownAnswer or None"),
             ("compared", (Iterable, Residual), "names of solvers"),
             ("priors", (Iterable, Residual), "names of residuals"),
-            ("synthetic", str, "a text"),
             ("candidates", Mapping, "a dict of residuals by name"),
-            ("made_of", (Mapping, NoneType), "a dict of arrays by block, or None"),
             ("strategy", (Callable, NoneType), "a function that makes a solver out of a solver"),
         ):
             _check_kind(f"`{name}` of a setup", getattr(self, name), kind, wanted)

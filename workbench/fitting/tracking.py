@@ -48,14 +48,10 @@ class Tracker:
     its turn has come, or if its cost is more than four times that of the frame before; the end of
     lower cost is taken.
 
-    Attributes:
-        problem: that of a frame.
-        starts: values of all blocks from which frame t may begin, given those at the end of the
-            frame before, or None for a frame by itself; none if it shows too little.
-        stages: of a frame by itself, before the last one.
-        solver: what solves each stage of a frame by itself.
-        following: what solves a frame from the one before.
-        every: how many frames after one that was fitted by itself the next one is; None for never.
+    `starts` gives values of all blocks from which frame t may begin, given those at the end of the
+    frame before, or None for a frame by itself; none if it shows too little. A frame by itself is
+    solved in `stages` before the last one, by `solver`, and one from the frame before by
+    `following`. `every` so many frames one is fitted by itself; None for never.
     """
 
     problem: Problem
@@ -102,19 +98,13 @@ class Tracker:
 
 @dataclass(frozen=True, eq=False)
 class PointTracker:
-    """What T frames show of a body: its points, and where M of them were observed.
+    """What T frames show of a body: M of its points, written in its blocks, and where they were
+    observed, (T, M, 3) m, NaN where not.
 
-    Attributes:
-        body: the body.
-        points: M of its points, written in its blocks.
-        observed: (T, M, 3) m, NaN where a point was not seen.
-        counts: (M,) how often each point counts.
-        sigma: m, of an observed coordinate.
-        prior: on the pose.
-        starts: values of pose and trans from which frame t may begin, given those of the frame
-            before, or None for a frame by itself.
-        widths: sigmas in m from which a frame by itself is narrowed down to `sigma`.
-        own: the rows of betas that are each frame's own, such as those of an expression.
+    Each point counts `counts` (M,) times; `sigma` is in m, of an observed coordinate, and `prior`
+    is on the pose. `starts` is as for `Tracker`, of pose and trans. `widths` are sigmas in m from
+    which a frame by itself is narrowed down to `sigma`, and `own` the rows of betas that are each
+    frame's own, such as those of an expression.
     """
 
     body: Body
@@ -137,12 +127,6 @@ class PointTracker:
         pose, betas, trans = (block.name for block in self.body.blocks())
         priors = (self.prior, shape_prior(self.body))
         return Problem([data, *priors], (trans, pose, betas), blocks=(place, seen))
-
-    @cached_property
-    def _alone(self) -> Problem:
-        """One frame with the betas held, but for its own."""
-        pose, betas, trans = (block.name for block in self.body.blocks())
-        return self.frame.freeing(trans, pose, *(f"{betas}[{b}]" for b in self.own))
 
     def data(self, t: int) -> Values:
         """What frame t shows."""
@@ -181,7 +165,7 @@ class PointTracker:
 
     def _tracker(self, betas: Array) -> Tracker:
         """The tracker with these betas held, but for each frame's own."""
-        name = self.body.blocks()[1].name
+        pose, name, trans = (block.name for block in self.body.blocks())
 
         def starts(t: int, before: Values | None) -> list[Values]:
             begun = []
@@ -192,7 +176,8 @@ class PointTracker:
             return begun
 
         stages = (SolveStage(weights={"points": (self.sigma / w) ** 2}) for w in self.widths)
-        return Tracker(self._alone, starts, tuple(stages))
+        frame = self.frame.freeing(trans, pose, *(f"{name}[{b}]" for b in self.own))
+        return Tracker(frame, starts, tuple(stages))
 
 
 def spread_frames(markers: Array, count: int) -> Index:

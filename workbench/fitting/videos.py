@@ -1,14 +1,11 @@
 """Fitting a body to the keypoints of a clip: one problem of all frames, which share the shape.
 
-Errors of a detector are alike from frame to frame: `effective_frames` estimates from the residuals
-how many independent frames they are worth, and the data are weighted by this number. Frames that
-are fitted from the one before are only a start, and are solved roughly.
-
 The likeliest motion and the expected one differ, as in single images (`sampling.posterior_mean`).
-Draws of all frames at once would take minutes. Each frame counts n / T times in a video. Smoothness
-lets about T / n frames tell of one pose, so that a pose is taken to be as uncertain as one frame by
-itself leaves it, given the shape. The mean of that posterior is found in a few frames, and its
-difference from the likeliest pose and place, which changes slowly, is interpolated and smoothed.
+Draws of all frames at once would take minutes. Each frame counts n / T times in a video
+(`effective_frames`), and smoothness lets about T / n frames tell of one pose, so that a pose is
+taken to be as uncertain as one frame by itself leaves it, given the shape. The mean of that
+posterior is found in a few frames, and its difference from the likeliest pose and place, which
+changes slowly, is interpolated and smoothed.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -72,9 +69,9 @@ def effective_frames(errors: ArrayLike, known: ArrayLike | None = None) -> float
 
     independent ones (Geyer, Practical Markov chain Monte Carlo, 1992). With the sums of x_t x_{t+k}
     of all pairs of frames for r_k this is mean(x^2) / mean(x)^2, so that no lag has to be cut off.
-    One series says little; the squares are therefore summed over all series, one for each
-    coordinate of each landmark, before they are divided. White noise has n = T, a constant has
-    n = 1, and noise with x_t = rho x_{t-1} + e_t has T (1 - rho) / (1 + rho) for large T.
+    The squares are summed over all series, one for each coordinate of each landmark, before they
+    are divided. White noise has n = T, a constant n = 1, and noise with x_t = rho x_{t-1} + e_t
+    T (1 - rho) / (1 + rho) for large T.
 
     `errors` (T, ...) are differences that a fit left, in sigmas, one series for each entry of a
     frame; `known` of the same shape is False where nothing was observed. Errors that the fit took
@@ -145,7 +142,6 @@ def video_fit(
     sigma: float | None = None,
     kernel: Kernel | None = None,
     smoothness: Smoothness = SMOOTH,
-    shared: Sequence[str] = ("betas",),
     worth: float | None = None,
     told: Callable[[int, int], object] = lambda done, all_: None,
 ) -> Setup:
@@ -153,19 +149,16 @@ def video_fit(
 
     `sigma` is in px; without one, it follows the person's height in each film (`usual_sigma`).
     The kernel is Geman and McClure's, with outliers from 12 % of the height on, unless another is
-    given. Cameras without K share a free focal length. Blocks of the body named
-    in `shared` are one for all frames. The start is found frame by frame, and `told` is called
-    with the number of frames that are done and of all.
+    given. Cameras without K share a free focal length. The start is found frame by frame, and
+    `told` is called with the number of frames that are done and of all.
 
     A detector's errors are alike from frame to frame, so that T frames are not T times the evidence
     on the shape. All terms of frames, data, priors and smoothness, have the weight n / T of the
     fixed block `evidence`, where n is what the frames are worth together: `worth`, or else
-    `effective_frames` of the errors at the start. Terms of what is shared have the weight 1. The
-    weights of poses relative to data stay what they are in one frame, and so do the likeliest poses
-    given the shape; the shape is found, and its uncertainty told, as from n frames. The
-    uncertainty of a single frame's pose is that of one frame only if smoothness joins about T / n
-    frames; with less smoothness, it is overstated. The prior on poses has
-    that weight too because it repeats itself while a person holds a pose (lecture 17).
+    `effective_frames` of the errors at the start. Terms of what is shared have the weight 1. So the
+    likeliest poses given the shape stay what they are, and the shape is found, and its uncertainty
+    told, as from n frames. The uncertainty of a single pose is that of one frame only if smoothness
+    joins about T / n frames; with less, it is overstated (lecture 17).
 
     Raises BadArgument for a worth outside of 1 to T, BadObservation if the keypoints cannot place
     the body in any frame, and what Setup raises.
@@ -200,8 +193,6 @@ def video_fit(
             free.append(camera.focal.name)
     of_pose, of_shape = pose_prior(body), shape_prior(body)
     of_pose = replace(of_pose, weights=evidence.symbol)
-    if betas.name not in shared:
-        of_shape = replace(of_shape, weights=evidence.symbol)
     lenses = [block for camera in cameras for block in camera.blocks]
     frame = Problem([*data, of_pose, of_shape, *own_priors], free, blocks=[*lenses, evidence])
     each: list[Values] = []
@@ -216,7 +207,7 @@ def video_fit(
     own = frame.freeing(pose.name, betas.name, trans.name)  # focal lengths wait for all frames
     data_names = tuple(shares)
     frames = frame_by_frame(own, body, shares, each, views, told)
-    names = [*(b.name for b in lenses), EVIDENCE, *shared]
+    names = [*(b.name for b in lenses), EVIDENCE, betas.name]
     problem = sequence(
         [frame] * T, shared=names, between=_between(smoothness, body, evidence, clip)
     )
@@ -339,12 +330,8 @@ def worth_of(problem: Problem, values: Values, data: Sequence[str]) -> float:
 
 def landmarks_of(moving: Moving, values: Values) -> Array:
     """The landmarks of the body in every frame, (T, M, 3) m."""
-    pose, betas, trans = (values[block.name] for block in moving.body.blocks())
-    kind, T = moving.views[0].landmarks, len(pose)
-    shapes = betas if betas.ndim == 2 else np.repeat(betas[None], T, axis=0)
-    return np.array(
-        [moving.body.landmark(kind, *at) for at in zip(pose, shapes, trans, strict=True)]
-    )
+    at = (values[block.name] for block in moving.body.blocks())
+    return np.asarray(moving.body.landmark(moving.views[0].landmarks, *at))
 
 
 def video_measures(moving: Moving, problem: Problem, values: Values) -> tuple[Measure, ...]:
@@ -357,9 +344,8 @@ def video_measures(moving: Moving, problem: Problem, values: Values) -> tuple[Me
         mean = float(off[well].mean()) if well.any() else np.nan
         found.append(Measure(f"reprojection, {view.name}", mean, "px", f"{well.sum()} {COUNTED}"))
     betas = values[moving.body.blocks()[1].name]
-    if betas.ndim == 1:
-        tall = np.ptp(moving.body.vertices(betas=betas)[:, 1])
-        found.append(Measure("height at rest", 1e3 * float(tall), "mm"))
+    tall = np.ptp(moving.body.vertices(betas=betas)[:, 1])
+    found.append(Measure("height at rest", 1e3 * float(tall), "mm"))
     if len(places) > 2:
         change = np.linalg.norm(np.diff(places, 2, axis=0), axis=-1)
         found.append(Measure("change of speed a frame", 1e3 * float(change.mean()), "mm"))

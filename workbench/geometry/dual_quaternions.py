@@ -12,16 +12,6 @@ import casadi as cs
 from workbench.geometry.rotation import Matrix
 
 
-def quaternions(R: Matrix) -> Matrix:
-    """The unit quaternions (4, K), with either sign, of rotations (3, 3 K) side by side.
-
-    4 q q' is linear in R. Of its columns the one with the largest diagonal entry, which is at
-    least 1, is divided by its length (Shepperd, J. Guidance and Control 1(3), 1978), so that
-    derivatives are exact at every rotation, those by 180 degrees among them.
-    """
-    return _quaternions(cs.reshape(R, 9, R.shape[1] // 3))
-
-
 def dual_quaternions(motions: Sequence[Matrix]) -> Matrix:
     """The unit dual quaternions (8, K) of K motions (3, 4), with offsets and dual parts in m."""
     entries = cs.horzcat(*[cs.vec(G) for G in motions])  # (12, K)
@@ -46,7 +36,12 @@ def moved(points: Matrix, dual: Matrix) -> Matrix:
 
 
 def _quaternions(entries: Matrix) -> Matrix:
-    """From the entries (9, K) of rotations, column by column."""
+    """The unit quaternions (4, K), with either sign, of rotations (9, K), column by column.
+
+    4 q q' is linear in R. Of its columns the one with the largest diagonal entry, which is at
+    least 1, is divided by its length (Shepperd, J. Guidance and Control 1(3), 1978), so that
+    derivatives are exact at every rotation, those by 180 degrees among them.
+    """
     xx, yx, zx, xy, yy, zy, xz, yz, zz = cs.vertsplit(entries, 1)
     a, b, c = zy - yz, xz - zx, yx - xy  # 4 w times x, y, z
     f, g, h = xy + yx, xz + zx, yz + zy  # 4 times x y, x z, y z

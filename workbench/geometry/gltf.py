@@ -10,6 +10,7 @@ machine or on the web. (Khronos Group, glTF 2.0 Specification.)
 
 import base64
 import binascii
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -118,22 +119,45 @@ def _dtype(accessor: dict[str, Any], kind: str, name: str) -> np.dtype[Any]:
     return np.dtype(COMPONENTS[code])
 
 
-LOCAL = ("matrix", "translation", "rotation", "scale")
+LOCAL = {"translation": (0, 0, 0), "rotation": (0, 0, 0, 1), "scale": (1, 1, 1)}  # if not said
 
 
-def local_motion(node: dict[str, Any]) -> Array:
-    """The motion (4, 4) of a node within its parent: a matrix, or T R S."""
-    if "matrix" in node:
-        return node_reals(node["matrix"], 16).reshape(4, 4).T
-    motion = np.eye(4)
-    quaternion = node_reals(node.get("rotation", (0, 0, 0, 1)), 4)
-    if not quaternion.any():
+def local_motions(node: dict[str, Any], animated: Mapping[str, Array], count: int = 1) -> Array:
+    """The motions (S, 4, 4) of a node within its parent: a matrix, or T R S.
+
+    Those of its properties that are `animated` are (S, w).
+    """
+    if "matrix" in node and not animated:
+        one = _reals_of(node["matrix"], 16).reshape(4, 4).T
+        return np.broadcast_to(one, (count, 4, 4))
+    of = {k: animated.get(k, _reals_of(node.get(k, v), len(v))) for k, v in LOCAL.items()}
+    if not of["rotation"].any(axis=-1).all():
         raise ValueError("the rotation of a node is zero, and not a unit quaternion")
+    found = np.zeros((count, 4, 4))
     with np.errstate(all="ignore"):
-        motion[:3, :3] = Rotation.from_quat(quaternion).as_matrix()
-        motion[:3, :3] *= node_reals(node.get("scale", (1, 1, 1)), 3)
-    motion[:3, 3] = node_reals(node.get("translation", (0, 0, 0)), 3)
-    return motion
+        found[:, :3, :3] = Rotation.from_quat(of["rotation"]).as_matrix()
+        found[:, :3, :3] *= of["scale"].reshape(-1, 1, 3)
+    found[:, :3, 3], found[:, 3, 3] = of["translation"], 1.0
+    return found
+
+
+def skin_joints(document: GlbDocument, number: Any) -> tuple[list[int], Array | None]:
+    """The nodes of a skin's K joints, and its bind matrices (K, 4, 4), if it has some.
+
+    Raises ValueError.
+    """
+    skin = document.entry("skins", number)
+    joints = children(skin, "joints")[::-1]
+    if any(type(joint) is not int for joint in joints):
+        raise ValueError(f"skins[{number}] has joints that are no numbers")
+    if len({*joints}) < len(joints):
+        raise ValueError(f"skins[{number}] lists the same joint twice")
+    if "inverseBindMatrices" not in skin:
+        return joints, None
+    flat = document.values(skin["inverseBindMatrices"], "MAT4", 16)[: len(joints)]
+    if len(flat) < len(joints):
+        raise ValueError(f"skins[{number}] has {len(joints)} joints, {len(flat)} bind matrices")
+    return joints, flat.reshape(-1, 4, 4).swapaxes(1, 2)
 
 
 def several(holder: dict[str, Any], key: str) -> list[dict[str, Any]]:
@@ -160,7 +184,7 @@ def whole(holder: dict[str, Any], key: str, otherwise: int | None = None) -> int
     return found
 
 
-def node_reals(given: Any, count: int) -> Array:
+def _reals_of(given: Any, count: int) -> Array:
     """The numbers (count,) of a node's place. Raises ValueError."""
     try:
         found = np.asarray(given, dtype=np.float64)
@@ -342,9 +366,9 @@ def _places(document: GlbDocument) -> dict[int, list[Array]]:
         node = document.entry("nodes", number)
         if number in worlds:
             raise ValueError(f"nodes[{number}] hangs on two others, or on itself")
-        if not node.keys().isdisjoint(LOCAL):
+        if not node.keys().isdisjoint({"matrix", *LOCAL}):
             with np.errstate(all="ignore"):  # what is not finite then is refused as a vertex
-                motion = motion @ local_motion(node)
+                motion = motion @ local_motions(node, {})[0]
         worlds[number] = motion
         waiting += [(child, motion) for child in children(node, "children")]
         if "mesh" in node:
@@ -363,20 +387,12 @@ def _places(document: GlbDocument) -> dict[int, list[Array]]:
 
 def _joint_motions(document: GlbDocument, number: int, worlds: dict[int, Array]) -> Array:
     """What the joints of a skin do to a mesh, (K, 4, 4): from its space to the scene."""
-    skin = document.entry("skins", number)
-    joints = children(skin, "joints")[::-1]
-    if not joints or any(type(joint) is not int or joint not in worlds for joint in joints):
+    joints, inverse = skin_joints(document, number)
+    if not joints or any(joint not in worlds for joint in joints):
         raise ValueError(f"skins[{number}] has no joints, or one that its scene does not show")
-    if len({*joints}) < len(joints):
-        raise ValueError(f"skins[{number}] lists the same joint twice")
     world = np.stack([worlds[joint] for joint in joints])
-    if "inverseBindMatrices" not in skin:
-        return world
-    inverse = document.values(skin["inverseBindMatrices"], "MAT4", 16)[: len(joints)]
-    if len(inverse) < len(joints):
-        raise ValueError(f"skins[{number}] has {len(joints)} joints, {len(inverse)} bind matrices")
     with np.errstate(all="ignore"):
-        return np.asarray(world @ inverse.reshape(-1, 4, 4).swapaxes(1, 2))
+        return world if inverse is None else np.asarray(world @ inverse)
 
 
 MOST_SETS = 8  # of four joints that a vertex follows

@@ -382,13 +382,13 @@ def parse_ply_and_normals(content: bytes) -> tuple[Array, Index, Array | None]:
     """
     from trimesh.exchange.ply import load_ply
 
-    sizes, content = _ply_sizes(content)
+    sizes, properties, content = _ply_header(content)
     try:
         found = _by_trimesh(load_ply, content, fix_texture=False, skip_materials=True)
     except ValueError as error:
         if "unexpected length" not in str(error):
             raise
-        content, triangles = _triangulated(content)
+        content, triangles = _triangulated(content, sizes, properties)
         found = _by_trimesh(load_ply, content, fix_texture=False, skip_materials=True)
         found["faces"], sizes["face"] = triangles, len(triangles)
     with np.errstate(invalid="ignore"):  # what is no number then is refused by the mesh
@@ -406,7 +406,9 @@ def parse_ply_and_normals(content: bytes) -> tuple[Array, Index, Array | None]:
     return vertices, faces, normals
 
 
-def _triangulated(content: bytes) -> tuple[bytes, Index]:
+def _triangulated(
+    content: bytes, rows: dict[str, int], properties: dict[str, list[list[str]]]
+) -> tuple[bytes, Index]:
     """A binary .ply without its faces, and its polygons of different numbers of corners as fans.
 
     trimesh reads lists of one length alone. Faces come last, after elements without lists, as all
@@ -414,13 +416,6 @@ def _triangulated(content: bytes) -> tuple[bytes, Index]:
     """
     head, _, body = content.partition(b"end_header\n")
     order: Literal["<", ">"] = "<" if b"binary_little" in head else ">"
-    properties: dict[str, list[list[str]]] = {}
-    rows: dict[str, int] = {}
-    for words in (line.split() for line in head.decode("ascii").splitlines()):
-        if words[0] == "element":
-            properties[words[1]], rows[words[1]] = [], int(words[2])
-        elif words[0] == "property":
-            properties[list(properties)[-1]].append(words[1:])
     *before, last = properties
     faces = properties.get("face", [])
     lists = [k for k, one in enumerate(faces) if one[0] == "list"]
@@ -430,11 +425,14 @@ def _triangulated(content: bytes) -> tuple[bytes, Index]:
     kinds = [one[0] for one in (*others, *faces) if one[0] != "list"] + faces[lists[0]][1:3]
     if unknown := [kind for kind in kinds if kind not in PLY_TYPES]:
         raise ValueError(f"its header names the type {shown(unknown[0])}")
-    at = sum(rows[n] * sum(PLY_TYPES[one[0]].itemsize for one in properties[n]) for n in before)
-    first = sum(PLY_TYPES[one[0]].itemsize for one in faces[: lists[0]])
-    rest = sum(PLY_TYPES[one[0]].itemsize for one in faces[lists[0] + 1 :])
+
+    def wide(several: list[list[str]]) -> int:
+        return sum(PLY_TYPES[one[0]].itemsize for one in several)
+
+    at = start = sum(rows[name] * wide(properties[name]) for name in before)
+    first, rest = wide(faces[: lists[0]]), wide(faces[lists[0] + 1 :])
     counts, corners = (PLY_TYPES[name].newbyteorder(order) for name in faces[lists[0]][1:3])
-    triangles, start = array("q"), at
+    triangles = array("q")
     for _ in range(rows["face"]):
         start += first
         k = int(np.frombuffer(body, counts, 1, start)[0])
@@ -447,11 +445,11 @@ def _triangulated(content: bytes) -> tuple[bytes, Index]:
     return without, np.array(triangles, dtype=np.int64).reshape(-1, 3)
 
 
-def _ply_sizes(content: bytes) -> tuple[dict[str, int], bytes]:
+def _ply_header(content: bytes) -> tuple[dict[str, int], dict[str, list[list[str]]], bytes]:
     """How many there are of each element, believed only as far as there are bytes for them.
 
-    The content that is returned has no comments in its header, whose letters trimesh may not know,
-    and another name for edges, of which it would make a path.
+    And the words of their properties. The content that is returned has no comments in its header,
+    whose letters trimesh may not know, and another name for edges, of which it would make a path.
     """
     head, end, _ = content[:LONGEST_HEADER].partition(b"end_header")
     lines = head.decode("latin1").splitlines()
@@ -462,17 +460,20 @@ def _ply_sizes(content: bytes) -> tuple[dict[str, int], bytes]:
         r"format (ascii|binary_(little|big)_endian) \S+", lines[1].strip()
     ):
         raise ValueError(f"its second line is {shown(''.join(lines[1:2]))}, and no format")
-    sizes, least, size = dict[str, int](), 0, 0
+    sizes, properties = dict[str, int](), dict[str, list[list[str]]]()
     for line in lines[2:]:
         match line.split():
             case ["element", name, count] if (
                 count.isdecimal() and len(count) < 16 and name not in sizes
             ):
-                size = sizes[name] = int(count)
-            case ["property", _, _] | ["property", "list", _, _, _] if sizes:
-                least += size
+                sizes[name], properties[name] = int(count), []
+            case ["property", *words] if sizes and (
+                len(words) == 2 or (len(words) == 4 and words[0] == "list")
+            ):
+                properties[[*sizes][-1]].append(words)
             case _:
                 raise ValueError(f"its header says {shown(line)}")
+    least = sum(size * len(properties[name]) for name, size in sizes.items())
     rows = content.count(b"\n", len(head)) if "ascii" in lines[1] else 0
     if least > len(content) or rows > sum(sizes.values()) + 2:
         raise ValueError(
@@ -480,7 +481,7 @@ def _ply_sizes(content: bytes) -> tuple[dict[str, int], bytes]:
             f"bytes{f' in {rows:,} lines' if rows else ''}"
         )
     plain = "\n".join([*lines, ""]).replace("element edge ", "element line ")
-    return sizes, plain.encode("ascii", "replace") + content[len(head) :]
+    return sizes, properties, plain.encode("ascii", "replace") + content[len(head) :]
 
 
 def parse_off(content: bytes) -> tuple[Array, Index]:

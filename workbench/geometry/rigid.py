@@ -1,4 +1,4 @@
-"""Motions of point sets: the best one between two, rigid or with a scale, in closed form."""
+"""Motions of point sets, and the best rigid one between two, in closed form."""
 
 from dataclasses import dataclass
 
@@ -59,53 +59,24 @@ def procrustes(
     Raises BadArgument if the arrays do not fit together, hold numbers that are not finite, or if no
     weight is above 0.
     """
-    pair = _Centred(source, target, weights)
-    R = _best_rotation(pair.covariance, pair.rounding)
-    return Similarity(R, pair.q0 - R @ pair.p0)
-
-
-def umeyama(source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = None) -> Similarity:
-    """The motion with a scale that takes source to target, both (N, 3), with least squared error.
-
-    The rotation is that of `procrustes`, and the scale is trace(R' M) / sum w |p - p0|^2 with M the
-    covariance sum w (q - q0) (p - p0)' (Umeyama 1991, eq. 41-43). The scale is never negative; it
-    is 0 if all points of the target are at one place, and 1, as nothing determines it, if all of
-    the source are. Exchanging source and target does not give the inverse scale unless the data fit
-    without error. Raises BadArgument as `procrustes` does.
-    """
-    pair = _Centred(source, target, weights)
-    R = _best_rotation(pair.covariance, pair.rounding)
-    scale = 1.0
-    if pair.size_p > ROUNDING * pair.reach_p:
-        scale = max(0.0, float(np.sum(R * pair.covariance)) / pair.size_p**2)
-    return Similarity(R, pair.q0 - scale * R @ pair.p0, scale)
-
-
-class _Centred:
-    """Two point sets about their weighted means p0 and q0, with what rounding does to them."""
-
-    def __init__(self, source: ArrayLike, target: ArrayLike, weights: ArrayLike | None) -> None:
-        p, q = np.asarray(source, dtype=float), np.asarray(target, dtype=float)
-        w = np.ones(len(p)) if weights is None else np.asarray(weights, dtype=float)
-        _check(p, q, w)
-        w = w / w.sum()
-        self.p0, self.q0 = w @ p, w @ q
-        a, b = p - self.p0, q - self.q0
-        self.covariance: Array = b.T @ (w[:, None] * a)
-        self.size_p, self.size_q = (float(np.sqrt((w @ x**2).sum())) for x in (a, b))
-        counted = w > 0
-        self.reach_p, self.reach_q = (float(np.abs(x[counted]).max()) for x in (p, q))
-        self.rounding = ROUNDING * (self.reach_p * self.size_q + self.reach_q * self.size_p)
-
-
-def _best_rotation(covariance: Array, rounding: float) -> Array:
-    """The rotation with the largest trace(R' M), and of several the smallest."""
+    p, q = np.asarray(source, dtype=float), np.asarray(target, dtype=float)
+    w = np.ones(len(p)) if weights is None else np.asarray(weights, dtype=float)
+    _check(p, q, w)
+    w = w / w.sum()
+    p0, q0 = w @ p, w @ q
+    a, b = p - p0, q - q0
+    covariance: Array = b.T @ (w[:, None] * a)
+    sizes = [float(np.sqrt((w @ x**2).sum())) for x in (b, a)]
+    reaches = [float(np.abs(x[w > 0]).max()) for x in (p, q)]
+    rounding = ROUNDING * (reaches[0] * sizes[0] + reaches[1] * sizes[1])
     U, spread, Vt = np.linalg.svd(covariance)
     if spread[0] <= rounding:
-        return np.eye(3)
-    if spread[1] <= rounding:
-        return _from_line_to_line(Vt[0], U[:, 0])
-    return nearest_rotation(covariance)
+        R = np.eye(3)
+    elif spread[1] <= rounding:
+        R = _from_line_to_line(Vt[0], U[:, 0])
+    else:
+        R = nearest_rotation(covariance)
+    return Similarity(R, q0 - R @ p0)
 
 
 def _from_line_to_line(a: Array, b: Array) -> Array:

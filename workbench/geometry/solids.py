@@ -1,9 +1,8 @@
-"""What a triangle mesh encloses, its areas, its edges and ways along them."""
+"""What a triangle mesh encloses, its areas and its edges."""
 
 import numpy as np
 import scipy.sparse.linalg
 from scipy.sparse import csc_array, csr_array, diags_array
-from scipy.sparse.csgraph import dijkstra
 
 from workbench.arrays import Array, Index
 from workbench.errors import BadMesh
@@ -59,23 +58,6 @@ def lengths(vertices: Array, pairs: Index) -> Array:
     return found
 
 
-AT_ONCE = 64  # rays: so many times the number of triangles are looked at together
-
-
-def along_edges(vertices: Array, triangles: Index, sources: list[Index]) -> Array:
-    """From each set of vertices to every vertex along the mesh's edges, (len(sources), N) m.
-
-    Dijkstra's shortest paths: never shorter than the surface's own, and longer where edges zigzag.
-    Infinite where there is no way.
-    """
-    pairs = mesh_edges(triangles)
-    N, weights = len(vertices), lengths(vertices, pairs)
-    graph = csr_array((weights, (pairs[:, 0], pairs[:, 1])), shape=(N, N))
-    return np.array(
-        [dijkstra(graph, directed=False, indices=some, min_only=True) for some in sources]
-    ).reshape(len(sources), N)
-
-
 def heat(vertices: Array, faces: Index, spread: float) -> scipy.sparse.linalg.SuperLU:
     """One implicit step of the graph's heat equation, I + spread^2 L / 2, ready to be solved.
 
@@ -87,35 +69,6 @@ def heat(vertices: Array, faces: Index, spread: float) -> scipy.sparse.linalg.Su
     A = csr_array((flow, (pairs[:, 0], pairs[:, 1])), shape=(N, N))
     L = csr_array(diags_array(np.asarray(A.sum(axis=1)).ravel()) - A)
     return scipy.sparse.linalg.splu(csc_array(diags_array(np.ones(N)) + 0.5 * spread**2 * L))
-
-
-def ray_crossings(eye: Array, points: Array, vertices: Array, faces: Index) -> tuple[Array, Array]:
-    """How often the ways from an eye (3,) to points (M, 3) leave a closed surface, and how thick.
-
-    The first (M,) counts the triangles that a way crosses from inside to outside; the second (M,)
-    is the length of the way inside of the surface, in the unit of the points. Normals point
-    outwards. Crossings are found by the algorithm of Moeller and Trumbore (Fast, Minimum Storage
-    Ray/Triangle Intersection, 1997); a way exactly through an edge may count twice or not at all.
-    """
-    exits, inside = np.zeros(len(points)), np.zeros(len(points))
-    a, b, c = (vertices[faces[:, i]] for i in range(3))
-    one, two, from_a = b - a, c - a, eye - a
-    normal, q = np.cross(one, two), np.cross(from_a, one)
-    for start in range(0, len(points), AT_ONCE):
-        some = slice(start, start + AT_ONCE)
-        way = points[some] - eye  # parameter 1 at the point
-        slope = -(way @ normal.T)  # the determinant; above 0 where the way enters
-        with np.errstate(divide="ignore", invalid="ignore"):
-            u = way @ np.cross(two, from_a).T / slope
-            v = way @ q.T / slope
-            t = np.einsum("fi,fi->f", two, q) / slope
-        hit = (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0) & (t < 1)
-        leaves, enters = hit & (slope < 0), hit & (slope > 0)
-        exits[some] = leaves.sum(axis=1)
-        open_ = enters.sum(axis=1) - leaves.sum(axis=1)  # ends inside: the rest of the way counts
-        share = np.where(leaves, t, 0.0).sum(axis=1) - np.where(enters, t, 0.0).sum(axis=1) + open_
-        inside[some] = share * np.linalg.norm(way, axis=1)
-    return exits, inside
 
 
 def random_surface_points(

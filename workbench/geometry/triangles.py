@@ -91,13 +91,6 @@ def gradient_derivatives(template: ArrayLike, directions: ArrayLike, faces: Inde
     return np.ascontiguousarray(np.moveaxis(slopes, 0, 3))
 
 
-def soup(template: ArrayLike, faces: Index, X: Array) -> Array:
-    """The corners (F, 3, 3) m of disconnected triangles, each deformed about its own centroid."""
-    corners = np.asarray(template, dtype=float)[faces]
-    middle = corners.mean(axis=1, keepdims=True)
-    return np.asarray(middle + (corners - middle) @ X.transpose(0, 2, 1))
-
-
 def _inverse_frames(template: ArrayLike, faces: Index) -> Array:
     e = edges(template, faces)
     longest = np.linalg.norm(e, axis=-1).max(axis=-1)

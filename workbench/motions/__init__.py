@@ -1,10 +1,7 @@
 """Motions: poses of a skeleton or of a body, frame by frame, and the files that hold them.
 
 Every fit of a sequence returns a `Motion`, which any body plays with joints matched by name; what
-either side lacks is named in its `notes`. SMPL turns about the root joint, so that turning the
-world or changing the body changes trans by a constant that depends on where the root rests;
-`turned` and `named` are the two places where it is computed. Unit and vertical axis of files are
-guessed in one place (`guesses`).
+either side lacks is named in its `notes`.
 
 >>> import numpy as np
 >>> from workbench import load_body

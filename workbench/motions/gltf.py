@@ -16,7 +16,15 @@ from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
 from workbench.bodies.files.gltf import Correctives, write_gltf
 from workbench.errors import BadArgument, BadFile, UnknownName, cut, shown, some, some_of
-from workbench.geometry.gltf import GlbDocument, children, document_of, local_motion, several
+from workbench.geometry.gltf import (
+    LOCAL,
+    GlbDocument,
+    children,
+    document_of,
+    local_motions,
+    several,
+    skin_joints,
+)
 from workbench.geometry.guesses import (
     UNITS,
     UP_TO_Y,
@@ -33,7 +41,6 @@ from workbench.motions.motion import Motion
 from workbench.reading.arrays import damage, taken_for
 from workbench.reading.facts import bounded
 
-WIDTHS = {"rotation": 4, "translation": 3, "scale": 3}
 LINEAR, STEP, CUBIC = "LINEAR", "STEP", "CUBICSPLINE"
 
 
@@ -86,7 +93,7 @@ def tracks_of(
     samplers, found = several(animation, "samplers"), {}
     for channel in several(animation, "channels"):
         target = channel.get("target")
-        if not isinstance(target, dict) or target.get("path") not in WIDTHS:
+        if not isinstance(target, dict) or target.get("path") not in LOCAL:
             continue
         node, path = target.get("node"), str(target["path"])
         if type(node) is not int:
@@ -99,7 +106,7 @@ def tracks_of(
 
 
 def _track(document: GlbDocument, sampler: dict[str, Any], path: str) -> AnimationTrack:
-    way, width = sampler.get("interpolation", LINEAR), WIDTHS[path]
+    way, width = sampler.get("interpolation", LINEAR), len(LOCAL[path])
     if way not in (LINEAR, STEP, CUBIC):
         raise ValueError(f"there is no interpolation {shown(way)}")
     times = document.values(sampler.get("input"), "SCALAR", 1).ravel()
@@ -123,26 +130,6 @@ def _normalised(q: Array) -> Array:
     return np.asarray(q / size)
 
 
-def local_motions(base: Array, node: dict[str, Any], parts: dict[str, Array], count: int) -> Array:
-    """The motions (S, 4, 4) of a node whose properties are animated; `base` (4, 4) if none is."""
-    if not parts:
-        return np.broadcast_to(base, (count, 4, 4))
-    given = {
-        "translation": node.get("translation", (0.0, 0.0, 0.0)),
-        "rotation": node.get("rotation", (0.0, 0.0, 0.0, 1.0)),
-        "scale": node.get("scale", (1.0, 1.0, 1.0)),
-    }
-    whole = {
-        name: parts.get(name, np.broadcast_to(np.asarray(value, float), (count, WIDTHS[name])))
-        for name, value in given.items()
-    }
-    found = np.zeros((count, 4, 4))
-    found[:, :3, :3] = Rotation.from_quat(whole["rotation"]).as_matrix()
-    found[:, :3, :3] *= whole["scale"][:, None]
-    found[:, :3, 3], found[:, 3, 3] = whole["translation"], 1.0
-    return found
-
-
 MOST_NODES = 10_000
 TOGETHER = 500  # frames whose motions are in memory at once
 
@@ -154,13 +141,11 @@ class Nodes:
     Attributes:
         order: the numbers of the nodes.
         parents: the parent of each node by its number; -1 for one without.
-        base: the motion (4, 4) of each node in its parent, when nothing is animated.
         json: the nodes as the file has them.
     """
 
     order: tuple[int, ...]
     parents: dict[int, int]
-    base: dict[int, Array]
     json: list[dict[str, Any]]
 
     @staticmethod
@@ -186,8 +171,7 @@ class Nodes:
             waiting += children(nodes[number], "children")
         if len(order) < len(nodes):
             raise ValueError("its nodes hang on each other in a circle")
-        base = {number: local_motion(nodes[number]) for number in order}
-        return Nodes(tuple(order), parents, base, nodes)
+        return Nodes(tuple(order), parents, nodes)
 
     def above(self, some: set[int]) -> tuple[int, ...]:
         """These nodes and all those that they hang on, each after its parent."""
@@ -207,7 +191,7 @@ class Nodes:
             parts = {
                 path: track.at(times) for (node, path), track in tracks.items() if node == number
             }
-            own = local_motions(self.base[number], self.json[number], parts, len(times))
+            own = local_motions(self.json[number], parts, len(times))
             above = self.parents[number]
             found[number] = own if above == -1 else found[above] @ own
         return np.stack([found[number] for number in sorted(some)], axis=1)
@@ -267,30 +251,19 @@ class Skin:
 def skin_of(document: GlbDocument, nodes: Nodes) -> tuple[Skin, tuple[str, ...]]:
     """The skin with most joints, and sentences on what is left out. Raises ValueError."""
     skins = several(document.json, "skins")
-    joints: list[list[Any]] = [
-        j if isinstance(j := skin.get("joints"), list) else [] for skin in skins
-    ]
-    sizes = [len(j) for j in joints]
+    sizes = [len(children(skin, "joints")) for skin in skins]
     if not any(sizes):
         raise ValueError("it has no skin with joints, so that nothing in it is a skeleton")
     number = int(np.argmax(sizes))
     notes = (
         [f"of {len(skins)} skins, that with {max(sizes)} joints is read"] if len(skins) > 1 else []
     )
-    listed = joints[number]
+    listed, inverse = skin_joints(document, number)
     for one in listed:
         document.entry("nodes", one)
-    if len({*listed}) < len(listed):
-        raise ValueError("a skin lists the same joint twice")
-    inverse = np.tile(np.eye(4), (len(listed), 1, 1))
     worn = next((i for i, node in enumerate(nodes.json) if node.get("skin") == number), None)
     bound = np.eye(4) if worn is None else nodes.world({worn}, {}, np.zeros(1))[0, 0]
-    if "inverseBindMatrices" in skins[number]:
-        flat = document.values(skins[number]["inverseBindMatrices"], "MAT4", 16)
-        if len(flat) < len(listed):
-            raise ValueError(f"a skin has {len(listed)} joints and {len(flat)} bind matrices")
-        inverse = flat[: len(listed)].reshape(-1, 4, 4).transpose(0, 2, 1)
-    else:  # bound where the nodes are
+    if inverse is None:  # bound where the nodes are
         world = nodes.world({*listed}, {}, np.zeros(1))[0]
         inverse = np.linalg.inv(world[np.argsort(np.argsort(listed))]) @ bound
     try:
@@ -526,9 +499,6 @@ def _betas(document: GlbDocument) -> Array:
     return np.array(given, dtype=float)
 
 
-LARGEST = 2.5e8  # bytes of morph targets, and of their weights in all frames
-
-
 def write_glb(
     path: str | Path,
     motion: Motion,
@@ -546,24 +516,13 @@ def write_glb(
     body that has one; `betas` (T, B) take the place of the motion's own. `shapes` is the number of
     shape directions that become morph targets as well, at zero for the person of the motion.
 
-    Raises BadArgument for a file of more than 250 MB, and what `write_gltf` and `Motion.named`
-    raise.
+    Raises what `write_gltf` and `Motion.named` raise.
     """
     here, T = motion.named(body), len(motion)
-    used = min(T, body.posedirs.shape[2])
     each = here.betas_on(body) if betas is None else betas
     person = np.zeros(body.n_betas)
     person[: len(here.betas)] = here.betas
     moving = np.broadcast_to(each, (T, body.n_betas)) - person
-    morphs = shapes + (used if correctives is None else min(correctives, used))
-    morphs += int(moving.any(axis=0).sum())
-    size = morphs * (12.0 * body.n_vertices + 4.0 * T)
-    if size > LARGEST:
-        raise BadArgument(
-            f"{morphs} morph targets of {body.n_vertices} vertices in {T} frames take "
-            f"{size / 1e6:.0f} MB as .glb; ask for fewer correctives, resample the motion, slice "
-            "it, or take a smaller body"
-        )
     return write_gltf(
         path,
         body,

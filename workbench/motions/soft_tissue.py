@@ -16,6 +16,7 @@ paper.
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any
@@ -23,19 +24,19 @@ from typing import Any
 import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.sparse import csr_array, eye_array
+from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
-from workbench.blocks import Block, Points
 from workbench.blocks.checks import reals as as_reals
-from workbench.bodies import Landmarks, SkinnedBody
-from workbench.bodies.body import why_not_skinned
+from workbench.bodies import SkinnedBody
+from workbench.bodies.body import Body, why_not_skinned
+from workbench.bodies.forward.posing import Posing
 from workbench.bodies.readonly import locked
 from workbench.bodies.spaces import body_mass_index, body_mass_index_of
 from workbench.environment import expanded
 from workbench.errors import BadArgument, BadFile
+from workbench.geometry.rotation import vector_from_matrix
 from workbench.motions.motion import FEWEST, Motion, splined
-from workbench.motions.tissue_inputs import MovingFrames, tissue_inputs
 from workbench.reading.arrays import opened, read_expected, reals, texts, wholes
 from workbench.writing import write_arrays
 
@@ -96,8 +97,8 @@ class SoftTissue:
         if not (radius := self.spectral_radius) < LARGEST_RADIUS:
             raise BadArgument(
                 f"the model of the coefficients has a spectral radius of {radius:.4f}, so that "
-                f"they would not die away; make it less than {LARGEST_RADIUS}, as "
-                "training.soft_tissue.stabilized does"
+                f"they would not die away; make it less than {LARGEST_RADIUS}, as `stabilized` of "
+                "lecture 19 does"
             )
 
     @property
@@ -168,12 +169,6 @@ class SoftTissue:
         same = abs(motion.fps / self.fps - 1) < SAME_RATE
         return motion if same else splined(motion, self.fps)
 
-    # In symbols: coefficients as a block like any other, to be fitted as DMPL's are.
-
-    def block(self, prefix: str = "") -> Block:
-        """`tissue` (C,), the coefficients phi as an unknown; they have no unit."""
-        return Block(f"{prefix}tissue", (self.n_coefficients,), "1")
-
     def gain_of(self, body: SkinnedBody, betas: cs.MX) -> cs.MX:
         """`gain` (1, 1) in symbols, of betas (B, 1): see `body_mass_index_of` for its derivatives.
 
@@ -183,33 +178,7 @@ class SoftTissue:
             return cs.MX(1)
         return (body_mass_index_of(body, betas) / body_mass_index(body)) ** self.power
 
-    def points(
-        self, body: SkinnedBody, pose: cs.MX, betas: cs.MX, trans: cs.MX, coefficients: cs.MX
-    ) -> Points:
-        """The posed surface (3, N) m of `surface`, in symbols.
-
-        Arguments are blocks' symbols, expressions of them, or numbers; coefficients are (C, 1). The
-        gain is that of the person. No gain is an affine map of betas: points whose betas are an
-        unknown are therefore computed by CasADi's graph, and others by the faster arithmetic of
-        `SkinnedBody.points`.
-
-        Points of one problem come from one body: pass the same `surface_as_landmarks(body)` to
-        all of them, or let this make one. Raises BadArgument for another body or number of
-        coefficients.
-        """
-        self._check_body(body)
-        if coefficients.shape != (self.n_coefficients, 1):
-            raise BadArgument(
-                f"the coefficients of this tissue are an expression ({self.n_coefficients}, 1), "
-                f"not {coefficients.shape}"
-            )
-        whole = body if "surface" in body.landmarks else surface_as_landmarks(body)
-        flat = cs.DM(self.directions.reshape(-1, self.n_coefficients))
-        scaled = self.gain_of(body, betas) * coefficients
-        moved = cs.reshape(flat @ scaled, 3, body.n_vertices)
-        return whole.landmark_points("surface", pose, betas, trans, offsets=moved)
-
-    def _check_body(self, body: SkinnedBody) -> None:
+    def _checked(self, body: Body) -> SkinnedBody:
         if reason := why_not_skinned(body, "soft tissue", "give the skinned body it was made from"):
             raise BadArgument(reason)
         if body.n_vertices != len(self.part) or tuple(body.joint_names) != self.joint_names:
@@ -218,9 +187,11 @@ class SoftTissue:
                 f"{len(self.part)} vertices and {len(self.joint_names)} joints, not that of body "
                 f"{body.name!r} with {body.n_vertices} and {body.n_joints}"
             )
+        assert isinstance(body, SkinnedBody)
+        return body
 
     def _check(self, body: SkinnedBody, motion: Motion) -> None:
-        self._check_body(body)
+        self._checked(body)
         if abs(motion.fps / self.fps - 1) > SAME_RATE:
             do = "tissue.prepared(motion) splines it" if len(motion) >= FEWEST else "record it anew"
             raise BadArgument(
@@ -235,28 +206,23 @@ def companion(first: Array, second: Array) -> Array:
     return np.block([[first, second], [np.eye(C), np.zeros((C, C))]])
 
 
-def free_run(first: Array, second: Array, driven: Array, start: Array | None = None) -> Array:
-    """phi_t = A_1 phi_(t-1) + A_2 phi_(t-2) + driven_t, from zeros or from `start` (2, C)."""
+def free_run(first: Array, second: Array, driven: Array) -> Array:
+    """phi_t = A_1 phi_(t-1) + A_2 phi_(t-2) + driven_t, from zeros."""
     found = np.zeros((len(driven) + 2, driven.shape[1]))
-    if start is not None:
-        found[:2] = start
     for t, pushed in enumerate(driven, start=2):
         found[t] = first @ found[t - 1] + second @ found[t - 2] + pushed
     return found[2:]
 
 
-def surface_as_landmarks(body: SkinnedBody) -> SkinnedBody:
-    """The body with a set of landmarks `surface`, one for each vertex."""
-    names = tuple(map(str, range(body.n_vertices)))
-    every = Landmarks(names, csr_array(eye_array(body.n_vertices)))
-    return replace(body, landmarks={**body.landmarks, "surface": every})
-
-
-def with_tissue(body: SkinnedBody, tissue: SoftTissue) -> SkinnedBody:
+def with_tissue(body: Body, tissue: SoftTissue) -> SkinnedBody:
     """The body with B + C betas, the last C of which displace its tissue and move no joint.
 
     The regressor is the one nearest to the body's of those that give its joints (least squares).
+    With a block phi (C,) of coefficients its points are those of a person's tissue in symbols:
+    `points(pose, cs.vertcat(betas, tissue.gain_of(body, betas) * phi), trans)`. Raises BadArgument
+    for a body that this is not the tissue of.
     """
+    body = tissue._checked(body)
     N = body.n_vertices
     seen = np.hstack([np.ones((N, 1)), body.template, body.shapedirs.reshape(N, -1)])
     every = np.hstack([seen, tissue.directions.reshape(N, -1)])
@@ -268,6 +234,7 @@ def with_tissue(body: SkinnedBody, tissue: SoftTissue) -> SkinnedBody:
         shapedirs=np.concatenate([body.shapedirs, tissue.directions], axis=2),
         J_regressor=csr_array(body.J_regressor.toarray() + change),
         capsules=None,
+        extras={**body.extras, "tissue": np.array(tissue.n_coefficients)},
         name=f"{body.name} with soft tissue",
     )
 
@@ -294,12 +261,13 @@ def with_dmpls(body: SkinnedBody, path: str | Path, count: int = 8) -> SkinnedBo
 
 
 def betas_with_tissue(
-    body: SkinnedBody, tissue: SoftTissue, motion: Motion, exaggeration: float = 1.0
+    body: Body, tissue: SoftTissue, motion: Motion, exaggeration: float = 1.0
 ) -> Array:
     """The betas (T, B + C) of `with_tissue` in a motion of the tissue's rate, frame by frame.
 
     Raises BadArgument for another rate or another body.
     """
+    body = tissue._checked(body)
     phi = tissue.coefficients(body, motion)
     gain = exaggeration * tissue.gain(body, motion.named(body).betas)
     own = np.broadcast_to(motion.betas_on(body), (len(motion), body.n_betas))
@@ -313,7 +281,154 @@ def displaced_by(tissue: SoftTissue, betas: Array) -> Array:
     return displaced
 
 
-EMBEDDED = ("default",)
+# What drives soft tissue: velocities and accelerations of joints, of the root, of soft parts.
+
+GRAVITY = np.array([0.0, -9.81, 0.0])  # m/s^2
+
+
+@dataclass(frozen=True, eq=False)
+class MovingFrames:
+    """The frames of a body's joints along a motion, whose joints are those of the body.
+
+    Attributes:
+        body: the body.
+        motion: the motion, under the names of the body's joints.
+    """
+
+    body: SkinnedBody
+    motion: Motion
+
+    @staticmethod
+    def of(body: SkinnedBody, motion: Motion) -> "MovingFrames":
+        """Of a motion, named as the body (`Motion.named`). Raises BadArgument for few frames."""
+        if len(motion) < 3:
+            raise BadArgument(
+                f"an acceleration needs three frames or more, and this motion has {len(motion)}"
+            )
+        return MovingFrames(body, motion.named(body))
+
+    @cached_property
+    def turns(self) -> Array:
+        """How each joint has turned the skin that follows it, (T, K, 3, 3)."""
+        body = self.body
+        bound = Posing.of(body.bind_pose[None], body.parents).world[0]
+        world = Posing.of(self.motion.pose, body.parents).world
+        return np.asarray(world @ bound.swapaxes(-1, -2))
+
+    @cached_property
+    def joints(self) -> Array:
+        """The posed joints, (T, K, 3) m."""
+        return self.motion.joints(self.body)
+
+    @cached_property
+    def angular_velocities(self) -> Array:
+        """Of each joint relative to its parent, in its own frame, (T, K, 3) rad/s.
+
+        They are the logarithms of R_(t-1)' R_(t+1) over two frames, and do not see that a rotation
+        vector may jump by a full turn.
+        """
+        local = Posing.of(self.motion.pose, self.body.parents).local
+        way = vector_from_matrix(local[:-2].swapaxes(-1, -2) @ local[2:])
+        return _same_at_ends(way * (self.motion.fps / 2))
+
+    @cached_property
+    def world_turning(self) -> Array:
+        """The angular velocity of each joint's frame, in the world, (T, K, 3) rad/s."""
+        R = self.turns
+        way = vector_from_matrix(R[2:] @ R[:-2].swapaxes(-1, -2))
+        return _same_at_ends(way * (self.motion.fps / 2))
+
+    def forces(self, points: Array, joints: Index) -> Array:
+        """What points (P, 3) m at rest feel that are fixed to joints (P,): (T, P, 3) m/s^2.
+
+        In the frame of its joint, a point of mass one is pulled by R'(g - a), with gravity g and
+        the acceleration a of its place. What it feels in the rest pose, g, is subtracted, because
+        the body at rest has the form that gravity gives it.
+        """
+        R, at_rest = self.turns[:, joints], self.body.joints(None, self.motion.betas)
+        arms = points - at_rest[joints]
+        places = np.einsum("tpij,pj->tpi", R, arms) + self.joints[:, joints]
+        pull = GRAVITY - second_differences(places, self.motion.fps)
+        return np.asarray(np.einsum("tpji,tpj->tpi", R, pull) - GRAVITY)
+
+
+def first_differences(values: Array, fps: float) -> Array:
+    """The central differences (T, ...) a second; at the ends those next to them."""
+    return _same_at_ends((values[2:] - values[:-2]) * (fps / 2))
+
+
+def second_differences(values: Array, fps: float) -> Array:
+    """The second differences (T, ...) a second squared; at the ends those next to them."""
+    return _same_at_ends((values[2:] - 2 * values[1:-1] + values[:-2]) * fps**2)
+
+
+def _same_at_ends(inner: Array) -> Array:
+    return np.concatenate([inner[:1], inner, inner[-1:]])
+
+
+FASTEST_TURN, FASTEST_CHANGE = 8.0, 80.0  # rad/s, rad/s^2
+FASTEST_ROOT, HARDEST_PUSH = 4.0, 25.0  # m/s, m/s^2
+STRONGEST_FORCE = 20.0  # m/s^2: about two more gravities
+
+
+def tissue_inputs(frames: MovingFrames, part: Index, n_betas: int = 0) -> Array:
+    """The inputs (T, X) along a motion, in this order:
+
+    - the angular velocity of each joint relative to its parent (rad/s), and its derivative
+      (rad/s^2), the root's first;
+    - velocity and acceleration of the root, in its own frame (m/s, m/s^2);
+    - what the middle of each soft part feels in the frame of its joint (m/s^2): gravity less
+      acceleration, less what it feels at rest (`MovingFrames.forces`);
+    - the first `n_betas` betas, and 1.
+
+    Each vector v of these is a share of its bound m, the constants above: v / sqrt(m^2 + |v|^2),
+    which is about v / m where it is small and never longer than 1. So whatever a motion holds, such
+    as a joint that flips between two frames of a recording, the coefficients of a stable model stay
+    bounded, and fast motion moves tissue less than in proportion, as tissue stiffens when it is
+    stretched.
+
+    All but the forces are those of Dyna (Pons-Moll et al., 2015). The forces are no linear function
+    of them: they depend on where down is, and on how far a part is from the joints that turn.
+    """
+    body, motion = frames.body, frames.motion
+    spin = frames.angular_velocities
+    T = len(spin)
+    R = frames.turns[:, 0].swapaxes(-1, -2)
+    root = frames.joints[:, 0]
+    moving = (first_differences(root, motion.fps), second_differences(root, motion.fps))
+    own = [np.einsum("tij,tj->ti", R, line) for line in moving]
+    middles, joints = part_middles(body, part, motion.betas)
+    betas = np.zeros(n_betas)
+    known = min(n_betas, len(motion.betas))
+    betas[:known] = motion.betas[:known]
+    parts = [
+        _bounded(spin, FASTEST_TURN),
+        _bounded(first_differences(spin, motion.fps), FASTEST_CHANGE),
+        _bounded(own[0][:, None], FASTEST_ROOT),
+        _bounded(own[1][:, None], HARDEST_PUSH),
+        _bounded(frames.forces(middles, joints), STRONGEST_FORCE),
+        np.tile(betas, (T, 1)),
+        np.ones((T, 1)),
+    ]
+    return np.hstack(parts)
+
+
+def _bounded(vectors: Array, most: float) -> Array:
+    """Vectors (T, V, 3) as shares of `most`, smoothly kept shorter than 1, as rows (T, 3 V)."""
+    square = (vectors**2).sum(axis=-1, keepdims=True)
+    shares = vectors / np.sqrt(most**2 + square)
+    return np.asarray(shares.reshape(len(vectors), -1))
+
+
+def part_middles(body: SkinnedBody, part: Index, betas: Array) -> tuple[Array, Index]:
+    """The middle of each soft part at rest, (P, 3) m, and the joint that moves most of it, (P,)."""
+    surface = body.vertices(body.bind_pose, betas)
+    of = [np.flatnonzero(part == p) for p in range(int(part.max(initial=-1)) + 1)]
+    middles = np.array([surface[some].mean(axis=0) for some in of]).reshape(-1, 3)
+    joints = [int(body.weights[some].sum(axis=0).argmax()) for some in of]
+    return middles, np.array(joints, dtype=np.int64)
+
+
 EXPECTED = {
     "directions": reals("N", 3, "C"),
     "first": reals("C", "C"),
@@ -347,34 +462,26 @@ def load_tissue(name_or_path: str | Path = "default") -> SoftTissue:
     The embedded one was learned from simulated tissue (`data/tissue/PROVENANCE.md`). Raises BadFile
     if there is no such file, or it holds something else.
     """
-    if isinstance(name_or_path, str) and name_or_path in EMBEDDED:
-        with as_file(files("workbench") / "data" / "tissue" / f"{name_or_path}.npz") as path:
+    if name_or_path == "default":
+        with as_file(files("workbench") / "data" / "tissue" / "default.npz") as path:
             return _read(path)
     path = expanded(name_or_path)
     if not path.exists():
         raise BadFile(
             f"no soft tissue is called {str(name_or_path)!r}, and there is no such file; there is "
-            f"{EMBEDDED[0]!r}, or give an .npz that save_tissue wrote"
+            "'default', or give an .npz that save_tissue wrote"
         )
     return _read(path)
 
 
 def _read(path: Path) -> SoftTissue:
     with opened(path, "soft tissue", "give an .npz that save_tissue wrote") as archive:
-        found = read_expected(archive, EXPECTED)
+        found: dict[str, Any] = read_expected(archive, EXPECTED)
         try:
-            card = json.loads(str(found["card"]))
-            return SoftTissue(
-                directions=found["directions"],
-                first=found["first"],
-                second=found["second"],
-                response=found["response"],
-                part=found["part"],
-                fps=float(found["fps"]),
-                joint_names=tuple(map(str, found["joint_names"])),
-                n_betas=int(found["n_betas"]),
-                power=float(found["power"]),
-                card=card if isinstance(card, dict) else {},
-            )
+            card = json.loads(str(found.pop("card")))
+            numbers = {name: found.pop(name).item() for name in ("fps", "power", "n_betas")}
+            names = tuple(map(str, found.pop("joint_names")))
+            card = card if isinstance(card, dict) else {}
+            return SoftTissue(**found, **numbers, joint_names=names, card=card)
         except (BadArgument, ValueError) as error:
             raise BadFile(str(error)) from error

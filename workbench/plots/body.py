@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import islice, pairwise
+from itertools import islice
 from textwrap import fill
 
 import numpy as np
@@ -12,15 +12,13 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import Normalize, to_rgb
 from matplotlib.figure import Figure
-from matplotlib.patches import Polygon
 from matplotlib.ticker import MultipleLocator
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, Index
-from workbench.bodies.capsules import PosedCapsules
 from workbench.fitting.setup import distances as distances_between
 from workbench.geometry.solids import face_vectors, sums_over_faces
-from workbench.plots.palette import AMOUNT, BLUE, FAINT, INK, SKIN, VERMILLION
+from workbench.plots.palette import AMOUNT, FAINT, SKIN
 from workbench.plots.style import height_to_scale, house_style, plain, to_scale
 
 LETTERS = 10  # of a line of a label: what is longer goes on more lines
@@ -47,21 +45,14 @@ def back(vertices: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Figurine:
-    """One drawing of a body in a line-up.
+    """One drawing of a body in a line-up."""
 
-    Attributes:
-        label: the text below it.
-        vertices: (N, 3) in metres.
-        look: from which side it is drawn.
-        colours: (F, 3) for the faces, or one colour for all; None for the colour of skin.
-        faces: (F, 3) its own faces, where they are not those of the others.
-    """
-
-    label: str
-    vertices: Array
-    look: Look = front
+    label: str  # the text below it
+    vertices: Array  # (N, 3) in metres
+    look: Look = front  # from which side it is drawn
+    # (F, 3) for the faces, or one colour for all; None for the colour of skin
     colours: ArrayLike | None = None
-    faces: Index | None = None
+    faces: Index | None = None  # (F, 3) its own faces, where they are not those of the others
 
 
 def plot_body(vertices: Array, faces: Index, *, ax: Axes) -> Axes:
@@ -85,14 +76,15 @@ def plot_shape_gallery(shapes: Mapping[str, Array], faces: Index, *, ax: Axes) -
 
 
 def caption_shape_gallery(
-    shapes: Mapping[str, Array], ends: str = "two", drawn: str = "Each shape direction"
+    shapes: Mapping[str, Array], ends: str = "two", drawn: str = "Each shape direction shown"
 ) -> str:
     """What `plot_shape_gallery` shows: the directions `drawn`, at `ends` standard deviations."""
     heights = {name: float(np.ptp(v[:, 1])) for name, v in shapes.items()}
     low, high = min(heights, key=heights.__getitem__), max(heights, key=heights.__getitem__)
     return (
-        f"{drawn} alone, at plus and minus {ends} standard deviations. The tallest body, "
-        f"{high}, is {heights[high]:.2f} m tall, and the shortest, {low}, {heights[low]:.2f} m."
+        f"{drawn} alone, at plus and minus {ends} standard deviations. The "
+        f"tallest body, {high}, is {heights[high]:.2f} m tall, and the shortest, {low}, "
+        f"{heights[low]:.2f} m."
     )
 
 
@@ -123,7 +115,7 @@ def line_up(
     ax.tick_params(axis="x", length=0, labelsize=8)
     ax.yaxis.set_major_locator(MultipleLocator(_step(high - low)))
     ax.grid(axis="y", color=FAINT, alpha=0.25, linewidth=0.6)
-    ax.set(ylabel="y (m)", xlabel="the horizontal scale is the same as the vertical one")
+    ax.set(ylabel="y (m)")
     ax.spines["bottom"].set_visible(False)
     return ax
 
@@ -135,11 +127,7 @@ def _step(extent: float) -> float:
 
 
 def painted(
-    flat: Array,
-    solid: Array,
-    faces: Index,
-    colours: ArrayLike | None = None,
-    contrast: float = 0.5,
+    flat: Array, solid: Array, faces: Index, colours: ArrayLike | None = None, contrast: float = 0.5
 ) -> PolyCollection:
     """A shaded mesh: `flat` (N, 2) is where vertices are drawn, `solid` (N, 3) where they are
     for the viewer (right, up, towards), in one unit. `colours` (F, 3) or one for all.
@@ -287,162 +275,6 @@ def distances_sheet(
     """A body from the front and the back, coloured by distances in mm."""
     plot = partial(plot_distances, vertices, distances, faces, truth=truth)
     return to_scale(plot, 4.8, 6.2)
-
-
-MOVES = 0.2  # of the largest movement: what moves less is not part of a close-up
-AROUND = 0.08  # m that a close-up shows beside what moves
-CLOSE = 0.55  # of the body's height: what is smaller is shown as a close-up
-SEEN_WELL = 1.2  # times as much movement must be seen from the side for that view
-
-
-def plot_direction(moved: Mapping[str, Array], faces: Index, *, ax: Axes) -> Axes:
-    """Surfaces (N, 3) m by label, the second of three being where the fit is.
-
-    The whole body is shown from the side that shows the movement best, and beside it the part that
-    moves, one way and the other, as large as the whole. What moves is red, as red as it moves far,
-    on one scale for all.
-    """
-    labels, surfaces = list(moved), list(moved.values())
-    here = surfaces[len(surfaces) // 2]
-    look, word = _best_view(surfaces)
-    far = [np.linalg.norm(s - here, axis=1) for s in surfaces]
-    most = max(float(d.max()) for d in far) or 1.0
-    pale, red = np.array(to_rgb(SKIN)), np.array(to_rgb(VERMILLION))
-
-    def coloured(share: Array, shown: Index) -> Array:
-        return np.asarray(pale + share[shown].mean(axis=1)[:, None] * (red - pale))
-
-    times, part = close_up(moved, faces)
-    figurines = []
-    if times > 1:
-        both = np.max(far, axis=0) / most
-        figurines.append(Figurine(word, here - here.mean(axis=0), look, coloured(both, faces)))
-    used, shown = np.unique(faces[part], return_inverse=True)
-    shown = shown.reshape(-1, 3)
-    middle = here[used].mean(axis=0)
-    for label, surface, d in zip(labels, surfaces, far, strict=True):
-        share = coloured((d / most)[used], shown)
-        figurines.append(Figurine(label, times * (surface[used] - middle), look, share, shown))
-    line_up(figurines, faces, ax=ax)
-    if times > 1:
-        ax.set(ylabel="", xlabel=f"{word}, and the part that moves, {times:.2g} times as large")
-        ax.set_yticks([])
-        ax.spines["left"].set_visible(False)
-    else:
-        ax.set_xlabel(f"{word}; {ax.get_xlabel()}")
-    return ax
-
-
-def close_up(moved: Mapping[str, Array], faces: Index) -> tuple[float, Index]:
-    """How many times larger the part that moves is shown, 1 for the whole body; and its faces."""
-    surfaces = list(moved.values())
-    here = surfaces[len(surfaces) // 2]
-    far = np.max([np.linalg.norm(s - here, axis=1) for s in surfaces], axis=0)
-    moving = far > MOVES * far.max(initial=0.0)
-    every = np.arange(len(faces))
-    if not moving.any():
-        return 1.0, every
-    low, high = here[moving].min(axis=0) - AROUND, here[moving].max(axis=0) + AROUND
-    inside = ((here >= low) & (here <= high)).all(axis=1)
-    part = np.flatnonzero(inside[faces].all(axis=1))
-    height = float(np.ptp(here[:, 1]))
-    size = float((high - low).max())
-    if size > CLOSE * height or not part.size:
-        return 1.0, every
-    return height / size, part
-
-
-def _best_view(surfaces: list[Array]) -> tuple[Look, str]:
-    """From the front, unless the side shows clearly more of the movement."""
-    seen = [
-        sum(float(np.linalg.norm((look(b) - look(a))[:, :2])) for a, b in pairwise(surfaces))
-        for look in (front, side)
-    ]
-    return (side, "from the side") if seen[1] > SEEN_WELL * seen[0] else (front, "from the front")
-
-
-def caption_direction(name: str, moved: Mapping[str, Array], amount: float, unit: str) -> str:
-    """What `plot_direction` shows."""
-    surfaces = list(moved.values())
-    here = surfaces[len(surfaces) // 2]
-    most = max(float(np.linalg.norm(s - here, axis=1).max()) for s in surfaces)
-    return (
-        f"{name}: the body moved {amount:.3g} {unit} along it, both ways. The reddest "
-        f"point moves {100 * most:.3g} cm."
-    )
-
-
-def direction_sheet(moved: Mapping[str, Array], faces: Index) -> Figure:
-    """A body moved along a direction of the unknowns."""
-    return to_scale(partial(plot_direction, moved, faces), 4.0)
-
-
-PALE = (0.93, 0.91, 0.89)
-HALF = np.linspace(-np.pi / 2, np.pi / 2, 25)  # of the round end of a capsule
-
-
-def plot_capsules(vertices: Array, faces: Index, posed: PosedCapsules, *, ax: Axes) -> Axes:
-    """A body (N, 3) m and the outlines of its capsules, from the front and from the side.
-
-    The two capsules with the smallest gap are filled, and a ring marks the place between them.
-    """
-    pair = () if posed.deepest is None else tuple(posed.pairs[posed.deepest].tolist())
-    at, places = 0.0, []
-    low, high = float(vertices[:, 1].min()), float(vertices[:, 1].max())
-    gap = 0.12 * (high - low)
-    for look in (front, side):
-        solid = look(vertices)
-        offset = np.array([at - float(solid[:, 0].min()), 0.0])
-        ax.add_collection(painted(solid[:, :2] + offset, solid, faces, PALE, 0.35)).set_zorder(1)
-        for k, (ends, r) in enumerate(zip(posed.ends, posed.radii, strict=True)):
-            outline = _outline(look(ends)[:, :2] + offset, float(r))
-            shade = {"facecolor": VERMILLION, "alpha": 0.35} if k in pair else {"fill": False}
-            edge = VERMILLION if k in pair else BLUE
-            ax.add_patch(Polygon(outline, linewidth=0, zorder=2, **shade))
-            ax.add_patch(Polygon(outline, fill=False, edgecolor=edge, linewidth=0.9, zorder=3))
-        if posed.deepest is not None:
-            x, y = look(posed.places.mean(axis=0)[None])[0, :2] + offset
-            ax.plot(x, y, "o", markersize=13, markerfacecolor="none", color=INK, zorder=4)
-        width = float(np.ptp(solid[:, 0]))
-        places.append(at + width / 2)
-        at += width + gap
-    ax.set(xlim=(-gap, at), ylim=(low - gap / 2, high + gap / 2), aspect="equal")
-    ax.set_xticks(places, ["front", "side"])
-    ax.tick_params(axis="x", length=0)
-    ax.yaxis.set_major_locator(MultipleLocator(0.25))
-    ax.grid(axis="y", color=FAINT, alpha=0.25, linewidth=0.6)
-    ax.set(ylabel="y (m)")
-    ax.spines["bottom"].set_visible(False)
-    return ax
-
-
-def caption_capsules(posed: PosedCapsules) -> str:
-    """What `plot_capsules` shows."""
-    count = f"The body and its {len(posed.radii)} capsules, without perspective."
-    if posed.deepest is None:
-        return f"{count} No pair of them is kept apart."
-    one, other = (posed.names[k].replace("_", " ") for k in posed.pairs[posed.deepest])
-    mm = 1e3 * float(posed.gaps[posed.deepest])
-    said = (
-        f"overlap most, by {-mm:.1f} mm"
-        if mm < 0
-        else f"are nearest, with {mm:.1f} mm between them"
-    )
-    return f"{count} Of {len(posed.gaps)} pairs {one} and {other} {said}: filled, and ringed."
-
-
-def _outline(ends: Array, r: float) -> Array:
-    """The outline (n, 2) of a capsule in the plane with ends (2, 2)."""
-    along = ends[1] - ends[0]
-    turn = np.arctan2(along[1], along[0])
-    arcs = (HALF + np.pi + turn, HALF + turn)
-    circles = [np.column_stack([np.cos(arc), np.sin(arc)]) for arc in arcs]
-    return np.vstack([end + r * circle for end, circle in zip(ends, circles, strict=True)])
-
-
-def capsules_sheet(vertices: Array, faces: Index, posed: PosedCapsules) -> Figure:
-    """A body with its capsules from the front and from the side."""
-    return to_scale(partial(plot_capsules, vertices, faces, posed), 5.6)
 
 
 def plot_stitching(stages: Mapping[str, Array], *, ax: Axes) -> Axes:

@@ -1,6 +1,5 @@
 """A comparison of solvers: verdicts, profiles, and how the cost came down in every run."""
 
-from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import partial
 
@@ -14,7 +13,6 @@ from workbench.comparison import Comparison, TargetOutcome
 from workbench.comparison.statistics import data_profile, performance_profile, ratios
 from workbench.comparison.targets import tau_text
 from workbench.diagnostics.words import counted
-from workbench.errors import joined
 from workbench.plots.palette import (
     BLUE,
     FAINT,
@@ -76,35 +74,14 @@ def plot_verdicts(comparison: Comparison, *, ax: Axes) -> Axes:
 
 
 def caption_verdicts(comparison: Comparison) -> str:
-    """What `plot_verdicts` shows; a colour is explained where it is there."""
-    came = Counter[TargetOutcome]()
-    for solver in comparison.solvers:
-        came.update(comparison.outcome_counts(solver))
+    """What `plot_verdicts` shows."""
     runs = counted(len(comparison.instances), "run")
-    text = (
-        f"How the {runs} of each solver ended, judged by the problem's "
-        "own cost and gradient at the returned point, never by what the solver reports."
+    return (
+        f"How the {runs} of each solver ended, judged by the problem's own cost and gradient at "
+        "the returned point, never by what the solver reports. The longer the green bar, the "
+        "better. False claims are of convergence at points that are not stationary; runs without "
+        "an answer include those of solvers that refuse such a problem."
     )
-    if came[TargetOutcome.REACHED]:
-        text += " The longer the green bar, the better."
-    if came[TargetOutcome.OTHER_BASIN]:
-        text += " Light blue runs converged in another basin."
-    no_minimum = {
-        TargetOutcome.SADDLE: "at saddle points (violet)",
-        TargetOutcome.NO_FINITE_MINIMUM: "where the cost falls for ever (brown)",
-        TargetOutcome.INSENSITIVE: "where the residual is insensitive to unknowns (sand)",
-    }
-    if met := [where for verdict, where in no_minimum.items() if came[verdict]]:
-        text += f" Some ended {joined(met)}."
-    if came[TargetOutcome.FALSE_CLAIM]:
-        text += " Vermillion runs claim convergence at points that are not stationary."
-    else:
-        text += " No run claims convergence at a point that is not stationary."
-    if came[TargetOutcome.ALONE]:
-        text += " Blue marks the only end on a problem: nothing says whether its cost is low."
-    if any(n for verdict, n in came.items() if verdict not in COLOURS):
-        text += " Grey runs gave no answer, or refused a problem that the solver is not made for."
-    return text
 
 
 def plot_performance_profile(comparison: Comparison, tau: float, *, ax: Axes) -> Axes:

@@ -1,26 +1,20 @@
 """What a diagnosis found: the Jacobian's sparsity and singular values, sigmas, and designs."""
 
-from collections import Counter
 from collections.abc import Sequence
-from functools import partial
 from itertools import pairwise
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
-from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from workbench.arrays import Index, Mask
-from workbench.diagnostics import Diagnosis, Direction, MeasurementDesign
-from workbench.diagnostics.words import counted
-from workbench.errors import BadArgument
+from workbench.diagnostics import Diagnosis, MeasurementDesign
 from workbench.fitting.refits import Profile
 from workbench.plots.palette import BLUE, FAINT, GREEN, LINES, MARKERS, VERMILLION
-from workbench.plots.style import apart, decades, drawn, note_at, plain, shortened
+from workbench.plots.style import apart, decades, note_at, plain, shortened
 
 PIXELS = 720  # of the drawing, top to bottom
-MOST_LABELLED = 200  # columns: of more, joints are too narrow for their names
 THINNEST = 0.04  # of the height: what a term gets at least, so that it can be read
 
 
@@ -48,7 +42,6 @@ def plot_sparsity(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
         ax.axvline(edge, color=FAINT, linewidth=0.8)
     _label_rows(ax, terms, rows, np.diff(diagnosis.row_edges))
     _label_columns(ax, diagnosis.free.names, np.asarray(columns))
-    _label_joints(ax, diagnosis)
     ax.spines[:].set_visible(True)
     ax.set(xlabel="free numbers, by block (columns)", ylabel="whitened residuals, by term (rows)")
     ax.set_title(
@@ -100,62 +93,23 @@ def _label_rows(ax: Axes, names: Sequence[str], edges: Index, sizes: Index) -> N
     ax.tick_params(axis="y", length=0)
 
 
-def _label_joints(ax: Axes, diagnosis: Diagnosis) -> None:
-    """Above the columns of a pose, the joint to which each three belong."""
-    free = diagnosis.free
-    if not 0 < free.size <= MOST_LABELLED:
-        return
-    names: list[str] = []
-    middles: list[float] = []
-    for tree in diagnosis.problem.trees:
-        turned = tree.turned(free)
-        names += [tree.names[k] for k in turned]
-        middles += [place.start + 1.5 for place in turned.values()]
-        for place in list(turned.values())[1:]:
-            ax.axvline(place.start, color=FAINT, linewidth=0.3, alpha=0.5)
-    if names:
-        above = ax.secondary_xaxis("top")
-        above.set_xticks(middles, [plain(shortened(name, 16)) for name in names], rotation=90)
-        above.tick_params(axis="x", length=0, labelsize=6)
-        above.spines[:].set_visible(False)
-
-
 def _label_columns(ax: Axes, names: Sequence[str], edges: Index) -> None:
     middles = [(a + b) / 2 for a, b in pairwise(edges.tolist())]
     sizes = np.diff(edges)
     kept = apart(middles, sizes.tolist(), 0.03 * float(edges[-1]))
     labels = [f"{shortened(names[i], 24)}\n{sizes[i]:,}" for i in kept]
-    widths = [  # at 75 letters to the axis
-        (2 + max(map(len, label.split("\n")))) / 75 * float(edges[-1]) for label in labels
-    ]
-    spaces = [middles[j] - middles[i] for i, j in pairwise(kept)]
-    tight = any(s < (a + b) / 2 for s, (a, b) in zip(spaces, pairwise(widths), strict=True))
-    if tight and len(kept) <= 6:  # every other label two lines lower
-        labels = [label if k % 2 == 0 else "\n\n" + label for k, label in enumerate(labels)]
-    elif tight:
-        labels = [label.replace("\n", ": ") for label in labels]
     ax.set_xticks([middles[i] for i in kept], [plain(label) for label in labels])
-    if tight and len(kept) > 6:
+    if len(kept) > 4:
         for label in ax.get_xticklabels():
             label.set(rotation=35, ha="right", rotation_mode="anchor")
     ax.tick_params(axis="x", length=0)
 
 
-def sparsity_sheet(diagnosis: Diagnosis) -> Figure:
-    """The sparsity pattern of the Jacobian."""
-    return drawn(partial(plot_sparsity, diagnosis), 8.0, 5.4)
-
-
-MOST_LINES = 26  # lines of text beside the spectrum
-WIDEST = 44  # letters in one
 FAR = 1e4  # times the tolerance: above it no singular value is near
 
 
 def plot_singular_values(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
-    """Singular values, largest first, on a logarithmic axis; hollow below the tolerance.
-
-    The directions of the hollow ones are named beside them.
-    """
+    """Singular values, largest first, on a logarithmic axis; hollow below the tolerance."""
     s, n, rank = diagnosis.singular_values, diagnosis.shape[1], diagnosis.rank
     floor = _floor(diagnosis)
     # What constraints forbid comes first.
@@ -181,15 +135,6 @@ def plot_singular_values(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
         ax.set_title(f"rank {rank} of {n}, condition {diagnosis.condition:.3g}", loc="left")
         return ax
     ax.set_title(f"rank {rank} of {n}", loc="left")
-    ax.text(
-        1.03,
-        1.0,
-        "\n".join(plain(line) for line in unseen(diagnosis)),
-        transform=ax.transAxes,
-        va="top",
-        fontsize=9,
-        linespacing=1.35,
-    )
     return ax
 
 
@@ -218,43 +163,6 @@ def caption_singular_values(diagnosis: Diagnosis) -> str:
     )
 
 
-def unseen(diagnosis: Diagnosis) -> list[str]:
-    """The null directions in a few short lines."""
-    if diagnosis.rank == diagnosis.shape[1]:
-        return ["every direction changes a residual", f"condition {diagnosis.condition:.3g}"]
-    found = diagnosis.null_directions
-    text = [f"{counted(len(found), 'null direction')}", *_entries(found)]
-    alone = [d.joints[0] for d in found if d.kind == "twist" and len(d.joints) == 1]
-    pairs = [" / ".join(d.joints) for d in found if d.kind == "twist" and len(d.joints) > 1]
-    text += _group(alone, "of one joint alone") + _group(pairs, "undone at the child")
-    named = ("twist", "entry", "joint", "mixed")
-    others = [d.name for d in found if d.kind not in named]  # gauges, shifts, blocks
-    text += [name.partition(", undone by ")[0] for name in others]
-    longer = [d.name for d in found if d.kind in ("joint", "mixed")]
-    text += longer if len(longer) < 4 else [f"{len(longer)} combinations of more: see the table"]
-    if len(text) > MOST_LINES:
-        text = [
-            *text[: MOST_LINES - 1],
-            f"… {len(text) - MOST_LINES + 1} lines more: see the table",
-        ]
-    return [shortened(line, WIDEST) for line in text]
-
-
-def _entries(found: tuple[Direction, ...]) -> list[str]:
-    entries = [d.name for d in found if d.kind == "entry"]
-    if len(entries) <= 3:
-        return entries
-    blocks = Counter(name.partition("[")[0] for name in entries)
-    return [f"{count} single entries of {block}" for block, count in blocks.items()]
-
-
-def _group(names: list[str], kind: str) -> list[str]:
-    if not names:
-        return []
-    counted = f"{len(names)} {'turn' if len(names) == 1 else 'turns'} {kind}:"
-    return [counted, *(f"   {name}" for name in names)]
-
-
 def _floor(diagnosis: Diagnosis) -> float:
     """Where the axis ends, and values that are zero, or nearly, are drawn."""
     s, tolerance = diagnosis.singular_values, diagnosis.tolerance
@@ -265,15 +173,6 @@ def _floor(diagnosis: Diagnosis) -> float:
     if diagnosis.rank == diagnosis.shape[1] and least > FAR * tolerance:
         return least / 10  # a tolerance so far below would leave the drawing empty
     return max(min(least, tolerance), 1e-4 * tolerance) / 3
-
-
-def singular_values_sheet(diagnosis: Diagnosis) -> Figure:
-    """The singular values, as tall as the text beside them needs."""
-    return drawn(
-        partial(plot_singular_values, diagnosis),
-        8.0,
-        max(4.2, 0.9 + 0.185 * len(unseen(diagnosis))),
-    )
 
 
 def plot_sigmas(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
@@ -342,78 +241,6 @@ def caption_sigmas(diagnosis: Diagnosis) -> str:
     return " ".join(said)
 
 
-def plot_data_share(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
-    """The share of its information that comes from the data, for every direction, largest first.
-
-    Raises BadArgument for a sparse Jacobian, which is factorized without singular values.
-    """
-    known = diagnosis.identifiability
-    if known.data_share is None:
-        raise BadArgument(
-            "the shares of single directions take singular values, which are not computed of a "
-            f"sparse Jacobian; the data decide {known.effective:.1f} of {diagnosis.shape[1]} "
-            "directions"
-        )
-    share = np.sort(known.data_share)[::-1]
-    x = np.arange(1, share.size + 1)
-    ax.fill_between(x, share, step="mid", color=BLUE, alpha=0.25, linewidth=0)
-    ax.step(x, share, where="mid", color=BLUE)
-    ax.axhline(0.5, color=VERMILLION, linewidth=1.0, linestyle="--")
-    note_at(ax, "half from the data", 0.99, 0.5, VERMILLION)
-    ax.set(ylim=(0, 1.04), xlim=(0.5, share.size + 0.5))
-    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
-    ax.set(xlabel="direction, those that the data know best first")
-    ax.set(ylabel="share from the data (0 to 1)")
-    ax.set_title(
-        f"the data decide {share.sum():.1f} of {diagnosis.shape[1]} directions", loc="left"
-    )
-    return ax
-
-
-def caption_data_share(diagnosis: Diagnosis) -> str:
-    """What `plot_data_share` shows."""
-    known = diagnosis.identifiability
-    return (
-        f"How much of the information on each direction comes from the data; the rest comes from "
-        f"{' and '.join(diagnosis.priors)}. The data know {known.better_from_data} directions "
-        f"better than the priors do; the area under the curve, {known.effective:.1f}, is the "
-        "effective number of degrees of freedom."
-    )
-
-
-def plot_taylor(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
-    """|r(x + h d) - r(x) - h J d| against h on two logarithmic axes, with a slope of two."""
-    check = diagnosis.derivatives
-    h, error = check.steps, check.taylor
-    drawn = np.isfinite(error) & (error > 0)
-    ax.loglog(h[drawn], error[drawn], "o-", color=BLUE, markersize=4, label="this Jacobian")
-    if drawn.any():
-        for slope, line, verdict in ((2, "--", "right"), (1, ":", "wrong")):
-            y = error[drawn][0] * (h / h[drawn][0]) ** slope
-            ax.loglog(h, y, color=FAINT, linestyle=line, label=f"slope {slope}: {verdict}")
-    ax.set(xlabel="step h (units of the unknowns)", ylabel="error of the linear model (sigmas)")
-    ax.grid(color=FAINT, alpha=0.25, linewidth=0.6)
-    ax.legend(loc="upper left")
-    return ax
-
-
-def caption_taylor(diagnosis: Diagnosis) -> str:
-    """What `plot_taylor` shows."""
-    check = diagnosis.derivatives
-    slope = check.slope
-    if slope is None:
-        return "The residual is linear, or too nearly so for its second order to be seen."
-    verdict = "as it must" if slope > 1.5 else "but should shrink like h^2: a derivative is wrong"
-    h, error = check.steps, check.taylor
-    largest, least = np.argmax(h), np.argmin(h)
-    expected = error[largest] * (h[least] / h[largest]) ** slope
-    rounded = " At the smallest steps rounding dominates." if error[least] > 2 * expected else ""
-    return (
-        f"The error of the linear model for a step of length h in a random direction shrinks like "
-        f"h^{slope:.2f}, {verdict}.{rounded}"
-    )
-
-
 SHOWN = 2.5  # of the rise at the ends of the interval: the height of the axes
 
 
@@ -465,47 +292,21 @@ def plot_measurement_ranking(found: MeasurementDesign, *, ax: Axes) -> Axes:
         at = [i for i, one in enumerate(shown) if known[i] and (one.name in found.chosen) == chosen]
         label = "chosen" if chosen else "not chosen"
         ax.plot([shown[i].sd for i in at], y[at], marker, color=colour, markersize=5, label=label)
-    low, high = _range(found, [one.sd for one in shown])
+    sds = np.array([found.before.sd, *(one.sd for one in shown)])
+    sds = sds[np.isfinite(sds) & (sds > 0)]
+    low, high = (float(sds.min() / 1.15), float(sds.max() * 1.15)) if sds.size else (0.1, 1.0)
     for i in np.flatnonzero(~np.array(known)):
         ax.text(high, y[i], "undetermined", ha="right", va="center", color=VERMILLION, fontsize=8)
     if np.isfinite(found.before.sd):
         ax.axvline(found.before.sd, color=FAINT, linestyle="--", linewidth=1.0, label="before")
     ax.set_yticks(y, [plain(shortened(one.name, LETTERS)) for one in shown])
     ax.set_ylim(-0.7, len(shown) - 0.3)
-    _logarithmic(found, ax, low, high)
+    ax.set(xscale="log", xlim=(low, high))
+    decades(ax.xaxis, low, high)
+    ax.set_xlabel(f"expected standard deviation ({plain(found.unit)})")
     ax.grid(axis="x", color=FAINT, alpha=0.25, linewidth=0.6)
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, 1.0 + 1.1 / len(shown)), ncols=3)
     return ax
-
-
-def plot_measurement_choice(found: MeasurementDesign, *, ax: Axes) -> Axes:
-    """The criterion after the first chosen candidate, the first two, and so on."""
-    scores = (found.before, *found.steps)
-    names = ("before", *(f"+ {name}" for name in found.chosen))
-    known = [i for i, score in enumerate(scores) if np.isfinite(score.sd)]
-    y = np.arange(len(scores))[::-1]
-    ax.plot([scores[i].sd for i in known], y[known], "D-", color=VERMILLION, markersize=5)
-    low, high = _range(found, [score.sd for score in scores])
-    ax.set_yticks(y, [plain(shortened(name, LETTERS)) for name in names])
-    ax.set_ylim(-0.7, len(scores) - 0.3)
-    _logarithmic(found, ax, low, high)
-    ax.grid(axis="x", color=FAINT, alpha=0.25, linewidth=0.6)
-    return ax
-
-
-def _range(found: MeasurementDesign, sds: list[float]) -> tuple[float, float]:
-    all_of = np.array([found.before.sd, *sds])
-    all_of = all_of[np.isfinite(all_of) & (all_of > 0)]
-    if not all_of.size:
-        return 0.1, 1.0
-    return float(all_of.min() / 1.15), float(all_of.max() * 1.15)
-
-
-def _logarithmic(found: MeasurementDesign, ax: Axes, low: float, high: float) -> None:
-    ax.set_xscale("log")
-    ax.set_xlim(low, high)
-    decades(ax.xaxis, low, high)
-    ax.set_xlabel(f"expected standard deviation ({plain(found.unit)})")
 
 
 def caption_measurement_ranking(found: MeasurementDesign) -> str:
@@ -518,8 +319,3 @@ def caption_measurement_ranking(found: MeasurementDesign) -> str:
         f"What would be known after each candidate by itself, by {found.criterion}. Left is "
         f"better; the dashed line is what is known before.{more}"
     )
-
-
-def caption_measurement_choice(found: MeasurementDesign) -> str:
-    """What `plot_measurement_choice` shows."""
-    return "What is known after the first of the chosen candidates, the first two, and so on."

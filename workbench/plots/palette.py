@@ -60,17 +60,17 @@ def solver_styles(names: Iterable[str]) -> dict[str, SolverStyle]:
     """The style of each solver: always the same for one of `SOLVERS`.
 
     One in stages or from several starts, `staged ipopt`, has that of the solver at the end of its
-    name, unless this is there too. Others, such as a user's own, get the first places that are free
-    beside them, in colours that are not taken where there are any.
+    name, unless this is there too. Others, such as a user's own, get places that are free, in
+    colours that are not taken where there are any.
     """
-    names, n = tuple(names), len(OF_SOLVERS)
+    names = tuple(names)
     own = {name: PLACES[name] for name in names if name in PLACES}
     for name in names:
         last = PLACES.get(name.split(" ")[-1])
         if name not in own and last is not None and last not in own.values():
             own[name] = last
-    taken, colours = set(own.values()), {k % n for k in own.values()}
-    free = cycle(sorted({*range(n * len(DASHES))} - taken, key=lambda k: (k % n in colours, k)))
+    taken, n = {k % len(OF_SOLVERS) for k in own.values()}, len(OF_SOLVERS)
+    free = cycle(sorted({*range(n * len(DASHES))} - {*own.values()}, key=lambda k: k % n in taken))
     return {name: _style(own[name] if name in own else next(free)) for name in names}
 
 

@@ -7,15 +7,12 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
-from scipy.ndimage import binary_closing
 
-from workbench.arrays import Array, Index, Mask
+from workbench.arrays import Array
 from workbench.environment import optional_library
-from workbench.plots.body import Look, front, side
 from workbench.plots.palette import BLUE, FAINT, INK, LINES, VERMILLION
-from workbench.plots.style import drawn, house_style, plain, to_scale
+from workbench.plots.style import drawn, house_style, plain
 from workbench.sampling import Posterior
 
 MOST = 6  # entries in a corner: more cannot be read
@@ -23,19 +20,10 @@ SHOWN = 5000  # draws
 BESIDE_CORNER = 0.95  # inches for names and numbers, left of a corner and below it
 
 
-def widest(posterior: Posterior, approximation: Posterior | None, most: int = MOST) -> list[int]:
-    """The numbers of at most `most` entries to show: all, if there are no more than that.
-
-    Otherwise these are the entries whose chains mix most slowly, and those whose mean or standard
-    deviation differs most from the approximation's, such as that of Laplace.
-    """
-    if posterior.size <= most:
-        return list(range(posterior.size))
-    interest = posterior.mixing.times / posterior.mixing.times.max()
-    if approximation is not None:
-        interest = interest + np.abs(np.log(posterior.sd / approximation.sd))
-        interest = interest + np.abs(posterior.mean - approximation.mean) / approximation.sd
-    return sorted(int(i) for i in np.argsort(-interest)[:most])
+def widest(posterior: Posterior, most: int = MOST) -> list[int]:
+    """The numbers of at most `most` entries to show: those whose chains mix most slowly."""
+    slowest = np.argsort(-posterior.mixing.times, kind="stable")
+    return sorted(int(i) for i in slowest[:most])
 
 
 def plot_corner(
@@ -124,65 +112,6 @@ def plot_beside_laplace(
     return ax
 
 
-def plot_spray(
-    bodies: Array,
-    faces: Index,
-    truth: Array | None = None,
-    *,
-    ax: Axes,
-    looks: Sequence[Look] = (front, side),
-) -> Axes:
-    """How many of M drawn bodies (M, N, 3) m cover each place, seen from the front and the side.
-
-    `truth` (N, 3) m is the body from which synthetic data were made; it is drawn as an outline.
-    """
-    at, placed = 0.0, []
-    everybody = bodies if truth is None else np.concatenate([bodies, truth[None]])
-    for look in looks:
-        seen = np.stack([look(one) for one in everybody])[..., :2]
-        left, right = float(seen[..., 0].min()), float(seen[..., 0].max())
-        placed.append(seen + [at - left, 0.0])
-        at += right - left + 0.15
-    everything = np.concatenate(placed)
-    low = everything.min(axis=(0, 1)) - 0.05
-    high = everything.max(axis=(0, 1)) + 0.05
-    for seen in placed:
-        own = [seen.min(axis=(0, 1)) - 0.05, seen.max(axis=(0, 1)) + 0.05]
-        draw_silhouettes(seen[: len(bodies)], faces, *own, ax=ax)
-        if truth is not None:
-            draw_outline(seen[-1], faces, *own, ax=ax)
-    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal", ylabel="y (m)")
-    ax.set_xlabel("from the front, and from the right: the same scale across as up")
-    return ax
-
-
-def plot_spray_in_view(
-    pixels: Array,
-    faces: Index,
-    observed: Array,
-    confidence: Array,
-    truth: Array | None = None,
-    *,
-    ax: Axes,
-) -> Axes:
-    """Draws (M, N, 2) px as one camera sees them, and the keypoints that it saw.
-
-    `truth` (N, 2) px is the body that synthetic data were made of: an outline.
-    """
-    seen = observed[confidence > 0]
-    shown = np.vstack([pixels.reshape(-1, 2), seen])
-    low, high = np.quantile(shown[np.isfinite(shown).all(axis=1)], [0.001, 0.999], axis=0)
-    low, high = low - 0.08 * (high - low), high + 0.08 * (high - low)
-    draw_silhouettes(pixels, faces, low, high, ax=ax)
-    if truth is not None:
-        draw_outline(truth, faces, low, high, ax=ax)
-    ax.plot(*seen.T, "o", color=VERMILLION, markersize=5, markerfacecolor="none", label="observed")
-    ax.set(xlim=(low[0], high[0]), ylim=(high[1], low[1]), aspect="equal")  # v down
-    ax.set(xlabel="u (px)", ylabel="v (px)")
-    ax.legend(loc="lower right", bbox_to_anchor=(1, 1))
-    return ax
-
-
 MADE_OF = " The data are synthetic, and the values that they were made of are marked"
 
 
@@ -213,17 +142,6 @@ def caption_beside_laplace(said: Sequence[str], synthetic: bool = False) -> str:
         f"Laplace's approximation agrees with the draws in {agree} of {len(said)} entries. Where a "
         "bar sticks out of the grey band, or is not in its middle, the posterior is curved or has "
         "several modes." + (f"{MADE_OF}: red crosses." if synthetic else "")
-    )
-
-
-def caption_spray(count: int, where: str, synthetic: bool = False, held: bool = False) -> str:
-    """What `plot_spray` and `plot_spray_in_view` show; `held` if some unknowns are held fixed."""
-    return (
-        f"{count} bodies drawn from the posterior, {where}: white pixels are covered by none, "
-        "full blue by all. Where the outline is blurred, data and priors do not determine the "
-        "body."
-        + (" Unknowns that are held fixed are the same in all of them." if held else "")
-        + (f"{MADE_OF}: the red outline of that body." if synthetic else "")
     )
 
 
@@ -258,92 +176,3 @@ def beside_laplace_sheet(
         8.0,
         1.3 + 0.2 * posterior.size,
     )
-
-
-def spray_sheet(bodies: Array, faces: Index, truth: Array | None = None) -> Figure:
-    """Drawn bodies over each other from the front and the side, and the true one (N, 3) m."""
-    return to_scale(partial(plot_spray, bodies, faces, truth), 5.6)
-
-
-def spray_in_view_sheet(
-    pixels: Array,
-    faces: Index,
-    observed: Array,
-    confidence: Array,
-    title: str,
-    truth: Array | None = None,
-) -> Figure:
-    """Drawn bodies over each other as a camera sees them, and the true one (N, 2) px."""
-    plot = partial(plot_spray_in_view, pixels, faces, observed, confidence, truth)
-    figure = drawn(plot, 4.8, 6.2)
-    with house_style():
-        figure.axes[0].set_title(plain(title), loc="left")
-    return figure
-
-
-FINE = 420  # dots along the longer side
-DENSEST = 24  # points along a face's side
-SHADES = LinearSegmentedColormap.from_list("covered", ["#ffffff", BLUE])
-
-
-def silhouette(flat: Array, faces: Index, low: Array, dot: float, shape: tuple[int, int]) -> Mask:
-    """The pixels (rows, columns) that a drawn mesh covers, `low` being the lower left corner.
-
-    `flat` (N, 2) holds the drawn vertices, and `dot` is the size of a pixel in their unit. Every
-    face is sampled at points one pixel apart; gaps of one pixel are closed.
-    """
-    corners = ((flat - low) / dot)[faces]  # (F, 3, 2): column, row
-    corners = corners[np.isfinite(corners).all(axis=(1, 2))]
-    longest = np.ptp(corners, axis=1).max(initial=0.0)
-    n = int(np.clip(np.ceil(longest), 2, DENSEST))
-    i, j = np.divmod(np.arange((n + 1) ** 2), n + 1)
-    weights = np.column_stack([i, j, n - i - j])[i + j <= n] / n
-    places = np.floor(np.einsum("pc,fcd->fpd", weights, corners)).reshape(-1, 2)
-    inside = ((places >= 0) & (places < [shape[1], shape[0]])).all(axis=1)
-    column, row = places[inside].astype(np.int64).T
-    covered = np.zeros(shape, dtype=bool)
-    covered[row, column] = True
-    return np.asarray(binary_closing(np.pad(covered, 2), np.ones((3, 3), dtype=bool))[2:-2, 2:-2])
-
-
-def draw_silhouettes(flats: Array, faces: Index, low: Array, high: Array, *, ax: Axes) -> None:
-    """The share of drawn meshes (M, N, 2) that covers each pixel: white for none, blue for all."""
-    dot, columns, rows = _grid(low, high)
-    share = np.zeros((rows, columns))
-    for flat in flats:
-        share += silhouette(flat, faces, low, dot, (rows, columns))
-    ends = low + dot * np.array([columns, rows])
-    ax.imshow(
-        share / len(flats),
-        cmap=SHADES,
-        vmin=0,
-        vmax=1,
-        origin="lower",
-        interpolation="nearest",
-        extent=(low[0], ends[0], low[1], ends[1]),
-        zorder=0.5,
-    )
-
-
-def draw_outline(flat: Array, faces: Index, low: Array, high: Array, *, ax: Axes) -> None:
-    """The outline of one drawn mesh (N, 2)."""
-    dot, columns, rows = _grid(low, high)
-    covered = silhouette(flat, faces, low, dot, (rows, columns))
-    if covered.any() and not covered.all():
-        across, up = (low[i] + dot * (np.arange(n) + 0.5) for i, n in enumerate((columns, rows)))
-        ax.contour(
-            across,
-            up,
-            covered.astype(float),
-            levels=[0.5],
-            colors=VERMILLION,
-            linewidths=1.0,
-            zorder=0.6,
-        )
-
-
-def _grid(low: Array, high: Array) -> tuple[float, int, int]:
-    """The size of a pixel, and how many columns and rows of them there are."""
-    dot = float((high - low).max()) / FINE
-    columns, rows = (int(n) for n in np.ceil((high - low) / dot))
-    return dot, columns, rows

@@ -7,15 +7,12 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize, to_rgb
 from matplotlib.figure import Figure
-from matplotlib.ticker import MultipleLocator
 
 from workbench.arrays import Array, Index, Mask
-from workbench.errors import BadArgument
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.plots.body import Look, back, front, painted, side
-from workbench.plots.palette import AMOUNT, DASHES, FAINT, LINES, MARKERS, SKIN
+from workbench.plots.palette import AMOUNT, FAINT, LINES, MARKERS
 from workbench.plots.style import house_style
-from workbench.registration import BasinMap
 from workbench.training.execution import LogEntry
 
 MM = 1e3
@@ -34,12 +31,7 @@ SIDES: dict[str, Look] = {"front": front, "right side": side, "back": back, "lef
 
 
 def registered_scan_sheet(
-    vertices: Array,
-    faces: Index,
-    points: Array,
-    distances: Array,
-    touching: Mask,
-    facing: float,
+    vertices: Array, faces: Index, points: Array, distances: Array, touching: Mask, facing: float
 ) -> Figure:
     """The points of a scan (M, 3) m on the surface (N, 3) m, from four sides of the body.
 
@@ -60,14 +52,7 @@ def registered_scan_sheet(
         shown = _in_front(dots, solid)
         order = np.argsort(dots[shown, 2])
         across, up = dots[shown][order, :2].T
-        ax.scatter(
-            across,
-            up,
-            c=colours[some][shown][order],
-            s=1.2,
-            linewidths=0,
-            rasterized=True,
-        )
+        ax.scatter(across, up, c=colours[some][shown][order], s=1.2, linewidths=0, rasterized=True)
 
     figure = _four(plot, vertices @ turn)
     beyond = "max" if bool((amounts[touching] > end).any()) else "neither"
@@ -89,42 +74,6 @@ def caption_registered_scan(distances: Array, touching: Mask) -> str:
         f"{half:.1f} mm and 95 % within {most:.1f} mm. Grey points have no contact. Look for whole "
         "regions of one colour: there the surface misses the scan, where single points only "
         "scatter."
-    )
-
-
-def unseen_sheet(vertices: Array, faces: Index, seen: Mask, sd: Array, facing: float) -> Figure:
-    """The surface (N, 3) m from four sides: pale where it was `seen` (N,), elsewhere coloured by
-    the standard deviation `sd` (N,) m of the place of each vertex.
-    """
-    of_faces = MM * sd[faces].mean(axis=1)
-    hidden = np.asarray(~seen[faces].any(axis=1))
-    end = float(of_faces[hidden].max()) if hidden.any() else float(of_faces.max(initial=1.0))
-    scale = ScalarMappable(Normalize(0.0, end), AMOUNT)
-    colours = np.where(hidden[:, None], np.asarray(scale.to_rgba(of_faces))[:, :3], to_rgb(SKIN))
-    turn = matrix_from_vector([0.0, -facing, 0.0]).T
-
-    def plot(look: Look, ax: Axes) -> None:
-        solid = look(vertices @ turn)
-        ax.add_collection(painted(solid[:, :2], solid, faces, colours, 0.25))
-
-    figure = _four(plot, vertices @ turn)
-    figure.colorbar(scale, ax=figure.axes, shrink=0.8, pad=0.01).set_label(
-        "sd of what was not seen (mm)"
-    )
-    return figure
-
-
-def caption_unseen(seen: Mask, sd: Array) -> str:
-    """What `unseen_sheet` shows."""
-    hidden = ~seen
-    if not hidden.any():
-        return "The registered surface, pale where the scan saw it: it saw all of it."
-    root = MM * float(np.sqrt(np.mean(sd[hidden] ** 2)))
-    return (
-        f"The registered surface, pale where the scan saw it. The other "
-        f"{100 * hidden.mean():.0f} % of the vertices rest on the priors of pose and shape alone: "
-        "their colour is the standard deviation of the fitted body there, by Laplace's "
-        f"approximation ({root:.0f} mm, root mean square). It holds if the pose is the right one."
     )
 
 
@@ -209,51 +158,4 @@ def caption_joint_cost(log: Sequence[LogEntry]) -> str:
         "E_P and E_W: poses, templates, joints, pose blend shapes and weights against their "
         "priors; E_D and E_Q: what people and bending do to triangles. Terms that stay below a "
         "thousandth of the first sum are left out."
-    )
-
-
-def plot_basins(maps: Sequence[BasinMap], *, ax: Axes) -> Axes:
-    """The error at the end over the angle of the start, a line for each map of one axis.
-
-    Filled marks are starts that ended at the truth, empty ones ended elsewhere. Raises BadArgument
-    for a map of several axes, or for no map.
-    """
-    if not maps or any(len(one.axes) != 1 for one in maps):
-        raise BadArgument("plot_basins takes maps of one axis")
-    for k, one in enumerate(maps):
-        order = np.argsort(one.angles[:, 0])
-        x, y, found = one.angles[order, 0], one.turned[order], one.found[order]
-        colour, mark = LINES[k % len(LINES)], MARKERS[k % len(MARKERS)]
-        dashes = DASHES[k % len(DASHES)]
-        ax.plot(x, y, dashes, color=colour, linewidth=1.2, alpha=0.7)
-        size = max(4.0, 10.0 - 2.5 * k)  # so that equal ends of several maps are all seen
-        ax.plot(x[found], y[found], mark, color=colour, ms=size, label=f"about {one.axes[0]}")
-        ax.plot(x[~found], y[~found], mark, color=colour, ms=size, markerfacecolor="white")
-    ax.set(xlim=(-187, 187), ylim=(-6, 186))
-    ax.set_xlabel("angle of the start from the truth (degrees)")
-    ax.set_ylabel("rotation error at the end (degrees)")
-    for axis in (ax.xaxis, ax.yaxis):
-        axis.set_major_locator(MultipleLocator(30))
-    ax.grid(color=FAINT, alpha=0.25)
-    ax.legend(loc="upper center", bbox_to_anchor=(0.5, 1.12), ncols=len(maps))
-    return ax
-
-
-def caption_basins(maps: Sequence[BasinMap]) -> str:
-    """What `plot_basins` shows. Raises BadArgument as it does."""
-    if not maps or any(len(one.axes) != 1 for one in maps):
-        raise BadArgument("caption_basins takes maps of one axis")
-    reaches = "; ".join(
-        (
-            "for no range of angles"
-            if np.isnan(one.reach)
-            else f"for angles up to {one.reach:g} degrees"
-        )
-        + f" about {one.axes[0]}"
-        for one in maps
-    )
-    return (
-        "Rotation error at the end of a rigid registration, over the angle by which its start was "
-        f"turned about one axis. Filled marks ended at the truth, within {1e3 * maps[0].near:.0f} "
-        f"mm on average, and empty ones elsewhere. All starts ended at the truth {reaches}."
     )

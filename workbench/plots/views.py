@@ -1,4 +1,4 @@
-"""What cameras saw: bodies over images, and strips of frames."""
+"""What cameras saw: bodies over images."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -7,11 +7,9 @@ from matplotlib.colors import to_rgb
 from matplotlib.patches import Rectangle
 from matplotlib.transforms import ScaledTranslation
 
-from workbench.arrays import Array, Index
-from workbench.blocks import Values
+from workbench.arrays import Array
 from workbench.experiments.running import Outcome, Overlay
 from workbench.fitting.keypoints import COUNTED, LEAST_CONFIDENCE, reprojection_errors
-from workbench.fitting.setup import Moving
 from workbench.plots.body import painted
 from workbench.plots.palette import BLUE, FAINT, OUTSIDE, VERMILLION
 from workbench.plots.style import plain
@@ -28,32 +26,7 @@ def plot_overlay(outcome: Outcome, view: int, *, ax: Axes, shape: float = 1.25) 
     All in pixels, v down, cropped to the person; `shape` is the crop's height over width.
     """
     faces = None if outcome.setup.body is None else outcome.setup.body.faces
-    return plot_body_in_view(outcome.overlays[view], faces, ax=ax, shape=shape)
-
-
-def plot_stage(outcome: Outcome, stage: int, *, ax: Axes) -> Axes:
-    """The body at the end of a stage, as `plot_overlay` draws it."""
-    return _plot_numbered(outcome, outcome.stages[stage], f"Stage {stage + 1}", ax)
-
-
-def plot_hypothesis(outcome: Outcome, number: int, *, ax: Axes) -> Axes:
-    """The body of a hypothesis, as `plot_overlay` draws it."""
-    cost = outcome.solution.hypotheses[number].cost
-    what = f"Hypothesis {number + 1}, cost {cost:.4g}"
-    return _plot_numbered(outcome, outcome.hypotheses[number], what, ax)
-
-
-def _plot_numbered(outcome: Outcome, overlay: Overlay, title: str, ax: Axes) -> Axes:
-    faces = None if outcome.setup.body is None else outcome.setup.body.faces
-    plot_body_in_view(overlay, faces, ax=ax)
-    ax.set_title(f"{title}: mean {reprojection(overlay)[0]:.1f} px", loc="left")
-    return ax
-
-
-def plot_body_in_view(
-    overlay: Overlay, faces: Index | None, *, ax: Axes, shape: float = 1.25
-) -> Axes:
-    """A body in a view, by `plot_overlay`; `faces` (F, 3) are the triangles of its surface."""
+    overlay = outcome.overlays[view]
     seen = overlay.view.confidence > 0
     observed, projected = overlay.view.observed[seen], overlay.projected[seen]
     opacity = np.clip(overlay.view.confidence[seen], 0, 1)
@@ -122,35 +95,6 @@ def caption_overlay(outcome: Outcome, view: int) -> str:
     )
 
 
-def caption_stage(outcome: Outcome, stage: int) -> str:
-    """What `plot_stage` shows."""
-    stages, error = len(outcome.stages), reprojection(outcome.stages[stage])[0]
-    last = ", which is the result" if stage == stages - 1 else ""
-    return (
-        f"The body at the end of stage {stage + 1} of {stages}{last}. {COUNTED.capitalize()} lie "
-        f"on average {error:.1f} px from those of the body."
-    )
-
-
-def caption_hypothesis(outcome: Outcome, number: int) -> str:
-    """What `plot_hypothesis` shows."""
-    found, error = outcome.solution.hypotheses[number], reprojection(outcome.hypotheses[number])[0]
-    best = outcome.solution.hypotheses[0].cost
-    above = (
-        "It has the lowest cost."
-        if number == 0
-        else (
-            f"Its cost is {found.cost - best:.3g} above the lowest, so that the posterior density "
-            f"here is exp(-{found.cost - best:.3g}) times that of the first hypothesis."
-        )
-    )
-    starts = "1 start" if len(found.starts) == 1 else f"{len(found.starts)} starts"
-    return (
-        f"Hypothesis {number + 1}, to which {starts} led; keypoints lie on average {error:.1f} px "
-        f"from those of the body. {above}"
-    )
-
-
 def reprojection(overlay: Overlay) -> tuple[float, int]:
     """The mean distance (px) of the keypoints of sufficient confidence, and their number."""
     off = reprojection_errors(overlay.view.observed, overlay.projected, overlay.view.confidence)
@@ -189,128 +133,3 @@ def _solid(overlay: Overlay, surface: Array) -> Array:
     solid = np.column_stack([flat[:, 0], -flat[:, 1], -scale * overlay.depth])
     solid[overlay.depth <= 0] = np.nan  # behind the camera: not painted
     return solid
-
-
-MOST = 8  # frames of a strip
-MARGIN = 1.15
-
-
-def plot_strip(moving: Moving, values: Values, view: int, *, ax: Axes) -> Axes:
-    """Up to eight frames of one camera: observed keypoints and the skeleton of the fitted body.
-
-    All frames have the same scale, v down, and are cropped to the person.
-    """
-    camera = moving.views[view]
-    chosen = frames_of_strip(len(moving.views[0].observed))
-    marks = [(camera.observed[t], camera.confidence[t]) for t in chosen]
-    bones = [_skeleton(moving, values, view, t) for t in chosen]
-    places = [
-        np.vstack([b.reshape(-1, 2), m[c > 0]]) for b, (m, c) in zip(bones, marks, strict=True)
-    ]
-    size = MARGIN * np.max([np.ptp(p, axis=0) for p in places], axis=0)
-    for i, (place, bone, (mark, sure)) in enumerate(zip(places, bones, marks, strict=True)):
-        middle = (place.min(axis=0) + place.max(axis=0)) / 2
-        shift = np.array([i * size[0], 0.0]) - middle
-        ax.add_collection(LineCollection(list(bone + shift), colors=BLUE, linewidths=1.4))
-        seen = sure > 0
-        opacity = np.clip(sure[seen], 0, 1)
-        ax.scatter(
-            mark[seen, 0] + shift[0],
-            mark[seen, 1] + shift[1],
-            s=13,
-            facecolors="none",
-            edgecolors=[(*to_rgb(VERMILLION), float(a)) for a in opacity],
-            linewidths=1.1,
-            zorder=3,
-        )
-        ax.text(i * size[0], size[1] / 2, str(chosen[i]), ha="center", va="top", fontsize=8)
-    for i in range(1, len(chosen)):
-        ax.axvline((i - 0.5) * size[0], color=FAINT, linewidth=0.5)
-    ax.set(xlim=(-size[0] / 2, (len(chosen) - 0.5) * size[0]))
-    ax.set(ylim=(0.58 * size[1], -size[1] / 2), aspect="equal", xticks=[], yticks=[])
-    ax.grid(False)
-    ax.set_title(f"{plain(camera.name)}: frames", loc="left")
-    return ax
-
-
-def caption_strip(moving: Moving, values: Values, view: int) -> str:
-    """What `plot_strip` shows."""
-    camera, T = moving.views[view], len(moving.views[view].observed)
-    well = camera.confidence > LEAST_CONFIDENCE
-    gaps = int(np.sum(~(camera.confidence > 0).any(axis=1)))
-    unseen = f" In {gaps} of the {T} frames nothing was observed." if gaps else ""
-    return (
-        f"{camera.name}: {len(frames_of_strip(T))} of {T} frames at {moving.fps:g} a second, "
-        f"in which {well.sum(axis=1).mean():.1f} keypoints on average have a confidence above "
-        f"{LEAST_CONFIDENCE}.{unseen}"
-    )
-
-
-def plot_autocorrelation(r: Array, worth: float, *, ax: Axes) -> Axes:
-    """The correlation of errors that are k frames apart, for all lags of which enough is known."""
-    lags = np.flatnonzero(np.isfinite(r))
-    ax.plot(lags, r[lags], color=BLUE)
-    ax.axhline(0, color=FAINT, linewidth=0.8)
-    ax.set(
-        xlabel="frames apart", ylabel="correlation of errors", ylim=(min(-0.3, r[lags].min()), 1.05)
-    )
-    ax.set_title(f"{len(r)} frames are worth {worth:.1f} independent ones", loc="left")
-    return ax
-
-
-def caption_autocorrelation(r: Array, worth: float) -> str:
-    """What `plot_autocorrelation` shows."""
-    return (
-        f"How alike the errors that the fit left are k frames apart: {r[1]:.2f} from one frame to "
-        "the next. Errors are not reduced by their mean, because a constant error, such as a hip "
-        f"that is always found too far out, is no new evidence either. {len(r)} frames are worth "
-        f"{worth:.1f} independent ones for what they share."
-    )
-
-
-def _skeleton(moving: Moving, values: Values, view: int, t: int) -> Array:
-    """The bones of frame t in one image, (K - 1, 2, 2) px: joint and parent."""
-    pose, betas, trans = (values[block.name] for block in moving.body.blocks())
-    joints = moving.body.joints(pose[t], betas[t] if betas.ndim == 2 else betas, trans[t])
-    pixels = moving.views[view].camera.pixels(joints, values)
-    parents = np.asarray(moving.body.parents)
-    k = np.flatnonzero(parents >= 0)
-    return np.stack([pixels[k], pixels[parents[k]]], axis=1)
-
-
-GAP = 1.1
-
-
-def plot_motion(places: Array, pairs: Index, fps: float | None, *, ax: Axes) -> Axes:
-    """Up to eight frames of points (T, M, 3) m from the front, with lines between pairs (E, 2).
-
-    All frames have the same scale and the same height, and each is moved sideways to its place.
-    Under each stands its time, or its number if the rate is not known. Points that are NaN are left
-    out.
-    """
-    chosen = frames_of_strip(len(places))
-    flat = places[chosen][:, :, :2]
-    lower, upper = np.nanmin(flat, axis=1), np.nanmax(flat, axis=1)
-    wide = GAP * float(np.nanmax(upper[:, 0] - lower[:, 0])) + 1e-3
-    for i, (t, points) in enumerate(zip(chosen, flat, strict=True)):
-        at = points - [(lower[i, 0] + upper[i, 0]) / 2 - i * wide, 0.0]
-        bones = at[pairs] if len(pairs) else np.zeros((0, 2, 2))
-        whole = np.isfinite(bones).all(axis=(1, 2))
-        ax.add_collection(LineCollection(list(bones[whole]), colors=BLUE, linewidths=1.4))
-        ax.plot(*at.T, ".", color=VERMILLION, markersize=2.5)
-        said = f"{t}" if fps is None else f"{t / fps:.2f} s"
-        ax.text(
-            i * wide, np.nanmin(lower[:, 1]) - 0.06 * wide, said, ha="center", va="top", fontsize=8
-        )
-    tall = float(np.nanmax(upper[:, 1]) - np.nanmin(lower[:, 1])) + 1e-3
-    floor = np.nanmin(lower[:, 1])
-    ax.axhline(floor, color=FAINT, linewidth=0.5)
-    ax.set(xlim=(-wide / 2, (len(chosen) - 0.5) * wide), aspect="equal", xticks=[])
-    ax.set(ylim=(floor - 0.1 * tall - 0.1 * wide, floor + GAP * tall), ylabel="height, m")
-    ax.grid(False)
-    return ax
-
-
-def frames_of_strip(frames: int) -> list[int]:
-    """The frames that are drawn, evenly spread, the first and the last among them."""
-    return sorted({int(t) for t in np.linspace(0, frames - 1, min(frames, MOST)).round()})

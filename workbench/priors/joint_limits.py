@@ -8,13 +8,11 @@ from typing import Any
 
 import casadi as cs
 import numpy as np
-from numpy.typing import ArrayLike
 
 from workbench.arrays import Array
 from workbench.blocks import Block
-from workbench.blocks.checks import reals
 from workbench.bodies.body import Body
-from workbench.bodies.hands import HandMotion, hand_motions, hands_of
+from workbench.bodies.hands import hand_motions, hands_of
 from workbench.errors import BadArgument, BadBody, check_known
 from workbench.residuals import Residual, limits
 
@@ -28,14 +26,11 @@ class JointLimits:
 
     A limit that is infinite or missing is no limit. Each range is that of a turn about its axis
     alone, from the T-pose; for turns about several axes at once the box is an approximation.
-
-    Attributes:
-        limits: (lower, upper) in rad, by joint and axis.
-        sources: where the limits are from.
     """
 
+    # (lower, upper) in rad, by joint and axis
     limits: Mapping[tuple[str, int], tuple[float, float]]
-    sources: Mapping[str, str]
+    sources: Mapping[str, str]  # where the limits are from
 
     def bounds(self, pose: Block) -> tuple[Array, Array]:
         """Lower and upper (K, 3) rad for a block of rotation vectors labelled by joints.
@@ -60,22 +55,6 @@ class JointLimits:
                 row = joints.index(joint)
                 lower[row, axis], upper[row, axis] = ends
         return lower, upper
-
-    def widened(self, margin: float) -> "JointLimits":
-        """These limits, with each end farther out by `margin` rad."""
-        wider = {at: (low - margin, high + margin) for at, (low, high) in self.limits.items()}
-        return JointLimits(wider, self.sources)
-
-    def over(self, others: "JointLimits") -> "JointLimits":
-        """These limits, completed by the others where these have none."""
-        both = dict(others.limits)
-        for at, (low, high) in self.limits.items():
-            below, above = both.get(at, (-np.inf, np.inf))
-            both[at] = (
-                low if np.isfinite(low) else min(below, high),
-                high if np.isfinite(high) else max(above, low),
-            )
-        return JointLimits(both, {**others.sources, **self.sources})
 
 
 def _content(name: str) -> Any:
@@ -111,14 +90,11 @@ class HandLimits:
     The angle of a motion is a . theta + a0, with the rotation vector theta of the joint, the axis a
     of the motion and its angle a0 at rest (`hand_motions`). For turns about one axis alone this is
     exact, as the measured ranges are; for several together it is an approximation.
-
-    Attributes:
-        limits: (lower, upper) in rad, by joint (without a side) and motion.
-        sources: where the limits are from.
     """
 
+    # (lower, upper) in rad, by joint (without a side) and motion
     limits: Mapping[tuple[str, str], tuple[float, float]]
-    sources: Mapping[str, str]
+    sources: Mapping[str, str]  # where the limits are from
 
     def residual(
         self,
@@ -134,49 +110,31 @@ class HandLimits:
         body's block. Raises BadBody for a body without hands.
         """
         theta = body.blocks()[0].symbol if pose is None else pose
-        motions = self._motions(body)
-        columns = [body.joint_names.index(motion.joint) for motion in motions]
-        angles = [
-            cs.dot(cs.DM(motion.axis), theta[:, k]) + motion.at_rest
-            for motion, k in zip(motions, columns, strict=True)
-        ]
-        lower, upper = self._ends(motions)
-        labels = tuple(f"{motion.joint}, {motion.motion}" for motion in motions)
-        return limits(
-            cs.vertcat(*angles), lower, upper, sigma=sigma, name=name, unit="rad", labels=labels
-        )
-
-    def beyond(self, body: Body, poses: ArrayLike) -> Array:
-        """How far each limited motion is beyond its limits, (..., R) rad, at poses (..., K, 3).
-
-        Above the upper limit it is positive, below the lower one negative.
-        """
-        theta, motions = reals("poses", poses), self._motions(body)
-        angles = np.stack(
-            [
-                theta[..., body.joint_names.index(motion.joint), :] @ motion.axis + motion.at_rest
-                for motion in motions
-            ],
-            axis=-1,
-        )
-        lower, upper = self._ends(motions)
-        return np.asarray(np.maximum(angles - upper, 0) + np.minimum(angles - lower, 0))
-
-    def _motions(self, body: Body) -> list[HandMotion]:
         sides = hands_of(body)
         if not sides:
             raise BadBody(
                 f"body {body.name!r} has no hand with 15 joints of fingers, whose limits are known;"
                 " take the embedded body 'hand', or one of MANO's"
             )
-        every = [(side, motion) for side in sides for motion in hand_motions(body, side)]
-        return [m for side, m in every if (m.joint[len(side) :], m.motion) in self.limits]
-
-    def _ends(self, motions: list[HandMotion]) -> tuple[Array, Array]:
-        bare = [m.joint.removeprefix("left_").removeprefix("right_") for m in motions]
-        ends = [self.limits[joint, m.motion] for joint, m in zip(bare, motions, strict=True)]
+        angles, ends, labels = [], [], []
+        for side in sides:
+            for motion in hand_motions(body, side):
+                known = self.limits.get((motion.joint[len(side) :], motion.motion))
+                if known is not None:
+                    turn = theta[:, body.joint_names.index(motion.joint)]
+                    angles.append(cs.dot(cs.DM(motion.axis), turn) + motion.at_rest)
+                    labels.append(f"{motion.joint}, {motion.motion}")
+                    ends.append(known)
         lower, upper = np.array(ends).T
-        return lower, upper
+        return limits(
+            cs.vertcat(*angles),
+            lower,
+            upper,
+            sigma=sigma,
+            name=name,
+            unit="rad",
+            labels=tuple(labels),
+        )
 
 
 def hand_limits() -> HandLimits:

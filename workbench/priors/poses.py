@@ -3,9 +3,7 @@
 All are over rotation vectors of the joints below the pelvis. One Gaussian of walking, sitting and
 jumping together also draws what lies between them, which nobody does; a mixture draws each by
 itself. SMPLify's prior has eight components as well (Bogo et al., Keep it SMPL, 2016, section 3.3).
-Most poses of a recording are nearer to the mean than the Gaussian of their covariance expects, and
-a few are much farther away: Student's t has such tails. `data/poses/PROVENANCE.md` says where the
-priors come from.
+`data/poses/PROVENANCE.md` says where the priors come from.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,8 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy.linalg
-from scipy.special import gammaln
 
 from workbench.arrays import Array, Index
 from workbench.errors import BadFile
@@ -24,7 +20,6 @@ from workbench.reading.arrays import AGAIN, opened, read_expected, reals, texts,
 
 FOLDER = files("workbench") / "data" / "poses"
 GAUSSIAN_FILE, MIXTURE_FILE = "cmu_gaussian.npz", "cmu_mixture.npz"
-STUDENT_FILE = "cmu_student.npz"
 EXPECTED = {"joint_names": texts("K"), "n_frames": wholes(), "held_out_clips": texts("clips")}
 GAUSSIAN = EXPECTED | {
     "mean": reals("D"),
@@ -36,29 +31,20 @@ MIXTURE = EXPECTED | {
     "means": reals("C", "D"),
     "covariances": reals("C", "lower half"),
 }
-STUDENT = EXPECTED | {"mean": reals("D"), "scale": reals("D", "D"), "dof": reals()}
 LARGEST_ANGLE = np.radians(150)  # blending two rotations 180 degrees apart has no inverse
 
 
 @dataclass(frozen=True, eq=False)
 class PoseGaussian:
-    """pose[3:] ~ N(mean, covariance) in rad, the same on both sides; the pelvis is left out.
+    """pose[3:] ~ N(mean, covariance) in rad, the same on both sides; the pelvis is left out."""
 
-    Attributes:
-        mean: (69,) rad.
-        covariance: (69, 69) rad^2.
-        joint_names: the names of the 23 joints.
-        n_frames: the number of recorded poses that it was learned from.
-        unmeasured: the joints that move in no recording, whose standard deviation is a guess.
-        held_out: the names of the clips that it was not learned from.
-    """
-
-    mean: Array
-    covariance: Array
-    joint_names: tuple[str, ...]
-    n_frames: int
+    mean: Array  # (69,) rad
+    covariance: Array  # (69, 69) rad^2
+    joint_names: tuple[str, ...]  # the names of the 23 joints
+    n_frames: int  # the number of recorded poses that it was learned from
+    # the joints that move in no recording, whose standard deviation is a guess
     unmeasured: tuple[str, ...]
-    held_out: tuple[str, ...]
+    held_out: tuple[str, ...]  # the names of the clips that it was not learned from
 
     def draw(self, n: int, rng: np.random.Generator) -> Array:
         """Draw n poses (n, 24, 3) rad, in which the pelvis is not turned."""
@@ -68,23 +54,14 @@ class PoseGaussian:
 
 @dataclass(frozen=True, eq=False)
 class PoseMixture:
-    """pose[3:] ~ sum over c of shares_c N(means_c, covariances_c) in rad, without the pelvis.
+    """pose[3:] ~ sum over c of shares_c N(means_c, covariances_c) in rad, without the pelvis."""
 
-    Attributes:
-        shares: (C,) the weights of the components, which sum to one.
-        means: (C, D) rad.
-        covariances: (C, D, D) rad^2.
-        joint_names: the names of the D / 3 joints.
-        n_frames: the number of recorded poses that it was learned from.
-        held_out: the names of the clips that it was not learned from.
-    """
-
-    shares: Array
-    means: Array
-    covariances: Array
-    joint_names: tuple[str, ...]
-    n_frames: int
-    held_out: tuple[str, ...]
+    shares: Array  # (C,) the weights of the components, which sum to one
+    means: Array  # (C, D) rad
+    covariances: Array  # (C, D, D) rad^2
+    joint_names: tuple[str, ...]  # the names of the D / 3 joints
+    n_frames: int  # the number of recorded poses that it was learned from
+    held_out: tuple[str, ...]  # the names of the clips that it was not learned from
 
     def draw(self, n: int, rng: np.random.Generator) -> Array:
         """Draw n poses (n, K, 3) rad, in which the pelvis is not turned."""
@@ -96,21 +73,13 @@ class PoseMixture:
 
     def log_density(self, flat: Array) -> Array:
         """The log density of each component at poses (n, D), log shares included: (n, C)."""
-        found = np.empty((len(flat), len(self.shares)))
-        for c, (mean, covariance) in enumerate(zip(self.means, self.covariances, strict=True)):
-            squares, log_volume = squared_distances(flat, mean, covariance)
-            scale = log_volume + 0.5 * len(mean) * np.log(2 * np.pi)
-            found[:, c] = np.log(self.shares[c]) - 0.5 * squares - scale
-        return found
+        from scipy.stats import multivariate_normal  # a second to import
 
-
-def squared_distances(flat: Array, mean: Array, covariance: Array) -> tuple[Array, float]:
-    """The squared distances (n,) of points (n, D) from a mean (D,) by a covariance (D, D), and half
-    the logarithm of its determinant (Mahalanobis, On the generalised distance in statistics, 1936).
-    """
-    L = scipy.linalg.cholesky(covariance, lower=True)
-    white = scipy.linalg.solve_triangular(L, (flat - mean).T, lower=True)
-    return np.asarray((white**2).sum(axis=0)), float(np.log(np.diag(L)).sum())
+        components = zip(np.log(self.shares), self.means, self.covariances, strict=True)
+        each = [
+            share + multivariate_normal.logpdf(flat, *moments) for share, *moments in components
+        ]
+        return np.column_stack(each)
 
 
 def numbers_of(some: Sequence[str], names: Sequence[str]) -> Index:
@@ -186,61 +155,3 @@ def shipped_mixture() -> PoseMixture:
     """The mixture that comes with the workbench."""
     with as_file(FOLDER / MIXTURE_FILE) as path:
         return read_pose_mixture(path)
-
-
-@dataclass(frozen=True, eq=False)
-class PoseStudent:
-    """Rotation vectors of K joints ~ t(dof, mean, scale) in 3 K dimensions, the same on both sides.
-
-    Only joints that move in the recording are among them.
-
-    Attributes:
-        mean: (3 K,) rad.
-        scale: (3 K, 3 K) rad^2; the covariance is dof / (dof - 2) times as large.
-        dof: the degrees of freedom, nu.
-        joint_names: the names of the K joints.
-        n_frames: the number of recorded poses that it was learned from.
-        held_out: the names of the clips that it was not learned from.
-    """
-
-    mean: Array
-    scale: Array
-    dof: float
-    joint_names: tuple[str, ...]
-    n_frames: int
-    held_out: tuple[str, ...]
-
-    def squares(self, flat: Array) -> Array:
-        """The squared distances m^2 (n,) from the mean of poses (n, 3 K), by `scale`."""
-        return squared_distances(flat, self.mean, self.scale)[0]
-
-    def log_density(self, flat: Array) -> Array:
-        """The log density (n,) at poses (n, 3 K) rad."""
-        nu, d = self.dof, len(self.mean)
-        squares, log_volume = squared_distances(flat, self.mean, self.scale)
-        within = log_volume + 0.5 * d * np.log(nu * np.pi)
-        constant = gammaln((nu + d) / 2) - gammaln(nu / 2) - within
-        return np.asarray(constant - 0.5 * (nu + d) * np.log1p(squares / nu))
-
-
-def read_pose_student(path: Path) -> PoseStudent:
-    """Read a Student's t from a file. Raises BadFile if there is none in it."""
-    with opened(path, "pose prior with tails", AGAIN) as archive:
-        arrays = read_expected(archive, STUDENT)
-        D = len(arrays["mean"])
-        if 3 * len(arrays["joint_names"]) != D:
-            raise BadFile(f"{D} angles are not those of {len(arrays['joint_names'])} joints")
-        if not 0 < arrays["dof"] < np.inf:
-            raise BadFile(f"its degrees of freedom are {arrays['dof']:g}, but must be above 0")
-    return PoseStudent(
-        mean=arrays["mean"],
-        scale=arrays["scale"],
-        dof=float(arrays["dof"]),
-        **_origin(arrays),
-    )
-
-
-def shipped_student() -> PoseStudent:
-    """The Student's t that comes with the workbench."""
-    with as_file(FOLDER / STUDENT_FILE) as path:
-        return read_pose_student(path)

@@ -1,12 +1,11 @@
 """The normal equations of a sequence: a band with a border, their order, and Cholesky's factor."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 from scipy.linalg import blas, lapack
 from scipy.sparse import block_array, csc_array, diags_array
 
@@ -16,19 +15,12 @@ from workbench.problem.sparsity import columns_of_nonzeros, sums
 
 @dataclass(frozen=True, eq=False)
 class BandOrder:
-    """Which unknowns make the band, and in which order, and which make the border.
+    """Which unknowns make the band, and in which order, and which make the border."""
 
-    Attributes:
-        inner: (N,) the places of the unknowns in the band among all unknowns, frame after frame.
-        border: (b,) the places of the shared unknowns among all unknowns.
-        reach: the half-width of the band, how far from the diagonal its entries may stand.
-        edges: (T + 1,) where the unknowns of each frame begin among those of the band.
-    """
-
-    inner: Index
-    border: Index
-    reach: int
-    edges: Index
+    inner: Index  # (N,) the places of those in the band among all unknowns, frame after frame
+    border: Index  # (b,) the places of the shared ones among all unknowns
+    reach: int  # the half-width of the band, how far from the diagonal its entries may stand
+    edges: Index  # (T + 1,) where the unknowns of each frame begin among those of the band
 
     @property
     def size(self) -> int:
@@ -49,41 +41,31 @@ class BandOrder:
         found[self.border] = np.arange(len(self.border))
         return found
 
-    def of_frames(self, columns: Index) -> "BandPlaces":
+    def of_frames(self, columns: Index) -> "_BandPlaces":
         """The places of matrices of the unknowns `columns` (T, n) of T frames."""
         key = id(columns)
         if key not in self._known:
-            self._known[key] = BandPlaces.of(self, columns)
+            self._known[key] = _BandPlaces.of(self, columns)
         return self._known[key]
 
     @cached_property
-    def _known(self) -> dict[int, "BandPlaces"]:
+    def _known(self) -> dict[int, "_BandPlaces"]:
         return {}
 
 
 @dataclass(frozen=True, eq=False)
-class BandPlaces:
-    """Where the entries of matrices (n, n) of similar frames stand in a banded matrix.
+class _BandPlaces:
+    """Where the entries of matrices (n, n) of T similar frames stand in a banded matrix."""
 
-    Attributes:
-        columns: (T, n) the unknowns of each frame; kept so that its identity is not reused.
-        inner: which of the n unknowns of a frame are in the band, in the order of the band.
-        border: which of the n unknowns of a frame are in the border.
-        positions: (T, k) where the k unknowns in the band stand in it.
-        below: for each of the k unknowns, how far below its diagonal entry the others stand.
-        shared: where the unknowns in the border stand in it.
-    """
-
-    columns: Index
-    inner: Index | slice
-    border: Index
-    positions: Index
-    below: tuple[Index | slice, ...]
-    shared: Index
+    columns: Index  # (T, n) the unknowns of each frame; kept so that its identity is not reused
+    inner: Index | slice  # which of the n are in the band, in the order of the band
+    border: Index  # which of the n are in the border
+    positions: Index  # (T, k) where the k unknowns in the band stand in it
+    below: tuple[Index | slice, ...]  # for each of the k, how far below its diagonal others stand
+    shared: Index  # where the unknowns in the border stand in it
 
     @staticmethod
-    def of(order: BandOrder, columns: Index) -> "BandPlaces":
-        """The places for the unknowns `columns` (T, n) of T frames."""
+    def of(order: BandOrder, columns: Index) -> "_BandPlaces":
         at = order.position[columns]
         inner, border = np.flatnonzero(at[0] >= 0), np.flatnonzero(at[0] < 0)
         inner = inner[np.argsort(at[0, inner])]
@@ -91,7 +73,7 @@ class BandPlaces:
         apart = (positions[:, j:] - positions[:, [j]] for j in range(len(inner)))
         below = tuple(run_of(d[0]) if (d == d[0]).all() else d for d in apart)
         shared = order.in_border[columns[0, border]]
-        return BandPlaces(columns, run_of(inner), border, positions, below, shared)
+        return _BandPlaces(columns, run_of(inner), border, positions, below, shared)
 
     def put(self, band: Array, between: Array, corner: Array, some: slice, products: Array) -> None:
         """Put the symmetric matrices (T, n, n) of some of the frames into their places.
@@ -229,19 +211,12 @@ class BandedMatrix:
 
 @dataclass(frozen=True, eq=False)
 class BandedFactor:
-    """The factors of a banded matrix: D = L L', Y = L^-1 B, and that of C - Y'Y.
-
-    Attributes:
-        order: which unknowns make the band and which the border.
-        L: Cholesky's factor of the band, stored as the band is.
-        answer: Y (N, b).
-        corner: Cholesky's factor of the Schur complement, lower, (b, b).
-    """
+    """The factors of a banded matrix: D = L L', Y = L^-1 B, and that of C - Y'Y."""
 
     order: BandOrder
-    L: Array
-    answer: Array
-    corner: Array
+    L: Array  # Cholesky's factor of the band, stored as the band is
+    answer: Array  # Y (N, b)
+    corner: Array  # Cholesky's factor of the Schur complement, lower, (b, b)
 
     def solve(self, right: Array) -> Array:
         """The solution (n,) or (n, k) of the linear system with this right-hand side."""
@@ -283,14 +258,8 @@ def _triangular(L: Array, right: Array, transposed: str) -> Array:
 AT_ONCE = 64  # frames whose products are kept at a time
 
 
-@dataclass(frozen=True, eq=False)
-class BlockPlaces:
-    """The places of the blocks of T similar frames.
-
-    Attributes:
-        rows: (T, m) the rows of each block.
-        columns: (T, n) the columns of each block.
-    """
+class BlockPlaces(NamedTuple):
+    """The rows (T, m) and the columns (T, n) of the blocks of T similar frames."""
 
     rows: Index
     columns: Index
@@ -298,19 +267,12 @@ class BlockPlaces:
 
 @dataclass(frozen=True, eq=False)
 class BlockMatrix:
-    """A matrix (m, n): dense blocks (T, m_t, n_t), and the `rest`, which is zero in their places.
+    """A matrix (m, n): dense blocks, and the `rest`, which is zero in their places."""
 
-    Attributes:
-        rest: (m, n) all entries that stand in no block.
-        blocks: dense blocks (T, m_t, n_t), one array for each group of frames.
-        places: for each of these arrays the rows and columns of its blocks.
-        order: in which order the columns make a band of the normal equations.
-    """
-
-    rest: csc_array
-    blocks: tuple[Array, ...]
-    places: tuple[BlockPlaces, ...]
-    order: BandOrder
+    rest: csc_array  # (m, n) all entries that stand in no block
+    blocks: tuple[Array, ...]  # dense blocks (T, m_t, n_t), one array for each group of frames
+    places: tuple[BlockPlaces, ...]  # for each of these arrays the rows and columns of its blocks
+    order: BandOrder  # in which order the columns make a band of the normal equations
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -329,9 +291,9 @@ class BlockMatrix:
         return found
 
     @property
-    def T(self) -> "Transposed":
+    def T(self) -> "_Transposed":
         """The transposed matrix, for products with vectors."""
-        return Transposed(self)
+        return _Transposed(self)
 
     def vjp(self, r: Array) -> Array:
         """The matrix, transposed, times a vector (m,): (n,)."""
@@ -340,11 +302,6 @@ class BlockMatrix:
             part = (r[at.rows][:, None, :] @ block)[:, 0, :]
             np.add.at(found, at.columns, part)
         return found
-
-    @property
-    def entries(self) -> Array:
-        """All stored numbers, flat."""
-        return np.concatenate([self.rest.data, *(block.ravel() for block in self.blocks)])
 
     def column_squares(self) -> Array:
         """The sum of the squares of every column, (n,)."""
@@ -398,42 +355,8 @@ class BlockMatrix:
 
 
 @dataclass(frozen=True, eq=False)
-class Transposed:
-    """A transposed block matrix."""
-
+class _Transposed:
     of: BlockMatrix
 
     def __matmul__(self, r: Array) -> Array:
-        """The product with a vector (m,): (n,)."""
         return self.of.vjp(r)
-
-
-def joined(parts: Sequence[tuple[Index, Index]], shape: tuple[int, int]) -> "SparsePlaces":
-    """The places in a sparse matrix of several parts of single entries, (rows, columns) each."""
-    rows = np.concatenate([np.zeros(0, dtype=np.int64), *(r.ravel() for r, _ in parts)])
-    columns = np.concatenate([np.zeros(0, dtype=np.int64), *(c.ravel() for _, c in parts)])
-    order = np.lexsort((rows, columns))
-    starts = np.searchsorted(columns[order], np.arange(shape[1] + 1))
-    return SparsePlaces(order, rows[order].astype(np.int32), starts.astype(np.int32), shape)
-
-
-@dataclass(frozen=True, eq=False)
-class SparsePlaces:
-    """The places of a sparse matrix whose numbers come part by part.
-
-    Attributes:
-        order: (nnz,) which of the numbers of all parts stands in each place.
-        rows: (nnz,) the row of each place, column by column.
-        starts: (n + 1,) where each column begins among the places.
-        shape: the numbers of rows and columns, (m, n).
-    """
-
-    order: Index
-    rows: NDArray[np.int32]
-    starts: NDArray[np.int32]
-    shape: tuple[int, int]
-
-    def matrix(self, parts: Sequence[Array]) -> csc_array:
-        """The sparse matrix with these numbers."""
-        data = np.concatenate([np.zeros(0), *(part.ravel() for part in parts)])[self.order]
-        return csc_array((data, self.rows, self.starts), shape=self.shape)

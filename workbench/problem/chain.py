@@ -1,13 +1,12 @@
 """A problem's numbers by the chain rule: graphs of the residuals, arithmetic for the points.
 
-The residual is a small graph of the free numbers, the fixed ones and the points, r(x, h, p(x, h)).
-Where the source of the points computes their derivatives itself, CasADi differentiates only the
-residuals, and
+The residual is a small graph of the free numbers, the fixed ones and the points, r(x, h, p(x, h)),
+and
 
     dr/dx = r_x + sum over sources of r_p dp/dx.
 
 dp/dx is an array, or sparse for those blocks for which the source says so (its `pattern`). Points
-of other sources are part of the graph, so that this way serves all problems.
+of sources without arithmetic are part of the graph.
 """
 
 import weakref
@@ -22,12 +21,12 @@ from scipy.sparse import csc_array, csr_array
 from workbench.arrays import Array
 from workbench.blocks import Layout, NumericPoints, PointsAt
 from workbench.blocks.functions import Buffered, without_calls
-from workbench.blocks.layout import Values
+from workbench.blocks.layout import all_values
 from workbench.blocks.points import (
     distinct,
 )
 from workbench.problem.graph import FORWARD, Graph, split, term_sizes
-from workbench.problem.rounding import RowSupport, half_squared
+from workbench.problem.optimality import RowSupport, half_squared
 from workbench.problem.sparsity import (
     ChangingTerm,
     DenseTerm,
@@ -36,7 +35,6 @@ from workbench.problem.sparsity import (
     SparseTerm,
     entries_at,
     gaps,
-    merged,
 )
 from workbench.problem.storage import Stored, check_fits, is_sparse
 from workbench.residuals import Residual
@@ -105,7 +103,7 @@ class Chain:
     @cached_property
     def sparse(self) -> bool:
         """Whether the Jacobian is stored by its nonzeros: it is large, and most of it is zero."""
-        through = sum(part.filled for _, _, part in self._parts)
+        through = sum(part.filled for part in self._parts)
         return is_sparse(*self.by_x.shape, len(self.by_x.rows) + through)
 
     @property
@@ -114,29 +112,33 @@ class Chain:
 
         Where a source has no pattern, each of its points reads all numbers of its blocks.
         """
-        parts = [part for _, _, part in self._parts]
-        return merged(
-            self.by_x, [p.everywhere if isinstance(p, ChangingTerm) else p for p in parts]
-        )
+        parts = [self.by_x.places, *(part.places for part in self._parts)]
+        return SparseSum(parts, self.by_x.shape).pattern
 
     @cached_property
-    def _parts(self) -> list[tuple[int, str, DenseTerm | SparseTerm | ChangingTerm]]:
-        """For every source and every block that it reads: their numbers, and the part of J.
+    def _parts_of(self) -> list[list[tuple[str, DenseTerm | SparseTerm | ChangingTerm]]]:
+        """For each source, the blocks that it reads and the parts of J that come through them.
 
-        The part holds every entry of the rows that read the source; or, where the source has a
+        A part holds every entry of the rows that read the source; or, where the source has a
         pattern of this block, the places in which the product dr/dp dp/dx can be nonzero.
         """
         return [
-            (i, name, _part(pattern, source, name, at))
-            for i, (source, pattern) in enumerate(zip(self.sources, self.by_points, strict=True))
-            for name, at in self.free.slices.items()
-            if name in source.reads
+            [
+                (name, _part(pattern, source, name, at))
+                for name, at in self.free.slices.items()
+                if name in source.reads
+            ]
+            for source, pattern in zip(self.sources, self.by_points, strict=True)
         ]
+
+    @property
+    def _parts(self) -> list[DenseTerm | SparseTerm | ChangingTerm]:
+        return [part for parts in self._parts_of for _, part in parts]
 
     @cached_property
     def _sparse_sum(self) -> SparseSum:
-        parts = [part for _, _, part in self._parts if not isinstance(part, ChangingTerm)]
-        return SparseSum(self.by_x, parts)
+        parts = [part.places for part in self._parts if not isinstance(part, ChangingTerm)]
+        return SparseSum([self.by_x.places, *parts], self.by_x.shape)
 
     def _jacobian(
         self, places: Sequence[PointsAt], direct: Array, by_points: list[Array]
@@ -182,16 +184,6 @@ class Chain:
                     numbers.append(entries_at(product, part.pattern))
         return sum(moved, self._sparse_sum.matrix(numbers))
 
-    @cached_property
-    def _parts_of(self) -> list[list[tuple[str, DenseTerm | SparseTerm | ChangingTerm]]]:
-        """The parts of each source, with their blocks' names."""
-        found: list[list[tuple[str, DenseTerm | SparseTerm | ChangingTerm]]] = [
-            [] for _ in self.sources
-        ]
-        for i, name, part in self._parts:
-            found[i].append((name, part))
-        return found
-
     def _write(self, columns: Array, places: Sequence[PointsAt], by_points: list[Array]) -> None:
         """Write the part of J that comes through the points, transposed, (n, m)."""
         for i, (here, pattern, rows, entries) in enumerate(
@@ -218,12 +210,13 @@ class Chain:
     @cached_property
     def _left_alone(self) -> list[tuple[slice, slice]]:
         """Columns and rows of J that no source writes whole; they must be zero before."""
-        own = [(n, self._own_rows[i]) for i, n, part in self._parts if isinstance(part, DenseTerm)]
-        return [
-            (at, rows)
-            for name, at in self.free.slices.items()
-            for rows in gaps([rows for n, rows in own if n == name and rows], self.by_x.shape[0])
-        ]
+        written: dict[str, list[slice]] = {name: [] for name in self.free.slices}
+        for rows, parts in zip(self._own_rows, self._parts_of, strict=True):
+            for name, part in parts:
+                if rows is not None and isinstance(part, DenseTerm):
+                    written[name].append(rows)
+        m = self.by_x.shape[0]
+        return [(self.free.slices[n], rows) for n, own in written.items() for rows in gaps(own, m)]
 
     def gradient(self, x: Array, fixed: Array) -> tuple[float, Array]:
         """The cost and its gradient (n,); no Jacobian of the points is formed."""
@@ -249,17 +242,19 @@ class Chain:
         """Which rows each free number can change: directly, and through the points."""
         n, m, k = self.free.size, self.by_x.shape[0], len(self.sources)
         through = np.zeros((n, k), dtype=bool)
-        for i, _, part in self._parts:
-            if not isinstance(part, SparseTerm):
-                through[part.columns, i] = True
+        for i, parts in enumerate(self._parts_of):
+            for _, part in parts:
+                if not isinstance(part, SparseTerm):
+                    through[part.columns, i] = True
         readers = np.zeros((k, m), dtype=bool)
         for rows, pattern in zip(readers, self.by_points, strict=True):
             rows[pattern.rows] = True
-        own = merged(self.by_x, [part for *_, part in self._parts if isinstance(part, SparseTerm)])
+        sparse = [part.places for part in self._parts if isinstance(part, SparseTerm)]
+        own = SparseSum([self.by_x.places, *sparse], (m, n)).pattern
         return RowSupport(csr_array(through), csr_array(readers), csr_array(own.T))
 
     def _points(self, x: Array, fixed: Array) -> list[Array]:  # (N, 3) each
-        return self._cache.points(x, fixed)
+        return [here.points for here in self._cache.at(x, fixed)]
 
 
 def _part(
@@ -275,67 +270,35 @@ def _part(
     return SparseTerm(pattern.reached(of_points), columns)
 
 
-Key = tuple[bytes, bytes]  # of a place: its free numbers and the fixed ones
-
-
 class PointCache:
-    """The points of several sources, kept for whoever asks again at one of the last two places.
-
-    A solver evaluates a trial, and then asks how large rounding errors are where it came from: the
-    points there need not be computed again. What helps to differentiate them is kept at the last
-    place alone, because it may be as large as a Jacobian.
-    """
+    """The points of several sources, kept for whoever asks again at the last place."""
 
     def __init__(self, sources: Sequence[NumericPoints], free: Layout, fixed: Layout) -> None:
         self._sources, self._free, self._fixed = tuple(sources), free, fixed
-        self._last: tuple[Key, list[PointsAt]] = ((b"", b""), [])
-        self._before: tuple[Key, list[Array]] = self._last[0], []
-        self._last_fixed: tuple[bytes | None, Values] = (None, {})
+        self._last: tuple[tuple[bytes, bytes], list[PointsAt]] = ((b"", b""), [])
 
     def at(self, x: Array, fixed: Array) -> Sequence[PointsAt]:
         """Each source's points at the free numbers x and the fixed ones."""
         if not self._sources:
             return ()
         last, key = self._last, (x.tobytes(), fixed.tobytes())  # once: a thread may replace it
-        if key == last[0]:
-            return last[1]
-        around = self._around(key[1], fixed)
-        values = around | self._free.unpack(x, around)
-        found = [source.evaluate(values) for source in self._sources]
-        self._before, self._last = (last[0], [here.points for here in last[1]]), (key, found)
-        return found
-
-    def points(self, x: Array, fixed: Array) -> list[Array]:
-        """The points alone, (N, 3) of each source."""
-        before = self._before
-        if self._sources and (x.tobytes(), fixed.tobytes()) == before[0]:
-            return before[1]
-        return [here.points for here in self.at(x, fixed)]
-
-    def _around(self, key: bytes, fixed: Array) -> Values:
-        """The values of fixed blocks, read-only; they are often the same as the last time."""
-        last = self._last_fixed
         if key != last[0]:
-            values = self._fixed.unpack(fixed)
-            for value in values.values():
-                value.flags.writeable = False
-            self._last_fixed = last = key, values
+            values = all_values(self._free, x, self._fixed, fixed)
+            self._last = last = key, [source.evaluate(values) for source in self._sources]
         return last[1]
 
 
 WORTH_KEEPING = 2**20  # bytes: memory for less is quick to get
 KEPT = 2  # rooms that wait to be used again: a solver compares two linearizations
-LINE = 64  # bytes of a cache line
 
 
 @dataclass(frozen=True, eq=False)
 class BufferPool:
-    """BufferPool for arrays of one size after the other.
+    """Memory for arrays of one size after the other.
 
     An operating system clears new memory page by page, which for a large Jacobian takes as long as
-    computing it. An array's room is free when the array and all views of it are gone. Whoever gets
-    a room again finds in it what was written there before: hence others can only read it. Arrays of
-    less than a megabyte have no room, and are new each time.
+    computing it. An array's memory is free when the array and all views of it are gone. Whoever
+    gets it again finds in it what was written there before: hence others can only read it.
     """
 
     _free: list[Array] = field(default_factory=list)
@@ -354,9 +317,9 @@ class BufferPool:
         try:
             room = self._free.pop()  # at once, whatever other threads do
         except IndexError:
-            room = _zeros(rows * columns)
+            room = np.zeros(rows * columns)
         if room.nbytes != size:
-            room = _zeros(rows * columns)
+            room = np.zeros(rows * columns)
         # all views hold it, as its base is no array, and none can be made writeable
         whole = np.frombuffer(memoryview(room.data).toreadonly())
         # it calls back while it is held; `weakref.finalize` takes three times as long
@@ -367,13 +330,3 @@ class BufferPool:
         del self._taken[id(room)]
         if len(self._free) < KEPT:
             self._free.append(room)
-
-
-def _zeros(count: int) -> Array:
-    """Zeros that begin where a cache line does, as then fewer writes touch two lines.
-
-    For large ones, NumPy asks the system for large pages.
-    """
-    whole = np.zeros(count + LINE // 8)
-    first = -whole.ctypes.data % LINE // 8
-    return whole[first : first + count]

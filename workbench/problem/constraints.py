@@ -1,25 +1,26 @@
-"""All constraints of a problem: their numbers, derivatives and Hessian, by the chain rule."""
+"""Constraints, which a solution must satisfy at any cost, and all those of a problem."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import casadi as cs
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.sparse import csc_array, csr_array
 
 from workbench.arrays import Array, Mask
 from workbench.blocks import Layout, Points, in_blocks
-from workbench.blocks.functions import Buffered, without_calls
-from workbench.blocks.layout import all_values
+from workbench.blocks.block import Symbolic
+from workbench.blocks.checks import reals, several
+from workbench.blocks.functions import Buffered
 from workbench.blocks.points import distinct
+from workbench.errors import BadConstraint, BadResidual
 from workbench.problem.chain import Chain
-from workbench.problem.constraint import Constraint
 from workbench.problem.graph import Graph, split
-from workbench.problem.naming import part_at
 from workbench.problem.sparsity import Pattern
 from workbench.problem.storage import (
-    DENSE_FROM,
     Stored,
     absolute,
     dense,
@@ -27,28 +28,122 @@ from workbench.problem.storage import (
     is_sparse,
     scaled_sparse,
 )
+from workbench.residuals import Residual
+from workbench.residuals.residual import blocks_read, check_listed, check_symbolic
+
+Part = TypeVar("Part", Residual, "Constraint")
+
+
+@dataclass(frozen=True, eq=False)
+class Constraint(Symbolic):
+    """A named column that is kept between `lower` and `upper`, all three in `unit`.
+
+    Limits are one number or one per row. Equal limits make an equation, and an infinite limit is
+    none. Raises BadConstraint or NotNumbers.
+
+    Attributes:
+        name: the constraint's name, unique in a problem.
+        expression: c(x), (k, 1) in `unit`.
+        lower: the lower limit in `unit`, one or (k,); minus infinity for none.
+        upper: the upper limit in `unit`, one or (k,); infinity for none.
+        unit: what a row measures.
+        points: the placeholders that the expression reads.
+        tolerance: by how much, in `unit`, a feasible point may violate a limit.
+    """
+
+    name: str
+    expression: cs.MX
+    lower: ArrayLike = -np.inf
+    upper: ArrayLike = np.inf
+    unit: str = "1"
+    points: tuple[Points, ...] = ()
+    tolerance: float = 1e-6
+
+    def __post_init__(self) -> None:
+        try:
+            check_symbolic(f"constraint {self.name!r}: the expression", self.expression)
+            what = f"the points of constraint {self.name!r}"
+            self.__dict__["points"] = several(what, self.points, Points, BadConstraint)
+            check_listed(f"constraint {self.name!r}", self.expression, self.points)
+        except BadResidual as error:
+            raise BadConstraint(str(error)) from None
+        if self.expression.shape[1] != 1 or not self.size:
+            raise BadConstraint(
+                f"constraint {self.name!r} must be a column (k, 1), not {self.expression.shape}; "
+                "casadi.vec makes one"
+            )
+        lower, upper = self.limits
+        if not (lower <= upper).all():  # also where one is NaN
+            row = int(np.argmin(lower <= upper))
+            raise BadConstraint(
+                f"{self.label(row)} has the lower limit {lower[row]:g} and the upper limit "
+                f"{upper[row]:g}; no number lies between"
+            )
+        if not (np.isfinite(lower) | np.isfinite(upper)).all():
+            row = int(np.argmin(np.isfinite(lower) | np.isfinite(upper)))
+            raise BadConstraint(f"{self.label(row)} has no finite limit; give one, or drop it")
+        tolerance = reals(f"the tolerance of constraint {self.name!r}", self.tolerance)
+        if tolerance.shape != () or not 0 < tolerance < np.inf:
+            raise BadConstraint(
+                f"constraint {self.name!r} needs a finite tolerance above zero in {self.unit}, "
+                f"not {self.tolerance}"
+            )
+
+    @property
+    def size(self) -> int:
+        """k, the number of rows."""
+        return int(self.expression.shape[0])
+
+    @property
+    def limits(self) -> tuple[Array, Array]:
+        """Lower and upper, (k,) each."""
+        return self._limit("lower", self.lower), self._limit("upper", self.upper)
+
+    @property
+    def reads(self) -> tuple[str, ...]:
+        """Names of the blocks that it depends on, directly or through its points."""
+        return blocks_read(self.expression, self.points)
+
+    def graph(self) -> cs.MX:
+        """The expression in the symbols of blocks alone, (k, 1); see `Residual.graph`."""
+        return in_blocks(self.expression, self.points)
+
+    def label(self, row: int) -> str:
+        """The name of one row."""
+        return self.name if self.size == 1 else f"{self.name}[{row}]"
+
+    def _limit(self, side: str, value: ArrayLike) -> Array:
+        limit = reals(f"the {side} limit of constraint {self.name!r}", value)
+        if limit.shape not in ((), (self.size,)):
+            raise BadConstraint(
+                f"constraint {self.name!r} has {self.size} rows; give one {side} limit or "
+                f"{self.size} of them, not an array of shape {limit.shape}"
+            )
+        return np.array(np.broadcast_to(limit, (self.size,)))
+
+
+def part_at(parts: Sequence[Part], row: int) -> tuple[Part, int]:
+    """To which of some stacked parts a row belongs, and which of its rows it is.
+
+    Raises IndexError.
+    """
+    left = row
+    for part in parts:
+        if 0 <= left < part.size:
+            return part, left
+        left -= part.size
+    raise IndexError(f"row {row} of {row - left}")
 
 
 @dataclass(frozen=True, eq=False)
 class LinearizedConstraints:
-    """The linear model c(x + p) ~ values + jacobian p, to be kept between lower and upper.
+    """The linear model c(x + p) ~ values + jacobian p, to be kept between lower and upper."""
 
-    The Jacobian is an array, or sparse where it is large and most of it is zero, by the same rule
-    as that of a residual (`storage.is_sparse`).
-
-    Attributes:
-        values: c(x) (k,), each in its unit.
-        jacobian: (k, n).
-        lower: (k,) the lower limits.
-        upper: (k,) the upper limits.
-        tolerance: (k,) violations up to which a limit counts as met.
-    """
-
-    values: Array
-    jacobian: Stored
-    lower: Array
-    upper: Array
-    tolerance: Array
+    values: Array  # c(x) (k,), each in its unit
+    jacobian: Stored  # (k, n), by the same rule as that of a residual (`storage.is_sparse`)
+    lower: Array  # (k,) the lower limits
+    upper: Array  # (k,) the upper limits
+    tolerance: Array  # (k,) violations up to which a limit counts as met
 
     @property
     def finite(self) -> bool:
@@ -97,8 +192,7 @@ class LinearizedConstraints:
 class ConstraintSet:
     """All constraints c(x, fixed) (k,), their Jacobian, and the Hessian of multipliers' c.
 
-    Values and Jacobian come from the chain rule. So does the Hessian, unless it is large or the
-    derivatives of points are sparse, where it comes from the whole graph. Each is built when it is
+    Values and Jacobian come from the chain rule, the Hessian from the whole graph, each when it is
     first asked for.
     """
 
@@ -110,13 +204,6 @@ class ConstraintSet:
         self.upper = np.concatenate([upper for _, upper in limits])
         sizes = [c.size for c in self.constraints]
         self.tolerance = np.repeat([c.tolerance for c in self.constraints], sizes)
-
-    @staticmethod
-    def of(
-        constraints: Sequence[Constraint], free: Layout, fixed: Layout
-    ) -> "ConstraintSet | None":
-        """The constraints together; None if there are none."""
-        return ConstraintSet(constraints, free, fixed) if constraints else None
 
     @property
     def size(self) -> int:
@@ -167,8 +254,6 @@ class ConstraintSet:
 
     def hessian(self, x: Array, fixed: Array, multipliers: Array) -> Stored:
         """The Hessian of multipliers' c, (n, n), stored like a Jacobian of this size."""
-        if len(x) ** 2 <= DENSE_FROM and has_arithmetic(self._points):
-            return self._by_chain.at(x, fixed, multipliers)
         found = self._hessian(x, fixed, multipliers)[0]
         if len(found) == len(x) ** 2:
             return found.reshape(len(x), len(x))
@@ -207,10 +292,6 @@ class ConstraintSet:
         return Chain(*split(self._stacked, self._points, *self._layouts), *self._layouts)
 
     @cached_property
-    def _by_chain(self) -> "ConstraintHessian":
-        return ConstraintHessian(self._stacked, self._points, *self._layouts)
-
-    @cached_property
     def _multipliers(self) -> cs.MX:
         return cs.MX.sym("multipliers", self.size)
 
@@ -223,73 +304,3 @@ class ConstraintSet:
         g, H, (n, _) = self._graph, self._curvature, self._curvature.shape
         H = H if is_sparse(n, n, H.nnz()) else cs.densify(H)
         return Buffered(cs.Function("H", [g.x, g.fixed, self._multipliers], [H]))
-
-
-class ConstraintHessian:
-    """(x, fixed, multipliers) -> the Hessian (n, n) of multipliers' c, an array."""
-
-    def __init__(
-        self, constraints: cs.MX, points: Sequence[Points], free: Layout, fixed: Layout
-    ) -> None:
-        graph, self._sources = split(constraints, points, free, fixed)
-        self._free, self._fixed = free, fixed
-        y = cs.MX.sym("multipliers", constraints.shape[0])
-        read = [graph.x, *graph.points]
-        whole = cs.MX.sym("read", sum(one.numel() for one in read))
-        edges = np.cumsum([0, *(one.numel() for one in read)]).tolist()
-        pieces = [
-            cs.reshape(whole[first:last], *one.shape)
-            for one, first, last in zip(read, edges[:-1], edges[1:], strict=True)
-        ]
-        of_read = cs.Function("of_read", [*read, graph.fixed], [graph.residual])
-        (c,) = of_read.call([*pieces, graph.fixed], True, False)
-        H, g = cs.hessian(cs.dot(y, c), whole)
-        self._places = Pattern(H.sparsity())
-        self._second = Buffered(cs.Function("second", [whole, graph.fixed, y], [H, cs.densify(g)]))
-        cotangents = [cs.MX.sym(f"cotangent{i}", *p.shape) for i, p in enumerate(graph.points)]
-        numeric = [p for p in points if p.source.numeric is not None]
-        sums = [
-            cs.dot(cs.vec(cotangent), cs.vec(in_blocks(p.symbol, [p])))
-            for cotangent, p in zip(cotangents, numeric, strict=True)
-        ]
-        of_points = Graph.of(sum(sums[1:], sums[0]), free, fixed, cotangents)
-        curvature = cs.densify(cs.hessian(of_points.residual, of_points.x)[0])
-        self._curvature = Buffered(
-            without_calls(
-                cs.Function("curvature", [of_points.x, of_points.fixed, *cotangents], [curvature]),
-                0,
-            )
-        )
-
-    def at(self, x: Array, fixed: Array, multipliers: Array) -> Array:
-        """The Hessian (n, n) at x."""
-        values, n = all_values(self._free, x, self._fixed, fixed), len(x)
-        here = [source.evaluate(values) for source in self._sources]
-        slopes = [np.eye(n)]
-        for source, one in zip(self._sources, here, strict=True):
-            slope = np.zeros((n, one.points.size))
-            into = {
-                name: slope[at] for name, at in self._free.slices.items() if name in source.reads
-            }
-            one.write_jacobian(into, None)
-            slopes.append(slope.T)
-        T = np.vstack(slopes)
-        places = np.concatenate([x, *(one.points.ravel() for one in here)])
-        entries, gradient = self._second(places, fixed, multipliers)
-        found = T.T @ (self._places.matrix(entries) @ T)
-        cotangents, first = [], n
-        for one in here:
-            cotangents.append(gradient[first : first + one.points.size])
-            first += one.points.size
-        curvature = self._curvature(x, fixed, *cotangents)[0].reshape(n, n)
-        return np.asarray(found + curvature)
-
-
-def has_arithmetic(points: Sequence[Points]) -> bool:
-    """Whether some points come from arithmetic, and each derivative of these is an array."""
-    sources = [p.source.numeric for p in points if p.source.numeric is not None]
-    return bool(sources) and not any(
-        source.nonzeros(name) is not None or source.pattern(name) is not None
-        for source in sources
-        for name in source.reads
-    )

@@ -6,18 +6,18 @@ several points to an instruction. Where it is long, as for the vertices of a mes
 bodies come from matrix products over all the values at once and only the residual is a graph.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import casadi as cs
 import numpy as np
 from scipy.linalg import block_diag
 
 from workbench.arrays import Array, Index
-from workbench.blocks import Layout, NumericPoints, Points, in_blocks
+from workbench.blocks import Layout, Points, in_blocks
 from workbench.blocks.functions import Batched, Mapped, scalar
 from workbench.blocks.layout import all_values
 from workbench.blocks.points import distinct
@@ -41,23 +41,11 @@ SHARED = False, True  # of (z, what z does not change): the second is the same f
 
 @dataclass(frozen=True, eq=False)
 class Domain:
-    """The domains of the points of some residuals; see `Residual.domain`.
-
-    Attributes:
-        residuals: those that have a domain.
-        free: the layout of the free numbers.
-        fixed: the layout of the fixed numbers.
-    """
+    """The domains of the points of those residuals that have one; see `Residual.domain`."""
 
     residuals: tuple[Residual, ...]
     free: Layout
     fixed: Layout
-
-    @staticmethod
-    def of(residuals: Iterable[Residual], free: Layout, fixed: Layout) -> "Domain | None":
-        """The domain of a problem with these residuals; None if they mean something everywhere."""
-        limited = tuple(one for one in residuals if one.domain is not None)
-        return Domain(limited, free, fixed) if limited else None
 
     def beside(self, whitened: cs.MX) -> cs.MX:
         """A column of whitened residuals with one row more: 0 in the domain, infinite elsewhere.
@@ -78,76 +66,60 @@ class Domain:
             if out.size:
                 return (
                     f"{one.label(d * int(out[0]))} means nothing there, because its domain is "
-                    f"{found[first + out[0]]:.3g}, below zero (of a keypoint, the domain is how "
-                    "many metres it is in front of its camera, times its confidence)"
+                    f"{found[first + out[0]]:.3g}, below zero (as of a keypoint behind its camera)"
                 )
             first += one.size // d
         return ""
 
     @cached_property
     def _counted(self) -> cs.MX:
-        """The domain of each point times its weight, (p, 1)."""
-        return cs.vertcat(*[_weighed(one, one.domain) for one in self.residuals])
+        """The domain of each point times its weight, the sum of those of its rows, (p, 1)."""
+        each = []
+        for one in self.residuals:
+            weights = one.weights
+            if weights is None:
+                each.append(one.domain)
+                continue
+            if not isinstance(weights, cs.MX):
+                weights = cs.DM(np.asarray(weights, dtype=float))
+            d = one.rows_per_point
+            if d > 1 and weights.numel() == one.size:
+                weights = cs.sum1(cs.reshape(weights, d, one.size // d)).T
+            each.append(weights * one.domain)
+        return cs.vertcat(*each)
 
     def _evaluated(self, x: Array, fixed: Array) -> cs.DM:
         points = distinct(p for one in self.residuals for p in one.points)
         graph, sources = split(self._counted, points, self.free, self.fixed)
-        named = all_values(self.free, x, self.fixed, fixed)
-        values = {name: value[None] for name, value in named.items()}
-        there = [source.evaluate_batch(values)[0].T for source in sources]
+        values = all_values(self.free, x, self.fixed, fixed)
+        there = [source.evaluate(values).points.T for source in sources]
         f = cs.Function("domain", [graph.x, graph.fixed, *graph.points], [graph.residual])
         return f(x, fixed, *there)
 
 
-def _weighed(residual: Residual, numbers: cs.MX) -> cs.MX:
-    """Numbers for each point (m / d, 1) times the point's weight, the sum of those of its rows."""
-    d, weights = residual.rows_per_point, residual.weights
-    if weights is None:
-        return numbers
-    if not isinstance(weights, cs.MX):
-        weights = cs.DM(np.asarray(weights, dtype=float))
-    if d > 1 and weights.numel() == residual.size:
-        weights = cs.sum1(cs.reshape(weights, d, residual.size // d)).T
-    return weights * numbers
-
-
-@dataclass(frozen=True, eq=False)
 class CostGraph:
-    """A residual as one graph, and as a graph of points that come from arithmetic.
+    """Whitened residuals as one graph, and as a graph of points that come from arithmetic.
 
-    Attributes:
-        whole: the residual as one graph; None where only arithmetic has the points of a source.
-        split: the residual as a graph of points that come from arithmetic.
-        sources: the arithmetic for the points of the split graph.
-        free: the layout of the free numbers.
-        fixed: the layout of the fixed numbers.
-        limited: whether the last row says by 0 or infinity if all is in its domain.
-        made: what was derived or compiled already, by the places that vary.
+    `whole` is the graph in flat numbers, None where there is none. With a domain, one more row says
+    by 0 or infinity whether all is in it (`limited`).
     """
 
-    whole: Graph | None
-    split: Graph
-    sources: Sequence[NumericPoints]
-    free: Layout
-    fixed: Layout
-    limited: bool = False
-    made: dict[tuple[str, bytes], Any] = field(default_factory=dict, repr=False)
-
-    @staticmethod
-    def of(
+    def __init__(
+        self,
         whitened: cs.MX,
         points: Sequence[Points],
         free: Layout,
         fixed: Layout,
-        graph: Graph | None,
+        whole: Graph | None,
         domain: Domain | None,
-    ) -> "CostGraph":
-        """The batch of whitened residuals, of which `graph` is the graph if there is one."""
-        if domain is None:
-            return CostGraph(graph, *split(whitened, points, free, fixed), free, fixed)
-        limited = domain.beside(whitened)
-        whole = None if graph is None else Graph.of(in_blocks(limited, points), free, fixed)
-        return CostGraph(whole, *split(limited, points, free, fixed), free, fixed, limited=True)
+    ) -> None:
+        self.limited = domain is not None
+        if domain is not None:
+            whitened = domain.beside(whitened)
+            whole = whole and Graph.of(in_blocks(whitened, points), free, fixed)
+        self.whole, self.free, self.fixed = whole, free, fixed
+        self.split, self.sources = split(whitened, points, free, fixed)
+        self.made: dict[tuple[str, bytes], Any] = {}  # derived or compiled, by the places that vary
 
     def once(self, what: str, places: Places, make: Callable[[], T]) -> T:
         """The result of `make`, which is called once for these places and is kept in `made`."""
@@ -163,17 +135,11 @@ CostMethod = Callable[[CostGraph, Array, Array, Places], Costs]
 
 @dataclass(frozen=True, eq=False)
 class FoldedCost:
-    """The cost 0.5 |r|^2 as a function of the numbers z (k,) that vary.
+    """The cost 0.5 |r|^2 as a function of the numbers z (k,) that vary."""
 
-    Attributes:
-        still: (x, fixed) to the numbers that the cost takes beside z, which z does not change.
-        cost: (z, still) to the cost, or (z, still, w, y) where `before` has made w and y.
-        before: the product with a constant matrix, where there is one.
-    """
-
-    still: cs.Function
-    cost: cs.Function
-    before: ConstantProduct | None
+    still: cs.Function  # (x, fixed) to what the cost takes beside z, which z does not change
+    cost: cs.Function  # (z, still) to the cost, or (z, still, w, y) where `before` has made w and y
+    before: ConstantProduct | None  # the product with a constant matrix, where there is one
 
     def numbers(self, x: Array, fixed: Array) -> Array:
         """What z does not change, flat."""
@@ -192,7 +158,7 @@ def interpreted(batch: CostGraph, x: Array, fixed: Array, places: Places) -> Cos
     Points come from arithmetic for all rows at once, where there is some and the whole graph is
     not short.
     """
-    folded = batch.once("folded", places, lambda: _folded(batch, places))
+    folded = batch.once("folded", places, lambda: folded_cost(batch.whole, places))
     if folded is not None and (not batch.sources or folded.instructions <= INTERPRETED_UP_TO):
         return _called(Mapped(folded.cost, SHARED), folded, x, fixed)
     graph = batch.split
@@ -213,7 +179,7 @@ def interpreted(batch: CostGraph, x: Array, fixed: Array, places: Places) -> Cos
 
 def compiled(batch: CostGraph, x: Array, fixed: Array, places: Places) -> Costs:
     """A function of z to costs that is compiled, where that is possible and worth it."""
-    graph = batch.once("products", places, lambda: _folded(batch, places, products=True))
+    graph = batch.once("products", places, lambda: folded_cost(batch.whole, places, True))
     if graph is None or graph.instructions > COMPILED_UP_TO:
         return interpreted(batch, x, fixed, places)
 
@@ -234,7 +200,7 @@ def cost_gradients(
 
     Where the graph is too long, `one_by_one` is asked for the cost and its gradient (n,) at each x.
     """
-    graph = batch.once("folded", places, lambda: _folded(batch, places))
+    graph = batch.once("folded", places, lambda: folded_cost(batch.whole, places))
     if graph is None or graph.instructions > COMPILED_UP_TO:
         costs = interpreted(batch, x, fixed, places) if batch.limited else None
 
@@ -272,11 +238,6 @@ def _called(run: Batched, graph: FoldedCost, x: Array, fixed: Array) -> Costs:
     return lambda z: run(z, numbers)[0][:, 0]
 
 
-def _folded(batch: CostGraph, places: Places, products: bool = False) -> "FoldedCost | None":
-    """The cost by what varies; None if there are too many instructions, or no such graph."""
-    return None if batch.whole is None else folded_cost(batch.whole, places, products)
-
-
 def _filled(x: Array, places: Places, z: Array) -> Array:
     """Copies (M, n) of x with z (M, k) in these places."""
     X = np.repeat(x[None], len(z), axis=0)
@@ -298,11 +259,13 @@ def _values(batch: CostGraph, X: Array, fixed: Array) -> Mapping[str, Array]:
     return values
 
 
-def folded_cost(graph: Graph, places: Places, products: bool) -> FoldedCost | None:
+def folded_cost(graph: Graph | None, places: Places, products: bool = False) -> FoldedCost | None:
     """The cost of a graph by z, which stands at these places of x; None for too long a graph.
 
     With `products`, large constant matrices are taken out, as far as z changes what they multiply.
     """
+    if graph is None:
+        return None
     cost = 0.5 * cs.sumsqr(cs.densify(graph.residual))
     out, left = _taken_out(cost, [graph.x, graph.fixed]) if products else ([], cost)
     given = [graph.x, graph.fixed, *(one.result for one in out)]
@@ -353,24 +316,16 @@ def _made_first(parts: cs.SX, of: cs.SX, trivial: bool = False) -> tuple[cs.SX, 
     return cs.vertcat(column, *symbols), cs.densify(cs.vertcat(column, *made)), left
 
 
-@dataclass(frozen=True, eq=False)
-class InnerProduct:
-    """A product y = A u + b that stands in a graph.
+class _InnerProduct(NamedTuple):
+    """A product y = A u + b that stands in a graph."""
 
-    Attributes:
-        matrix: A (m, n).
-        shift: b (m,).
-        operand: u (n, 1), in symbols.
-        result: (m, 1), the symbol that stands for y in what is left of the graph.
-    """
-
-    matrix: Array
-    shift: Array
-    operand: cs.MX
-    result: cs.MX
+    matrix: Array  # A (m, n)
+    shift: Array  # b (m,)
+    operand: cs.MX  # u (n, 1)
+    result: cs.MX  # (m, 1), the symbol that stands for y in what is left of the graph
 
 
-def _taken_out(expression: cs.MX, inputs: Sequence[cs.MX]) -> tuple[list[InnerProduct], cs.MX]:
+def _taken_out(expression: cs.MX, inputs: Sequence[cs.MX]) -> tuple[list[_InnerProduct], cs.MX]:
     """The products with constant matrices in an expression, and what is left in their results.
 
     A product with fewer than LEAST elements stays where it is, and so does one whose operand needs
@@ -378,7 +333,7 @@ def _taken_out(expression: cs.MX, inputs: Sequence[cs.MX]) -> tuple[list[InnerPr
     """
     f = cs.Function("f", list(inputs), [expression])
     nodes: list[cs.MX] = []
-    products: list[InnerProduct] = []
+    products: list[_InnerProduct] = []
     for k in range(f.n_instructions()):
         if f.instruction_id(k) == cs.OP_MTIMES:
             node = f.instruction_MX(k)
@@ -389,7 +344,7 @@ def _taken_out(expression: cs.MX, inputs: Sequence[cs.MX]) -> tuple[list[InnerPr
                     b = np.array(cs.evalf(shift)).ravel()
                     y = cs.MX.sym(f"y{len(nodes)}", len(A))
                     nodes.append(node)
-                    products.append(InnerProduct(A, b, cs.densify(operand), y))
+                    products.append(_InnerProduct(A, b, cs.densify(operand), y))
     if not nodes:
         return [], expression
     results = [one.result for one in products]

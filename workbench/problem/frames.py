@@ -6,10 +6,11 @@ from functools import cached_property
 
 import casadi as cs
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csc_array, csr_array
 
 from workbench.arrays import Array, Index, Mask
-from workbench.blocks import Block, Layout, Points
+from workbench.blocks import Block, Layout
 from workbench.blocks.functions import TOGETHER, Buffered, Mapped
 from workbench.blocks.layout import all_values
 from workbench.blocks.points import PointsOfEach, distinct
@@ -17,34 +18,25 @@ from workbench.problem.banded import (
     BandOrder,
     BlockMatrix,
     BlockPlaces,
-    SparsePlaces,
-    joined,
     run_of,
 )
 from workbench.problem.chain import Chain
 from workbench.problem.graph import split
 from workbench.problem.naming import blocks_behind, rows_of
-from workbench.problem.rounding import RowSupport, half_squared
-from workbench.problem.sparsity import columns_of_nonzeros, entries_at, rows_of_nonzeros
+from workbench.problem.optimality import RowSupport, half_squared
+from workbench.problem.sparsity import SparseSum, columns_of_nonzeros, entries_at, rows_of_nonzeros
 from workbench.problem.storage import Matrix, is_sparse
 from workbench.residuals import Residual
 
 
 @dataclass(frozen=True, eq=False)
-class FramePlaces:
-    """The places of a frame's numbers among the free and fixed ones of the sequence.
-
-    Attributes:
-        free: the layout of the frame's free numbers.
-        fixed: the layout of the frame's fixed numbers.
-        columns: (n,) where its free numbers stand among those of the sequence.
-        given: (h,) where its fixed numbers stand among those of the sequence.
-    """
+class _FramePlaces:
+    """A frame's free and fixed numbers, and where they stand among those of the sequence."""
 
     free: Layout
     fixed: Layout
-    columns: Index
-    given: Index
+    columns: Index  # (n,) of its free numbers
+    given: Index  # (h,) of its fixed numbers
 
     @property
     def entries(self) -> tuple[tuple[str, tuple[int, ...]], ...]:
@@ -52,30 +44,17 @@ class FramePlaces:
         return tuple((block.name, tuple(block.places)) for block in self.free.blocks)
 
 
-@dataclass(frozen=True, eq=False)
-class SingleFrame:
-    """The residuals of one frame, stacked, and the blocks that they read.
+class _SingleFrame:
+    """The residuals of one frame, stacked and whitened, and the points and blocks they read."""
 
-    Attributes:
-        stacked: (m, 1) the whitened residuals.
-        points: the placeholders that they read.
-        blocks: the blocks that they read, by name.
-    """
-
-    stacked: cs.MX
-    points: tuple[Points, ...]
-    blocks: dict[str, Block]
-
-    @staticmethod
-    def of(residuals: Sequence[Residual]) -> "SingleFrame":
-        """The residuals of a frame."""
-        stacked = cs.vertcat(*[residual.whitened for residual in residuals])
-        points = distinct(p for r in residuals for p in r.points)
+    def __init__(self, residuals: Sequence[Residual]) -> None:
+        self.stacked = cs.vertcat(*[residual.whitened for residual in residuals])
+        self.points = distinct(p for r in residuals for p in r.points)
         described = [b for r in residuals for b in r.blocks]
-        described += [b for p in points for b in p.source.blocks]
-        return SingleFrame(stacked, points, blocks_behind(stacked, points, described))
+        described += [b for p in self.points for b in p.source.blocks]
+        self.blocks = blocks_behind(self.stacked, self.points, described)
 
-    def at(self, t: int, free: Layout, fixed: Layout) -> FramePlaces:
+    def at(self, t: int, free: Layout, fixed: Layout) -> _FramePlaces:
         """The places of the numbers of frame t, given what is free and fixed in the sequence."""
         own: list[Block] = []
         columns = [np.zeros(0, dtype=np.int64)]
@@ -101,13 +80,9 @@ class SingleFrame:
         for block in left:
             first = fixed.slices[block.name].start + _first(fixed[block.name], t)
             given.append(np.arange(first, first + block.size))
-        return FramePlaces(
+        return _FramePlaces(
             Layout(tuple(own)), Layout(tuple(left)), np.concatenate(columns), np.concatenate(given)
         )
-
-    def chain(self, at: FramePlaces) -> Chain:
-        """The chain rule of the frame."""
-        return Chain(*split(self.stacked, self.points, at.free, at.fixed), at.free, at.fixed)
 
 
 def _first(block: Block, t: int) -> int:
@@ -122,14 +97,10 @@ FULL = 0.25  # of a row's entries: a row that reads more of its frame is stored 
 
 
 class FrameGroup:
-    """F frames that have the same chain rule.
+    """F frames that have the same chain rule, `chain`; `frames` (F,) are their numbers.
 
-    Attributes:
-        chain: the chain rule of one frame.
-        frames: (F,) the numbers of the frames in the sequence.
-        rows: (F, m) where the rows of each frame are among those of the sequence.
-        columns: (F, n) where its free numbers are among those of the sequence.
-        given: (F, h) where its fixed numbers are among those of the sequence.
+    `rows` (F, m), `columns` (F, n) and `given` (F, h) say where the rows, the free and the fixed
+    numbers of each frame stand among those of the sequence.
     """
 
     def __init__(
@@ -139,12 +110,13 @@ class FrameGroup:
         self.rows, self.columns, self.given = rows, columns, given
         self._mapped: dict[Buffered, Mapped] = {}
 
-    def _of_all(self, one: Buffered, *arguments: Array) -> list[Array]:
+    def _of_all(self, one: Buffered, x: Array, fixed: Array, places: Places) -> list[Array]:
         """The function of one frame for all frames, (F, .) for each output.
 
         CasADi's memory for a call is in proportion to its frames, which are therefore divided
         among calls with equally many.
         """
+        arguments = [x[self.columns], fixed[self.given], *(there.points for there in places)]
         if one not in self._mapped:
             F = len(self.frames)
             calls = -(-F // MAPPED)
@@ -153,11 +125,11 @@ class FrameGroup:
 
     def residual(self, x: Array, fixed: Array, places: Places) -> Array:
         """The residuals of the frames, (F, m)."""
-        return self._of_all(self.chain.to_residual, *self._arguments(x, fixed, places))[0]
+        return self._of_all(self.chain.to_residual, x, fixed, places)[0]
 
     def term_sizes(self, x: Array, fixed: Array, places: Places) -> Array:
         """The sizes of the terms that rows are made of, (F, m); see `Chain.term_sizes`."""
-        return self._of_all(self.chain.to_size, *self._arguments(x, fixed, places))[0]
+        return self._of_all(self.chain.to_size, x, fixed, places)[0]
 
     def places(self, values: Mapping[str, Array], framed: Mapping[str, bool]) -> Places:
         """The points of each source in all frames; `framed` blocks have values of every frame."""
@@ -173,7 +145,7 @@ class FrameGroup:
 
     def gradient(self, x: Array, fixed: Array, places: Places) -> tuple[Array, Array]:
         """The residuals (F, m), and the gradients (F, n) of the frames' costs."""
-        r, direct, by_points = self._derived(x, fixed, places)
+        r, direct, *by_points = self._of_all(self.chain.to_derivative, x, fixed, places)
         chain, g = self.chain, np.zeros(self.columns.shape)
         for own, entries, residual in zip(g, direct, r, strict=True):
             own += chain.by_x.vjp(entries, residual)
@@ -202,11 +174,6 @@ class FrameGroup:
         return place[self.chain.by_x.rows] >= 0, place
 
     @property
-    def whole_rows(self) -> Index:
-        """The numbers (F, k) of the whole rows in the stacked residual."""
-        return self.rows[:, self.whole]
-
-    @property
     def single(self) -> tuple[Index, Index]:
         """Rows and columns (F, l) of the entries that stand alone."""
         alone = ~self._into[0]
@@ -215,46 +182,29 @@ class FrameGroup:
 
     def linearize(self, x: Array, fixed: Array, places: Places) -> tuple[Array, Array, Array]:
         """The residuals (F, m), the whole rows (F, k, n), and the single entries (F, l)."""
-        r, direct, by_points = self._derived(x, fixed, places)
+        r, direct, *by_points = self._of_all(self.chain.to_derivative, x, fixed, places)
         inside, place = self._into
         by_x = self.chain.by_x
-        shape = len(self.frames), len(self.whole), by_x.shape[1]
-        first = next(iter(self._products), None)
-        whole = first is not None and first.covers == shape[1:]
-        block = np.empty(shape) if whole else np.zeros(shape)
+        block = np.zeros((len(self.frames), len(self.whole), by_x.shape[1]))
         for i, product in enumerate(self._products):
             for some, found in product.of(places[i], by_points[i]):
-                if whole and product is first:
-                    block[some] = found
-                else:
-                    block[some, *product.into] += found
+                block[some, *product.into] += found
         block[:, place[by_x.rows[inside]], by_x.columns[inside]] += direct[:, inside]
         return r, block, direct[:, ~inside]
 
     @cached_property
-    def _products(self) -> list["RowProduct"]:
-        _, place = self._into
-        return [
-            RowProduct(self.chain, i, place, len(self.frames))
-            for i in range(len(self.chain.sources))
-        ]
-
-    def _derived(self, x: Array, fixed: Array, places: Places) -> tuple[Array, Array, list[Array]]:
-        derivative = self.chain.to_derivative
-        r, direct, *by_points = self._of_all(derivative, *self._arguments(x, fixed, places))
-        return r, direct, by_points
-
-    def _arguments(self, x: Array, fixed: Array, places: Places) -> list[Array]:
-        return [x[self.columns], fixed[self.given], *(there.points for there in places)]
+    def _products(self) -> list["_RowProduct"]:
+        sources = range(len(self.chain.sources))
+        return [_RowProduct(self.chain, i, self._into[1], len(self.frames)) for i in sources]
 
 
-class RowProduct:
+class _RowProduct:
     """dr/dp dp/dx of one source, for several frames in one product of a sparse matrix."""
 
     def __init__(self, chain: Chain, source: int, place: Index, count: int) -> None:
         pattern = chain.by_points[source]
         reads = chain.sources[source].reads
-        self._wanted = [(n, at) for n, at in chain.free.slices.items() if n in reads]
+        wanted = [(n, at) for n, at in chain.free.slices.items() if n in reads]
         self._wide = pattern.shape[1]  # 3 N
         rows = np.unique(pattern.rows)
         numbered = pattern.matrix(np.arange(1.0, len(pattern.rows) + 1)).tocsr()[rows]
@@ -266,17 +216,15 @@ class RowProduct:
         lengths = np.tile(np.diff(numbered.indptr), most)
         self._starts = np.concatenate([[0], np.cumsum(lengths)])
         columns = np.concatenate(
-            [np.zeros(0, int), *(np.arange(a.start, a.stop) for _, a in self._wanted)]
+            [np.zeros(0, int), *(np.arange(a.start, a.stop) for _, a in wanted)]
         )
-        self._columns, self._rooms, at = columns, {}, 0
-        for name, where in self._wanted:
-            self._rooms[name] = slice(at, at := at + where.stop - where.start)
+        self._columns, self._slices, at = columns, {}, 0
+        for name, where in wanted:
+            self._slices[name] = slice(at, at := at + where.stop - where.start)
         down, across = run_of(place[rows]), run_of(columns)
         if isinstance(down, np.ndarray) and isinstance(across, np.ndarray):
             down = down[:, None]
         self.into = down, across
-        straight = isinstance(down, slice) and isinstance(across, slice)
-        self.covers = (len(rows), len(columns)) if straight else (0, 0)  # in order, from 0 on
 
     def of(self, there: PointsOfEach, entries: Array) -> Iterator[tuple[slice, Array]]:
         """Some of the frames, and the products (some, rows, columns) of these."""
@@ -285,9 +233,8 @@ class RowProduct:
             some = slice(first, min(first + AT_ONCE, len(entries)))
             size = some.stop - some.start
             points = np.empty((size, self._wide, k))
-            there.write_jacobians(
-                some, {name: points[:, :, at] for name, at in self._rooms.items()}
-            )
+            parts = {name: points[:, :, at] for name, at in self._slices.items()}
+            there.write_jacobians(some, parts)
             data = entries[some][:, self._taken].ravel()
             shape = size * self._height, size * self._wide
             starts = self._starts[: shape[0] + 1]
@@ -350,8 +297,8 @@ class FrameChain:
         if self._rest is not None:
             r[self._rest_rows], J = self._rest.linearize(x, fixed[self._rest_given])
             parts.append(entries_at(J, self._rest_pattern))
-        rest = self._entries.matrix(parts)
-        found = BlockMatrix(rest, tuple(blocks), self._block_places, self._order)
+        at = tuple(BlockPlaces(group.rows[:, group.whole], group.columns) for group in self._groups)
+        found = BlockMatrix(self._entries.matrix(parts), tuple(blocks), at, self._order)
         if not self.sparse:
             return r, found.dense
         return r, found if self._banded else found.sparse
@@ -364,23 +311,20 @@ class FrameChain:
     @cached_property
     def _stored(self) -> int:
         """How many entries of the Jacobian are stored by blocks and single entries."""
-        whole = sum(g.whole_rows.size * g.columns.shape[1] for g in self._groups)
-        return int(whole) + len(self._entries.rows)
+        whole = sum(g.rows[:, g.whole].size * g.columns.shape[1] for g in self._groups)
+        return int(whole) + int(self._entries.pattern.nnz)
 
     @cached_property
     def pattern(self) -> csc_array:
         """Where the Jacobian can be nonzero, (m, n); points depend on all of their blocks."""
-        rows, columns = [], []
+        parts: list[tuple[Index, NDArray[np.signedinteger]]] = []
         for group in self._groups:
             one = group.chain.pattern.tocoo()
-            rows.append(group.rows[:, one.row].ravel())
-            columns.append(group.columns[:, one.col].ravel())
+            parts.append((group.rows[:, one.row], group.columns[:, one.col]))
         if self._rest is not None:
-            one = self._rest_pattern.tocoo()
-            rows.append(self._rest_rows[one.row])
-            columns.append(one.col.astype(np.int64))
-        at = np.concatenate(rows), np.concatenate(columns)
-        return csc_array((np.ones(len(at[0]), dtype=bool), at), shape=(self._size, self._free.size))
+            one = self._rest.pattern.tocoo()
+            parts.append((self._rest_rows[one.row], one.col))
+        return SparseSum(parts, (self._size, self._free.size)).pattern
 
     @cached_property
     def support(self) -> RowSupport:
@@ -423,22 +367,17 @@ class FrameChain:
         return self._rest.pattern
 
     @cached_property
-    def _entries(self) -> SparsePlaces:
+    def _entries(self) -> SparseSum:
         """The places of the entries that are in no block."""
         parts = [group.single for group in self._groups]
         if self._rest is not None:
             one = self._rest_pattern
             parts.append((self._rest_rows[one.indices], columns_of_nonzeros(one)))
-        return joined(parts, (self._size, self._free.size))
-
-    @cached_property
-    def _block_places(self) -> tuple[BlockPlaces, ...]:
-        return tuple(BlockPlaces(group.whole_rows, group.columns) for group in self._groups)
+        return SparseSum(parts, (self._size, self._free.size))
 
     @cached_property
     def _order(self) -> BandOrder:
-        rest = self._entries.matrix([np.ones(len(self._entries.rows))])
-        return _order(self._free, rest)
+        return _order(self._free, self._entries.pattern)
 
     @cached_property
     def _banded(self) -> bool:
@@ -489,16 +428,17 @@ def _grouped(
         for t, one in residual.by_frame:
             parts.setdefault(t, []).append((one, np.arange(first, first + one.size)))
             first += one.size
-    known: dict[object, SingleFrame] = {}
+    known: dict[object, _SingleFrame] = {}
     chains: dict[object, tuple[Chain, list[tuple[int, Index, Index, Index]]]] = {}
     for t in sorted(parts):
         own = tuple(one for one, _ in parts[t])
         key = tuple(map(id, own))
-        frame = known[key] = known.get(key) or SingleFrame.of(own)
+        frame = known[key] = known.get(key) or _SingleFrame(own)
         at = frame.at(t, free, fixed)
         whole = key, at.entries
         if whole not in chains:
-            chain = frame.chain(at)
+            graph = split(frame.stacked, frame.points, at.free, at.fixed)
+            chain = Chain(*graph, at.free, at.fixed)
             if chain.sparse or any(
                 s.pattern(name) is not None for s in chain.sources for name in s.reads
             ):

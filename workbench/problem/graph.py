@@ -25,19 +25,12 @@ SUMS = 3  # sums of a row's terms with random weights: in a single one they may 
 
 @dataclass(frozen=True, eq=False)
 class Graph:
-    """The residual in the symbols of flat free and fixed numbers, and of points.
+    """The residual in the symbols of flat free and fixed numbers, and of points."""
 
-    Attributes:
-        x: (n, 1) the free numbers.
-        fixed: (h, 1) the fixed numbers.
-        points: placeholders of points, (3, N) each.
-        residual: (m, 1) whitened.
-    """
-
-    x: cs.MX
-    fixed: cs.MX
-    points: tuple[cs.MX, ...]
-    residual: cs.MX
+    x: cs.MX  # (n, 1) the free numbers
+    fixed: cs.MX  # (h, 1) the fixed numbers
+    points: tuple[cs.MX, ...]  # placeholders of points, (3, N) each
+    residual: cs.MX  # (m, 1) whitened
 
     @staticmethod
     def of(expression: cs.MX, free: Layout, fixed: Layout, points: Sequence[cs.MX] = ()) -> "Graph":
@@ -156,97 +149,69 @@ def _constants_named(r: cs.MX, symbols: Sequence[cs.MX]) -> tuple[cs.MX, cs.MX, 
     return named, symbol, values
 
 
-Entries = Mapping[str, Index]
-
-
 def by_free_entries(source: NumericPoints, free: Layout) -> NumericPoints:
     """The source, with derivatives only by the free entries of its blocks."""
     parts = (block for block in free.parts if block.name in source.reads)
     wanted = {block.name: np.array(block.places) for block in parts}
     if not wanted:
         return source
-    return source.only(wanted) or RestrictedPoints(source, wanted)
+    return source.only(wanted) or _RestrictedPoints(source, wanted)
 
 
 @dataclass(frozen=True, eq=False)
-class RestrictedPoints(NumericPoints):
-    """Points with derivatives by some entries of some blocks; see `NumericPoints`.
-
-    Attributes:
-        source: the points with derivatives by whole blocks.
-        wanted: the entries of each block that is free in part.
-    """
+class _RestrictedPoints(NumericPoints):
+    """Points whose derivatives by some blocks are taken by the `wanted` entries alone."""
 
     source: NumericPoints
-    wanted: Entries
+    wanted: Mapping[str, Index]
 
     @property
     def reads(self) -> tuple[str, ...]:
-        """The names of the blocks that the points depend on."""
         return self.source.reads
 
     def evaluate_batch(self, values: Mapping[str, Array]) -> Array:
-        """The points (M, N, 3) m for M values of each block."""
         return self.source.evaluate_batch(values)
 
     def pattern(self, name: str) -> csc_array | None:
-        """The columns of wanted entries in the source's pattern, if it has one."""
         found = self.source.pattern(name)
-        return None if found is None else _columns(found, self.wanted.get(name))
+        return None if found is None else self.columns(found, name)
+
+    def columns(self, matrix: csc_array, name: str) -> csc_array:
+        """The columns (3 N, wanted) of a derivative by a whole block."""
+        return csc_array(matrix[:, self.wanted[name]]) if name in self.wanted else matrix
 
     def nonzeros(self, name: str) -> int | None:
-        """The number that the source gives for the whole block."""
         return self.source.nonzeros(name)
 
-    def evaluate(self, values: Mapping[str, Array]) -> "RestrictedPointsAt":
-        """The points where whole blocks have these values."""
-        return RestrictedPointsAt(self.source.evaluate(values), self.wanted, values)
+    def evaluate(self, values: Mapping[str, Array]) -> "_RestrictedPointsAt":
+        return _RestrictedPointsAt(self, self.source.evaluate(values), values)
 
 
 @dataclass(frozen=True, eq=False)
-class RestrictedPointsAt(PointsAt):
-    """The points at one set of values; see `PointsAt`.
-
-    Attributes:
-        here: the points with derivatives by whole blocks.
-        wanted: the entries of each block that is free in part.
-        values: the values of whole blocks.
-    """
-
+class _RestrictedPointsAt(PointsAt):
+    of: _RestrictedPoints
     here: PointsAt
-    wanted: Entries
     values: Mapping[str, Array]
 
     @property
     def points(self) -> Array:
-        """The points, (N, 3) m."""
         return self.here.points
 
     def write_jacobian(self, into: Mapping[str, Array], scale: Array | None) -> None:
-        """The derivatives, transposed, written to into[block] (wanted entries, 3 N).
-
-        All rows are computed, and the wanted ones are kept.
-        """
-        rooms = {
+        whole = {
             name: np.zeros((np.size(self.values[name]), array.shape[1]))
-            if name in self.wanted
+            if name in self.of.wanted
             else array
             for name, array in into.items()
         }
-        self.here.write_jacobian(rooms, scale)
-        for name, array in into.items():
-            if name in self.wanted:
-                array[...] = rooms[name][self.wanted[name]]
+        self.here.write_jacobian(whole, scale)
+        for name in into.keys() & self.of.wanted.keys():
+            into[name][...] = whole[name][self.of.wanted[name]]
 
     def jacobian(self, name: str) -> csc_array:
-        """The derivative by the wanted entries of a block, (3 N, wanted entries)."""
-        return _columns(self.here.jacobian(name), self.wanted.get(name))
+        return self.of.columns(self.here.jacobian(name), name)
 
     def vjp(self, cotangent: Array) -> dict[str, Array]:
-        """The gradient by the wanted entries of each block, flat."""
+        wanted = self.of.wanted
         found = self.here.vjp(cotangent)
-        return {n: g[self.wanted[n]] if n in self.wanted else g for n, g in found.items()}
-
-
-def _columns(matrix: csc_array, wanted: Index | None) -> csc_array:
-    return matrix if wanted is None else csc_array(matrix[:, wanted])
+        return {name: g[wanted[name]] if name in wanted else g for name, g in found.items()}

@@ -1,5 +1,6 @@
 """The linear model of a least-squares problem at one point."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from math import isfinite
@@ -7,34 +8,132 @@ from math import isfinite
 import numpy as np
 import scipy.linalg
 from scipy.sparse import csc_array, csr_array
+from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
 from workbench.arrays import Array, Index, Mask
 from workbench.errors import NotFinite
 from workbench.problem import storage
 from workbench.problem.banded import BlockMatrix
 from workbench.problem.constraints import LinearizedConstraints
-from workbench.problem.gram import normal_equations
-from workbench.problem.rounding import all_finite, half_squared
-from workbench.problem.spectrum import Spectrum, graded_svd
+from workbench.problem.optimality import all_finite, half_squared
 from workbench.problem.steps import EPS, UNEVEN, automatic, factor_of
-from workbench.problem.storage import Matrix, Symmetric
+from workbench.problem.storage import Matrix, Symmetric, normal_equations
+
+
+@dataclass(frozen=True, eq=False)
+class Spectrum:
+    """The singular value decomposition of a Jacobian J (m, n), with k = min(m, n).
+
+    A direction whose singular value is not above the tolerance counts as null.
+
+    Attributes:
+        s: (k,) the singular values, falling.
+        Vt: (n, n) orthonormal rows v: |J v| is s for the first k, and 0 for the others.
+        tolerance: the largest singular value that counts as zero.
+    """
+
+    s: Array
+    Vt: Array
+    tolerance: float
+
+    @property
+    def rank(self) -> int:
+        """The number of singular values above the tolerance."""
+        return int(np.sum(self.s > self.tolerance))
+
+    @property
+    def determined(self) -> tuple[Array, Array]:
+        """The singular values above the tolerance, (rank,), and their directions (rank, n)."""
+        above = self.s > self.tolerance
+        return self.s[above], self.Vt[: self.s.size][above]
+
+
+def graded_svd(R: Array, lengths: Array, relative: float) -> tuple[Array, Array]:
+    """`s` (k,), falling, and Vt (n, n) of R (k, n), whose columns have these lengths (n,).
+
+    Null directions are found in R with columns of length 1, where their singular values are at most
+    `relative` times the largest; along them s is exactly zero here. In the singular values of R
+    itself, rounding errors of long columns may be larger than a short column. See Drmac and
+    Veselic, New fast and accurate Jacobi SVD algorithm, 2008.
+    """
+    k, n = R.shape
+    read = np.flatnonzero(lengths > 0)
+    d, R = lengths[read], R[:, read]
+    _, even, Vt = np.linalg.svd(R / d, full_matrices=True)
+    rank = int(np.sum(even > relative * even.max(initial=0.0)))
+    null = Vt[rank:].T
+    null[abs(null) < max(relative, EPS * read.size)] = 0.0
+    null = np.linalg.qr(null / d[:, None] * d.min())[0]
+    Q = complement(null)
+    found, V = _by_jacobi(R @ Q)
+    s, directions = np.zeros(k), np.zeros((n, n))
+    s[:rank] = found
+    directions[:rank, read] = V @ Q.T
+    directions[rank : read.size, read] = null.T
+    directions[np.arange(read.size, n), np.flatnonzero(lengths == 0)] = 1.0
+    return s, directions
+
+
+def complement(N: Array) -> Array:
+    """An orthonormal basis (n, n - d) of the complement of the orthonormal columns of N (n, d).
+
+    Entries that are zero in all columns of N have basis vectors of their own.
+    """
+    n = len(N)
+    part = np.flatnonzero(N.any(axis=1))
+    local = scipy.linalg.null_space(N[part].T) if part.size else np.zeros((0, 0))
+    Q = np.zeros((n, n - N.shape[1]))
+    others = np.setdiff1d(np.arange(n), part)
+    Q[others, np.arange(others.size)] = 1.0
+    Q[part, others.size :] = local
+    return Q
+
+
+def _by_jacobi(R: Array) -> tuple[Array, Array]:
+    """`s` (n,) and Vt (n, n) of R (k, n) of full column rank, small s as accurate as large ones."""
+    if not R.shape[1]:
+        return np.zeros(0), np.zeros((0, 0))
+    found, _, V, work, _, failed = scipy.linalg.lapack.dgejsv(
+        R, joba=0, jobu=0, jobv=0, jobr=0, jobt=1, jobp=1
+    )
+    if failed:
+        _, s, Vt = np.linalg.svd(R, full_matrices=False)
+        return s, Vt
+    return found * (work[0] / work[1]), V.T
+
+
+def largest_eigenvalue(product: Callable[[Array], Array], n: int, accuracy: float) -> float:
+    """The size of the eigenvalue of largest size, as by `largest_eigenpairs`; NaN where none is."""
+    values, _ = largest_eigenpairs(product, n, 1, accuracy)
+    return float(abs(values[0])) if len(values) else np.nan
+
+
+def largest_eigenpairs(
+    product: Callable[[Array], Array], n: int, most: int, accuracy: float
+) -> tuple[Array, Array]:
+    """The `most` eigenvalues (q,) of largest size, falling, of a symmetric matrix, by Lanczos.
+
+    `product` takes a vector (n,) to the matrix times it, and `accuracy` is the relative error. With
+    the values come their vectors (n, q), orthonormal. There are fewer where the method does not
+    converge, and none where a product is not finite.
+    """
+    first = np.random.default_rng(0).standard_normal(n)
+    if most < 1 or not np.isfinite(product(first)).all():
+        return np.zeros(0), np.zeros((n, 0))
+    if n <= max(2, most + 1):  # too small for the method
+        matrix = np.column_stack([product(unit) for unit in np.eye(n)])
+        values, vectors = np.linalg.eigh((matrix + matrix.T) / 2)
+    else:
+        operator = LinearOperator((n, n), lambda v: product(v.ravel()), dtype=float)
+        try:
+            values, vectors = eigsh(operator, most, v0=first, tol=accuracy)
+        except ArpackNoConvergence as error:
+            values, vectors = error.eigenvalues, error.eigenvectors
+    order = np.argsort(-abs(values))[:most]
+    return np.asarray(values[order]), np.asarray(vectors[:, order])
+
 
 NEGLIGIBLE = 1e-9  # the square of an entry's part in the null space up to which it has none
-
-
-def covariance_of(R: Array, lengths: Array, relative: float, estimated: bool) -> Array:
-    """(J'J)^-1 (n, n) from the triangle R of J with columns of length 1, and their `lengths` (n,).
-
-    Directions whose singular value is at most `relative` times the largest count as null; entries
-    with a part in them have infinite variance, and NaN for their covariance with others.
-    """
-    n = len(lengths)
-    _, s, Vt = np.linalg.svd(R, full_matrices=False)
-    determined = s > relative * s.max(initial=0.0)
-    if determined.sum() == n and not estimated:
-        half = scipy.linalg.solve_triangular(R, np.eye(n)) / lengths[:, None]
-        return np.asarray(half @ half.T)
-    return covariance_without(s[determined], Vt[determined], lengths)
 
 
 def covariance_without(s: Array, Vt: Array, lengths: Array) -> Array:
@@ -95,7 +194,7 @@ class Linearization:
     @property
     def estimated(self) -> bool:
         """Whether J is sparse, so that singular values are no better than 1e-8 of the largest."""
-        return not storage.is_array(self.jacobian)
+        return not isinstance(self.jacobian, np.ndarray)
 
     @property
     def by_frames(self) -> bool:
@@ -120,7 +219,7 @@ class Linearization:
 
     @cached_property
     def normal(self) -> Symmetric:
-        """J' J, (n, n), Gauss and Newton's Hessian, sparse if J is; infinite where too large."""
+        """J' J, (n, n), the Gauss-Newton Hessian, sparse if J is; infinite where too large."""
         found = normal_equations(self.jacobian, self.residual)
         if found is None:
             return storage.gram(self.jacobian)
@@ -162,8 +261,8 @@ class Linearization:
 
     def block(self, rows: slice, columns: slice) -> "Linearization":
         """The linearization of some rows by some unknowns only."""
-        part = self._by_rows[rows][:, columns]
-        return Linearization(self.residual[rows], storage.by_columns(part))
+        part = self.rows(rows).jacobian
+        return Linearization(self.residual[rows], storage.unblocked(part)[:, columns])
 
     @cached_property
     def finite(self) -> bool:
@@ -173,7 +272,7 @@ class Linearization:
         if self.constraints is not None and not self.constraints.finite:
             return False
         # NaN or infinity in the Jacobian shows in J' r, even beside a residual of zero
-        return all_finite(self.gradient) or storage.finite(self.jacobian)
+        return all_finite(self.gradient) or bool(np.isfinite(storage.entries(self.jacobian)).all())
 
     @property
     def not_finite(self) -> list[tuple[int, int]]:
@@ -208,7 +307,7 @@ class Linearization:
         k = min(m, n), and b (k,) is Q'r.
         """
         m, n = self.shape
-        d, J, k = self._lengths, self.dense, min(self.shape)
+        d, J, k = self.lengths, self.dense, min(self.shape)
         R = np.zeros((0, n + 1))
         for first in range(0, m, TOGETHER):  # rows above, reduced to R, and the next ones
             rows = slice(first, min(first + TOGETHER, m))
@@ -228,7 +327,7 @@ class Linearization:
         if not self.estimated:
             return self.triangle[1]
         storage.check_wide(self.jacobian)
-        unit = storage.scaled(self.jacobian, 1 / self._lengths)
+        unit = storage.scaled(self.jacobian, 1 / self.lengths)
         values, vectors = np.linalg.eigh(storage.dense(storage.gram(unit)))
         half = np.sqrt(np.maximum(values[::-1], 0))[:, None] * vectors[:, ::-1].T
         return np.asarray(half[: min(self.shape)])
@@ -236,7 +335,7 @@ class Linearization:
     @cached_property
     def R(self) -> Array:
         """(min(m, n), n) with R'R = J'J. Raises NotFinite, TooLarge."""
-        return self.unit_triangle * self._lengths
+        return self.unit_triangle * self.lengths
 
     @cached_property
     def spectrum(self) -> Spectrum:
@@ -261,7 +360,7 @@ class Linearization:
         return bool(read.size and read.max() > UNEVEN * read.min())
 
     @cached_property
-    def _lengths(self) -> Array:
+    def lengths(self) -> Array:
         """The lengths of the columns (n,), 1 where a column is zero."""
         return np.where(self.column_norms > 0, self.column_norms, 1.0)
 
@@ -278,7 +377,7 @@ class Linearization:
         """The p (n,) that minimises |J p + r|^2 + damping |D p|^2, D = diag(scaling).
 
         Without damping, this is the Gauss-Newton step; where J has no full rank, the shortest one.
-        The scaling must be above zero. `steps.automatic` says how it is computed.
+        The scaling must be above zero. `steps.automatic` computes it.
         """
         D = np.array(np.broadcast_to(scaling, self.shape[1:]), dtype=float)
         return automatic(self, damping, D).p
@@ -296,9 +395,12 @@ class Linearization:
         moved = self.residual + self.along(np.where(held, p, 0.0))
         return Linearization(moved, storage.scaled(self.jacobian, np.where(held, 0.0, 1.0)))
 
-    def rows(self, part: Index) -> "Linearization":
+    def rows(self, part: Index | slice) -> "Linearization":
         """The linearization of some rows only."""
-        return Linearization(self.residual[part], storage.by_columns(self._by_rows[part]))
+        some = self._by_rows[part]
+        return Linearization(
+            self.residual[part], csc_array(some) if isinstance(some, csr_array) else some
+        )
 
     def columns(self, part: Index) -> "Linearization":
         """The linearization by some unknowns only; the others keep their values."""
@@ -313,7 +415,7 @@ class Linearization:
         found = Linearization(self.residual, storage.scaled(self.jacobian, factors))
         if "triangle" in self.__dict__ and (factors > 0).all():  # units change its lengths alone
             _, R, b = self.triangle
-            found.__dict__["triangle"] = found._lengths, R, b
+            found.__dict__["triangle"] = found.lengths, R, b
         return found
 
     def predicted_decrease(self, p: Array) -> float:
@@ -333,9 +435,16 @@ class Linearization:
         """Laplace's approximation to the posterior covariance, (J' J)^-1, (n, n).
 
         It is computed as R^-1 R^-T, with columns of length 1, and not from the normal equations,
-        which would cost half of the digits. What is not identified has infinite variance.
+        which would cost half of the digits. What is not identified has infinite variance, and NaN
+        for its covariance with others.
         """
-        return covariance_of(self.unit_triangle, self._lengths, self._relative, self.estimated)
+        R, lengths = self.unit_triangle, self.lengths
+        _, s, Vt = np.linalg.svd(R, full_matrices=False)
+        determined = s > self._relative * s.max(initial=0.0)
+        if determined.sum() < len(lengths) or self.estimated:
+            return covariance_without(s[determined], Vt[determined], lengths)
+        half = scipy.linalg.solve_triangular(R, np.eye(len(lengths))) / lengths[:, None]
+        return np.asarray(half @ half.T)
 
     def inverse_times(self, right: Array, raised: Array | float = 0.0) -> Array | None:
         """(J'J + diag(raised))^-1 times an array (n, k), such as some columns of the covariance.

@@ -3,9 +3,7 @@
 import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import TypeVar
 
 import casadi as cs
 import numpy as np
@@ -26,10 +24,8 @@ from workbench.errors import (
     UnknownName,
     UnreadBlock,
 )
-from workbench.problem.constraint import Constraint
+from workbench.problem.constraints import Constraint
 from workbench.residuals import Residual
-
-Part = TypeVar("Part", Residual, Constraint)
 
 
 def parts_of(
@@ -57,19 +53,6 @@ def rows_of(residuals: Sequence[Residual]) -> dict[str, slice]:
     """The rows of each residual in the stacked residual."""
     edges = np.cumsum([0, *(r.size for r in residuals)]).tolist()
     return {r.name: slice(*edge) for r, edge in zip(residuals, pairwise(edges), strict=True)}
-
-
-def part_at(parts: Sequence[Part], row: int) -> tuple[Part, int]:
-    """To which of some stacked parts a row belongs, and which of its rows it is.
-
-    Raises IndexError.
-    """
-    left = row
-    for part in parts:
-        if 0 <= left < part.size:
-            return part, left
-        left -= part.size
-    raise IndexError(f"row {row} of {row - left}")
 
 
 def check_names(asked: Iterable[str], read: Collection[str], named: Iterable[Block]) -> None:
@@ -190,7 +173,6 @@ def _limit(name: str, pair: object, side: int, block: Block) -> Array:
 
 NONE = "1"  # the unit of a block of which nobody said one
 SINGLE = re.compile(r"[^\W\d_]+|[%°]")  # a unit that is not put together of others
-METRES = "m"
 MOST, DEEPEST = 1_000, 100  # parts of an expression that are looked at, from its end
 SUMS = (cs.OP_ADD, cs.OP_SUB)
 SAME = (  # operations that move numbers and do not change them
@@ -202,14 +184,7 @@ SAME = (  # operations that move numbers and do not change them
     cs.OP_VERTCAT,
     cs.OP_HORZREPMAT,
 )
-
-
-@dataclass(frozen=True)
-class Measured:
-    """The unit of an expression, and the name of a block or of points that it comes from."""
-
-    unit: str
-    name: str
+_Measured = tuple[str, str]  # a unit, and the name of the block or points that it comes from
 
 
 def check_units(
@@ -217,67 +192,46 @@ def check_units(
 ) -> None:
     """Raise BadResidual if a residual or a constraint adds or subtracts different units.
 
-    Both units must be known: those of blocks whose unit is "1" are not, nor those of products.
+    Both must be known, and single units, as m and mm: those of blocks whose unit is "1" are not
+    known, nor those of products. N m and J are the same, and m/s less m may have left out 1 s.
     """
-    known = {b.symbol.__hash__(): Measured(b.unit, b.name) for b in blocks.values()}
-    known |= {
-        p.symbol.__hash__(): Measured(METRES, p.name) for p in points if p.symbol.shape[0] == 3
-    }
-    known = {key: one for key, one in known.items() if one.unit != NONE}
-    if len({one.unit for one in known.values()}) < 2:
+    known = {b.symbol.__hash__(): (b.unit, b.name) for b in blocks.values() if b.unit != NONE}
+    known |= {p.symbol.__hash__(): ("m", p.name) for p in points if p.symbol.shape[0] == 3}
+    if len({unit for unit, _ in known.values()}) < 2:
         return
     for part in parts:
         if not (isinstance(part, Residual) and part.by_frame):  # its frames were looked at
-            PartUnits(known, f"{type(part).__name__.lower()} {part.name!r}").of(part.expression)
+            what = f"{type(part).__name__.lower()} {part.name!r}"
+            _measured(part.expression, known, what, {}, 0)
 
 
-def different(first: str, second: str) -> bool:
-    """Whether both are single units of another name, as m and mm.
-
-    Of units that are put together of others nothing is said: N m and J are the same, and m/s less m
-    may have left out a factor of 1 s.
-    """
-    return first != second and all(SINGLE.fullmatch(unit) for unit in (first, second))
-
-
-@dataclass
-class PartUnits:
-    """The units of the parts of one expression, each found once.
-
-    Attributes:
-        known: the units of symbols, by their hash.
-        what: what the expression is, for the error.
-        found: the parts that were looked at, by their hash.
-    """
-
-    known: Mapping[int, Measured]
-    what: str
-    found: dict[int, Measured | None] = field(default_factory=dict)
-
-    def of(self, part: cs.MX, depth: int = 0) -> Measured | None:
-        """The unit of a part, or None where it is not known. Raises BadResidual."""
-        key = part.__hash__()
-        if key not in self.found:
-            self.found[key] = None  # also of all that is not looked at any more
-            if len(self.found) <= MOST and depth < DEEPEST:
-                self.found[key] = self._of(part, depth)
-        return self.found[key]
-
-    def _of(self, part: cs.MX, depth: int) -> Measured | None:
-        if part.is_symbolic():
-            return self.known.get(part.__hash__())
-        units = [self.of(part.dep(i), depth + 1) for i in range(part.n_dep())]
-        if part.op() in SUMS:
-            first, second = units
-            if first and second and different(first.unit, second.unit):
-                raise BadResidual(self._said(first, second))
-            return None if first and second and first.unit != second.unit else first or second
-        alike = len({one.unit if one else None for one in units}) == 1
-        return units[0] if part.op() in SAME and alike else None
-
-    def _said(self, first: Measured, second: Measured) -> str:
-        return (
-            f"{self.what} adds or subtracts {first.name!r}, in {first.unit}, and {second.name!r}, "
-            f"in {second.unit}; give both in one unit, or convert one where it is read, as in "
-            "observed.symbol / 1000 from mm to m. Where two spellings mean one unit, take one"
-        )
+def _measured(
+    part: cs.MX,
+    known: Mapping[int, _Measured],
+    what: str,
+    seen: dict[int, _Measured | None],
+    depth: int,
+) -> _Measured | None:
+    """The unit of a part of an expression, or None where it is not known."""
+    key = part.__hash__()
+    if key in seen or len(seen) >= MOST or depth >= DEEPEST:
+        return seen.get(key)
+    if part.is_symbolic():
+        return known.get(key)
+    seen[key] = None  # while its own parts are looked at
+    each = [_measured(part.dep(i), known, what, seen, depth + 1) for i in range(part.n_dep())]
+    if part.op() in SUMS:
+        first, second = each
+        if first and second and first[0] != second[0]:
+            if SINGLE.fullmatch(first[0]) and SINGLE.fullmatch(second[0]):
+                raise BadResidual(
+                    f"{what} adds or subtracts {first[1]!r}, in {first[0]}, and {second[1]!r}, in "
+                    f"{second[0]}; give both in one unit, or convert one where it is read, as in "
+                    "observed.symbol / 1000 from mm to m. Where two spellings mean one unit, take "
+                    "one"
+                )
+        else:
+            seen[key] = first or second
+    elif part.op() in SAME and len({one and one[0] for one in each}) == 1:
+        seen[key] = each[0]
+    return seen[key]

@@ -1,36 +1,140 @@
-"""How far a point is from stationary, also within linear limits."""
+"""How far a point is from stationary, also within linear limits, and what rounding hides of it."""
 
-from collections.abc import Iterator
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
-from math import sqrt
-from typing import NamedTuple
+from math import isfinite, sqrt
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import scipy.optimize
-from numpy.typing import NDArray
 from scipy.sparse import csc_array, csr_array, diags_array
-from scipy.sparse.csgraph import connected_components
 
-from workbench.arrays import Array
+from workbench.arrays import Array, Index, Mask
 from workbench.problem import storage
-from workbench.problem.linearization import Linearization
-from workbench.problem.rounding import Rounding, RowSupport
+from workbench.problem.sparsity import SparseSum, tied_columns
 from workbench.problem.storage import Stored, absolute, dense, row_norms
 
-Index = NDArray[np.signedinteger]
+if TYPE_CHECKING:
+    from workbench.problem.linearization import Linearization
+
+FACTOR = 10.0  # of eps: a row is the end of a chain of operations, not of one
+
+
+@dataclass(frozen=True, eq=False)
+class Rounding:
+    """The rounding error that each of the `rows` (m,) of a residual may carry, in its sigma."""
+
+    rows: Array
+
+    @cached_property
+    def norm(self) -> float:
+        """The length of the vector of all rows' rounding errors."""
+        return float(np.linalg.norm(self.rows))
+
+    def of_cost(self, residual: Array) -> float:
+        """How far rounding may have changed 1/2 |r|^2: |r|' e + 1/2 |e|^2, e the rows' errors."""
+        return float(np.abs(residual) @ self.rows) + 0.5 * self.norm**2
+
+    def of_decrease(self, residual: Array, moved: Mask) -> float:
+        """How far rounding may have changed a difference of costs by the rows that `moved` (m,)."""
+        return Rounding(self.rows[moved]).of_cost(residual[moved])
+
+
+def half_squared(r: Array) -> float:
+    """1/2 |r|^2 of a residual (m,); infinite, without a warning, where it is too large."""
+    return 0.5 * float(np.vdot(r, r))
+
+
+def all_finite(r: Array) -> bool:
+    """Whether all numbers of a vector are finite, which the sum of their squares tells sooner."""
+    return isfinite(half_squared(r)) or bool(np.isfinite(r).all())
+
+
+def decrease(residual: Array, to: Array) -> float:
+    """1/2 |r|^2 - 1/2 |s|^2 of two residuals (m,), as 1/2 (r - s)'(r + s).
+
+    Large rows that do not change cancel exactly. In the difference of two costs they would take
+    digits.
+    """
+    return 0.5 * float((residual - to) @ (residual + to))
+
+
+class RowSupport:
+    """Which rows of the residual each free number can change, by the structure of the graph.
+
+    Rows that no free number changes are constant: they add to the cost, but do not show how near a
+    minimum is.
+
+    `kinds_of` (n, k) marks what each number moves, such as the points of a body, `rows_of` (k, m)
+    the rows that read it, and `own` (n, m) single rows. Numbers of the same kinds share a group of
+    rows, so that those of a mesh are stored once.
+    """
+
+    def __init__(self, kinds_of: csr_array, rows_of: csr_array, own: csr_array) -> None:
+        kinds_of.sort_indices()
+        numbers: dict[bytes, int] = {}  # of groups, by their kinds
+        keys = (kinds_of.indices[a:b].tobytes() for a, b in pairwise(kinds_of.indptr))
+        self._group_of = np.array([numbers.setdefault(key, len(numbers)) for key in keys], int)
+        _, first = np.unique(self._group_of, return_index=True)
+        self._groups = csr_array(kinds_of[first] @ rows_of)
+        self._groups.data[:] = 1.0
+        groups, single = self._groups.tocoo(), own.tocoo()
+        taken = np.ravel_multi_index((groups.row, groups.col), groups.shape)
+        at = np.ravel_multi_index((self._group_of[single.row], single.col), groups.shape)
+        apart = ~np.isin(at, taken)  # so that nothing counts twice
+        kept = single.row[apart], single.col[apart]
+        self._own = csr_array((np.ones(len(kept[0])), kept), shape=own.shape)
+
+    @staticmethod
+    def of_frames(
+        parts: Sequence[tuple["RowSupport", Index, Index]], shape: tuple[int, int]
+    ) -> "RowSupport":
+        """The support (n, m) of several groups of similar frames.
+
+        `parts` has for each group the support of one frame, and the rows (F, m) and the free
+        numbers (F, n) of its F frames.
+        """
+        kinds_of, rows_of, own, first = [], [], [], 0
+        for one, rows, columns in parts:
+            groups, single = one._groups.tocoo(), one._own.tocoo()
+            kinds = first + groups.shape[0] * np.arange(len(rows))[:, None]
+            first += groups.shape[0] * len(rows)
+            kinds_of.append((columns, kinds + one._group_of))
+            rows_of.append((kinds + groups.row, rows[:, groups.col]))
+            own.append((columns[:, single.row], rows[:, single.col]))
+        n, m = shape
+        each = (kinds_of, (n, first)), (rows_of, (first, m)), (own, (n, m))
+        return RowSupport(*(csr_array(SparseSum(*one).pattern) for one in each))
+
+    def norms(self, rows: Array) -> Array:
+        """|v| over the rows that each free number can change: (n,) for v (m,)."""
+        squares = rows**2
+        return np.asarray(np.sqrt((self._groups @ squares)[self._group_of] + self._own @ squares))
+
+    def rows(self, numbers: Mask) -> Mask:
+        """The rows (m,) that some of the free numbers (n,) can change."""
+        chosen = np.zeros(self._groups.shape[0])
+        chosen[self._group_of[numbers]] = 1.0
+        return np.asarray(chosen @ self._groups + numbers @ self._own) > 0
+
+    @cached_property
+    def read(self) -> Mask:
+        """Which free numbers can change any row at all, (n,)."""
+        return self.norms(np.ones(self._groups.shape[1])) > 0
+
+    @cached_property
+    def changing(self) -> Mask:
+        """The rows that any free number can change, (m,)."""
+        return self.rows(np.ones(len(self._group_of), dtype=bool))
+
+
 ROUNDING = 1e-12  # of the sum of a row's absolute terms: a smaller violation is none
 
 
 class LinearLimits(NamedTuple):
-    """left <= d <= right and down <= A d <= up.
-
-    Attributes:
-        left: (n,) lower bounds.
-        right: (n,) upper bounds.
-        A: (k, n) the gradients of the linear limits.
-        down: (k,) their lower limits.
-        up: (k,) their upper limits.
-    """
+    """left <= d <= right, (n,), and down <= A d <= up, (k,); A (k, n)."""
 
     left: Array
     right: Array
@@ -94,11 +198,10 @@ def projected_sparse(target: Array, limits: LinearLimits) -> Array:
     """`projected` for many unknowns and a sparse A whose rows have length 1.
 
     First d is the target, clipped to the bounds. Then the rows that it violates are imposed, the
-    problem is solved again, and so on, until no row is violated. This ends, because each row is
-    imposed at most once. The last d is the answer: if the nearest point under some of the limits
-    meets the others, it is the nearest point under all of them. Rows that share no unknown are
-    solved separately, and unknowns that no imposed row reads keep their target. A single part with
-    thousands of imposed rows takes long, because it is solved by arrays.
+    problem is solved again, and so on, until no row is violated: if the nearest point under some of
+    the limits meets the others, it is the nearest point under all of them. Rows that share no
+    unknown are solved separately, by arrays, and unknowns that no imposed row reads keep their
+    target.
     """
     left, right, A, down, up = limits
     by_rows, sizes = csr_array(A), absolute(A)
@@ -110,68 +213,24 @@ def projected_sparse(target: Array, limits: LinearLimits) -> Array:
         if not violated.any():
             return np.asarray(d)
         imposed |= violated
-        for part in _parts(by_rows, np.flatnonzero(imposed)):
-            if not violated[part.rows].any():
+        chosen = np.flatnonzero(imposed)
+        some = csc_array(by_rows[chosen])
+        some.eliminate_zeros()  # which would tie rows together
+        read = np.flatnonzero(np.diff(some.indptr))
+        some = csc_array(some[:, read])
+        for columns in tied_columns(some.tocoo()):
+            part, own = csc_array(some[:, columns]), read[columns]
+            rows = np.unique(part.indices)
+            if not violated[chosen[rows]].any():
                 continue  # it was solved before
-            rows, columns = part.rows, part.columns
-            box = left[columns], right[columns]
-            found = _one(target[columns], LinearLimits(*box, part.entries(), down[rows], up[rows]))
+            entries, at_rows = part.toarray()[rows], chosen[rows]
+            box = left[own], right[own]
+            found = projected_dense(
+                target[own], LinearLimits(*box, entries, down[at_rows], up[at_rows])
+            )
             if not np.isfinite(found).all():
                 return np.full_like(target, np.inf)
-            d[columns] = found
-
-
-def _one(target: Array, limits: LinearLimits) -> Array:
-    """The answer for one part; without bounds, a single row is met by moving along it."""
-    left, right, A, down, up = limits
-    if len(down) > 1 or np.isfinite(left).any() or np.isfinite(right).any():
-        return projected_dense(target, limits)
-    row = dense(A)[0]
-    at = float(row @ target)
-    return np.asarray(target + row * (min(max(at, down[0]), up[0]) - at))
-
-
-class _Part(NamedTuple):
-    """Some rows, the columns that they read, and their entries, row by row.
-
-    Attributes:
-        rows: the numbers of the rows.
-        columns: the numbers of the columns that the rows read.
-        data: the entries, row by row.
-        at_row: the row of each entry, counted among `rows`.
-        at_column: the column of each entry, counted among `columns`.
-    """
-
-    rows: Index
-    columns: Index
-    data: Array
-    at_row: Index
-    at_column: Index
-
-    def entries(self) -> Array:
-        """The entries as an array (rows, columns)."""
-        found = np.zeros((len(self.rows), len(self.columns)))
-        found[self.at_row, self.at_column] = self.data
-        return found
-
-
-def _parts(A: csr_array, chosen: Index) -> Iterator[_Part]:
-    """The chosen rows in groups that share no column."""
-    some, k = csr_array(A[chosen]), len(chosen)
-    some.eliminate_zeros()  # which would tie rows together
-    of_row = np.repeat(np.arange(k), np.diff(some.indptr))
-    meets = csr_array((np.ones(some.nnz), (of_row, k + some.indices)), shape=(k + A.shape[1],) * 2)
-    _, group = connected_components(meets, directed=False)
-    order = np.argsort(group[:k], kind="stable")
-    edges = [0, *(np.flatnonzero(np.diff(group[:k][order])) + 1).tolist(), k]
-    some = csr_array(some[order])  # the rows of a group stand together now
-    of_row = np.repeat(np.arange(k), np.diff(some.indptr))
-    for first, last in pairwise(edges):
-        stored = slice(int(some.indptr[first]), int(some.indptr[last]))
-        columns, places = np.unique(some.indices[stored], return_inverse=True)
-        yield _Part(
-            chosen[order[first:last]], columns, some.data[stored], of_row[stored] - first, places
-        )
+            d[own] = found
 
 
 Box = tuple[Array, Array]
@@ -181,7 +240,7 @@ IMMATERIAL = 1e-6  # of an unknown's own size: the same
 
 def optimality(
     x: Array,
-    here: Linearization,
+    here: "Linearization",
     support: RowSupport,
     box: Box | None = None,
     rounding: Rounding | None = None,
@@ -203,7 +262,7 @@ def optimality(
     if not here.finite:
         return np.nan
     norms, r = here.column_norms, here.residual
-    if not support.all_change:
+    if not support.changing.all():
         r = np.where(support.changing, r, 0.0)
     if here.constraints is None:
         scale = _or_one(norms)  # the gradient is zero where the column is
@@ -229,7 +288,9 @@ def optimality(
     return float((way / lengths).max(initial=0.0))
 
 
-def rounding_part(x: Array, here: Linearization, support: RowSupport, rounding: Rounding) -> Array:
+def rounding_part(
+    x: Array, here: "Linearization", support: RowSupport, rounding: Rounding
+) -> Array:
     """The part of each d_i, (n,), that rounding errors of the rows that x_i can change may explain.
 
     It explains nothing where an unknown is `undetermined_by_rounding`: there rounding is the reason
@@ -246,7 +307,7 @@ def rounding_part(x: Array, here: Linearization, support: RowSupport, rounding: 
 
 
 def undetermined_by_rounding(
-    x: Array, here: Linearization, support: RowSupport, rounding: Rounding
+    x: Array, here: "Linearization", support: RowSupport, rounding: Rounding
 ) -> Array:
     """By how much rounding leaves each x_i undetermined, (n,), in its unit; 0 if harmless.
 
@@ -262,7 +323,7 @@ def _or_one(lengths: Array) -> Array:
     return lengths if lengths.min(initial=1.0) > 0 else np.where(lengths > 0, lengths, 1.0)
 
 
-def _errors(here: Linearization, support: RowSupport, rounding: Rounding) -> Array:
+def _errors(here: "Linearization", support: RowSupport, rounding: Rounding) -> Array:
     if here.constraints is not None:  # they carry the error of one number to another
         return np.full(len(here.column_norms), rounding.norm)
     return support.norms(rounding.rows)

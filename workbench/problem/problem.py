@@ -17,8 +17,7 @@ from workbench.blocks.points import distinct
 from workbench.errors import check_known
 from workbench.problem import naming
 from workbench.problem.chain import Chain
-from workbench.problem.constraint import Constraint
-from workbench.problem.constraints import ConstraintSet
+from workbench.problem.constraints import Constraint, ConstraintSet, part_at
 from workbench.problem.costs import (
     CostGradients,
     CostGraph,
@@ -33,8 +32,8 @@ from workbench.problem.frames import FrameChain
 from workbench.problem.graph import Graph, stored
 from workbench.problem.linearization import Linearization
 from workbench.problem.naming import Bounds, check_units, flat_bounds, of_free
-from workbench.problem.optimality import optimality
-from workbench.problem.rounding import Rounding, RowSupport
+from workbench.problem.optimality import FACTOR, Rounding, RowSupport, optimality
+from workbench.problem.steps import EPS
 from workbench.problem.storage import Stored
 from workbench.residuals import Residual
 from workbench.threads import limited_threads
@@ -71,9 +70,10 @@ class Problem(Symbolic):
         self.free, self.fixed = self._layouts = naming.free_and_fixed(self._known, free)
         self.lower, self.upper = flat_bounds(self.bounds, self.free, self._known)
         self.stages: dict[object, Problem] = {}  # made once by `in_stage`
-        self.solvers_made: list[object] = []  # for the next run; see `solvers.oracle`
-        self.stacked_constraints = ConstraintSet.of(self.constraints, *self._layouts)
-        self.domain = Domain.of(self.residuals, *self._layouts)
+        limits = self.constraints
+        self.stacked_constraints = ConstraintSet(limits, *self._layouts) if limits else None
+        limited = tuple(one for one in self.residuals if one.domain is not None)
+        self.domain = Domain(limited, *self._layouts) if limited else None
 
     def freeing(self, *names: str) -> "Problem":
         """The same residuals with these blocks, or entries of blocks, free instead.
@@ -150,7 +150,7 @@ class Problem(Symbolic):
 
     def row_label(self, row: int) -> str:
         """The name of one entry of the stacked residual."""
-        part, place = naming.part_at(self.residuals, row)
+        part, place = part_at(self.residuals, row)
         return part.label(place)
 
     @cached_property
@@ -265,10 +265,11 @@ class Problem(Symbolic):
     def rounding(self, x: Array, fixed: Array, residual: Array, floor: float = 1.0) -> Rounding:
         """How large the rounding error of each row of the residual (m,) at x may be.
 
-        It is estimated from the size of the terms that make up the row at x: derivatives times
-        free numbers, fixed numbers, constants and points. These are at least `floor` sigmas.
+        It is 10 eps times the size of the terms that make up the row at x: derivatives times free
+        numbers, fixed numbers, constants and points. These are at least `floor` sigmas.
         """
-        return Rounding.of(residual, self._chain.term_sizes(x, fixed), floor)
+        sizes = floor + np.abs(residual) + self._chain.term_sizes(x, fixed)
+        return Rounding(FACTOR * EPS * sizes)
 
     @property
     def support(self) -> RowSupport:
@@ -309,7 +310,7 @@ class Problem(Symbolic):
     @cached_property
     def _cost_graph(self) -> CostGraph:
         graph = self._graph if self.has_graph else None
-        return CostGraph.of(self._whitened, self.points, *self._layouts, graph, self.domain)
+        return CostGraph(self._whitened, self.points, *self._layouts, graph, self.domain)
 
 
 Stage = tuple[tuple[str, ...] | None, tuple[tuple[str, float], ...]]  # free names, weights

@@ -1,17 +1,16 @@
 """Many similar problems as one: the frames of a video or a motion, the scans of one person.
 
-A sequence is a `Problem`. Its residuals are those of the frames, stacked; each records which
-residual of which frame its rows come from, and its graph is CasADi's map of one frame, as small for
-a thousand frames as for one. Names, bounds, diagnosis and sampling therefore need no further code.
-Numbers come from `FrameChain`, which evaluates frames of the same residuals together. The Jacobian
-is a `BlockMatrix` with dense blocks for frames, its normal equations a `BandedMatrix` with the
-shared unknowns as a border; where a band would be mostly zeros (free meshes, or a residual from the
-last frame to the first), they are ordinary sparse matrices.
+A sequence is a `Problem` whose residuals are those of the frames, stacked; its graph is CasADi's
+map of one frame. Numbers come from `FrameChain`. The Jacobian is a `BlockMatrix` with dense blocks
+for frames, its normal equations a `BandedMatrix` with the shared unknowns as a border; where a band
+would be mostly zeros (free meshes, or a residual from the last frame to the first), they are
+ordinary sparse matrices.
 """
 
 from collections.abc import Callable, Iterable, Sequence
 from typing import TypeVar
 
+import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -20,7 +19,7 @@ from workbench.blocks import Block
 from workbench.blocks.checks import several, texts
 from workbench.blocks.composed_points import FrameBlocks, framed
 from workbench.errors import BadArgument, BadConstraint, BadResidual, UnknownName
-from workbench.problem.constraint import Constraint
+from workbench.problem.constraints import Constraint
 from workbench.problem.problem import Problem
 from workbench.residuals import Residual
 from workbench.residuals.sequences import Between, Frames
@@ -47,10 +46,8 @@ def sequence(
     differ in their residuals. The name and the shape of a block, and whether it is free, must be
     the same in all frames that read it.
 
-    The result is a Problem like others. A large Jacobian is never formed as an array: frames meet
-    only in shared blocks and in the residuals `between` them, so that the normal equations are a
-    band with a border (`BlockMatrix`), and time and memory are proportional to the number of
-    frames.
+    Frames meet only in shared blocks and in the residuals `between` them, so that time and memory
+    are proportional to the number of frames.
 
     Raises BadArgument for no frames and for those that do not go together, UnknownName for a shared
     block that no frame reads, and what Problem raises.
@@ -147,16 +144,11 @@ def _gathered(
         elif not same:  # every different one once
             distinct = {id(part): t for t, part in reversed(parts.items())}
             gathered.append(stack({t: parts[t] for t in sorted(distinct.values())}))
-        elif all(_same(problems[t].known[name], once[name]) for name in first.reads):
+        elif all(cs.is_equal(problems[t].known[n].symbol, once[n].symbol) for n in first.reads):
             gathered.append(first)
         else:  # the frame has its own symbols for shared blocks
             gathered.append(stack({t: first}))
     return gathered
-
-
-def _same(one: Block, other: Block) -> bool:
-    """Whether two blocks have the same symbol."""
-    return bool(one.symbol.__hash__() == other.symbol.__hash__())
 
 
 def _limited(

@@ -1,6 +1,6 @@
 """Where a Jacobian can be nonzero, and sums of parts that are stored by their nonzeros."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 from typing import NamedTuple
 
@@ -11,6 +11,8 @@ from scipy.sparse import coo_array, csc_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
 from workbench.arrays import Array, Index
+
+Places = tuple[NDArray[np.signedinteger], NDArray[np.signedinteger]]  # rows, and columns
 
 
 def columns_of_nonzeros(matrix: csc_array) -> Index:
@@ -63,6 +65,11 @@ class Pattern:
         self.rows = np.array(sparsity.row(), dtype=np.int64)
         self.columns = np.repeat(np.arange(self.shape[1]), np.diff(self._starts))
 
+    @property
+    def places(self) -> Places:
+        """The rows and the columns of its entries."""
+        return self.rows, self.columns
+
     @cached_property
     def diagonal(self) -> slice | None:
         """The rows of the matrix if it is a single diagonal over all columns, else None.
@@ -105,12 +112,7 @@ class Pattern:
 
 
 class DenseTerm(NamedTuple):
-    """A dense part of a matrix: all entries in some rows of some columns.
-
-    Attributes:
-        rows: the numbers of the rows, rising.
-        columns: the columns.
-    """
+    """A dense part of a matrix: all entries in some rows, rising, of some columns."""
 
     rows: Index
     columns: slice
@@ -120,13 +122,17 @@ class DenseTerm(NamedTuple):
         """How many entries it has."""
         return int(len(self.rows) * (self.columns.stop - self.columns.start))
 
+    @property
+    def places(self) -> Places:
+        """The rows and the columns of its entries, column by column."""
+        columns = np.arange(self.columns.start, self.columns.stop)
+        return np.tile(self.rows, len(columns)), np.repeat(columns, len(self.rows))
+
 
 class SparseTerm(NamedTuple):
     """A sparse part of a matrix: the entries of some columns that `pattern` (m, size) stores.
 
-    Attributes:
-        pattern: (m, size) where entries are stored; in each column, rows rise.
-        columns: the columns.
+    In each column of the pattern, rows rise.
     """
 
     pattern: csc_array
@@ -138,18 +144,15 @@ class SparseTerm(NamedTuple):
         return int(self.pattern.nnz)
 
     @property
-    def entry_columns(self) -> Index:
-        """The column of the whole matrix in which each entry stands."""
-        return np.asarray(columns_of_nonzeros(self.pattern) + self.columns.start)
+    def places(self) -> Places:
+        """The rows and the columns of its entries, in the order of the pattern."""
+        return self.pattern.indices, columns_of_nonzeros(self.pattern) + self.columns.start
 
 
 class ChangingTerm(NamedTuple):
-    """A sparse part of a matrix whose entries change their places from point to point.
+    """A sparse part of a matrix whose at most `filled` entries change their places.
 
-    Attributes:
-        rows: the numbers of the rows that it can have entries in, rising.
-        columns: the columns.
-        filled: how many entries it has at most.
+    `rows` are those in which it can have entries, rising.
     """
 
     rows: Index
@@ -157,9 +160,9 @@ class ChangingTerm(NamedTuple):
     filled: int
 
     @property
-    def everywhere(self) -> DenseTerm:
-        """All places at which there may be an entry at some point."""
-        return DenseTerm(self.rows, self.columns)
+    def places(self) -> Places:
+        """The rows and the columns where there may be an entry at some point."""
+        return DenseTerm(self.rows, self.columns).places
 
     def within(self, entries: csc_array, n: int) -> csc_array:
         """The part's entries at one point (m, size), as part of a matrix (m, n)."""
@@ -170,62 +173,35 @@ class ChangingTerm(NamedTuple):
 
 def gaps(taken: Sequence[slice], count: int) -> list[slice]:
     """The runs of `count` rows that are in none of some slices, which do not overlap."""
-    edges = [0, *(edge for rows in sorted(_edges(taken)) for edge in rows), count]
+    taken_edges = sorted((rows.start, rows.stop) for rows in taken)
+    edges = [0, *(edge for pair in taken_edges for edge in pair), count]
     return [slice(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b > a]
 
 
-def _edges(taken: Sequence[slice]) -> list[tuple[int, int]]:
-    return [(rows.start, rows.stop) for rows in taken]
-
-
-def merged(pattern: Pattern, parts: Sequence[DenseTerm | SparseTerm]) -> csc_array:
-    """Where a sum of single entries and parts can be nonzero, (m, n)."""
-    columns, rows = np.divmod(_places(pattern, parts), pattern.shape[0])
-    starts = np.searchsorted(columns, np.arange(pattern.shape[1] + 1))
-    return csc_array((np.ones(len(rows), dtype=bool), rows, starts), shape=pattern.shape)
-
-
 class SparseSum:
-    """A sparse matrix (m, n) that is a sum of single entries and of dense or sparse parts.
+    """A sparse matrix (m, n) that is a sum of entries, given by parts: (rows, columns) of each.
 
     The entry of the sum to which each number is added is found once; the sum is then fast.
     """
 
-    def __init__(self, pattern: Pattern, parts: Sequence[DenseTerm | SparseTerm]) -> None:
-        self.shape = m, n = pattern.shape
-        places = _places(pattern, parts)
+    def __init__(self, parts: Iterable[Places], shape: tuple[int, int]) -> None:
+        self.shape = m, n = shape
+        each = [columns.ravel().astype(np.int64) * m + rows.ravel() for rows, columns in parts]
+        keys = np.concatenate([np.zeros(0, dtype=np.int64), *each])
+        places = np.sort(keys)  # np.unique takes five times as long for millions
+        places = places[np.diff(places, prepend=-1) > 0]
         columns, self._rows = np.divmod(places, m)
         self._starts = np.searchsorted(columns, np.arange(n + 1))
-        single = pattern.columns * m + pattern.rows
-        keys = np.concatenate([single, *(_keys(part, m).ravel() for part in parts)])
         self._where = np.searchsorted(places, keys)
 
-    def matrix(self, numbers: Sequence[Array]) -> csc_array:
-        """The sum of the single entries, in the pattern's order, and of the entries of each part.
+    @property
+    def pattern(self) -> csc_array:
+        """Where the sum can be nonzero."""
+        ones = np.ones(len(self._rows), dtype=bool)
+        return csc_array((ones, self._rows, self._starts), shape=self.shape)
 
-        Those of a dense part are (columns, rows), those of a sparse one in its pattern's order.
-        """
-        flat = np.concatenate([one.ravel() for one in numbers])
+    def matrix(self, numbers: Sequence[Array]) -> csc_array:
+        """The sum of the numbers of all parts, each in the order of its places."""
+        flat = np.concatenate([np.zeros(0), *(one.ravel() for one in numbers)])
         found = sums(self._where, flat, len(self._rows))
         return csc_array((found, self._rows, self._starts), shape=self.shape)
-
-
-def _places(pattern: Pattern, parts: Sequence[DenseTerm | SparseTerm]) -> Index:
-    """The keys of all entries of the sum, each once, rising."""
-    m = pattern.shape[0]
-    single = pattern.columns * m + pattern.rows
-    keys = np.concatenate([single, *(_keys(part, m).ravel() for part in parts)])
-    keys.sort()  # np.unique takes five times as long for millions
-    return keys[np.concatenate([[True], keys[1:] != keys[:-1]])] if keys.size else keys
-
-
-def _keys(part: DenseTerm | SparseTerm, m: int) -> Index:
-    """A number for every entry of a part; sorted by it, entries are stored column by column.
-
-    For a dense part the numbers have the axes (columns, rows); for a sparse part they are in the
-    order of its entries.
-    """
-    if isinstance(part, SparseTerm):
-        return part.entry_columns * m + part.pattern.indices
-    columns = np.arange(part.columns.start, part.columns.stop)
-    return np.asarray(columns[:, None] * m + part.rows)

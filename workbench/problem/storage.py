@@ -5,12 +5,16 @@ equations are an array, sparse or a `BandedMatrix`.
 
 A Jacobian is stored sparse if it has more than four million entries of which less than an eighth
 can be nonzero. A dense one that does not fit into the free memory is refused before it is
-allocated, in a sentence that says how much it would need; the run then ends as TOO_LARGE. Singular
-values of a sparse Jacobian come from J'J and are marked as estimates.
+allocated.
 """
 
+from __future__ import annotations
+
+import ctypes
 import os
 from contextlib import suppress
+from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import TypeAlias
 
@@ -18,6 +22,7 @@ import numpy as np
 from scipy.sparse import block_array, csc_array, csr_array, vstack
 
 from workbench.arrays import Array, Index, Mask
+from workbench.compiling import library_or_none, source_beside, vectors
 from workbench.errors import TooLarge
 from workbench.problem.banded import BandedMatrix, BlockMatrix
 from workbench.problem.sparsity import columns_of_nonzeros, sums
@@ -53,26 +58,14 @@ def by_nonzeros(matrix: csc_array | BlockMatrix | BandedMatrix) -> csc_array:
     return matrix if isinstance(matrix, csc_array) else matrix.sparse
 
 
-def by_columns(some: Array | csr_array) -> Stored:
-    """Some rows of a matrix, stored column by column if they are sparse."""
-    return csc_array(some) if isinstance(some, csr_array) else some
-
-
 def unblocked(matrix: Matrix | Symmetric) -> Stored:
     """The matrix as an array, if it is one, or else by its nonzeros."""
     return matrix if isinstance(matrix, np.ndarray) else by_nonzeros(matrix)
 
 
-def is_array(matrix: Matrix | Symmetric) -> bool:
-    """Whether a matrix is stored with all of its zeros."""
-    return isinstance(matrix, np.ndarray)
-
-
 def entries(matrix: Matrix) -> Array:
     """The stored numbers: all of an array, or the nonzeros of a sparse matrix."""
-    if isinstance(matrix, BlockMatrix):
-        return matrix.entries
-    return np.asarray(matrix.data) if isinstance(matrix, csc_array) else matrix
+    return matrix if isinstance(matrix, np.ndarray) else np.asarray(by_nonzeros(matrix).data)
 
 
 def column_norms(matrix: Matrix, normal: Symmetric | None = None) -> Array:
@@ -129,11 +122,6 @@ def scaled_sparse(matrix: Matrix, factors: Array) -> csc_array:
     return csc_array((entries, found.indices, found.indptr), shape=found.shape)
 
 
-def finite(matrix: Matrix) -> bool:
-    """Whether every number that is stored is finite."""
-    return bool(np.isfinite(entries(matrix)).all())
-
-
 def stacked(matrix: Matrix, below: Array) -> Matrix:
     """The matrix, and more rows below it."""
     if isinstance(matrix, np.ndarray):
@@ -161,7 +149,7 @@ def where_not_finite(matrix: Matrix) -> list[tuple[int, int]]:
 def check_wide(matrix: Matrix) -> None:
     """Raise TooLarge where a sparse matrix has too many columns for arrays of n x n."""
     m, n = matrix.shape
-    if not is_array(matrix) and n > WIDE:
+    if not isinstance(matrix, np.ndarray) and n > WIDE:
         raise TooLarge(
             f"the singular values of a sparse Jacobian of {m:,} x {n:,} need arrays of {n:,} x "
             f"{n:,}; up to {WIDE:,} columns have them: free fewer blocks"
@@ -257,3 +245,80 @@ def free_memory() -> int | None:
         most = int((group / "memory.max").read_text())  # "max" is no number: no limit
         limits.append(max(0, most - int((group / "memory.current").read_text())))
     return min(limits, default=None)
+
+
+NAME = "normal-equations"
+MANY = 2e7  # multiplications, m n^2: below, BLAS is as fast as a call of anything else
+WIDEST = 200  # columns: beyond, their sums do not stay near the processor (measured)
+LINE = 64  # bytes of a cache line
+TRIED = 301, 13  # rows and columns that the library is tried on: two full blocks and a part
+
+
+def normal_equations(J: object, r: Array) -> tuple[Array, Array] | None:
+    """J'J (n, n) and J'r (n,), for J (m, n) and r (m,); None where they come from elsewhere.
+
+    That is so where J is small, is no array that is stored column by column, or nothing can be
+    compiled.
+    """
+    if not isinstance(J, np.ndarray):
+        return None
+    m, n = J.shape
+    if J.strides[0] != 8 or J.dtype != np.float64 or m != len(r) or not worthwhile(m, n):
+        return None
+    way = compiled_gram()
+    return None if way is None else way.products(J, np.ascontiguousarray(r, dtype=np.float64))
+
+
+def worthwhile(m: int, n: int) -> bool:
+    """Whether a Jacobian (m, n) is large enough, and not too wide."""
+    return n <= WIDEST and m * n * n >= MANY
+
+
+@cache
+def compiled_gram() -> CompiledGram | None:
+    """The compiled products, loaded once per process; None where there is no compiler."""
+    source = "\n".join([vectors(), source_beside(__package__, "gram.c")])
+    loaded = library_or_none(NAME, source, _agrees, "normal equations are computed by BLAS")
+    return None if loaded is None else CompiledGram(loaded)
+
+
+@dataclass(frozen=True, eq=False)
+class CompiledGram:
+    """Products of columns by the functions of `gram.c`."""
+
+    library: ctypes.CDLL
+    _buffers: list[Array] = field(default_factory=list)  # memory that is used again
+
+    def products(self, J: Array, r: Array) -> tuple[Array, Array]:
+        """J'J (n, n) and J'r (n,), for J (m, n) stored column by column and r (m,)."""
+        m, n = J.shape
+        columns = np.empty(n + 1, dtype=np.intp)
+        columns[:n] = J.ctypes.data + J.strides[1] * np.arange(n)
+        columns[n] = r.ctypes.data
+        room = self._room(n + 1)
+        begin = room.ctypes.data + -room.ctypes.data % LINE
+        found = np.empty((n + 1, n + 1))
+        words = m, n + 1, columns.ctypes.data, begin, found.ctypes.data
+        self.library.gram(*map(ctypes.c_ssize_t, words))
+        self._buffers.append(room)
+        return found[:n, :n].copy(), found[:n, n].copy()
+
+    def _room(self, n: int) -> Array:
+        """Memory for sums and packed columns, from a run before if that was not for fewer."""
+        self.library.room_for.restype = ctypes.c_ssize_t
+        size = self.library.room_for(ctypes.c_ssize_t(n)) + LINE // 8
+        with suppress(IndexError):
+            room = self._buffers.pop()  # at once, whatever other threads do
+            if len(room) >= size:
+                return room
+        return np.empty(size)
+
+
+def _agrees(loaded: ctypes.CDLL) -> bool:
+    """Whether the library says what BLAS says, about random columns that are zero in some rows."""
+    rng, (m, n) = np.random.default_rng(0), TRIED
+    J, r = rng.standard_normal((n, m)).T, rng.standard_normal(m)
+    J[: m // 2, : n // 2] = 0.0
+    normal, gradient = CompiledGram(loaded).products(J, r)
+    close = np.allclose(normal, J.T @ J, rtol=0, atol=1e-12 * m)
+    return close and np.allclose(gradient, J.T @ r, rtol=0, atol=1e-12 * m)

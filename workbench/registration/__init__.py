@@ -1,16 +1,13 @@
 """Registration: surfaces and points brought onto scans, without known correspondences."""
 
 from workbench.geometry.solids import random_surface_points
-from workbench.registration.basins import BasinMap, basin_map
-from workbench.registration.doubts import Doubts, Support, doubts, support
+from workbench.registration.doubts import Support, doubts, support
 from workbench.registration.free_vertices import (
     QUICK_VERTEX_STAGES,
     VERTEX_STAGES,
-    Coupling,
     FreeVertices,
     Registered,
     ScanTerm,
-    StageResult,
     VertexStage,
     by_edges,
     by_vertices,
@@ -22,13 +19,11 @@ from workbench.registration.icp_steps import (
     Contacts,
     GemanMcClure,
     LeastSquares,
-    Trimmed,
     distance_gauss_newton,
     point_to_plane,
     point_to_point,
 )
 from workbench.registration.model_fit import (
-    FIT_STAGES,
     SEEN_STAGES,
     FitProgress,
     FitStage,
@@ -39,13 +34,10 @@ from workbench.registration.recipe import (
     HAND_RECIPE,
     PERSON_RECIPE,
     Recipe,
-    fit_hand,
-    model_alone,
     usual_recipe,
     with_skeleton,
 )
 from workbench.registration.registering import (
-    BodySize,
     OtherEnd,
     Registration,
     StageOutcome,
@@ -63,18 +55,13 @@ from workbench.registration.scan_jobs import (
 from workbench.registration.starts import arms_lowered, facing, hand_starts, scan_starts
 
 __all__ = [
-    "FIT_STAGES",
     "HAND_RECIPE",
     "PERSON_RECIPE",
     "QUICK_VERTEX_STAGES",
     "SEEN_STAGES",
     "VERTEX_STAGES",
     "Alignment",
-    "BasinMap",
-    "BodySize",
     "Contacts",
-    "Coupling",
-    "Doubts",
     "FailedScan",
     "FitProgress",
     "FitStage",
@@ -94,24 +81,19 @@ __all__ = [
     "ScanJob",
     "ScanTerm",
     "StageOutcome",
-    "StageResult",
     "Stopped",
     "Support",
-    "Trimmed",
     "VertexStage",
     "arms_lowered",
-    "basin_map",
     "body_size",
     "by_edges",
     "by_vertices",
     "distance_gauss_newton",
     "doubts",
     "facing",
-    "fit_hand",
     "fit_model",
     "hand_starts",
     "jobs_of",
-    "model_alone",
     "point_to_plane",
     "point_to_point",
     "random_surface_points",

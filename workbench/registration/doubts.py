@@ -90,33 +90,28 @@ def _spread(fit: ModelFit) -> Array:
 
 @dataclass(frozen=True)
 class Doubts:
-    """The thresholds above which a fit is doubted.
+    """The thresholds above which a fit is doubted, as far as they differ between people and hands.
 
     Attributes:
-        tie: two hypotheses tie whose costs differ by at most this share.
         apart: in m, the mean distance of vertices from which on hypotheses differ.
-        turned: in rad, the angle from which on two hypotheses face different ways.
-        stray: the largest share of points without contact.
         rough: in m, the largest robust standard deviation of the distances.
         open: in m, the largest mean standard deviation of the vertices, for which the scan and the
             priors leave room.
         unusual: the largest mean square of the pose in standard deviations of `pose_prior`, which
             is 1 for poses drawn from it; judged where half of the vertices or more were not seen.
-        before: the largest share of vertices in space that the camera saw to be empty.
-        missed: the largest share of the scan's points that form one cluster off the surface.
     """
 
-    tie: float = 0.05
     apart: float = 0.05
-    turned: float = np.pi / 3
-    stray: float = 0.4
     rough: float = 0.012
     open: float = 0.018
-    before: float = 0.015
-    missed: float = 0.008
     unusual: float = 0.9
 
 
+TIE = 0.05  # of the cost: two hypotheses that differ by less tie
+TURNED = np.pi / 3  # rad: the angle from which on two hypotheses face different ways
+STRAY = 0.4  # of the points may be without contact
+BEFORE = 0.015  # of the vertices may be in space that the camera saw to be empty
+MOST_OFF = 0.008  # of the scan's points may form one cluster off the surface
 CLEAR = 0.03  # m: a vertex that stands as far in empty space would have been seen
 OFF = 2 / 3  # of the reach of the fit: a point as far from the surface does not belong to it
 HALF = 0.5  # of the vertices: where fewer were seen, the prior decides much of the pose
@@ -139,10 +134,10 @@ def doubts(
     whole scan was taken from, if it was taken from one place.
     """
     known = support(fit) if found is None else found
-    here = [*_ties(fit, limits), *_data(known, limits), *_missed(fit, known, limits)]
+    here = [*_ties(fit, limits), *_data(known, limits), *_missed(fit, known)]
     here += [*_hidden(fit, known, limits), *_unusual(fit, known, limits)]
     if camera is not None:
-        here += _before(fit, np.asarray(camera, dtype=float), limits)
+        here += _before(fit, np.asarray(camera, dtype=float))
     if fit.stopped:
         here.append(f"the fit did not end by itself: {fit.stopped}")
     return (*here, *of_person(fit.body, fit.values[fit.body.blocks()[1].name]))
@@ -153,10 +148,10 @@ def _ties(fit: ModelFit, limits: Doubts) -> Iterator[str]:
     for k, other in enumerate(fit.hypotheses[1:], start=1):
         gap = (other.cost - fit.cost) / fit.cost
         off = float(np.linalg.norm(fit.vertices(k) - best, axis=1).mean())
-        if gap > limits.tie or off < limits.apart:
+        if gap > TIE or off < limits.apart:
             continue
         angle = float(np.arccos(np.clip(forward @ _facing(fit, k), -1, 1)))
-        if angle > limits.turned:
+        if angle > TURNED:
             yield (
                 f"which way the body faces is not decided: turned by {np.degrees(angle):.0f} "
                 f"degrees it costs {100 * gap:.1f} % more; look at the picture, and give --camera "
@@ -177,7 +172,7 @@ def _facing(fit: ModelFit, k: int) -> Array:
 
 def _data(known: Support, limits: Doubts) -> Iterator[str]:
     stray = 1 - float(known.touching.mean())
-    if stray > limits.stray:
+    if stray > STRAY:
         yield (
             f"{100 * stray:.0f} % of the points of the scan touch no surface; check its unit, "
             "which axis is up, and that it is of one person alone"
@@ -216,7 +211,7 @@ def _unusual(fit: ModelFit, known: Support, limits: Doubts) -> Iterator[str]:
         )
 
 
-def _missed(fit: ModelFit, known: Support, limits: Doubts) -> Iterator[str]:
+def _missed(fit: ModelFit, known: Support) -> Iterator[str]:
     """A limb that was not found leaves many points side by side; most clutter is loose."""
     points = fit.scan.points
     away = (np.abs(known.distances) > OFF * fit.reach) & ~loose_points(fit.scan)
@@ -228,18 +223,18 @@ def _missed(fit: ModelFit, known: Support, limits: Doubts) -> Iterator[str]:
     pairs = cKDTree(left).query_pairs(LINK * spacing, output_type="ndarray")
     linked = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(left), len(left)))
     most = int(np.bincount(connected_components(linked)[1]).max())
-    if most > limits.missed * len(some):
+    if most > MOST_OFF * len(some):
         yield (
             f"{100 * most / len(some):.0f} % of the points lie side by side and off the surface: "
             "a part of the body that was not found, or another thing"
         )
 
 
-def _before(fit: ModelFit, camera: Array, limits: Doubts) -> Iterator[str]:
+def _before(fit: ModelFit, camera: Array) -> Iterator[str]:
     within = np.inf if shows_all(fit.body, fit.scan) else BESIDE
     off = Shadow.of(fit.scan.points, camera, within=within).distances(fit.vertices()).numbers
     share = float(np.mean(off > CLEAR))
-    if share > limits.before:
+    if share > BEFORE:
         yield (
             f"{100 * share:.0f} % of the vertices stand where the camera would have seen them, "
             "in front of the scan or beside it"

@@ -2,22 +2,21 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 
 import casadi as cs
 import numpy as np
 
 from workbench.arrays import Array, Index, Mask
 from workbench.blocks import Block, Points, Values
+from workbench.blocks.checks import above_zero, from_zero
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadArgument
 from workbench.fitting.body_priors import usual_priors
 from workbench.fitting.scans.scan import Scan
 from workbench.geometry.solids import area, mesh_edges
 from workbench.problem import Problem
-from workbench.problem.conjugate_gradients import ConjugateGradients
 from workbench.problem.sparsity import rows_of_nonzeros
-from workbench.registration.limbs import other_limbs
+from workbench.problem.steps import ConjugateGradients
 from workbench.residuals import (
     Form,
     Residual,
@@ -39,11 +38,9 @@ class ScanTerm:
     """How a scan becomes a residual on a surface: E_S, Geman-McClure's, weighted by areas.
 
     The weight of a point, outside of the kernel, is the area that it stands for, divided by
-    `patch`. The weighted sum approximates the integral of rho over the scanned surface, divided by
-    `patch`. So neither the resolution of the scan nor that of the template changes how much the
-    scan counts beside priors and the coupling. Neighbouring points are not independent observations
-    of a model that is not exact, so that counting every one would trust the scan too much. Points
-    whose areas are not known share the template's area evenly.
+    `patch`, so that neither the resolution of the scan nor that of the template changes how much
+    the scan counts: neighbouring points are not independent observations of a model that is not
+    exact. Points whose areas are not known share the template's area evenly.
 
     Raises BadArgument for a length or an area that is not above zero.
 
@@ -64,12 +61,8 @@ class ScanTerm:
     form: Form = distance
 
     def __post_init__(self) -> None:
-        if not min(self.sigma, self.outlier, self.within, self.patch) > 0:
-            raise BadArgument(
-                "the sigma, the outlier's distance, the gate and the patch of a scan's term are "
-                f"above zero, not {self.sigma:g}, {self.outlier:g}, {self.within:g} m and "
-                f"{self.patch:g} m^2"
-            )
+        above_zero("a scan's term", sigma=self.sigma, outlier=self.outlier, patch=self.patch)
+        above_zero("a scan's term", within=self.within)
 
     def residual(self, points: Points | cs.MX, faces: Index, scan: Scan, area: float) -> Residual:
         """The residual, in m, of a surface's vertices (N, 3); `area` in m^2 is the template's."""
@@ -122,9 +115,8 @@ def by_edges(free: cs.MX, model: Points, faces: Index, sigma: float) -> Residual
     V are the free vertices and M the model's (SMPL, section 4.1; Hirshberg et al., Coregistration,
     2012, take the differences along two edges of each triangle).
 
-    The sigma is in m. The term is a membrane: what the scan moves takes its surroundings along,
-    also where nothing was seen. It is blind to translation. On a surface its sum does not depend on
-    the mesh's resolution.
+    The sigma is in m. What the scan moves takes its surroundings along, also where nothing was
+    seen; translations change nothing.
     """
     return edges(model, free, mesh_edges(faces), sigma=sigma, name="coupling")
 
@@ -147,8 +139,6 @@ OF_VERTICES = TrustRegion(linear_algebra=ConjugateGradients())
 TOGETHER = TrustRegion(linear_algebra=ConjugateGradients(tolerance=3e-2))
 SETTLED = 1e-3  # of the cost: a stage of free vertices ends after a smaller decrease
 MOST = 30  # steps of a stage that ends so
-COARSE = 800  # points of the scan with which other poses of limbs are compared
-COARSE_SETTLED = 5e-3  # of the cost: such a comparison ends after a smaller decrease
 
 
 @dataclass(frozen=True)
@@ -167,10 +157,7 @@ class VertexStage:
         solver: what solves it.
         settled: the stage ends after a step that lowers the cost by less than this share of it,
             or after 30 steps; with 0 only the solver decides. Contacts go on switching between
-            neighbouring triangles when nothing else happens any more, so that gradients vanish late
-            or never.
-        limbs: whether arms and legs begin again from their mean pose afterwards, in case one is
-            folded the wrong way; the lower cost decides (see `limbs`).
+            neighbouring triangles, so that gradients vanish late or never.
         prior_scale: by how much the standard deviations of the priors on pose and betas are
             multiplied. A larger one relaxes the priors, when the vertices have contacts by which
             the model finds its pose.
@@ -182,30 +169,22 @@ class VertexStage:
     term: ScanTerm = NEAR
     solver: Solver = OF_VERTICES
     settled: float = SETTLED
-    limbs: bool = False
     prior_scale: float = 1.0
 
     def __post_init__(self) -> None:
-        if not self.free or not 0 <= self.coupling < np.inf:
+        from_zero(f"stage {self.name!r}", coupling=self.coupling)
+        if not self.free or (VERTICES in self.free and self.coupling == 0):
             raise BadArgument(
-                f"stage {self.name!r} needs a free block and a coupling from 0 m on, not "
-                f"{self.free} and {self.coupling:g} m"
-            )
-        if VERTICES in self.free and self.coupling == 0:
-            raise BadArgument(
-                f"in stage {self.name!r}, the coupling is infinite, so that the vertices are the "
-                f"model's; give it a coupling above 0 m, or leave {VERTICES} out of {self.free}"
+                f"stage {self.name!r} needs a free block, and a coupling above 0 m if {VERTICES} "
+                f"are free: else they are the model's; not {self.free} and {self.coupling:g} m"
             )
 
 
 @dataclass
 class Settled:
-    """A callback of a solver that stops it when the cost falls by less than a share of it.
+    """A callback of a solver that stops it when a step lowers the cost by less than a share of it.
 
-    Attributes:
-        share: of the cost, the smallest decrease by one step after which the run goes on.
-        before: the cost of the last iterate.
-        left: how many more steps there may be.
+    `before` is the cost of the last iterate, and `left` how many more steps there may be.
     """
 
     share: float
@@ -220,7 +199,7 @@ class Settled:
 
 
 MODEL_STAGES = (
-    VertexStage("model", BODY, 0.0, ScanTerm(), OF_MODEL, 0.0, limbs=True),
+    VertexStage("model", BODY, 0.0, ScanTerm(), OF_MODEL, 0.0),
     VertexStage("model, near", BODY, 0.0, NEAR, OF_MODEL),
 )
 VERTEX_STAGES = (
@@ -241,13 +220,7 @@ fraction of the time, but vertices come less near to the truth."""
 
 @dataclass(frozen=True, eq=False)
 class StageResult:
-    """How a stage ended.
-
-    Attributes:
-        stage: the stage.
-        solution: what its solver found.
-        vertices: (N, 3) m, the surface at its end.
-    """
+    """How a stage ended: what its solver found, and the surface (N, 3) m there."""
 
     stage: VertexStage
     solution: Solution
@@ -291,13 +264,6 @@ class FreeVertices:
         body: its template has the faces of the registration.
         scan: points, and normals and areas if they are known.
         couple: how free vertices are coupled to the model's.
-
-    >>> from workbench import load_body
-    >>> body = load_body("small")
-    >>> scan = Scan(body.vertices() + [0.01, 0, 0])
-    >>> done = FreeVertices(body, scan).register(body.start())
-    >>> done.values["trans"].round(3).tolist(), int(done.touched.sum()) == body.n_vertices
-    ([0.01, 0.0, 0.0], True)
     """
 
     body: SkinnedBody
@@ -335,7 +301,8 @@ class FreeVertices:
         values[VERTICES] = np.asarray(start.get(VERTICES, self._model(values)), dtype=float)
         done: list[StageResult] = []
         for stage in stages:
-            solution = self._solved(stage, values)
+            until = Settled(stage.settled) if stage.settled > 0 else None
+            solution = stage.solver.solve(self.problem(stage), values, callback=until)
             values |= solution.values
             if stage.coupling == 0:
                 values[VERTICES] = self._model(values)
@@ -344,26 +311,9 @@ class FreeVertices:
         seen = touched(self._scan(symbol, stages[-1].term), values, stages[-1].term.outlier)
         return Registered(values, self._model(values), seen, tuple(done))
 
-    def _solved(self, stage: VertexStage, values: Values) -> Solution:
-        problem, settled = self.problem(stage), stage.settled
-        found = _minimum(problem, stage.solver, settled, values)
-        if not stage.limbs:
-            return found
-        coarse = replace(self, scan=self.scan.thinned(COARSE)).problem(stage)
-        near = partial(_minimum, coarse, stage.solver, COARSE_SETTLED)
-        other = other_limbs(self.body, near, values | found.values)
-        if other is None:
-            return found
-        again = _minimum(problem, stage.solver, settled, values | other.values)
-        return min(found, again, key=lambda end: end.cost)
-
     def _scan(self, points: Points | cs.MX, term: ScanTerm) -> Residual:
         whole = area(self.body.template, self.body.faces)
         return term.residual(points, self.body.faces, self.scan, whole)
 
     def _model(self, values: Mapping[str, Array]) -> Array:
         return np.asarray(self.body.vertices(*(values[name] for name in BODY)))
-
-
-def _minimum(problem: Problem, solver: Solver, settled: float, values: Values) -> Solution:
-    return solver.solve(problem, values, callback=Settled(settled) if settled > 0 else None)

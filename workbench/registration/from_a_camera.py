@@ -8,7 +8,6 @@ from numpy.typing import ArrayLike
 from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.bodies.body import Body
-from workbench.fitting.body_priors import pose_gaussian
 from workbench.fitting.scans.scan import Scan
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.geometry.solids import face_vectors, sums_over_faces
@@ -78,17 +77,13 @@ EMPTY = 0.3  # how much a vertex in empty space counts beside a point without su
 def start_poses(body: Body, draws: int = DRAWS) -> Array:
     """Poses (P, K - 1, 3) rad of all joints but the root, such as people take.
 
-    They are `limb_poses`, and random ones: of `shipped_mixture` for a body with its joints, and of
-    the Gaussian of `pose_prior` for others. The same body always gets the same poses.
+    They are `limb_poses`, and random ones of `shipped_mixture` for a body with its joints. The same
+    body always gets the same poses.
     """
-    rng, mixture = np.random.default_rng(0), shipped_mixture()
-    if tuple(body.joint_names[1:]) == tuple(mixture.joint_names):
-        drawn = draw_poses(mixture, draws, rng)[:, 1:]
-    else:
-        mean, covariance = pose_gaussian(body)
-        flat = np.ravel(mean)
-        spread = covariance if np.ndim(covariance) == 2 else covariance * np.eye(len(flat))
-        drawn = rng.multivariate_normal(flat, spread, draws).reshape(draws, -1, 3)
+    mixture = shipped_mixture()
+    if tuple(body.joint_names[1:]) != tuple(mixture.joint_names):
+        return np.array(limb_poses(body))
+    drawn = draw_poses(mixture, draws, np.random.default_rng(0))[:, 1:]
     return np.concatenate([limb_poses(body), drawn])
 
 

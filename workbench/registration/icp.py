@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from workbench.arrays import Array, Mask
+from workbench.blocks.checks import from_zero
 from workbench.errors import BadArgument
 from workbench.geometry.rigid import Similarity
 from workbench.geometry.surface_tree import ClosestPoints, SurfaceTree
@@ -49,11 +50,6 @@ class PointCloud:
         normals: (N, 3); without them, distances have no direction to compare with.
 
     Raises BadArgument for arrays of other shapes, or with numbers that are not finite.
-
-    >>> cloud = PointCloud([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
-    >>> found = cloud.closest(np.array([[0.9, 0.2, 0.0]]))
-    >>> found.faces, found.distances.round(3)
-    (array([1]), array([0.224]))
     """
 
     points: Array
@@ -190,7 +186,7 @@ class Icp:
     Attributes:
         step: the form: `distance_gauss_newton`, `point_to_plane`, `point_to_point`, or a function
             of yours from contacts to a motion.
-        loss: what distances cost: `LeastSquares()`, `GemanMcClure(scale)` or `Trimmed(share)`.
+        loss: what distances cost: `LeastSquares()` or `GemanMcClure(scale)`.
         gate: m; a point that is farther from the target has no contact.
         facing: the least cosine between the normals of a point and of its contact.
         max_iterations: at most so many steps.
@@ -215,9 +211,8 @@ class Icp:
     halvings: int = 5
 
     def __post_init__(self) -> None:
-        for name, least in (("max_iterations", 0), ("tolerance", 0.0), ("halvings", 0)):
-            if not getattr(self, name) >= least:
-                raise BadArgument(f"{name} must be at least {least}, not {getattr(self, name)}")
+        counts = {"max_iterations": self.max_iterations, "halvings": self.halvings}
+        from_zero("ICP", tolerance=self.tolerance, **counts)
         if not self.gate > 0:
             raise BadArgument(f"the gate must be a distance above 0 m, not {self.gate}")
 
@@ -247,7 +242,7 @@ class Icp:
         if start.scale != 1:
             raise BadArgument(f"the start must be rigid, of scale 1, not {start.scale}")
         turning = None if normals is None else _vectors("normals", normals, M)
-        source = _Source(places, counts, turning)
+        source = places, counts, turning
         trace: list[IcpIterate] = []
 
         def keep(place: _Place, moved: float) -> None:
@@ -287,13 +282,7 @@ class Icp:
         return None
 
 
-@dataclass(frozen=True, eq=False)
-class _Source:
-    """The points (M, 3) m as they were given, their weights (M,) and their normals."""
-
-    points: Array
-    weights: Array
-    normals: Array | None
+_Source = tuple[Array, Array, Array | None]  # points (M, 3) m, their weights (M,) and normals
 
 
 class _Place:
@@ -301,17 +290,18 @@ class _Place:
 
     def __init__(self, icp: Icp, source: _Source, target: Target, motion: Similarity) -> None:
         self.icp, self.source, self.target, self.motion = icp, source, target, motion
-        self.points: Array = motion(source.points)
-        normals = None if source.normals is None else source.normals @ motion.R.T
+        given, self.weights, turning = source
+        self.points: Array = motion(given)
+        normals = None if turning is None else turning @ motion.R.T
         self.found = target.closest(self.points, icp.gate, normals, icp.facing)
         touching = np.asarray(self.found.faces) >= 0
-        self.contact: Mask = touching & (source.weights > 0)
+        self.contact: Mask = touching & (self.weights > 0)
         counted = touching if np.isinf(icp.gate) else np.ones_like(touching)
         self.distances = np.where(touching, np.abs(self.found.distances), icp.gate)
         self.pull = np.zeros(len(self.points))
         self.pull[counted] = icp.loss.weights(self.distances[counted])
         self.contact &= self.pull > 0
-        self.cost = float(source.weights[counted] @ icp.loss.costs(self.distances[counted]))
+        self.cost = float(self.weights[counted] @ icp.loss.costs(self.distances[counted]))
 
     def contacts(self) -> Contacts:
         """The points that have a contact, with it."""
@@ -320,7 +310,7 @@ class _Place:
             self.points[on],
             self.found.points[on],
             self.found.normals[on],
-            (self.source.weights * self.pull)[on],
+            (self.weights * self.pull)[on],
         )
 
     def at(self, step: Similarity) -> "_Place":
@@ -334,6 +324,6 @@ class _Place:
     def iterate(self, moved: float) -> IcpIterate:
         """What the trace keeps."""
         on = np.asarray(self.found.faces) >= 0
-        w, d = self.source.weights[on], self.distances[on]
+        w, d = self.weights[on], self.distances[on]
         rms = float(np.sqrt(w @ d**2 / w.sum())) if w.any() else np.nan
         return IcpIterate(self.motion, self.cost, rms, float(on.mean()), moved)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.arrays import Array
+from workbench.blocks.checks import above_zero
 from workbench.errors import BadArgument
 from workbench.geometry.rigid import Similarity, procrustes
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
@@ -41,8 +42,7 @@ class GemanMcClure:
     scale: float
 
     def __post_init__(self) -> None:
-        if not 0 < self.scale < np.inf:
-            raise BadArgument(f"the scale of a robust loss must be above 0 m, not {self.scale}")
+        above_zero("a robust loss", scale=self.scale)
 
     def costs(self, distances: Array) -> Array:
         """1/2 rho of distances (M,) m: (M,) m^2."""
@@ -53,42 +53,7 @@ class GemanMcClure:
         return np.asarray((1 + (distances / self.scale) ** 2) ** -2)
 
 
-@dataclass(frozen=True)
-class Trimmed:
-    """The squares of the smallest distances alone (Chetverikov et al. 2002).
-
-    Attributes:
-        share: the share of the points that count, above 0 and at most 1. It should be below the
-            share of the points that have a counterpart. Points are counted whatever their weight,
-            so that only with equal weights the cost of alternation never rises.
-
-    Raises BadArgument for another share.
-
-    >>> Trimmed(0.5).weights(np.array([0.01, 0.3, 0.02, 0.5]))
-    array([1., 0., 1., 0.])
-    """
-
-    share: float
-
-    def __post_init__(self) -> None:
-        if not 0 < self.share <= 1:
-            raise BadArgument(
-                f"the share of points that count must be above 0 and at most 1, not {self.share}"
-            )
-
-    def costs(self, distances: Array) -> Array:
-        """1/2 d^2 of the smallest of the distances (M,) m, and 0 for the others: (M,) m^2."""
-        return self.weights(distances) * distances**2 / 2
-
-    def weights(self, distances: Array) -> Array:
-        """1 for the smallest of the distances (M,) m, and 0 for the others."""
-        kept = max(1, round(self.share * len(distances)))
-        weights = np.zeros(len(distances))
-        weights[np.argsort(distances, kind="stable")[:kept]] = 1.0
-        return weights
-
-
-Loss = LeastSquares | GemanMcClure | Trimmed
+Loss = LeastSquares | GemanMcClure
 """What distances cost: `costs` are 1/2 rho in m^2, `weights` what they count in a step, 0 to 1."""
 TOUCHING = 1e-9  # m: below this the direction of a distance is rounding
 UNSEEN = 1e-10  # of the largest eigenvalue of J'J: motions that change no distance

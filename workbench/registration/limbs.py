@@ -1,11 +1,10 @@
 """Limbs that a fit has folded the wrong way: each begins again from poses that are usual.
 
-A fit to a scan goes downhill, and the way from an arm that is folded forwards to one that is folded
-backwards leads uphill. The cost knows which of the two is right, so it is enough to begin at both.
+The way from an arm that is folded forwards to one that is folded backwards leads uphill. The cost
+knows which of the two is right, so it is enough to begin at both.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,6 +24,7 @@ SHORTEST = 3  # joints of a limb
 GAIN = 0.01  # of the cost, by which another pose of a limb must be better
 SWEEPS = 3  # through all limbs, at most: several may be wrong
 MOST = 12  # starts of a sweep, of those that were compared as they stand
+ITERATIONS, SETTLED = 12, 0.01  # of a run that tries another pose of a limb
 
 
 def limbs(parents: Sequence[int]) -> tuple[tuple[int, ...], ...]:
@@ -32,9 +32,6 @@ def limbs(parents: Sequence[int]) -> tuple[tuple[int, ...], ...]:
 
     For SMPL's tree these are the arms from the collar, from the shoulder and from the elbow on, and
     the legs from the hip and from the knee on; for a hand they are the fingers.
-
-    >>> limbs((-1, 0, 1, 2, 3, 0, 5))
-    ((1, 2, 3, 4), (2, 3, 4))
     """
     below: list[list[int]] = [[] for _ in parents]
     for joint, parent in enumerate(parents):
@@ -56,51 +53,10 @@ def limb_poses(body: Body) -> tuple[Array, ...]:
     They are the mean of `pose_prior` and, for a body with the joints of which it was learned, the
     means of the eight components of `shipped_mixture`: arms that hang, are bent, or are raised.
     """
-    mean, mixture = _mean(body), shipped_mixture()
+    mean, mixture = np.reshape(pose_gaussian(body)[0], (-1, 3)), shipped_mixture()
     if tuple(body.joint_names[1:]) != tuple(mixture.joint_names):
         return (mean,)
     return mean, *mixture.means.reshape(-1, len(mean), 3)
-
-
-def other_limbs(
-    body: Body,
-    solve: Callable[[Values], Solution],
-    values: Values,
-    *,
-    poses: Sequence[Array] | None = None,
-    cost: Callable[[Values], float] | None = None,
-) -> Solution | None:
-    """A minimum with another pose of one or more limbs, whose cost is lower; None without any.
-
-    `solve` finds the minimum near given values; it may be that of a coarser problem. Each limb is
-    put to each of `poses` (K - 1, 3) rad in turn, the mean of `pose_prior` alone without any, and
-    `solve` begins there. With `cost`, it does so only for the 12 of these whose cost is lowest
-    as they stand. The lowest of these minima is taken if its cost is lower by more than 1 %; then
-    all limbs are tried again from there.
-    """
-    pose = body.blocks()[0].name
-    known = (_mean(body),) if poses is None else tuple(poses)
-    first = best = solve(values)
-    for _ in range(SWEEPS):
-        here = {**values, **best.values}
-        starts = [
-            {**here, pose: with_limb(here[pose], limb, other)}
-            for limb in limbs(body.parents)
-            for other in known
-        ]
-        if cost is not None:
-            starts = sorted(starts, key=cost)[:MOST]
-        ends = [solve(start) for start in starts]
-        lowest = min(ends, key=lambda end: end.cost, default=best)
-        if lowest.cost >= (1 - GAIN) * best.cost:
-            break
-        best = lowest
-    return None if best is first else best
-
-
-def _mean(body: Body) -> Array:
-    """Of `pose_prior`, (K - 1, 3) rad."""
-    return np.reshape(pose_gaussian(body)[0], (-1, 3))
 
 
 def with_limb(pose: Array, limb: Sequence[int], other: Array) -> Array:
@@ -110,48 +66,22 @@ def with_limb(pose: Array, limb: Sequence[int], other: Array) -> Array:
     return moved
 
 
-ITERATIONS, SETTLED = 12, 0.01  # of a run that tries another pose of a limb
-
-
-@dataclass(frozen=True, eq=False)
-class KnownEnds:
-    """Ends that were found, to which another run need not lead.
-
-    Attributes:
-        body: the body.
-        near: in m, the mean distance of joints from an end, within which a run leads to it.
-        ends: the joints (K, 3) m of each end.
-    """
-
-    body: Body
-    near: float
-    ends: list[Array] = field(default_factory=list)
-
-    def add(self, values: Values) -> None:
-        """Remember the body with these values as an end that was found."""
-        self.ends.append(joints_of(self.body, values))
-
-    def knows(self, values: Values) -> bool:
-        """Whether the joints at these values are within `near` of an end, in the mean."""
-        if not self.ends:
-            return False
-        off = np.linalg.norm(np.array(self.ends) - joints_of(self.body, values), axis=-1)
-        return bool((off.mean(axis=1) < self.near).any())
-
-
 def unfolded(
     body: Body, runs: "StageRuns", screen: Problem, one: Hypothesis, near: float
 ) -> Hypothesis:
-    """The hypothesis, or a lower one in which limbs have other poses.
+    """The hypothesis, or a lower one in which one or more limbs have other poses.
 
-    `screen` is a coarser problem, which says at which poses of limbs it is worth to begin. A run
-    that comes within `near` m of the lowest end so far, in the mean of the joints, is given up.
+    Each limb is put to each of `limb_poses` in turn, and a run begins at the 12 of these whose cost
+    is lowest as they stand in `screen`, a coarser problem. A run that comes within `near` m of the
+    lowest end so far, in the mean of the joints, is given up. The lowest of their ends is taken if
+    its cost is lower by more than 1 %; then all limbs are tried again from there.
     """
+    pose, poses = body.blocks()[0].name, limb_poses(body)
     lowest: list[Solution] = []
 
     def solve(start: Values) -> Solution:
-        known = KnownEnds(body, near, [joints_of(body, end.values) for end in lowest])
-        end = runs.run(one.starts[0], start, ITERATIONS, SETTLED, known=known.knows)
+        ends = [joints_of(body, end.values) for end in lowest]
+        end = runs.run(one.starts[0], start, ITERATIONS, SETTLED, ends=ends, near=near)
         lowest[:] = [min([*lowest, end], key=lambda one: one.cost)]
         return end
 
@@ -159,10 +89,22 @@ def unfolded(
         rows = screen.residual(*screen.split(values))
         return float(rows @ rows) / 2
 
-    end = other_limbs(body, solve, one.values, poses=limb_poses(body), cost=cost)
-    if end is None:
+    first = best = solve(one.values)
+    for _ in range(SWEEPS):
+        here = {**one.values, **best.values}
+        starts = [
+            {**here, pose: with_limb(here[pose], limb, other)}
+            for limb in limbs(body.parents)
+            for other in poses
+        ]
+        ends = [solve(start) for start in sorted(starts, key=cost)[:MOST]]
+        end = min(ends, key=lambda end: end.cost, default=best)
+        if end.cost >= (1 - GAIN) * best.cost:
+            break
+        best = end
+    if best is first:
         return one
-    return Hypothesis(end.values, end.cost, end.status, one.starts, end.violation)
+    return Hypothesis(best.values, best.cost, best.status, one.starts, best.violation)
 
 
 def joints_of(body: Body, values: Values) -> Array:

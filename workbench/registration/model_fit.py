@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, Index, Mask
 from workbench.blocks import Values
+from workbench.blocks.checks import above_zero, from_zero
 from workbench.bodies.body import Body
 from workbench.errors import BadArgument
 from workbench.fitting.body_priors import usual_priors
@@ -18,7 +19,7 @@ from workbench.fitting.scans.surface import loose_points
 from workbench.interrupts import Interrupts
 from workbench.problem import Problem
 from workbench.registration.from_a_camera import empty_space, seen_starts, sees
-from workbench.registration.limbs import KnownEnds, joints_of, unfolded
+from workbench.registration.limbs import joints_of, unfolded
 from workbench.registration.starts import scan_starts
 from workbench.residuals import Residual
 from workbench.residuals.contacts import Form, distance
@@ -45,7 +46,7 @@ class FitStage:
         iterations: the most from each start.
         settled: a run ends when three iterations together lower the cost by less than this share.
         limbs: of how many of the best ends the arms and legs begin again in other poses afterwards,
-            in case one is folded the wrong way (see `limbs.other_limbs`).
+            in case one is folded the wrong way (see `limbs.unfolded`).
 
     A point at the surface lowers the cost by (reach / sigma)^2 / 2, compared with one far from it.
     With a wide reach, a few points of clutter outweigh the prior, and draw hidden limbs to them.
@@ -61,12 +62,9 @@ class FitStage:
     limbs: int = 0
 
     def __post_init__(self) -> None:
-        least = min(self.points, self.sigma, self.reach, self.starts, self.iterations)
-        if not least > 0 or not 0 <= self.settled < 1 or self.limbs < 0:
-            raise BadArgument(
-                "the numbers of a stage are above zero, settled < 1 and limbs 0 or more, "
-                f"not {self}"
-            )
+        several = {name: getattr(self, name) for name in ("points", "starts", "iterations")}
+        above_zero("a stage", sigma=self.sigma, reach=self.reach, **several)
+        from_zero("a stage", settled=self.settled, limbs=self.limbs)
 
 
 @dataclass(frozen=True)
@@ -83,20 +81,14 @@ class FitProgress:
 
 @dataclass
 class StageRuns:
-    """The runs of one stage, one after the other, until somebody stops them.
+    """The runs of one stage, until `progress` returns True or Ctrl-C is pressed.
 
-    Attributes:
-        problem: what they solve.
-        solver: what solves it.
-        progress: is told of every iterate, and stops all runs by returning True.
-        interrupted: whether Ctrl-C was pressed.
-        stage: the number of the stage, and how many there are.
-        starts: how many starts there are.
-        iterations: of all runs together.
-        stopped: why the runs were stopped, in a sentence; empty if they were not.
-        given_up: whether the last run was, so that its end is only a place on its way.
+    `stage` is its number and how many there are, `iterations` those of all runs together; `stopped`
+    says why the runs were stopped, in a sentence, and `given_up` whether the last run was, so that
+    its end is only a place on its way.
     """
 
+    body: Body
     problem: Problem
     solver: Solver
     progress: Callable[[FitProgress], object] | None
@@ -114,14 +106,16 @@ class StageRuns:
         most: int,
         settled: float,
         enough: float = inf,
-        known: Callable[[Values], bool] | None = None,
+        ends: Sequence[Array] = (),
+        near: float = 0.0,
     ) -> Solution:
         """One run that begins at `start`, or at what was found from the start of this number.
 
         It ends after `most` iterations, when three of them together lower the cost by less than a
         share of it, or when the runs are stopped. It is given up when five times the decrease over
         the last three iterations would leave its cost more than a tenth above `enough`, and at an
-        iterate after the first that `known` says is near an end that is known already.
+        iterate after the first whose joints are within `near` m, in the mean, of one of the `ends`
+        (K, 3) m that are known already.
         """
         costs: list[float] = []
         self.given_up = False
@@ -134,9 +128,12 @@ class StageRuns:
                 self.stopped = "stopped"
             if self.stopped or now.iteration >= most:
                 return True
-            if known is not None and len(costs) > 1 and known(iterate.values):
-                self.given_up = True
-                return True
+            if ends and len(costs) > 1:
+                joints = joints_of(self.body, iterate.values)
+                off = np.linalg.norm(np.array(ends) - joints, axis=-1).mean(axis=1)
+                if off.min() < near:
+                    self.given_up = True
+                    return True
             if len(costs) <= OVER + 1:
                 return False
             gained = costs[-1 - OVER] - iterate.cost
@@ -188,14 +185,6 @@ class ModelFit:
         seconds: the time of all runs, in s.
         stopped: why the fit ended early, in a sentence; empty if it did not.
         way: the start that led to the best hypothesis, and where each stage ended on the way there.
-
-    >>> from workbench import load_body
-    >>> body = load_body("small")
-    >>> scan = Scan(body.vertices())
-    >>> stages = (FitStage(200, sigma=0.02, reach=0.1, starts=2, iterations=10),)
-    >>> fit = fit_model(body, scan, stages=stages)
-    >>> bool(np.linalg.norm(fit.vertices() - scan.points, axis=1).mean() < 0.1)  # m
-    True
     """
 
     body: Body
@@ -246,27 +235,22 @@ def fit_model(
     """Find pose, betas and trans of a body from a scan alone; y is up, lengths are in m.
 
     Every stage minimises the robust distances of some points of the scan to the surface, each
-    weighted by its area, and the priors, `usual_priors` unless others are given.
-    Normals of the scan, if it has them, must point outwards: a point is then compared only with
-    surface that faces its way. `keep` (M,) leaves out points, such as those at the boundary of a
-    scan. `others` are further residuals in the symbols of `body.blocks()`, such as landmarks.
+    weighted by its area, and the priors, `usual_priors` unless others are given. Normals of the
+    scan must point outwards: a point is compared only with surface that faces its way, and at most
+    `within` m away. `keep` (M,) leaves out points, such as those at the boundary of a scan.
+    `others` are further residuals in the symbols of `body.blocks()`, such as landmarks.
 
     The first stage begins at all `starts`; each following one at the best different ends of the
     one before, whose joints are `same` m apart or more in the mean. A run that will not come among
-    them, or in the last stage near the best, is given up, and so is one that comes to an end that
-    was found before. A stage may try other poses of
-    arms and legs as well (`FitStage.limbs`). A point farther than `within` m from the surface has
-    no contact.
+    them, or that comes to an end that was found before, is given up.
 
     `camera` (3,) m is where the whole scan was taken from, if that was one place. Then the body is
-    kept out of the space that was seen to be empty (see `residuals.free_space`),
-    and the first stage begins at those of many more starts that are most like the scan (see
-    `seen_starts`). Loose points are left out (see `fitting.loose_points`), because a limb that was
-    not seen would be drawn to them. Points that `keep` leaves out count as seen. `SEEN_STAGES` are
-    stages for all this.
+    kept out of the space that was seen to be empty (see `residuals.free_space`), the first stage
+    begins at `seen_starts`, and loose points are left out, because a limb that was not seen would
+    be drawn to them. Points that `keep` leaves out count as seen. `SEEN_STAGES` suit this.
 
-    `progress` is told of every iterate, and stops the fit by
-    returning True; Ctrl-C does so too. Either way, what was found is returned.
+    `progress` is told of every iterate, and stops the fit by returning True; Ctrl-C does so too.
+    Either way, what was found is returned.
 
     Raises BadScan for a scan that cannot be of a person, BadArgument for no stages, no starts, or
     a camera that stands among the points.
@@ -307,15 +291,17 @@ def fit_model(
             problem, begin = problem_of(stage), ends[: stage.starts]
             place = (number + 1, len(stages))
             runs = StageRuns(
-                problem, solver, progress, lambda: interrupts.pressed, place, len(begin)
+                body, problem, solver, progress, lambda: interrupts.pressed, place, len(begin)
             )
             following = stages[number + 1].starts if number + 1 < len(stages) else 1
-            found, hypotheses, near = [], [], KnownEnds(body, AGAIN * same)
+            found, hypotheses, known = [], [], list[Array]()
             for k, start in enumerate(begin):
                 enough = hypotheses[following - 1].cost if len(hypotheses) >= following else inf
-                end = runs.run(k, start, stage.iterations, stage.settled, enough, near.knows)
+                end = runs.run(
+                    k, start, stage.iterations, stage.settled, enough, known, AGAIN * same
+                )
                 if not runs.given_up:
-                    near.add(end.values)
+                    known.append(joints_of(body, end.values))
                 found.append(end)
                 hypotheses = _different(body, found, same)
                 if runs.stopped:

@@ -8,10 +8,10 @@ from numpy.typing import ArrayLike
 
 from workbench.arrays import Mask
 from workbench.blocks import Values
+from workbench.blocks.checks import above_zero, from_zero
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.bodies.hands import is_hand
-from workbench.errors import BadArgument
 from workbench.fitting.hands import SIGMA, checked_hand, hand_landmarks, hand_problem, hand_start
 from workbench.fitting.scans.scan import Scan
 from workbench.registration.doubts import NEAR, Doubts
@@ -44,23 +44,6 @@ PERSON = Doubts()
 LARGE = 3_000  # vertices, from which on the model is held while vertices are free
 
 
-def coupled(body: Body) -> tuple[VertexStage, ...]:
-    """The stages of free vertices for a body: none for triangle bodies, which have no such term.
-
-    The model follows the vertices of bodies of up to 3,000 vertices. For larger ones it is held,
-    because following takes three times as long, and twice the memory (`benchmarks/DECISIONS.md`).
-    """
-    if not isinstance(body, SkinnedBody):
-        return ()
-    stages = VERTEX_STAGES if body.n_vertices <= LARGE else QUICK_VERTEX_STAGES
-    return stages[len(MODEL_STAGES) :]
-
-
-def model_alone(body: Body) -> tuple[VertexStage, ...]:
-    """No stages of free vertices for any body: the registration is the fitted model."""
-    return ()
-
-
 @dataclass(frozen=True)
 class Recipe:
     """How scans are registered. The lengths that are the defaults suit a whole person.
@@ -69,7 +52,8 @@ class Recipe:
 
     Attributes:
         fit_stages: the stages of the fit of the body, from coarse to fine.
-        vertex_stages: from the body to the stages of free vertices that follow.
+        vertex_stages: the stages of free vertices that follow, none if the registration is the
+            fitted model; None for those that suit the size of a person's mesh.
         boundary: in m; points of the scan as near as this to its boundary are left out. With 0
             all points are used.
         seed: of the points that the coarse stages draw.
@@ -86,7 +70,7 @@ class Recipe:
     """
 
     fit_stages: tuple[FitStage, ...] = FIT_STAGES
-    vertex_stages: Callable[[Body], tuple[VertexStage, ...]] = coupled
+    vertex_stages: tuple[VertexStage, ...] | None = None
     boundary: float = 0.0
     seed: int = 0
     starts: Callable[[Body, Scan], Sequence[Values]] = scan_starts
@@ -98,20 +82,26 @@ class Recipe:
     seen_stages: tuple[FitStage, ...] | None = None
     others: tuple[Residual, ...] = ()
 
+    def stages_of_vertices(self, body: Body) -> tuple[VertexStage, ...]:
+        """The stages of free vertices; none for triangle bodies, which have no such term.
+
+        The model follows the vertices of bodies of up to 3,000 vertices. For larger ones it is
+        held: to follow takes three times as long, and twice the memory (`benchmarks/DECISIONS.md`).
+        """
+        if not isinstance(body, SkinnedBody):
+            return ()
+        if self.vertex_stages is not None:
+            return self.vertex_stages
+        stages = VERTEX_STAGES if body.n_vertices <= LARGE else QUICK_VERTEX_STAGES
+        return stages[len(MODEL_STAGES) :]
+
     def stages(self, seen: bool) -> tuple[FitStage, ...]:
         """The stages of the fit of the body; `seen` says whether the camera is known to it."""
         return self.seen_stages if seen and self.seen_stages is not None else self.fit_stages
 
     def __post_init__(self) -> None:
-        if not 0 <= self.boundary < np.inf:
-            raise BadArgument(
-                f"the width that is left out at the boundary is 0 m or more, not {self.boundary:g}"
-            )
-        if not min(self.within, self.same, self.near) > 0:
-            raise BadArgument(
-                "`within`, `same` and `near` of a recipe are lengths above 0 m, not "
-                f"{self.within:g}, {self.same:g} and {self.near:g}"
-            )
+        from_zero("a recipe", boundary=self.boundary)
+        above_zero("a recipe", within=self.within, same=self.same, near=self.near)
 
     def fit(
         self,
@@ -150,14 +140,9 @@ HAND_TERM = ScanTerm(sigma=0.001, outlier=0.004, within=0.02, patch=1e-5)
 HAND_VERTEX_STAGES = (VertexStage("free", (*BODY, VERTICES), 0.001, HAND_TERM, TOGETHER),)
 
 
-def hand_coupled(body: Body) -> tuple[VertexStage, ...]:
-    """The stages of free vertices for a hand, whose lengths are about a tenth of a person's."""
-    return HAND_VERTEX_STAGES if isinstance(body, SkinnedBody) else ()
-
-
 HAND_RECIPE = Recipe(
     fit_stages=HAND_FIT_STAGES,
-    vertex_stages=hand_coupled,
+    vertex_stages=HAND_VERTEX_STAGES,
     starts=hand_starts,
     within=0.06,
     same=0.004,
@@ -183,7 +168,9 @@ def with_skeleton(
 ) -> Recipe:
     """The recipe for the scan of a hand of which points of the skeleton are known too.
 
-    The fit begins where the hand is that fits the skeleton alone, and the points count in it.
+    The energy is E_S + E_J + E_theta + E_beta + E_L: robust distances of the scan's points, each
+    weighted by its area, squared distances of the skeleton's points, the priors on pose and shape,
+    and what is beyond the limits of joints. The fit begins at the hand that fits the skeleton.
     `points` (m) are (16, 3) in the order of the body's joints or (21, 3) in that of `HAND_POINTS`,
     NaN where one was not seen; `sigma` in m and `kernel` are theirs, along each axis. Raises
     BadBody for a body that is no hand, and BadObservation for other points.
@@ -194,30 +181,3 @@ def with_skeleton(
     own = {block.name: end[block.name] for block in hand.blocks()}
     term = hand_landmarks(hand, points, sigma=sigma, kernel=kernel)
     return replace(recipe, starts=lambda body, scan: (own,), others=(*recipe.others, term))
-
-
-def fit_hand(
-    body: SkinnedBody,
-    scan: Scan,
-    points: ArrayLike | None = None,
-    *,
-    sigma: float = SIGMA,
-    kernel: Kernel = quadratic,
-    recipe: Recipe = HAND_RECIPE,
-    progress: Callable[[FitProgress], object] | None = None,
-) -> ModelFit:
-    """Find pose, betas and trans of a hand from a scan, with or without a skeleton; lengths in m.
-
-    The energy is E_S + E_J + E_theta + E_beta + E_L: robust distances of the scan's points, each
-    weighted by its area, squared distances of the skeleton's points, the priors on pose and shape,
-    and what is beyond the limits of joints. The stages of the recipe lead from few points of the
-    scan and a wide kernel to many and a narrow one. Without a skeleton the fit begins from all
-    starts of the recipe, and with one as `with_skeleton` says, which the points are for.
-
-    Raises BadBody for a body that is no hand, BadObservation for other points, and what `fit_model`
-    raises.
-    """
-    checked_hand(body)
-    if points is not None:
-        recipe = with_skeleton(recipe, body, points, sigma=sigma, kernel=kernel)
-    return recipe.fit(body, scan, progress=progress)

@@ -21,7 +21,7 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.bodies.hands import is_hand
 from workbench.fitting.measures import Measurement, measurements
-from workbench.fitting.scans.scan import BadScan, Scan
+from workbench.fitting.scans.scan import Scan
 from workbench.fitting.scans.surface import boundary
 from workbench.geometry.meshes import Mesh
 from workbench.geometry.surface_tree import SurfaceTree
@@ -38,12 +38,8 @@ HEIGHT, LENGTH = "height", "length"
 
 @dataclass(frozen=True)
 class BodySize:
-    """The size of a body in its bind pose.
-
-    Attributes:
-        name: `height` of a person, from the lowest to the highest vertex; `length` of a hand, from
-            the wrist's joint to the vertex that is farthest from it, a finger's tip.
-        metres: how much it is.
+    """The size of a body in its bind pose: the `height` of a person, from the lowest to the highest
+    vertex, or the `length` of a hand, from the wrist's joint to the tip of a finger.
     """
 
     name: str
@@ -51,14 +47,7 @@ class BodySize:
 
 
 def body_size(body: Body, betas: Array) -> BodySize:
-    """The size of a body with the shape betas (B,).
-
-    >>> from workbench import load_body
-    >>> hand = load_body("hand")
-    >>> size = body_size(hand, np.zeros(hand.n_betas))
-    >>> size.name, round(size.metres, 2)
-    ('length', 0.19)
-    """
+    """The size of a body with the shape betas (B,)."""
     surface = body.vertices(body.bind_pose, betas, np.zeros(3))
     if not is_hand(body):
         return BodySize(HEIGHT, float(np.ptp(surface[:, 1])))
@@ -70,7 +59,6 @@ if TYPE_CHECKING:
     import trimesh
 
 AMONG = "the camera stands among the points, which it cannot have seen; its place was not used"
-LEFT = 20  # points that must be left when those at the boundary are left out
 
 
 @dataclass(frozen=True)
@@ -99,11 +87,8 @@ class StageOutcome:
 
 @dataclass(frozen=True)
 class OtherEnd:
-    """Another pose at which the fit of the body could have ended.
-
-    Attributes:
-        excess: by which share its cost is above that of the best end.
-        apart: in m, the mean distance of its vertices from those of the best end.
+    """Another pose at which the fit could have ended, whose cost is higher by a share `excess`, and
+    whose vertices are `apart` m from those of the best end, in the mean.
     """
 
     excess: float
@@ -186,18 +171,10 @@ def register(
 
     Raises BadScan for a scan that cannot be of a person, or of which nothing is left
     without the points near its boundary.
-
-    >>> from workbench import load_body
-    >>> from workbench.registration import FitStage, Recipe, register
-    >>> body = load_body("small")
-    >>> stages = (FitStage(200, sigma=0.02, reach=0.1, starts=2, iterations=10),)
-    >>> found = register(body, Scan(body.vertices()), recipe=Recipe(stages))
-    >>> bool(found.median < 0.01), [stage.name for stage in found.stages]  # m
-    (True, ['model', 'free'])
     """
     scan = Scan.of(scan)
     recipe = usual_recipe(body) if recipe is None else recipe
-    inner = _inner(scan, recipe.boundary)
+    inner = ~boundary(scan, width=recipe.boundary) if recipe.boundary else None
     used, left_out = (scan, 0) if inner is None else (scan.some(inner), int((~inner).sum()))
     outside = camera if camera is None or sees(camera, used.points) else None
     known_camera = outside if recipe.empty else None
@@ -222,7 +199,7 @@ def register(
             stages.append(StageOutcome(name, unknowns, iterations, cost, median, share, seconds))
 
         ended("model", fit.problem.free.size, fit.iterations, fit.cost)
-        for stage in recipe.vertex_stages(body):
+        for stage in recipe.stages_of_vertices(body):
             assert isinstance(body, SkinnedBody)  # of which alone there are stages
             done = FreeVertices(body, used).register({**values, "vertices": vertices}, (stage,))
             interrupts.check()
@@ -262,19 +239,6 @@ def register(
         measurements(body, fit.problem, kept, fit.priors),
         surfaces,
     )
-
-
-def _inner(scan: Scan, width: float) -> Mask | None:
-    """The points (M,) farther than `width` m from the boundary; None for all."""
-    if not width:
-        return None
-    inner = np.asarray(~boundary(scan, width=width))
-    if inner.sum() < LEFT:
-        raise BadScan(
-            f"{int(inner.sum())} of {scan.n_points:,} points are farther than {width:g} m from the "
-            "boundary of the scan; leave a narrower boundary out"
-        )
-    return inner
 
 
 def _surfaces(fit: ModelFit, stages: Sequence[FitStage]) -> dict[str, Array]:

@@ -50,10 +50,7 @@ def card_page(body: SkinnedBody | TriangleBody) -> str:
                 "The synthetic template" if "synthetic" in body.card else "The template",
             ),
         ),
-        gallery=shown(
-            shape_gallery_sheet(gallery, body.faces),
-            caption_shape_gallery(gallery, drawn=directions_drawn(body)),
-        )
+        gallery=shown(shape_gallery_sheet(gallery, body.faces), caption_shape_gallery(gallery))
         if body.n_betas
         else None,
         joints=joint_table(body),
@@ -125,45 +122,34 @@ def facts(body: SkinnedBody | TriangleBody) -> dict[str, str]:
     sets = [f"{name} ({len(marks.names)})" for name, marks in body.landmarks.items()]
     tall = float(np.ptp(body.template[:, 1]))
     return {
-        "type": _type(body),
+        **_kind(body),
         "vertices V": f"{body.n_vertices:,}",
         "faces": f"{len(body.faces):,}",
         "joints K": str(body.n_joints),
         "shape directions B": str(body.n_betas),
-        **(_skin(body) if isinstance(body, SkinnedBody) else _deformations(body)),
         "J_regressor": f"{body.J_regressor.nnz:,} nonzeros",
         "height of the template": f"{tall:.3f} m",
-        **(_mirrored(body) if isinstance(body, SkinnedBody) else {}),
         "landmarks": ", ".join(["joints", *sets]),
         **({"synthetic": str(body.card["synthetic"])} if "synthetic" in body.card else {}),
         **({"carried along": f"{shapes_in_words(body.extras)}: {NOT_READ}"} if body.extras else {}),
     }
 
 
-def _type(body: SkinnedBody | TriangleBody) -> str:
+def _kind(body: SkinnedBody | TriangleBody) -> dict[str, str]:
+    """What a kind of body has of its own."""
+    acting = int(np.count_nonzero(body.posedirs))
     if isinstance(body, SkinnedBody):
-        return f"SkinnedBody, {body.skinning.__name__.replace('_', ' ')} skinning"
+        weights = np.count_nonzero(body.weights, axis=1)
+        return {
+            "type": f"SkinnedBody, {body.skinning.__name__.replace('_', ' ')} skinning",
+            "pose features P": f"{body.posedirs.shape[2]} ({acting:,} nonzeros in posedirs)",
+            "skinning weights": f"at most {weights.max()} per vertex, {weights.mean():.2f} on "
+            "average",
+        }
+    weights = np.diff(body.weights.indptr)
     parts = "one part" if body.one_part_per_face else "several parts"
-    return f"TriangleBody, each triangle with {parts}, then stitched"
-
-
-def _skin(body: SkinnedBody) -> dict[str, str]:
-    weights = np.count_nonzero(body.weights, axis=1)
-    features, acting = body.posedirs.shape[2], int(np.count_nonzero(body.posedirs))
     return {
-        "pose features P": f"{features} ({acting:,} nonzeros in posedirs)",
-        "skinning weights": f"at most {weights.max()} per vertex, {weights.mean():.2f} on average",
-    }
-
-
-def _mirrored(body: SkinnedBody) -> dict[str, str]:
-    found = "no" if body.mirror is None else "yes: a partner on the other side for every vertex"
-    return {"mirror": found}
-
-
-def _deformations(body: TriangleBody) -> dict[str, str]:
-    weights, acting = np.diff(body.weights.indptr), int(np.count_nonzero(body.posedirs))
-    return {
+        "type": f"TriangleBody, each triangle with {parts}, then stitched",
         "joints that bend a face": f"{body.near.shape[1]} ({acting:,} nonzeros in posedirs)",
         "parts' weights": f"at most {weights.max()} per face, {weights.mean():.2f} on average",
     }
@@ -184,13 +170,6 @@ def shapes(body: SkinnedBody | TriangleBody) -> dict[str, Array]:
             betas[b] = sign * ENDS
             found[f"betas[{b}] {word}"] = body.vertices(pose, betas)
     return found
-
-
-def directions_drawn(body: SkinnedBody | TriangleBody) -> str:
-    """Which shape directions `shapes` shows, as the subject of a sentence."""
-    if body.n_betas <= DRAWN:
-        return "Each shape direction"
-    return f"Each of the first {DRAWN} of {body.n_betas} shape directions"
 
 
 def _arms_down(body: SkinnedBody | TriangleBody) -> Array:

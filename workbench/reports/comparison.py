@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from workbench.comparison import Comparison, EndAnalysis, Record, TargetOutcome
+from workbench.arrays import Array
+from workbench.comparison import Comparison, EndAnalysis, TargetOutcome
 from workbench.comparison.advice import advice, basin_sentence, percent, reliable
 from workbench.comparison.comparison import MAIN
 from workbench.comparison.design import Instance
@@ -16,7 +17,6 @@ from workbench.comparison.record import KINDS, LIMITED
 from workbench.comparison.statistics import FEWEST, Interval, median
 from workbench.comparison.store import MARK, RUNS
 from workbench.comparison.tables import (
-    Seconds,
     evaluation_seconds,
     ratios,
     seconds_of_runs,
@@ -88,8 +88,7 @@ def comparison_data(comparison: Comparison) -> dict[str, Any]:
                 "starts": group,
                 "costs": end_analysis.costs,
                 "optimality": end_analysis.optimality,
-                "curvatures": end_analysis.curvatures,
-                "explanations": {k + 1: asdict(e) for k, e in end_analysis.explanations.items()},
+                "saddles": end_analysis.saddles,
                 "message": end_analysis.message,
             }
             for group, end_analysis in zip(comparison.groups, comparison.end_analyses, strict=True)
@@ -123,8 +122,7 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
         advice=advice(comparison),
         main=tau_text(MAIN),
         verdicts=drawn(figures.verdicts_sheet, figures.caption_verdicts, comparison),
-        outcomes=verdicts_table(comparison),
-        meanings={words_of(v): v.value for v in TargetOutcome},
+        meanings={outcome_words(v): v.value for v in TargetOutcome},
         success=success_table(comparison),
         effort=effort_table(comparison),
         prices=Table(
@@ -145,9 +143,11 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
         else None,
         each=[_of(comparison, problem) for problem in comparison.problems],
         table=problems_table(comparison),
-        ends=ends_table(comparison),
-        failures=failures_table(comparison),
-        options=options_table(comparison),
+        failed=any(
+            comparison.outcomes[i.name, s] not in GOOD
+            for i in comparison.comparable
+            for s in comparison.solvers
+        ),
         budget=comparison.design.budget,
         taus=", ".join(tau_text(tau) for tau in comparison.taus),
         machines=machines(comparison),
@@ -171,13 +171,6 @@ def _of(comparison: Comparison, problem: str) -> dict[str, Any]:
     """What the page says of one problem."""
     instances = comparison.instances_of(problem)
     analyses = end_analyses(comparison, problem)
-    several = any(len(analysis.costs) > 1 for _, analysis in analyses)
-    own = len(analyses) > 1  # data for each start
-    explained = {
-        (f"{group[0]}, basin {k + 1}" if own else f"basin {k + 1}"): str(e)
-        for group, analysis in analyses
-        for k, e in analysis.explanations.items()
-    }
     return {
         "name": problem,
         "question": comparison.described[instances[0].name].question,
@@ -186,8 +179,6 @@ def _of(comparison: Comparison, problem: str) -> dict[str, Any]:
             drawn(figures.cost_traces_sheet, figures.caption_cost_traces, comparison, problem)
         ),
         "sentence": basin_sentence(comparison, problem).removeprefix(f"{problem}: "),
-        "basins": basins_table(comparison, problem) if several else None,
-        "explained": explained,
         "unjudged": [analysis.message for _, analysis in analyses if analysis.message],
     }
 
@@ -221,23 +212,19 @@ def success_table(comparison: Comparison) -> Table:
     return _by_solver(comparison, head, lambda solver: map(percent, shares(solver)))
 
 
-def verdicts_table(comparison: Comparison) -> Table:
-    """How many runs got each verdict; verdicts that no run got are left out."""
-    counts = {solver: comparison.outcome_counts(solver) for solver in comparison.solvers}
-    there = [v for v in TargetOutcome if any(c[v] for c in counts.values())]
-    head = [words_of(v) for v in there]
-    return _by_solver(comparison, head, lambda solver: (str(counts[solver][v]) for v in there))
-
-
 def effort_table(comparison: Comparison, tau: float = MAIN) -> Table:
     """The evaluations until a target was met: medians, in which failures count as infinite."""
     kinds = _asked(comparison)
     runs = comparison.comparable
 
-    def cells(solver: str) -> TextRow:
-        met = sum(comparison.solved(i.name, solver, tau) for i in runs)
-        counts = _counts(comparison, solver, tau, kinds)
-        return f"{met} of {len(runs)}", *counts, _effort(comparison, solver, tau)
+    def cells(solver: str) -> Iterator[str]:
+        rows = [comparison.reached_at(i.name, solver, tau) for i in runs]
+        yield f"{sum(comparison.solved(i.name, solver, tau) for i in runs)} of {len(runs)}"
+        counted = not any(comparison.uncounted(i.name, solver, tau) for i in runs)
+        for k in map(KINDS.index, kinds):
+            until = median([np.inf if row is None else row[k] for row in rows]).value
+            yield _amount(until) if counted else "–"
+        yield _effort(comparison, solver, tau)
 
     return _by_solver(comparison, ["met", *(PLURAL[kind] for kind in kinds), "effort"], cells)
 
@@ -262,91 +249,57 @@ def _by_solver(
     return Table(("solver", *head), rows, tuple(range(1, len(head) + 1)))
 
 
-def problem_table(comparison: Comparison, problem: str, tau: float = MAIN) -> Table:
+def problem_table(comparison: Comparison, problem: str) -> Table:
     """Success, effort and ends of every solver on one problem; the last column has seconds."""
-    chosen, kinds = comparison.instances_of(problem), _asked(comparison)
-    rows = []
-    for solver in comparison.solvers:
-        ends = [comparison.records[i.name, solver] for i in chosen]
-        lowest = min((r.cost for r in ends if r.finite), default=np.nan)
-        rows.append(
-            (
-                solver,
-                percent(comparison.success(solver, tau, problem)),
-                *_counts(comparison, solver, tau, kinds, problem),
-                _effort(comparison, solver, tau, problem),
-                number(lowest, 7),
-                _verdicts(comparison, chosen, solver),
-                " / ".join(_spread(seconds_to(comparison, solver, tau, problem))),
-            )
-        )
-    head = (
-        "solver",
-        f"met τ = {tau_text(tau)}",
-        *(PLURAL[kind] for kind in kinds),
-        "effort",
-        "lowest end",
-        "how its runs ended",
-        "measured seconds",
-    )
-    return Table(head, tuple(rows), (*range(1, len(head) - 2), len(head) - 1))
+    chosen = comparison.instances_of(problem)
+
+    def lowest(solver: str) -> float:
+        ends = (comparison.records[i.name, solver] for i in chosen)
+        return min((end.cost for end in ends if end.finite), default=np.nan)
+
+    columns: Columns[str] = {
+        "solver": str,
+        f"met τ = {tau_text(MAIN)}": lambda s: percent(comparison.success(s, MAIN, problem)),
+        "effort": lambda s: _effort(comparison, s, MAIN, problem),
+        "lowest end": lambda s: number(lowest(s), 7),
+        "how its runs ended": lambda s: _verdicts(comparison, chosen, s),
+        "measured seconds": lambda s: " / ".join(_spread(seconds_to(comparison, s, MAIN, problem))),
+    }
+    return Table.of(comparison.solvers, columns, (1, 2, 3, 5))
 
 
 def problems_table(comparison: Comparison) -> Table:
-    """Sizes, prices beside the ratios that were measured, and the lowest cost known with its
-    origin.
-    """
-    kinds = _asked(comparison)[1:]
-    rows = []
-    for problem in comparison.problems:
-        chosen = comparison.instances_of(problem)
-        about = [comparison.described[i.name] for i in chosen]
-        prices, measured = comparison.prices[problem], ratios(comparison, problem)
-        known = [comparison.references[i.name] for i in chosen]
-        best = sorted({k.best for k in known})
-        told = number(best[0], 7) + (f" to {number(best[-1], 7)}" if len(best) > 1 else "")
-        residual = 1e6 * evaluation_seconds(comparison, problem)["residual"]
-        rows.append(
-            (
-                problem,
-                str(len(chosen)),
-                f"{about[0].rows:,}",
-                str(about[0].unknowns),
-                *(f"{number(prices[k], 4)} ({number(measured[k], 2)})" for k in kinds),
-                number(residual, 3),
-                told,
-                ", ".join(dict.fromkeys(k.origin for k in known)),
-            )
-        )
-    head = (
-        "problem",
-        "starts",
-        "m",
-        "n",
-        *(PRICES[kind].name for kind in kinds),
-        "residual, µs",
-        "lowest cost known, f*",
-        "from",
-    )
-    return Table(head, tuple(rows), tuple(range(1, len(head) - 1)))
+    """Sizes, prices beside the ratios that were measured, and the lowest cost known."""
+    about = {
+        p: comparison.described[comparison.instances_of(p)[0].name] for p in comparison.problems
+    }
 
+    def price(problem: str, kind: str) -> str:
+        measured = ratios(comparison, problem)[kind]
+        return f"{number(comparison.prices[problem][kind], 4)} ({number(measured, 2)})"
 
-def options_table(comparison: Comparison) -> Table:
-    """The solvers with all their options, as they ran."""
-    rows = []
-    for each in comparison.design.named_solvers:
-        told = identity(comparison.design.budget.given(each.solver))
-        options = ", ".join(f"{k}={v}" for k, v in told.items() if k != "type")
-        rows.append((each.name, str(told["type"]).split()[0], options, each.source))
-    return Table(("solver", "class", "options", "file"), tuple(rows), ())
+    def best(problem: str) -> str:
+        costs = {comparison.references[i.name].best for i in comparison.instances_of(problem)}
+        return " to ".join(number(cost, 7) for cost in sorted({min(costs), max(costs)}))
+
+    columns: dict[str, Callable[[str], str]] = {
+        "problem": str,
+        "starts": lambda p: str(len(comparison.instances_of(p))),
+        "m": lambda p: f"{about[p].rows:,}",
+        "n": lambda p: str(about[p].unknowns),
+        **{PRICES[k].name: partial(price, kind=k) for k in _asked(comparison)[1:]},
+        "residual, µs": lambda p: number(1e6 * evaluation_seconds(comparison, p)["residual"], 3),
+        "lowest cost known, f*": best,
+    }
+    return Table.of(comparison.problems, columns, tuple(range(1, len(columns))))
 
 
 def _verdicts(comparison: Comparison, chosen: tuple[Instance, ...], solver: str) -> str:
     found = [comparison.outcomes[i.name, solver] for i in chosen]
     names = dict.fromkeys(found)
     if len(chosen) == 1:
-        return words_of(found[0])
-    return ", ".join(f"{found.count(v)} {words_of(v)}" for v in names)
+        return outcome_words(found[0])
+    return ", ".join(f"{found.count(v)} {outcome_words(v)}" for v in names)
 
 
 def _asked(comparison: Comparison) -> tuple[str, ...]:
@@ -358,22 +311,8 @@ def _asked(comparison: Comparison) -> tuple[str, ...]:
     )
 
 
-def _counts(
-    comparison: Comparison, solver: str, tau: float, kinds: TextRow, problem: str | None = None
-) -> tuple[str, ...]:
-    """Medians of evaluations until a target; dashes if not everything was counted."""
-    chosen = comparison.starts(problem)
-    if any(comparison.uncounted(i.name, solver, tau) for i in chosen):
-        return ("–",) * len(kinds)
-    met = [comparison.reached_at(i.name, solver, tau) for i in chosen]
-    return tuple(
-        _amount(median([np.inf if row is None else row[KINDS.index(k)] for row in met]).value)
-        for k in kinds
-    )
-
-
-def _spread(spread: Seconds) -> tuple[str, str, str]:
-    return number(spread.minimum, 2), number(spread.median, 2), number(spread.maximum, 2)
+def _spread(seconds: Array) -> tuple[str, ...]:
+    return tuple(number(s, 2) for s in seconds)
 
 
 def _effort(comparison: Comparison, solver: str, tau: float, problem: str | None = None) -> str:
@@ -394,54 +333,6 @@ def _amount(value: float) -> str:
 GOOD = TargetOutcome.REACHED, TargetOutcome.ALONE
 
 
-def ends_table(comparison: Comparison) -> Table:
-    """Where the runs of each solver on each problem ended."""
-    columns: dict[str, Callable[[str], str]] = {"problem": str}
-    for solver in comparison.solvers:
-        columns[solver] = partial(_ends, comparison, solver)
-    return Table.of(comparison.problems, columns, ())
-
-
-def _ends(comparison: Comparison, solver: str, problem: str) -> str:
-    """`1 of 3 at f*; 2.13 f* other basin; refused`: how many are at f*, and the others."""
-    chosen = comparison.instances_of(problem)
-    there, others = 0, list[str]()
-    for instance in chosen:
-        key = (instance.name, solver)
-        record, best = comparison.records[key], comparison.references[instance.name].best
-        outcome = comparison.outcomes[key]
-        if outcome in GOOD:
-            there += 1
-        elif key in comparison.basins:
-            ratio = f"{number(record.cost / best, 3)} f*" if best > 0 else number(record.cost, 3)
-            others.append(f"{ratio} {words_of(outcome)}")
-        else:
-            others.append(words_of(outcome))
-    first = [f"{there} of {len(chosen)} at f*"] if there or len(chosen) > 1 else []
-    counted = {text: others.count(text) for text in others}
-    return "; ".join(first + [t if n == 1 else f"{n} times {t}" for t, n in counted.items()])
-
-
-def failures_table(comparison: Comparison) -> Table:
-    """Every run that did not end at the lowest cost, and what it said."""
-    runs = [(i.name, solver) for i in comparison.instances for solver in comparison.solvers]
-    failed = [run for run in runs if comparison.outcomes[run] not in GOOD]
-
-    def said(record: Record) -> str:
-        claim = f"{record.claim.lower().replace('_', ' ')}: " if record.claim else ""
-        return claim + record.message
-
-    columns: Columns[tuple[str, str]] = {
-        "start": lambda run: run[0],
-        "solver": lambda run: run[1],
-        "the run": lambda run: comparison.outcomes[run].value,
-        "cost at its end": lambda run: number(comparison.records[run].cost, 6),
-        "optimality": lambda run: number(comparison.records[run].optimality, 2),
-        "its message": lambda run: said(comparison.records[run]),
-    }
-    return Table.of(failed, columns, (3, 4))
-
-
 def end_analyses(comparison: Comparison, problem: str) -> list[tuple[tuple[str, ...], EndAnalysis]]:
     """The analyses of a problem's ends, one for each data set, with the names of its instances."""
     names = {i.name for i in comparison.instances_of(problem)}
@@ -449,33 +340,6 @@ def end_analyses(comparison: Comparison, problem: str) -> list[tuple[tuple[str, 
     return [(group, analysis) for group, analysis in found if group[0] in names]
 
 
-def basins_table(comparison: Comparison, problem: str) -> Table:
-    """The basins that ends of a problem lead to, of each data set by itself."""
-    rows: list[TextRow] = []
-    analyses = end_analyses(comparison, problem)
-    for names, end_analysis in analyses:
-        best = comparison.references[names[0]].best
-        of = problem if len(names) > 1 else names[0]
-        for k, cost in enumerate(end_analysis.costs):
-            who = [s for (name, s), b in comparison.basins.items() if b == k and name in names]
-            each = ", ".join(f"{s} {who.count(s)}" for s in dict.fromkeys(who))
-            rows.append(
-                (
-                    of,
-                    str(k + 1),
-                    number(cost, 8),
-                    number(cost - best, 3),
-                    number(end_analysis.optimality[k], 2),
-                    str(len(who)),
-                    each,
-                )
-            )
-    head = ("start", "basin", "cost", "above f*", "optimality", "ends", "whose")
-    if len(analyses) == 1:  # of the problem as a whole
-        return Table(head[1:], tuple(row[1:] for row in rows), (0, 1, 2, 3, 4))
-    return Table(head, tuple(rows), (1, 2, 3, 4, 5))
-
-
-def words_of(outcome: TargetOutcome) -> str:
+def outcome_words(outcome: TargetOutcome) -> str:
     """The name of an outcome in words."""
     return outcome.name.lower().replace("_", " ")

@@ -1,17 +1,14 @@
 """The pages of a diagnosis and of a design of measurements, with figures and tables."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from workbench import plots
-from workbench.arrays import Array
-from workbench.blocks import Values
 from workbench.bodies.body import Body
-from workbench.bodies.forward.sources import arguments_from_values
 from workbench.diagnostics import (
     Diagnosis,
     DiagnosisComparison,
@@ -21,30 +18,16 @@ from workbench.diagnostics import (
     SequenceDiagnosis,
 )
 from workbench.diagnostics.conditioning import PARALLEL
-from workbench.diagnostics.diagnosis import diagnose_whole
-from workbench.diagnostics.report import VERDICTS, changed, compared_blocks, further, held
+from workbench.diagnostics.report import VERDICTS, compared_blocks, held
 from workbench.diagnostics.structure import Submatrix, TermBlock
 from workbench.diagnostics.words import gathered, named_groups, named_rows
-from workbench.errors import BadArgument, joined
+from workbench.errors import BadArgument
 from workbench.fitting.refits import Profile
 from workbench.fitting.setup import View
-from workbench.geometry.rotation import matrix_from_vector
-from workbench.plots.body import direction_sheet
-from workbench.plots.diagnosis import MOST_RANKED, sparsity_sheet
+from workbench.plots.diagnosis import MOST_RANKED
 from workbench.reports.folder import SUMMARY, write_folder
-from workbench.reports.page import (
-    Columns,
-    Shown,
-    Table,
-    drawn,
-    number,
-    page,
-    plotted,
-    shown,
-    spectrum,
-)
+from workbench.reports.page import Columns, Table, number, page, plotted, sparsity_figure, spectrum
 from workbench.reports.replay import recorded_diagnosis
-from workbench.reports.replay.runs import LEAST, reach_along
 
 FILES = {
     "index.html": "this page",
@@ -119,9 +102,8 @@ def diagnosis_page(
         **_findings(d, title, question),
         d=d,
         suggestions=suggestions_table(d),
-        further=further(d),
         held=held(d) if d.active.any else "",
-        sparsity=(None if d.here.estimated else drawn(sparsity_sheet, plots.caption_sparsity, d)),
+        sparsity=None if d.here.estimated else sparsity_figure(d),
         terms=terms_table(d),
         parts=parts_table(d),
         compared=None if compared is None else compared.report(),
@@ -147,27 +129,6 @@ def _findings(d: Diagnosis | SequenceDiagnosis, title: str, question: str) -> di
     }
 
 
-def _sigmas(d: Diagnosis) -> dict[str, Any]:
-    """The standard deviations, after a remedy where none of them is finite without it."""
-    known, unknown = compared_blocks(d) if d.contributions else ([], [])
-    found: dict[str, Any] = {
-        "sigmas": None,
-        "sigmas_known": bool(known),
-        "sigmas_unknown": joined(unknown) if unknown else "",
-    }
-    if np.isfinite(d.identifiability.sigma).any():
-        return found | {"sigmas": _drawn_sigmas(d)}
-    for one in d.suggestions:
-        if one.kind == "least":
-            after = diagnose_whole(one.problem, one.values, priors=d.priors)
-            return found | {"remedied": _drawn_sigmas(after), "remedied_by": one.what}
-    return found
-
-
-def _drawn_sigmas(d: Diagnosis) -> Shown:
-    return plotted(8.0, 4.4, plots.plot_sigmas, plots.caption_sigmas, d)
-
-
 def _numbers(d: Diagnosis, body: Body | None, views: Sequence[View]) -> dict[str, Any]:
     """What the page says of a Jacobian whose numbers are finite."""
     return {
@@ -175,19 +136,15 @@ def _numbers(d: Diagnosis, body: Body | None, views: Sequence[View]) -> dict[str
         "ranks": ranks_table(d),
         "spectrum": spectrum(d),
         "null_table": gathered_directions_table(d.null_directions),
-        "null_pictures": pictures(d, d.null_directions, body),
         "weak": gathered_directions_table(d.weak_directions, "characteristic scale"),
-        "weak_pictures": pictures(d, d.weak_directions, body),
         "recording": recorded_diagnosis(d, body, views),
         "conditioning": conditioning_table(d),
-        **_sigmas(d),
-        "share": plotted(8.0, 3.4, plots.plot_data_share, plots.caption_data_share, d)
-        if d.priors and d.identifiability.data_share is not None
+        "sigmas": plotted(8.0, 4.4, plots.plot_sigmas, plots.caption_sigmas, d)
+        if np.isfinite(d.identifiability.sigma).any()
         else None,
         "known": known_table(d),
         "entries": entries_table(d),
         "contributions": contributions_table(d),
-        "taylor": plotted(6.0, 3.8, plots.plot_taylor, plots.caption_taylor, d),
         "derivatives": derivatives_table(d),
     }
 
@@ -225,10 +182,9 @@ def ranks_table(d: Diagnosis) -> Table:
             str(d.rank),
             f"singular values above {number(d.tolerance, 2)} at this point",
         ),
-        ("with columns of length 1", str(d.scaled_rank), "the same whatever the units are"),
     ]
-    if d.nearby.ranks:
-        near = ", ".join(map(str, d.nearby.ranks))
+    if d.ranks_nearby:
+        near = ", ".join(map(str, d.ranks_nearby))
         rows.append(("nearby", near, "at random points a tenth of a characteristic scale away"))
     if d.rank_law:
         rows.append(("rank law of observed joints", str(d.rank_law[0]), d.rank_law[1]))
@@ -237,7 +193,7 @@ def ranks_table(d: Diagnosis) -> Table:
 
 
 def conditioning_table(d: Diagnosis) -> Table:
-    """Column lengths, near-parallel pairs, the weakest direction, leverage."""
+    """Column lengths, near-parallel pairs, the weakest direction."""
     norms = d.here.column_norms
     rows: list[tuple[str, str, str]] = []
     if norms.size:
@@ -262,10 +218,6 @@ def conditioning_table(d: Diagnosis) -> Table:
                 f"{columns}; it changes {seen_by}{more}",
             )
         )
-    if d.leverage is not None:
-        for i in np.argsort(-d.leverage)[:3]:
-            row = d.problem.row_label(int(i))
-            rows.append(("leverage", number(float(d.leverage[i]), 2), f"{row}, of at most 1"))
     return Table(("quantity", "value", "where"), tuple(rows), (1,))
 
 
@@ -299,29 +251,15 @@ def contributions_table(d: Diagnosis) -> Table | None:
     if not d.contributions:
         return None
     names, _ = compared_blocks(d)
-    rows = tuple(
-        (
-            c.residual,
-            str(c.rank_without),
-            str(c.rank_with),
-            number(float(c.singular_values_without.min(initial=np.inf)), 2),
-            number(float(c.singular_values_with.min(initial=np.inf)), 2),
-            *(
-                changed(c.sigma_without[n], c.sigma_with[n], lambda sigma: number(sigma, 2))
-                for n in names
-            ),
-        )
-        for c in d.contributions
-    )
-    head = (
-        "residual",
-        "rank without",
-        "with",
-        "least singular value without",
-        "with",
-        *(f"sigma of {n}" for n in names),
-    )
-    return Table(head, rows, tuple(range(1, len(head))))
+
+    def row(name: str, rank: int, sigma: Mapping[str, float]) -> tuple[str, ...]:
+        return name, str(rank), *(number(sigma[n], 2) for n in names)
+
+    whole = d.contributions[0]
+    rows = [row("nothing", whole.rank_with, whole.sigma_with)]
+    rows += [row(c.residual, c.rank_without, c.sigma_without) for c in d.contributions]
+    head = ("left out", "rank", *(f"sigma of {n}" for n in names))
+    return Table(head, tuple(rows), tuple(range(1, len(head))))
 
 
 def derivatives_table(d: Diagnosis) -> Table:
@@ -332,8 +270,8 @@ def derivatives_table(d: Diagnosis) -> Table:
         ("largest error", number(check.largest_error, 2), "of the column's largest entry"),
         ("gradient against J'r", number(check.gradient_error, 2), "relative"),
     ]
-    if check.hessian_error is not None:
-        rows.append(("exact Hessian", number(check.hessian_error, 2), "against differences"))
+    if check.slope is not None:
+        rows.append(("error of the linear model", f"like h^{check.slope:.2f}", "h^2 is right"))
     if check.neglected is not None:
         share = f"{check.neglected:.1%}"
         rows.append(("left out by J'J", share, "of the exact Hessian, as in Gauss-Newton"))
@@ -378,55 +316,6 @@ def gathered_directions_table(directions: Sequence[Direction], per: str = "unit"
     return Table(("direction", "kind", f"|J d|, sigmas per {per}"), tuple(rows), (2,))
 
 
-PICTURES = 4  # of directions that are not seen, and as many of hardly seen ones
-
-
-def pictures(d: Diagnosis, found: Sequence[Direction], body: Body | None) -> list[Shown]:
-    """The body moved along the first directions that move it; no pictures for several frames.
-
-    The three entries of one joint are one picture, of the first of them.
-    """
-    several = any(block.framed for block in d.problem.known.values())
-    if body is None or several or _arguments(d, body, d.values) is None:
-        return []
-    figures: list[Shown] = []
-    turned: set[tuple[str, ...]] = set()
-    for direction in sorted(found, key=lambda x: x.kind == "entry"):
-        if len(figures) == PICTURES:
-            break
-        amount = reach_along(direction, d.tolerance)
-        moved = _moved(d, direction, body, amount)
-        here = moved["here"]
-        if max(float(np.abs(s - here).max()) for s in moved.values()) < LEAST:
-            continue
-        if direction.kind == "entry" and direction.joints:
-            if direction.joints in turned:
-                continue
-            turned.add(direction.joints)
-        unit = d.free.unit(int(np.argmax(abs(direction.vector))))
-        figure = direction_sheet(moved, body.faces)
-        figures.append(shown(figure, plots.caption_direction(direction.name, moved, amount, unit)))
-    return figures
-
-
-def _moved(d: Diagnosis, direction: Direction, body: Body, amount: float) -> dict[str, Array]:
-    """Surfaces (N, 3) m by label, the person upright whatever the world's axes are."""
-    free = d.free
-    x = free.pack(d.values)
-    surfaces, upright = {}, np.eye(3)
-    for label, step in (("here", 0.0), ("−", -amount), ("+", amount)):
-        values = dict(d.values) | free.unpack(x + step * direction.vector, d.values)
-        arguments = _arguments(d, body, values)
-        assert arguments is not None  # asked before
-        upright = matrix_from_vector(arguments[0][0]) if label == "here" else upright
-        surfaces[label] = body.vertices(*arguments) @ upright
-    return {label: surfaces[label] for label in ("−", "here", "+")}
-
-
-def _arguments(d: Diagnosis, body: Body, values: Values) -> tuple[Array, Array, Array] | None:
-    return arguments_from_values(body, d.problem.points, values)
-
-
 DESIGN_FILES = {
     "index.html": "this page",
     "design.txt": "the design as text",
@@ -441,10 +330,9 @@ def write_design(
     *,
     title: str,
     question: str = "",
-    check: str = "",
     source: str | None = None,
 ) -> Path:
-    """Write the folder of a design, and return its page. `check` is a sentence on simulated fits.
+    """Write the folder of a design, and return its page.
 
     The folder appears whole or not at all; raises BadFile if it cannot be written.
     """
@@ -456,16 +344,7 @@ def write_design(
         plots.caption_measurement_ranking,
         found,
     )
-    choice = None
-    if len(found.chosen) > 1:
-        choice = plotted(
-            7.4,
-            1.1 + 0.24 * len(found.chosen),
-            plots.plot_measurement_choice,
-            plots.caption_measurement_choice,
-            found,
-        )
-    text = found.report() + (f"\n{check}" if check else "")
+    text = found.report()
     contents = {
         "index.html": page(
             "design.html",
@@ -474,9 +353,7 @@ def write_design(
             d=found,
             outcome=outcome(found),
             ranking=ranking,
-            choice=choice,
             report=found.report(),
-            check=check,
             files=DESIGN_FILES,
         ),
         "design.txt": text + "\n",

@@ -52,18 +52,12 @@ class ImageFolder:
     """A folder with the fit of each image, a page and a table over all.
 
     Raises BadFile if the folder holds something else, or cannot be made.
-
-    Attributes:
-        place: where it is.
-        work: how images are read and fitted.
-        body_name: the body as it was given.
-        source: what was given, by which the folder is known as ours.
     """
 
-    place: Path
-    work: ImageWork
-    body_name: str
-    source: str
+    place: Path  # where it is
+    work: ImageWork  # how images are read and fitted
+    body_name: str  # the body as it was given
+    source: str  # what was given, by which the folder is known as ours
 
     def __post_init__(self) -> None:
         own_folder(self.place, self.source)
@@ -209,22 +203,14 @@ class RegistrationFolder:
     """A folder with one folder for each registered scan, a page over all, and a table of subjects.
 
     Raises BadFile if the folder holds something else, or cannot be made.
-
-    Attributes:
-        place: where it is.
-        body: the body whose template is registered.
-        body_name: as it was given.
-        recipe: how scans are registered.
-        reading: how their files are read.
-        source: what was given, by which the folder is known as ours.
     """
 
-    place: Path
-    body: Body
-    body_name: str
-    recipe: Recipe
-    reading: Reading
-    source: str
+    place: Path  # where it is
+    body: Body  # the body whose template is registered
+    body_name: str  # as it was given
+    recipe: Recipe  # how scans are registered
+    reading: Reading  # how their files are read
+    source: str  # what was given, by which the folder is known as ours
 
     def __post_init__(self) -> None:
         own_folder(self.place, self.source)
@@ -234,7 +220,8 @@ class RegistrationFolder:
         """16 letters that differ when anything does on which the registration depends: the file's
         contents, the body, the recipe, how the file is read, and the code.
         """
-        about = (FORMAT, self.recipe, self.reading, self.body, self.recipe.vertex_stages(self.body))
+        stages = self.recipe.stages_of_vertices(self.body)
+        about = (FORMAT, self.recipe, self.reading, self.body, stages)
         return digest([digest(about), file_digest(str(job.path)), code_version()])
 
     def kept(self, job: ScanJob, key: str) -> Entry | None:

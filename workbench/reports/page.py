@@ -19,8 +19,14 @@ from workbench.diagnostics.data import plain
 from workbench.diagnostics.words import table as lines_of
 from workbench.environment import DISTRIBUTION, version_of
 from workbench.errors import BadFile
-from workbench.plots import Figure, caption_singular_values, smallest
-from workbench.plots.diagnosis import singular_values_sheet
+from workbench.plots import (
+    Figure,
+    caption_singular_values,
+    caption_sparsity,
+    plot_singular_values,
+    plot_sparsity,
+    smallest,
+)
 from workbench.plots.palette import solver_styles
 from workbench.plots.style import drawn as figure_of
 from workbench.reading.facts import json_in
@@ -117,20 +123,20 @@ def spectrum(diagnosis: Diagnosis) -> Shown | None:
     """The singular values of a diagnosis; None where its rank was found without them."""
     if diagnosis.sparse is not None:
         return None
-    return drawn(singular_values_sheet, caption_singular_values, diagnosis)
+    return plotted(8.0, 4.2, plot_singular_values, caption_singular_values, diagnosis)
+
+
+def sparsity_figure(diagnosis: Diagnosis) -> Shown:
+    """The sparsity pattern of the Jacobian of a diagnosis."""
+    return plotted(8.0, 5.4, plot_sparsity, caption_sparsity, diagnosis)
 
 
 @dataclass(frozen=True)
 class Entry:
-    """What is kept of a file in the table over all.
+    """What is kept of a file in the table over all."""
 
-    Attributes:
-        name: the name of its job.
-        facts: the numbers of its page, and the key of everything that they depend on.
-    """
-
-    name: str
-    facts: dict[str, Any]
+    name: str  # the name of its job
+    facts: dict[str, Any]  # the numbers of its page, and the key of everything that they depend on
 
 
 def kept_entry(name: str, key: str, facts: Path, arrays: Sequence[Path]) -> Entry | None:

@@ -14,23 +14,12 @@ import scipy.special
 
 from workbench import plots
 from workbench.arrays import Array
-from workbench.bodies.body import Body
-from workbench.bodies.forward.sources import arguments_from_values
 from workbench.fitting.setup import Setup
-from workbench.geometry.rotation import matrix_from_vector
-from workbench.plots.posterior import (
-    beside_laplace_sheet,
-    corner_sheet,
-    spray_in_view_sheet,
-    spray_sheet,
-    traces_sheet,
-)
+from workbench.plots.posterior import beside_laplace_sheet, corner_sheet, traces_sheet
 from workbench.reports.folder import SUMMARY, Content, write_folder
-from workbench.reports.page import Shown, Table, number, page, shown
+from workbench.reports.page import Table, number, page, shown
 from workbench.reports.replay import Recording, recorded_posterior
 from workbench.sampling import EntryComparison, Posterior, compared_with_laplace
-
-DRAWN = 24  # bodies in a spray
 
 
 def write_posterior(
@@ -56,7 +45,7 @@ def write_posterior(
         synthetic=setup.made_of is not None,
         contradictions=against,
         conditional=any(part.posterior.conditional for part in parts),
-        sections=_sections(named, setup),
+        sections={anchor: _section(part, setup) for anchor, part in named.items()},
         recordings=_recordings(named, setup),
         files=files,
     )
@@ -121,21 +110,11 @@ def _save_draws(p: Posterior, path: Path) -> None:
     )
 
 
-def _sections(parts: Mapping[str, BlockPosterior], setup: Setup) -> dict[str, dict[str, Any]]:
-    """What the page says of each block; bodies are drawn of the first whose draws can be used."""
-    found = {anchor: _section(part, setup) for anchor, part in parts.items()}
-    usable = [anchor for anchor, part in parts.items() if part.posterior.usable]
-    for anchor in usable[:1]:
-        p = parts[anchor].posterior
-        found[anchor] |= {"spray": _spray(p, setup), "views": _views(p, setup)}
-    return found
-
-
 def _section(part: BlockPosterior, setup: Setup) -> dict[str, Any]:
     """What the page says of one block: its figures of intervals only if these mean something."""
     p, laplace = part.posterior, part.approximation
     rows, truth = compared_with_laplace(p, laplace), truth_of(p, setup)
-    entries, known = plots.widest(p, laplace), truth is not None
+    entries, known = plots.widest(p), truth is not None
     E, _, W, k = p.draws.shape
     m, chains = p.mixing, f"{E} independent ensembles of {W} walkers"
     if p.method == "hamiltonian":
@@ -146,10 +125,8 @@ def _section(part: BlockPosterior, setup: Setup) -> dict[str, Any]:
         f"{m.discarded:,} that were discarded, {m.acceptance:.0%} of the proposals accepted, "
         f"{p.seconds:.0f} s" + ("; interrupted" if p.interrupted else ""),
         "modes": _modes(p),
-        "spray": None,
-        "views": [],
         "synthetic": known,
-        "table": entries_table(p, rows, setup),
+        "table": posterior_entries(p, rows, setup),
         "traces": shown(traces_sheet(p, entries, truth), plots.caption_traces(p, known)),
     }
     if p.mixed:
@@ -169,52 +146,6 @@ def _modes(p: Posterior) -> str:
         return said
     shares = ", ".join(f"{mode.share:.0%}" for mode in p.modes)
     return f"{said} They have {shares} of the mass, by Laplace's approximation at each."
-
-
-def _spray(p: Posterior, setup: Setup) -> Shown | None:
-    """Bodies upright, as the mean pose of the root is."""
-    body = setup.body
-    arguments = None if body is None else _arguments(p, body, p.given)
-    if body is None or arguments is None:
-        return None
-    upright = matrix_from_vector(arguments[0][0])
-    surfaces = [_surface(p, body, values) for values in p.values(DRAWN)]
-    known = setup.truth is not None
-    bodies = np.stack(surfaces if setup.truth is None else [*surfaces, setup.truth]) @ upright
-    bodies -= bodies[:DRAWN].mean(axis=(0, 1))
-    bodies[..., 1] -= bodies[:DRAWN, :, 1].min()
-    figure = spray_sheet(bodies[:DRAWN], body.faces, bodies[-1] if known else None)
-    where = "turned upright, from the front and from the side"
-    return shown(figure, plots.caption_spray(DRAWN, where, known, p.conditional))
-
-
-def _views(p: Posterior, setup: Setup) -> list[Shown]:
-    body, found = setup.body, []
-    if body is None or _arguments(p, body, p.given) is None:
-        return []
-    several = p.values(DRAWN)
-    surfaces = [_surface(p, body, values) for values in several]
-    for view in sorted(setup.views, key=lambda view: view.held_out)[:2]:
-        pixels = np.stack(
-            [view.camera.pixels(s, setup.start | v) for s, v in zip(surfaces, several, strict=True)]
-        )
-        told = " (held out)" if view.held_out else ""
-        known = setup.truth is not None
-        true = view.camera.pixels(setup.truth, setup.start) if setup.truth is not None else None
-        figure = spray_in_view_sheet(
-            pixels, body.faces, view.observed, view.confidence, view.name + told, true
-        )
-        said = plots.caption_spray(DRAWN, f"as {view.name}{told} sees them", known, p.conditional)
-        found.append(shown(figure, said))
-    return found
-
-
-def _arguments(p: Posterior, body: Body, values: Mapping[str, Any]) -> Any:
-    return arguments_from_values(body, p.problem.points, values)
-
-
-def _surface(p: Posterior, body: Body, values: Mapping[str, Any]) -> Any:
-    return body.vertices(*_arguments(p, body, values))
 
 
 def anchors(names: Iterable[str]) -> list[str]:
@@ -331,7 +262,7 @@ def _median(p: Posterior, setup: Setup) -> str:
     return f"{np.median(known):.2f}" if len(known) else "no prior known"
 
 
-def entries_table(p: Posterior, rows: tuple[EntryComparison, ...], setup: Setup) -> Table:
+def posterior_entries(p: Posterior, rows: tuple[EntryComparison, ...], setup: Setup) -> Table:
     """A row for every entry, with an interval only if the verdict allows it.
 
     `marginal sd` is the standard deviation, from J'J, if the fixed unknowns are free as well.
@@ -356,8 +287,6 @@ def entries_table(p: Posterior, rows: tuple[EntryComparison, ...], setup: Setup)
     if p.mixed:
         columns["sd / Laplace's"] = [number(row.ratio, 2) for row in rows]
         columns["beside Laplace"] = [row.remark for row in rows]
-        if p.conditional:
-            columns["interval"] = ["conditional"] * p.size
         bars = p.contraction(setup.priors)
         if np.isfinite(bars).any():
             columns["contraction"] = [number(float(one), 2) for one in bars]

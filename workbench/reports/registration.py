@@ -1,7 +1,6 @@
 """The page of a registered scan, and of a coregistration."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,17 +11,14 @@ from numpy.typing import NDArray
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
 from workbench.bodies.files.saving import save_body
-from workbench.bodies.triangles import TriangleBody
 from workbench.fitting.scans.scan import Scan
 from workbench.geometry.meshes import write_mesh
 from workbench.plots.body import Figurine, front, line_up_coloured
 from workbench.plots.scans import (
     caption_joint_cost,
     caption_registered_scan,
-    caption_unseen,
     plot_joint_cost,
     registered_scan_sheet,
-    unseen_sheet,
 )
 from workbench.plots.style import drawn as figure_of
 from workbench.registration import OtherEnd, RegisteredScan, Registration, StageOutcome
@@ -38,7 +34,6 @@ from workbench.reports.folder import SUMMARY, Content, summary_text, write_folde
 from workbench.reports.page import Columns, Shown, Table, csv_text, number, page, plotted, shown
 from workbench.reports.replay import recorded_registration
 from workbench.reports.run import measurements_summary, measurements_table
-from workbench.training.execution import LogEntry
 from workbench.training.folder import COLUMNS, TABLE, Row
 from workbench.writing import write_arrays, write_file
 
@@ -137,10 +132,6 @@ def registration_page(found: RegisteredScan, body: str) -> str:
             ),
             caption_registered_scan(one.distances, one.touching),
         ),
-        unseen=shown(
-            unseen_sheet(one.vertices, one.faces, one.seen, one.sd, one.facing),
-            caption_unseen(one.seen, one.sd),
-        ),
         measurements=measurements_table(one.measurements),
         stages=stages_table(one),
         moved=MM * float(np.linalg.norm(one.vertices - one.model, axis=1).mean()),
@@ -153,12 +144,15 @@ def registration_page(found: RegisteredScan, body: str) -> str:
 def _facts(one: Registration) -> dict[str, str]:
     betas = list(one.values.values())[1]
     left = f"; {one.left_out:,} at the boundary were left out" if one.left_out else ""
-    hidden = int((~one.seen).sum())
+    hidden, known = ~one.seen, ""
+    if hidden.any():
+        off = MM * float(np.sqrt(np.mean(one.sd[hidden] ** 2)))
+        known = f"; they rest on the priors, with a standard deviation of {off:.0f} mm"
     return {
         "points used": f"{one.scan.n_points:,}{left}",
         "in contact": f"{100 * one.stages[-1].touching:.0f} %",
         "their median distance": f"{MM * one.median:.1f} mm",
-        "vertices not seen": f"{hidden:,} of {len(one.seen):,}",
+        "vertices not seen": f"{hidden.sum():,} of {len(one.seen):,}{known}",
         f"{one.size.name} at rest": f"{one.size.metres:.2f} m",
         "length of the betas": f"{np.linalg.norm(betas):.1f} standard deviations",
         "time": f"{sum(stage.seconds for stage in one.stages):.1f} s",
@@ -173,7 +167,7 @@ def stages_table(one: Registration) -> Table:
         "iterations": lambda stage: f"{stage.iterations:,}",
         "cost": lambda stage: number(stage.cost),
         "in contact": lambda stage: f"{100 * stage.touching:.0f} %",
-        "median distance (mm)": lambda stage: number(MM * stage.median, 3),
+        "median (mm)": lambda stage: number(MM * stage.median, 3),
         "time (s)": lambda stage: number(stage.seconds, 3),
     }
     return Table.of(one.stages, columns, tuple(range(1, 7)))
@@ -203,56 +197,25 @@ TOGETHER = {
 DRAWN = 6  # people in the figure
 
 
-@dataclass(frozen=True, eq=False)
-class CoregistrationEnd:
-    """What a coregistration of J scans of S subjects found, with whichever model.
-
-    Attributes:
-        learned: the body.
-        templates: (S, N, 3) m, the subjects at rest.
-        vertices: (J, N, 3) m, the registrations.
-        seen: (J, N) from 0 to 1, how surely the scans say where each vertex is.
-        rounds: how often registrations and the model were found in turn.
-        log: the blocks that have run, in order.
-    """
-
-    learned: SkinnedBody | TriangleBody
-    templates: Array
-    vertices: Array
-    seen: Array
-    rounds: int
-    log: Sequence[LogEntry]
-
-    @staticmethod
-    def of(
-        problem: Coregistration | TriangleCoregistration, state: Any, betas: int
-    ) -> "CoregistrationEnd":
-        """From the end of a problem's run; the learned body has at most `betas` directions."""
-        return CoregistrationEnd(
-            problem.learned(state, betas),
-            state.templates,
-            state.vertices,
-            problem.seen(state),
-            problem.plan.rounds,
-            state.log,
-        )
-
-
 def write_coregistration(
     start: SkinnedBody,
     scans: RegisteredScans,
-    end: CoregistrationEnd,
+    problem: Coregistration | TriangleCoregistration,
+    state: Any,
+    betas: int,
     place: Path,
     source: str,
 ) -> Path:
-    """Write the end of a coregistration into `place`, which exists, and return its page.
+    """Write the end of a problem's run, its `state`, into `place`, which exists; return the page.
 
-    `start` is the body that was registered to each scan by itself. Raises BadFile.
+    `start` is the body that was registered to each scan by itself. The learned body has at most
+    `betas` shape directions. Raises BadFile.
     """
+    learned = problem.learned(state, betas)
     registrations = place / REGISTRATIONS
     registrations.mkdir(exist_ok=True)
     names = scans.names
-    for name, vertices, seen in zip(names, end.vertices, end.seen, strict=True):
+    for name, vertices, seen in zip(names, state.vertices, problem.seen(state), strict=True):
         arrays = {"vertices": vertices, "faces": start.faces, "confidence": seen}
         write_arrays(registrations / f"{name}.npz", arrays)
     rows = [
@@ -260,20 +223,20 @@ def write_coregistration(
         for name, row in zip(names, scans.rows, strict=True)
     ]
     write_file(registrations / TABLE, subjects_csv(rows))
-    for path, body in ((registrations / BODY, start), (place / LEARNED, end.learned)):
+    for path, body in ((registrations / BODY, start), (place / LEARNED, learned)):
         save_body(body, path)
-    measured = distances(scans, start, end.vertices)
-    away = beyond_betas(start, end.templates)
-    html = coregistration_page(start, scans, end, measured, away, str(place))
+    measured = distances(scans, start, state.vertices)
+    away = beyond_betas(start, state.templates)
+    html = coregistration_page(start, scans, problem, state, measured, away, str(place))
     write_file(place / "index.html", html)
     numbers = {  # of the page, for programs: lengths in m, times in s
         "kind": "coregistration",
         "scans": list(scans.names),
         "warnings": scans.doubts(),
         "subjects": list(scans.subjects),
-        "costs": [end.log[0].before, *(entry.after for entry in end.log)],
-        "blocks": [entry.block for entry in end.log],
-        "seconds": sum(entry.seconds for entry in end.log),
+        "costs": [state.log[0].before, *(entry.after for entry in state.log)],
+        "blocks": [entry.block for entry in state.log],
+        "seconds": sum(entry.seconds for entry in state.log),
         "median_m": {name: each.tolist() for name, each in measured.items()},
         "beyond_betas_m": away.mean(axis=1).tolist(),
     }
@@ -294,7 +257,8 @@ def begin_folder(place: Path, source: str) -> None:
 def coregistration_page(
     start: SkinnedBody,
     scans: RegisteredScans,
-    end: CoregistrationEnd,
+    problem: Coregistration | TriangleCoregistration,
+    state: Any,
     measured: Mapping[str, Array],
     beyond: Array,
     place: str,
@@ -306,11 +270,11 @@ def coregistration_page(
         title=f"{len(scans.rows)} scans of {len(subjects)} people, together",
         rows=len(scans.rows),
         people=len(subjects),
-        rounds=end.rounds,
+        rounds=problem.plan.rounds,
         doubted=[f"{n}, by itself: {d}" for n, told in scans.doubts().items() for d in told],
         folder=place,
-        cost=plotted(9.0, 4.4, plot_joint_cost, caption_joint_cost, end.log),
-        templates=_templates(start, end.templates, subjects, away),
+        cost=plotted(9.0, 4.4, plot_joint_cost, caption_joint_cost, state.log),
+        templates=_templates(start, state.templates, subjects, away),
         subjects=Table(
             ("person", "scans", "beyond betas, mean (mm)", "at most (mm)"),
             tuple(

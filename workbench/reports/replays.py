@@ -126,11 +126,7 @@ def replay_page(recording: Recording, title: str = "", said: Sequence[str] = ())
 
 
 def motion_page(
-    motion: Motion,
-    body: Body,
-    title: str,
-    betas: Array | None = None,
-    said: Sequence[str] = (),
+    motion: Motion, body: Body, title: str, betas: Array | None = None, said: Sequence[str] = ()
 ) -> ReplayPage:
     """The page of a motion on a body; `betas` (T, B) take the place of the motion's own.
 
@@ -183,13 +179,7 @@ def live_server(name: str, setup: Setup, port: int = 0) -> LiveServer:
         one: SOLVERS[one] if setup.strategy is None else setup.strategy(SOLVERS[one])
         for one in able
     }
-    text = page(
-        "live.html",
-        title=name,
-        question=setup.question,
-        recording=recording,
-        solvers=able,
-    )
+    text = page("live.html", title=name, question=setup.question, recording=recording, solvers=able)
     warm_up(setup, solvers.values())  # so that no press waits
     return LiveServer(setup, solvers, text, port)
 

@@ -1,4 +1,4 @@
-"""The page of a run and of a video, and their"""
+"""The pages of a run and of a fitted clip, and their tables."""
 
 from __future__ import annotations
 
@@ -12,10 +12,7 @@ import numpy as np
 
 from workbench import plots
 from workbench.arrays import Array
-from workbench.blocks import Block, Values
-from workbench.bodies import SkinnedBody
-from workbench.bodies.capsules import posed_capsules
-from workbench.bodies.forward.sources import arguments_from_values
+from workbench.blocks import Values
 from workbench.diagnostics import Diagnosis
 from workbench.errors import joined, some_of
 from workbench.experiments.running import Outcome, ending_in_words
@@ -23,16 +20,10 @@ from workbench.fitting.doubts import doubts
 from workbench.fitting.keypoints import LEAST_CONFIDENCE
 from workbench.fitting.measures import Measurement
 from workbench.fitting.setup import Measure, Moving, Setup
-from workbench.fitting.videos import autocorrelation, errors_of, worth_of
 from workbench.geometry.meshes import Mesh, write_mesh
-from workbench.plots.body import capsules_sheet, distances_sheet
-from workbench.plots.diagnosis import sparsity_sheet
+from workbench.plots.body import distances_sheet
 from workbench.plots.solutions import convergence_sheet
-from workbench.reports.diagnosis import (
-    directions_table,
-    gathered_directions_table,
-    terms_table,
-)
+from workbench.reports.diagnosis import directions_table, gathered_directions_table, terms_table
 from workbench.reports.folder import SUMMARY, Content, write_folder
 from workbench.reports.page import (
     Columns,
@@ -44,6 +35,7 @@ from workbench.reports.page import (
     page,
     plotted,
     shown,
+    sparsity_figure,
     spectrum,
     unit_text,
 )
@@ -53,7 +45,6 @@ from workbench.solvers import Hypothesis, Solution, Status
 from workbench.solvers.starts import AS_GOOD
 from workbench.writing import write_arrays
 
-MOST_SHOWN = 6  # stages, or hypotheses, that are drawn side by side
 FILES = {
     "index.html": "this page",
     "values.npz": "every block by its name, free and fixed, and the points drawn in each view",
@@ -121,34 +112,20 @@ def run_page(outcome: Outcome, files: dict[str, str]) -> str:
             plotted(4.8, 6.2, plots.plot_overlay, plots.caption_overlay, outcome, i)
             for i in range(len(outcome.overlays))
         ],
-        stages=numbered_figures(
-            outcome, len(outcome.stages), plots.plot_stage, plots.caption_stage
-        ),
-        ends=numbered_figures(
-            outcome, len(outcome.hypotheses), plots.plot_hypothesis, plots.caption_hypothesis
-        ),
-        moving=moving_figures(outcome.setup, outcome.values),
         seen=LEAST_CONFIDENCE,
         distances=distance_figure(outcome),
-        capsules=capsule_figure(outcome),
         convergence=of_solvers(
             drawn(convergence_sheet, plots.caption_convergence, outcome.compared)
         ),
         solvers=solvers_table(outcome),
-        evaluations=evaluations_table(outcome),
-        minima=plotted(8.0, 3.6, plots.plot_minima, plots.caption_minima, solution)
-        if solution.hypotheses
-        else None,
         hypotheses=hypotheses_table(solution),
         condition=number(diagnosis.condition, 3),
-        sparsity=drawn(sparsity_sheet, plots.caption_sparsity, diagnosis),
+        sparsity=sparsity_figure(diagnosis),
         terms=terms_table(diagnosis),
         spectrum=spectrum(diagnosis),
         directions=directions_table(diagnosis),
         alone=data_alone(outcome),
         values=value_tables(outcome),
-        arrays=array_tables(outcome),
-        fixed=fixed_table(outcome),
         files=files,
         recording=recorded_run(outcome),
     )
@@ -168,16 +145,6 @@ def data_alone(outcome: Outcome) -> dict[str, object] | None:
     }
 
 
-def numbered_figures(
-    outcome: Outcome,
-    count: int,
-    plot: Callable[..., object],
-    caption: Callable[[Outcome, int], str],
-) -> list[Shown]:
-    """A figure for each stage or hypothesis; of many hypotheses the first ones."""
-    return [plotted(3.8, 5.0, plot, caption, outcome, i) for i in range(min(count, MOST_SHOWN))]
-
-
 def distance_figure(outcome: Outcome) -> Shown | None:
     """The distances to the true surface, or None if it is not known."""
     truth, surface, body = outcome.setup.truth, outcome.surface, outcome.setup.body
@@ -187,21 +154,6 @@ def distance_figure(outcome: Outcome) -> Shown | None:
     called = truth_called(outcome)
     figure = distances_sheet(surface, distances, body.faces, called)
     return shown(figure, plots.caption_distances(distances, called))
-
-
-def capsule_figure(outcome: Outcome) -> Shown | None:
-    """The fitted body with its capsules, or None if the problem reads none of them."""
-    body, surface, problem = outcome.setup.body, outcome.surface, outcome.setup.problem
-    if surface is None or not isinstance(body, SkinnedBody) or body.capsules is None:
-        return None
-    points = [*problem.points, *(p for c in problem.constraints for p in c.points)]
-    read = any(p.source.labels == body.capsules.end_names for p in points)
-    arguments = arguments_from_values(body, points, outcome.values)
-    if not read or arguments is None:
-        return None
-    posed = posed_capsules(body, *arguments)
-    figure = capsules_sheet(surface, body.faces, posed)
-    return shown(figure, plots.caption_capsules(posed))
 
 
 def truth_called(outcome: Outcome) -> str:
@@ -269,16 +221,13 @@ def _ending(solution: Solution) -> dict[str, Any]:
 
 
 SMALL = 24  # entries of a block that is listed number by number
-MOST_LISTED = 3000  # entries of one that is listed row by row; what is larger is in the .npz alone
 MOST_STARTS = 12  # that are listed by number
 
 
 def measures_table(measures: tuple[Measure, ...]) -> Table:
     """The measures with their units, and what each is a mean over."""
     rows = tuple((m.name, number(m.value), unit_text(m.unit), m.over) for m in measures)
-    if any(m.over for m in measures):
-        return Table(("measure", "value", "unit", "mean over"), rows)
-    return Table(("measure", "value", "unit"), tuple(row[:3] for row in rows))
+    return Table(("measure", "value", "unit", "mean over"), rows)
 
 
 def measurements_table(measurements: Sequence[Measurement]) -> Table:
@@ -363,20 +312,9 @@ def solvers_table(outcome: Outcome) -> Table:
         "above the best": lambda of: number(outcome.excess(of[0]), 2),
         "optimality": lambda of: number(of[1].optimality, 2),
         "iterations": lambda of: str(of[1].iterations),
+        "evaluations": lambda of: str(of[1].evaluations.total),
     }
-    return Table.of(outcome.compared.items(), columns, tuple(range(2, 7)))
-
-
-def evaluations_table(outcome: Outcome) -> Table:
-    """How often each solver asked for what."""
-    columns: Columns[tuple[str, Solution]] = {
-        "solver": lambda of: of[0],
-        "residuals": lambda of: str(of[1].evaluations.residual),
-        "gradients": lambda of: str(of[1].evaluations.gradient),
-        "Jacobians": lambda of: str(of[1].evaluations.jacobian),
-        "Hessians": lambda of: str(of[1].evaluations.hessian),
-    }
-    return Table.of(outcome.compared.items(), columns, tuple(range(1, 5)))
+    return Table.of(outcome.compared.items(), columns, tuple(range(2, 8)))
 
 
 def ending_said(solution: Solution) -> tuple[str, str]:
@@ -412,69 +350,13 @@ def value_tables(outcome: Outcome) -> list[Table]:
                 (block.name + block.entry(i), number(float(value)))
                 for i, value in enumerate(block.taken(outcome.values[block.name]).ravel())
             )
-            found.append(Table((block.name, "value" + _unit(block)), rows))
+            found.append(Table((block.name, f"value {unit_text(block.unit)}".rstrip()), rows))
     return found
-
-
-def array_tables(outcome: Outcome) -> dict[str, Table]:
-    """A table by its title for each free block with rows of three numbers, such as a pose."""
-    found = {}
-    for block in outcome.diagnosis.free.blocks:
-        if SMALL < block.size <= MOST_LISTED and len(block.shape) == 2 and block.shape[1] == 3:
-            unit = _unit(block)
-            value = block.taken(outcome.values[block.name])
-            labels = None if block.framed else block.labels  # those of a frame's rows
-            names = labels or [str(k) for k in range(len(value))]
-            rows = tuple(
-                (name, *(number(float(x), 3) for x in (*row, np.linalg.norm(row))))
-                for name, row in zip(names, value, strict=True)
-            )
-            head = (block.name, *(axis + unit for axis in "xyz"), "length" + unit)
-            found[f"{block.name}: {' × '.join(map(str, block.shape))}{unit}"] = Table(
-                head, rows, (1, 2, 3, 4)
-            )
-    return found
-
-
-def fixed_table(outcome: Outcome) -> Table:
-    """The blocks of which all or some entries are fixed."""
-    problem = outcome.setup.problem
-    partly_free = " (but for the free entries)"
-    columns: Columns[Block] = {
-        "block": lambda b: b.name + (partly_free if b.name in problem.free.names else ""),
-        "shape": lambda b: " × ".join(map(str, b.shape)) or "1",
-        "unit": lambda b: unit_text(b.unit),
-    }
-    return Table.of(problem.fixed.blocks, columns, ())
-
-
-def _unit(block: Block) -> str:
-    return "" if block.unit == "1" else f" ({block.unit})"
 
 
 def _sigma(sigma: float | np.ndarray) -> str:
     low, high = float(np.min(sigma)), float(np.max(sigma))
     return number(low, 3) if low == high else f"{number(low, 3)} to {number(high, 3)}"
-
-
-MOST_CAMERAS = 4  # whose strips are drawn
-
-
-def moving_figures(setup: Setup, values: Values) -> list[Shown]:
-    """A strip of frames for each camera, and how errors are correlated; none for a single frame."""
-    moving = setup.moving
-    if moving is None:
-        return []
-    found = [
-        plotted(9.6, 2.7, plots.plot_strip, plots.caption_strip, moving, values, i)
-        for i in range(min(len(moving.views), MOST_CAMERAS))
-    ]
-    if moving.data and len(moving.views[0].observed) > 2:
-        r = autocorrelation(*errors_of(setup.problem, values, moving.data))
-        worth = worth_of(setup.problem, values, moving.data)
-        draw, say = plots.plot_autocorrelation, plots.caption_autocorrelation
-        found.append(plotted(6.4, 3.0, draw, say, r, worth))
-    return found
 
 
 VIDEO_FILES = {
@@ -516,7 +398,6 @@ def write_video(
         cost=number(solution.cost, 6),
         measures=measures_table(measures),
         doubted=doubted,
-        moving=moving_figures(setup, values),
         files=VIDEO_FILES,
         recording=recorded_frames(setup, values),
     )

@@ -8,22 +8,19 @@ from workbench.residuals.numbers import (
     bending,
     gaussian,
     limits,
-    log_sum_mixture,
     max_mixture,
-    student_t,
 )
 from workbench.residuals.points import (
     edges,
     keypoints,
     landmarks,
     mirrored,
-    on_plane,
     regressed,
     stitching,
     vertices,
 )
 from workbench.residuals.residual import Residual
-from workbench.residuals.scans import free_space, model_to_scan, scan_to_model
+from workbench.residuals.scans import free_space, scan_to_model
 from workbench.residuals.self_contact import apart, gaps, spheres
 from workbench.residuals.sequences import smooth
 
@@ -45,14 +42,11 @@ __all__ = [
     "keypoints",
     "landmarks",
     "limits",
-    "log_sum_mixture",
     "loose",
     "max_mixture",
     "mirrored",
-    "model_to_scan",
     "of_norms",
     "offset",
-    "on_plane",
     "plane",
     "quadratic",
     "regressed",
@@ -61,6 +55,5 @@ __all__ = [
     "smooth",
     "spheres",
     "stitching",
-    "student_t",
     "vertices",
 ]

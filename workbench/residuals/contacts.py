@@ -2,14 +2,8 @@
 
 Each point of a scan is compared with the closest place on a surface whose vertices move with the
 unknowns. Which place that is changes with them, so that no graph can express it. With the contact
-held, what is compared is an affine function of the vertices,
-
-    q(V) = q_0 + W (V - V_0),
-
-and its derivative W is, for a distance, the derivative of the true distance too.
-
-`Problem.frozen(values)` puts such affine functions in the place of all searches. They have a graph,
-and the diagnosis works with that problem.
+held, what is compared is an affine function of the vertices, q(V) = q_0 + W (V - V_0), which has a
+graph (`Problem.frozen`). For a distance, W is the derivative of the true distance too.
 """
 
 from collections.abc import Callable, Mapping
@@ -28,17 +22,11 @@ from workbench.errors import BadResidual
 
 @dataclass(frozen=True, eq=False)
 class ContactNumbers:
-    """What contacts say where a surface is now, and how it changes with the surface's vertices.
+    """What contacts say where a surface is now, and how it changes with the surface's vertices."""
 
-    Attributes:
-        numbers: (M, d) m, such as one signed distance of each of M points.
-        found: (M,) which points have a contact; the numbers of the others are constant.
-        derivative: makes `jacobian`, which many a point of a solver is left without.
-    """
-
-    numbers: Array
-    found: Mask
-    derivative: Callable[[], csr_array]
+    numbers: Array  # (M, d) m, such as one signed distance of each of M points
+    found: Mask  # (M,) which points have a contact; the numbers of the others are constant
+    derivative: Callable[[], csr_array]  # makes `jacobian`, which many a point is left without
 
     @cached_property
     def jacobian(self) -> csr_array:
@@ -53,25 +41,18 @@ Search = Callable[[Array], ContactNumbers]  # from the vertices (N, 3) m of a su
 
 @dataclass(frozen=True, eq=False)
 class MovingContacts(NumericPoints):
-    """A source of d numbers for each of M points in contact with a surface; see PointSource.
+    """A source of d numbers for each of M points in contact with a surface; see PointSource."""
 
-    Attributes:
-        surface: the source of the surface's N vertices.
-        arithmetic: the vertices by arithmetic.
-        count: M, the number of points.
-        labels: a name for each point, where they have names.
-        search: finds the contacts with vertices at given places.
-    """
-
-    surface: PointSource
-    arithmetic: NumericPoints
-    count: int
-    labels: tuple[str, ...] | None
-    search: Search
+    surface: PointSource  # of the surface's N vertices
+    arithmetic: NumericPoints  # the vertices by arithmetic
+    count: int  # M, the number of points
+    search: Search  # finds the contacts with vertices at given places
+    labels = None
 
     @property
-    def expression(self) -> None:
+    def expression(self) -> cs.MX | None:
         """None: no graph chooses contacts."""
+        return None
 
     @property
     def blocks(self) -> tuple[Block, ...]:
@@ -97,11 +78,10 @@ class MovingContacts(NumericPoints):
         """The contacts where the blocks have these values."""
         return self.search(self.arithmetic.evaluate(values).points)
 
-    def evaluate(self, values: Mapping[str, Array]) -> "ContactsAt":
-        """The numbers where the blocks have these values, with contacts chosen there."""
+    def evaluate(self, values: Mapping[str, Array]) -> "_ContactsAt":
+        """The numbers where the blocks have these values."""
         here = self.arithmetic.evaluate(values)
-        found = self.search(here.points)
-        return ContactsAt(here, found)
+        return _ContactsAt(here, self.search(here.points))
 
     def evaluate_batch(self, values: Mapping[str, Array]) -> Array:
         """The numbers (M, d) for several values of each block."""
@@ -115,83 +95,45 @@ class MovingContacts(NumericPoints):
         of_a_vertex = -(-pattern.nnz // max(1, pattern.shape[0] // 3))
         return CORNERS * of_a_vertex * self.count
 
-    def frozen(self, values: Mapping[str, Array]) -> "HeldContacts":
+    def frozen(self, values: Mapping[str, Array]) -> "MovingContacts":
         """The contacts as they are at these values, held."""
         here = self.arithmetic.evaluate(values).points
         found = self.search(here)
-        at_zero = found.numbers.ravel() - found.jacobian @ here.ravel()
-        numbers = at_zero.reshape(found.numbers.shape)
-        return HeldContacts(self.surface, self.arithmetic, self.labels, numbers, found.jacobian)
+        W = found.jacobian
+        at_zero = found.numbers - (W @ here.ravel()).reshape(found.numbers.shape)
+
+        def held(vertices: Array) -> ContactNumbers:
+            numbers = at_zero + (W @ vertices.ravel()).reshape(at_zero.shape)
+            return ContactNumbers(numbers, np.ones(len(numbers), dtype=bool), lambda: W)
+
+        return _HeldContacts(self.surface, self.arithmetic, self.count, held, at_zero, W)
 
 
 CORNERS = 3  # of a triangle: the vertices that one contact depends on
 
 
 @dataclass(frozen=True, eq=False)
-class HeldContacts(NumericPoints):
-    """A source of q_0 + W V, d numbers of M points whose contacts are held; see PointSource.
+class _HeldContacts(MovingContacts):
+    """A source of q_0 + W V, d numbers of M points: q_0 (M, d) m are those of vertices at zero."""
 
-    Attributes:
-        surface: the source of the surface's N vertices.
-        arithmetic: the vertices by arithmetic.
-        labels: a name for each point, where they have names.
-        at_zero: (M, d) m, q_0: the numbers if all vertices were at zero.
-        jacobian: (M d, 3 N) W.
-    """
-
-    surface: PointSource
-    arithmetic: NumericPoints
-    labels: tuple[str, ...] | None
     at_zero: Array
     jacobian: csr_array
 
-    @property
-    def count(self) -> int:
-        """M, the number of points."""
-        return len(self.at_zero)
-
     @cached_property
     def expression(self) -> cs.MX | None:
-        """The numbers in the blocks' symbols, (d, M); None if the surface has no expression."""
         vertices = self.surface.expression
         if vertices is None:
             return None
         moved = cs.MX(sparse_constant(self.jacobian)) @ cs.vec(cs.densify(vertices))
         return cs.reshape(moved, *self.at_zero.shape[::-1]) + cs.DM(self.at_zero.T)
 
-    @property
-    def blocks(self) -> tuple[Block, ...]:
-        """The blocks that the surface depends on."""
-        return self.surface.blocks
-
-    @property
-    def tree(self) -> Tree | None:
-        """The kinematic tree that moves the surface, where there is one."""
-        return self.surface.tree
-
-    @property
-    def numeric(self) -> "HeldContacts":
-        """Itself, for it computes its numbers."""
+    def frozen(self, values: Mapping[str, Array]) -> "_HeldContacts":
         return self
 
-    @property
-    def reads(self) -> tuple[str, ...]:
-        """The names of the blocks that the surface depends on."""
-        return self.arithmetic.reads
-
-    def evaluate(self, values: Mapping[str, Array]) -> "ContactsAt":
-        """The numbers where the blocks have these values."""
-        here = self.arithmetic.evaluate(values)
-        numbers = self._numbers(here.points)
-        held = ContactNumbers(numbers, np.ones(len(numbers), dtype=bool), lambda: self.jacobian)
-        return ContactsAt(here, held)
-
-    def evaluate_batch(self, values: Mapping[str, Array]) -> Array:
-        """The numbers (M, d) for several values of each block."""
-        return np.stack([self._numbers(at) for at in self.arithmetic.evaluate_batch(values)])
+    def nonzeros(self, name: str) -> None:
+        return None
 
     def pattern(self, name: str) -> csc_array | None:
-        """Where the derivative by a block can be nonzero; None if it is dense."""
         pattern = self.arithmetic.pattern(name)
         if pattern is None:
             return None
@@ -200,45 +142,31 @@ class HeldContacts(NumericPoints):
         found.sort_indices()
         return found
 
-    def _numbers(self, vertices: Array) -> Array:
-        moved = self.jacobian @ vertices.ravel()
-        return np.asarray(self.at_zero + moved.reshape(self.at_zero.shape))
-
 
 @dataclass(frozen=True, eq=False)
-class ContactsAt(PointsAt):
-    """The numbers of contacts at one set of values; see PointsAt.
-
-    Attributes:
-        here: the surface's vertices.
-        contacts: the contacts with them.
-    """
-
+class _ContactsAt(PointsAt):
     here: PointsAt
     contacts: ContactNumbers
 
     @property
     def points(self) -> Array:
-        """(M, d) m, the numbers."""
         return self.contacts.numbers
 
     def write_jacobian(self, into: Mapping[str, Array], scale: Array | None) -> None:
-        """Write the derivative, transposed, into[block] (size, M d)."""
         W = self.contacts.jacobian
         by_block = {name: np.zeros((len(target), W.shape[1])) for name, target in into.items()}
         self.here.write_jacobian(by_block, None)
-        W = W if scale is None else _with(_per_row(W, scale), W)
+        if scale is not None:
+            W = _with(W.data * np.repeat(scale, np.diff(W.indptr)), W)
         for name, target in into.items():
             target[...] = (W @ by_block[name].T).T
 
     def jacobian(self, name: str) -> csc_array:
-        """The derivative (M d, size) by a block, for which that of the vertices must be sparse."""
         found = csc_array(self.contacts.jacobian @ self.here.jacobian(name))
         found.sort_indices()
         return found
 
     def vjp(self, cotangent: Array) -> dict[str, Array]:
-        """The gradient of cotangent (M d,) . numbers by each block; flat."""
         return self.here.vjp(np.asarray(self.contacts.jacobian.T @ cotangent))
 
 
@@ -247,26 +175,16 @@ def _with(entries: Array, matrix: csr_array) -> csr_array:
     return csr_array((entries, matrix.indices, matrix.indptr), shape=matrix.shape)
 
 
-def _per_row(matrix: csr_array, scale: Array) -> Array:
-    return np.asarray(matrix.data * np.repeat(scale, np.diff(matrix.indptr)))
-
-
 TOUCHING = 1e-9  # m: the direction of a shorter offset is one of rounding errors
 
 
 @dataclass(frozen=True, eq=False)
 class Offsets:
-    """The offsets of M points from the places on a surface with which they are in contact.
+    """The offsets of M points from the places on a surface with which they are in contact."""
 
-    Attributes:
-        vectors: (M, 3) m, o = p - s.
-        normals: (M, 3) the unit normals of the surface at these places.
-        distances: (M,) m, |o|, below zero behind the surface.
-    """
-
-    vectors: Array
-    normals: Array
-    distances: Array
+    vectors: Array  # (M, 3) m, o = p - s
+    normals: Array  # (M, 3) the unit normals of the surface at these places
+    distances: Array  # (M,) m, |o|, below zero behind the surface
 
     @property
     def directions(self) -> Array:
@@ -292,19 +210,7 @@ class Form:
     of: Callable[[Offsets], tuple[Array, Array]]
 
 
-def _distance(o: Offsets) -> tuple[Array, Array]:
-    return o.distances[:, None], o.directions[:, None]
-
-
-def _offset(o: Offsets) -> tuple[Array, Array]:
-    return o.vectors, np.broadcast_to(np.eye(3), (len(o.vectors), 3, 3))
-
-
-def _plane(o: Offsets) -> tuple[Array, Array]:
-    return np.einsum("mc,mc->m", o.normals, o.vectors)[:, None], o.normals[:, None]
-
-
-distance = Form("distance", 1, _distance)
+distance = Form("distance", 1, lambda o: (o.distances[:, None], o.directions[:, None]))
 """u . (p - s), the signed distance of the point from the surface: one number.
 
 The direction u = (p - s) / |p - s| is held with the contact. Where the surface moves by ds, the
@@ -313,14 +219,16 @@ to it (the envelope theorem). The derivative with the contact held is therefore 
 itself.
 """
 
-offset = Form("offset", 3, _offset)
+offset = Form("offset", 3, lambda o: (o.vectors, np.tile(np.eye(3), (len(o.vectors), 1, 1))))
 """p - s, the vector from the surface to the point: three numbers.
 
 Its length is the distance and its cost the same, but with the contact held a point is also kept
 from sliding along the surface. Gauss-Newton takes shorter steps, and more of them.
 """
 
-plane = Form("plane", 1, _plane)
+plane = Form(
+    "plane", 1, lambda o: ((o.normals * o.vectors).sum(axis=1)[:, None], o.normals[:, None])
+)
 """n . (p - s), the distance from the tangent plane (Chen and Medioni, Object modelling by
 registration of multiple range images, 1992): one number.
 

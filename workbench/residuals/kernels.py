@@ -7,12 +7,8 @@ square is rho(s). That is smooth at 0, so Gauss-Newton and its kin need nothing 
 
 A kernel is a function of a matrix of squares (d, N), one column for each of N points with d
 coordinates, and returns factors of the same shape. The kernels below treat every number by
-itself. `of_norms` makes kernels of |r / sigma| out of them, so that a point is an outlier or is
-none, whatever the directions of the axes are.
-
-Weights, such as those of confidences, are outside of the kernel, 1/2 w rho(s): an outlier of low
-confidence is still an outlier, and counts less. The rows of a point are not replaced by |r|, which
-has no derivative at zero.
+itself; `of_norms` makes kernels of |r / sigma| out of them. Weights are outside of the kernel,
+1/2 w rho(s): an outlier of low confidence is still an outlier, and counts less.
 """
 
 from collections.abc import Callable
@@ -64,13 +60,9 @@ def huber(threshold: float = 1.345) -> Kernel:
 
 @dataclass(frozen=True)
 class Huber:
-    """Huber's kernel as a value, so that two with the same threshold are equal; see `huber`.
+    """Huber's kernel as a value, so that two with the same threshold are equal; see `huber`."""
 
-    Attributes:
-        threshold: k, in sigmas; beyond it rho is linear.
-    """
-
-    threshold: float
+    threshold: float  # k, in sigmas
 
     def __call__(self, s: cs.MX) -> cs.MX:
         """The factors g(s) of squares s."""
@@ -83,15 +75,10 @@ class Huber:
 
 @dataclass(frozen=True)
 class Scaled:
-    """A kernel with a scale of its own, apart from sigma; see `scaled`.
+    """A kernel with a scale of its own, apart from sigma; see `scaled`."""
 
-    Attributes:
-        of: the kernel at a scale of one sigma.
-        scale: c, in sigmas.
-    """
-
-    of: Kernel
-    scale: float
+    of: Kernel  # at a scale of one sigma
+    scale: float  # c, in sigmas
 
     def __call__(self, s: cs.MX) -> cs.MX:
         """The factors g(s / c^2) of squares s."""
@@ -119,11 +106,7 @@ def scaled(kernel: Kernel, scale: float) -> Scaled:
 
 @dataclass(frozen=True)
 class OfNorms:
-    """A kernel of the lengths of whole residuals, made from one of single numbers: `of_norms`.
-
-    Attributes:
-        of: the kernel of single numbers.
-    """
+    """A kernel of the lengths of whole residuals, made from one of single numbers: `of_norms`."""
 
     of: Kernel
 
@@ -140,13 +123,10 @@ def of_norms(kernel: Kernel) -> OfNorms:
     axes, as that of a kernel of single coordinates does, and a point that is wrong in one
     coordinate is trusted less in the others as well. With `quadratic` nothing changes.
 
-    A point keeps its two or three rows. One row sqrt(rho(|r|^2)) would have the same cost, but no
-    derivative where r is zero, as |r| has none, and Gauss-Newton would see one direction of
-    three. The factors are smooth there.
-
-    Usually all coordinates of a point have the same sigma; if they differ, |r / sigma| is
-    Mahalanobis' distance. An outlier is now defined by a distance: 95 % of Gaussian points in space
-    lie within 2.80 sigma, and not within 1.96.
+    A point keeps its two or three rows: one row sqrt(rho(|r|^2)) would have the same cost, but no
+    derivative where r is zero. If the sigmas of a point's coordinates differ, |r / sigma| is
+    Mahalanobis' distance. 95 % of Gaussian points in space lie within 2.80 sigma, and not within
+    1.96.
 
     Raises BadResidual if it is given no function, or a kernel that is already one of norms.
     """

@@ -12,8 +12,7 @@ from workbench.arrays import Array
 from workbench.blocks import Block
 from workbench.blocks.checks import reals
 from workbench.errors import BadResidual, some_of
-from workbench.residuals.arguments import named
-from workbench.residuals.residual import Residual, check_symbolic
+from workbench.residuals.residual import Residual, check_symbolic, named
 
 
 def gaussian(
@@ -84,9 +83,6 @@ def whitening(C: Array, name: str) -> Array:
     return np.tril(solve_triangular(L, np.eye(len(L)), lower=True))
 
 
-SMALLEST = 1e-30  # of a Kullback-Leibler divergence: below, its root is taken for 0
-
-
 def max_mixture(
     expression: cs.MX,
     *,
@@ -110,44 +106,17 @@ def max_mixture(
     name = name or named("max_mixture", expression)
     white, c = _components(name, expression, shares, means, covariances)
     e = 0.5 * cs.sum1(white**2).T + cs.DM(c)  # (C, 1)
-    first = _first_of(e <= cs.mmin(e))
+    lowest, before, each = e <= cs.mmin(e), cs.MX(0), []
+    for j in range(len(c)):
+        each.append(lowest[j] * (1 - before))
+        before = cs.fmax(before, lowest[j])
+    first = cs.vertcat(*each)  # 1 for the first component among those that are lowest
     rows = cs.vertcat(white @ first, cs.dot(cs.DM(np.sqrt(2 * (c - c.min()))), first))
-    return Residual(name, rows, 1.0, components=_each_alone(name, white))
-
-
-def log_sum_mixture(
-    expression: cs.MX,
-    *,
-    shares: ArrayLike,
-    means: ArrayLike,
-    covariances: ArrayLike,
-    name: str | None = None,
-) -> Residual:
-    """The mixture itself as rows: sqrt(gamma_j) L_j^-1 (x - mu_j) for all j, and sqrt(2 KL).
-
-    gamma_j = exp(-e_j) / sum of exp(-e) is the share of component j at x, and KL the
-    Kullback-Leibler divergence of gamma from the same shares with x - mu = 0 everywhere, which are
-    proportional to exp(-c). Half the sum of squares is exactly -log sum of exp(-e_j), plus log sum
-    of exp(-c_j). Arguments and errors are those of `max_mixture`.
-    """
-    name = name or named("log_sum_mixture", expression)
-    white, c = _components(name, expression, shares, means, covariances)
-    squares = 0.5 * cs.sum1(white**2).T  # (C, 1)
-    e = squares + cs.DM(c)
-    log_gamma = -e - _log_sum_exp(-e)
-    log_prior = -c - np.logaddexp.reduce(-c)
-    gamma = cs.exp(log_gamma)
-    KL = cs.dot(gamma, log_gamma - cs.DM(log_prior))
-    some = KL > SMALLEST
-    root = cs.if_else(some, cs.sqrt(2 * cs.if_else(some, KL, 1)), 0)
-    rows = cs.vec(white * cs.repmat(cs.exp(0.5 * log_gamma).T, white.shape[0], 1))
-    return Residual(name, cs.vertcat(rows, root), 1.0, components=_each_alone(name, white))
-
-
-def _each_alone(name: str, white: cs.MX) -> tuple[Residual, ...]:
-    """Each column L_j^-1 (x - mu_j) of a matrix (D, C) as a residual of its own."""
-    columns = cs.horzsplit(white)
-    return tuple(Residual(f"{name}, component {j}", one, 1.0) for j, one in enumerate(columns))
+    alone = (
+        Residual(f"{name}, component {j}", column, 1.0)
+        for j, column in enumerate(cs.horzsplit(white))
+    )
+    return Residual(name, rows, 1.0, components=tuple(alone))
 
 
 def _components(
@@ -175,67 +144,6 @@ def _components(
     shifts = np.einsum("cde,ce->cd", inverse, mu).ravel()
     stacked = cs.DM(inverse.reshape(C * D, D)) @ x - cs.DM(shifts)
     return cs.reshape(stacked, D, C), np.asarray(c)
-
-
-def _first_of(lowest: cs.MX) -> cs.MX:
-    """1 for the first component among those that are lowest, and 0 for the others, (C, 1)."""
-    before = cs.MX(0)
-    found = []
-    for j in range(lowest.shape[0]):
-        found.append(lowest[j] * (1 - before))
-        before = cs.fmax(before, lowest[j])
-    return cs.vertcat(*found)
-
-
-def _log_sum_exp(x: cs.MX) -> cs.MX:
-    largest = cs.mmax(x)
-    return largest + cs.log(cs.sum1(cs.exp(x - largest)))
-
-
-SMALL = 1e-5  # of m^2 / nu: below, the logarithm is its series
-
-
-def student_t(
-    expression: cs.MX,
-    *,
-    dof: float,
-    mean: ArrayLike = 0.0,
-    scale: ArrayLike = 1.0,
-    counted: float | None = None,
-    name: str | None = None,
-) -> Residual:
-    """g(m^2) L^-1 (x - mean), with S = L L' and m^2 g(m^2)^2 = (nu + d) log(1 + m^2 / nu).
-
-    Half the sum of its d squares is the log density at the mean less the log density at x. x is a
-    block's symbol or an expression of d numbers, and `dof` is nu. `scale` is the matrix S, which is
-    not the covariance: the covariance is nu / (nu - 2) S if nu > 2, and infinite otherwise. `mean`
-    and `scale` have the shapes that the mean and the covariance of `gaussian` may have, and raise
-    the same errors. `counted` says how many of the numbers of x the observations determine; it
-    takes the place of d in the formula, and is d if not given. With fewer than d, the residual is
-    no longer the log density of x: use it to find likeliest points, and not to draw samples.
-    Raises BadResidual for degrees of freedom that are not above 0, and a `counted` that is not
-    above 0 and at most d.
-    """
-    name = name or named("student_t", expression)
-    nu = dof
-    if not isinstance(nu, (int, float, np.number)) or not 0 < nu < np.inf:
-        raise BadResidual(
-            f"residual {name!r} needs a number of degrees of freedom above 0, not {nu!r}; with "
-            "infinitely many it is gaussian(...)"
-        )
-    z = gaussian(expression, mean=mean, covariance=scale, name=name).whitened
-    d = int(z.shape[0])
-    r = d if counted is None else counted
-    if not isinstance(r, (int, float, np.number)) or not 0 < r <= d:
-        raise BadResidual(
-            f"residual {name!r} is about {d} numbers, of which {r!r} cannot be counted; give a "
-            f"number above 0 and at most {d}"
-        )
-    u = cs.dot(z, z) / nu
-    small = u < SMALL
-    safe = cs.if_else(small, 1, u)  # guarded: both branches are evaluated
-    shrunk = cs.if_else(small, 1 - u / 2 + u**2 / 3, cs.log1p(safe) / safe)
-    return Residual(name, cs.sqrt((nu + r) / nu * shrunk) * z, 1.0)
 
 
 def limits(
@@ -329,14 +237,8 @@ HINGES: Mapping[str, Hinge] = {
 }  # of bodies with SMPL's joints: entries 55, 58, 12 and 15 of the pose
 
 
-def bending(
-    pose: Block,
-    hinges: Mapping[str, Hinge] = HINGES,
-    *,
-    sigma: float = 1.0,
-    name: str = "bending",
-) -> Residual:
-    """exp(s theta) for the angle theta of each hinge joint, where s theta > 0 bends it backwards.
+def bending(pose: Block, *, sigma: float = 1.0, name: str = "bending") -> Residual:
+    """exp(s theta) for the angle theta of each of `HINGES`, where s theta > 0 bends it backwards.
 
     The cost is 1/2 sum of exp(2 s theta) / sigma^2, which grows quickly for a joint that bends
     backwards and is nearly 0 for one that bends as it should. It is E_a of SMPLify (Bogo et al.,
@@ -353,11 +255,11 @@ def bending(
             f"block {pose.name!r} {pose.shape} is no pose: rotation vectors (K, 3) whose rows are "
             "labelled by joints; give the first of body.blocks()"
         )
-    present = {joint: hinge for joint, hinge in hinges.items() if joint in joints}
+    present = {joint: hinge for joint, hinge in HINGES.items() if joint in joints}
     if not present:
         raise BadResidual(
-            f"residual {name!r} is about the joints {some_of(sorted(hinges))}, and block "
-            f"{pose.name!r} has none of them; give the hinges of this body"
+            f"residual {name!r} is about the joints {some_of(sorted(HINGES))}, and block "
+            f"{pose.name!r} has none of them"
         )
     labels = tuple(present)
     return Residual(name, bent_back(pose, present), sigma, labels=labels, blocks=(pose,))

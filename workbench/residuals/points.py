@@ -13,18 +13,17 @@ from workbench.errors import BadResidual
 from workbench.geometry.camera import Camera
 from workbench.geometry.mirror import REFLECTION
 from workbench.geometry.triangles import edge_matrix
-from workbench.residuals.arguments import (
+from workbench.residuals.kernels import Kernel, quadratic
+from workbench.residuals.residual import (
+    Residual,
     confidences,
     expressed,
     given,
-    named,
     named_after,
     numbered,
     row_labels,
     same_shape,
 )
-from workbench.residuals.kernels import Kernel, quadratic
-from workbench.residuals.residual import Residual
 
 
 def vertices(
@@ -93,10 +92,9 @@ def keypoints(
     coordinates do not matter as long as they are numbers. Raises BadResidual for shapes that do not
     fit and for confidences below zero.
 
-    A pinhole also projects what is behind it, upside down, but a camera sees nothing there. The
-    depths (M,) m in front of the camera are therefore the domain of the residual: a posterior has
-    no density where a keypoint with a confidence above 0 is behind the camera. (At a depth of 0 the
-    residual is no number.) The residual itself, and with it fits, are those of the pinhole.
+    The depths (M,) m in front of the camera are the domain of the residual: a posterior has no
+    density where a keypoint with a confidence above 0 is behind the camera, where a pinhole
+    projects upside down.
     """
     predicted, reads = expressed(points)
     if not isinstance(camera, Camera):
@@ -254,43 +252,3 @@ def regressed(
         points=(*joint_reads, *surface_reads),
         rows_per_point=3,
     )
-
-
-def on_plane(
-    points: Points | cs.MX,
-    *,
-    sigma: float,
-    normal: ArrayLike = (0.0, 1.0, 0.0),
-    offset: cs.MX | float = 0.0,
-    some: tuple[str, ...] | None = None,
-    kernel: Kernel = quadratic,
-    name: str | None = None,
-) -> Residual:
-    """n.p_k - d, how far each point (3, M) m lies above the plane n.x = d, in metres.
-
-    The plane is the floor unless `normal` (of any length) says otherwise; `offset` is d in metres,
-    a number or the symbol of a block, for a floor whose height is unknown. `some` are the labels
-    of the points that count, such as `("left_heel", "left_big_toe")`. A robust kernel lets a foot
-    leave the ground. Raises BadResidual for a normal without length and for unknown labels.
-    """
-    where, reads = expressed(points)
-    name = name or named("on_plane", where)
-    n = reals(f"residual {name!r}: the normal", normal)
-    length = float(np.linalg.norm(n)) if n.shape == (3,) else 0.0
-    if not 0 < length < np.inf:
-        raise BadResidual(
-            f"residual {name!r} needs a normal of three finite numbers, not {normal!r}"
-        )
-    labels = points.labels if isinstance(points, Points) else None
-    if some is not None:
-        unknown = [label for label in some if label not in (labels or ())]
-        if unknown or not some:
-            raise BadResidual(
-                f"residual {name!r} is about the points {', '.join(some) or '(none)'}, but the "
-                f"points are called {', '.join(labels or ())}"
-            )
-        assert labels is not None
-        where = where[:, [labels.index(label) for label in some]]
-        labels = tuple(some)
-    above = cs.vec(cs.DM(n / length).T @ where) - offset
-    return Residual(name, above, sigma, "m", kernel, reads, labels)

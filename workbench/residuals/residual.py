@@ -7,12 +7,12 @@ import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
 
-from workbench.arrays import Array
+from workbench.arrays import Array, Index
 from workbench.blocks import Block, Points, in_blocks
 from workbench.blocks.block import Symbolic
-from workbench.blocks.checks import reals, several, texts
+from workbench.blocks.checks import numbers, reals, several, texts
 from workbench.blocks.points import unlisted
-from workbench.errors import BadResidual, listed
+from workbench.errors import BadResidual
 from workbench.residuals.kernels import Kernel, OfNorms, quadratic
 
 
@@ -31,22 +31,18 @@ class Residual(Symbolic):
     row, and a kernel `of_norms` can tell which rows belong together. With such a kernel
     weights are given by point: the rows of one point cannot have different weights.
 
-    The expression is written in placeholders of points: casadi.jacobian of it by a body's pose
-    has no nonzeros, for a placeholder is a symbol of its own. `graph` is the same in the symbols of
-    blocks, and `workbench.jacobian` refuses an expression with placeholders. `blocks` describe
-    symbols that the expression reads, by unit and labels. A residual of a sequence has the rows of
-    all frames, and says in `by_frame` which residual of a single frame they come from. What these
-    say cannot be replaced for all rows: BadResidual says so.
+    The expression is written in placeholders of points, which are symbols of their own; `graph` is
+    the same in the symbols of blocks. A residual of a sequence has the rows of all frames, and says
+    in `by_frame` which residual of a single frame they come from; what these say cannot be replaced
+    for all rows.
 
     Some residuals have numbers where they mean nothing, as those of points behind a camera. Such a
     residual has a `domain`: a number for each point, which is below zero where the rows of this
-    point mean nothing. Posteriors have no density where that is so for a point of a weight above
-    0, nor where the cost is no number. The residual, its derivatives and fits do not know of it.
+    point mean nothing. Posteriors have no density where that is so for a point of a weight above 0,
+    nor where the cost is no number. Fits do not know of it.
 
-    Raises BadResidual if it is no column of symbols, reads a placeholder that is not among its
-    points, has no positive and finite sigma, weights that are negative or do not fit, a kernel
-    that is no function, or one of norms where each row stands alone; NotNumbers for a sigma or
-    weights of text and the like.
+    Raises BadResidual for what is no column of symbols, does not fit the number of rows, or is out
+    of range, and for placeholders that are not among its points; NotNumbers for text and the like.
 
     Attributes:
         name: the residual's name, unique in a problem.
@@ -130,27 +126,21 @@ class Residual(Symbolic):
         why = "; its kernel is one of norms, and a point has one weight" if of_norms else ""
         check_weights(self.name, self.weights, counts[-1:] if of_norms else counts, why)
         if self.domain is not None:
-            check_domain(self.name, self.domain, counts[-1])
+            check_symbolic(f"residual {self.name!r}: the domain", self.domain)
+            if self.domain.shape != (counts[-1], 1):
+                raise BadResidual(
+                    f"residual {self.name!r} needs a domain of shape ({counts[-1]}, 1), one number "
+                    f"for each point, not of {self.domain.shape}"
+                )
         check_listed(f"residual {self.name!r}", self.written, self.points)
-        self._check_frames()
-
-    def _check_frames(self) -> None:
-        """Raise BadResidual if what `by_frame` says of every row was replaced for all rows.
-
-        A sequence computes from the residuals of single frames and would not see the change.
-        """
-        given = self.expression, self.sigma, self.kernel, self.weights, self.domain
+        held = self.expression, self.sigma, self.kernel, self.weights, self.domain
         if not self.by_frame or not self._of_frames:
-            self.__dict__["_of_frames"] = given if self.by_frame else ()
-            return
-        names = "expression", "sigma", "kernel", "weights", "domain"
-        kept = zip(names, given, self._of_frames, strict=True)
-        if changed := [what for what, now, then in kept if now is not then]:
-            raise BadResidual(
+            self.__dict__["_of_frames"] = held if self.by_frame else ()
+        elif any(now is not then for now, then in zip(held, self._of_frames, strict=True)):
+            raise BadResidual(  # a sequence computes from the residuals of single frames
                 f"residual {self.name!r} has the rows of {len(self.by_frame)} frames, and the "
-                f"frames would not see that its {listed(changed)} were replaced; replace them in "
-                "the residual of a frame, before sequence(...), or weigh all rows alike by "
-                "residual.weighed(factor)"
+                "frames would not see what was replaced; replace it in the residual of a frame, "
+                "before sequence(...), or weigh all rows alike by residual.weighed(factor)"
             )
 
     @property
@@ -219,17 +209,12 @@ class Residual(Symbolic):
         In a sequence the frame comes first, as in `[12, left_wrist, u]`.
         """
         if self.by_frame:
-            t, one, row = self._of_frame(row)
-            inner = one.label(row).removeprefix(f"{one.name}[")
+            edges = np.cumsum([0, *(one.size for _, one in self.by_frame)])
+            i = int(np.searchsorted(edges, row, side="right")) - 1
+            t, one = self.by_frame[i]
+            inner = one.label(row - int(edges[i])).removeprefix(f"{one.name}[")
             return f"{self.name}[{t}, {inner}"
         return f"{self.name}[{self.labels[row] if self.labels else row}]"
-
-    def _of_frame(self, row: int) -> tuple[int, "Residual", int]:
-        """The frame that a row is of, the residual of that frame, and the row in it."""
-        edges = np.cumsum([one.size for _, one in self.by_frame])
-        i = int(np.searchsorted(edges, row, side="right"))
-        t, one = self.by_frame[i]
-        return t, one, row - int(edges[i]) + one.size
 
 
 def blocks_read(expression: cs.MX, points: Sequence[Points]) -> tuple[str, ...]:
@@ -248,17 +233,6 @@ def check_symbolic(what: str, value: object) -> None:
         raise BadResidual(
             f"{what} must be a CasADi symbol or expression (MX), not something of type "
             f"{type(value).__name__}{hint}"
-        )
-
-
-def check_domain(name: str, domain: object, count: int) -> None:
-    """Raise BadResidual unless the domain is an expression with one number for each point."""
-    check_symbolic(f"residual {name!r}: the domain", domain)
-    assert isinstance(domain, cs.MX)
-    if domain.shape != (count, 1):
-        raise BadResidual(
-            f"residual {name!r} needs a domain of shape ({count}, 1), one number for each point, "
-            f"not of {domain.shape}"
         )
 
 
@@ -303,14 +277,120 @@ def check_weights(
             f"residual {name!r} needs one weight or {' or '.join(map(str, counts))} of them, not "
             f"an array of shape {shape}{why}"
         )
-    if known is not None:
-        _check_numbers(name, known)
-
-
-def _check_numbers(name: str, known: Array) -> None:
-    bad = ~((known >= 0) & np.isfinite(known))
-    if bad.any():
+    if known is not None and not ((known >= 0) & np.isfinite(known)).all():
+        wrong = known[~((known >= 0) & np.isfinite(known))].flat[0]
         raise BadResidual(
-            f"residual {name!r} needs finite weights from 0 on, not {known[bad].flat[0]:g}; a row "
-            "of weight 0 has no influence"
+            f"residual {name!r} needs finite weights from 0 on, not {wrong:g}; a row of weight 0 "
+            "has no influence"
+        )
+
+
+def expressed(points: Points | cs.MX) -> tuple[cs.MX, tuple[Points, ...]]:
+    """Points or a bare matrix (3, N), as an expression and what it reads; raises BadResidual."""
+    if isinstance(points, Points):
+        return points.symbol, (points,)
+    check_symbolic("the points of a residual", points)
+    if points.shape[0] != 3:
+        raise BadResidual(
+            f"the points of a residual are a matrix (3, N), one column each, not {points.shape}; "
+            + ("transpose it" if points.shape[1] == 3 else "take the symbol of a block (N, 3)")
+        )
+    return points, ()
+
+
+def given(name: str, what: str, value: cs.MX | ArrayLike, shape: tuple[int, ...]) -> cs.MX:
+    """Observations with their axes reversed: a symbol as it is, numbers of `shape` as a constant.
+
+    Raises NotNumbers, or BadResidual for an array of another shape or with a row that is not
+    finite.
+    """
+    if isinstance(value, cs.MX):
+        return value
+    if isinstance(value, (Block, Points)):
+        check_symbolic(f"residual {name!r}: {what}", value)
+    if isinstance(value, cs.DM):
+        value = np.asarray(value).T  # as a user sees it
+        value = value[0] if len(shape) == len(value) == 1 else value
+    found = reals(f"residual {name!r}: {what}", value)
+    if found.shape != shape:
+        raise BadResidual(
+            f"residual {name!r} needs {what} as a block's symbol or an array of shape {shape}, "
+            f"not of {found.shape}"
+        )
+    bad = ~np.isfinite(found).all(axis=tuple(range(1, found.ndim)))
+    if bad.any():
+        row = int(np.argmax(bad))
+        raise BadResidual(
+            f"residual {name!r}: row {row} of {what} is {found[row]}, and {bad.sum()} of "
+            f"{len(found)} rows are not finite; leave them out, or give them confidence 0 and "
+            "any number where there is a confidence"
+        )
+    return cs.MX(cs.DM(found.T))
+
+
+def confidences(name: str, value: cs.MX | ArrayLike, count: int, what: str) -> cs.MX:
+    """Confidences (count, 1) of so many keypoints or the like, which `what` names.
+
+    Raises NotNumbers, or BadResidual for another number of them.
+    """
+    found = given(name, "the confidence", value, (count,))
+    if found.shape != (count, 1):
+        raise BadResidual(
+            f"residual {name!r} has {count} {what}, but confidences of shape {found.shape}; give "
+            "one for each"
+        )
+    return found
+
+
+def numbered(name: str, what: str, value: ArrayLike, width: int, count: int) -> Index:
+    """Numbers of vertices (M, width), checked: each is from 0 to `count` - 1.
+
+    `what` is `pairs (E` or the like. Raises NotNumbers or BadResidual.
+    """
+    plural = what.partition(" ")[0]
+    found = numbers(f"residual {name!r}: {plural}", value)
+    if found.ndim != 2 or found.shape[1] != width or found.dtype.kind not in "iu":
+        raise BadResidual(
+            f"residual {name!r} needs {what}, {width}) of whole numbers, not an array of shape "
+            f"{found.shape} of {found.dtype}"
+        )
+    if found.size and not 0 <= found.min() <= found.max() < count:
+        raise BadResidual(f"residual {name!r} needs vertices from 0 to {count - 1} in its {plural}")
+    return found.astype(np.int64)
+
+
+def row_labels(points: Points | cs.MX, axes: Sequence[str]) -> tuple[str, ...] | None:
+    """Labels such as `left_wrist, x` for each coordinate of points that have names."""
+    names = points.labels if isinstance(points, Points) else None
+    return None if names is None else tuple(f"{n}, {a}" for n in names for a in axes)
+
+
+def named(function: str, *symbols: cs.MX) -> str:
+    """A name such as `function(block, block)`, from the blocks that the symbols depend on."""
+    blocks = dict.fromkeys(s.name() for symbol in symbols for s in cs.symvar(symbol))
+    return f"{function}({', '.join(blocks)})"
+
+
+def named_after(function: str, observed: cs.MX | ArrayLike, points: Points | cs.MX) -> str:
+    """A name as by `named`, from the observed block or else from the blocks of the points."""
+    if isinstance(observed, cs.MX):
+        return named(function, observed)
+    if isinstance(points, Points):
+        return f"{function}({', '.join(block.name for block in points.source.blocks)})"
+    return named(function, points)
+
+
+def same_shape(name: str, expression: cs.MX, observed: cs.MX) -> None:
+    """Raise BadResidual unless the two can be subtracted entry by entry."""
+    if expression.shape != observed.shape:
+        (a, n), (b, m) = expression.shape, observed.shape
+        turned = expression.shape == observed.shape[::-1]
+        raise BadResidual(
+            f"residual {name!r} compares {n} points ({n}, {a}) with a block of shape ({m}, {b}); "
+            + (
+                f"it is transposed: the symbol of a block ({n}, {a}) is a matrix ({a}, {n}), and "
+                "is given as it is, as observed.symbol without .T"
+                if turned
+                else "they must be the same"
+            )
         )

@@ -1,8 +1,6 @@
 """Distances between a scan and a model, whose contacts are chosen anew at every linearization."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import partial
 
 import casadi as cs
 import numpy as np
@@ -15,11 +13,17 @@ from workbench.blocks import Block, Points, PointSource
 from workbench.blocks.checks import reals
 from workbench.blocks.points import ExpressedPoints
 from workbench.errors import BadResidual
-from workbench.geometry.surface_tree import ClosestPoints, SurfaceTree
-from workbench.residuals.arguments import expressed, named_after, numbered
-from workbench.residuals.contacts import ContactNumbers, Form, MovingContacts, Offsets, distance
+from workbench.geometry.surface_tree import SurfaceTree
+from workbench.residuals.contacts import (
+    ContactNumbers,
+    Form,
+    MovingContacts,
+    Offsets,
+    Search,
+    distance,
+)
 from workbench.residuals.kernels import Kernel, quadratic
-from workbench.residuals.residual import Residual
+from workbench.residuals.residual import Residual, expressed, named_after, numbered
 
 FACING = 0.5  # cosine of the largest angle between normals in contact: 60 degrees
 
@@ -46,10 +50,9 @@ def scan_to_model(
     At every linearization each point is compared with the place on the surface that is closest
     then. With u the direction from that place to the point, r = u . (p - s) is the signed distance,
     and its derivative with u and the contact held is the derivative of the distance to the moving
-    surface (see `contact_forms.distance`). Choosing contacts anew at every linearization is thus
-    Gauss-Newton on the true cost, and no alternation like the iterated closest points of Besl and
-    McKay (1992), where the cost that is minimized changes between steps. The cost is smooth but for
-    places where contacts switch. `Problem.frozen(values)` holds the contacts and has a graph.
+    surface (see `contacts.distance`). This is thus Gauss-Newton on the true cost, unlike the
+    iterated closest points of Besl and McKay (1992), where the cost that is minimized changes
+    between steps. `Problem.frozen(values)` holds the contacts and has a graph.
 
     Sigma is the noise of the scan in metres. Where outliers begin is the kernel's business:
     `scaled(geman_mcclure, 10)` has a scale of ten sigmas. The weight of a point (M,), such as the
@@ -61,42 +64,29 @@ def scan_to_model(
 
     Raises BadResidual for arguments that do not fit, and NotNumbers.
     """
-    surface = Surface.of("scan_to_model", points, name)
-    source, name = surface.source, surface.name
+    name, source = _surface("scan_to_model", points, name)
     triangles = numbered(name, "faces (F", faces, 3, source.count)
     seen = vectors(name, "the scan", scan)
-    facing_to = None if normals is None else _normals(name, normals, len(seen))
-    _check_gate(name, within, facing, normals is not None)
-    search = _OnModel(triangles, seen, facing_to, within, facing, form)
-    return surface.residual(search, len(seen), form.numbers, sigma, kernel, weights)
-
-
-def model_to_scan(
-    points: Points | cs.MX,
-    scan: ArrayLike,
-    scan_faces: ArrayLike,
-    *,
-    sigma: float | Array,
-    kernel: Kernel = quadratic,
-    weights: ArrayLike | None = None,
-    within: float = np.inf,
-    form: Form = distance,
-    name: str | None = None,
-) -> Residual:
-    """min over s on the scan of |v_i - s| in metres, for every vertex v_i of the model.
-
-    `scan` (M, 3) m and `scan_faces` (T, 3) are a mesh that stands still; contacts are chosen anew
-    at every linearization, as in `scan_to_model`. Parts of the model that the scan does not show
-    are drawn to its boundary, unless a gate `within` (m) or a robust kernel lets them go.
-    Raises BadResidual for arguments that do not fit, NotNumbers, and BadMesh for a bad scan.
-    """
-    surface = Surface.of("model_to_scan", points, name)
-    source, name = surface.source, surface.name
-    seen = vectors(name, "the scan", scan)
-    _check_gate(name, within, FACING, False)
-    tree = SurfaceTree(seen, numbered(name, "scan_faces (T", scan_faces, 3, len(seen)))
-    search = _OnScan(tree, within, form)
-    return surface.residual(search, source.count, form.numbers, sigma, kernel, weights)
+    oriented = None if normals is None else vectors(name, "the scan's normals", normals)
+    if oriented is not None:
+        lengths = np.linalg.norm(oriented, axis=1)
+        if len(oriented) != len(seen) or not (lengths > 0).all():
+            raise BadResidual(
+                f"residual {name!r} needs a normal for each of {len(seen)} points, none of length "
+                f"zero, not {len(oriented)}; leave out points that have none"
+            )
+        oriented = oriented / lengths[:, None]
+    if not isinstance(within, (int, float, np.number)) or not within > 0:
+        raise BadResidual(f"residual {name!r} needs a gate `within` above zero m, not {within!r}")
+    if oriented is not None and not np.isfinite(within):
+        raise BadResidual(
+            f"residual {name!r} uses normals, so that a point may have no contact; say by "
+            "`within`, in metres, what its distance is then, for example within=0.2"
+        )
+    if not isinstance(facing, (int, float, np.number)) or not -1 <= facing <= 1:
+        raise BadResidual(f"residual {name!r} needs a cosine `facing` from -1 to 1, not {facing!r}")
+    search = _OnModel(triangles, seen, oriented, within, facing, form)
+    return _residual(name, source, search, len(seen), form.numbers, sigma, kernel, weights)
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,112 +107,64 @@ class _OnModel:
             self._first.append(SurfaceTree(vertices, self.faces))
         tree = self._first[0].moved(vertices)
         at = tree.closest(self.scan, self.within, self.normals, self.facing)
-        numbers, directions = _compared(self.form, self.scan, at, self.within)
-        jacobian = partial(self._jacobian, at, directions, vertices.size)
-        return ContactNumbers(numbers, at.faces >= 0, jacobian)
+        numbers, directions = self.form.of(Offsets(self.scan - at.points, at.normals, at.distances))
+        touched, d = np.flatnonzero(at.faces >= 0), self.form.numbers
+        missed = at.faces < 0
+        if missed.any():
+            numbers = numbers.copy()
+            numbers[missed] = 0.0
+            numbers[missed, 0] = self.within
 
-    def _jacobian(self, at: ClosestPoints, directions: Array, size: int) -> csr_array:
-        """How the numbers change with the vertices, of which there are `size` coordinates."""
-        touched = np.flatnonzero(at.faces >= 0)
-        corners, shares = self.faces[at.faces[touched]], at.shares[touched]
-        pulls = -directions[touched, :, None, :] * shares[:, None, :, None]  # (m, d, 3 corners, 3)
-        columns = np.broadcast_to(3 * corners[:, None, :, None] + np.arange(3), pulls.shape)
-        return _by_rows(pulls, columns, touched, len(self.scan), size)
+        def jacobian() -> csr_array:
+            corners, shares = self.faces[at.faces[touched]], at.shares[touched]
+            entries = -directions[touched, :, None, :] * shares[:, None, :, None]  # (m, d, 3, 3)
+            columns = np.broadcast_to(3 * corners[:, None, :, None] + np.arange(3), entries.shape)
+            filled = np.zeros((len(self.scan), d), dtype=np.int64)
+            filled[touched] = 9  # three coordinates of three corners
+            starts = np.concatenate([[0], np.cumsum(filled.ravel())])
+            shape = len(self.scan) * d, vertices.size
+            found = csr_array((entries.ravel(), columns.flatten(), starts), shape=shape)
+            found.sort_indices()
+            return found
 
-
-@dataclass(frozen=True, eq=False)
-class _OnScan:
-    """Contacts of the model's vertices with a scan that stands still; see `Search`."""
-
-    tree: SurfaceTree
-    within: float
-    form: Form
-
-    def __call__(self, vertices: Array) -> ContactNumbers:
-        """The contacts of vertices (N, 3) m at these places."""
-        at = self.tree.closest(vertices, self.within)
-        numbers, directions = _compared(self.form, vertices, at, self.within)
-        return ContactNumbers(numbers, at.faces >= 0, partial(_of_vertices, at.faces, directions))
+        return ContactNumbers(numbers, ~missed, jacobian)
 
 
-def _of_vertices(faces: Index, directions: Array) -> csr_array:
-    """How numbers that belong to a vertex each change with it, by derivatives (N, d, 3)."""
-    touched = np.flatnonzero(faces >= 0)
-    pulls = directions[touched]  # (m, d, 3)
-    columns = np.broadcast_to(3 * touched[:, None, None] + np.arange(3), pulls.shape)
-    return _by_rows(pulls, columns, touched, len(faces), 3 * len(faces))
+def _surface(function: str, points: Points | cs.MX, name: str | None) -> tuple[str, PointSource]:
+    """The name that the residual of a function is to have, and the source of a surface's vertices.
 
-
-def _compared(form: Form, points: Array, at: ClosestPoints, within: float) -> tuple[Array, Array]:
-    """The form's numbers (M, d) and derivatives by offsets (M, d, 3); constant without contact."""
-    numbers, directions = form.of(Offsets(points - at.points, at.normals, at.distances))
-    missed = at.faces < 0
-    if missed.any():
-        numbers, directions = numbers.copy(), directions.copy()
-        numbers[missed], directions[missed] = 0.0, 0.0
-        numbers[missed, 0] = within
-    return numbers, directions
-
-
-def _by_rows(pulls: Array, columns: Index, touched: Index, count: int, width: int) -> csr_array:
-    """W (count d, width) from entries (m, d, ...) in the rows of the points `touched` (m,)."""
-    d, each = pulls.shape[1], pulls[0, 0].size if len(pulls) else 0
-    filled = np.zeros((count, d), dtype=np.int64)
-    filled[touched] = each
-    starts = np.concatenate([[0], np.cumsum(filled.ravel())])
-    found = csr_array((pulls.ravel(), columns.flatten(), starts), shape=(count * d, width))
-    found.sort_indices()
-    return found
-
-
-@dataclass(frozen=True, eq=False)
-class Surface:
-    """What a residual on a surface compares: its name, and the source of the surface's vertices."""
-
-    name: str
-    source: PointSource
-
-    @staticmethod
-    def of(function: str, points: Points | cs.MX, name: str | None) -> "Surface":
-        """The surface that a function of residuals is given, and the name that it is to have."""
-        name = name or named_after(function, points, points)
-        if isinstance(points, Points):
-            return Surface(name, points.source)
+    Raises BadResidual for points with neither arithmetic nor an expression.
+    """
+    name = name or named_after(function, points, points)
+    if not isinstance(points, Points):
         expression, _ = expressed(points)
         blocks = tuple(Block.of(symbol) for symbol in cs.symvar(expression))
-        return Surface(name, ExpressedPoints(expression, blocks))
-
-    def residual(
-        self,
-        search: Callable[[Array], ContactNumbers],
-        count: int,
-        numbers: int,
-        sigma: float | Array,
-        kernel: Kernel,
-        weights: ArrayLike | None,
-    ) -> Residual:
-        """The residual of `numbers` numbers of each of `count` points that a search compares."""
-        name, source = self.name, self.source
-        arithmetic = source.numeric
-        if arithmetic is None:
-            if source.expression is None:
-                raise BadResidual(
-                    f"residual {name!r} needs points of a body, or an expression of blocks; these "
-                    "points have neither arithmetic nor an expression"
-                )
-            arithmetic = ExpressedPoints(source.expression, source.blocks)
-        contacts = MovingContacts(source, arithmetic, count, None, search)
-        placed = Points.of(contacts, name, numbers)
-        return Residual(
-            name,
-            cs.vec(placed.symbol),
-            sigma,
-            "m",
-            kernel,
-            (placed,),
-            weights=weights,
-            rows_per_point=numbers,
+        return name, ExpressedPoints(expression, blocks)
+    if points.source.numeric is None and points.source.expression is None:
+        raise BadResidual(
+            f"residual {name!r} needs points of a body, or an expression of blocks; these points "
+            "have neither arithmetic nor an expression"
         )
+    return name, points.source
+
+
+def _residual(
+    name: str,
+    source: PointSource,
+    search: Search,
+    count: int,
+    numbers: int,
+    sigma: float | Array,
+    kernel: Kernel,
+    weights: ArrayLike | None,
+) -> Residual:
+    """The residual of `numbers` numbers of each of `count` points that a search compares."""
+    arithmetic = source.numeric or ExpressedPoints(source.expression, source.blocks)
+    placed = Points.of(MovingContacts(source, arithmetic, count, search), name, numbers)
+    column = cs.vec(placed.symbol)
+    return Residual(
+        name, column, sigma, "m", kernel, (placed,), weights=weights, rows_per_point=numbers
+    )
 
 
 def vectors(name: str, what: str, value: ArrayLike) -> Array:
@@ -236,32 +178,8 @@ def vectors(name: str, what: str, value: ArrayLike) -> Array:
     return found
 
 
-def _normals(name: str, normals: ArrayLike, count: int) -> Array:
-    found = vectors(name, "the scan's normals", normals)
-    if len(found) != count:
-        raise BadResidual(
-            f"residual {name!r} has {count} points, but {len(found)} normals; give one for each"
-        )
-    lengths = np.linalg.norm(found, axis=1)
-    if not (lengths > 0).all():
-        raise BadResidual(f"residual {name!r} has a normal of length zero; leave such points out")
-    return np.asarray(found / lengths[:, None])
-
-
-def _check_gate(name: str, within: float, facing: float, oriented: bool) -> None:
-    if not isinstance(within, (int, float, np.number)) or not within > 0:
-        raise BadResidual(f"residual {name!r} needs a gate `within` above zero m, not {within!r}")
-    if oriented and not np.isfinite(within):
-        raise BadResidual(
-            f"residual {name!r} uses normals, so that a point may have no contact; say by "
-            "`within`, in metres, what its distance is then, for example within=0.2"
-        )
-    if not isinstance(facing, (int, float, np.number)) or not -1 <= facing <= 1:
-        raise BadResidual(f"residual {name!r} needs a cosine `facing` from -1 to 1, not {facing!r}")
-
-
 BESIDE = 0.03  # m, from the ray of a point of the scan: as near as this, space may not be empty
-BEFORE = 0.03  # m, the same along the ray, before the point
+BEFORE = 0.03  # m, the same along the ray, before the point: noise and clothes
 CELL = 0.4  # of `beside`: the width of the bundles into which rays are put together
 GAPS = 2.0  # times the spacing of the rays: the least `beside`
 NEIGHBOUR, SOME = 4, 1_000  # the neighbour of a ray, in the median over some, that is its spacing
@@ -276,7 +194,6 @@ def free_space(
     sigma: float | Array,
     kernel: Kernel = quadratic,
     beside: float = BESIDE,
-    before: float = BEFORE,
     within: float = np.inf,
     name: str | None = None,
 ) -> Residual:
@@ -285,20 +202,18 @@ def free_space(
     `points` are vertices (N, 3) of a surface, `scan` (M, 3) m is all that was seen from the place
     `camera` (3,) m. A camera at c that measures a point p has looked through everything between c
     and p, and where it measured nothing it has looked past whatever there is. What is left is the
-    shadow of the scan: the rays on from each p. A model belongs into it, its front and all that is
-    hidden behind. Distances from the scan to the model say nothing of that, for they ask only for
-    what was seen.
+    shadow of the scan: the rays on from each p, into which a model belongs.
 
     With v = point - c, u the unit vector along a ray of the scan and d the distance at which its
     shadow begins, the residual is
 
-        min over rays of sqrt(max(|v - (u . v) u| - beside, 0)^2 + max(d - before - |v|, 0)^2).
+        min over rays of sqrt(max(|v - (u . v) u| - beside, 0)^2 + max(d - 0.03 - |v|, 0)^2).
 
     `beside` (m) bridges the gaps between rays, and holes of the scan as wide as twice that; of a
     thin scan it is at least twice the spacing of the rays at the scan's median distance.
-    `before` (m) is what noise and clothes may stand in front. A point that is farther than `within`
-    (m) from all rays is out of view, and its residual 0: say so for a scan that was cut off, by the
-    edge of an image or by hand, for what is beyond the cut is not empty.
+    Noise and clothes may stand 3 cm in front. A point that is farther than `within` (m) from all
+    rays is out of view, and its residual 0: say so for a scan that was cut off, by the edge of an
+    image or by hand, for what is beyond the cut is not empty.
 
     The derivative with the ray held is that of the distance, as in `scan_to_model`. Rays are put
     together in bundles of 0.4 `beside`; a bundle's shadow begins at the nearest of its points, and
@@ -308,50 +223,33 @@ def free_space(
 
     Raises BadResidual for arguments that do not fit, and NotNumbers.
     """
-    surface = Surface.of("free_space", points, name)
-    name = surface.name
+    name, source = _surface("free_space", points, name)
     seen = vectors(name, "the scan", scan)
     place = vectors(name, "the camera's place", np.reshape(camera, (1, -1)))[0]
-    if not min(beside, before, within) > 0:
+    if not min(beside, within) > 0:
         raise BadResidual(
-            f"residual {name!r} needs margins above 0 m, not {beside:g} m beside the rays, "
-            f"{before:g} m before the points and {within:g} m of view"
+            f"residual {name!r} needs margins above 0 m, not {beside:g} m beside the rays and "
+            f"{within:g} m of view"
         )
     if not (np.linalg.norm(seen - place, axis=1) > 0).all():
         raise BadResidual(f"residual {name!r} has a point of the scan at the camera; leave it out")
-    search = Shadow.of(seen, place, beside, before, within).distances
-    return surface.residual(search, surface.source.count, 1, sigma, kernel, None)
+    search = Shadow.of(seen, place, beside, within).distances
+    return _residual(name, source, search, source.count, 1, sigma, kernel, None)
 
 
 @dataclass(frozen=True, eq=False)
 class Shadow:
-    """What a camera at `camera` (3,) m could not see for the points of a scan; see `free_space`.
+    """What a camera could not see for the points of a scan; see `free_space`."""
 
-    Attributes:
-        camera: (3,) m.
-        directions: (R, 3) unit vectors along bundles of rays.
-        begins: (R,) m from the camera, where the shadow of each bundle begins.
-        beside, before: in m, the margins.
-        within: in m from the rays, what was in view.
-        tree: finds directions.
-    """
-
-    camera: Array
-    directions: Array
-    begins: Array
-    beside: float
-    before: float
-    within: float
-    tree: cKDTree
+    camera: Array  # (3,) m
+    directions: Array  # (R, 3) unit vectors along bundles of rays
+    begins: Array  # (R,) m from the camera, where the shadow of each bundle begins
+    beside: float  # m, the margin beside the rays
+    within: float  # m from the rays, what was in view
+    tree: cKDTree  # finds directions
 
     @staticmethod
-    def of(
-        scan: Array,
-        camera: Array,
-        beside: float = BESIDE,
-        before: float = BEFORE,
-        within: float = np.inf,
-    ) -> "Shadow":
+    def of(scan: Array, camera: Array, beside: float = BESIDE, within: float = np.inf) -> "Shadow":
         """The shadow of points (M, 3) m, none of them at the camera."""
         rays = scan - camera
         depth = np.linalg.norm(rays, axis=1)
@@ -363,7 +261,7 @@ class Shadow:
         np.add.at(sums, bundle.ravel(), unit)
         np.minimum.at(begins, bundle.ravel(), depth)
         directions = sums / np.linalg.norm(sums, axis=1)[:, None]
-        return Shadow(camera, directions, begins, beside, before, within, cKDTree(directions))
+        return Shadow(camera, directions, begins, beside, within, cKDTree(directions))
 
     def distances(self, vertices: Array) -> ContactNumbers:
         """How far vertices (N, 3) m are from the shadow, and its derivative; a `Search`."""
@@ -373,7 +271,7 @@ class Shadow:
         at = np.asarray(self.tree.query(v / far[:, None], k=k)[1])
         along = np.einsum("nki,ni->nk", self.directions[at], v)
         off = np.sqrt(np.maximum(far[:, None] ** 2 - along**2, 0))
-        ahead = np.maximum(self.begins[at] - self.before - far[:, None], 0)
+        ahead = np.maximum(self.begins[at] - BEFORE - far[:, None], 0)
         best = np.arange(len(v)), np.argmin(np.hypot(np.maximum(off - self.beside, 0), ahead), 1)
         across = v - along[best][:, None] * self.directions[at[best]]  # of the best ray alone
         away = np.linalg.norm(across, axis=1)

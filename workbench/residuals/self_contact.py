@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike
 from workbench.arrays import Index
 from workbench.blocks import Points
 from workbench.errors import BadResidual
-from workbench.residuals.arguments import expressed, given, numbered
-from workbench.residuals.residual import Residual
+from workbench.residuals.residual import Residual, expressed, given, numbered
 
 NEGLIGIBLE = 1e-18  # m^2: shorter segments are points, and nearer ones have no direction
 PARALLEL = 1e-10  # the squared sine of an angle below which the ends alone decide
@@ -51,10 +50,9 @@ def apart(
     under the constraint that no gap is negative: what remains is a depth of sigma^2 times the
     force that pushes the pair together.
 
-    Take `Dogleg` to minimise it. Where a pair is pushed hard, the cost can bend several times as
-    much in some direction as Gauss and Newton's J'J says. The damping of `TrustRegion` and
-    `LevenbergMarquardt` that such a direction asks for slows all others too, so that they can need
-    a thousand steps; a dogleg step is shortened as a whole (`benchmarks/DECISIONS.md`).
+    Take `Dogleg` to minimise it. Where a pair is pushed hard, the curvature of the cost can be
+    several times that of J'J in some direction; the damping that this asks for slows all other
+    directions of `TrustRegion` and `LevenbergMarquardt` too (`benchmarks/DECISIONS.md`).
     """
     depth = cs.fmax(0, -gaps(ends, radii, pairs))
     return Residual(name, depth, sigma, "m", points=expressed(ends)[1], labels=_labels(ends, pairs))

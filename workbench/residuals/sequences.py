@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from workbench.arrays import Array
 from workbench.blocks import Block, Points
 from workbench.blocks.checks import reals
-from workbench.blocks.composed_points import FrameBlocks, FramedPoints
+from workbench.blocks.composed_points import FrameBlocks
 from workbench.errors import BadArgument, BadResidual
 from workbench.residuals.kernels import Kernel, quadratic
 from workbench.residuals.residual import Residual
@@ -53,9 +53,7 @@ class Frames:
                 raise BadResidual(f"there is no frame {t}; the frames are 0 to {self.count - 1}")
         key = points.symbol.__hash__(), chosen
         if key not in self._made:
-            numbers = points.symbol.shape[0]
-            source = FramedPoints(points.source, self.blocks, chosen, numbers)
-            self._made[key] = Points.of(source, f"{points.name} in {len(chosen)} frames", numbers)
+            self._made[key] = self.blocks.points(points, chosen)
         return self._made[key]
 
     def stacked(self, each: Mapping[int, Column]) -> tuple[cs.MX, tuple[Points, ...]]:
@@ -65,8 +63,10 @@ class Frames:
         """
         columns: dict[int, cs.MX] = {}
         reads: list[Points] = []
-        groups = _alike(each)
-        for some in groups:
+        groups: dict[int, list[int]] = {}  # of frames with the same expression
+        for t in sorted(each):
+            groups.setdefault(id(each[t][0]), []).append(t)
+        for some in map(tuple, groups.values()):
             expression, blocks, points = each[some[0]]
             pairs = [(p, self.points(p, some)) for p in points]
             reads += [whole for _, whole in pairs]
@@ -79,7 +79,7 @@ class Frames:
             columns |= zip(some, cs.horzsplit(found), strict=True)
         return cs.vertcat(*[columns[t] for t in sorted(columns)]), tuple(reads)
 
-    def residual(self, each: Mapping[int, tuple[Residual, Described]]) -> Residual:
+    def residual(self, each: "_Parts") -> Residual:
         """One residual of the sequence, from residuals of single frames with one name.
 
         Raises BadResidual where they differ in more than their rows, points and numbers.
@@ -116,55 +116,44 @@ class Frames:
             domain,
         )
 
-    def _domain(
-        self, each: Mapping[int, tuple[Residual, Described]]
-    ) -> tuple[cs.MX | None, tuple[Points, ...]]:
+    def _domain(self, each: "_Parts") -> tuple[cs.MX | None, tuple[Points, ...]]:
         """The domain of all frames: ones in frames that have none."""
+
+        def own(one: Residual) -> cs.MX:
+            points = one.size // one.rows_per_point
+            return cs.MX.ones(points) if one.domain is None else one.domain
+
         if all(one.domain is None for one, _ in each.values()):
             return None, ()
-        made: dict[int, cs.MX] = {}  # once for each residual, so that frames stay alike
-        for one, _ in each.values():
-            everywhere = cs.MX.ones(one.size // one.rows_per_point)
-            made.setdefault(id(one), everywhere if one.domain is None else one.domain)
+        return self._beside(each, own)
+
+    def _weights(self, each: "_Parts") -> tuple[cs.MX | Array | None, tuple[Points, ...]]:
+        """The weights of all frames, for points unless a frame has one for each row."""
+        parts = [each[t][0] for t in sorted(each)]
+        if all(one.weights is None for one in parts):
+            return None, ()
+        by_row = any(_rows(one.weights) not in (1, one.size // one.rows_per_point) for one in parts)
+
+        def count(one: Residual) -> int:
+            return one.size if by_row else one.size // one.rows_per_point
+
+        if not any(isinstance(one.weights, cs.MX) for one in parts):
+            return np.concatenate([_for_rows(one.weights, one, count(one)) for one in parts]), ()
+        return self._beside(each, lambda one: _symbols_for_rows(one.weights, one, count(one)))
+
+    def _beside(
+        self, each: "_Parts", of: Callable[[Residual], cs.MX]
+    ) -> tuple[cs.MX, tuple[Points, ...]]:
+        """Columns made of the residuals of frames, once for each, so that frames stay alike."""
+        once = {id(one): one for one, _ in each.values()}
+        made = {key: of(one) for key, one in once.items()}
         return self.stacked(
             {t: (made[id(one)], blocks, one.points) for t, (one, blocks) in each.items()}
         )
 
-    def _weights(
-        self, each: Mapping[int, tuple[Residual, Described]]
-    ) -> tuple[cs.MX | Array | None, tuple[Points, ...]]:
-        """The weights of all frames, for points unless a frame has one for each row."""
-        parts = {t: each[t][0] for t in sorted(each)}
-        given = [one.weights for one in parts.values()]
-        if all(weights is None for weights in given):
-            return None, ()
-        by_row = any(
-            _rows(w) not in (1, one.size // one.rows_per_point)
-            for w, one in zip(given, parts.values(), strict=True)
-        )
-        counts = {
-            t: one.size if by_row else one.size // one.rows_per_point for t, one in parts.items()
-        }
-        if not any(isinstance(weights, cs.MX) for weights in given):
-            found = [_for_rows(one.weights, one, counts[t]) for t, one in parts.items()]
-            return np.concatenate(found), ()
-        made: dict[int, cs.MX] = {}  # once for each residual, so that frames stay alike
-        for t, one in parts.items():
-            made.setdefault(id(one), _symbols_for_rows(one.weights, one, counts[t]))
-        return self.stacked(
-            {t: (made[id(one)], each[t][1], one.points) for t, one in parts.items()}
-        )
 
-
+_Parts = Mapping[int, tuple[Residual, Described]]  # of frames, and their blocks
 Between = Callable[[Frames], Residual]  # a residual that reads more than one frame
-
-
-def _alike(each: Mapping[int, Column]) -> list[tuple[int, ...]]:
-    """Frames with the same expression, in groups."""
-    groups: dict[int, list[int]] = {}
-    for t in sorted(each):
-        groups.setdefault(id(each[t][0]), []).append(t)
-    return [tuple(some) for some in groups.values()]
 
 
 def _rows(weights: cs.MX | ArrayLike | None) -> int:

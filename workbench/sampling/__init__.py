@@ -1,14 +1,10 @@
 """A problem's posterior: sampled by emcee, or approximated by Laplace; and what draws are worth.
 
-Draws are usable if the chains have mixed, no mode is missing, and nothing that matters is held
-fixed. Intervals are marginal unless conditional ones are asked for: with at most 21 free numbers
-all are sampled by emcee; with more, Laplace's approximation stands for those that are not named, if
+Intervals are marginal unless conditional ones are asked for: with at most 21 free numbers all are
+sampled by emcee; with more, Laplace's approximation stands for those that are not named, if
 importance weights confirm it with a clear margin, and otherwise all are drawn by Hamiltonian Monte
-Carlo. Walkers of one ensemble are not independent chains, so R-hat is computed between ensembles
-(`mixing`). To be read in this order: `sample`, what is sampled (`subspace`), its density
-(`log_density`), `modes`, moves and runs (`ensembles`), whether chains have mixed (`mixing`), the
-draws with their verdict (`posterior`); then `laplace` and `importance`, `hamiltonian`,
-`conditioning`.
+Carlo. To be read in this order: `sample`, `subspace`, `log_density`, `modes`, `ensembles`,
+`mixing`, `posterior`; then `laplace` and `importance`, `hamiltonian`, `conditioning`.
 """
 
 from workbench.sampling.conditioning import (
@@ -16,7 +12,7 @@ from workbench.sampling.conditioning import (
     contraction,
     prior_deviations,
 )
-from workbench.sampling.ensembles import MOVES, BiasedMove, SamplingProgress
+from workbench.sampling.ensembles import SamplingProgress
 from workbench.sampling.importance import Importance
 from workbench.sampling.laplace import EntryComparison, compared_with_laplace, laplace
 from workbench.sampling.mixing import Mixing, Usability, integrated_time
@@ -28,15 +24,12 @@ from workbench.sampling.subspace import (
     Improper,
     Names,
     Subspace,
-    directions,
     fixed,
     integrated,
     sampling_blocks,
 )
 
 __all__ = [
-    "MOVES",
-    "BiasedMove",
     "Conditioning",
     "EntryComparison",
     "Importance",
@@ -53,7 +46,6 @@ __all__ = [
     "Usability",
     "compared_with_laplace",
     "contraction",
-    "directions",
     "fixed",
     "integrated",
     "integrated_time",

@@ -13,11 +13,9 @@ from workbench.arrays import Array
 from workbench.errors import BadFile
 from workbench.reading.arrays import (
     Archive,
-    damage,
     opened,
     read_expected,
     reals,
-    taken_for,
     texts,
     wholes,
 )
@@ -25,25 +23,17 @@ from workbench.reading.facts import parsed
 from workbench.writing import Keeping, replacing
 
 WHAT, DO = "checkpoint of `sample`", "give another file, or remove it to begin anew"
-HDF5 = b"\x89HDF"  # the first bytes of a checkpoint that an earlier version wrote
 TWISTER = 624  # words in the state of NumPy's RandomState
 
 
 @dataclass(frozen=True, eq=False)
 class SavedEnsemble:
-    """One ensemble as it was after its last stored step.
+    """One ensemble as it was after its last stored step."""
 
-    Attributes:
-        chain: (S, W, k) the draws: steps, walkers, entries.
-        log_prob: (S, W) their log densities.
-        accepted: (W,) how many proposals of each walker were accepted.
-        random_state: the state of NumPy's RandomState.
-    """
-
-    chain: Array
-    log_prob: Array
-    accepted: Array
-    random_state: Sequence[Any]
+    chain: Array  # (S, W, k) the draws: steps, walkers, entries
+    log_prob: Array  # (S, W) their log densities
+    accepted: Array  # (W,) how many proposals of each walker were accepted
+    random_state: Sequence[Any]  # the state of NumPy's RandomState
 
 
 class Checkpoint:
@@ -98,14 +88,8 @@ def load(path: Path, settings: Mapping[str, Any]) -> list[SavedEnsemble]:
     """The ensembles that `save` wrote with these settings.
 
     The settings must have `ensembles`, `walkers`, `steps`, `thin` and `entries`. Raises BadFile if
-    that is not what the file holds, or if it was written with other settings or an earlier version.
+    that is not what the file holds, or if it was written with other settings.
     """
-    with taken_for(path, WHAT, DO), damage(), path.open("rb") as file:
-        if file.read(len(HDF5)) == HDF5:
-            raise BadFile(
-                "it is HDF5, as an earlier version wrote it, whose draws this one does not "
-                "continue; emcee.backends.HDFBackend reads them"
-            )
     with opened(path, WHAT, DO) as archive:
         text = str(read_expected(archive, {"settings": texts()})["settings"])
         before = parsed(text)

@@ -11,14 +11,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike
-from scipy.sparse import csc_array, vstack
 
 from workbench.arrays import Array, Index
 from workbench.blocks.layout import entries
-from workbench.diagnostics.elimination import Elimination, FrameRows, frames_of_rows
-from workbench.errors import TooLarge, joined
+from workbench.errors import joined
 from workbench.problem import Linearization, Problem
-from workbench.problem.banded import BlockMatrix
 from workbench.sampling.modes import rows_between
 from workbench.sampling.subspace import Subspace
 
@@ -28,23 +25,14 @@ UNNAMED = 6  # blocks in a sentence
 
 @dataclass(frozen=True, eq=False)
 class Conditioning:
-    """What is held fixed, and Laplace's standard deviations with and without it, (k,) each.
+    """What is held fixed, and Laplace's standard deviations with and without it, (k,) each."""
 
-    Attributes:
-        labels: the entries that are sampled.
-        names: what is held fixed, such as `betas` or `66 of the 72 numbers of pose`.
-        count: how many numbers are held fixed.
-        given: the blocks that are fixed in the problem itself.
-        conditional: (k,) standard deviations with these numbers held fixed.
-        marginal: (k,) standard deviations with all numbers free; infinite where nothing determines
-            them.
-    """
-
-    labels: tuple[str, ...]
-    names: tuple[str, ...]
-    count: int
-    given: tuple[str, ...]
-    conditional: Array
+    labels: tuple[str, ...]  # the entries that are sampled
+    names: tuple[str, ...]  # what is held fixed, such as `betas` or `66 of the 72 numbers of pose`
+    count: int  # how many numbers are held fixed
+    given: tuple[str, ...]  # the blocks that are fixed in the problem itself
+    conditional: Array  # (k,) standard deviations with these numbers held fixed
+    # (k,) standard deviations with all numbers free; infinite where nothing determines them
     marginal: Array
 
     def of_entries(self, at: Index) -> "Conditioning":
@@ -118,8 +106,6 @@ def conditioning(problem: Problem, given: Array, space: Subspace, z: Array) -> C
     x = space.points(z[None])[0]
     here = problem.linearize_at(x, given)
     width = problem.upper - problem.lower
-    if here.by_frames and space.entries is not None:
-        return _of_a_sequence(problem, here, space, space.entries)
     span = space.span
     held = np.flatnonzero(~(span != 0).any(axis=1))
     J = np.vstack([here.dense, rows_between(problem.lower, problem.upper, np.sqrt(12))])
@@ -131,7 +117,7 @@ def conditioning(problem: Problem, given: Array, space: Subspace, z: Array) -> C
     count = problem.free.size - span.shape[1]
     if count == len(held):
         others = np.eye(problem.free.size)[:, held[width[held] > 0]]
-    else:  # directions, which entries do not complete
+    else:  # and directions of the rest that change no residual
         others = scipy.linalg.null_space(span.T)
     if there is not None and there.equal.any() and others.shape[1]:
         A = there.linearize(x, given).rows(there.equal)
@@ -146,57 +132,6 @@ def conditioning(problem: Problem, given: Array, space: Subspace, z: Array) -> C
         conditional,
         np.maximum(marginal, conditional),
     )
-
-
-def _of_a_sequence(
-    problem: Problem, here: Linearization, space: Subspace, at: Index
-) -> Conditioning:
-    """`conditioning` for the entries `at` of a long sequence, by its banded normal equations."""
-    if problem.stacked_constraints is not None:
-        raise TooLarge(
-            "what holding frames fixed does to the spread is not known for a long sequence with "
-            "constraints; sample a part of the sequence"
-        )
-    width = problem.upper - problem.lower
-    boxed = np.isfinite(width) & (width > 0)
-    between = np.where(boxed, 12.0 / np.where(boxed, width, 1.0) ** 2, 0.0)
-    own = np.zeros((problem.free.size, len(at)))
-    own[at, np.arange(len(at))] = 1.0
-    found = here.inverse_times(own, between)
-    if found is None:  # something is not determined, and perhaps not what is sampled
-        marginal = _by_elimination(problem, here, between)[at]
-    else:
-        marginal = np.sqrt(found[at, np.arange(len(at))])
-    if space.rest.shape[1]:  # all others are integrated out
-        return Conditioning(space.labels, (), 0, problem.fixed.names, marginal, marginal)
-    held = np.setdiff1d(np.arange(problem.free.size), at)
-    rows = np.vstack([here.jacobian @ own, np.diag(np.sqrt(between[at]))])
-    conditional = _deviations(rows)
-    return Conditioning(
-        space.labels,
-        _named(problem, held, len(held)),
-        len(held),
-        problem.fixed.names,
-        conditional,
-        np.maximum(marginal, conditional),
-    )
-
-
-def _by_elimination(problem: Problem, here: Linearization, between: Array) -> Array:
-    """The standard deviations of all unknowns (n,), infinite where nothing determines them.
-
-    Rows that weigh entries by sqrt(`between`) are added to those of the residuals.
-    """
-    J = here.jacobian
-    assert isinstance(J, BlockMatrix)
-    weighed = np.flatnonzero(between)
-    at = np.arange(len(weighed)), weighed
-    more = csc_array((np.sqrt(between[weighed]), at), shape=(len(weighed), J.shape[1]))
-    taller = BlockMatrix(csc_array(vstack([J.rest, more])), J.blocks, J.places, J.order)
-    found = Linearization(np.zeros(taller.shape[0]), taller)
-    frames = np.concatenate([frames_of_rows(problem.residuals), np.full(len(weighed), -1)])
-    rows = FrameRows.of(found, frames)
-    return Elimination.of(rows).deviations(rows.lengths)
 
 
 def _deviations(J: Array) -> Array:

@@ -10,14 +10,12 @@ along a bent ridge of many dimensions, where proposals of ensembles are hardly e
 
 Steps are taken in u, with x = centre + half u. `half` is first that of Laplace's approximation, and
 after half of the warm-up a square root of the covariance of all chains, each about the mean of the
-chains at the same mode. The step is adapted during the warm-up until 95 % of the ends are accepted.
-A longer step would suit most places, but in a bent ridge chains would hardly ever leave those where
-the density is narrow, and its tails would be explored slowly. Each chain takes a random fraction of
-the step, and trajectories have random lengths, so that none returns to where it began. Where
-several modes are known, each trajectory is followed by an attempt to jump from one mode to another
-(Pompe, Holmes and Latuszynski 2020, A framework for adaptive MCMC targeting multimodal
-distributions). An end beyond bounds or constraints is refused, so that many active bounds make
-chains slow.
+chains at the same mode. The step is adapted during the warm-up until 95 % of the ends are accepted:
+with a longer one chains would hardly ever leave the narrow places of a bent ridge. Each chain takes
+a random fraction of the step, and trajectories have random lengths, so that none returns to where
+it began. Where several modes are known, each trajectory is followed by an attempt to jump from one
+mode to another (Pompe, Holmes and Latuszynski 2020, A framework for adaptive MCMC targeting
+multimodal distributions). An end beyond bounds or constraints is refused.
 """
 
 import time
@@ -52,20 +50,12 @@ GAIN = 0.3  # by which the log of the step follows the acceptance
 LENGTH = (0.2 * np.pi, np.pi)  # of trajectories; pi / 2 makes an end of a Gaussian forget its start
 CHECKED = 150  # trajectories after which draws are judged first; then after 2, 4, ... times as many
 FEWEST = 20  # trajectories after the warm-up, whatever the number of steps
-KEPT = 4096  # points with all numbers that are kept at least, if there are as many
+EVERY = 10  # trajectories whose ends are kept with all numbers: one
 WORTH = 5.0  # successive points of a chain that tell as much of a covariance as a single one
 
 
 class Chains:
-    """Positions u (N, d) with their log densities (N,) and gradients (N, d).
-
-    Attributes:
-        centre: (d,) where u = 0.
-        half: (d, d) how z = centre + half u moves with u.
-        u: (N, d) where the chains are.
-        log_p: (N,) their log densities.
-        slope: (N, d) the gradients of these.
-    """
+    """Chains at u (N, d), z = centre + half u; their log densities (N,), and gradients (N, d)."""
 
     def __init__(self, target: LogDensity, centre: Array, half: Array, u: Array) -> None:
         self._target, self.centre, self.half, self.u = target, centre, half, u
@@ -139,9 +129,8 @@ class Chains:
     def whitened(self, seen: Array, found: Sequence[Mode]) -> "Chains":
         """The same chains in coordinates in which the points seen (M, d) have covariance 1.
 
-        The covariance is that around the mean of each mode: how far modes are from each other says
-        nothing of how long a step can be in any of them. The fewer points there are, the more of
-        the covariance is taken from the coordinates as they are.
+        The covariance is that around the mean of each mode. The fewer points there are, the more of
+        it is taken from the coordinates as they are.
         """
         d, worth = seen.shape[1], len(seen) / WORTH
         mean = seen.mean(axis=0)
@@ -157,21 +146,13 @@ class Chains:
 
 @dataclass(frozen=True, eq=False)
 class HamiltonianRun:
-    """What a run has drawn.
+    """What a run has drawn."""
 
-    Attributes:
-        mixing: the draws (E, S, W, k) of what is judged, and what is known of them.
-        log_prob: (E, S, W) their log densities.
-        points: (R, n) some of the points, with all free numbers.
-        seconds: how long the run took.
-        interrupted: whether it was stopped early.
-    """
-
-    mixing: Mixing
-    log_prob: Array
-    points: Array
-    seconds: float
-    interrupted: bool
+    mixing: Mixing  # the draws (E, S, W, k) of what is judged, and what is known of them
+    log_prob: Array  # (E, S, W) their log densities
+    points: Array  # (R, n) every tenth of the points, with all free numbers
+    seconds: float  # how long the run took
+    interrupted: bool  # whether it was stopped early
 
 
 def adapted(step: float, chance: float, wanted: float) -> float:
@@ -221,7 +202,8 @@ def run_hamiltonian(
                     kept.warm = steps
                 else:
                     kept.add(judged(chains.z), chains.log_p, chance, steps)
-                    kept.points.add(target.subspace.points(chains.z))
+                    if kept.count % EVERY == 1:
+                        kept.points.append(target.subspace.points(chains.z))
                 if callback is not None:
                     taken = min(steps, plan.steps)  # the last trajectory may lead beyond
                     seconds = time.perf_counter() - began
@@ -239,7 +221,7 @@ def run_hamiltonian(
     mixing = kept.mixing
     log_prob = kept.log_prob[:, -mixing.draws.shape[1] :]
     seconds = time.perf_counter() - began
-    return HamiltonianRun(mixing, log_prob, kept.points.all, seconds, stopped)
+    return HamiltonianRun(mixing, log_prob, np.concatenate(kept.points), seconds, stopped)
 
 
 class _Kept:
@@ -250,7 +232,7 @@ class _Kept:
         self._z: list[Array] = []
         self._log_p: list[Array] = []
         self._chances, self._steps = 0.0, 0
-        self.warm, self.points = 0, _Some()
+        self.warm, self.points = 0, list[Array]()
 
     @property
     def count(self) -> int:
@@ -289,23 +271,3 @@ class _Kept:
     def _by_ensemble(self, each: list[Array]) -> Array:
         shape = self.count, self._plan.ensembles, self._plan.walkers, *each[0].shape[1:]
         return np.stack(each).reshape(shape).swapaxes(0, 1)
-
-
-class _Some:
-    """Points of a run of unknown length, evenly spread over it."""
-
-    def __init__(self) -> None:
-        self._kept: list[Array] = []
-        self._every, self._count = 1, 0
-
-    def add(self, points: Array) -> None:
-        if self._count % self._every == 0:
-            self._kept.append(points)
-            if len(points) * len(self._kept) >= 2 * max(KEPT, len(points)):
-                self._kept = self._kept[::2]
-                self._every *= 2
-        self._count += 1
-
-    @property
-    def all(self) -> Array:
-        return np.concatenate(self._kept)

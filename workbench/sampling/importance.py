@@ -5,13 +5,9 @@ generalised Pareto distribution, whose shape k-hat says how many moments they ha
 draws are lost, above 0.7 none of it can be trusted (Vehtari et al. 2024, Pareto smoothed importance
 sampling). Where k-hat is small, the weighted draws also say how far the quantiles of q are off.
 
-These weights are of all free numbers together, those that are integrated out included. With many
-of them k-hat is large although the marginal of what is named is right: weights multiply, so that a
-small misfit in each of eighty numbers is a large one of all, and most of it has nothing to do with
-what is named. The marginal's own weight is the mean of the weights over what is integrated out, and
-too few of these draws carry it to be estimated from them. `compared` therefore judges the named
-entries by draws of all free numbers from the posterior itself (see `hamiltonian`), of which
-whatever else was drawn is left out.
+These weights are of all free numbers together. With many of them k-hat is large although the
+marginal of what is named is right, because small misfits of many numbers multiply. `compared`
+therefore judges the named entries by draws of all free numbers from the posterior itself.
 """
 
 from dataclasses import dataclass, field, replace
@@ -32,34 +28,23 @@ SURELY = 0.4  # of all of these limits: no closer look is needed
 
 @dataclass(frozen=True, eq=False)
 class Importance:
-    """k-hat, how many draws out of `tried` the weights leave, and what the weights correct.
+    """k-hat, how many draws out of `tried` the weights leave, and what the weights correct."""
 
-    Attributes:
-        k_hat: the shape of the Pareto distribution fitted to the largest weights.
-        effective: the effective number of draws.
-        tried: the number of draws.
-        outside: the share of the draws that bounds, constraints or domains of residuals forbid.
-        cut_off: the share of what constraints allow that the Gaussian leaves out.
-        errors: (k,) the largest correction of a quantile's level of each entry: 0.02 if the 5 %
-            quantile holds 7 %.
-        widths: (k,) the corrected width of the interval of 90 % of each entry, over its width.
-        labels: the entries.
-        what: the name of the approximation.
-        remedy: what to do if it does not hold.
-        beside: what the entries were compared with; empty if the weights themselves tell.
-    """
-
-    k_hat: float
-    effective: float
-    tried: int
+    k_hat: float  # the shape of the Pareto distribution fitted to the largest weights
+    effective: float  # the effective number of draws
+    tried: int  # the number of draws
+    # the share of the draws that bounds, constraints or domains of residuals forbid
     outside: float = 0.0
-    cut_off: float = 0.0
+    cut_off: float = 0.0  # the share of what constraints allow that the Gaussian leaves out
+    # (k,) the largest correction of a quantile's level of each entry: 0.02 if the 5 % quantile
+    # holds 7 %
     errors: Array = field(default_factory=lambda: np.zeros(1))
+    # (k,) the corrected width of the interval of 90 % of each entry, over its width
     widths: Array = field(default_factory=lambda: np.ones(1))
-    labels: tuple[str, ...] = ("",)
-    what: str = "the Gaussian conditional of the rest"
-    remedy: str = "sample more of it, or fix it"
-    beside: str = ""
+    labels: tuple[str, ...] = ("",)  # the entries
+    what: str = "the Gaussian conditional of the rest"  # the name of the approximation
+    remedy: str = "sample more of it, or fix it"  # what to do if it does not hold
+    beside: str = ""  # what the entries were compared with; empty if the weights themselves tell
 
     def of_entries(self, at: Index) -> "Importance":
         """The same of some entries (m,)."""
@@ -74,11 +59,8 @@ class Importance:
     @property
     def worst(self) -> str:
         """The entry with the largest correction, measured by what is allowed."""
-        return self.labels[int(np.argmax(np.maximum(self.errors / OFF, self._wider / WIDTH)))]
-
-    @property
-    def _wider(self) -> Array:
-        return np.asarray(abs(self.widths - 1))
+        wider = abs(self.widths - 1)
+        return self.labels[int(np.argmax(np.maximum(self.errors / OFF, wider / WIDTH)))]
 
     @property
     def holds(self) -> bool:
@@ -97,7 +79,7 @@ class Importance:
     def _within(self, share: float) -> bool:
         told = bool(self.beside) or self.k_hat <= HOLDS
         off = max(self.error, self.outside, self.cut_off)
-        return told and off <= share * OFF and bool((self._wider <= share * WIDTH).all())
+        return told and off <= share * OFF and bool(abs(self.widths - 1).max() <= share * WIDTH)
 
     def __str__(self) -> str:
         told = [
@@ -110,9 +92,9 @@ class Importance:
                 f"constraints, taken as linear, cut off {self.cut_off:.0%} of what they allow"
             )
         if self.beside or self.k_hat <= HOLDS:
-            fine = self.error <= OFF and (self._wider <= WIDTH).all()
-            entry = "" if fine else f", {self.worst}"
-            off = f"quantiles off by {self.error:.3f} and widths by {self._wider.max():.0%} at most"
+            wider = float(abs(self.widths - 1).max())
+            entry = "" if self.error <= OFF and wider <= WIDTH else f", {self.worst}"
+            off = f"quantiles off by {self.error:.3f} and widths by {wider:.0%} at most"
             told.append(off + entry)
         if self.beside:
             said = f"(compared with {self.beside}: {told.pop()}; of all free numbers together "

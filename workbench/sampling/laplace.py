@@ -5,7 +5,6 @@ Bounds and inequality constraints cut it off (`TruncatedGaussian`).
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,8 +28,8 @@ from workbench.sampling.modes import (
     rows_between,
 )
 from workbench.sampling.posterior import Posterior
-from workbench.sampling.sample import MOST, drawn_with_the_rest, jointly, named
-from workbench.sampling.subspace import Names, Rest, Subspace, fixed, integrated, subspace_of
+from workbench.sampling.sample import drawn_with_the_rest, jointly, named
+from workbench.sampling.subspace import MOST, Names, Rest, Subspace, fixed, integrated, subspace_of
 from workbench.threads import limited_threads
 
 TRIED = 2000  # draws that are looked at for what linear constraints cut away
@@ -50,31 +49,19 @@ WALKERS, STEPS = 64, 20_000  # of the draws that it is compared with, as `sample
 SHIFTED = 0.3  # of Laplace's standard deviation
 WIDER, NARROWER = 1.15, 0.87  # standard deviation over Laplace's
 SKEWED = 0.5  # third moment over the cube of the standard deviation
-VALLEY = 0.7  # of the lower of two peaks: deeper ones part two modes
-SEEN = 0.1  # of the higher peak: lower ones are noise
 
 
 @dataclass(frozen=True, eq=False)
 class TruncatedGaussian:
-    """z = mean + half w, w standard normal where F w + g >= 0; `start` is a w that meets it.
+    """z = mean + half w, w standard normal where F w + g >= 0; `start` is a w that meets it."""
 
-    Attributes:
-        mean: (k,).
-        half: (k, k) a square root of the covariance.
-        F: (c, k) the gradients of the limits.
-        g: (c,) their offsets.
-        start: (k,) a w that meets all limits.
-        cost: the cost at the start.
-        boxed: how many rows of F are bounds; the others are linearized constraints.
-    """
-
-    mean: Array
-    half: Array
-    F: Array
-    g: Array
-    start: Array
-    cost: float
-    boxed: int = 0
+    mean: Array  # (k,)
+    half: Array  # (k, k) a square root of the covariance
+    F: Array  # (c, k) the gradients of the limits
+    g: Array  # (c,) their offsets
+    start: Array  # (k,) a w that meets all limits
+    cost: float  # the cost at the start
+    boxed: int = 0  # how many rows of F are bounds; the others are linearized constraints
 
 
 def truncated_laplace(target: LogDensity, mode: Mode) -> TruncatedGaussian:
@@ -149,15 +136,13 @@ def draws_in_domain(
     Draws outside of the domains of residuals are replaced by others. Raises NotSupported if nearly
     all are outside.
     """
-    z, log_q = draws_from(gaussian, count, rng)
-    inside = target.in_domain(z)
-    z, log_q = z[inside], log_q[inside]
+    z, log_q = np.empty((0, len(gaussian.mean))), np.empty(0)
     for _ in range(ROUNDS):
-        if len(z) >= count:
-            return z[:count], log_q[:count]
         more, log_more = draws_from(gaussian, count, rng)
         inside = target.in_domain(more)
         z, log_q = np.concatenate([z, more[inside]]), np.concatenate([log_q, log_more[inside]])
+        if len(z) >= count:
+            return z[:count], log_q[:count]
     raise NotSupported(
         "nearly all of Laplace's Gaussian is where a residual means nothing, as behind a camera; "
         "draw with `sample`"
@@ -250,20 +235,18 @@ def laplace(
 ) -> Posterior:
     """Draws of N(z*, (J'J)^-1) at the minimum next to `at`, in what is named (all that is free).
 
-    J'J is Gauss and Newton's Hessian, whitened. What is not named is integrated out, unless `rest`
-    says otherwise, as in `sample`. Bounds and inequality constraints cut the Gaussian off,
-    which is exact where residuals and constraints are linear, and so do the domains of
-    residuals: no draw is behind a camera. The verdict compares the Gaussian with the posterior by
-    importance weights, and looks for other modes, of which the Gaussian knows nothing. Where the
-    weights say that the Gaussian of all free numbers does not fit, the named entries alone are
-    compared with draws: with those of `against`, which `sample` made of the same entries, or with
-    some that are made for this. Raises what `sample` raises, and BadArgument if `against` is of
-    other entries.
+    J'J is the whitened Gauss-Newton Hessian. What is not named is integrated out, unless `rest`
+    says otherwise, as in `sample`. Bounds, inequality constraints and domains of residuals cut the
+    Gaussian off, which is exact where all is linear. The verdict compares the Gaussian with the
+    posterior by importance weights, and looks for other modes. Where the weights say that the
+    Gaussian of all free numbers does not fit, the named entries alone are compared with draws: with
+    those of `against`, which `sample` made of the same entries, or with some that are made for
+    this. Raises what `sample` raises, and BadArgument if `against` is of other entries.
     """
     x, given = problem.split(at)
     if draws < CHAINS:
         raise BadArgument(f"{draws} draws are too few to judge by; ask for {CHAINS} or more")
-    wanted = None if callable(names) or rest is not integrated else named(problem, names)
+    wanted = named(problem, names) if rest is integrated else None
     # limits on any number cut off the Gaussian of all numbers
     limited = problem.bounded or problem.stacked_constraints is not None
     most = MOST_LIMITED if limited else MOST
@@ -348,13 +331,10 @@ class EntryComparison:
     shift: float
     ratio: float
     skewness: float
-    peaks: int
 
     @property
     def remark(self) -> str:
         """How the draws differ from Laplace's approximation."""
-        if self.peaks > 1:
-            return f"{self.peaks} modes"
         found = []
         if abs(self.shift) > SHIFTED:
             found.append("shifted")
@@ -375,43 +355,11 @@ def compared_with_laplace(
         raise BadArgument(
             "the two posteriors are of different entries; give `laplace` the same names and rest"
         )
-    shift = (posterior.mean - approximation.mean) / approximation.sd
-    ratio = posterior.sd / approximation.sd
     from scipy.stats import skew  # a second to import: not before it is needed
 
-    skewness = np.asarray(skew(posterior.flat, axis=0))
-    return tuple(
-        EntryComparison(
-            posterior.labels[i],
-            posterior.units[i],
-            float(posterior.mean[i]),
-            float(posterior.sd[i]),
-            float(shift[i]),
-            float(ratio[i]),
-            float(skewness[i]),
-            peaks(posterior.flat[:, i]),
-        )
-        for i in range(posterior.size)
-    )
-
-
-def peaks(draws: Array) -> int:
-    """How many modes a smoothed density of the draws (N,) has, with deep valleys between them."""
-    from scipy.stats import gaussian_kde
-
-    some = draws[:: max(1, len(draws) // 4000)]
-    if np.ptp(some) == 0:
-        return 1
-    low, high = np.quantile(some, [0.001, 0.999])
-    grid = np.linspace(low, high, 200)
-    density = gaussian_kde(some, bw_method=1.3 * len(some) ** -0.2)(grid)
-    tops = [
-        i
-        for i in range(1, 199)
-        if density[i - 1] < density[i] >= density[i + 1] and density[i] > SEEN * density.max()
-    ]
-    count = min(1, len(tops))
-    for i, j in pairwise(tops):
-        if density[i:j].min() < VALLEY * min(density[i], density[j]):
-            count += 1
-    return max(1, count)
+    shift = (posterior.mean - approximation.mean) / approximation.sd
+    ratio, skewness = posterior.sd / approximation.sd, skew(posterior.flat, axis=0)
+    columns = posterior.mean, posterior.sd, shift, ratio, skewness
+    numbers = np.column_stack(columns).tolist()
+    labels = zip(posterior.labels, posterior.units, strict=True)
+    return tuple(EntryComparison(*label, *row) for label, row in zip(labels, numbers, strict=True))

@@ -22,18 +22,12 @@ class LogDensity:
     Every residual has a sigma, so the cost is minus a log posterior: least squares are Gaussian,
     and a robust term with rho is the likelihood exp(-rho / 2). A constraint counts as met within
     its tolerance. Where the cost is no number, the log density is -infinity as well.
-
-    Attributes:
-        problem: the problem whose posterior it is.
-        fixed: the fixed numbers, flat.
-        subspace: what is sampled.
-        way: how costs are evaluated: `interpreted` or `compiled`.
     """
 
-    problem: Problem
-    fixed: Array
-    subspace: Subspace
-    way: CostMethod = interpreted
+    problem: Problem  # the problem whose posterior it is
+    fixed: Array  # the fixed numbers, flat
+    subspace: Subspace  # what is sampled
+    way: CostMethod = interpreted  # how costs are evaluated: `interpreted` or `compiled`
 
     def __call__(self, z: Array) -> Array:
         """The log density (M,) at z (M, k)."""
@@ -158,13 +152,12 @@ def refuse_flat(problem: Problem, given: Array, space: Subspace) -> None:
     all stay where they are is no obstacle. Whether it changes along what moves is asked of its
     Jacobian at three points, for at a single one a derivative may vanish.
     """
-    if space.entries is not None:
-        pinned = np.flatnonzero((problem.lower == problem.upper)[space.entries])
-        if pinned.size:
-            raise NotSupported(
-                f"{space.labels[int(pinned[0])]} has equal bounds, so there is nothing to draw; "
-                "name the other entries alone, or widen its bounds"
-            )
+    pinned = np.flatnonzero((problem.lower == problem.upper)[space.entries])
+    if pinned.size:
+        raise NotSupported(
+            f"{space.labels[int(pinned[0])]} has equal bounds, so there is nothing to draw; name "
+            "the other entries alone, or widen its bounds"
+        )
     there = problem.stacked_constraints
     if there is None or not there.equal.any():
         return

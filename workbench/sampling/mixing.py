@@ -77,24 +77,15 @@ class Usability(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Mixing:
-    """What is known of chains (E, S, W, k) after `discarded` steps each; times are in steps.
+    """What is known of chains (E, S, W, k) after `discarded` steps each; times are in steps."""
 
-    Attributes:
-        labels: the entries.
-        draws: (E, S, W, k) ensembles, steps, walkers, entries.
-        acceptance: the share of all proposals that were accepted.
-        discarded: how many steps were discarded as burn-in.
-        thin: how many steps lie between two draws that are kept.
-        exact: whether the draws are independent by construction.
-        proposals: how many there were between two kept draws; 0 if there was one at every step.
-    """
-
-    labels: tuple[str, ...]
-    draws: Array = field(repr=False)
-    acceptance: float
-    discarded: int
-    thin: int = 1
-    exact: bool = False
+    labels: tuple[str, ...]  # the entries
+    draws: Array = field(repr=False)  # (E, S, W, k) ensembles, steps, walkers, entries
+    acceptance: float  # the share of all proposals that were accepted
+    discarded: int  # how many steps were discarded as burn-in
+    thin: int = 1  # how many steps lie between two draws that are kept
+    exact: bool = False  # whether the draws are independent by construction
+    # how many there were between two kept draws; 0 if there was one at every step
     proposals: int = 0
 
     @property
@@ -127,13 +118,9 @@ class Mixing:
     def long_enough(self) -> bool:
         """Whether the chains are long enough for their autocorrelation time to be believed.
 
-        A chain that is short beside its memory makes that memory look too short: what is slower
-        than the chain is long does not show. Then draws count as more than they are worth, and
-        no other number here notices if all ensembles began in the same way. From 50 times on a
-        single chain tells its own time well enough (Sokal 1997; emcee's rule). Many walkers in
-        independent ensembles tell it from fewer steps: 20 times are enough where the time has
-        settled, that is, where it is at most 1.2 times what the first half of the chains says.
-        Effective draws, R-hat and the agreement of ensembles are asked apart from this.
+        A chain that is short beside its memory makes that memory look too short. From 50 times on a
+        chain tells its own time well enough (Sokal 1997; emcee's rule); many walkers tell it from
+        20 times, where it is at most 1.2 times what the first half of the chains says.
         """
         return self.length >= TIMES or (self.length >= LEAST and self.growth <= SETTLED)
 
@@ -187,11 +174,7 @@ class Mixing:
 
     @cached_property
     def judgement(self) -> tuple[Usability, str]:
-        """The verdict, and its reason with what to do.
-
-        Where several ensembles are refused, the reason says how far they are apart: they may agree
-        well, and still be too short for anyone to know that they would stay so.
-        """
+        """The verdict, and its reason with what to do, and how far the ensembles are apart."""
         verdict, why = self._judged()
         E, S, _, _ = self.draws.shape
         if verdict is Usability.USABLE or self.exact or E < 2 or S < 2:
@@ -272,8 +255,7 @@ class Mixing:
         enough = self.steps > FIRST * GAUSSIAN * k  # for a Gaussian: else it is merely too short
         if enough and self.growth > GROWTH and self.times.max() > FAR * GAUSSIAN * k:
             remedy = (
-                f"sample fewer entries (about {MANY}), or the directions that the data "
-                "determine best"
+                f"sample fewer entries (about {MANY})"
                 if k > MANY
                 else "look at the traces: there may be several modes, or a long and bent ridge"
             )

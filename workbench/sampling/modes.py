@@ -12,13 +12,12 @@ from workbench.arrays import Array, Index
 from workbench.errors import WorkbenchError
 from workbench.geometry import rotation
 from workbench.sampling.log_density import LogDensity, violation_in_words
-from workbench.sampling.subspace import Improper, svd_of_full_rank
+from workbench.sampling.subspace import Improper
 
 Vector = Callable[[Array], Array]
 DECREASE = 0.1  # of the cost that the linear model predicts: at a minimum it is less
 AT_A_BOUND = 1e-6  # of the scale of an entry: it is held there
 INSIDE = 1e-9  # of the scale of a bound: where a search for a minimum stops in front of it
-BISECTIONS = 50  # of the way out of a domain: what is left of it is no more than rounding
 ROUNDED = 1e-12  # of the largest entry of a direction: zero, but for rounding
 APART = 1.0  # standard deviations: minima that are nearer to each other are one
 NEGLIGIBLE = 1e-4  # of the largest mass
@@ -38,25 +37,14 @@ class NoMinimum(WorkbenchError):
 
 @dataclass(frozen=True, eq=False)
 class Mode:
-    """A minimum of the cost in z, and Laplace's approximation there.
+    """A minimum of the cost in z, and Laplace's approximation there."""
 
-    Attributes:
-        z: (k,) where the cost is least.
-        cost: the cost there.
-        half: (k, k) such that half @ half.T is the covariance.
-        log_mass: the log of its integral, up to a constant that all modes share.
-        share: its share of the mass of all modes.
-        found: how many searches ended here.
-        settled: whether the linear model predicts almost no further decrease of the cost.
-    """
-
-    z: Array
-    cost: float
-    half: Array
-    log_mass: float
-    share: float = 1.0
-    found: int = 1
-    settled: bool = True
+    z: Array  # (k,) where the cost is least
+    cost: float  # the cost there
+    half: Array  # (k, k) such that half @ half.T is the covariance
+    log_mass: float  # the log of its integral, up to a constant that all modes share
+    share: float = 1.0  # its share of the mass of all modes
+    settled: bool = True  # whether the linear model predicts almost no further decrease of the cost
 
     def seen(self, into: Array, z: Array) -> "Mode":
         """The same minimum at z (m,) in other coordinates, of which `into` (m, k) is the Jacobian.
@@ -81,7 +69,7 @@ def mode_from(target: LogDensity, start: Array) -> Mode:
     problem, space = target.problem, target.subspace
 
     def residual(z: Array) -> Array:
-        return problem.residual(_x(target, z), target.fixed)
+        return problem.residual(space.points(z[None])[0], target.fixed)
 
     def limited_residual(z: Array) -> Array:
         """Infinite outside of a domain, so that no step leads there."""
@@ -89,7 +77,7 @@ def mode_from(target: LogDensity, start: Array) -> Mode:
         return r if target.in_domain(z[None])[0] else np.full_like(r, np.inf)
 
     def jacobian(z: Array) -> Array:
-        return problem.linearize_at(_x(target, z), target.fixed).jacobian @ space.along
+        return problem.linearize_at(space.points(z[None])[0], target.fixed).jacobian @ space.along
 
     low, high = bounds_of(target)
     gap = 1e-10 * np.maximum(1.0, abs(start))
@@ -104,7 +92,7 @@ def mode_from(target: LogDensity, start: Array) -> Mode:
     if not limited or target.allows(space.points(z[None]))[0]:
         settled = _predicted_decrease(residual(z), jacobian(z), z, low, high) < DECREASE
     else:
-        z, settled = _constrained(target, start, residual, jacobian)
+        z = _constrained(target, start, residual, jacobian)
     half = covariance_half(target, jacobian(z))
     cost = 0.5 * float(np.sum(residual(z) ** 2))
     log_det = np.linalg.slogdet(half)[1] + _cut_off(jacobian(z), residual(z), z, low, high)
@@ -116,9 +104,7 @@ def _cut_off(J: Array, r: Array, z: Array, low: Array, high: Array) -> float:
 
     For an entry on a bound let g be the slope with which the cost rises away from the bound, and
     sigma its standard deviation if the entries on no bound are free. The share is
-    exp((g sigma)^2 / 2) Phi(-g sigma): the integral of exp(-g t - t^2 / (2 sigma^2)) over t > 0,
-    divided by that of exp(-t^2 / (2 sigma^2)) over all t. The shares of several such entries are
-    multiplied.
+    exp((g sigma)^2 / 2) Phi(-g sigma); the shares of several such entries are multiplied.
     """
     near = AT_A_BOUND * np.maximum(1.0, abs(z))
     at_low, at_high = z - low <= near, high - z <= near
@@ -135,23 +121,19 @@ def _cut_off(J: Array, r: Array, z: Array, low: Array, high: Array) -> float:
 
 
 def bounds_of(target: LogDensity) -> tuple[Array, Array]:
-    """The bounds of z, (k,) each; infinite if z are directions and not entries."""
+    """The bounds of z, (k,) each."""
     space, problem = target.subspace, target.problem
-    if space.entries is None:
-        return np.full(space.size, -np.inf), np.full(space.size, np.inf)
     return problem.lower[space.entries], problem.upper[space.entries]
 
 
 def dependent_bounds(target: LogDensity) -> tuple[Array, Array, Array]:
-    """Bounds on numbers that move with z without being among its entries: low <= A z <= high.
+    """Bounds on numbers on the ridge of what is integrated out: low <= A z <= high.
 
-    Such are all numbers where z are directions, and those on the ridge of what is integrated out.
-    A is (c, k), low and high (c,); c is 0 where z are entries and the rest stays where it is.
+    A is (c, k), low and high (c,); c is 0 where the rest stays where it is.
     """
     space, problem = target.subspace, target.problem
     bounded = np.isfinite(problem.lower) | np.isfinite(problem.upper)
-    if space.entries is not None:
-        bounded[space.entries] = False
+    bounded[space.entries] = False
     size = abs(space.along).max(axis=0, initial=0.0)  # what rounding moves does not move
     bounded &= (abs(space.along) > ROUNDED * size).any(axis=1)
     A = space.along[bounded]
@@ -176,26 +158,30 @@ def rows_between(low: Array, high: Array, scale: float) -> Array:
 
 
 def inverse_half(target: LogDensity, J: Array) -> Array:
-    """A half (k, k) with half half' = (J'J)^-1. Raises Improper if J has no full rank."""
-    labels = target.subspace.labels
+    """A half (k, k) with half half' = (J'J)^-1.
 
-    lengths, s, V = svd_of_full_rank(
-        J, lambda direction: f"a direction with {labels[int(np.argmax(abs(direction)))]}"
-    )
-    return np.asarray(V / s / lengths[:, None])
+    Raises Improper if J has no full rank. That is judged with columns of length 1, so that no unit
+    decides what is seen.
+    """
+    lengths = np.linalg.norm(J, axis=0)
+    lengths = np.where(lengths > 0, lengths, 1.0)
+    _, found, Vt = np.linalg.svd(J / lengths, full_matrices=len(J) < J.shape[1])
+    s = np.zeros(J.shape[1])
+    s[: found.size] = found
+    if (s <= np.finfo(float).eps * max(J.shape) * max(s.max(initial=0), 1e-300)).any():
+        direction = abs(Vt[int(np.argmin(s))] / lengths)
+        raise Improper(
+            f"nothing holds a direction with {target.subspace.labels[int(np.argmax(direction))]}: "
+            "its posterior has no width. Add a prior or bounds, or fix it; `workbench diagnose` "
+            "names all such directions"
+        )
+    return np.asarray(Vt.T / s / lengths[:, None])
 
 
-def _x(target: LogDensity, z: Array) -> Array:
-    return np.asarray(target.subspace.points(z[None])[0])
-
-
-def _constrained(
-    target: LogDensity, start: Array, residual: Vector, jacobian: Vector
-) -> tuple[Array, bool]:
+def _constrained(target: LogDensity, start: Array, residual: Vector, jacobian: Vector) -> Array:
     """The minimum from there by SciPy's SLSQP, in units of the Jacobian's columns.
 
-    SLSQP may end outside of the domain of a residual. Then the point is the last one in the domains
-    on the straight way to that end, and False says that it is no minimum.
+    Raises NoMinimum if it ends where constraints are violated or a residual means nothing.
     """
     space, there = target.subspace, target.problem.stacked_constraints
     lengths = np.linalg.norm(jacobian(start), axis=0)
@@ -216,13 +202,13 @@ def _constrained(
         z = start + scale * u
         c = G @ z
         if there is not None:
-            c = np.concatenate([there.values(_x(target, z), target.fixed)[moving], c])
+            c = np.concatenate([there.values(space.points(z[None])[0], target.fixed)[moving], c])
         return np.concatenate([(c - low)[below], (high - c)[above]])
 
     def margins_jacobian(u: Array) -> Array:
         A = G * scale
         if there is not None:
-            seen = there.linearize(_x(target, start + scale * u), target.fixed)
+            seen = there.linearize(space.points((start + scale * u)[None])[0], target.fixed)
             A = np.vstack([seen.along(space.along)[moving] * scale, A])
         return np.concatenate([A[below], -A[above]])
 
@@ -245,29 +231,14 @@ def _constrained(
         constraints=scipy.optimize.NonlinearConstraint(margins, 0.0, np.inf, jac=margins_jacobian),
         options={"maxiter": 500, "ftol": 1e-10},
     )
-    end = np.asarray(start + scale * ended.x)
-    z = _into_domain(target, start, end)
-    if not target.allows(space.points(z[None]))[0]:
-        why = violation_in_words(target.problem, target.fixed, _x(target, z))
+    z = np.asarray(start + scale * ended.x)
+    if not (target.allows(space.points(z[None]))[0] and target.in_domain(z[None])[0]):
+        why = violation_in_words(target.problem, target.fixed, space.points(z[None])[0])
         raise NoMinimum(
             f"no point near the start meets the bounds and constraints ({why}); solve the problem "
             "with a solver that takes constraints, and start at its answer"
         )
-    return z, z is end
-
-
-def _into_domain(target: LogDensity, start: Array, end: Array) -> Array:
-    """The end (k,), or the last point in the domains on the way to it from a start in them."""
-    if target.in_domain(end[None])[0]:
-        return end
-    inside, outside = 0.0, 1.0
-    for _ in range(BISECTIONS):
-        middle = 0.5 * (inside + outside)
-        if target.in_domain((start + middle * (end - start))[None])[0]:
-            inside = middle
-        else:
-            outside = middle
-    return np.asarray(start + inside * (end - start))
+    return z
 
 
 def _predicted_decrease(r: Array, J: Array, z: Array, low: Array, high: Array) -> float:
@@ -282,21 +253,13 @@ def _predicted_decrease(r: Array, J: Array, z: Array, low: Array, high: Array) -
 
 @dataclass(frozen=True, eq=False)
 class ModeSearch:
-    """The modes that were found, the largest first, and how widely they were looked for.
+    """The modes that were found, the largest first, and how widely they were looked for."""
 
-    Attributes:
-        modes: the modes.
-        starts: how many searches there were.
-        farthest: the largest distance of a start, in Laplace's standard deviations.
-        boxed: how many entries have two bounds, over which starts were spread as well.
-        components: how many of the searches began at a component of a mixture.
-    """
-
-    modes: tuple[Mode, ...]
-    starts: int
-    farthest: float
-    boxed: int
-    components: int = 0
+    modes: tuple[Mode, ...]  # the modes
+    starts: int  # how many searches there were
+    farthest: float  # the largest distance of a start, in Laplace's standard deviations
+    boxed: int  # how many entries have two bounds, over which starts were spread as well
+    components: int = 0  # how many of the searches began at a component of a mixture
 
     def __str__(self) -> str:
         if not self.starts:
@@ -337,8 +300,7 @@ def modes(target: LogDensity, first: Mode, rng: np.random.Generator) -> ModeSear
             turned = shortest_rotations(target, known.z)
             near = min(known.away(mode.z), mode.away(turned)) < APART
             if near and abs(known.cost - mode.cost) < 0.1:
-                best = min(known, mode, key=lambda m: m.cost)
-                found[j] = replace(best, found=known.found + 1)
+                found[j] = min(known, mode, key=lambda m: m.cost)
                 break
         else:
             found.append(mode)
@@ -359,15 +321,10 @@ def missed_mode(known: tuple[Mode, ...], draws: Array) -> tuple[float, float] | 
 
     Returns two shares of this mode: of the mass of all modes, and of the draws.
     """
-    if len(known) < 2:
-        return None
-    some = draws[:: max(1, len(draws) // ASSIGNED)]
-    which = nearest_mode(known, some)
-    for i, mode in enumerate(known):
-        here = float(np.mean(which == i))
-        if mode.share >= COMPARABLE and here < VISITED * mode.share:
-            return mode.share, here
-    return None
+    which = nearest_mode(known, draws[:: max(1, len(draws) // ASSIGNED)])
+    shares = ((mode.share, float(np.mean(which == i))) for i, mode in enumerate(known))
+    missed = (s for s in shares if s[0] >= COMPARABLE and s[1] < VISITED * s[0])
+    return next(missed, None)
 
 
 def nearest_mode(known: Sequence[Mode], z: Array) -> Index:
@@ -441,8 +398,6 @@ def shortest_rotations(target: LogDensity, z: Array) -> Array:
     sampled stays as it is, and so does one whose bounds forbid the shorter vector.
     """
     space, problem = target.subspace, target.problem
-    if space.entries is None:
-        return z
     x, sampled = space.points(z[None])[0], np.isin(np.arange(problem.free.size), space.entries)
     for row in problem.rotations:
         length = float(np.linalg.norm(x[row]))

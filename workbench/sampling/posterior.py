@@ -226,24 +226,18 @@ class Posterior:
         return np.quantile(self.flat, [tail, 1 - tail], axis=0).T
 
     def coordinates(self, values: Mapping[str, ArrayLike]) -> Array:
-        """What was sampled (k,), read from values of free blocks; missing ones are as in `given`.
-
-        Where directions were sampled, it is the nearest point that they reach.
-        """
-        x, space = self.problem.free.pack({**self.given, **values}), self.subspace
-        if space.entries is not None:
-            return np.asarray(x[space.entries])
-        span = space.span
-        return np.asarray(space.centre + np.linalg.lstsq(span, x - space.origin)[0][: space.size])
+        """What was sampled (k,), read from values of free blocks, or else from `given`."""
+        x = self.problem.free.pack({**self.given, **values})
+        return np.asarray(x[self.subspace.entries])
 
     def marginal(self, names: str | Iterable[str]) -> "Posterior":
         """These draws of some entries alone, whatever the others are; the verdict stays as it is.
 
         Raises UnknownName for names that are not free, and BadArgument for entries that were not
-        sampled, or if directions were.
+        sampled.
         """
         space, meant = self.subspace, entries(self.problem.free, names)
-        if space.entries is None or not np.isin(meant, space.entries).all():
+        if not np.isin(meant, space.entries).all():
             raise BadArgument(
                 f"only what was sampled has a marginal: {some_of(self.labels)}; name some of these"
             )
@@ -326,11 +320,8 @@ class Posterior:
 
         `priors` are the names of the residuals that are priors, as in `Setup.priors`.
         """
-        problem = self.problem
-        if self.subspace.entries is None or problem.linearize(self.given).by_frames:
-            return np.full(self.size, np.nan)
-        prior = prior_deviations(problem, self.given, self.labels, tuple(priors))
-        return contraction(self.sd, prior)
+        before = prior_deviations(self.problem, self.given, self.labels, tuple(priors))
+        return contraction(self.sd, before)
 
     def summary(self, truth: Array | None = None, priors: Iterable[str] = ()) -> str:
         """The verdict, how the draws were made, what is held fixed, and a line for each entry.

@@ -1,15 +1,11 @@
 """The mean of a posterior in place of its mode: the answer of least expected error.
 
-A fit reports the likeliest values, the mode of exp(-cost). If the loss of an answer a is its
-squared distance from the truth x, the answer with the least expected loss is another one, the mean:
-
     E |a - x|^2 = |a - E x|^2 + E |x - E x|^2
 
-(Berger, Statistical Decision Theory and Bayesian Analysis, 1985). Where a posterior of many numbers
-is not Gaussian, as that of a pose in one image is not, mode and mean are far apart. The mean is
-taken of draws by Hamiltonian Monte Carlo with a few chains side by side, which begin at the mode.
-They are too few for intervals, and enough for a mean: its own error is a small share of the
-posterior's width.
+is least for a = E x (Berger, Statistical Decision Theory and Bayesian Analysis, 1985). Where a
+posterior of many numbers is not Gaussian, as that of a pose in one image, mode and mean are far
+apart. The mean is taken of draws by Hamiltonian Monte Carlo with a few chains side by side, which
+begin at the mode: too few for intervals, and enough for a mean.
 """
 
 from collections.abc import Mapping

@@ -17,9 +17,7 @@ from workbench.sampling.conditioning import conditioning
 from workbench.sampling.ensembles import (
     Callback,
     EnsembleRun,
-    Moves,
     SamplerSettings,
-    differential_evolution,
     run,
     thinning,
     without_burn_in,
@@ -39,7 +37,7 @@ from workbench.sampling.modes import (
 )
 from workbench.sampling.posterior import Posterior
 from workbench.sampling.subspace import (
-    BandedRest,
+    MOST,
     Improper,
     Names,
     Rest,
@@ -51,7 +49,6 @@ from workbench.sampling.subspace import (
 )
 from workbench.threads import limited_threads
 
-MOST = 21  # free numbers that ensembles sample well
 SAME = 1.0  # standard deviations between two modes that are one in what is named
 WORTH_COMPILING = 300_000  # evaluations: compiling takes seconds, once
 LEAPFROG = 2  # leapfrog steps that are allowed for each step of an ensemble
@@ -98,13 +95,10 @@ def drawn_with_the_rest(
 ) -> tuple[HamiltonianRun, ModeSearch] | None:
     """Draws of all free numbers, judged in what the target samples, and the modes in these.
 
-    None for long sequences, and where a direction of the rest has no width or leads to no
-    minimum. Chains begin at draws of Laplace's approximation at the modes of everything, each mode
-    by its share of the mass.
+    None where a direction of the rest has no width or leads to no minimum. Chains begin at draws
+    of Laplace's approximation at the modes of everything, each mode by its share of the mass.
     """
     problem, given, space = target.problem, target.fixed, target.subspace
-    if isinstance(space.rest, BandedRest):
-        return None
     x = space.origin
     free = np.flatnonzero(movable(problem))
     whole = LogDensity(
@@ -116,11 +110,7 @@ def drawn_with_the_rest(
     except (Improper, NoMinimum, np.linalg.LinAlgError):
         return None
     starts = walkers_at(whole, found.modes, plan.ensembles * plan.walkers, rng)
-    into = np.asarray(  # (k, c): takes a change of all that is free to the change of z
-        np.linalg.pinv(space.span[free])[: space.size]
-        if space.entries is None
-        else (space.entries[:, None] == free).astype(float)
-    )
+    into = (space.entries[:, None] == free).astype(float)  # (k, c): from all that is free to z
     drawn = run_hamiltonian(
         whole,
         starts,
@@ -141,8 +131,7 @@ def _seen(found: tuple[Mode, ...], space: Subspace, centre: Array, into: Array) 
         one = mode.seen(into, space.centre + into @ (mode.z - centre))
         for i, known in enumerate(kept):
             if max(known.away(one.z), one.away(known.z)) < SAME:
-                share, count = known.share + one.share, known.found + one.found
-                kept[i] = replace(known, share=share, found=count)
+                kept[i] = replace(known, share=known.share + one.share)
                 break
         else:
             kept.append(one)
@@ -159,7 +148,6 @@ def sample(
     steps: int = 20_000,
     ensembles: int = 4,
     seed: int = 0,
-    moves: Moves | None = None,
     stop_when_usable: bool = True,
     thin: int | None = None,
     checkpoint: str | Path | None = None,
@@ -168,16 +156,14 @@ def sample(
 ) -> Posterior:
     """Draw samples of the named entries (or of all that are free) from exp(-cost), around `at`.
 
-    `names` are blocks and entries (`betas[0:3]`, `pose[left_elbow]`, `pose[left_elbow, x]`), or a
-    choice such as `directions(20, priors)`. Intervals are marginal: all other numbers are
-    integrated out. If there are up to 21 free numbers, all are sampled. If there are more,
-    Laplace's approximation stands for those that are not named (`rest=integrated`). Unless
-    importance weights say that it surely holds, all free numbers are then drawn by Hamiltonian
-    Monte Carlo, and the verdict judges the draws of those that are named. Numbers can also be held
-    fixed (`rest=fixed`), which makes intervals narrower, or conditional: `Posterior.conditioning`
-    says by how much, and if the factor is above 1.2, the draws are not called usable. Up to about
-    20 entries can be sampled well; more are allowed, and the verdict says whether their draws are
-    usable.
+    `names` are blocks and entries (`betas[0:3]`, `pose[left_elbow]`, `pose[left_elbow, x]`).
+    Intervals are marginal: all other numbers are integrated out. If there are up to 21 free
+    numbers, all are sampled. If there are more, Laplace's approximation stands for those that are
+    not named (`rest=integrated`). Unless importance weights say that it surely holds, all free
+    numbers are then drawn by Hamiltonian Monte Carlo, and the verdict judges the draws of those
+    that are named. Numbers can also be held fixed (`rest=fixed`), which makes intervals narrower,
+    or conditional: `Posterior.conditioning` says by how much, and if the factor is above 1.2, the
+    draws are not called usable.
 
     The posterior density is zero beyond bounds and inequality constraints, and outside of the
     domains of residuals, such as where a keypoint is behind its camera (`Residual.domain`).
@@ -195,10 +181,10 @@ def sample(
 
     Raises UnknownName, BadArgument, Improper for a direction that neither data nor priors restrict,
     NotSupported for an equation among the constraints that draws would not satisfy or for an entry
-    with equal bounds, BiasedMove, or BadFile for the checkpoint of another run.
+    with equal bounds, or BadFile for the checkpoint of another run.
     """
     x, given = problem.split(at)
-    wanted = None if callable(names) or rest is not integrated else named(problem, names)
+    wanted = named(problem, names) if rest is integrated else None
     shown = None
     if wanted is not None and (all_of := jointly(problem, at, wanted)):
         shown, wanted, names, rest = wanted, None, all_of, fixed
@@ -207,7 +193,6 @@ def sample(
         refuse_flat(problem, given, subspace)
         k = subspace.size
         walkers = max(64, 2 * (k + 11)) if walkers is None else walkers
-        moves = differential_evolution() if moves is None else moves
         if walkers < 2 * k or walkers < 4 or walkers % 2:
             raise BadArgument(
                 f"{walkers} walkers cannot move in {k} dimensions; give an even number, "
@@ -219,9 +204,7 @@ def sample(
         thin = thinning(walkers, ensembles, steps, k) if thin is None else thin
         if not 1 <= thin <= steps:
             raise BadArgument(f"every {thin}th of {steps} steps cannot be kept; give 1 to {steps}")
-        plan = SamplerSettings(
-            walkers, ensembles, steps, thin, seed, moves, whole=not stop_when_usable
-        )
+        plan = SamplerSettings(walkers, ensembles, steps, thin, seed, whole=not stop_when_usable)
         worth = walkers * ensembles * steps >= WORTH_COMPILING
         target = LogDensity(problem, given, subspace, compiled if worth else interpreted)
         if not np.isfinite(target(subspace.centre[None])).all():

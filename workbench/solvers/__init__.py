@@ -3,12 +3,6 @@
 A solver runs its loop in a `Run`, which evaluates, counts, keeps the best point and stops; how a
 run ended is judged by the problem (`judgement`), never by what a library reports. One that cannot
 take bounds or constraints says so in its `abilities`, from which the refusal is made.
-
-The minimum of the linear model may be where the residual no longer changes with an unknown, and no
-way leads back from there. Gauss-Newton, the dogleg, and the damping of the Hessian for IPOPT and
-SQP therefore begin with a radius (`dogleg.first_radius`): 0.9 times the distance of the start from
-zero, or 0.9 near zero. `gauss-newton-full` and `dogleg-chumpy` have none, because the methods that
-they reproduce have none.
 """
 
 from collections.abc import Mapping

@@ -26,13 +26,6 @@ class Boxes(IntEnum):
     NEEDED = 2
 
 
-# How far a first step may lead, in the words of the table
-IN_A_RADIUS = "in a radius"  # that follows from how far the start is from zero
-DAMPED = "damped"  # towards the gradient and shorter, by Levenberg-Marquardt damping
-WHOLE = "whole"  # wherever the model has its minimum; it may leap to where nothing is known
-OWN = "its own"  # the library decides
-
-
 @dataclass(frozen=True)
 class Abilities:
     """What an algorithm needs and supports, and where it is described.
@@ -45,9 +38,6 @@ class Abilities:
         is_global: whether it searches beyond the basin in which it starts.
         stochastic: whether its result depends on random numbers.
         teaching: whether it is meant for teaching and not for use.
-        first_step: how far its first step may lead: `in a radius`, `damped`, `whole` or, where a
-            library decides, `its own`. A whole step may leap to where no unknown changes the
-            residual any more.
         source: authors and year of its description.
         note: what else there is to know before choosing it.
     """
@@ -59,7 +49,6 @@ class Abilities:
     is_global: bool = False
     stochastic: bool = False
     teaching: bool = False
-    first_step: str = OWN
     source: str = ""
     note: str = ""
 

@@ -13,11 +13,11 @@ from workbench.blocks import Values
 from workbench.problem import Linearization, Problem
 from workbench.problem.sparsity import Pattern
 from workbench.problem.storage import Stored, dense, gram_of_nonzeros, is_sparse, unblocked
-from workbench.solvers.abilities import IN_A_RADIUS, WHOLE, Abilities, Boxes, Derivative
+from workbench.solvers.abilities import Abilities, Boxes, Derivative
 from workbench.solvers.dogleg import first_radius
 from workbench.solvers.levenberg_marquardt import FASTEST_FALL, eased
 from workbench.solvers.limits import Limits, Stop
-from workbench.solvers.oracle import Oracle, StoredBy, kept_oracle
+from workbench.solvers.oracle import Oracle, StoredBy
 from workbench.solvers.run import Run, has_one_pass
 from workbench.solvers.solution import Callback, Solution, Status
 
@@ -34,7 +34,6 @@ MEANING = {  # of IPOPT's return codes that are not STALLED; `ending` decides wh
     "Invalid_Number_Detected": Status.NOT_FINITE,
     "User_Requested_Stop": Status.STOPPED,
 }
-BROKE_DOWN = "it broke down inside; try another solver"
 ADVICE = {  # where the status alone does not say it
     "Restoration_Failed": "the way back to the constraints was not found; start nearer to them",
     "Error_In_Step_Computation": "its linear system broke down; diagnose the problem",
@@ -42,9 +41,6 @@ ADVICE = {  # where the status alone does not say it
     "Not_Enough_Degrees_Of_Freedom": "more equations than unknowns; free more blocks",
     "Infeasible_Problem_Detected": "no point near here meets the constraints; relax them",
     "Invalid_Problem_Definition": "it does not take this problem; try another solver",
-    "Unrecoverable_Exception": BROKE_DOWN,
-    "NonIpopt_Exception_Thrown": BROKE_DOWN,
-    "Internal_Error": BROKE_DOWN,
     "Insufficient_Memory": "out of memory; use the Gauss-Newton or the limited-memory Hessian",
 }
 SQP_OPTIONS = {
@@ -83,14 +79,11 @@ class DampedGaussNewton:
 
     It is for solvers that take a Hessian and have a line search. Where J'J is nearly singular,
     their steps are so long that the line search cuts nearly all of each, whereas a damped step is
-    short in the weak directions alone. The damping rises if the line search evaluated the cost more
-    than once since the last Hessian, which means that it cut the step; otherwise it follows the
-    gain ratio, as in the Levenberg-Marquardt method (Madsen, Nielsen and Tingleff, Methods for
-    non-linear least squares problems, 2004, section 3.2). It vanishes at the solution of a problem
-    that the Gauss-Newton method solves. At the start it is raised until the damped step is no
-    longer than `first_radius`, so that the first step does not leap. With constraints there is no
-    damping, for a line search then cuts steps for the sake of the constraints, too, and the first
-    step is as long as they allow.
+    short in the weak directions alone. The damping rises if the line search cut the step; otherwise
+    it follows the gain ratio, as in the Levenberg-Marquardt method (Madsen, Nielsen and Tingleff,
+    Methods for non-linear least squares problems, 2004, section 3.2). At the start it is raised
+    until the damped step is no longer than `first_radius`. With constraints there is no damping,
+    for a line search then cuts steps for the sake of the constraints, too.
 
     Attributes:
         first_damping: the least damping at the start, as a share of the largest entry of J'J.
@@ -181,7 +174,6 @@ def _abilities(hessian: Hessian | None, source: str) -> Abilities:
         Boxes.TAKEN,
         equations=True,
         inequalities=True,
-        first_step=IN_A_RADIUS if isinstance(hessian, DampedGaussNewton) else WHOLE,
         source=source,
     )
 
@@ -216,8 +208,7 @@ def _nonzeros(problem: Problem, hessian: Hessian) -> csc_array | None:
 def _begin(run: Run, hessian: Hessian | None) -> None:
     """End the run if its start is already a solution; then no solver has to be made.
 
-    From here on J'J comes with each Jacobian, if the Hessian needs it and one pass gives both; then
-    trials are also linearized at once.
+    Trials are linearized at once if the Hessian needs J'J and one pass gives all.
     """
     run.one_pass.on = _is_of_first_order(hessian) and has_one_pass(run.problem)
     here = run.linearize(run.x)
@@ -250,7 +241,7 @@ class Ipopt(Limits):
 
     def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         """Solve from `start`, which is moved inside the bounds; see `Solver`."""
-        with Run(self._name, self, problem, start, callback) as run:
+        with Run("ipopt", self, problem, start, callback) as run:
             _begin(run, self.hessian)  # a start that is not finite ends the run here, too
             answer = self._ask(run)
             status = MEANING.get(answer, Status.STALLED)
@@ -260,26 +251,14 @@ class Ipopt(Limits):
             raise Stop(status, message)
         return run.solution()
 
-    @property
-    def _name(self) -> str:
-        if self.hessian is None:
-            return "ipopt-lbfgs"
-        if isinstance(self.hessian, DampedGaussNewton):
-            return "ipopt"
-        if self.hessian is exact_hessian:
-            return "ipopt-exact"
-        return "ipopt-gauss-newton" if self.hessian is gauss_newton_hessian else "ipopt-own"
-
     def _ask(self, run: Run) -> str:
         """Run IPOPT; its own word for how it ended."""
         hessian = self.hessian or DAMPED  # limited-memory BFGS does not ask for it
-        of_cost, nonzeros = _along(run, hessian), _nonzeros(run.problem, hessian)
-        options = self._name, self.max_iterations, self.max_seconds  # and no Hessian of a user
-        with kept_oracle(run, of_cost, nonzeros, options) as oracle:
-            if oracle.solver is None:
-                oracle.solver = self._made(oracle, run.problem.stacked_constraints is not None)
-            oracle.minimize(oracle.solver)
-            return str(oracle.solver.stats()["return_status"])
+        oracle = Oracle(run.problem, _nonzeros(run.problem, hessian))
+        with oracle.serving(run, _along(run, hessian)):
+            solver = self._made(oracle, run.problem.stacked_constraints is not None)
+            oracle.minimize(solver)
+            return str(solver.stats()["return_status"])
 
     def _made(self, oracle: Oracle, constrained: bool) -> cs.Function:
         """IPOPT as a function of CasADi, which asks the oracle's functions."""

@@ -1,6 +1,5 @@
 """Powell's dogleg: along the gradient, then towards the Gauss-Newton step, in a trust region."""
 
-from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
@@ -9,15 +8,14 @@ from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.problem import Linearization, Problem
 from workbench.problem.steps import LinearAlgebra, automatic
-from workbench.solvers.abilities import IN_A_RADIUS, WHOLE, Abilities, Boxes, Derivative
+from workbench.solvers.abilities import Abilities, Boxes, Derivative
 from workbench.solvers.limits import Limits
 from workbench.solvers.run import Run
 from workbench.solvers.solution import Callback, Solution
 from workbench.solvers.trust_region import Scaling, identity
 
 FIRST = 0.9  # of the distance from zero: at zero itself roots and logarithms have no derivative
-AGREED = 0.95  # of the predicted decrease: the linear model holds, and is tried farther out
-GROWTH = 2.0  # of a step over the one before
+AGREED = 0.95  # of the predicted decrease: the linear model holds
 
 
 @dataclass(frozen=True)
@@ -59,27 +57,10 @@ def first_radius(x: Array, D: Array, share: float = FIRST) -> float:
     return share * max(float(np.linalg.norm(D * x)), 1.0)
 
 
-def trusted(
-    run: Run, x: Array, here: Linearization, step: Callable[[float], Array], longest: float
-) -> float:
-    """How long the first step may be, as a multiple of the radius; 0 if not even the radius holds.
-
-    `step` gives the step p (n,) of a length. The lengths 1, 2, 4, ..., and `longest` are tried, and
-    it is the last of these up to which the cost falls by 95 % of what the linear model predicts. So
-    a start at which the model holds costs evaluations of the residual, and no further Jacobian. See
-    Dennis and Schnabel, Numerical methods for unconstrained optimization and nonlinear equations,
-    1983, section 6.4.3.
-    """
-    held, length = 0.0, 1.0
-    while True:
-        p = step(length)
-        fall = here.cost - run.cost(x + p)
-        if not 0 < AGREED * here.predicted_decrease(p) <= fall:
-            return held
-        held = length
-        if length >= longest:
-            return held
-        length = min(GROWTH * length, longest)
+def model_holds(run: Run, x: Array, here: Linearization, p: Array) -> bool:
+    """Whether the cost falls along the step p (n,) by 95 % of what the linear model predicts."""
+    predicted = here.predicted_decrease(p)
+    return 0 < AGREED * predicted <= here.cost - run.cost(x + p)
 
 
 def cauchy_point(here: Linearization, D: Array) -> Array:
@@ -111,9 +92,9 @@ def dogleg_step(newton: Array, cauchy: Array, D: Array, radius: float) -> Array:
 class Dogleg(Limits):
     """Powell's dogleg: a trust-region method that needs one factorization for each iterate.
 
-    The first radius is the length of the first Gauss-Newton step or, if that is longer, 0.9 of the
-    distance of the start from zero, or 0.9 near zero, or as much as the linear model proves right
-    (see `first_radius`, `trusted`); chumpy's rule takes the Gauss-Newton step, however long it is.
+    The first radius is the length of the first Gauss-Newton step if the linear model proves right
+    there, or else 0.9 of the distance of the start from zero at most, or 0.9 near zero (see
+    `first_radius`); chumpy's rule takes the Gauss-Newton step, however long it is.
     See Powell, A hybrid method for nonlinear equations, 1970, and Madsen, Nielsen and Tingleff,
     Methods for non-linear least squares problems, 2004, section 3.3.
 
@@ -138,7 +119,6 @@ class Dogleg(Limits):
             Derivative.JACOBIAN,
             Boxes.UNKNOWN,
             source="Powell 1970; Madsen, Nielsen and Tingleff 2004",
-            first_step=WHOLE if np.isinf(self.rule.first) else IN_A_RADIUS,
             note="with the radius rules of chumpy, with which SMPL was first fitted"
             if self.rule is chumpy
             else "",
@@ -155,8 +135,11 @@ class Dogleg(Limits):
                 if newton is None:
                     run.stall("the columns of the Jacobian are dependent; use automatic")
                 cauchy = cauchy_point(here, D)
-                if not np.isfinite(radius):
-                    radius = self._first(run, x, here, newton.p, cauchy, D)
+                if not np.isfinite(radius):  # at the start
+                    whole = float(np.linalg.norm(D * newton.p))
+                    radius = min(whole, first_radius(x, D, self.rule.first))
+                    if radius < whole and model_holds(run, x, here, newton.p):
+                        radius = whole
                 while True:
                     p = dogleg_step(newton.p, cauchy, D, radius)
                     gain_ratio = run.gain_ratio(x, here, x + p, here.predicted_decrease(p))
@@ -173,16 +156,3 @@ class Dogleg(Limits):
                 del here  # first: its memory serves the next one
                 x, here = run.move(x + p, 0.0, newton.by)
         return run.solution()
-
-    def _first(
-        self, run: Run, x: Array, here: Linearization, newton: Array, cauchy: Array, D: Array
-    ) -> float:
-        """The radius at the start x (n,)."""
-        length, radius = float(np.linalg.norm(D * newton)), first_radius(x, D, self.rule.first)
-        if length <= radius:
-            return length
-
-        def step(times: float) -> Array:
-            return dogleg_step(newton, cauchy, D, times * radius)
-
-        return radius * max(1.0, trusted(run, x, here, step, length / radius))

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass
-from functools import partial
 
 import numpy as np
 
@@ -10,13 +9,14 @@ from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.problem import Linearization, Problem
 from workbench.problem.steps import LinearAlgebra, automatic
-from workbench.solvers.abilities import IN_A_RADIUS, WHOLE, Abilities, Boxes, Derivative
-from workbench.solvers.dogleg import GROWTH, cauchy_point, first_radius, trusted
+from workbench.solvers.abilities import Abilities, Boxes, Derivative
+from workbench.solvers.dogleg import cauchy_point, first_radius, model_holds
 from workbench.solvers.limits import Limits
 from workbench.solvers.run import Run
 from workbench.solvers.solution import Callback, Solution
 from workbench.solvers.trust_region import Scaling, columns
 
+GROWTH = 2.0  # of a step over the one before
 TRUSTED = 0.1  # of |J p|: how far the linear model may be off where a step may be longer still
 LineSearch = Callable[[Run, Array, Linearization, Array], float]
 
@@ -51,8 +51,8 @@ class GaussNewton(Limits):
     Where J has no full rank, p is the shortest of the solutions. See Nocedal and Wright, Numerical
     Optimization, 2006, section 10.3. The line search begins inside a radius, so that no step leaps
     to where nothing is known. The first step is shorter than the start is far from zero, or than 1
-    near zero, unless the linear model proves right farther out; each later step is at most twice as
-    long as the one before, or as long as the linear model was right (`first_radius`,
+    near zero, unless the linear model proves right for the whole of it; each later step is at most
+    twice as long as the one before, or as long as the linear model was right (`first_radius`,
     `radius_after`).
 
     Attributes:
@@ -74,7 +74,6 @@ class GaussNewton(Limits):
             Derivative.JACOBIAN,
             Boxes.UNKNOWN,
             teaching=self.line_search is not backtracking,
-            first_step=WHOLE if self.line_search is full_step else IN_A_RADIUS,
             source="Gauss 1809; Armijo 1966 (the line search)",
         )
 
@@ -87,12 +86,12 @@ class GaussNewton(Limits):
                 step = self.linear_algebra(here, 0.0, np.ones(len(x)))
                 if step is None:
                     run.stall("the columns of the Jacobian are dependent; damp, or use automatic")
-                share = min(1.0, radius / max(float(np.linalg.norm(step.p)), 1e-300))
-                p, length = step.p * share, 0.0
-                if share < 1 and len(run.trace) == 1:
-                    length = trusted(run, x, here, partial(np.multiply, p), 1 / share)
-                length = length or self.line_search(run, x, here, p)
-                p *= length
+                p, whole = step.p, float(np.linalg.norm(step.p))
+                at_start = len(run.trace) == 1
+                if whole > radius and not (at_start and model_holds(run, x, here, p)):
+                    p = p * (radius / whole)
+                length = self.line_search(run, x, here, p)
+                p = length * p
                 if np.array_equal(x + p, x):
                     run.stall()
                 before, change = here.residual, here.along(p)
@@ -141,7 +140,6 @@ class SteepestDescent(Limits):
             Derivative.JACOBIAN,
             Boxes.UNKNOWN,
             teaching=True,
-            first_step=WHOLE,
             source="Cauchy 1847",
         )
 

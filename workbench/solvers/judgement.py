@@ -13,16 +13,14 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.linalg
 
 from workbench.arrays import Array, Mask
 from workbench.blocks import Values
-from workbench.blocks.directions import in_units
+from workbench.blocks.layout import in_units
 from workbench.errors import some_of
 from workbench.geometry.rotation import wrapped_to_pi
 from workbench.problem import Linearization, Problem
-from workbench.problem.optimality import undetermined_by_rounding
-from workbench.problem.rounding import decrease, half_squared
+from workbench.problem.optimality import decrease, half_squared
 from workbench.problem.steps import EPS
 from workbench.solvers.limits import Stop
 from workbench.solvers.no_minimum import (
@@ -133,7 +131,6 @@ def ending(run: "Run", stop: Stop) -> Ending:
     if ended:
         if status is not Status.STALLED:
             message = Status.STALLED.value
-        message = _hidden(run, here) or message
         return replace(result, status=Status.STALLED, message=message)
     return result
 
@@ -153,9 +150,7 @@ def end_point(run: "Run", here: Linearization) -> EndPoint:
 def _is_level(end: EndPoint) -> bool:
     """Whether the cost at a stalled end could fall by no more than the tolerance, and by no sigma.
 
-    Near the minimum of a cost in a single row the row itself is level, and any cosine with its
-    short columns is 1. So the fall is estimated by the slope g'd and the curvature d'Hd along the
-    steepest descent d, as (g'd)^2 / (2 d'Hd), H from a second gradient.
+    The fall is estimated by slope and curvature along the steepest descent, as (g'd)^2 / (2 d'Hd).
     """
     here, size = end.here, float(np.linalg.norm(end.here.residual))
     if here.constraints is not None:
@@ -181,9 +176,8 @@ def insensitive(end: EndPoint, silent: Mask) -> Mask:
 
     Those are tried whose columns are so short that moving x_i by its size, or by 1, changes the
     rows that it can change by no more than a thousandth or their rounding errors, while these rows
-    are not zero themselves, as those of a penalty that is no longer active. x_i is insensitive if
-    the cost does not rise to both of its sides, at any distance up to a tenth of that. The twenty
-    weakest are tried, unless nothing changes as all of them move together.
+    are not zero themselves. x_i is insensitive if the cost does not rise to both of its sides, up
+    to a tenth of that. The twenty weakest are tried, unless nothing changes as all move together.
 
     Unknowns that are `silent` (n,), because their columns were zero wherever the Jacobian was
     computed, count only if the residual changes with them elsewhere, or with no unknown at all
@@ -308,10 +302,8 @@ def _converged(
 def _wrapped(run: "Run", here: Linearization, optimality: float) -> tuple[Linearization, float]:
     """Turn the best point's rotation vectors to at most half a turn, where that is free.
 
-    A turn is free if the cost, up to rounding, and the constraints stay as they are. Takes the
-    linearization and the optimality at the best point, and returns both for the point after
-    turning. That is the same body, but its Jacobian has other columns, with other cosines between
-    them and the residual: it stays as it is where the tolerance would no longer be met.
+    Free means that the cost and the constraints stay as they are, and that what has converged stays
+    so. Returns the linearization and the optimality at the best point afterwards.
     """
     problem, best, fixed = run.problem, run.best, run.fixed
     there = problem.stacked_constraints
@@ -338,26 +330,6 @@ def _violation(run: "Run") -> str:
         return Status.INFEASIBLE.value
     worst = there.worst(there.values(run.best.x, run.fixed))
     return f"{worst}; {Status.INFEASIBLE.value}"
-
-
-def _hidden(run: "Run", here: Linearization) -> str:
-    """Which unknown rounding errors hide most at the best point, in words; empty if none."""
-    free = run.problem.free
-    left = undetermined_by_rounding(
-        run.best.x, here, run.problem.support, run.rounding_noise.at(run.best.x, here)
-    )
-    if not left.any():
-        return ""
-    i = int(np.argmax(left))
-    also = int(np.sum(left > 0)) - 1
-    others = f", and {also} more unknowns are hidden as well" if also > 1 else ""
-    others = ", and one more unknown is hidden as well" if also == 1 else others
-    unit = "" if free.unit(i) == "1" else f" {free.unit(i)}"
-    return (
-        f"rounding hides what is left: the terms of the residual are so large that {free.label(i)} "
-        f"is known only to about {left[i]:.1g}{unit}{others}; choose units or sigmas that make "
-        "the terms smaller"
-    )
 
 
 def rewrapped(problem: Problem, x: Array, is_free: Callable[[Array], bool]) -> Array:
@@ -397,34 +369,21 @@ def _shorter(problem: Problem, x: Array) -> list[tuple[slice, Array]]:
 
 
 def flat_in_words(problem: Problem, x: Array, here: Linearization) -> str:
-    """Which direction changes no residual at x (n,), or how many; empty if none does.
+    """How many directions change no residual at x (n,); empty if none does.
 
     Zero columns, unknowns on bounds, and problems with constraints are left out. Singular values
-    are computed only if LAPACK's estimate of the condition of J'J says that one may be zero
-    (Higham, Accuracy and Stability of Numerical Algorithms, 2002, section 15.3).
+    are computed only if the eigenvalues of J'J say that one may be zero.
     """
-    inside = (here.column_norms > 0) & (x > problem.lower) & (x < problem.upper)
-    n = int(inside.sum())
+    inside = np.flatnonzero((here.column_norms > 0) & (x > problem.lower) & (x < problem.upper))
+    n = inside.size
     if here.constraints is not None or here.estimated or not 0 < n <= MOST:
         return ""
-    lengths, normal = here.column_norms[inside], np.asarray(here.normal)
-    normal = normal if n == len(x) else normal[np.ix_(inside, inside)]
-    normal = normal / np.outer(lengths, lengths)
-    raised = normal + 10 * n * EPS * np.eye(n)
-    L, failed = scipy.linalg.lapack.dpotrf(raised, lower=True)
-    if not failed:  # the reciprocal of |A^-1|, which is at most the least eigenvalue
-        norm = float(np.abs(raised).sum(axis=0).max())
-        least = norm * scipy.linalg.lapack.dpocon(L, norm, uplo="L")[0]
-        if least > SUSPECT**2 * n + 100 * n * EPS:
-            return ""
-    unit = here.columns(np.flatnonzero(inside)).scaled(1 / lengths)
-    null = n - unit.rank
+    lengths = here.column_norms[inside]
+    normal = np.asarray(here.normal)[np.ix_(inside, inside)] / np.outer(lengths, lengths)
+    if np.linalg.eigvalsh(normal)[0] > SUSPECT**2 * n + 100 * n * EPS:
+        return ""
+    null = n - here.columns(inside).scaled(1 / lengths).rank
     if null == 0:
         return ""
-    so = "so that other values fit as well"
-    if null > 1:
-        return f" ({null} directions change no residual here, {so}; a diagnosis names them)"
-    direction = np.zeros(len(x))
-    direction[inside] = np.linalg.svd(unit.unit_triangle)[2][-1] / lengths
-    along = in_units(direction, problem.free, here.column_norms, NAMED)
-    return f" (the cost hardly depends on {along}, {so})"
+    some = "1 direction changes" if null == 1 else f"{null} directions change"
+    return f" ({some} no residual here, so that other values fit as well; see a diagnosis)"

@@ -11,7 +11,7 @@ from workbench.blocks import Values
 from workbench.errors import BadArgument
 from workbench.problem import Linearization, Problem
 from workbench.problem.steps import EPS, LinearAlgebra, automatic
-from workbench.solvers.abilities import DAMPED, Abilities, Boxes, Derivative
+from workbench.solvers.abilities import Abilities, Boxes, Derivative
 from workbench.solvers.limits import Limits
 from workbench.solvers.run import Known, Run
 from workbench.solvers.solution import Callback, Solution
@@ -31,9 +31,7 @@ def eased(gain_ratio: float) -> float:
 
 
 class Trial(NamedTuple):
-    """A point (n,) that may be the next one, by how much the linear model predicts the cost to
-    fall, and the cost and the residual (m,) there, as far as they are known.
-    """
+    """A point (n,), its predicted decrease of the cost, and what is known of it."""
 
     to: Array
     predicted: float
@@ -56,17 +54,13 @@ class LevenbergMarquardt(Limits):
     best one that stays inside.
 
     Several steps may be taken with each Jacobian. After the first step p, the next one q solves the
-    same equations with the residual at x + p, (J'J + damping D^2) q = -J'r(x + p), and so on. Their
-    sum is tried as one step; where k steps are accepted together, the factor by which the damping
-    falls is applied k times. This saves linearizations where a further residual and its product
-    with J' cost much less. For equations that have a solution, Newton's method with m steps for
-    each Jacobian converges with order m + 1 (Shamanskii, A modification of Newton's method, 1967),
-    and this method with two of them with order 3, if the damping vanishes with the residual (Fan,
-    The modified Levenberg-Marquardt method for nonlinear equations with cubic convergence, 2012).
-    Here the damping falls by a factor of 10 at most for each step, so that this order shows only
-    where the damping is negligible. A further step that is longer than 3/4 of the one before it is
-    not taken. If the sum does not lower the cost, the first step is tried alone. Raises BadArgument
-    for less than one step.
+    same equations with the residual at x + p, and so on, as long as each is at most 3/4 as long as
+    the one before. Their sum is tried as one step, and if the cost does not fall, p alone; where k
+    steps are accepted, the factor of the damping is applied k times. Newton's method with m steps
+    for each Jacobian converges with order m + 1 (Shamanskii, A modification of Newton's method,
+    1967), and this method with two of them with order 3, if the damping vanishes with the residual
+    (Fan, The modified Levenberg-Marquardt method for nonlinear equations with cubic convergence,
+    2012). Raises BadArgument for less than one step.
 
     Attributes:
         scaling: the metric D of a step. `identity`: a radian, a metre and a standard deviation are
@@ -100,7 +94,6 @@ class LevenbergMarquardt(Limits):
         return Abilities(
             Derivative.JACOBIAN,
             Boxes.TAKEN,
-            first_step=DAMPED,
             source=f"Levenberg 1944; Marquardt 1963; Moré 1978; Nielsen 1999{further}",
         )
 

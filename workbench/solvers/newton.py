@@ -5,14 +5,12 @@ from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
 import scipy.linalg
-from scipy.sparse import csc_array, diags_array
 
 from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.problem import Problem
-from workbench.problem.steps import factorized
-from workbench.problem.storage import Stored, dense
-from workbench.solvers.abilities import WHOLE, Abilities, Boxes, Derivative
+from workbench.problem.storage import dense
+from workbench.solvers.abilities import Abilities, Boxes, Derivative
 from workbench.solvers.gauss_newton import LineSearch, backtracking
 from workbench.solvers.limits import Limits
 from workbench.solvers.run import Run
@@ -20,7 +18,6 @@ from workbench.solvers.solution import Callback, Solution
 from workbench.solvers.trust_region import Scaling, columns
 
 LEAST = 1e-8  # of the largest eigenvalue: the least that a direction's curvature is taken for
-SHARES = (0.0, 1 / 64, 1 / 16, 1 / 4)  # of what is certain to be enough, tried in this order
 Convexify = Callable[[Array], tuple[Array, float]]  # the matrix, and by how much it was changed
 
 
@@ -47,31 +44,6 @@ def reflected(H: Array) -> tuple[Array, float]:
         return H, 0.0
     positive = np.maximum(np.abs(values), least)
     return (vectors * positive) @ vectors.T, float(np.max(positive - values))
-
-
-def raised(normal: Stored, H: Stored) -> tuple[csc_array, float]:
-    """A sparse H with its diagonal raised until Cholesky's factorization of it exists.
-
-    H is the sum of J'J, which has no negative curvature, and of a rest N. By Gershgorin's theorem
-    N has none once e_i = max(0, sum over j != i of |N_ij| - N_ii) is added to its diagonal, for
-    its rows are then dominated by their diagonal entries. So H + diag(e) is positive semidefinite,
-    whatever J'J is. What is returned is H + t diag(e) with t, the first of 0, 1/64, 1/16, 1/4 for
-    which Cholesky's factorization tells that this is positive definite (Nocedal and Wright,
-    Numerical optimization, 2006, algorithm 3.3, raises the diagonal step by step in the same way),
-    else 1. A further 1e-8 of the largest diagonal entry of J'J is added to the diagonal,
-    so that a singular matrix does not pass for a definite one.
-    """
-    H, normal = csc_array(H), csc_array(normal)
-    N = csc_array(H - normal)
-    largest = float(abs(normal.diagonal()).max(initial=0.0))
-    least = (LEAST * largest or LEAST) * np.ones(H.shape[0])
-    own = N.diagonal()
-    lacking = np.maximum(0.0, np.asarray(abs(N).sum(axis=0)) - abs(own) - own)
-    for share in SHARES if lacking.any() else ():
-        matrix = csc_array(H + diags_array(least + share * lacking))
-        if factorized(matrix) is not None:
-            return matrix, share
-    return csc_array(H + diags_array(least + lacking)), 1.0 if lacking.any() else 0.0
 
 
 @dataclass(frozen=True)
@@ -103,7 +75,6 @@ class Newton(Limits):
         return Abilities(
             Derivative.HESSIAN,
             Boxes.UNKNOWN,
-            first_step=WHOLE,
             source="Nocedal and Wright 2006, section 3.4",
         )
 

@@ -16,7 +16,6 @@ never rises.
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import lru_cache
-from math import acosh, cosh
 from typing import NamedTuple
 
 import numpy as np
@@ -24,9 +23,8 @@ import scipy.linalg
 
 from workbench.arrays import Array, Mask
 from workbench.problem import Linearization, Problem
-from workbench.problem.linearization import inverse_times
-from workbench.problem.rounding import FACTOR, Rounding, decrease, half_squared
-from workbench.problem.steps import EPS, SLIGHT, factor_of
+from workbench.problem.optimality import FACTOR, Rounding, decrease, half_squared
+from workbench.problem.steps import EPS, factor_of
 from workbench.solvers.solution import Evaluations, Iterate
 
 WORTH = 10.0  # times the tolerance's share of the cost: a fall by less is none
@@ -38,7 +36,6 @@ SHORTEST = 1e-3  # of |r|, along columns of length 1: where the cost is tried fi
 NEARBY = 0.1  # of an unknown's size, or of 1: where it is tried last
 NEARLY_ZERO = 1e-9  # a number whose size says nothing of its unit
 DOUBLINGS = 10  # of the step to a lower point, as long as the cost falls on
-ACROSS = 0.1  # of 1/n: the least squared part of a random vector along any one direction
 FEW = 20  # unknowns up to which every direction is looked at, by gradients to both sides
 FEWEST, SHARE = 2, 10  # gradients otherwise, and one for so many evaluations of the run
 DENSE = 3000  # unknowns up to which an M that is an array is factorized
@@ -54,7 +51,6 @@ FARTHER = (*NEAR, 100.0, 1e4, 1e6, 1e8)  # of these is tried; at a minimum betwe
 SURELY = 8  # of these, at least, must be tried; beyond, the residual may be infinite
 FOLLOWED = 5  # Gauss-Newton steps of the other unknowns at each of them
 IMPERFECT = 1e-6  # of the cost: what these steps may leave above the least
-HELD = 1e20  # times the squared length of a column: added to it, holds its unknown
 SHORTER = (1.0, 0.25, 0.06)  # parts of such a step that are tried
 
 Product = Callable[[Array], Array]
@@ -221,10 +217,7 @@ def _searched(
 ) -> Saddle | None:
     """Lanczos' method for the least eigenvalue of M^-1 H, and whether the cost falls along it.
 
-    `hessian_product` gives H v, and `falls` tries a direction. The search ends where an eigenvalue
-    of 0 would have shown by now, for about three of four random vectors: the least one found is so
-    far above it that Chebyshev's polynomial would have brought it out (Kuczynski and Wozniakowski,
-    Estimating the largest eigenvalue by the power and Lanczos algorithms, 1992).
+    `hessian_product` gives H v, and `falls` tries a direction.
     """
     n, size = len(held), int((~held).sum())
     u = np.where(held, 0.0, random_vector(n))
@@ -259,27 +252,15 @@ def _searched(
             found, tried = falls(primal @ vectors[:, 0]), True
             if found is not None:
                 return found
-        if last or (k > 1 and _shown(values, k, size)):
+        if last:
             return None
     return None
-
-
-def _shown(values: Array, k: int, n: int) -> bool:
-    """Whether k steps that found these eigenvalues would have shown one that is 0."""
-    low, high = float(values[0]), float(values[-1])
-    if low <= FLAT:
-        return False
-    if high - low <= EPS * high:
-        return True
-    grown = min((k - 1) * acosh((high + low) / (high - low)), 100.0)
-    return cosh(grown) ** 2 * ACROSS * low > n * high
 
 
 def _falls(end: EndPoint, d: Array, D: Array) -> Saddle | None:
     """Whether the cost falls along d (n,), of length 1, to one of its sides, and how far it does.
 
-    It is tried at growing distances until it changes by more than rounding. If it bends upwards
-    there, or falls by no more than its gradient says, there is no fall.
+    It is tried at growing distances until it changes by more than rounding.
     """
     here, x = end.here, end.x
     low, high = end.problem.lower, end.problem.upper
@@ -357,10 +338,7 @@ def diverging(end: EndPoint, trace: Sequence[Iterate], noticed: Mask, converged:
 
 
 def _growing(end: EndPoint, trace: Sequence[Iterate], converged: bool) -> Mask:
-    """The unknowns (n,) that grew as fast in the last quarter of the run as before.
-
-    If the run has `converged`, its last step must also be about as long as those before.
-    """
+    """The unknowns (n,) that grew as fast in the last quarter of the run as before."""
     last, pack = len(trace) - 1, end.problem.free.pack
     quarter = (3 * last) // 4
     middle, late, there = (pack(trace[k].values) for k in (last // 2, quarter, last))
@@ -407,24 +385,11 @@ def _lower(end: EndPoint, x: Array, step: Array, cost: float) -> Array | None:
 def _step_of_others(end: EndPoint, x: Array, held: Mask) -> tuple[float, Array | None]:
     """The cost at x, and the Gauss-Newton step (n,) of the unknowns that are not `held` (n,).
 
-    There is no step where the linearization is not finite. In a sequence no columns are copied,
-    because the copy would take much more memory than the Jacobian. Instead, a
-    number is added on the diagonal of those held that is so large that their step is zero.
-    The others are slightly damped if their columns are dependent.
+    There is no step where the linearization is not finite.
     """
     here = end.linearize(x)
-    cost = here.cost
     if not here.finite:
-        return cost, None
-    if not here.by_frames:
-        rest, found = np.flatnonzero(~held), np.zeros(len(x))
-        found[rest] = here.columns(rest).step()
-        return cost, found
-    gradient, normal = here.gradient, here.normal
-    squares = np.where(here.column_norms > 0, here.column_norms, 1.0) ** 2
-    del here  # and its Jacobian, before the normal equations are copied
-    for damping in (0.0, SLIGHT):
-        step = inverse_times(normal, -gradient, np.where(held, HELD, damping) * squares)
-        if step is not None:
-            return cost, np.where(held, 0.0, step)
-    return cost, None
+        return here.cost, None
+    rest, step = np.flatnonzero(~held), np.zeros(len(x))
+    step[rest] = here.columns(rest).step()
+    return here.cost, step

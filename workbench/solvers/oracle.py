@@ -1,8 +1,7 @@
 """A run's numbers as CasADi functions, for the solvers that CasADi calls.
 
 Where C++ calls Python, an exception counts as a failed evaluation, and Ctrl-C would be lost. So an
-exception is kept, the value is NaN, and it is raised again outside. Numbers pass through shared
-memory, because making a DM of a Hessian takes longer than computing the Hessian.
+exception is kept, the value is NaN, and it is raised again outside.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -13,17 +12,15 @@ from typing import Any, TypeAlias, TypeVar
 
 import casadi as cs
 import numpy as np
-from scipy.sparse import csc_array, eye_array
+from scipy.sparse import csc_array
 
 from workbench.arrays import Array
 from workbench.problem import Problem
 from workbench.problem.sparsity import entries_at
-from workbench.problem.storage import Stored, dense, unblocked
-from workbench.solvers.limits import Stop
-from workbench.solvers.newton import raised, reflected
+from workbench.problem.storage import Stored, dense
+from workbench.solvers.newton import reflected
 from workbench.solvers.run import Run
 
-MOST = 500  # unknowns: with more, what a solver keeps takes memory, and making it hardly matters
 StoredBy = Callable[[Array, Array], Stored]  # of x (n,) and the multipliers (k,)
 Compute = Callable[[Array, Array], float | Stored]
 Places: TypeAlias = tuple[int, ...] | csc_array  # the shape of an array, or where nonzeros stand
@@ -52,15 +49,9 @@ class Oracle:
     constraints' Jacobian is sparse where the problem's Jacobian or that of its constraints is.
     Hessians are sparse if the places of the nonzeros of that of the cost are given; these follow
     from the structure and are the same at every point.
-
-    Attributes:
-        solver: a solver of CasADi that asks these functions; None until one is made.
     """
 
-    def __init__(self, problem: Problem, nonzeros: csc_array | None, options: object = None):
-        """`options` are what else a solver depends on, beside the problem."""
-        self.options = options
-        self.solver: cs.Function | None = None
+    def __init__(self, problem: Problem, nonzeros: csc_array | None) -> None:
         self._problem, self._nonzeros, self._serving = problem, nonzeros, Serving()
         self._there = problem.stacked_constraints
         self._n, self._k = problem.free.size, 0 if self._there is None else self._there.size
@@ -143,17 +134,8 @@ class Oracle:
 
     @cached_property
     def convex_hessian(self) -> "External":
-        """The Hessian of the Lagrangian at x, made positive definite, (n, n).
-
-        Eigenvalues of an array that are below zero are `reflected`. Those of a sparse matrix are
-        too many to compute; there the diagonal is `raised`.
-        """
-        if self._nonzeros is None:
-            return self._external("convex_hessian", self._square, multiplied=True)
-        places = self._nonzeros + eye_array(self._n)
-        if self._there is not None:
-            places = places + self._there.hessian_pattern
-        return self._external("raised_hessian", csc_array(places), multiplied=True)
+        """The Hessian of the Lagrangian at x, (n, n), its negative eigenvalues `reflected`."""
+        return self._external("convex_hessian", (self._n, self._n), multiplied=True)
 
     @cached_property
     def recorder(self) -> "Recorder":
@@ -173,43 +155,10 @@ class Oracle:
         return External(name, (self._n, self._k if multiplied else 0), places, self._serving)
 
 
-@contextmanager
-def kept_oracle(
-    run: Run, of_cost: StoredBy, nonzeros: csc_array | None, options: object
-) -> Iterator[Oracle]:
-    """The oracle of an earlier run on this problem with its solver, or a new one.
-
-    To make IPOPT's solver takes about as long as two of its iterations on the pose of a body, and a
-    problem is often solved again with other fixed numbers, as for each frame of a video. Afterwards
-    it is left with the problem for the next run, unless something unexpected was raised, the
-    problem is sparse, or it has more than 500 unknowns. A problem keeps one oracle at a time, so
-    that a run within a run makes its own.
-    """
-    problem = run.problem
-    try:
-        oracle = problem.solvers_made.pop()  # at once, whatever other threads do
-    except IndexError:
-        oracle = None
-    if not isinstance(oracle, Oracle) or oracle.options != options:
-        oracle = Oracle(problem, nonzeros, options)
-    expected = False
-    try:
-        with oracle.serving(run, of_cost):
-            yield oracle
-        expected = True
-    except Stop:
-        expected = True
-        raise
-    finally:
-        if expected and problem.free.size <= MOST and not problem.sparse:
-            problem.solvers_made[:] = [oracle]
-
-
 def _numbers_of(run: Run, of_cost: StoredBy) -> dict[str, Compute]:
     """What the functions of an oracle compute for a run, by their names.
 
-    Where constraints or bounds have to be met, the cost may well rise, and no trial is linearized
-    at once. The gradient is asked for at trials that are taken.
+    With constraints or bounds the cost may well rise, and no trial is linearized at once.
     """
     problem, at, there = run.problem, run.linearize, run.problem.stacked_constraints
     n = problem.free.size
@@ -228,13 +177,8 @@ def _numbers_of(run: Run, of_cost: StoredBy) -> dict[str, Compute]:
     def of_constraints(x: Array, multipliers: Array) -> Stored:
         return np.zeros((n, n)) if there is None else there.hessian(x, run.fixed, multipliers)
 
-    def of_both(x: Array, multipliers: Array) -> Stored:
-        H = of_cost(x, multipliers)
-        if there is None:
-            return H
-        if isinstance(H, csc_array):
-            return csc_array(H + csc_array(of_constraints(x, multipliers)))
-        return H + dense(of_constraints(x, multipliers))
+    def convex(x: Array, multipliers: Array) -> Array:
+        return reflected(dense(of_cost(x, multipliers)) + dense(of_constraints(x, multipliers)))[0]
 
     return {
         "cost": _asked_twice(run.cost if there is not None or problem.bounded else tried),
@@ -243,8 +187,7 @@ def _numbers_of(run: Run, of_cost: StoredBy) -> dict[str, Compute]:
         "constraint_jacobian": constraint_jacobian,
         "hessian": of_cost,
         "constraint_hessian": of_constraints,
-        "convex_hessian": lambda x, y: reflected(dense(of_both(x, y)))[0],
-        "raised_hessian": lambda x, y: raised(unblocked(at(x).normal), of_both(x, y))[0],
+        "convex_hessian": convex,
     }
 
 

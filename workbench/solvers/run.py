@@ -12,8 +12,8 @@ import numpy as np
 from workbench.arrays import Array, Mask
 from workbench.blocks import Values
 from workbench.interrupts import Interrupts
-from workbench.problem import Linearization, Problem, gram
-from workbench.problem.rounding import Rounding, all_finite, decrease, half_squared
+from workbench.problem import Linearization, Problem, storage
+from workbench.problem.optimality import Rounding, all_finite, decrease, half_squared
 from workbench.problem.steps import automatic, cholesky, sparing
 from workbench.problem.storage import Stored, entries
 from workbench.solvers.abilities import refuse
@@ -525,4 +525,4 @@ def has_one_pass(problem: Problem) -> bool:
     if problem.sparse:
         return False
     m, n = problem.size, problem.free.size
-    return gram.worthwhile(m, n) and 8 * m * n <= LARGEST and gram.compiled() is not None
+    return storage.worthwhile(m, n) and 8 * m * n <= LARGEST and storage.compiled_gram() is not None

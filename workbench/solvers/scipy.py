@@ -11,14 +11,14 @@ from workbench.blocks import Values
 from workbench.errors import check_known
 from workbench.problem import Problem
 from workbench.problem.storage import Stored, columns_of, dense, stacked, unblocked
-from workbench.solvers.abilities import IN_A_RADIUS, Abilities, Boxes, Derivative
+from workbench.solvers.abilities import Abilities, Boxes, Derivative
 from workbench.solvers.limits import Limits
 from workbench.solvers.run import Run
 from workbench.solvers.solution import Callback, Solution, Status
 from workbench.solvers.trust_region import Scaling, identity
 
 METHODS = {
-    name: Abilities(Derivative.JACOBIAN, boxes, first_step=IN_A_RADIUS, source=source)
+    name: Abilities(Derivative.JACOBIAN, boxes, source=source)
     for name, boxes, source in (
         ("trf", Boxes.TAKEN, "Branch, Coleman and Li 1999; SciPy"),
         ("dogbox", Boxes.TAKEN, "Voglis and Lagaris 2004; SciPy"),
@@ -80,10 +80,10 @@ class Scipy(Limits):
 
 
 class _Functions:
-    """Residual and Jacobian as SciPy asks for them, in the `loose` entries: their bounds differ.
+    """Residual and Jacobian as SciPy asks for them, in the `loose` entries.
 
-    MINPACK needs as many rows as columns, so that zeros are added below. A residual that is not
-    finite is replaced by ten times the largest so far, because MINPACK does not notice a NaN.
+    MINPACK needs as many rows as columns, and does not notice a NaN: it gets zeros below, and ten
+    times the largest residual so far.
     """
 
     def __init__(self, run: Run, loose: Mask) -> None:

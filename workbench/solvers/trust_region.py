@@ -10,7 +10,7 @@ from workbench.blocks import Values
 from workbench.errors import BadArgument
 from workbench.problem import Linearization, Problem
 from workbench.problem.steps import LinearAlgebra, Step, sparing
-from workbench.solvers.abilities import IN_A_RADIUS, Abilities, Boxes, Derivative
+from workbench.solvers.abilities import Abilities, Boxes, Derivative
 from workbench.solvers.limits import Limits
 from workbench.solvers.run import Run
 from workbench.solvers.solution import Callback, Solution
@@ -58,25 +58,22 @@ class TrustRegion(Limits):
     Every step p minimises the linear model |J p + r| among the steps of at most a certain length,
     the radius of the trust region. It is (J'J + damping I) p = -J'r, with the damping that gives it
     that length, or the Gauss-Newton step where that is short enough. The radius follows the gain
-    ratio, which is the actual decrease of the cost over the one that the model predicts: below 1/4
-    it is halved, or quartered if the cost rose by as much as it should fall; from 3/4 on, and after
-    a Gauss-Newton step of more than 1/4, it becomes twice the length of the step. The first radius
-    is the length of the start, or 1 where that is 0, and shrinks to the length of the first step.
-    If the start is so near to 0 that the cost cannot tell the first step from none, the radius
-    grows tenfold until it can.
-    See Moré, The Levenberg-Marquardt algorithm: implementation and theory, 1978. Unlike there, a
-    radian, a metre and a standard deviation count the same, whatever the columns of the Jacobian.
+    ratio, the actual decrease of the cost over the predicted one: below 1/4 it is halved, or
+    quartered if the cost rose by as much as it should fall; from 3/4 on, and after a Gauss-Newton
+    step of more than 1/4, it becomes twice the length of the step. The first radius is the length
+    of the start, or 1 where that is 0, and shrinks to the length of the first step; it grows
+    tenfold as long as the cost cannot tell the step from none. See Moré, The Levenberg-Marquardt
+    algorithm: implementation and theory, 1978. Unlike there, a radian, a metre and a standard
+    deviation count the same. Between bounds the step is the best one that stays inside.
 
     In a long curved valley, steps along straight lines are short. So after a step that lowers the
     cost by less than a tenth, the next one that is damped is bent: p becomes p + a with
     (J'J + damping I) a = -1/2 J'r_pp, where r_pp, the second derivative of the residual along p, is
-    measured by one more evaluation, a tenth of the way ahead. It stays straight if 2 |a| is more
-    than 3/4 |p| (Transtrum and Sethna, Improvements to the Levenberg-Marquardt algorithm for
-    nonlinear least-squares minimization, 2012). Between bounds the step is the best one that stays
-    inside.
+    measured by one more evaluation. It stays straight if 2 |a| is more than 3/4 |p| (Transtrum and
+    Sethna, Improvements to the Levenberg-Marquardt algorithm for nonlinear least-squares
+    minimization, 2012).
 
-    A long first step may lead past the nearest minimum: `Starts` tells how many there are. Raises
-    BadArgument for a first radius that is not positive and finite.
+    Raises BadArgument for a first radius that is not positive and finite.
 
     Attributes:
         first_radius: the first radius, in the units of the unknowns; None for the length of the
@@ -102,7 +99,6 @@ class TrustRegion(Limits):
         return Abilities(
             Derivative.JACOBIAN,
             Boxes.TAKEN,
-            first_step=IN_A_RADIUS,
             source="Moré 1978; Transtrum and Sethna 2012",
         )
 
@@ -186,14 +182,10 @@ def step_within(
     """The best step of the linear model that is at most as long as `radius`, and its damping.
 
     It is the step without damping if that is short enough, else the one with the damping that makes
-    it as long as the radius. The length falls with the damping, so this is one equation with one
-    unknown, and a tenth of the radius is precise enough (Hebden, An algorithm for minimization
-    using exact second derivatives, 1973; Moré, The Levenberg-Marquardt algorithm: implementation
-    and theory, 1978, section 5). A secant between the logarithms of both solves it in two or three
-    trials.
-
-    `damped` is the step as a function of its damping, None where the linear algebra has no answer.
-    `steepness` is the length of the gradient, and `damping` the first to be tried.
+    it as long as the radius, to a tenth (Hebden, An algorithm for minimization using exact second
+    derivatives, 1973; Moré 1978, section 5). A secant between the logarithms of both solves it in
+    two or three trials. `damped` is the step as a function of its damping, None where the linear
+    algebra has no answer; `steepness` is the length of the gradient, and `damping` the first tried.
     """
     longer, shorter = -1.0, min(steepness / radius, LARGEST)  # dampings that make it so
     tried: list[tuple[float, float]] = []

@@ -1,26 +1,20 @@
 """Synthetic people, registrations and scans, with known answers: nothing in here was measured."""
 
 from workbench.synthetic.scan_effects import (
-    Box,
-    Clothing,
     Clutter,
     Crate,
     Floor,
     HalfSpace,
     Holes,
     Noise,
-    Region,
     Specks,
     Thing,
 )
-from workbench.synthetic.scanned_people import ScannedPerson, clothed, people
+from workbench.synthetic.scanned_people import ScannedPerson, people
 from workbench.synthetic.scanners import Scanner, scanners
 from workbench.synthetic.scans import Joining, SimulatedScan, scan
-from workbench.synthetic.tissue import TissueLaw, simulate_tissue
 
 __all__ = [
-    "Box",
-    "Clothing",
     "Clutter",
     "Crate",
     "Floor",
@@ -28,16 +22,12 @@ __all__ = [
     "Holes",
     "Joining",
     "Noise",
-    "Region",
     "ScannedPerson",
     "Scanner",
     "SimulatedScan",
     "Specks",
     "Thing",
-    "TissueLaw",
-    "clothed",
     "people",
     "scan",
     "scanners",
-    "simulate_tissue",
 ]

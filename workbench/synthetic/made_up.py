@@ -13,6 +13,7 @@ from workbench.training.first_guess import Start
 from workbench.training.registrations import Batch, InMemory, Registrations
 from workbench.training.shares import at_most
 
+BEND, SPREAD = 0.003, 0.06  # m
 PACE = (0.3, 1.8)  # Hz, the slowest and the fastest sine
 
 
@@ -65,43 +66,29 @@ def _tube(rings: int, around: int) -> tuple[Array, Index]:
     return v, np.array(faces)
 
 
-def random_smpl(
-    start: Start,
-    n_betas: int,
-    seed: int,
-    *,
-    shape: float = 0.01,
-    bend: float = 0.003,
-    spread: float = 0.06,
-    ring: int | None = None,
-) -> SkinnedBody:
+def random_smpl(start: Start, n_betas: int, seed: int, *, shape: float = 0.01) -> SkinnedBody:
     """A body with random arrays on the mesh of a start, all of them smooth over the surface.
 
-    `shape` and `bend` are the rms of shapedirs and posedirs in metres, and `spread` is how far
-    weights reach beyond their segment, in metres. A joint is a weighted mean of the vertices of its
-    ring: of all, or of the `ring` vertices nearest to the ring's middle. The two sides of the body
-    differ.
+    `shape` is the rms of shapedirs in metres; that of posedirs is BEND, and weights reach SPREAD
+    beyond their segment. A joint is a weighted mean of the vertices of its ring. The two sides of
+    the body differ.
     """
     rng = np.random.default_rng(seed)
     N, K = len(start.template), len(start.parents)
-    smooth = heat(start.template, start.faces, spread)
+    smooth = heat(start.template, start.faces, SPREAD)
 
     def field(*axes: int, rms: float) -> Array:
         rough = rng.standard_normal((N, int(np.prod(axes))))
         drawn = smooth.solve(rough)
         return np.asarray(rms * drawn / np.sqrt(np.mean(drawn**2))).reshape(N, *axes)
 
-    weights = start.weights(spread) * np.exp(0.3 * rng.standard_normal((N, K)))
+    weights = start.weights(SPREAD) * np.exp(0.3 * rng.standard_normal((N, K)))
     rings = start.rings().toarray()
     shares = rings * rng.random(rings.shape)
-    if ring is not None:
-        for row, middle in zip(shares, rings @ start.template, strict=True):
-            far = np.where(row > 0, np.linalg.norm(start.template - middle, axis=1), np.inf)
-            row[np.argsort(far)[ring:]] = 0
     return SkinnedBody(
         template=start.template + field(3, rms=shape),
         shapedirs=field(3, n_betas, rms=shape),
-        posedirs=field(3, 9 * (K - 1), rms=bend),
+        posedirs=field(3, 9 * (K - 1), rms=BEND),
         J_regressor=csr_array(shares / shares.sum(axis=1, keepdims=True)),
         weights=at_most(np.where(weights < 0.02, 0, weights), 4),
         parents=start.parents,

@@ -1,4 +1,4 @@
-"""What makes scans difficult, one dataclass each: noise, holes, clothing, cuts, joined triangles.
+"""What makes scans difficult, one dataclass each: noise, holes, cuts, clutter.
 
 Every effect has random numbers of its own, so that it can be switched off without changing another.
 """
@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike
-from scipy.special import ndtr
 
 from workbench.arrays import Array, Index, Mask
+from workbench.blocks.checks import from_zero
 from workbench.errors import BadArgument
+from workbench.fitting.scans.surface import units
 from workbench.geometry.solids import face_vectors
 from workbench.synthetic.scanners import NEAR, DepthImage, Scanner
 
@@ -39,9 +39,6 @@ class Noise:
         growth: in 1 / m.
         floor: in m, what remains near the scanner.
         grazing: in m^(3/2).
-
-    >>> Noise().sigma(np.array([1.0, 2.0]), np.zeros(2)).round(5).tolist()
-    [0.00142, 0.0057]
     """
 
     growth: float = 1.425e-3
@@ -49,7 +46,7 @@ class Noise:
     grazing: float = 1e-4
 
     def __post_init__(self) -> None:
-        _check_positive("noise", growth=self.growth, floor=self.floor, grazing=self.grazing)
+        from_zero("noise", growth=self.growth, floor=self.floor, grazing=self.grazing)
 
     def sigma(self, depth: Array, angle: Array) -> Array:
         """The standard deviations (...) m at depths (...) m and angles (...) rad."""
@@ -70,19 +67,13 @@ class Holes:
     Attributes:
         count: the number of discs.
         radius: in m.
-
-    >>> from workbench.synthetic import scan, scanners
-    >>> wall, faces = np.array([[-9.0, -9, 0], [9, -9, 0], [0, 9, 0]]), np.array([[0, 1, 2]])
-    >>> whole = scan(wall, faces, scanners(1), seed=0).scan.n_points
-    >>> scan(wall, faces, scanners(1), seed=0, holes=Holes(200, 0.3)).scan.n_points < whole
-    True
     """
 
     count: int = 6
     radius: float = 0.05
 
     def __post_init__(self) -> None:
-        _check_positive("holes", count=self.count, radius=self.radius)
+        from_zero("holes", count=self.count, radius=self.radius)
 
     def discs(self, vertices: Array, faces: Index, rng: np.random.Generator) -> "Discs":
         """The discs on a surface (N, 3) m, (F, 3), drawn by area."""
@@ -112,61 +103,9 @@ class Discs:
         return inside
 
 
-@dataclass(frozen=True, eq=False)
-class Clothing:
-    """A smooth offset of the surface outwards, between 0 and `thickest` m.
-
-    Raises BadArgument for negative numbers, or a spread of zero.
-
-    Attributes:
-        thickest: in m, the offset that the field comes near to where it is largest.
-        spread: in m, over about which distance it varies.
-        where: (N,) from 0 to 1, by which the offset of each vertex is multiplied; None for 1.
-            `clothed` gives the torso, the upper arms and the legs of a body.
-
-    >>> places = np.random.default_rng(0).uniform(-1, 1, (1000, 3))
-    >>> offsets = Clothing(0.02).offsets(places, np.random.default_rng(1))
-    >>> bool(offsets.min() >= 0), bool(0.015 < offsets.max() <= 0.02)
-    (True, True)
-    """
-
-    thickest: float = 0.02
-    spread: float = 0.1
-    where: Array | None = None
-
-    def __post_init__(self) -> None:
-        _check_positive("clothing", thickest=self.thickest, spread=self.spread)
-        if not self.spread:
-            raise BadArgument("the offset of clothing varies over a spread above 0 m")
-
-    def offsets(self, vertices: Array, rng: np.random.Generator) -> Array:
-        """The offset of every vertex, (N,) m, none of them negative.
-
-        A smooth random field, from which the normal distribution function makes numbers that are
-        spread evenly between 0 and 1. Raises BadArgument if `where` has another shape or other
-        numbers.
-        """
-        N = len(vertices)
-        where = np.ones(N) if self.where is None else self.where
-        if where.shape != (N,) or not ((where >= 0) & (where <= 1)).all():
-            raise BadArgument(
-                f"where clothing is worn is given by numbers from 0 to 1, one for each of the {N} "
-                f"vertices, not by an array {where.shape}"
-            )
-        field = smooth_field(vertices, self.spread, 1, rng)[:, 0]
-        return np.asarray(self.thickest * ndtr(field) * where)
-
-
-class Region(Protocol):
-    """A part of space, which a partial scan is cut to."""
-
-    def holds(self, points: Array) -> Mask:
-        """Which of the points (..., 3) m lie in it."""
-
-
 @dataclass(frozen=True)
 class HalfSpace:
-    """What lies from a `point` (3,) m on in a `direction` (3,).
+    """What a scan is cut to: all from a `point` (3,) m on in a `direction` (3,).
 
     >>> HalfSpace((0, 0.2, 0), (0, 1, 0)).holds(np.array([[5, 0.3, 5], [0, 0.1, 0]])).tolist()
     [True, False]
@@ -178,23 +117,6 @@ class HalfSpace:
     def holds(self, points: Array) -> Mask:
         """Which of the points (..., 3) m lie in it."""
         return np.asarray((points - np.array(self.point)) @ np.array(self.direction) >= 0)
-
-
-@dataclass(frozen=True)
-class Box:
-    """What lies between two corners, `lower` and `upper`, (3,) m each.
-
-    >>> Box((-1, -1, -1), (0, 1, 1)).holds(np.array([[-0.5, 0, 0], [0.5, 0, 0]])).tolist()
-    [True, False]
-    """
-
-    lower: tuple[float, float, float]
-    upper: tuple[float, float, float]
-
-    def holds(self, points: Array) -> Mask:
-        """Which of the points (..., 3) m lie in it."""
-        inside = (points >= np.array(self.lower)) & (points <= np.array(self.upper))
-        return np.asarray(inside.all(axis=-1))
 
 
 def smooth_field(points: Array, spread: float, D: int, rng: np.random.Generator) -> Array:
@@ -209,18 +131,6 @@ def smooth_field(points: Array, spread: float, D: int, rng: np.random.Generator)
     return np.asarray(np.cos(points @ waves.T + phases) @ heights)
 
 
-def unit_vectors(vectors: ArrayLike) -> Array:
-    """Vectors (..., 3) divided by their lengths."""
-    found = np.asarray(vectors, dtype=float)
-    return np.asarray(found / np.linalg.norm(found, axis=-1, keepdims=True))
-
-
-def _check_positive(what: str, **numbers: float) -> None:
-    for name, number in numbers.items():
-        if not 0 <= number < np.inf:
-            raise BadArgument(f"the {name} of {what} must be a number from 0 on, not {number:g}")
-
-
 class Thing(Protocol):
     """Something that scanners see beside a person."""
 
@@ -230,14 +140,7 @@ class Thing(Protocol):
 
 @dataclass(frozen=True)
 class Floor:
-    """A disc of the floor at the height of the lowest vertex, around the middle of the body.
-
-    `radius` is in m.
-
-    >>> rng = np.random.default_rng(0)
-    >>> Floor().draw(np.array([[0.0, -0.9, 0.0]]), 2, rng)[0][:, 1].tolist()
-    [-0.9, -0.9]
-    """
+    """A disc of the floor, of `radius` m, below the lowest vertex and the middle of the body."""
 
     radius: float = 0.6
 
@@ -251,17 +154,8 @@ class Floor:
 
 @dataclass(frozen=True)
 class Crate:
-    """A cube on the floor, beside the body.
-
-    Attributes:
-        size: in m, the length of its edges.
-        away: in m, how far its middle is from that of the body.
-        angle: in rad, in which direction, from +z to +x.
-
-    >>> rng = np.random.default_rng(0)
-    >>> points, _ = Crate(size=0.4).draw(np.zeros((1, 3)), 10_000, rng)
-    >>> np.ptp(points, axis=0).round(3).tolist()
-    [0.4, 0.4, 0.4]
+    """A cube on the floor with edges of `size` m, `away` m from the middle of the body, in a
+    direction that is `angle` rad from +z to +x.
     """
 
     size: float = 0.4
@@ -284,22 +178,15 @@ class Crate:
 
 @dataclass(frozen=True)
 class Specks:
-    """Loose points around the body: vertices displaced by `reach` m per axis, facing anywhere.
-
-    >>> rng = np.random.default_rng(0)
-    >>> points, _ = Specks(0.1).draw(np.zeros((1, 3)), 10_000, rng)
-    >>> bool(0.095 < points.std() < 0.105)
-    True
-    """
+    """Loose points around the body: vertices displaced by `reach` m per axis, facing anywhere."""
 
     reach: float = 0.1
 
     def draw(self, surface: Array, n: int, rng: np.random.Generator) -> tuple[Array, Array]:
         """`n` points (n, 3) m and their normals (n, 3)."""
         near = surface[rng.integers(len(surface), size=n)]
-        return near + self.reach * rng.standard_normal((n, 3)), unit_vectors(
-            rng.standard_normal((n, 3))
-        )
+        points = near + self.reach * rng.standard_normal((n, 3))
+        return points, units(rng.standard_normal((n, 3)))
 
 
 @dataclass(frozen=True)
@@ -309,9 +196,6 @@ class Clutter:
     Each of the `things` gives about as many as another. They are where a scanner sees them: in its
     image, facing it, and not behind the body. They hide nothing of the body themselves. Raises
     BadArgument for a share below 0 or from 1 on, and if there are no things.
-
-    >>> Clutter(0.2).count(8000)  # of 10,000 points
-    2000
     """
 
     share: float = 0.2
@@ -331,25 +215,15 @@ class Clutter:
 
 @dataclass(frozen=True, eq=False)
 class ClutterPoints:
-    """Points of clutter as scanners see them, without noise.
-
-    Attributes:
-        points: (C, 3) m.
-        normals: (C, 3) unit vectors, turned towards the scanner.
-        view: (C,) the number of the scanner that sees each.
-        error: (C,) numbers from a standard normal distribution, for the noise of each.
+    """C points of clutter as scanners see them: where they are without noise (C, 3) m, unit normals
+    (C, 3), the number of the scanner that sees each (C,), and an error (C,) from a standard normal
+    distribution, for the noise.
     """
 
     points: Array
     normals: Array
     view: Index
     error: Array
-
-    def some(self, chosen: Mask | slice) -> "ClutterPoints":
-        """Those that a mask (C,) or a slice chooses."""
-        return ClutterPoints(
-            self.points[chosen], self.normals[chosen], self.view[chosen], self.error[chosen]
-        )
 
 
 def scatter_clutter(
@@ -358,7 +232,7 @@ def scatter_clutter(
     surface: Array,
     scanners: Sequence[Scanner],
     images: Sequence[DepthImage],
-    region: Region | None,
+    region: HalfSpace | None,
     rng: np.random.Generator,
 ) -> ClutterPoints:
     """`n` points of clutter beside a surface (N, 3) m, of which scanners made depth images.
@@ -366,9 +240,10 @@ def scatter_clutter(
     Those in the `region`, if there is one. With a larger n, the first points stay the same. Raises
     BadArgument if the scanners hardly see the things.
     """
-    found: list[ClutterPoints] = []
+    nothing = np.zeros((0, 3))
+    found: list[list[Array]] = [[nothing, nothing, np.zeros(0, dtype=np.int64), np.zeros(0)]]
     for _ in range(MOST_ROUNDS):
-        if sum(len(part.points) for part in found) >= n:
+        if sum(len(part[0]) for part in found) >= n:
             break
         drawn = [thing.draw(surface, DRAWN_AT_ONCE, rng) for thing in clutter.things]
         points, normals = (np.concatenate(part) for part in zip(*drawn, strict=True))
@@ -381,21 +256,14 @@ def scatter_clutter(
         seen = np.asarray(sees.any(axis=1))
         if region is not None:
             seen &= region.holds(points)
-        found.append(
-            ClutterPoints(points, normals, view, rng.standard_normal(len(points))).some(seen)
-        )
+        error = rng.standard_normal(len(points))
+        found.append([part[seen] for part in (points, normals, view, error)])
     else:
         raise BadArgument(
             "the scanners see hardly anything of the clutter; bring its things nearer to the body, "
             f"or turn them to the scanners: {', '.join(map(str, clutter.things))}"
         )
-    names = "points", "normals", "view", "error"
-    empty = ClutterPoints(
-        np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, dtype=np.int64), np.zeros(0)
-    )
-    parts = [empty, *found]
-    together = (np.concatenate([getattr(part, name) for part in parts]) for name in names)
-    return ClutterPoints(*together).some(slice(n))
+    return ClutterPoints(*(np.concatenate(part)[:n] for part in zip(*found, strict=True)))
 
 
 def _sees(scanner: Scanner, image: DepthImage, points: Array, normals: Array) -> Mask:

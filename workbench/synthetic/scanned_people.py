@@ -6,13 +6,13 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.blocks import Values
+from workbench.blocks.checks import from_zero
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadArgument
 from workbench.synthetic.scan_effects import smooth_field
 
 OWN_SPREAD = 0.1  # m, over which a person's own shape varies
 PLACE_SIGMA = 0.1  # m per axis, of where people stand
-WORN = ("pelvis", "spine", "hip", "knee", "collar", "shoulder")  # joints of what is clothed
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,12 +23,6 @@ class ScannedPerson:
         values: pose (K, 3) rad, betas (B,) and trans (3,) m, by the names of the body's blocks.
         vertices: (N, 3) m, posed.
         template: (N, 3) m, the body's template with the person's own displacement.
-
-    >>> from workbench import load_body
-    >>> (one,) = people(load_body("small"), np.zeros((1, 24, 3)), 1, seed=0, own_shape=0.005)
-    >>> moved = np.linalg.norm(one.template - load_body("small").template, axis=1)
-    >>> float(np.sqrt(np.mean(moved**2)).round(6))
-    0.005
     """
 
     values: Values
@@ -48,19 +42,13 @@ def people(
     """`n` people of a body, in some of the poses (P, K, 3) rad, which are drawn at random.
 
     For poses that the pose prior was not learned from, give `held_out_poses(FILE)` of
-    `priors.recordings`; without a recording, `priors.poses.draw_poses` draws from the prior, which
+    `builder.recordings`; without a recording, `priors.poses.draw_poses` draws from the prior, which
     makes fits look better than they are. Betas are from N(0, 1). Each person is turned about the
     vertical by up to `turn` rad to either side, and moved by 0.1 m per axis. `own_shape` in m is
     the rms length of a smooth random displacement of the template: with it, no betas give the
     person's shape. Person i depends on the seed and on i alone, and its pose and betas do not
     depend on `own_shape`. Raises BadArgument for poses of another body, none at all, or a negative
     number.
-
-    >>> from workbench import load_body
-    >>> body = load_body("small")
-    >>> one, other = people(body, np.zeros((1, 24, 3)), 2, seed=0)
-    >>> one.vertices.shape == other.vertices.shape == body.template.shape
-    True
     """
     given = np.asarray(poses, dtype=float)
     if given.ndim != 3 or given.shape[1:] != (body.n_joints, 3) or not len(given):
@@ -68,11 +56,7 @@ def people(
             f"poses of the body {body.name!r} are (P, {body.n_joints}, 3) rad with at least one, "
             f"not {given.shape}"
         )
-    if n < 0 or seed < 0 or not 0 <= own_shape < np.inf:
-        raise BadArgument(
-            "the number of people, the seed and the rms of their own shape are from 0 on, not "
-            f"{n}, {seed} and {own_shape:g}"
-        )
+    from_zero("people", n=n, seed=seed, own_shape=own_shape)
     return tuple(_person(body, given, (seed, i), own_shape, turn) for i in range(n))
 
 
@@ -96,18 +80,3 @@ def _person(
         shape = replace(body, template=template)
     vertices = shape.vertices(*arguments)
     return ScannedPerson(dict(zip(names, arguments, strict=True)), vertices, template)
-
-
-def clothed(body: SkinnedBody) -> Array:
-    """How far each vertex (N,) belongs to the torso, the upper arms or the legs, from 0 to 1.
-
-    It is the sum of its skinning weights of the joints there, for the `where` of `Clothing`. Raises
-    BadArgument for a body that has no joints of such names.
-    """
-    worn = [any(part in name for part in WORN) for name in body.joint_names]
-    if not any(worn):
-        raise BadArgument(
-            f"no joint of the body {body.name!r} is called after {', '.join(WORN)}; give Clothing "
-            "an array `where` of your own"
-        )
-    return np.asarray(body.weights[:, worn].sum(axis=1)).clip(0, 1)

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, Index, Mask
+from workbench.blocks.checks import above_zero
 from workbench.errors import BadArgument
 from workbench.fitting.observations import pinhole
 
@@ -24,32 +25,22 @@ class Scanner:
 
     The middle of the pixel in column i and row j is at (i + 1/2, j + 1/2) px, and the optical axis
     goes through the middle of the image. Raises BadArgument for an image without pixels, a focal
-    length that is not above zero, or a window below 1 px.
+    length that is not above zero.
 
     Attributes:
         R: (3, 3) the rotation from the world to the scanner (x right, y down, z forward).
         t: (3,) m, the translation from the world to the scanner.
         focal: the focal length in px.
         size: width and height of the depth image in px.
-        window: how many pixels to each side take part in the estimate of a normal.
-
-    >>> front, *_ = scanners(4, distance=2.0)
-    >>> front.place.round(6).tolist(), front.directions().shape
-    ([0.0, 0.0, 2.0], (30000, 3))
     """
 
     R: Array
     t: Array
     focal: float = FOCAL
     size: tuple[int, int] = SIZE
-    window: int = 1
 
     def __post_init__(self) -> None:
-        if not (self.focal > 0 and min(self.size) >= 1 and self.window >= 1):
-            raise BadArgument(
-                "a scanner has a focal length above 0 px, an image of at least one pixel and a "
-                f"window of at least 1 px, not {self.focal:g}, {self.size} and {self.window}"
-            )
+        above_zero("a scanner", focal=self.focal, width=self.size[0], height=self.size[1])
 
     @property
     def K(self) -> Array:
@@ -91,7 +82,6 @@ def scanners(
     turn: float = 0.0,
     focal: float = FOCAL,
     size: tuple[int, int] = SIZE,
-    window: int = 1,
 ) -> tuple[Scanner, ...]:
     """`n` scanners evenly around a `target` (3,) m, all looking at it, upright.
 
@@ -101,10 +91,7 @@ def scanners(
     one scanner, or if they would look straight down or up.
     """
     middle = np.asarray(target, dtype=float)
-    if n < 1 or middle.shape != (3,):
-        raise BadArgument(
-            f"one scanner or more look at a target (3,) m; {n} and {middle.shape} were given"
-        )
+    above_zero("scanners", n=n)
     if not distance > 0 or abs(height) > STEEPEST_VIEW * np.hypot(distance, height):
         raise BadArgument(
             f"scanners at a distance of {distance:g} m and a height of {height:g} m would look "
@@ -117,7 +104,7 @@ def scanners(
         right = np.cross(forward, [0.0, 1.0, 0.0])
         right /= np.linalg.norm(right)
         R = np.stack([right, np.cross(forward, right), forward])
-        found.append(Scanner(R, -R @ (middle + away), focal, size, window))
+        found.append(Scanner(R, -R @ (middle + away), focal, size))
     return tuple(found)
 
 
@@ -236,15 +223,10 @@ def _hits(
         depth = np.einsum("pi,pi->p", n, a[face]) / facing
     there = (facing != 0) & (depth > NEAR)
     face, ray, depth, n = face[there], ray[there], depth[there], n[there]
-    shares = _shares(depth[:, None] * d[there], (a[face], b[face], c[face]), n)
-    return ray, depth, face, shares
-
-
-def _shares(points: Array, corners: tuple[Array, Array, Array], n: Array) -> Array:
-    """The barycentric shares (P, 3) of points (P, 3) m in triangles with normals n (P, 3) m^2."""
-    a, b, c = corners
+    points, at = depth[:, None] * d[there], (a[face], b[face], c[face])
     areas = [
-        np.einsum("pi,pi->p", np.cross(q - p, points - p), n) for p, q in ((b, c), (c, a), (a, b))
+        np.einsum("pi,pi->p", np.cross(at[j] - at[i], points - at[i]), n)
+        for i, j in ((1, 2), (2, 0), (0, 1))
     ]
     shares = np.stack(areas, axis=1).clip(0)
-    return np.asarray(shares / shares.sum(axis=1, keepdims=True))
+    return ray, depth, face, shares / shares.sum(axis=1, keepdims=True)

@@ -4,36 +4,33 @@ Each scanner sees what the rays of its pixels hit first, so that parts of the bo
 hide each other are scanned as they would be: only the outermost surface gives points.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from workbench.arrays import Array, Index, Mask
-from workbench.blocks import Values
-from workbench.blocks.checks import numbers, reals, several
-from workbench.errors import BadArgument
+from workbench.blocks.checks import above_zero, from_zero, numbers, reals, several
 from workbench.fitting.scans.scan import BadScan, Scan
+from workbench.fitting.scans.surface import units
 from workbench.geometry.meshes import Mesh
 from workbench.geometry.solids import face_vectors, vertex_normals
 from workbench.synthetic.scan_effects import (
-    Clothing,
     Clutter,
     ClutterPoints,
-    Discs,
+    HalfSpace,
     Holes,
     Noise,
-    Region,
     scatter_clutter,
-    unit_vectors,
 )
 from workbench.synthetic.scanners import DepthImage, Scanner, depth_image, visible
 
 JUMP = 5.0  # steps from pixel to pixel: depths that differ by more lie on different surfaces
 THIN = 1e-6  # of the largest variance: neighbours whose second variance is less lie on a line
 LEAST_COSINE = 0.1736  # of 80 degrees: beyond, the area behind a pixel is not known
-CLOTHING, HOLES, CLUTTER, NOISE = range(4)  # each effect has a stream of random numbers of its own
+HOLES, CLUTTER, NOISE = range(1, 4)  # each effect has a stream of random numbers of its own
 
 
 @dataclass(frozen=True)
@@ -43,11 +40,6 @@ class Joining:
     Attributes:
         jump: by how many steps from pixel to pixel, z / focal m each, the depths of the corners of
             a triangle may differ. With fewer, the scan falls into more pieces.
-
-    >>> from workbench.synthetic import scanners
-    >>> (four_pixels,) = scanners(1, size=(2, 2))
-    >>> Joining().triangles(np.arange(4), np.ones(4), four_pixels).tolist()
-    [[0, 2, 1], [1, 2, 3]]
     """
 
     jump: float = JUMP
@@ -75,32 +67,25 @@ class Joining:
 def estimated_normals(pixel: Index, depth: Array, scanner: Scanner) -> Array:
     """Unit normals (M, 3) in the world of measured pixels (M,), turned towards the scanner.
 
-    Planes are fitted to the measured pixels in a window around each, without those beyond a jump of
+    Planes are fitted to each measured pixel and the eight around it, without those beyond a jump of
     the depth. A pixel without such neighbours, or with neighbours on one line, has a normal that
     points to the scanner.
     """
     width, height = scanner.size
     rays = scanner.directions()[pixel]
     points = depth[:, None] * rays  # relative to the scanner
-    number = np.full((height + 2 * scanner.window, width + 2 * scanner.window), -1)
+    number = np.full((height + 2, width + 2), -1)
     row, column = np.divmod(pixel, width)
-    row, column = row + scanner.window, column + scanner.window
-    number[row, column] = np.arange(len(pixel))
-    count, first, second = (
-        np.zeros(len(pixel)),
-        np.zeros((len(pixel), 3)),
-        np.zeros((len(pixel), 3, 3)),
-    )
-    reach = range(-scanner.window, scanner.window + 1)
-    for down in reach:
-        for right in reach:
-            other = number[row + down, column + right]
-            steps = max(abs(down), abs(right))
-            near = np.abs(depth[other] - depth) <= JUMP * max(steps, 1) * depth / scanner.focal
-            weight = ((other >= 0) & near).astype(float)
-            away = (points[other] - points) * weight[:, None]
-            count, first = count + weight, first + away
-            second += away[:, :, None] * away[:, None, :]
+    number[row + 1, column + 1] = np.arange(len(pixel))
+    count, first = np.zeros(len(pixel)), np.zeros((len(pixel), 3))
+    second = np.zeros((len(pixel), 3, 3))
+    for down, right in product(range(3), repeat=2):
+        other = number[row + down, column + right]
+        near = np.abs(depth[other] - depth) <= JUMP * depth / scanner.focal
+        weight = ((other >= 0) & near).astype(float)
+        away = (points[other] - points) * weight[:, None]
+        count, first = count + weight, first + away
+        second += away[:, :, None] * away[:, None, :]
     mean = first / count[:, None]
     covariance = second / count[:, None, None] - mean[:, :, None] * mean[:, None, :]
     variances, axes = np.linalg.eigh(covariance)
@@ -121,40 +106,10 @@ def areas(depth: Array, normals: Array, directions: Array, focal: float) -> Arra
 
 
 @dataclass(frozen=True, eq=False)
-class Dropouts:
-    """Which places of a surface are not measured although nothing is before them.
-
-    Attributes:
-        discs: holes.
-        steepest: in rad, the largest angle between the ray and the normal.
-        region: what a partial scan is cut to, if there is one.
-    """
-
-    discs: Discs
-    steepest: float
-    region: Region | None
-
-    def is_measured(self, points: Array, normals: Array, scanner: Scanner) -> Mask:
-        """Which points (M, 3) m with unit normals (M, 3) are measured all the same."""
-        left = (angles(points, normals, scanner) <= self.steepest) & ~self.discs.hold(
-            points, normals
-        )
-        return left if self.region is None else left & self.region.holds(points)
-
-
-@dataclass(frozen=True, eq=False)
 class MeasuredView:
-    """The H points that one scanner measured on a surface of N vertices, with the truth.
+    """The H points that one scanner measured of N vertices, with the truth; see `SimulatedScan`.
 
-    Attributes:
-        points: (H, 3) m.
-        normals: (H, 3) unit vectors, as estimated from the measured depths.
-        weights: (H,) m^2, the area behind each pixel.
-        triangles: (T, 3) of the numbers of points.
-        face: (H,) the face that was hit.
-        shares: (H, 3) the barycentric coordinates of the place that was hit.
-        seen: (N,) the vertices that the scanner sees.
-        image: the whole surface, with what is not measured.
+    `triangles` (T, 3) are of the numbers of points, and `image` is that of the whole surface.
     """
 
     points: Array
@@ -171,19 +126,20 @@ def measured_view(
     surface: Array,
     faces: Index,
     scanner: Scanner,
-    dropouts: Dropouts,
+    is_measured: Callable[[Array, Array, Scanner], Mask],
     noise: Noise | None,
     errors: Array,
     joining: Joining | None,
 ) -> MeasuredView:
     """What a scanner measures of a surface (N, 3) m, (F, 3).
 
-    `errors` holds a number from a standard normal distribution for every pixel of the scanner.
+    `is_measured` says which points (M, 3) m with unit normals (M, 3) are, although nothing is
+    before them; `errors` holds a number from a standard normal distribution for every pixel.
     """
     image = depth_image(surface, faces, scanner)
-    normals = unit_vectors(face_vectors(surface, faces[image.face]))
+    normals = units(face_vectors(surface, faces[image.face]))
     hit = np.einsum("hk,hki->hi", image.shares, surface[faces[image.face]])
-    left = dropouts.is_measured(hit, normals, scanner)
+    left = is_measured(hit, normals, scanner)
     pixel, depth = image.pixel[left], image.depth[left]
     depth = noisy(depth, angles(hit, normals, scanner)[left], noise, errors[pixel])
     rays = scanner.directions()[pixel]
@@ -197,7 +153,7 @@ def measured_view(
         triangles=none if joining is None else joining.triangles(pixel, depth, scanner),
         face=image.face[left],
         shares=image.shares[left],
-        seen=visible(surface, faces, scanner) & dropouts.is_measured(surface, around, scanner),
+        seen=visible(surface, faces, scanner) & is_measured(surface, around, scanner),
         image=image,
     )
 
@@ -209,7 +165,7 @@ def noisy(depth: Array, angle: Array, noise: Noise | None, errors: Array) -> Arr
 
 def angles(points: Array, normals: Array, scanner: Scanner) -> Array:
     """The angles (M,) rad, of at most a right angle, between rays and normals, (M, 3) m each."""
-    rays = unit_vectors(points - scanner.place)
+    rays = units(points - scanner.place)
     return np.asarray(np.arccos(np.abs(np.einsum("mi,mi->m", rays, normals)).clip(0, 1)))
 
 
@@ -224,21 +180,11 @@ class SimulatedScan:
         clutter: (M,) which points do not belong to the body.
         face: (M,) the face on which the ray of each point hit the surface; -1 for clutter.
         shares: (M, 3) the barycentric coordinates of that place; 0 for clutter.
-        surface: (N, 3) m, what was scanned, clothing included.
-        skin: (N, 3) m, the surface without clothing.
+        surface: (N, 3) m, what was scanned.
         faces: (F, 3) those of the surface.
         seen: (N,) which vertices some scanner saw, at whatever resolution: in its image, with
             nothing before them, not in a hole, not too steep, and not cut off.
         scanners: the scanners, in the order of their numbers.
-        made_of: the values from which the skin was made, if they were given.
-
-    >>> from workbench import load_body
-    >>> from workbench.synthetic import Noise, scan, scanners
-    >>> body = load_body("small")
-    >>> simulated = scan(body.vertices(), body.faces, scanners(2), noise=Noise(), seed=0)
-    >>> off = simulated.scan.points - simulated.true_points
-    >>> bool(0.004 < off.std() * 3**0.5 < 0.01)  # m, at a distance of 2 m
-    True
     """
 
     scan: Scan
@@ -247,11 +193,9 @@ class SimulatedScan:
     face: Index
     shares: Array
     surface: Array
-    skin: Array
     faces: Index
     seen: Mask
     scanners: tuple[Scanner, ...]
-    made_of: Values | None = None
 
     @property
     def true_points(self) -> Array:
@@ -285,41 +229,37 @@ def scan(
     holes: Holes | None = None,
     steepest: float = np.pi / 2,
     clutter: Clutter | None = None,
-    clothing: Clothing | None = None,
-    region: Region | None = None,
+    region: HalfSpace | None = None,
     joining: Joining | None = None,
-    made_of: Mapping[str, ArrayLike] | None = None,
 ) -> SimulatedScan:
     """A scan of a surface with vertices (N, 3) m and faces (F, 3), counterclockwise from outside.
 
     Without effects, every point lies exactly on the surface. Each effect can be left out without a
     change of the random numbers of the others: `noise` of the depth, `holes`, the angle in rad
-    between ray and normal beyond which a pixel is lost (`steepest`), `clutter`, `clothing`, the
-    `region` to which a partial scan is cut, and the `joining` of pixels to triangles, without which
-    the scan has no faces. The resolution is that of the scanners. The same `seed` gives the same
-    scan. `made_of` is stored beside the scan.
+    between ray and normal beyond which a pixel is lost (`steepest`), `clutter`, the `region` to
+    which a partial scan is cut, and the `joining` of pixels to triangles, without which the scan
+    has no faces. The resolution is that of the scanners. The same `seed` gives the same scan.
 
     Raises BadMesh for a surface that does not fit together, BadArgument for a negative seed and if
     there are no scanners, and BadScan if nothing of the surface is left.
     """
     mesh = Mesh(reals("vertices", vertices), numbers("faces", faces).astype(np.int64, copy=False))
     some = several("scanners", scanners, Scanner)
-    if not some or seed < 0:
-        raise BadArgument(
-            f"a scan is made by one scanner or more, with a seed from 0 on; not by {len(some)} "
-            f"with the seed {seed}"
-        )
+    above_zero("a simulated scan", scanners=len(some))
+    from_zero("a simulated scan", seed=seed)
     surface = mesh.vertices
-    if clothing is not None:
-        rng = np.random.default_rng((seed, CLOTHING))
-        offsets = clothing.offsets(mesh.vertices, rng)
-        surface = surface + offsets[:, None] * vertex_normals(mesh.vertices, mesh.faces)
     discs = (holes or Holes(0)).discs(surface, mesh.faces, np.random.default_rng((seed, HOLES)))
-    dropouts = Dropouts(discs, steepest, region)
+
+    def is_measured(points: Array, normals: Array, scanner: Scanner) -> Mask:
+        left = (angles(points, normals, scanner) <= steepest) & ~discs.hold(points, normals)
+        return left if region is None else left & region.holds(points)
+
     views = []
     for number, scanner in enumerate(some):
         errors = np.random.default_rng((seed, NOISE, number)).standard_normal(scanner.n_pixels)
-        views.append(measured_view(surface, mesh.faces, scanner, dropouts, noise, errors, joining))
+        views.append(
+            measured_view(surface, mesh.faces, scanner, is_measured, noise, errors, joining)
+        )
     n_body = [len(view.points) for view in views]
     other = scatter_clutter(
         clutter or Clutter(0),
@@ -351,13 +291,9 @@ def scan(
         face=np.concatenate([*(view.face for view in views), np.full(C, -1)]),
         shares=np.concatenate([*(view.shares for view in views), np.zeros((C, 3))]),
         surface=surface,
-        skin=mesh.vertices,
         faces=mesh.faces,
         seen=np.any([view.seen for view in views], axis=0),
         scanners=some,
-        made_of=None
-        if made_of is None
-        else {name: reals(name, value) for name, value in made_of.items()},
     )
 
 

@@ -18,16 +18,17 @@ from math import inf
 
 import numpy as np
 
-from workbench.arrays import Array, Index
+from workbench.arrays import Index
 from workbench.errors import BadArgument, check_known
 from workbench.training.estimate import NAMES, Estimate, Sigmas
 from workbench.training.execution import SERIAL, Execution
 from workbench.training.normal_equations import NormalEquations, steihaug
 from workbench.training.objective import Objective, weight_grams
-from workbench.training.poses import VertexTerm, fitted_poses
+from workbench.training.poses import fitted_poses
 from workbench.training.shares import MOST_WEIGHTS, few_shares, fit_joint_regressor
 from workbench.training.subsampling import ENOUGH, subsample
 
+Facts = dict[str, float]  # of a block: numbers about how it found its estimate
 REST = ("templates", "joints")
 PEOPLE = ("templates", "joints", "poses")
 SKELETON = ("joints", "poses", "weights")
@@ -41,19 +42,6 @@ NO_LIMIT = 10**6
 ROUND = ("regressor", "surfaces", "poses")
 REACH = 2  # bones between a vertex and the farthest joint that its blend shapes follow
 ROUGH, TIED = 2.5, 0.2  # factors on the sigma of E_D at first, and on that of E_J later
-
-
-@dataclass(frozen=True, eq=False)
-class BlockResult:
-    """The result of a block.
-
-    Attributes:
-        estimate: what it found.
-        facts: numbers about how it was found, such as how many products that took.
-    """
-
-    estimate: Estimate
-    facts: dict[str, float]
 
 
 @dataclass(frozen=True)
@@ -99,7 +87,7 @@ class BlockInput:
     execution: Execution = SERIAL
 
 
-def fit_poses(context: BlockInput, estimate: Estimate) -> BlockResult:
+def fit_poses(context: BlockInput, estimate: Estimate) -> tuple[Estimate, Facts]:
     """Fit each registration's pose to some vertices; keep it if all vertices fit worse then."""
     objective, options = context.objective, context.options
     template = estimate.templates.mean(axis=0) if objective.template is None else objective.template
@@ -108,18 +96,19 @@ def fit_poses(context: BlockInput, estimate: Estimate) -> BlockResult:
         few.estimate(estimate),
         few.registrations(objective.registrations),
         few.faces,
-        VertexTerm(),
         objective.sigmas.data,
         POSE_STEPS,
-        context.execution,
+        execution=context.execution,
     ).poses
     fitted = objective.by_registration(replace(estimate, poses=found))
     better = fitted < objective.by_registration(estimate)
     poses = np.where(better[:, None, None], found, estimate.poses)
-    return BlockResult(replace(estimate, poses=poses), {"poses changed": float(better.mean())})
+    return replace(estimate, poses=poses), {"poses changed": float(better.mean())}
 
 
-def fit_linear(names: tuple[str, ...], context: BlockInput, estimate: Estimate) -> BlockResult:
+def fit_linear(
+    names: tuple[str, ...], context: BlockInput, estimate: Estimate
+) -> tuple[Estimate, Facts]:
     """Fit templates, joints and maybe pose blend shapes, in which the cost is quadratic.
 
     While poses are rough, blend shapes are left out: they would learn the errors of the poses,
@@ -136,22 +125,20 @@ def fit_linear(names: tuple[str, ...], context: BlockInput, estimate: Estimate) 
     )
     facts = {"products": float(step.iterations), "predicted": step.predicted}
     moved = estimate.moved(step.change)
-    if objective.cost(moved) > objective.cost(estimate):  # the gradient was rounding
-        return BlockResult(estimate, facts)
-    return BlockResult(moved, facts)
+    lower = objective.cost(moved) <= objective.cost(estimate)  # else the gradient was rounding
+    return moved if lower else estimate, facts
 
 
-def fit_regressor(context: BlockInput, estimate: Estimate) -> BlockResult:
+def fit_regressor(context: BlockInput, estimate: Estimate) -> tuple[Estimate, Facts]:
     """Fit the joint regressor; from here on E_J compares joints with it, not with their rings."""
     objective = context.objective
     found = fit_joint_regressor(estimate.templates, estimate.joints, objective.rings)
     kept = replace(estimate, regressor=found.matrix)
-    if objective.cost(kept) > objective.cost(estimate):  # rings may reach farther than it does
-        return BlockResult(estimate, {"kkt": found.kkt})
-    return BlockResult(kept, {"kkt": found.kkt})
+    lower = objective.cost(kept) <= objective.cost(estimate)  # rings may reach farther than it
+    return kept if lower else estimate, {"kkt": found.kkt}
 
 
-def fit_weights(context: BlockInput, estimate: Estimate) -> BlockResult:
+def fit_weights(context: BlockInput, estimate: Estimate) -> tuple[Estimate, Facts]:
     """Each vertex's weights, exactly, as many above zero as the options allow.
 
     `kkt` is the worst residual of the conditions.
@@ -162,12 +149,12 @@ def fit_weights(context: BlockInput, estimate: Estimate) -> BlockResult:
     grams += precision * np.eye(grams.shape[1])
     rights += precision * objective.first_weights
     weights, kkt = few_shares(grams, rights, estimate.weights, options.most_weights)
-    return BlockResult(replace(estimate, weights=weights), {"kkt": float(kkt.max())})
+    return replace(estimate, weights=weights), {"kkt": float(kkt.max())}
 
 
 def fit_in_trust_region(
     names: tuple[str, ...], context: BlockInput, estimate: Estimate
-) -> BlockResult:
+) -> tuple[Estimate, Facts]:
     """Fit several names at once, poses among them, in a few steps within a trust region.
 
     Alternation needs thousands of rounds to undo a twist of all poses for which the pose blend
@@ -198,7 +185,8 @@ def fit_in_trust_region(
                 continue
             moved = estimate.moved(step.change)
             if "weights" in names:
-                moved = replace(moved, weights=_as_shares(moved.weights))
+                kept = moved.weights.clip(0)
+                moved = replace(moved, weights=kept / kept.sum(axis=1, keepdims=True))
             fall = cost - objective.cost(moved)
             if fall > GOOD * step.predicted and not step.inside:
                 radius *= 2
@@ -207,21 +195,16 @@ def fit_in_trust_region(
             if fall > 0:
                 break
             if radius <= SMALLEST_RADIUS * longest:
-                return BlockResult(estimate, facts)
+                return estimate, facts
         estimate, cost = moved, cost - fall
         facts["steps"] += 1
         context.execution.finished(int(facts["steps"]), options.together_steps)
         if fall < options.together_stop * cost:
             break
-    return BlockResult(estimate, facts)
+    return estimate, facts
 
 
-def _as_shares(weights: Array) -> Array:
-    kept = weights.clip(0)
-    return np.asarray(kept / kept.sum(axis=1, keepdims=True))
-
-
-Block = Callable[[BlockInput, Estimate], BlockResult]
+Block = Callable[[BlockInput, Estimate], tuple[Estimate, Facts]]
 BLOCKS: dict[str, Block] = {
     "poses": fit_poses,
     "rest": partial(fit_linear, REST),
@@ -235,7 +218,6 @@ BLOCKS: dict[str, Block] = {
 }
 
 
-Names = tuple[str, ...]  # of blocks, in order
 # For registrations with noise: digits that the next block changes are not worth their passes.
 QUICK = BlockOptions(linear_tolerance=1e-4, together_tolerance=0.1, together_steps=3, products=40)
 
@@ -305,7 +287,7 @@ def alternation(sigmas: Sigmas | None = None, rounds: int = 2, reach: int | None
     return Plan(stages, reach)
 
 
-def without_blend_shapes(sigmas: Sigmas | None = None, rounds: int = 2) -> Plan:
+def without_blend_shapes(rounds: int = 2) -> Plan:
     """The alternation without pose blend shapes: templates, joints, weights and poses alone.
 
     What skinning alone leaves of the data is then the cost, and not compensated by 9 (K - 1) free
@@ -314,20 +296,23 @@ def without_blend_shapes(sigmas: Sigmas | None = None, rounds: int = 2) -> Plan:
     """
     last = ("skinning", "weights", "regressor", "rest", "poses", "regressor", "rest")
     first, each = ("rest", "poses", "weights"), ("regressor", "rest", "poses")
-    return Plan(_alternating(sigmas, first, each, rounds, last))
+    return Plan(_alternating(None, first, each, rounds, last))
 
 
 def _alternating(
-    sigmas: Sigmas | None, first: Names, each: Names, rounds: int, last: Names
+    sigmas: Sigmas | None,
+    first: tuple[str, ...],
+    each: tuple[str, ...],
+    rounds: int,
+    last: tuple[str, ...],
 ) -> tuple[Stage, ...]:
-    """Templates and poses with a larger sigma of the data, `first`, and then, with joints tied to
-    the regressor, rounds of `each`, and `last`.
+    """Templates and poses with a larger sigma of the data, the blocks `first`, and then, with
+    joints tied to the regressor, rounds of `each`, and `last`.
     """
     held = Sigmas() if sigmas is None else sigmas
-    rough = replace(held, data=ROUGH * held.data)
     tied = replace(held, rings=TIED * held.rings)
     return (
-        Stage(rough, ("rest", "poses"), 1, QUICK),
+        Stage(replace(held, data=ROUGH * held.data), ("rest", "poses"), 1, QUICK),
         Stage(held, first, 1, QUICK),
         Stage(tied, each, rounds, QUICK),
         Stage(tied, last, 1, QUICK),

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
-from typing import Protocol, TypeVar
+from typing import Any, TypeVar
 
 from joblib import Parallel, delayed
 
@@ -83,33 +83,12 @@ class Report:
 SILENT = Report()
 
 
-@dataclass(frozen=True)
-class BlockLines(Report):
-    """A report that calls a function with a line of text when a block has ended."""
-
-    print_line: Callable[[str], object]
-
-    def block(self, progress: Progress) -> None:
-        """The block's number and name, the cost before and after it, and its seconds."""
-        entry = progress.entry
-        self.print_line(
-            f"  {progress.number}/{progress.of} {entry.block} {sum(entry.before.values()):.6g} -> "
-            f"{sum(entry.after.values()):.6g}, {entry.seconds:.0f} s"
-        )
-
-
 Job = TypeVar("Job")
 Result = TypeVar("Result")
 
 
-class Executor(Protocol):
-    """Runs independent jobs, as the built-in `map` does in this process.
-
-    The results come in the order of the jobs, and are the same wherever the jobs ran.
-    """
-
-    def __call__(self, work: Callable[[Job], Result], jobs: Iterable[Job], /) -> Iterator[Result]:
-        """The result of each job."""
+# Runs independent jobs, as the built-in `map` does in this process; results come in their order.
+Executor = Callable[[Callable[[Any], Any], Iterable[Any]], Iterator[Any]]
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,5 @@
 """What training starts from: a template that is divided into segments."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NoReturn
@@ -13,14 +12,15 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.catalogue import load_skinned
 from workbench.bodies.validation import check_tree
 from workbench.environment import expanded
-from workbench.errors import BadBody, BadFile
+from workbench.errors import BadBody, BadFile, BadMesh
+from workbench.geometry.meshes import Mesh
 from workbench.geometry.mirror import Mirror, find_mirror, opposite, opposites
 from workbench.geometry.rigid import procrustes
 from workbench.geometry.solids import heat, mesh_edges
 from workbench.reading.arrays import opened, read_expected, reals, taken_for, texts, wholes
 from workbench.training.estimate import Estimate
 from workbench.training.execution import SERIAL, Execution
-from workbench.training.poses import DataTerm, EdgeTerm, fitted_poses, poses_of_segments
+from workbench.training.poses import fitted_poses, poses_of_segments
 from workbench.training.registrations import FARTHEST, Registrations, batches
 from workbench.training.shares import MOST_WEIGHTS, at_most, shares
 from workbench.training.subsampling import subsample
@@ -60,7 +60,16 @@ class Start:
 
     def __post_init__(self) -> None:
         check_tree(_refuse, self.parents)
-        self._check_mesh()
+        if self.template.dtype.kind != "f":
+            _refuse("the template holds what are no real numbers")
+        try:
+            if not len(Mesh.of(self.template, self.faces).faces):
+                _refuse("the template has no faces")
+        except BadMesh as error:
+            _refuse(f"the template is no mesh: {error}")
+        if abs(self.template).max() > FARTHEST:
+            far = abs(self.template).max()
+            _refuse(f"the template reaches {far:.3g} m far; metres are expected")
         self._check_names()
         K, N = len(self.parents), len(self.template)
         if self.segmentation.shape != (N,) or self.segmentation.dtype.kind not in "iu":
@@ -75,19 +84,6 @@ class Start:
                 f"no vertex belongs to {self.joint_names[k]}; its turns would not be seen. Give "
                 "it a segment, or leave the joint out"
             )
-
-    def _check_mesh(self) -> None:
-        template, faces = self.template, self.faces
-        if template.ndim != 2 or template.shape[1] != 3 or not len(template):
-            _refuse(f"the template has shape {template.shape}, but must be (N, 3)")
-        if template.dtype.kind != "f" or not np.isfinite(template).all():
-            _refuse("the template holds what are no finite numbers")
-        if abs(template).max() > FARTHEST:
-            _refuse(f"the template reaches {abs(template).max():.3g} m far; metres are expected")
-        if faces.ndim != 2 or faces.shape[1] != 3 or not len(faces) or faces.dtype.kind not in "iu":
-            _refuse(f"faces hold {faces.dtype} of shape {faces.shape}, but must be whole (F, 3)")
-        if not 0 <= faces.min() <= faces.max() < len(template):
-            _refuse(f"faces name vertices beyond 0 to {len(template) - 1}")
 
     def _check_names(self) -> None:
         names = self.joint_names
@@ -217,13 +213,14 @@ def first_poses(
     first: Estimate,
     registrations: Registrations,
     start: Start,
-    data_term: Callable[[Index], DataTerm] = EdgeTerm,
     execution: Execution = SERIAL,
+    *,
+    by_edges: bool = True,
 ) -> Estimate:
     """Poses by turning each segment onto its vertices, then by fitting edges of the template.
 
     Edges ignore where the body stands, and distinguish a bent knee from a long shin better than
-    vertices do; another `data_term` of the faces (F, 3) may take their place.
+    vertices do, which may take their place.
     """
     few = subsample(start.template, start.faces)
     registrations, sparse = few.registrations(registrations), few.estimate(first)
@@ -236,7 +233,13 @@ def first_poses(
     execution = replace(execution, task="first poses")
     turned = replace(sparse, poses=poses)
     found = fitted_poses(
-        turned, registrations, few.faces, data_term(few.faces), FIRST_SIGMA, FIRST_STEPS, execution
+        turned,
+        registrations,
+        few.faces,
+        FIRST_SIGMA,
+        FIRST_STEPS,
+        by_edges=by_edges,
+        execution=execution,
     )
     return replace(first, poses=found.poses)
 

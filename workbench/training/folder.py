@@ -18,7 +18,7 @@ import csv
 import io
 import re
 from collections import Counter
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -123,13 +123,7 @@ class FolderRegistrations:
 
     def one(self, row: Row) -> tuple[Array, Array]:
         """The vertices (N, 3) m of a row, and their confidence (N,)."""
-        mesh = _read_mesh(self.folder, row.file)
-        self._refuse(row, mesh)
-        confidence = mesh.confidence
-        return mesh.vertices, np.ones(self.n_vertices) if confidence is None else confidence
-
-    def _refuse(self, row: Row, mesh: "_Mesh") -> None:
-        N, vertices, confidence, faces = self.n_vertices, mesh.vertices, mesh.confidence, mesh.faces
+        N, (vertices, faces, confidence) = self.n_vertices, _read_mesh(self.folder, row.file)
         if vertices.shape != (N, 3):
             raise BadFile(
                 f"{row.file} has vertices of shape {vertices.shape}, but the topology has ({N}, 3)"
@@ -153,6 +147,7 @@ class FolderRegistrations:
                 f"{row.file} connects its vertices otherwise than the topology: another mesh, or "
                 "vertices in another order"
             )
+        return vertices, np.ones(N) if confidence is None else confidence
 
 
 def open_folder(folder: Path, n_vertices: int, faces: Index) -> FolderRegistrations:
@@ -162,52 +157,43 @@ def open_folder(folder: Path, n_vertices: int, faces: Index) -> FolderRegistrati
     finite, a mirrored mesh, another unit than metres.
     """
     found = FolderRegistrations(folder, read_table(folder / TABLE), n_vertices, faces)
-    check_registrations(found, faces, str(folder))
+    check_every_file(found, faces, str(folder))
     return found
 
 
-def check_registrations(found: FolderRegistrations, faces: Index, place: str) -> None:
+def check_every_file(found: FolderRegistrations, faces: Index, place: str) -> None:
     """Read every registration in a place. Raises BadFile that names all that cannot be used."""
     rows = found.rows
-    bad: list[str] = []
-    sizes, volumes = np.full(len(rows), np.nan), np.full(len(rows), np.nan)
-    for i, row in enumerate(rows):
+    bad, mirrored = list[str](), list[str]()
+    sizes: dict[str, float] = {}
+    for row in rows:
         try:
             vertices, confidence = found.one(row)
         except (WorkbenchError, OSError, ValueError) as error:
             bad.append(str(error))
             continue
-        there = vertices[confidence > 0]
-        sizes[i] = np.linalg.norm(np.ptp(there, axis=0))
-        volumes[i] = volume(vertices, faces)
-    bad += list(_out_of_size(rows, sizes)) + list(_mirrored(rows, volumes))
+        sizes[row.file] = float(np.linalg.norm(np.ptp(vertices[confidence > 0], axis=0)))
+        if volume(vertices, faces) < 0:
+            mirrored.append(
+                f"{row.file} is mirrored: its faces look inwards; turn the sign of one coordinate "
+                "back"
+            )
+    ordinary = float(np.median([*sizes.values()])) if sizes else 1.0
+    for file, size in sizes.items():
+        if not SMALLEST <= size <= LARGEST:
+            bad.append(
+                f"{file} is {size:.3g} m across; metres are expected (millimetres look 1000 "
+                "times, centimetres 100 times too large)"
+            )
+        elif not 1 / UNLIKE < size / ordinary < UNLIKE:
+            bad.append(f"{file} is {size:.3g} m across, most are {ordinary:.3g} m: another unit?")
+    bad += mirrored
     if bad:
         more = f"\nand {len(bad) - MOST_LISTED} more" if len(bad) > MOST_LISTED else ""
         first = "\n".join(f"  {text}" for text in bad[:MOST_LISTED])
         raise BadFile(
             f"{len(bad)} of {len(rows)} registrations in {place} cannot be used:\n{first}{more}"
         )
-
-
-def _out_of_size(rows: tuple[Row, ...], sizes: Array) -> Iterator[str]:
-    ordinary = float(np.nanmedian(sizes)) if np.isfinite(sizes).any() else 1.0
-    for row, size in zip(rows, sizes, strict=True):
-        if size > LARGEST or size < SMALLEST:
-            yield (
-                f"{row.file} is {size:.3g} m across; metres are expected (millimetres look 1000 "
-                "times, centimetres 100 times too large)"
-            )
-        elif not np.isnan(size) and not 1 / UNLIKE < size / ordinary < UNLIKE:
-            yield f"{row.file} is {size:.3g} m across, most are {ordinary:.3g} m: another unit?"
-
-
-def _mirrored(rows: tuple[Row, ...], volumes: Array) -> Iterator[str]:
-    for row, inside in zip(rows, volumes, strict=True):
-        if inside < 0:
-            yield (
-                f"{row.file} is mirrored: its faces look inwards; turn the sign of one coordinate "
-                "back"
-            )
 
 
 def read_table(path: Path, suffixes: Collection[str] = SUFFIXES) -> tuple[Row, ...]:
@@ -266,17 +252,10 @@ def _row(path: Path, number: int, line: dict[str, str | None], suffixes: Collect
     return row
 
 
-@dataclass(frozen=True, eq=False)
-class _Mesh:
-    """What a file says of one mesh; None for what it does not say."""
-
-    vertices: Array
-    faces: Index | None = None
-    confidence: Array | None = None
-
-
-def _read_mesh(folder: Path, file: str) -> _Mesh:
-    """The mesh of a file, or of a row of a stack, of which only this part is read."""
+def _read_mesh(folder: Path, file: str) -> tuple[Array, Index | None, Array | None]:
+    """Vertices, faces and confidence of a file, None for what it does not say; of a stack one row
+    is read.
+    """
     name, _, number = file.partition("#")
     path = folder / name
     suffix = path.suffix.lower()
@@ -288,7 +267,7 @@ def _read_mesh(folder: Path, file: str) -> _Mesh:
             raise BadFile(
                 f"{path} has the shape {stack.shape}; name one of its rows, as in {path.name}#0"
             )
-        return _Mesh(widened(np.array(stack)))
+        return widened(np.array(stack)), None, None
     if suffix == ".npz":
         with (
             taken_for(file, "registration", "repair it, or leave it out of the table"),
@@ -296,9 +275,9 @@ def _read_mesh(folder: Path, file: str) -> _Mesh:
         ):
             arrays = read_expected(archive, IN_ARCHIVE)
         confidence = arrays.get("confidence", arrays.get("seen"))
-        return _Mesh(arrays["vertices"], arrays.get("faces"), confidence)
+        return arrays["vertices"], arrays.get("faces"), confidence
     mesh = read_registered(path, points_alone=True)
-    return _Mesh(mesh.vertices, mesh.faces if len(mesh.faces) else None)
+    return mesh.vertices, mesh.faces if len(mesh.faces) else None, None
 
 
 def _stack(path: Path) -> Array:
@@ -311,24 +290,12 @@ def _stack(path: Path) -> Array:
     return stack
 
 
-@dataclass(frozen=True, eq=False)
-class MeshSequence:
-    """Meshes of one subject in motion.
+def read_meshes(
+    paths: Sequence[Path], rest: str | Path | None = None
+) -> tuple[Array, Index, Array | None]:
+    """Meshes (T, N, 3) m of one subject in motion, in the order given, and their faces (F, 3).
 
-    Attributes:
-        meshes: (T, N, 3) in metres.
-        faces: (F, 3) their triangles.
-        rest: (N, 3) in metres, the mesh at rest; None if none was given.
-    """
-
-    meshes: Array
-    faces: Index
-    rest: Array | None
-
-
-def read_meshes(paths: Sequence[Path], rest: str | Path | None = None) -> MeshSequence:
-    """Read meshes in the order given; `rest` is the mesh at rest, by its file or a body's name.
-
+    `rest` is the mesh at rest, by its file or a body's name; the third is its vertices (N, 3) m.
     Raises BadFile for files that cannot be used, for meshes of different topologies, of several
     subjects, or with vertices that were not seen, and where no file has faces.
     """
@@ -342,19 +309,17 @@ def read_meshes(paths: Sequence[Path], rest: str | Path | None = None) -> MeshSe
         )
     own, faces = (None, None) if rest is None else _at_rest(rest)
     first = rows[0].file
-    N = len(own if own is not None else _read_mesh(Path(), first).vertices)
+    N = len(own if own is not None else _read_mesh(Path(), first)[0])
     if faces is None:
-        with_faces = (
-            mesh.faces for row in rows if (mesh := _read_mesh(Path(), row.file)).faces is not None
-        )
-        faces = next(with_faces, None)
+        each = (_read_mesh(Path(), row.file)[1] for row in rows)
+        faces = next((some for some in each if some is not None), None)
     if faces is None:
         raise BadFile(
             "none of the files has faces; give a mesh of the same topology that has some, with "
             "--rest"
         )
     found = FolderRegistrations(Path(), tuple(rows), N, faces)
-    check_registrations(found, faces, place)
+    check_every_file(found, faces, place)
     batch = found.read(slice(0, len(rows)))
     if (batch.confidence < 1).any():
         bad = int((batch.confidence < 1).any(axis=1).argmax())
@@ -362,7 +327,7 @@ def read_meshes(paths: Sequence[Path], rest: str | Path | None = None) -> MeshSe
             f"{rows[bad].file} has vertices of confidence below 1; a rig needs every vertex of "
             "every mesh, so leave such meshes out, or complete them"
         )
-    return MeshSequence(batch.vertices, faces, own)
+    return batch.vertices, faces, own
 
 
 def _rows(path: Path) -> list[Row]:

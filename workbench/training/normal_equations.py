@@ -11,7 +11,7 @@ enough, or where rounding leaves no curvature.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from math import inf, sqrt
 
 import numpy as np
@@ -149,17 +149,18 @@ class NormalEquations:
         data = over_halves(of_data, self._passes)
         return self._sum(self.objective.prior_hessian_product(self.estimate, change), data)
 
-    def _passed(self, some: slice) -> Passed:
-        batch = self.objective.registrations.read(some)
-        return batch, SkinningPass.of(self.estimate, some, batch.subject)
-
     @cached_property
     def _passes(self) -> list[Callable[[], Passed]]:
         """A function for each pass, which returns it from memory or, if there are many, anew."""
         source = self.objective.registrations
-        anew = [partial(self._passed, some) for some in pieces(source)]
+
+        def passed(some: slice) -> Passed:
+            batch = source.read(some)
+            return batch, SkinningPass.of(self.estimate, some, batch.subject)
+
+        anew: list[Callable[[], Passed]] = [partial(passed, some) for some in pieces(source)]
         small = len(source.subject) * source.n_vertices * BYTES_EACH < KEPT_BYTES
-        return [partial(_given, one()) for one in anew] if small else list(anew)
+        return [cache(one) for one in anew] if small else anew
 
     def _sum(self, prior: Change, of_data: list[Change]) -> Change:
         scale = self.objective.sigmas.data**-2
@@ -350,10 +351,6 @@ class NormalEquations:
             inner = Z @ gram[np.ix_(own, own)] @ Z
             inverses[i][np.ix_(own, own)] = np.linalg.pinv(inner, rcond=1e-10, hermitian=True)
         return inverses
-
-
-def _given(passed: Passed) -> Passed:
-    return passed
 
 
 def within(weights: Array, support: Mask) -> Array:

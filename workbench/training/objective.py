@@ -15,6 +15,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Mask
+from workbench.bodies.body import regressed
 from workbench.geometry.mirror import REFLECTION, Mirror
 from workbench.training.estimate import Change, Estimate, Sigmas, SkinningPass
 from workbench.training.priors import PosePrior, TemplatePrior
@@ -175,13 +176,6 @@ class Objective:
 def half(residual: Array, sigma: float) -> float:
     """Half the sum of squares of residual / sigma."""
     return 0.5 * float(np.vdot(residual, residual)) / sigma**2
-
-
-def regressed(regressor: csr_array, templates: Array) -> Array:
-    """Weighted means of vertices (S, N, 3) by a matrix (K, N): (S, K, 3)."""
-    S, N, _ = templates.shape
-    flat = regressor @ templates.transpose(1, 0, 2).reshape(N, -1)
-    return flat.reshape(-1, S, 3).transpose(1, 0, 2)
 
 
 def reflected_joints(joints: Array, mirror: Mirror) -> Array:

@@ -143,16 +143,13 @@ def _after_block(
     began = time.perf_counter()
     before = objective.costs(at.estimate)
     context = BlockInput(objective, start.faces, stage.options, replace(execution, task=block))
-    result = BLOCKS[block](context, at.estimate)
-    after = objective.costs(result.estimate)
-    entry = LogEntry(block, before, after, result.facts, time.perf_counter() - began)
+    found, facts = BLOCKS[block](context, at.estimate)
+    after = objective.costs(found)
+    entry = LogEntry(block, before, after, facts, time.perf_counter() - began)
     entry.check_lowered()
-    if result.facts.get("kkt", 0.0) > KKT:
-        raise NotLowered(
-            f"block {block!r} left weights with a KKT residual of {result.facts['kkt']:.1e}, "
-            f"above {KKT:g}"
-        )
-    return replace(at, estimate=result.estimate, log=(*at.log, entry))
+    if (kkt := facts.get("kkt", 0.0)) > KKT:
+        raise NotLowered(f"block {block!r} left weights with a KKT residual of {kkt:.1e}")
+    return replace(at, estimate=found, log=(*at.log, entry))
 
 
 def upsampled(found: Estimate, on: Start, to: Start) -> Estimate:

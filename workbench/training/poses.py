@@ -12,7 +12,7 @@ import numpy as np
 from scipy.sparse import csr_array, eye_array, hstack
 
 from workbench.arrays import Array, Index
-from workbench.blocks import Block, Points, Values
+from workbench.blocks import Block, Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.bodies.forward.posing import local_rotations
@@ -29,63 +29,6 @@ from workbench.training.registrations import Batch, Registrations, rows_of_jobs
 JOB_SIZE = 64  # registrations whose poses one job finds
 TOLERANCE = 1e-10  # of the solver: poses of noiseless meshes are exact
 FIRST_DAMPING = 1e-7  # of the stiffest turn, the root's: a wrist moves a thousandth as much
-
-
-@dataclass(frozen=True, eq=False)
-class VertexTerm:
-    """The data term E_D: distances of vertices, which determine the pose and the translation.
-
-    Attributes:
-        free: the names that are sought.
-    """
-
-    free: tuple[str, ...] = ("pose", "trans")
-
-    def residual(
-        self, points: Points, observed: Block, confidence: Block, sigma: float
-    ) -> Residual:
-        """The residual v - v^ in metres, weighted by confidence."""
-        away = cs.vec(points.symbol - observed.symbol)
-        weights = cs.vec(cs.repmat(confidence.symbol.T, 3, 1))
-        return Residual("vertices", away, sigma, "m", points=(points,), weights=weights)
-
-    def confidence(self, of_vertices: Array) -> Array:
-        """The confidence of each compared thing, here of each vertex, (N,)."""
-        return of_vertices
-
-
-@dataclass(frozen=True, eq=False)
-class EdgeTerm:
-    """A data term of edge vectors, which ignores the translation and depends little on shape.
-
-    Attributes:
-        faces: (F, 3) the triangles whose edges are compared.
-        free: the names that are sought.
-    """
-
-    faces: Index
-    free: tuple[str, ...] = ("pose",)
-
-    @cached_property
-    def pairs(self) -> Index:
-        """The ends of each edge, (E, 2)."""
-        return mesh_edges(self.faces)
-
-    def residual(
-        self, points: Points, observed: Block, confidence: Block, sigma: float
-    ) -> Residual:
-        """The residual of `residuals.edges`, in metres."""
-        weights = confidence.symbol
-        return edges(
-            points, observed.symbol, self.pairs, sigma=sigma, confidence=weights, name="edges"
-        )
-
-    def confidence(self, of_vertices: Array) -> Array:
-        """The confidence of each edge (E,), which is the smaller one of its ends."""
-        return np.asarray(of_vertices[self.pairs].min(axis=1))
-
-
-DataTerm = VertexTerm | EdgeTerm
 
 
 def body_of_subjects(estimate: Estimate, faces: Index) -> SkinnedBody:
@@ -136,9 +79,10 @@ class PoseFit:
     Attributes:
         body: the body, whose arrays are held.
         n_vertices: N.
-        data_term: what of a mesh is compared.
-        sigma: the standard deviation of the data term, in metres.
+        sigma: the standard deviation of what is compared, in metres.
         steps: the largest number of Levenberg-Marquardt steps for a mesh.
+        faces: (F, 3) triangles whose edge vectors are compared, which ignore the translation and
+            depend little on shape; None compares vertices, and finds `trans` too.
         shape_sigma: of the prior on betas, in standard deviations of the population; None holds
             them at given values.
         tolerance: on the gradient, see `LevenbergMarquardt`.
@@ -146,30 +90,42 @@ class PoseFit:
 
     body: Body
     n_vertices: int
-    data_term: DataTerm
     sigma: float
     steps: int
+    faces: Index | None = None
     shape_sigma: float | None = None
     tolerance: float = TOLERANCE
 
     @cached_property
-    def _blocks(self) -> tuple[Block, Block]:
-        N = self.n_vertices
-        n = len(self.data_term.confidence(np.ones(N)))
-        return Block("observed", (N, 3), "m"), Block("confidence", (n,))
+    def _pairs(self) -> Index | None:
+        """The ends of each edge, (E, 2)."""
+        return None if self.faces is None else mesh_edges(self.faces)
+
+    def _counts(self, confidence: Array) -> Array:
+        """The confidence of what is compared: of an edge the smaller one of its ends."""
+        return confidence if self._pairs is None else confidence[self._pairs].min(axis=1)
 
     @cached_property
     def problem(self) -> Problem:
         """The problem of any mesh: the observation is a fixed block."""
-        observed, confidence = self._blocks
+        N, sigma, free = self.n_vertices, self.sigma, ["pose"]
+        seen, observed = self._counts(np.ones(N)), Block("observed", (N, 3), "m")
+        trusted = Block("confidence", (len(seen),))
         symbols = [block.symbol for block in self.body.blocks()]
-        points = self.body.points(*symbols, vertices=range(self.n_vertices))
-        residuals = [self.data_term.residual(points, observed, confidence, self.sigma)]
-        free = self.data_term.free
+        points, there = self.body.points(*symbols, vertices=range(N)), observed.symbol
+        if self._pairs is None:
+            away, weights = cs.vec(points.symbol - there), cs.repmat(trusted.symbol.T, 3, 1)
+            data = Residual("vertices", away, sigma, "m", points=(points,), weights=cs.vec(weights))
+            free += ["trans"]
+        else:
+            data = edges(
+                points, there, self._pairs, sigma=sigma, confidence=trusted.symbol, name="edges"
+            )
+        residuals = [data]
         if self.shape_sigma is not None:
             residuals.append(gaussian(symbols[1], covariance=self.shape_sigma**2))
-            free = (*free, "betas")
-        return Problem(residuals, free, blocks=self._blocks)
+            free += ["betas"]
+        return Problem(residuals, free, blocks=(observed, trusted))
 
     def values(
         self, start: Array, vertices: Array, confidence: Array, betas: Array | None = None
@@ -182,7 +138,7 @@ class PoseFit:
         values: Values = self.body.start() | {"pose": start, "observed": vertices}
         if betas is not None:
             values["betas"] = betas
-        values["confidence"] = self.data_term.confidence(confidence)
+        values["confidence"] = self._counts(confidence)
         values["trans"] = self._trans(values, vertices, confidence)
         solver = LevenbergMarquardt(
             max_iterations=self.steps,
@@ -193,23 +149,12 @@ class PoseFit:
         found = {name: values[name] for name in ("pose", "betas", "trans")} | solution.values
         return found | {"trans": self._trans(found, vertices, confidence)}
 
-    def fits(
-        self,
-        starts: Array,
-        meshes: Array,
-        *,
-        confidence: Array | None = None,
-        betas: Array | None = None,
-    ) -> FittedMeshes:
-        """The body fitted to each mesh (M, N, 3) m, from poses (M, K, 3) rad.
-
-        `confidence` (M, N) is one and betas (M, B) are zero where they are not given.
-        """
-        M = len(meshes)
-        trusted = np.ones((M, self.n_vertices)) if confidence is None else confidence
-        shapes = np.zeros((M, self.body.n_betas)) if betas is None else betas
-        each = zip(starts, meshes, trusted, shapes, strict=True)
-        found = [self.values(*one) for one in each]
+    def fits(self, starts: Array, meshes: Array, betas: Array | None = None) -> FittedMeshes:
+        """The body fitted to each mesh (M, N, 3) m, from poses (M, K, 3) rad and betas (M, B)."""
+        trusted = np.ones(self.n_vertices)
+        shapes = np.zeros((len(meshes), self.body.n_betas)) if betas is None else betas
+        each = zip(starts, meshes, shapes, strict=True)
+        found = [self.values(start, mesh, trusted, shape) for start, mesh, shape in each]
         poses, of_shape = (np.stack([v[name] for v in found]) for name in ("pose", "betas"))
         surfaces = [self.body.vertices(v["pose"], v["betas"], v["trans"]) for v in found]
         return FittedMeshes(poses, of_shape, np.stack(surfaces))
@@ -221,7 +166,7 @@ class PoseFit:
 
 
 def poses_of(
-    faces: Index, data_term: DataTerm, sigma: float, steps: int, job: tuple[Estimate, Batch]
+    faces: Index, by_edges: bool, sigma: float, steps: int, job: tuple[Estimate, Batch]
 ) -> Array:
     """The poses (c, K, 3) rad of the registrations of one job, from those of its estimate.
 
@@ -229,7 +174,7 @@ def poses_of(
     """
     estimate, batch = job
     body = body_of_subjects(estimate, faces)
-    fit = PoseFit(body, batch.vertices.shape[1], data_term, sigma, steps)
+    fit = PoseFit(body, batch.vertices.shape[1], sigma, steps, faces if by_edges else None)
     betas = np.eye(len(estimate.templates))[batch.subject]
     each = zip(estimate.poses, batch.vertices, batch.trust, betas, strict=True)
     return np.stack([fit.values(*one)["pose"] for one in each])
@@ -239,12 +184,13 @@ def fitted_poses(
     estimate: Estimate,
     registrations: Registrations,
     faces: Index,
-    data_term: DataTerm,
     sigma: float,
     steps: int,
+    *,
+    by_edges: bool = False,
     execution: Execution = SERIAL,
 ) -> Estimate:
-    """The estimate with every pose fitted again, in at most `steps` steps for each."""
+    """The estimate with every pose fitted again, to vertices or edges, in at most `steps` each."""
 
     def job(rows: slice) -> tuple[Estimate, Batch]:
         batch = registrations.read(rows)
@@ -253,7 +199,7 @@ def fitted_poses(
 
     poses = estimate.poses.copy()
     jobs = rows_of_jobs(len(poses), JOB_SIZE)
-    work = partial(poses_of, faces, data_term, sigma, steps)
+    work = partial(poses_of, faces, by_edges, sigma, steps)
     for rows, found in zip(jobs, execution.executor(work, map(job, jobs)), strict=True):
         poses[rows] = found
         execution.finished(rows.stop, len(poses))

@@ -16,7 +16,6 @@ Sum = TypeVar("Sum")
 FARTHEST = 1e6  # m: larger numbers are no metres, and sums of their powers may overflow
 HELD_BYTES, HELD_EACH = 2**29, 32  # bytes of registrations kept in memory; bytes per vertex
 FEWEST = 64  # registrations in a piece: each piece reads and writes all posedirs once
-HELD_OUT = 5  # one subject in so many is held out, and at least one
 PIECE_BYTES = 2**23  # of a piece's largest array, (c, N, 3, 3): what a pass keeps in memory
 
 
@@ -91,30 +90,47 @@ class InMemory:
 
 @dataclass(frozen=True, eq=False)
 class RegistrationSubset:
-    """Some registrations of a source, in any order; subjects keep their numbers.
+    """Some registrations of a source, some of their vertices, or both; subjects keep their numbers.
 
     Attributes:
         source: the registrations that are chosen from.
-        rows: the chosen rows of the source.
+        rows: the chosen rows of the source, in any order; None for all.
+        vertices: (n,) the numbers of the chosen vertices; None for all.
     """
 
     source: Registrations
-    rows: Index
+    rows: Index | None = None
+    vertices: Index | None = None
 
     @property
     def subject(self) -> Index:
         """The number of each registration's subject, (J,)."""
-        return self.source.subject[self.rows]
+        return self.source.subject if self.rows is None else self.source.subject[self.rows]
 
     @property
     def n_vertices(self) -> int:
-        """The number of vertices of each mesh, N."""
-        return self.source.n_vertices
+        """The number of vertices of each mesh."""
+        return self.source.n_vertices if self.vertices is None else len(self.vertices)
 
     def read(self, some: slice) -> Batch:
-        """The registrations of these rows of the subset, which are read one by one."""
-        each = (self.source.read(slice(row, row + 1)) for row in self.rows[some].tolist())
-        return replace(_joined(each), some=some)
+        """The registrations of these rows of the subset, chosen rows one by one.
+
+        Raises BadArgument for one of which no chosen vertex is visible.
+        """
+        if self.rows is None:
+            batch = self.source.read(some)
+        else:
+            each = (self.source.read(slice(row, row + 1)) for row in self.rows[some].tolist())
+            batch = replace(_joined(each), some=some)
+        if self.vertices is None:
+            return batch
+        confidence = batch.confidence[:, self.vertices]
+        for j in np.flatnonzero(~confidence.reshape(len(confidence), -1).any(axis=1)):
+            raise BadArgument(
+                f"registration {batch.some.start + j} shows so little of its mesh that none of "
+                f"{self.n_vertices} vertices spread over it is seen; leave it out"
+            )
+        return replace(batch, vertices=batch.vertices[:, self.vertices], confidence=confidence)
 
 
 def check_registrations(registrations: Registrations, n_vertices: int) -> None:
@@ -133,22 +149,6 @@ def check_registrations(registrations: Registrations, n_vertices: int) -> None:
             f"subjects must be numbered from 0 without gaps, got {some_of([*map(str, numbers)])}; "
             "np.unique(subject, return_inverse=True)[1] numbers them"
         )
-
-
-def training_and_held_out(subject: Index) -> tuple[Index, Index]:
-    """The rows of registrations (J,) to train on, and those to hold out.
-
-    The last fifth of the subjects, and at least one, is held out. Where all registrations are of
-    one subject, the last fifth of them is. Raises BadArgument for fewer than two registrations.
-    """
-    if len(subject) < 2:
-        raise BadArgument("a registration cannot be held out of fewer than two; add some")
-    who, group = np.unique(subject, return_inverse=True)
-    if len(who) == 1:
-        group = np.arange(len(subject))
-    n = int(group.max()) + 1
-    held_out = group >= n - max(1, n // HELD_OUT)
-    return np.flatnonzero(~held_out), np.flatnonzero(held_out)
 
 
 def in_memory(registrations: Registrations) -> Registrations:

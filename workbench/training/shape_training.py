@@ -16,7 +16,7 @@ from workbench.geometry.solids import volume
 from workbench.training.execution import SERIAL, Execution, NotLowered
 from workbench.training.first_guess import FIRST_SIGMA, Start
 from workbench.training.pose_training import KKT, PoseModel
-from workbench.training.poses import JOB_SIZE, EdgeTerm, PoseFit, poses_of_segments
+from workbench.training.poses import JOB_SIZE, PoseFit, poses_of_segments
 from workbench.training.registrations import Batch, Registrations, rows_of_jobs
 from workbench.training.shares import JointRegressor, fit_joint_regressor
 from workbench.training.subsampling import subsample
@@ -61,57 +61,6 @@ class ShapeModel:
     poses: Array
 
 
-def body_of(
-    model: PoseModel, start: Start, space: LearnedShapes, regressor: csr_array
-) -> SkinnedBody:
-    """The body of what was learned."""
-    estimate = model.estimate
-    mirror = model.objective.active_mirror
-    return SkinnedBody(
-        template=space.template,
-        shapedirs=space.shapedirs,
-        posedirs=estimate.posedirs,
-        J_regressor=regressor,
-        weights=estimate.weights,
-        parents=estimate.parents,
-        faces=start.faces,
-        joint_names=start.joint_names,
-        mirror=None if mirror is None else mirror.vertices,
-        name="trained",
-    )
-
-
-def regressor_of(model: PoseModel) -> JointRegressor:
-    """The joint regressor of the subjects' templates and joints. Raises NotLowered if it is no
-    minimum.
-
-    No registration shows where the root joint is: turning about another point only adds a
-    translation. So its row is that of its ring.
-    """
-    templates, joints = model.estimate.templates, model.estimate.joints
-    found = fit_joint_regressor(templates, joints, model.objective.rings)
-    if found.kkt > KKT:
-        raise NotLowered(f"the joint regressor has a KKT residual of {found.kkt:.1e}")
-    return found
-
-
-def subjects_space(
-    model: PoseModel, regressor: csr_array, faces: Index, n_betas: int, mirror: Mirror | None
-) -> LearnedShapes:
-    """The principal directions of the subjects' templates, with their root joints at zero.
-
-    One subject has none: the template is the subject's own.
-    """
-    templates = model.estimate.templates
-    n = min(n_betas, len(templates) - 1)
-    if n < 1:
-        own = about_root(templates, regressor)[0]
-        if mirror is not None:
-            own = (own + mirror.points(own)) / 2
-        return LearnedShapes(own, np.zeros((*own.shape, 0)), np.zeros(0))
-    return learn_shape_space(about_root(templates, regressor), faces, mirror, n)
-
-
 def about_root(people: Array, regressor: csr_array) -> Array:
     """People (P, N, 3) m moved so that their regressed root joint is the origin."""
     root = regressor[[0]].toarray()[0]
@@ -140,7 +89,7 @@ def unposed_people(
     batch, starts = job
     few = subsample(body.template, body.faces)
     sparse, n = few.body(body), len(few.vertices)
-    fit = PoseFit(sparse, n, EdgeTerm(few.faces), FIRST_SIGMA, STEPS, shape_sigma)
+    fit = PoseFit(sparse, n, FIRST_SIGMA, STEPS, few.faces, shape_sigma)
     poses, people = [], []
     for i, (V, confidence) in enumerate(zip(batch.vertices, batch.trust, strict=True)):
         own, trusted = V[few.vertices], confidence[few.vertices]
@@ -195,11 +144,37 @@ def learn_shapes(
 
 
 def start_shape(model: PoseModel, start: Start, n_betas: int) -> tuple[SkinnedBody, JointRegressor]:
-    """A body with the shape directions of the multi-pose subjects, and its joint regressor."""
-    regressor = regressor_of(model)
-    mirror = model.objective.active_mirror
-    space = subjects_space(model, regressor.matrix, start.faces, n_betas, mirror)
-    return body_of(model, start, space, regressor.matrix), regressor
+    """A body with the shape directions of the multi-pose subjects, and its joint regressor.
+
+    The directions are principal ones of the subjects' templates, with their root joints at zero;
+    one subject has none. No registration shows where the root joint is: turning about another point
+    only adds a translation. So its row is that of its ring. Raises NotLowered if the regressor is
+    no minimum.
+    """
+    estimate, mirror = model.estimate, model.objective.active_mirror
+    templates = estimate.templates
+    regressor = fit_joint_regressor(templates, estimate.joints, model.objective.rings)
+    if regressor.kkt > KKT:
+        raise NotLowered(f"the joint regressor has a KKT residual of {regressor.kkt:.1e}")
+    at_root, n = about_root(templates, regressor.matrix), min(n_betas, len(templates) - 1)
+    if n < 1:
+        own = at_root[0] if mirror is None else (at_root[0] + mirror.points(at_root[0])) / 2
+        space = LearnedShapes(own, np.zeros((*own.shape, 0)), np.zeros(0))
+    else:
+        space = learn_shape_space(at_root, start.faces, mirror, n)
+    body = SkinnedBody(
+        template=space.template,
+        shapedirs=space.shapedirs,
+        posedirs=estimate.posedirs,
+        J_regressor=regressor.matrix,
+        weights=estimate.weights,
+        parents=estimate.parents,
+        faces=start.faces,
+        joint_names=start.joint_names,
+        mirror=None if mirror is None else mirror.vertices,
+        name="trained",
+    )
+    return body, regressor
 
 
 def learn_shape_space(
@@ -228,12 +203,11 @@ def learn_shape_space(
 
 
 def _signs(template: Array, directions: Array, faces: Index) -> Array:
-    def stature(v: Array) -> float:
-        return float(np.ptp(v[:, 1]))
-
     signs = []
     for k, direction in enumerate(np.moveaxis(directions, 2, 0)):
         more, less = template + direction, template - direction
-        grows = volume(more, faces) - volume(less, faces) if k else stature(more) - stature(less)
+        grows = volume(more, faces) - volume(less, faces)
+        if k == 0:
+            grows = float(np.ptp(more[:, 1]) - np.ptp(less[:, 1]))
         signs.append(1.0 if grows > 0 else -1.0)
     return np.array(signs)

@@ -18,7 +18,7 @@ from workbench.errors import WorkbenchError
 
 MOST_WEIGHTS = 4  # joints that move one vertex
 PULL = 1e-13  # of the largest diagonal entry: a smaller gradient is rounding
-FEWEST = 60  # vertices that a row may use at least
+REACH, FEWEST = 0.2, 60  # m from a joint; vertices that a row may use at least
 
 
 class NoShares(WorkbenchError):
@@ -136,11 +136,6 @@ def _solved(K: Array, right: Array) -> tuple[Array, Mask]:
     return np.asarray(found, dtype=float), well
 
 
-def kkt_residual(gram: Array, right: Array, w: Array, allowed: Mask) -> float:
-    """The residual of the Karush-Kuhn-Tucker conditions at w (n,); see `kkt_residuals`."""
-    return float(kkt_residuals(gram[None], right[None], w[None], allowed[None])[0])
-
-
 def kkt_residuals(grams: Array, rights: Array, W: Array, allowed: Mask) -> Array:
     """The residual (m,) of the Karush-Kuhn-Tucker conditions of each row of W (m, n).
 
@@ -202,12 +197,10 @@ class JointRegressor:
     kkt: float
 
 
-def fit_joint_regressor(
-    templates: Array, joints: Array, rings: csr_array, reach: float = 0.2
-) -> JointRegressor:
+def fit_joint_regressor(templates: Array, joints: Array, rings: csr_array) -> JointRegressor:
     """The shares (K, N) that give joints (S, K, 3) from templates (S, N, 3), row by row.
 
-    min |T_s R' - J_s|^2 with R >= 0 and rows that sum to one, over the vertices within `reach` m
+    min |T_s R' - J_s|^2 with R >= 0 and rows that sum to one, over the vertices within 20 cm
     of the joint. Few shapes do not decide a row: many give the same joints on all shapes in the
     affine span of these. What is found has at most 3 S entries above zero. The root's row is that
     of `rings` (K, N).
@@ -218,12 +211,12 @@ def fit_joint_regressor(
     for k in range(1, joints.shape[1]):
         distance = np.linalg.norm(means - joints[:, k].mean(axis=0), axis=1)
         order = np.argsort(distance, kind="stable")
-        near = order[: max(FEWEST, int(np.count_nonzero(distance < reach)))]
+        near = order[: max(FEWEST, int(np.count_nonzero(distance < REACH)))]
         away = (templates[:, near] - joints[:, None, k]).transpose(0, 2, 1).reshape(3 * S, -1)
         row = shares_to_zero(away)
-        every = np.ones(len(near), dtype=bool)
-        kkt = kkt_residual(away.T @ away, np.zeros(len(near)), row, every)
-        worst = max(worst, kkt)
+        gram, every = (away.T @ away)[None], np.ones((1, len(near)), dtype=bool)
+        kkt = kkt_residuals(gram, np.zeros((1, len(near))), row[None], every)
+        worst = max(worst, float(kkt[0]))
         rows[k, near] = row
         rms[k] = np.sqrt(np.mean((away @ row) ** 2) * 3)
     return JointRegressor(csr_array(rows), rms, worst)

@@ -12,47 +12,12 @@ from scipy.sparse.csgraph import dijkstra
 
 from workbench.arrays import Array, Index
 from workbench.bodies import SkinnedBody
-from workbench.errors import BadArgument
 from workbench.geometry.mirror import Mirror
 from workbench.geometry.solids import mesh_edges
 from workbench.training.estimate import Estimate
-from workbench.training.registrations import Batch, Registrations
+from workbench.training.registrations import Registrations, RegistrationSubset
 
 ENOUGH = 2000  # vertices that a pose is found from
-
-
-@dataclass(frozen=True, eq=False)
-class VertexSubset:
-    """Some of the vertices of every registration of a source.
-
-    Attributes:
-        source: the registrations that are chosen from.
-        vertices: (n,) the numbers of the chosen vertices.
-    """
-
-    source: Registrations
-    vertices: Index
-
-    @property
-    def subject(self) -> Index:
-        """The number of each registration's subject, (J,)."""
-        return self.source.subject
-
-    @property
-    def n_vertices(self) -> int:
-        """The number of chosen vertices, n."""
-        return len(self.vertices)
-
-    def read(self, some: slice) -> Batch:
-        """The registrations of these rows. Raises BadArgument for one without a visible vertex."""
-        batch = self.source.read(some)
-        confidence = batch.confidence[:, self.vertices]
-        for j in np.flatnonzero(~confidence.reshape(len(confidence), -1).any(axis=1)):
-            raise BadArgument(
-                f"registration {batch.some.start + j} shows so little of its mesh that none of "
-                f"{self.n_vertices} vertices spread over it is seen; leave it out"
-            )
-        return replace(batch, vertices=batch.vertices[:, self.vertices], confidence=confidence)
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,10 +46,11 @@ class Subsample:
     def body(self, body: SkinnedBody) -> SkinnedBody:
         """The body of these vertices, followed by its joints as additional vertices."""
         v, K, R = self.vertices, body.n_joints, body.J_regressor
-        n = len(v)
+        n, B = len(v), body.n_betas
+        of_joints = (R @ body.shapedirs.reshape(len(body.template), -1)).reshape(K, 3, B)
         return SkinnedBody(
             template=np.concatenate([body.template[v], R @ body.template]),
-            shapedirs=np.concatenate([body.shapedirs[v], _regressed(R, body.shapedirs)]),
+            shapedirs=np.concatenate([body.shapedirs[v], of_joints]),
             posedirs=np.concatenate([body.posedirs[v], np.zeros((K, *body.posedirs.shape[1:]))]),
             J_regressor=csr_array(hstack([csr_array((K, n)), eye_array(K)])),
             weights=np.concatenate([body.weights[v], np.eye(K)]),
@@ -100,9 +66,9 @@ class Subsample:
         place[self.vertices] = np.arange(len(self.vertices))
         return Mirror(place[mirror.vertices[self.vertices]], mirror.joints)
 
-    def registrations(self, registrations: Registrations) -> VertexSubset:
+    def registrations(self, registrations: Registrations) -> RegistrationSubset:
         """These vertices of every registration."""
-        return VertexSubset(registrations, self.vertices)
+        return RegistrationSubset(registrations, vertices=self.vertices)
 
 
 def subsample(
@@ -134,10 +100,6 @@ def subsample(
     first = corners[apart].argmin(axis=1)[:, None]
     turned = np.take_along_axis(corners[apart], (first + np.arange(3)) % 3, axis=1)
     return Subsample(vertices, np.unique(turned, axis=0))
-
-
-def _regressed(R: csr_array, directions: Array) -> Array:
-    return (R @ directions.reshape(len(directions), -1)).reshape(R.shape[0], *directions.shape[1:])
 
 
 def _farthest_points(points: Array, count: int, mirror: Index) -> list[int]:

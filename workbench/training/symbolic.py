@@ -95,13 +95,14 @@ class SymbolicTraining:
 
         Raises UnknownName for a term that does not exist.
         """
+        to = self.objective
         writers: dict[str, Callable[[], Iterable[Residual]]] = {
             "E_D": self._data,
             "E_Y": self._symmetry,
             "E_J": self._rings,
-            "E_P": self._small_posedirs,
-            "E_W": self._near_first_weights,
-            "E_T": self._near_first_template,
+            "E_P": lambda: self._near("posedirs", to.first_posedirs, to.sigmas.posedirs, "E_P"),
+            "E_W": lambda: self._near("weights", to.first_weights, to.sigmas.weights, "E_W"),
+            "E_T": self._templates,
         }
         check_known("term of training", term, writers)
         return list(writers[term]())
@@ -187,44 +188,31 @@ class SymbolicTraining:
                 rings = self.objective.rings
                 yield regressed(joints, template, rings, sigma=sigma, name=f"E_J subject {i}")
 
-    def _small_posedirs(self) -> Iterable[Residual]:
-        """E_P: pose blend shapes against zero, or against the first ones."""
-        first = self.objective.first_posedirs
-        mean: Array | float = 0.0 if first is None else first
-        yield from self._near("E_P", "posedirs", self.body, mean, self.objective.sigmas.posedirs)
-
-    def _near_first_weights(self) -> Iterable[Residual]:
-        """E_W: skinning weights against the first ones."""
-        first = self.objective.first_weights
-        yield from self._near("E_W", "weights", self.body, first, self.objective.sigmas.weights)
-
-    def _near_first_template(self) -> Iterable[Residual]:
+    def _templates(self) -> Iterable[Residual]:
         """E_T: templates against the first template."""
-        if self.objective.template is None:
-            return
-        first, sigma = self.objective.template, self.objective.sigmas.subjects
-        free = self.objective.freedom
-        for i, subject in enumerate(self.subjects):
-            name = f"E_T subject {i}"
-            if free is None:
-                yield from self._near(name, "template", subject, first, sigma)
-                continue
-            block, covariance = subject.free["template"], free.covariance()
-            yield gaussian(
-                cs.vec(block.symbol),
-                mean=first.ravel(),
-                covariance=covariance,
-                unit=block.unit,
-                name=name,
-            )
+        first, free = self.objective.template, self.objective.freedom
+        for i, subject in enumerate(self.subjects if first is not None else ()):
+            name, sigma = f"E_T subject {i}", self.objective.sigmas.subjects
+            covariance = sigma**2 if free is None else free.covariance()
+            yield from self._near("template", first, sigma, name, subject, covariance)
 
     def _near(
-        self, name: str, array: str, body: SkinnedBody, mean: Array | float, sigma: float
+        self,
+        array: str,
+        mean: Array | None,
+        sigma: float,
+        name: str,
+        body: SkinnedBody | None = None,
+        covariance: float | Array | None = None,
     ) -> Iterable[Residual]:
+        """An array of a body against its first one, or against zero."""
         if sigma < inf:
-            block = body.free[array]
-            expected = np.broadcast_to(mean, block.shape).ravel()
-            variance = sigma**2
+            block = (self.body if body is None else body).free[array]
+            expected = np.zeros(block.shape) if mean is None else mean
             yield gaussian(
-                cs.vec(block.symbol), mean=expected, covariance=variance, unit=block.unit, name=name
+                cs.vec(block.symbol),
+                mean=expected.ravel(),
+                covariance=sigma**2 if covariance is None else covariance,
+                unit=block.unit,
+                name=name,
             )

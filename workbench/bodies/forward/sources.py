@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from workbench.arrays import Array
 from workbench.blocks import Block, NumericPoints, Points, Tree
 from workbench.blocks.affine import Affine, alone, place_of
-from workbench.blocks.tree import Rest
+from workbench.blocks.points import Rest
 from workbench.bodies.body import Body, Landmarks
 from workbench.bodies.forward import surface
 from workbench.bodies.forward.named_points import BlockPoints, Maps, plain_names

@@ -15,6 +15,7 @@ from typing import NamedTuple
 from workbench.course.notebooks import as_notebook, code_cell, prose_cell
 from workbench.course.packs.keys import ClassKey, ExerciseKey, make_keys, write_keys
 from workbench.course.packs.variants import Variant, chosen
+from workbench.diagnostics.words import counted
 from workbench.errors import BadArgument, BadFile
 from workbench.reading.facts import bounded
 
@@ -73,11 +74,10 @@ def write_pack(
     return key
 
 
-FIRST, LAST = "first name", ("last name", "surname", "family name")
-JOINED = "first name and last name"
-COLUMNS = (
-    "student", "name", "full name", JOINED, "login", "username", "id", "id number", "email",
-    "email address",
+COLUMNS = (  # titles of the columns that hold names, those of Moodle and others
+    ("student",), ("name",), ("full name",), ("first name", "last name"),
+    ("first name", "surname"), ("first name", "family name"), ("login",), ("username",), ("id",),
+    ("id number",), ("email",), ("email address",),
 )  # fmt: skip
 LONGEST = 60  # characters of a folder's name
 
@@ -93,7 +93,7 @@ def read_students(given: str, column: str | None = None) -> Students:
     """Students from a FILE.csv, or from names with commas between them.
 
     The first line of a file holds the titles of its columns. Names are read from `column`, or else
-    from the first of COLUMNS that the file has. Raises BadArgument, BadFile.
+    from the first entry of COLUMNS that the file has. Raises BadArgument, BadFile.
     """
     is_file = given.lower().endswith(".csv")
     if column is not None and not is_file:
@@ -155,16 +155,12 @@ def _places(path: Path, titles: Sequence[str], column: str | None) -> list[int]:
         if _title(column) not in plain:
             raise BadArgument(f"{path} has no column {column!r}; its columns are {listed}")
         return [plain.index(_title(column))]
-    last = next((title for title in LAST if title in plain), None)
     for known in COLUMNS:
-        if known == JOINED and FIRST in plain and last is not None:
-            return [plain.index(FIRST), plain.index(last)]
-        if known in plain:
-            return [plain.index(known)]
+        if set(known) <= set(plain):
+            return [plain.index(title) for title in known]
     raise BadFile(
         f"none of the columns of {path} is known to hold names: its first line has {listed}. "
-        f"Choose one with --column, or call it one of {', '.join(COLUMNS[:3])}, or "
-        f"{FIRST} and {LAST[0]}"
+        "Choose one with --column, or call it student or name"
     )
 
 
@@ -182,7 +178,7 @@ def pack_name(key: ClassKey, student: str) -> str:
 
 
 def _points(one: ExerciseKey) -> str:
-    return f"{one.points} point{'s' * (one.points != 1)}, about {one.minutes} minutes"
+    return f"{counted(one.points, 'point')}, about {one.minutes} minutes"
 
 
 def _introduction(key: ClassKey, sheet: str, student: str, mine: list[ExerciseKey]) -> str:
@@ -236,7 +232,7 @@ def script(key: ClassKey, sheet: str, student: str, variants: dict[str, Variant]
 
 
 def notebook(key: ClassKey, sheet: str, student: str, variants: dict[str, Variant]) -> str:
-    """The same as a notebook: a cell for each answer, and below it one that tries the examples."""
+    """The same as a notebook, with a cell for each answer."""
     mine = [one for one in key.keys[student] if one.sheet == sheet]
     cells = [
         prose_cell(f"# Exercises\n\n{_introduction(key, sheet, student, mine)}"),
@@ -244,14 +240,9 @@ def notebook(key: ClassKey, sheet: str, student: str, variants: dict[str, Varian
     ]
     for one in mine:
         stub = f"{_numbers(one)}\n\n" + _function(one, variants[one.number])
-        tried = (
-            "from workbench.course.packs.marking import try_here\n\n"
-            f'try_here("{sheet}", {one.exercise})\n'
-        )
         cells += [
             prose_cell(f"## {one.number} `{one.exercise}`\n\n{_points(one)}"),
             code_cell(stub, {"tags": ["answer"]}),
-            code_cell(tried, {"tags": ["check"]}),
         ]
     return json.dumps(as_notebook(cells), indent=1, ensure_ascii=False) + "\n"
 

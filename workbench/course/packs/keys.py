@@ -28,53 +28,31 @@ class ExerciseKey:
 
     `tries`, `edges` and `examples` are lists of pairs: the arguments, and the answer, as
     `plain.encode` writes them. The answers of mistakes are those to `tries`.
-
-    Attributes:
-        number: as it is printed, such as `4.2`.
-        sheet: the name of the file that it stands in, without its ending.
-        exercise: the name of the function.
-        parameters: the names of its arguments.
-        points: how many points it is worth.
-        minutes: how long it takes, as was estimated.
-        within: the largest relative error.
-        numbers: the student's own numbers.
-        tries: what is worth all points but that of the edges.
-        edges: what is worth one point, or nothing if there are none.
-        examples: what the student sees.
-        mistakes: pairs of a hint and answers.
     """
 
-    number: str
-    sheet: str
-    exercise: str
-    parameters: list[str]
-    points: int
-    minutes: int
-    within: float
-    numbers: Numbers
-    tries: list[Any]
-    edges: list[Any]
-    examples: list[Any]
-    mistakes: list[Any]
+    number: str  # as it is printed, such as `4.2`
+    sheet: str  # the name of the file that it stands in, without its ending
+    exercise: str  # the name of the function
+    parameters: list[str]  # the names of its arguments
+    points: int  # how many points it is worth
+    minutes: int  # how long it takes, as was estimated
+    within: float  # the largest relative error
+    numbers: Numbers  # the student's own numbers
+    tries: list[Any]  # what is worth all points but that of the edges
+    edges: list[Any]  # what is worth one point, or nothing if there are none
+    examples: list[Any]  # what the student sees
+    mistakes: list[Any]  # pairs of a hint and answers
 
 
 @dataclass(frozen=True)
 class ClassKey:
-    """The keys of a class.
+    """The keys of a class."""
 
-    Attributes:
-        group: the name of the class.
-        seed: from which all numbers were drawn.
-        students: the names of the students, by the names of their folders.
-        titles: the titles of the files, by name.
-        keys: the keys of each student, by the name of the folder.
-    """
-
-    group: str
-    seed: int
-    students: dict[str, str]
-    titles: dict[str, str]
-    keys: dict[str, list[ExerciseKey]]
+    group: str  # the name of the class
+    seed: int  # from which all numbers were drawn
+    students: dict[str, str]  # the names of the students, by the names of their folders
+    titles: dict[str, str]  # the titles of the files, by name
+    keys: dict[str, list[ExerciseKey]]  # the keys of each student, by the name of the folder
 
     @property
     def exercises(self) -> list[ExerciseKey]:

@@ -7,8 +7,8 @@ import csv
 import hashlib
 import json
 import shutil
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -16,14 +16,13 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from workbench.course.checks import NUMERIC, Missed, Raised, equal, formed, legible, outcome, same
+from workbench.course.checks import NUMERIC, Missed, Raised, equal, formed, legible, same
 from workbench.course.packs.handing_out import EXAMPLES
 from workbench.course.packs.keys import ClassKey, ExerciseKey
 from workbench.course.packs.submissions import (
     ENDINGS,
     Sheet,
     Submissions,
-    alike,
     attempted,
     read_sheet,
     remarks_of,
@@ -43,21 +42,13 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class ExerciseMark:
-    """What one answer earned.
+    """What one answer earned."""
 
-    Attributes:
-        number: the number of the exercise.
-        exercise: its name.
-        points: how many points it earned.
-        of: how many it could earn.
-        remarks: why points are missing, and what the file tried to do.
-    """
-
-    number: str
-    exercise: str
-    points: int
-    of: int
-    remarks: tuple[str, ...] = ()
+    number: str  # the number of the exercise
+    exercise: str  # its name
+    points: int  # how many points it earned
+    of: int  # how many it could earn
+    remarks: tuple[str, ...] = ()  # why points are missing, and what the file tried to do
 
 
 Answers = dict[str, dict[str, Any] | str]  # of each exercise what was sent, or why nothing was
@@ -175,19 +166,12 @@ def _sentence(missed: Missed) -> str:
 
 @dataclass(frozen=True)
 class StudentMark:
-    """All marks of a student.
+    """All marks of a student."""
 
-    Attributes:
-        student: the name of the student's folder.
-        exercises: one mark for each exercise; none if nothing has been marked yet.
-        remarks: on the files as a whole.
-        alike: what right answers are like; known when all students are marked.
-    """
-
-    student: str
+    student: str  # the name of the student's folder
+    # one mark for each exercise; none if nothing has been marked yet
     exercises: tuple[ExerciseMark, ...]
-    remarks: tuple[str, ...] = ()
-    alike: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()  # on the files as a whole
 
     @property
     def points(self) -> int:
@@ -223,13 +207,6 @@ def mark_class(
         marked[student] = StudentMark(student, marks, tuple(said[student]))
         write_table(table, key, marked)
         tell(student, marked[student], again)
-    right = {
-        student: {mark.number for mark in one.exercises if mark.points}
-        for student, one in marked.items()
-    }
-    for student, told in alike(found, key, right).items():
-        marked[student] = replace(marked[student], alike=tuple(told))
-    write_table(table, key, marked)
     return [marked[student] for student in key.students]
 
 
@@ -248,16 +225,11 @@ def answers_of_class(
 
 
 def in_parallel(
-    work: Callable[[str], T], students: Iterable[str], workers: int
+    work: Callable[[str], T], students: Collection[str], workers: int
 ) -> Iterator[tuple[str, T]]:
-    """The results of work on students, as they come; each waits for a process of its own."""
-    pool = ThreadPoolExecutor(workers)
-    try:
-        jobs = {pool.submit(work, student): student for student in students}
-        for job in as_completed(jobs):
-            yield jobs[job], job.result()
-    finally:
-        pool.shutdown(cancel_futures=True)
+    """The results of work on students, in order; each waits for a process of its own."""
+    with ThreadPoolExecutor(workers) as pool:
+        yield from zip(students, pool.map(work, students), strict=True)
 
 
 def _keys_of(key: ClassKey, student: str, sheet: Sheet) -> list[ExerciseKey]:
@@ -330,9 +302,9 @@ def write_table(path: Path, key: ClassKey, marked: dict[str, StudentMark]) -> No
 
 
 def remarks(one: StudentMark) -> list[str]:
-    """All remarks on a student: on the files as a whole, by exercise, and on likeness."""
+    """All remarks on a student: on the files as a whole, and by exercise."""
     each = [f"{mark.number}: {said}" for mark in one.exercises for said in mark.remarks]
-    return [*one.remarks, *each, *one.alike]
+    return [*one.remarks, *each]
 
 
 def plain_cell(cell: Any) -> Any:
@@ -388,21 +360,3 @@ def try_file(path: Path, limits: ProcessLimits) -> list[ExerciseMark]:
         helpers = [one for one in path.parent.glob("*.py") if not read_sheet(one, exercises).name]
         sent = answers_of(replace(read, helpers=tuple(helpers)), keys, limits)
     return [mark_of(key, sent[key.number]) for key in keys]
-
-
-def try_here(sheet: str, answer: Callable[..., Any], folder: str | Path = ".") -> None:
-    """Try a function on its examples, in a notebook, and print what came of it."""
-    name = getattr(answer, "__name__", "")
-    found = read_examples(Path(folder)).get(f"{sheet}.{name}")
-    if found is None:
-        raise BadFile(f"there are no examples of {name} in {sheet}; keep the name of the function")
-    for k, (arguments, expected) in enumerate(found["examples"], 1):
-        came = outcome(answer, tuple(decode(arguments)))
-        try:
-            compare(came, decode(expected), name, found["within"])
-        except Missed as missed:
-            print(f"example {k}: not yet. Expected {missed.expected}, came {missed.came}")
-        else:
-            print(f"example {k}: right")
-    if isinstance(came, Raised):
-        print(f"the last error: {came.kind}: {came.message}")

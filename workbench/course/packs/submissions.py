@@ -12,8 +12,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from workbench.course.packs.handing_out import EXAMPLES, pack_name, plain_name
-from workbench.course.packs.keys import ClassKey, ExerciseKey
-from workbench.errors import BadFile, some_of
+from workbench.course.packs.keys import ClassKey
+from workbench.errors import BadFile
 from workbench.reading.facts import bounded
 
 ENDINGS = (".py", ".ipynb")
@@ -21,29 +21,20 @@ ARCHIVES = (".zip", ".tar", ".gz", ".tgz", ".bz2", ".xz", ".7z", ".rar")
 BY_PROGRAMS = (".ipynb_checkpoints", "__pycache__", "__MACOSX", ".DS_Store", ".git")
 NOBODY = "belongs to nobody: its name begins with no student's, and it says no PACK of this class"
 AS_GIVEN, MADE_BY_PROGRAMS = "it is as it was handed out", "a program made it"
+SAME = "it is the same as another file of the student"
 EXPECTED = (AS_GIVEN, MADE_BY_PROGRAMS)  # reasons that nobody has to look at
 LARGEST = 4 * 2**20  # bytes of a file that is read
-MOST = 4  # names that are listed
-SHORT = 5  # lines of a function below which likeness may be chance
 
 
 @dataclass(frozen=True)
 class Sheet:
-    """A file of answers.
+    """A file of answers."""
 
-    Attributes:
-        name: its name, without its ending; empty if the file is none of the pack's.
-        path: the file.
-        source: its code, of notebooks that of all cells but the checks; empty if unreadable.
-        trouble: why it is unreadable, if it is.
-        helpers: other files of Python that were handed in beside it.
-    """
-
-    name: str
-    path: Path
-    source: str
-    trouble: str = ""
-    helpers: tuple[Path, ...] = ()
+    name: str  # its name, without its ending; empty if the file is none of the pack's
+    path: Path  # the file
+    source: str  # its code, of notebooks that of all cells but the checks; empty if unreadable
+    trouble: str = ""  # why it is unreadable, if it is
+    helpers: tuple[Path, ...] = ()  # other files of Python that were handed in beside it
 
     @property
     def pack(self) -> object:
@@ -57,30 +48,20 @@ class Sheet:
 
 @dataclass(frozen=True)
 class Unused:
-    """A file that was found and is not marked.
+    """A file that was found and is not marked."""
 
-    Attributes:
-        path: the file.
-        why: the reason, as a sentence without its end.
-        student: the name of the folder of the student whose it is, or None.
-    """
-
-    path: Path
-    why: str
-    student: str | None = None
+    path: Path  # the file
+    why: str  # the reason, as a sentence without its end
+    student: str | None = None  # the name of the folder of the student whose it is, or None
 
 
 @dataclass(frozen=True)
 class Submissions:
-    """All that was found in a folder.
+    """All that was found in a folder."""
 
-    Attributes:
-        sheets: the files of each student, by the name of the student's folder.
-        unused: all other files, with the reason.
-    """
-
+    # the files of each student, by the name of the student's folder
     sheets: dict[str, list[Sheet]] = field(default_factory=dict)
-    unused: tuple[Unused, ...] = ()
+    unused: tuple[Unused, ...] = ()  # all other files, with the reason
 
 
 def collect(folder: Path, key: ClassKey) -> Submissions:
@@ -105,7 +86,8 @@ def collect(folder: Path, key: ClassKey) -> Submissions:
             unused.append(Unused(path, AS_GIVEN if path.name == EXAMPLES else why, student))
             continue
         sheet = read_sheet(path, exercises)
-        student = student or pack_owner(sheet.pack, key)
+        if student is None:  # the one for whom it was made
+            student = next((s for s in key.students if pack_name(key, s) == sheet.pack), None)
         if student is None:
             unused.append(Unused(path, NOBODY))
         else:
@@ -126,18 +108,19 @@ def _of_the_pack(
     answers in the file or in the notebook. What is left out comes second.
     """
     others = tuple(one.path for one in some if not one.name and one.path.suffix.lower() == ".py")
-    found = [replace(one, helpers=others) for one in some if one.name]
+    found = [one for one in some if one.name]
     begun = {one.path for one in found if attempted(one.source, exercises[one.name])}
-    answered = {one.name for one in found if one.path in begun}
     kept: dict[tuple[str, str], Sheet] = {}
-    left: list[Unused] = []
-    for one in found:
-        first = kept.setdefault((one.name, one.source), one)
-        if one.path not in begun and (one.name in answered or first is not one):
-            left.append(Unused(one.path, AS_GIVEN, student))
-        elif first is not one:
-            left.append(Unused(one.path, f"it is the same as {first.path}", student))
-    sheets = [one for one in kept.values() if one.path in begun or one.name not in answered]
+    for one in sorted(found, key=lambda one: one.path not in begun):
+        if one.path in begun or one.name not in {name for name, _ in kept}:
+            kept.setdefault((one.name, one.source), replace(one, helpers=others))
+    sheets = list(kept.values())
+    taken = {one.path for one in sheets}
+    left = [
+        Unused(one.path, SAME if one.path in begun else AS_GIVEN, student)
+        for one in found
+        if one.path not in taken
+    ]
     wanted = " or ".join(f"{student}_{name}.py" for name in exercises)
     why = f"neither its name nor its PACK tells that it is a file of the pack; call it {wanted}"
     left += [
@@ -227,11 +210,6 @@ def owner(path: Path, key: ClassKey) -> str | None:
     return longest[0]
 
 
-def pack_owner(says: object, key: ClassKey) -> str | None:
-    """The student for whom a file was made that says PACK = `says`."""
-    return next((one for one in key.students if pack_name(key, one) == says), None)
-
-
 def parsed(source: str) -> ast.Module:
     """The code of a file; empty if it is none."""
     try:
@@ -260,11 +238,14 @@ def functions_in(source: str) -> dict[str, str]:
 
 
 def remarks_of(found: Submissions, key: ClassKey) -> dict[str, list[str]]:
-    """Remarks on the files of each student: whose they are, whose numbers, what they import."""
+    """Remarks on the files of each student: whose they are, and what they import."""
     said: dict[str, list[str]] = {student: [] for student in key.students}
     for student, sheets in found.sheets.items():
         for sheet in sheets:
-            said[student] += [*_whose(sheet, student, key), *_numbers(sheet, student, key)]
+            others = {pack_name(key, other): name for other, name in key.students.items()}
+            if sheet.pack is not None and sheet.pack != pack_name(key, student):
+                whom = others.get(str(sheet.pack), "somebody else")
+                said[student].append(f"{sheet.path.name} was handed out to {whom}")
             if "workbench.lectures" in sheet.source:
                 said[student].append(
                     f"{sheet.path.name} names workbench.lectures, where published answers are"
@@ -272,67 +253,4 @@ def remarks_of(found: Submissions, key: ClassKey) -> dict[str, list[str]]:
     for one in found.unused:
         if one.student is not None and one.why not in EXPECTED:
             said[one.student].append(f"{one.path.name} is not marked: {one.why}")
-    return said
-
-
-def _whose(sheet: Sheet, student: str, key: ClassKey) -> Iterable[str]:
-    others = {pack_name(key, other): name for other, name in key.students.items()}
-    if sheet.pack is not None and sheet.pack != pack_name(key, student):
-        yield f"{sheet.path.name} was handed out to {others.get(str(sheet.pack), 'somebody else')}"
-
-
-def _numbers(sheet: Sheet, student: str, key: ClassKey) -> Iterable[str]:
-    """Numbers of another student's which stand in this file, and in none of this student's."""
-    written = constants(sheet.source)
-    mine = _drawn(key.keys[student], sheet.name)
-    for other, name in key.students.items():
-        if other != student and (seen := (_drawn(key.keys[other], sheet.name) - mine) & written):
-            listed = ", ".join(f"{number:g}" for number in sorted(seen)[:3])
-            yield f"{sheet.path.name} has numbers of {name}: {listed}"
-
-
-def _drawn(keys: list[ExerciseKey], sheet: str) -> set[float]:
-    numbers = [number for one in keys if one.sheet == sheet for number in one.numbers.values()]
-    parts = [part for one in numbers for part in (one if isinstance(one, list) else [one])]
-    return {float(x) for x in parts if isinstance(x, int | float) and distinctive(x)}
-
-
-def constants(source: str) -> set[float]:
-    """The numbers with three or more digits that stand in a file."""
-    found = [node.value for node in ast.walk(parsed(source)) if isinstance(node, ast.Constant)]
-    numbers = [x for x in found if isinstance(x, int | float) and abs(x) < 1e300]
-    return {float(number) for number in numbers if distinctive(number)}
-
-
-def distinctive(number: float) -> bool:
-    """Whether a number has so many digits that two people hardly choose it independently."""
-    return len(f"{abs(number):.12g}".replace(".", "").strip("0")) >= 3
-
-
-def alike(found: Submissions, key: ClassKey, right: dict[str, set[str]]) -> dict[str, list[str]]:
-    """Right answers that are the same word for word as another student's, but for comments.
-
-    `right` has the numbers of the exercises that each student answered rightly. Of short answers a
-    remark says that this may be chance.
-    """
-    said: dict[str, list[str]] = {student: [] for student in key.students}
-    read = {
-        student: {sheet.name: functions_in(sheet.source) for sheet in sheets}
-        for student, sheets in found.sheets.items()
-    }
-    for one in key.exercises:
-        answers = {
-            student: text
-            for student, sheets in read.items()
-            if one.number in right.get(student, ())
-            and (text := sheets.get(one.sheet, {}).get(one.exercise)) is not None
-        }
-        for student, text in answers.items():
-            names = [key.students[s] for s, t in answers.items() if s != student and t == text]
-            if names:
-                short = len(text.splitlines()) < SHORT
-                said[student].append(
-                    f"{one.number}: this answer and that of {some_of(names, MOST)} are the same "
-                    "word for word" + (", but short, so that this may be chance" if short else "")
-                )
     return said

@@ -25,26 +25,19 @@ class Variant:
     """An exercise of a lecture with numbers of each student's own.
 
     The solution takes the arguments that the student's function takes, and the numbers by name.
-
-    Attributes:
-        exercise: the name of the lecture's exercise, which the function keeps.
-        points: how many points it is worth.
-        minutes: how long it takes; an estimate.
-        draw: the numbers of one student, from a generator of random numbers.
-        arguments: one random set of arguments, from a generator and the numbers.
-        edges: sets of arguments at the ends of the range, which are worth one of the points.
-        within: the largest relative error of an answer.
-        solution: the right answer.
     """
 
-    exercise: str
-    points: int
-    minutes: int
+    exercise: str  # the name of the lecture's exercise, which the function keeps
+    points: int  # how many points it is worth
+    minutes: int  # how long it takes; an estimate
+    # the numbers of one student, from a generator of random numbers
     draw: Callable[[np.random.Generator], Numbers]
+    # one random set of arguments, from a generator and the numbers
     arguments: Callable[[np.random.Generator, Numbers], Arguments]
+    # sets of arguments at the ends of the range, which are worth one of the points
     edges: Callable[[Numbers], Sequence[Arguments]]
-    within: float
-    solution: Callable[..., Any]
+    within: float  # the largest relative error of an answer
+    solution: Callable[..., Any]  # the right answer
 
     @property
     def signature(self) -> str:
@@ -99,7 +92,7 @@ def rounded(
     """A number from low to high with a few digits, or a list of `count` of them, for `draw`.
 
     Students read these numbers in their file, where they have to stand exactly. The last digit is
-    never 0, so that another student's numbers can be recognised.
+    never 0.
     """
     whole = np.round(rng.uniform(low, high, size=count or 1) * 10**digits).astype(int)
     drawn = [round(int(n + (n % 10 == 0)) / 10**digits, digits) for n in whole]
@@ -111,23 +104,14 @@ FILE = "variants.py"
 
 @dataclass(frozen=True)
 class PackExercise:
-    """An exercise of a pack.
+    """An exercise of a pack."""
 
-    Attributes:
-        number: as it is printed, such as `4.2`; for a file, its name and a number.
-        sheet: the name of the student's file, without its ending.
-        title: the title of the lecture or of the file.
-        variant: the exercise.
-        mistakes: wrong answers to it that are known.
-        published: where a solution of the exercise in the lecture stands, or None.
-    """
-
-    number: str
-    sheet: str
-    title: str
-    variant: Variant
-    mistakes: tuple[Mistake, ...]
-    published: Lecture | None
+    number: str  # as it is printed, such as `4.2`; for a file, its name and a number
+    sheet: str  # the name of the student's file, without its ending
+    title: str  # the title of the lecture or of the file
+    variant: Variant  # the exercise
+    mistakes: tuple[Mistake, ...]  # wrong answers to it that are known
+    published: Lecture | None  # where a solution of the exercise in the lecture stands, or None
 
 
 def chosen(what: Sequence[str]) -> list[PackExercise]:

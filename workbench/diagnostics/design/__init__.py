@@ -1,11 +1,8 @@
 """What to measure next: which candidates leave what matters least uncertain.
 
-This depends on Jacobians alone. `candidates` turns each `Candidate` into whitened rows with respect
-to the problem's unknowns; unknowns of its own are integrated out; a `Criterion` says what matters.
-`search` updates a square root of the covariance by such rows without forming J'J, keeps null
-directions apart until something determines them, and compares all combinations where there are few;
-otherwise it goes greedily and then exchanges: first by how many directions that matter stay
-undetermined, then by the criterion.
+`candidates` turns each `Candidate` into whitened rows by the problem's unknowns; a `Criterion` says
+what matters. `search` compares all combinations where there are few; otherwise it goes greedily and
+then exchanges.
 """
 
 from workbench.diagnostics.design.candidates import (
@@ -20,12 +17,7 @@ from workbench.diagnostics.design.candidates import (
     with_candidates,
 )
 from workbench.diagnostics.design.design import MeasurementDesign, Ranked, design
-from workbench.diagnostics.design.search import (
-    Score,
-    automatic,
-    every_combination,
-    greedy_with_exchange,
-)
+from workbench.diagnostics.design.search import Score
 
 __all__ = [
     "CRITERIA",
@@ -36,12 +28,9 @@ __all__ = [
     "Ranked",
     "Score",
     "a_optimal",
-    "automatic",
     "d_optimal",
     "design",
     "e_optimal",
-    "every_combination",
-    "greedy_with_exchange",
     "sd_of",
     "with_candidates",
 ]

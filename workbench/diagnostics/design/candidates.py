@@ -23,16 +23,8 @@ from workbench.blocks import Block, Layout, Points, Values
 from workbench.blocks.checks import mapping, several, texts
 from workbench.blocks.layout import block_of, entries
 from workbench.diagnostics.remedies import with_more
-from workbench.errors import (
-    BadArgument,
-    NotFinite,
-    NotSupported,
-    UnknownName,
-    joined,
-    listed,
-)
+from workbench.errors import BadArgument, NotFinite, UnknownName
 from workbench.problem import Problem
-from workbench.problem.steps import EPS
 from workbench.residuals import Residual
 
 SCALES = "characteristic scales"  # the unit of what is measured in them
@@ -51,13 +43,10 @@ class Candidate:
     Attributes:
         residuals: what it would add to a problem.
         values: numbers of blocks that replace those of the problem, such as a camera's.
-        own: blocks that are unknown in this candidate alone, such as the pose in a frame. They
-            have values and are integrated out; priors on them belong to the residuals.
     """
 
     residuals: tuple[Residual, ...]
     values: Values = field(default_factory=dict)
-    own: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         one = isinstance(self.residuals, Residual)
@@ -70,7 +59,6 @@ class Candidate:
         if not residuals:
             raise BadArgument("a candidate has one residual or more")
         self.__dict__["residuals"] = residuals
-        self.__dict__["own"] = texts("the unknowns of a candidate's own", self.own)
         mapping("the values of a candidate", self.values)
 
     @property
@@ -105,10 +93,8 @@ def rows_of(
 ) -> dict[str, Array]:
     """The whitened rows (m, n) of each candidate by the problem's unknowns, at these values.
 
-    Unknowns of a candidate's own are integrated out: rows lose what these could explain, so that
-    their information is the Schur complement. `made` keeps the problems that were made, for the
-    next point. Raises UnknownName for a candidate that reads a block of no known value, and
-    NotFinite for one whose rows hold NaN or infinity.
+    `made` keeps the problems that were made, for the next point. Raises UnknownName for a candidate
+    that reads a block of no known value, and NotFinite for one whose rows hold NaN or infinity.
     """
     for name, one in candidates.items():
         known = dict(values) | dict(one.values)
@@ -119,15 +105,15 @@ def rows_of(
                     "give it a value"
                 )
                 raise UnknownName("block", block, known, more=more)
-    plain = {name: one for name, one in candidates.items() if not one.values and not one.own}
-    rows = _at_once(problem, plain, values, made) if plain else {}
+    plain = {name: one for name, one in candidates.items() if not one.values}
+    several = [residual for one in plain.values() for residual in one.residuals]
+    J = _by_unknowns(problem, several, values, made) if plain else np.zeros((0, problem.free.size))
+    edges = np.cumsum([0, *(sum(r.size for r in one.residuals) for one in plain.values())])
+    rows = {name: J[slice(*edge)] for name, edge in zip(plain, pairwise(edges), strict=True)}
     for name, one in candidates.items():
         if name not in plain:
-            key = (*(id(residual) for residual in one.residuals), one.own)
-            if key not in made:
-                _check_own(problem, name, one)
-                made[key] = _of_residuals(problem, one.residuals, one.own)
-            rows[name] = _without_own(problem, made[key], one, dict(values) | dict(one.values))
+            at = dict(values) | dict(one.values)
+            rows[name] = _by_unknowns(problem, one.residuals, at, made)
         if not np.isfinite(rows[name]).all():
             raise NotFinite(
                 f"candidate {name!r} has NaN or infinity in its Jacobian here; a camera may be "
@@ -136,49 +122,21 @@ def rows_of(
     return {name: A[A.any(axis=1)] for name, A in rows.items()}
 
 
-def _at_once(
+def _by_unknowns(
     problem: Problem,
-    plain: Mapping[str, Candidate],
+    residuals: Sequence[Residual],
     values: Mapping[str, ArrayLike],
     made: dict[object, Problem],
-) -> dict[str, Array]:
-    """The rows of candidates that have no numbers of their own, by one problem of them all."""
-    several = [residual for one in plain.values() for residual in one.residuals]
-    key = tuple(id(residual) for residual in several)
+) -> Array:
+    """The whitened rows (m, n) of some residuals by the problem's unknowns."""
+    key = tuple(id(residual) for residual in residuals)
     if key not in made:
-        made[key] = _of_residuals(problem, several, ())
-    J = _by_unknowns(problem, made[key], made[key].linearize(values).dense)
-    edges = np.cumsum([0, *(sum(r.size for r in one.residuals) for one in plain.values())])
-    return {name: J[slice(*edge)] for name, edge in zip(plain, pairwise(edges), strict=True)}
-
-
-def _of_residuals(problem: Problem, residuals: Sequence[Residual], own: tuple[str, ...]) -> Problem:
-    """The problem of some residuals in the unknowns that they read, and some of their own."""
-    reads = {name for residual in residuals for name in residual.reads}
-    names = (n for n in problem.free.spelled() if block_of(n, problem.free.names) in reads)
-    numbered = [replace(r, name=f"{r.name} {i}") for i, r in enumerate(residuals)]
-    free = (*names, *own)
-    return Problem(numbered, free or sorted(reads)[:1], blocks=problem.known.values())
-
-
-def _check_own(problem: Problem, name: str, one: Candidate) -> None:
-    """Raise BadArgument for unknowns of a candidate's own that are the problem's, or not read."""
-    both = set(one.own) & set(problem.free.names)
-    if both:
-        raise BadArgument(
-            f"candidate {name!r} has {joined(sorted(both))} as its own unknowns, but the problem "
-            "has them free too; give them another prefix, or leave them out of one of the two"
-        )
-    missing = [block for block in one.own if block not in one.reads]
-    if missing:
-        raise BadArgument(
-            f"candidate {name!r} does not read {joined(missing)}, which are to be its own "
-            f"unknowns; it reads {listed(one.reads)}"
-        )
-
-
-def _by_unknowns(problem: Problem, alone: Problem, J: Array) -> Array:
-    """The columns of J (m, k) in their places among the problem's unknowns, (m, n)."""
+        reads = {name for residual in residuals for name in residual.reads}
+        free = [n for n in problem.free.spelled() if block_of(n, problem.free.names) in reads]
+        numbered = [replace(r, name=f"{r.name} {i}") for i, r in enumerate(residuals)]
+        made[key] = Problem(numbered, free or sorted(reads)[:1], blocks=problem.known.values())
+    alone = made[key]
+    J = alone.linearize(values).dense
     rows = np.zeros((len(J), problem.free.size))
     for block in alone.free.blocks:
         if block.name in problem.free.names:
@@ -186,25 +144,11 @@ def _by_unknowns(problem: Problem, alone: Problem, J: Array) -> Array:
     return rows
 
 
-def _without_own(
-    problem: Problem, alone: Problem, one: Candidate, values: Mapping[str, ArrayLike]
-) -> Array:
-    """Rows by the problem's unknowns, without what a candidate's own unknowns explain."""
-    J = alone.linearize(values).dense
-    rows = _by_unknowns(problem, alone, J)
-    if not one.own:
-        return rows
-    own = np.hstack([J[:, alone.free.slices[name]] for name in one.own])
-    basis, s, _ = np.linalg.svd(own, full_matrices=False)
-    basis = basis[:, s > EPS * max(own.shape) * s.max(initial=0.0)]
-    return np.asarray(rows - basis @ (basis.T @ rows))
-
-
 def with_candidates(problem: Problem, candidates: Given, names: Iterable[str]) -> Problem:
     """The problem with the named candidates measured as well.
 
     Numbers of a candidate's own are constants in it. Raises UnknownName for a name that no
-    candidate has, and NotSupported for candidates with unknowns of their own.
+    candidate has.
     """
     known = checked(candidates)
     added = []
@@ -212,11 +156,6 @@ def with_candidates(problem: Problem, candidates: Given, names: Iterable[str]) -
         if name not in known:
             raise UnknownName("candidate", name, known)
         one = known[name]
-        if one.own:
-            raise NotSupported(
-                f"candidate {name!r} has unknowns of its own ({', '.join(one.own)}); build the "
-                "problem with it by hand, each of them a block under a name of its own"
-            )
         for i, residual in enumerate(one.residuals):
             called = f"{name} ({i + 1})" if len(one.residuals) > 1 else name
             added.append(_with_constants(replace(residual, name=called), one.values))

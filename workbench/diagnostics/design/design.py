@@ -1,9 +1,4 @@
-"""What to measure next: optimal design of experiments by the linear model at a point.
-
-A candidate's residuals have a whitened Jacobian J_c. After it has been measured the information on
-the unknowns is J'J + J_c'J_c, whatever is observed (Pukelsheim, Optimal Design of Experiments,
-2006); so it is known beforehand, up to curvature, how uncertain they will be.
-"""
+"""What to measure next: optimal design of experiments by the linear model at a point."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -29,14 +24,12 @@ from workbench.diagnostics.design.search import (
     Board,
     Progress,
     Score,
-    Search,
     State,
     Uncertainty,
-    active_inequalities,
-    automatic,
     combinations_left,
     directions_left,
     null,
+    searched,
 )
 from workbench.diagnostics.diagnosis import Diagnosis, diagnose
 from workbench.errors import BadArgument, some_of
@@ -82,7 +75,6 @@ class MeasurementDesign:
         steps: the criterion after the first chosen one, the first two, and so on.
         search: what the search did, in a sentence.
         undetermined: the names of the null directions before, at the first point.
-        uncounted: the bounds and inequalities that are active at a point, which do not count.
         free: the layout of the unknowns.
         scales: (T, n) of the unknowns at each point.
         known_before: what is known at each point.
@@ -99,7 +91,6 @@ class MeasurementDesign:
     steps: tuple[Score, ...]
     search: str
     undetermined: tuple[str, ...]
-    uncounted: tuple[str, ...]
     free: Layout = field(repr=False)
     scales: Array = field(repr=False)
     known_before: State = field(repr=False)
@@ -138,17 +129,6 @@ class MeasurementDesign:
         before, after = (np.sqrt(np.mean(s[at] ** 2)) for s in (self.sd_before, self.sd_after))
         return float(before), float(after)
 
-    @property
-    def without_bounds(self) -> str:
-        """Which active bounds do not count, and what that means; empty where none is active."""
-        if not self.uncounted:
-            return ""
-        are = "is active and does" if len(self.uncounted) == 1 else "are active and do"
-        return (
-            f"{some_of(self.uncounted)} {are} not count: if the true values lie there, "
-            "uncertainties are smaller than these"
-        )
-
     def report(self) -> str:
         """The design as text."""
         averaged = f", averaged over {self.points} points" if self.points > 1 else ""
@@ -162,8 +142,6 @@ class MeasurementDesign:
             lines += [f"    {one}" for one in self.scale_words.split("; ")]
         if self.undetermined:
             lines.append(f"  nothing determines {some_of(self.undetermined)}")
-        if self.uncounted:
-            lines.append(f"  {self.without_bounds}")
         lines += [f"EACH CANDIDATE BY ITSELF ({self.unit}; gain in nats)"]
         width = max(len(one.name) for one in self.ranking)
         for place, one in enumerate(self.ranking[:SHOWN], 1):
@@ -200,7 +178,6 @@ class MeasurementDesign:
             "chosen": list(self.chosen),
             "steps": [number(score.sd) for score in self.steps],
             "undetermined": list(self.undetermined),
-            "uncounted": list(self.uncounted),
             "ranking": [
                 {"name": r.name, "sd": number(r.sd), "nats": r.nats, "sees": r.sees}
                 for r in self.ranking
@@ -230,7 +207,6 @@ def design(
     *,
     choose: int = 1,
     criterion: Criterion = d_optimal,
-    search: Search = automatic,
     progress: Progress = lambda done, of: None,
 ) -> MeasurementDesign:
     """The `choose` of the candidates after which most is known, and how well it is known then.
@@ -243,9 +219,8 @@ def design(
     The problem's own residuals, its priors and what has been observed already, count as known.
     Where they leave null directions, candidates that determine more of what matters come first,
     then those that determine more of all. Equations among the constraints and equal bounds hold
-    exactly. Other bounds and constraints do not count, as an estimate may leave them; those that
-    are active at a point are named in the result (`uncounted`), because standard deviations are
-    then too large where the true values lie there as well. Kernels count as they are at the point.
+    exactly. Other bounds and constraints do not count, as an estimate may leave them: standard
+    deviations are too large if the true values lie on them. Kernels count as they are at the point.
     Raises BadArgument, UnknownName for a candidate that reads an unknown block, NotFinite,
     TooLarge, and what `Problem.split` raises for the values.
     """
@@ -261,7 +236,6 @@ def design(
         raise BadArgument(f"1 to {len(known)} of the candidates can be chosen, not {choose}")
     names, sizes, words, unit = tuple(known), [], "", ""
     before, gradients, rows = [], [], []
-    uncounted: dict[str, None] = {}
     made: dict[object, Problem] = {}
     for at in several:
         point = _point(problem, at)
@@ -276,7 +250,6 @@ def design(
                     "equations hold all that matters, so that no candidate adds to it"
                 )
         before.append(Uncertainty.of(point.here.scaled(scales), left))
-        uncounted |= dict.fromkeys(active_inequalities(point))
         gradients.append(gradient)
         rows.append({name: A * scales for name, A in seen.items()})
         sizes.append(scales)
@@ -286,7 +259,7 @@ def design(
         criterion.size,
         tuple(tuple(each[name] for each in rows) for name in names),
     )
-    choice = search(board, int(choose), progress)
+    chosen, how = searched(board, int(choose), progress)
     directions = diagnose(problem, several[0]).null_directions if null(board.before) else ()
     return MeasurementDesign(
         criterion.name,
@@ -295,15 +268,14 @@ def design(
         len(several),
         board.score(board.before),
         _ranking(board, names),
-        tuple(names[i] for i in choice.candidates),
-        tuple(board.score(board.measuring(choice.candidates[: k + 1])) for k in range(int(choose))),
-        choice.how,
+        tuple(names[i] for i in chosen),
+        tuple(board.score(board.measuring(chosen[: k + 1])) for k in range(len(chosen))),
+        how,
         tuple(direction.name for direction in directions),
-        tuple(uncounted),
         problem.free,
         np.stack(sizes),
         board.before,
-        board.measuring(choice.candidates),
+        board.measuring(chosen),
     )
 
 

@@ -100,14 +100,11 @@ def directions_left(d: Diagnosis, scales: Array) -> Array | None:
 
     Equations are those among the constraints, and equal bounds of an unknown.
     """
-    rows = d.active.rows[_equations(d)]
-    return tangent_space(rows * scales) if len(rows) else None
-
-
-def active_inequalities(d: Diagnosis) -> tuple[str, ...]:
-    """The bounds and inequality constraints that are active, such as `x[0] >= 0`."""
-    equations = _equations(d)
-    return tuple(name for name, holds in zip(d.active.names, equations, strict=True) if not holds)
+    problem, active = d.problem, d.active
+    there = problem.stacked_constraints
+    of_constraints = np.zeros(0, dtype=bool) if there is None else there.equal[active.active]
+    equal = np.append(of_constraints, (problem.lower == problem.upper)[active.bounded])
+    return tangent_space(active.rows[equal] * scales) if equal.any() else None
 
 
 def combinations_left(gradients: Array, left: Array) -> Array:
@@ -118,14 +115,6 @@ def combinations_left(gradients: Array, left: Array) -> Array:
     along = left.T @ gradients
     _, s, Vt = np.linalg.svd(along, full_matrices=False)
     return np.asarray(gradients @ Vt[s > NOTHING * np.linalg.norm(gradients)].T)
-
-
-def _equations(d: Diagnosis) -> Array:
-    """Which active rows are equations, (k,)."""
-    problem, active = d.problem, d.active
-    there = problem.stacked_constraints
-    of_constraints = np.zeros(0, dtype=bool) if there is None else there.equal[active.active]
-    return np.concatenate([of_constraints, (problem.lower == problem.upper)[active.bounded]])
 
 
 State = tuple[Uncertainty, ...]  # one for each point
@@ -174,11 +163,6 @@ class Board:
     size: Size
     rows: tuple[tuple[Array, ...], ...]
 
-    @property
-    def count(self) -> int:
-        """How many candidates there are."""
-        return len(self.rows)
-
     def after(self, state: State, candidate: int) -> State:
         """What is known once a candidate has been measured."""
         return tuple(u.seeing(A) for u, A in zip(state, self.rows[candidate], strict=True))
@@ -192,7 +176,7 @@ class Board:
 
     def others(self, chosen: Sequence[int]) -> list[int]:
         """The candidates that are not among these."""
-        return [i for i in range(self.count) if i not in chosen]
+        return [i for i in range(len(self.rows)) if i not in chosen]
 
     def score(self, state: State) -> Score:
         """How good that is."""
@@ -208,27 +192,17 @@ def null(state: State) -> int:
     return sum(u.null.shape[1] for u in state)
 
 
-@dataclass(frozen=True)
-class Chosen:
-    """The candidates that a search chose, by number, and what it did in a sentence."""
-
-    candidates: tuple[int, ...]
-    how: str
-
-
-Search = Callable[[Board, int, Progress], Chosen]
+def searched(board: Board, choose: int, progress: Progress) -> tuple[tuple[int, ...], str]:
+    """The candidates to choose, by number, the best first, and what was done in a sentence."""
+    few = choose == 1 or comb(len(board.rows), choose) * len(board.before) <= FEW
+    chosen, how = (every_combination if few else greedy_with_exchange)(board, choose, progress)
+    return in_order(board, chosen), how
 
 
-def automatic(board: Board, choose: int, progress: Progress) -> Chosen:
-    """Every combination where there are few, and otherwise greedy with exchanges."""
-    few = choose == 1 or comb(board.count, choose) * len(board.before) <= FEW
-    return (every_combination if few else greedy_with_exchange)(board, choose, progress)
-
-
-def every_combination(board: Board, choose: int, progress: Progress) -> Chosen:
+def every_combination(board: Board, choose: int, progress: Progress) -> tuple[tuple[int, ...], str]:
     """The best of all combinations of that many candidates."""
     best: tuple[tuple[int, ...], Score] | None = None
-    count = comb(board.count, choose)
+    count = comb(len(board.rows), choose)
     for done, (some, state) in enumerate(_combinations(board, choose, (), board.before), 1):
         score = board.score(state)
         if best is None or score.beats(best[1]):
@@ -236,7 +210,7 @@ def every_combination(board: Board, choose: int, progress: Progress) -> Chosen:
         progress(done, count)
     assert best is not None
     what = "candidates" if choose == 1 else f"combinations of {choose} candidates"
-    return Chosen(in_order(board, best[0]), f"all {count:,} {what} were compared")
+    return best[0], f"all {count:,} {what} were compared"
 
 
 def _combinations(
@@ -247,11 +221,13 @@ def _combinations(
         yield begun, state
         return
     first = begun[-1] + 1 if begun else 0
-    for candidate in range(first, board.count - (choose - len(begun)) + 1):
+    for candidate in range(first, len(board.rows) - (choose - len(begun)) + 1):
         yield from _combinations(board, choose, (*begun, candidate), board.after(state, candidate))
 
 
-def greedy_with_exchange(board: Board, choose: int, progress: Progress) -> Chosen:
+def greedy_with_exchange(
+    board: Board, choose: int, progress: Progress
+) -> tuple[tuple[int, ...], str]:
     """One after the other, each the best beside those before; then one is exchanged for another.
 
     By D-optimality the information of the greedy choice is at least 1 - 1/e of the largest possible
@@ -266,7 +242,7 @@ def greedy_with_exchange(board: Board, choose: int, progress: Progress) -> Chose
         chosen.append(best)
         progress(step + 1, (PASSES + 1) * choose)
     exchanges, tried = 0, 0  # tried since the last exchange
-    for number in range(PASSES * choose if choose < board.count else 0):
+    for number in range(PASSES * choose if choose < len(board.rows) else 0):
         place = number % choose
         rest = board.measuring(chosen[:place] + chosen[place + 1 :])
         best, better = _best(board, rest, board.others(chosen))
@@ -277,8 +253,7 @@ def greedy_with_exchange(board: Board, choose: int, progress: Progress) -> Chose
         if tried == choose:
             break
     times = {0: "no exchange", 1: "one exchange"}.get(exchanges, f"{exchanges} exchanges")
-    how = f"greedily and with {times}; no single exchange improves the choice"
-    return Chosen(in_order(board, chosen), how)
+    return tuple(chosen), f"greedily and with {times}; no single exchange improves the choice"
 
 
 def in_order(board: Board, chosen: Sequence[int]) -> tuple[int, ...]:

@@ -2,6 +2,8 @@
 
 import re
 from collections.abc import Mapping, Sequence
+from functools import cache
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -22,27 +24,6 @@ MOST_BYTES = 2**26  # of a calibration that is text; COLMAP's has the points of 
 LONGEST_ROTATION = 2.01 * np.pi  # rad: a rotation vector that is longer is in degrees
 CENTIMETRES = 20.0, 1000.0  # how far Panoptic's cameras are from the world's origin
 LONGEST_NAME = 200  # characters, of a camera's name
-# What tools call the numbers of a camera, without capitals and separators.
-ALIASES = {
-    "K": "k matrix cameramatrix intrinsic intrinsics intrinsicmatrix mtx m",
-    "distortion": "distortion distortions dist distcoef distcoefs distcoeff distcoeffs d "
-    "distortioncoefficients distortioncoeffs",
-    "R": "r rot rotation rotationmatrix rotationvector rvec rmat",
-    "t": "t translation translationvector tvec",
-    "extrinsic": "extrinsic extrinsics extrinsicmatrix rt w2c world2cam worldtocam world2camera "
-    "worldtocamera viewmatrix",
-    "pose": "c2w cam2world camtoworld camera2world cameratoworld pose camerapose",
-    "opengl": "transformmatrix",  # of the transforms.json of NeRF and nerfstudio
-    "size": "size resolution imagesize imgsize",
-    "width": "width w imagewidth imgwidth",
-    "height": "height h imageheight imgheight",
-    "fx": "fx flx",
-    "fy": "fy fly",
-    **{key: key for key in ("cx", "cy", "k1", "k2", "p1", "p2", "k3")},
-    "name": "name cameraname camname filepath",
-    "fisheye": "fisheye fisheyemodel",
-}
-CALLED = {alias: key for key, aliases in ALIASES.items() for alias in aliases.split()}
 IDLE = {"calibdatasource", "panel", "node", "type", "typeid"}  # say nothing on pixels
 MATRICES = (4, 4), (3, 4)
 SHAPES: dict[str, tuple[tuple[int, ...], ...]] = {  # also as one row of numbers
@@ -159,9 +140,17 @@ def _word(name: str) -> str:
     return rf"(?<![^\W_]){re.escape(name)}(?![^\W_])"
 
 
+@cache
+def _called() -> dict[str, str]:
+    """The keys of numbers of a camera, by what tools call them, without capitals and separators."""
+    text = (files("workbench") / "data" / "cameras" / "keys.csv").read_text(encoding="utf-8")
+    rows = [line.split(",") for line in text.splitlines()[1:]]
+    return {alias: key for key, aliases in rows for alias in aliases.split()}
+
+
 def _key(key: object) -> str:
-    """What is called so in the files of tools, as `ALIASES` has it; empty if it is not known."""
-    return CALLED.get(re.sub(r"[\W_]", "", str(key)[:60]).lower(), "")
+    """What is called so in the files of tools; empty if it is not known."""
+    return _called().get(re.sub(r"[\W_]", "", str(key)[:60]).lower(), "")
 
 
 def _tables(path: Path) -> tuple[list[tuple[str, Table]], bool]:
@@ -208,7 +197,7 @@ def _tables(path: Path) -> tuple[list[tuple[str, Table]], bool]:
 
 
 def _plain(path: Path, name: str, table: Table) -> dict[str, Any]:
-    """A camera's numbers under the keys of `ALIASES`, and the keys not read under `unread`."""
+    """A camera's numbers under the keys of `_called`, and the keys not read under `unread`."""
     entries: dict[str, Any] = {"unread": []}
     for key, value in table.items():
         known = _key(key)

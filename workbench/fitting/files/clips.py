@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import Array
-from workbench.errors import BadArgument, BadFile, UnknownName, some
+from workbench.blocks.checks import above_zero
+from workbench.errors import BadFile, UnknownName, some
 from workbench.fitting.files.cameras import cameras_of, notes_on
 from workbench.fitting.files.keypoints import (
     by_image,
@@ -57,8 +58,7 @@ def read_clip(
             f"{root} is no folder; a clip is a folder with a JSON file for each frame, or one "
             ".json of AlphaPose or COCO with all of them"
         )
-    if not 0 < fps < np.inf:
-        raise BadArgument(f"a clip has a number of frames per second above 0, not {fps:g}")
+    above_zero("a clip", fps=fps)
     inside = root.iterdir() if root.is_dir() else ()
     inner = sorted(one for one in inside if one.is_dir() and any(one.glob("*.json")))
     if inner and any(root.glob("*.json")):

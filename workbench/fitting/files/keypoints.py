@@ -39,12 +39,6 @@ SIZE = (  # keys of an image's width and height
     *(("width", "height"), ("canvas_width", "canvas_height"), ("imageWidth", "imageHeight")),
 )
 MOST_PEOPLE = 300_000  # of one file; the largest of COCO holds 262,465
-SEEMS: tuple[tuple[set[str], str], ...] = (  # what files are that hold no keypoints, by their keys
-    ({"K", "matrix", "cameras", "camera_matrix", "R"}, "a calibration, which --cameras takes"),
-    ({"pose_keypoints_3d", "joints19", "joints15", "keypoints3d"}, "keypoints in space"),
-    ({"poses", "betas", "body_pose", "smpl"}, "the motion of a body, which workbench motion reads"),
-    ({"bbox", "box", "boxes", "segmentation"}, "boxes of a detector without keypoints"),
-)
 
 
 def number_in(name: Any) -> int | None:
@@ -279,7 +273,7 @@ def _entries(
 
 
 def _without_keypoints(path: str | Path, data: Any) -> str:
-    """Why a file is refused: what it seems to be, and its keys."""
+    """Why a file is refused, with its keys."""
     inside = data
     for _ in range(2):  # a list of people, or an object with one
         if isinstance(inside, dict):
@@ -287,13 +281,9 @@ def _without_keypoints(path: str | Path, data: Any) -> str:
         if isinstance(inside, list) and inside:
             inside = inside[0]
     keys = [*inside] if isinstance(inside, dict) else []
-    first = inside[keys[0]] if keys else None  # of cameras, motions or boxes by name
-    named = {*keys, *first} if isinstance(first, dict) else {*keys}
-    kind = next((kind for known, kind in SEEMS if known & named), "")
-    seems = f" and seems to be {kind}" if kind else ""
     has = f"; it has the keys {some(map(str, keys))}" if keys else f"; it is {shown(data)}"
     return (
-        f"{path} holds no person's keypoints{seems}{has}. Read are COCO JSON (annotations with "
+        f"{path} holds no person's keypoints{has}. Read are COCO JSON (annotations with "
         "`keypoints`), OpenPose JSON (`people` with `pose_keypoints_2d`) and others, which "
         "howto/formats.md lists"
     )

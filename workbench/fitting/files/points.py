@@ -21,14 +21,9 @@ Named = tuple[tuple[str, ...], Array]  # names, empty if the file has none, and 
 
 @dataclass(frozen=True, eq=False)
 class DetectedPerson:
-    """The keypoints of one person in a file.
-
-    Attributes:
-        names: the keypoints' names.
-        points: (M, 3) u, v in px, and a confidence from 0 to 1, which is 0 for what was not seen.
-        size: width and height of the image in px, if the file says so.
-        body: the names of the keypoints without hands and face; empty where each point has a name.
-        notes: sentences on what else the file holds.
+    """The named keypoints (M, 3) of one person in a file, as u, v in px and a confidence from 0 to
+    1, which is 0 for what was not seen; the size of the image in px, if the file says so; the names
+    without hands and face, empty where each point has a name; and notes on what else it holds.
     """
 
     names: tuple[str, ...]

@@ -1,10 +1,8 @@
 """What is left out of a scan before it is used, each time with a sentence that says so."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from workbench.arrays import Array, Index, Mask
@@ -182,16 +180,17 @@ def _kept(contents: ScanContents, mask: Mask, why: str) -> ScanContents:
 
 def _merged(contents: ScanContents) -> ScanContents:
     """Every place once, with the normal of the first point there; no face is a line or twice."""
-    first, place = _unique(contents.points + 0.0)  # so that there is no -0
-    count = len(contents.points) - len(first)
+    points = contents.points + 0.0  # so that there is no -0
+    _, first, place = np.unique(points, axis=0, return_index=True, return_inverse=True)
+    count = len(points) - len(first)
     if count:
         order = np.argsort(first)  # places in the order in which the file has them
         number = np.argsort(order)
         contents = replace(
             contents,
-            points=contents.points[first[order]] + 0.0,
+            points=points[first[order]],
             normals=None if contents.normals is None else contents.normals[first[order]],
-            faces=None if contents.faces is None else number[place[contents.faces]],
+            faces=None if contents.faces is None else number[place.ravel()[contents.faces]],
             notes=(
                 *contents.notes,
                 f"{points_are(count)} in the place of another, and merged with it",
@@ -199,19 +198,7 @@ def _merged(contents: ScanContents) -> ScanContents:
         )
     if contents.faces is None:
         return contents
-    corners = np.sort(contents.faces, axis=1)
-    first = _unique(corners)[0]
-    corners = corners[first]
-    proper = (corners[:, 0] < corners[:, 1]) & (corners[:, 1] < corners[:, 2])
+    corners, first = np.unique(np.sort(contents.faces, axis=1), axis=0, return_index=True)
+    proper = (np.diff(corners, axis=1) > 0).all(axis=1)
     faces: Index = contents.faces[np.sort(first[proper])]
     return replace(contents, faces=faces if len(faces) else None)
-
-
-def _unique(rows: NDArray[Any]) -> tuple[Index, Index]:
-    """Where rows (n, 3) that differ are first, and which each is; faster than `np.unique`."""
-    order = np.lexsort(rows.T)
-    fresh = np.ones(len(rows), dtype=bool)
-    fresh[1:] = (np.diff(rows[order], axis=0) != 0).any(axis=1)
-    place = np.empty(len(rows), dtype=np.int64)
-    place[order] = np.cumsum(fresh) - 1
-    return order[fresh], place

@@ -12,13 +12,11 @@ from workbench.arrays import Array, Index
 from workbench.blocks.checks import reals
 from workbench.errors import BadArgument, BadFile, cut, listed, some
 from workbench.fitting.scans.cleaning import cleaned, far_points, points_are, without_planes
-from workbench.fitting.scans.scan import BadScan, Scan, ScanContents
+from workbench.fitting.scans.scan import BadScan, Scan, ScanContents, areas_of_faces
 from workbench.fitting.scans.surface import (
-    areas_of_faces,
     areas_of_neighbours,
     edges_of_one_face,
     filled,
-    normals_of_faces,
     normals_of_neighbours,
     outline,
     principal_axes,
@@ -30,7 +28,7 @@ from workbench.geometry.guesses import PERSON, UNITS, UP_TO_Y, Sizes, extents, u
 from workbench.geometry.meshes import READERS as MESHES
 from workbench.geometry.meshes import Parts, parse_ply_and_normals, parsed_mesh
 from workbench.geometry.point_clouds import parse_pcd, parse_xyz
-from workbench.geometry.solids import face_vectors, volume
+from workbench.geometry.solids import face_vectors, vertex_normals, volume
 from workbench.reading.arrays import Header, mapped_array, opened, taken_for, widened
 
 POINTS = ("points", "vertices", "xyz", "positions", "scan")
@@ -216,7 +214,7 @@ def with_normals(contents: ScanContents, camera: Array | None) -> ScanContents:
     if normals is not None and normals.any():
         source = "normals are those of the file"
     elif faces is not None:
-        normals = filled(points, normals_of_faces(points, faces))
+        normals = filled(points, vertex_normals(points, faces))
         source = "normals are of the faces"
     elif camera is not None:
         normals, source = normals_of_neighbours(points), "normals are estimated from neighbours"
@@ -259,15 +257,6 @@ def _with_faces_outwards(
 class ReadScan:
     """A scan that was read from a file, and what was guessed about it.
 
-    >>> import numpy as np, tempfile
-    >>> from workbench import load_body
-    >>> body = load_body("small")
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     np.save(f"{folder}/scan.npy", 1000 * body.template)
-    ...     read = read_scan(f"{folder}/scan.npy")
-    >>> read.unit, read.up, read.scan.n_points
-    ('mm', 'y', 369)
-
     Attributes:
         scan: the scan in m, y up.
         unit: the unit of the file: m, cm, mm or in.
@@ -297,12 +286,11 @@ def read_scan(
 
     Formats are .ply, .pcd, .obj, .off, .stl, .glb, .npz, .npy, and .xyz, .txt or .csv with x y z
     and perhaps nx ny nz in each line. A floor and walls are left out. `unit` (m, cm, mm, in, or a
-    number of m as text) and `up` (x, y, z, -x, -y, -z) are guessed if they are not given: see
-    `unit_of` and `up_of`; `sizes` says how long what was scanned usually is. `name` is the array of
-    points in an .npz file. `camera_position` (3,), in the file's own unit and axes, is from where
-    all points were seen. An .npz file may hold it, and so may a .pcd file, as its viewpoint; there
-    0 0 0 is what programs write that do not know it, and is not taken. Of a cloud of more than
-    `most` points so many are drawn.
+    number of m as text) and `up` (x, y, z, -x, -y, -z) are guessed if they are not given; `sizes`
+    says how long what was scanned usually is. `name` is the array of points in an .npz file.
+    `camera_position` (3,), in the file's own unit and axes, is from where all points were seen; an
+    .npz or .pcd file may hold it, but 0 0 0 in a .pcd says nothing. Of a cloud of more than `most`
+    points so many are drawn.
 
     Normals are those of the file, of its faces, or of neighbouring points; of the last it is not
     known on which side they are, unless the camera's position is. Weights are areas in m^2.

@@ -34,10 +34,6 @@ class Scan:
         faces: (T, 3) triangles of the points' numbers, counterclockwise as seen from outside;
             None if it is not known which points are neighbours.
         weights: (M,) the area in m^2 that each point stands for; None if all count the same.
-
-    >>> import numpy as np
-    >>> Scan(np.zeros((2, 3)), normals=np.array([[0.0, 0, 1], [0, 1, 0]])).n_points
-    2
     """
 
     points: Array
@@ -93,9 +89,7 @@ class Scan:
         normals = vertex_normals(points, faces)
         known: Mask = np.asarray(normals.any(axis=1))
         normals[~known] = [0.0, 1.0, 0.0]
-        thirds = np.linalg.norm(face_vectors(points, faces), axis=1, keepdims=True) / 3
-        areas = sums_over_faces(thirds, faces, len(points))[:, 0]
-        return cls(points, normals, faces, areas).some(known)
+        return cls(points, normals, faces, areas_of_faces(points, faces)).some(known)
 
     def some(self, chosen: Mask) -> "Scan":
         """The scan of the points that a mask (M,) chooses, and of the faces between them.
@@ -133,14 +127,8 @@ class Scan:
 
 @dataclass(frozen=True, eq=False)
 class ScanContents:
-    """What a file of a scan holds, in the file's own unit and axes; numbers may be NaN.
-
-    Attributes:
-        points: (N, 3).
-        normals: (N, 3) of any length, or None.
-        faces: (F, 3) numbers of points, which may not exist, or None.
-        camera_position: (3,), or None.
-        notes: sentences on what was left in the file.
+    """What a file of a scan holds, in the file's own unit and axes; numbers may be NaN, normals of
+    any length, and faces (F, 3) may name points that do not exist.
     """
 
     points: Array
@@ -148,6 +136,12 @@ class ScanContents:
     faces: Index | None = None
     camera_position: Array | None = None
     notes: tuple[str, ...] = ()
+
+
+def areas_of_faces(points: Array, faces: Index) -> Array:
+    """A third of the area of the faces around each point, (M,) m^2; the sum is the whole area."""
+    thirds = np.linalg.norm(face_vectors(points, faces), axis=1, keepdims=True) / 3
+    return sums_over_faces(thirds, faces, len(points))[:, 0]
 
 
 def faces_between(faces: Index, chosen: Mask) -> Index:

@@ -13,9 +13,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from workbench.arrays import Array, Index, Mask
-from workbench.errors import BadArgument
+from workbench.blocks.checks import from_zero
 from workbench.fitting.scans.scan import Scan
-from workbench.geometry.solids import face_vectors, sums_over_faces
 
 LOOKED_AT = 200_000  # points that are looked at
 OUTLINE_CELLS = 50  # cells along the longest side of the scan
@@ -75,17 +74,6 @@ def means_of_cells(points: Array, along: int) -> tuple[Array, Index, Index]:
 def principal_axes(cells: Array) -> Array:
     """Rows (3, 3): the direction along which an outline spreads most comes first."""
     return np.asarray(np.linalg.eigh(np.cov(cells.T))[1].T[::-1])
-
-
-def normals_of_faces(points: Array, faces: Index) -> Array:
-    """Unit normals (M, 3): the sum over the faces of a point, by area; 0 where it vanishes."""
-    return units(sums_over_faces(face_vectors(points, faces), faces, len(points)))
-
-
-def areas_of_faces(points: Array, faces: Index) -> Array:
-    """A third of the area of the faces around each point, (M,) m^2; the sum is the whole area."""
-    areas = np.linalg.norm(face_vectors(points, faces), axis=1) / 3
-    return sums_over_faces(areas[:, None], faces, len(points))[:, 0]
 
 
 def normals_of_neighbours(points: Array) -> Array:
@@ -176,8 +164,7 @@ def boundary(scan: Scan, *, width: float = 0.0) -> Mask:
     whose 48 neighbours, seen along the normal, leave a gap of more than 120 degrees (Bendels et
     al., Detecting Holes in Point Set Surfaces, 2006). Raises BadArgument for a width below 0.
     """
-    if not 0 <= width < np.inf:
-        raise BadArgument(f"a boundary has a width of 0 m or more, not {width:g}")
+    from_zero("a boundary", width=width)
     if scan.faces is not None:
         found = np.zeros(scan.n_points, dtype=np.bool_)
         found[edges_of_one_face(scan.faces)] = True
@@ -190,13 +177,10 @@ def boundary(scan: Scan, *, width: float = 0.0) -> Mask:
 
 def edges_of_one_face(faces: Index) -> Index:
     """The edges (E, 2) that only one of the faces (T, 3) has."""
-    edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    edges = edges[np.lexsort(edges.T)]
-    same = (np.diff(edges, axis=0) == 0).all(axis=1)
-    alone = np.ones(len(edges), dtype=bool)
-    alone[1:] &= ~same
-    alone[:-1] &= ~same
-    return np.asarray(edges[alone])
+    low, high = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1).T
+    N = int(faces.max(initial=0)) + 1
+    numbers, counts = np.unique(low * N + high, return_counts=True)
+    return np.stack(np.divmod(numbers[counts == 1], N), axis=1)
 
 
 def boundary_of_cloud(points: Array) -> Mask:
@@ -226,11 +210,6 @@ def loose_points(scan: Scan) -> Mask:
     distance of the fourth neighbour. Points of a surface lie side by side and face the same way.
     Rusu and others remove points by the distances of their neighbours alone (Towards 3D point cloud
     based object maps for household environments, 2008). Of fewer than nine points, none is loose.
-
-    >>> import numpy as np
-    >>> grid = np.stack(np.meshgrid(*[np.arange(10.0)] * 2, [0.0]), axis=-1).reshape(-1, 3)
-    >>> loose_points(Scan(np.vstack([grid, [[4.5, 4.5, 30.0]]]))).nonzero()[0].tolist()
-    [100]
     """
     if scan.n_points <= ASKED:
         return np.zeros(scan.n_points, dtype=bool)

@@ -1,12 +1,10 @@
 """Coregistration: the registrations of many scans and the model that couples them, together.
 
-The common cost is the objective of training, with registrations as unknowns, plus each scan's term
-and the pose prior; no block raises it. One block registers all scans with the model held, the other
-fits the model. The latter does not take registrations as if they had been observed, because where
-nothing was scanned, a registration only repeats the model and would hold it where it is. What
-remains of a scan's cost when its registration is eliminated is a target for each vertex, with a
-confidence that depends on the direction (`scan_block`). The prior on a person's template acts on
-its edges: under one on vertices, these slide along the skin.
+One block registers all scans with the model held, the other fits the model; none raises the joint
+cost. The latter does not take registrations as if they had been observed, because where nothing was
+scanned, a registration only repeats the model and would hold it where it is. What remains of a
+scan's cost when its registration is eliminated is a target for each vertex, with a confidence that
+depends on the direction (`scan_block`).
 """
 
 from workbench.registration.coregistration.coregistering import (
@@ -14,15 +12,11 @@ from workbench.registration.coregistration.coregistering import (
     CoregistrationPlan,
     Fitted,
     State,
-    hard,
-    soft,
 )
 from workbench.registration.coregistration.scan_block import Scans, ScansInMemory
-from workbench.registration.coregistration.triangle_steps import learned_bends
 from workbench.registration.coregistration.triangles import (
     TriangleCoregistration,
     TrianglePlan,
-    TriangleState,
     bent_as,
 )
 
@@ -35,9 +29,5 @@ __all__ = [
     "State",
     "TriangleCoregistration",
     "TrianglePlan",
-    "TriangleState",
     "bent_as",
-    "hard",
-    "learned_bends",
-    "soft",
 ]

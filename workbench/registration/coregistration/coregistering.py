@@ -17,7 +17,6 @@ import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
-from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -25,10 +24,12 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
+from workbench.blocks.checks import above_zero
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadArgument, BadFile
 from workbench.fitting.body_priors import pose_gaussian
 from workbench.geometry.solids import area
+from workbench.identity import identity
 from workbench.interrupts import Interrupts
 from workbench.reading.arrays import Expected, doubles, nothing_else, opened, read_expected, texts
 from workbench.reading.facts import facts_in
@@ -40,7 +41,6 @@ from workbench.registration.coregistration.scan_block import (
     on_scans,
 )
 from workbench.registration.free_vertices import CLOSE, ScanTerm
-from workbench.residuals import Form
 from workbench.threads import limited_threads
 from workbench.training.blocks import BLOCKS, BlockInput, BlockOptions
 from workbench.training.checkpoint import FACTS, REMOVE, log_entry
@@ -57,7 +57,7 @@ from workbench.writing import Keeping, replacing
 if TYPE_CHECKING:
     from workbench.registration.coregistration.triangles import TriangleState
 
-FILE, VERSION = "coregistration.npz", "2:"
+FILE, VERSION = "coregistration.npz", "3:"
 OWN = ("vertices", "trans", "targets", "confidence", "scan_costs")
 
 
@@ -134,9 +134,9 @@ def read_state(folder: Path, fingerprint: str, first: "AnyState") -> "AnyState |
     return first.of(found, log)
 
 
-def fingerprint(scans: Scans, first: "State | TriangleState", settings: str) -> str:
+def fingerprint(scans: Scans, first: "State | TriangleState", plan: object) -> str:
     """A digest of all that determines a coregistration. It reads every scan once."""
-    digest = hashlib.sha256(settings.encode())
+    digest = hashlib.sha256(json.dumps(identity(plan), sort_keys=True).encode())
     arrays = [*first.arrays().values(), scans.subject]
     for row in range(len(scans.subject)):
         scan = scans.read(row)
@@ -149,67 +149,31 @@ def fingerprint(scans: Scans, first: "State | TriangleState", settings: str) -> 
 EDGES = 0.01  # m
 SETTINGS = Sigmas(data=0.003, rings=0.002, posedirs=0.001, weights=0.05)
 
-Observe = Callable[[State, Index], InMemory]
-"""Scans as registrations for the model's blocks, from a state and the subjects (J,) of scans."""
-
-
-def soft(state: State, subject: Index) -> InMemory:
-    """Scans as they are: targets, with a confidence for each direction of each vertex."""
-    return InMemory(state.targets, subject, state.confidence)
-
-
-def hard(state: State, subject: Index) -> InMemory:
-    """The registrations as if they had been observed, hidden vertices included."""
-    return InMemory(state.vertices, subject)
-
 
 @dataclass(frozen=True)
 class CoregistrationPlan:
-    """What a coregistration does, and how strongly its terms hold.
-
-    Raises BadArgument for no rounds.
+    """What a coregistration does, and how strongly its terms hold. Raises BadArgument for no
+    rounds.
 
     Attributes:
         rounds: how often registrations and the model are found in turn; at the end the
             registrations are found once more.
         sigmas: of the terms; `data` is sigma_C, the coupling of registrations and model, in m.
-        edges: sigma in m of the edges of a template, beyond what betas explain (E_T); None holds
-            every vertex of a template for itself, by `sigmas.subjects`.
-        curvature: sigma in m by which the displacement of a template's vertex differs from the mean
-            of its neighbours'; infinite for none.
+        edges: sigma in m of the edges of a template, beyond what betas explain (E_T).
         blocks: those of training that make up the step of the model; none holds it.
-        observe: how scans are seen by the model's blocks, `soft` or `hard`.
-        terms: those of a scan, together E_S.
+        term: that of a scan, E_S.
         options: when the inner iterations of the model's blocks stop.
     """
 
     rounds: int = 4
     sigmas: Sigmas = SETTINGS
-    edges: float | None = EDGES
-    curvature: float = inf
+    edges: float = EDGES
     blocks: tuple[str, ...] = ("people", "surfaces", "regressor")
-    observe: Observe = soft
-    terms: tuple[ScanTerm, ...] = (CLOSE,)
+    term: ScanTerm = CLOSE
     options: BlockOptions = field(default_factory=lambda: BlockOptions(linear_tolerance=1e-3))
 
     def __post_init__(self) -> None:
-        if self.rounds < 1:
-            raise BadArgument(f"a coregistration has one round or more, not {self.rounds}")
-
-    def written(self) -> str:
-        """The plan in letters, the same in every process, by which checkpoints are known."""
-        terms = tuple((type(term).__qualname__, sorted(vars(term).items())) for term in self.terms)
-        rest = (self.rounds, self.sigmas, self.edges, self.curvature, self.blocks, self.options)
-        return repr((*rest, _named(self.observe), _named(terms)))
-
-
-def _named(value: object) -> object:
-    """A value without addresses in memory: functions by their names, and forms by their sizes."""
-    if isinstance(value, tuple | list):
-        return tuple(_named(one) for one in value)
-    if isinstance(value, Form):
-        return value.numbers
-    return getattr(value, "__qualname__", value)
+        above_zero("a coregistration", rounds=self.rounds)
 
 
 def coregistration_card(start: str, subject: Index, log: Sequence[LogEntry]) -> dict[str, Any]:
@@ -230,12 +194,8 @@ SHARES = (1.0, 0.5, 0.25, 0.1)  # of the model's step, until the joint cost fall
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """A body fitted to one scan, from which coregistration starts.
-
-    Attributes:
-        pose: (K, 3) rad.
-        betas: (B,).
-        trans: (3,) m.
+    """A body fitted to one scan, from which coregistration starts: pose (K, 3) rad, betas (B,) and
+    trans (3,) m.
     """
 
     pose: Array
@@ -281,9 +241,6 @@ class Coregistration:
     def objective(self, registrations: InMemory) -> Objective:
         """The objective of training for these registrations, with templates held by edges."""
         body, plan = self.body, self.plan
-        freedom = None
-        if plan.edges is not None:
-            freedom = smooth_prior(body.faces, body.shapedirs, plan.edges, plan.curvature)
         return Objective(
             registrations,
             body.J_regressor,
@@ -291,7 +248,7 @@ class Coregistration:
             None,
             plan.sigmas,
             body.template,
-            freedom=freedom,
+            freedom=smooth_prior(body.faces, body.shapedirs, plan.edges),
             first_posedirs=body.posedirs,
             pose_prior=PosePrior.of(*pose_gaussian(body)),
         )
@@ -354,11 +311,11 @@ class Coregistration:
         KeyboardInterrupt after Ctrl-C, when the checkpoint of the last block is on disk.
         """
         first = self.first(fits)
-        identity, keep = "", Keeping()
+        known, keep = "", Keeping()
         state = None
         if folder is not None:
-            identity = fingerprint(self.scans, first, self.plan.written())
-            state = read_state(folder, identity, first)
+            known = fingerprint(self.scans, first, self.plan)
+            state = read_state(folder, known, first)
         with limited_threads():
             if state is None:
                 state = self._with(first, self._on_scans(first, execution))
@@ -368,9 +325,7 @@ class Coregistration:
                 self.costs,
                 self._step,
                 execution,
-                lambda state: (
-                    keep(partial(save_state, state, folder, identity)) if folder else None
-                ),
+                lambda state: keep(partial(save_state, state, folder, known)) if folder else None,
             )
 
     def _step(
@@ -384,12 +339,13 @@ class Coregistration:
         self, state: State, cost: float, execution: Execution
     ) -> tuple[State, dict[str, float]]:
         """The step of the model, as much of it as lowers the joint cost."""
-        objective = self.objective(self.plan.observe(state, self.scans.subject))
+        soft = InMemory(state.targets, self.scans.subject, state.confidence)
+        objective = self.objective(soft)
         moved = state.estimate
         for name in self.plan.blocks:
             task = replace(execution, task=f"model, {name}")
             given = BlockInput(objective, self.body.faces, self.plan.options, task)
-            moved = BLOCKS[name](given, moved).estimate
+            moved, _ = BLOCKS[name](given, moved)
 
         def part(share: float) -> State:
             tried = self._moved(state, objective, _between(state.estimate, moved, share))
@@ -409,7 +365,7 @@ class Coregistration:
     def _on_scans(self, state: State, execution: Execution, solve: bool = False) -> list[OnScan]:
         plan = self.plan
         whole = area(self.body.template, self.body.faces)
-        coupled = ScanCoupling(self.body.faces, whole, plan.sigmas.data, plan.terms)
+        coupled = ScanCoupling(self.body.faces, whole, plan.sigmas.data, plan.term)
         todo = jobs(state.estimate, self.scans.subject, state.vertices, state.trans)
         found: list[OnScan] = []
         for some in execution.executor(partial(on_scans, coupled, self.scans, solve), todo):

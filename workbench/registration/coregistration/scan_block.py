@@ -6,7 +6,7 @@ with the person's template, joints, weights and pose blend shapes held. All scan
 so that an executor may take them in any number of processes.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Protocol
@@ -39,10 +39,8 @@ TINY = 1e-12  # a derivative's length, below which it has no direction
 UNSEEN = 1e-3  # of 1 / sigma_C^2: what is known less of, a scan does not see
 
 
-def scan_evidence(
-    terms: Sequence[Residual], vertices: Array, coupling: float
-) -> tuple[Array, Array]:
-    """What residuals of the block `vertices` (N, 3) m alone say of each of its rows.
+def scan_evidence(residual: Residual, vertices: Array, coupling: float) -> tuple[Array, Array]:
+    """What a residual of the block `vertices` (N, 3) m alone says of each of its rows.
 
     First the targets (N, 3) m, where the scan would put each vertex; the vertex itself where it
     says nothing. Then the confidence (N, 3, 3), symmetric: how surely, against the coupling of
@@ -50,30 +48,28 @@ def scan_evidence(
     several coordinates, is bounded as above, with the lengths of its derivatives as shares. Raises
     BadArgument for a kernel of norms.
     """
+    if isinstance(residual.kernel, OfNorms):
+        raise BadArgument(
+            f"the kernel of residual {residual.name!r} is one of norms, and scans are bounded "
+            "row by row; give a kernel of single numbers"
+        )
     N = len(vertices)
+    plain = Problem((replace(residual, kernel=quadratic),), (VERTICES,))
+    here = plain.linearize({VERTICES: vertices})
+    whole, r = here.jacobian, here.residual
+    J = csr_array(whole.sparse if isinstance(whole, BlockMatrix) else whole)
+    outside = 1.0 if residual.weights is None else np.asarray(residual.weights, dtype=float)
+    counts = np.broadcast_to(outside, len(r) // residual.rows_per_point)
+    counts = np.repeat(counts, residual.rows_per_point)
+    w = kernel_weights(residual.kernel, np.divide(r**2, counts, where=counts > 0, out=0 * r))
+    rows, corners, derivatives = _by_vertex(J)
+    lengths = np.linalg.norm(derivatives, axis=1)
+    total = np.bincount(rows, lengths, len(r))
+    along = derivatives / np.maximum(lengths, TINY)[:, None]
+    scale = (w * total)[rows] * lengths
     L, gradient = np.zeros((N, 3, 3)), np.zeros((N, 3))
-    for residual in terms:
-        if isinstance(residual.kernel, OfNorms):
-            raise BadArgument(
-                f"the kernel of residual {residual.name!r} is one of norms, and scans are bounded "
-                "row by row; give a kernel of single numbers"
-            )
-        plain = Problem((replace(residual, kernel=quadratic),), (VERTICES,))
-        here = plain.linearize({VERTICES: vertices})
-        whole = here.jacobian
-        J = csr_array(whole.sparse if isinstance(whole, BlockMatrix) else whole)
-        r = here.residual
-        outside = 1.0 if residual.weights is None else np.asarray(residual.weights, dtype=float)
-        counts = np.broadcast_to(outside, len(r) // residual.rows_per_point)
-        counts = np.repeat(counts, residual.rows_per_point)
-        w = kernel_weights(residual.kernel, np.divide(r**2, counts, where=counts > 0, out=0 * r))
-        rows, corners, derivatives = _by_vertex(J)
-        lengths = np.linalg.norm(derivatives, axis=1)
-        total = np.bincount(rows, lengths, len(r))
-        along = derivatives / np.maximum(lengths, TINY)[:, None]
-        scale = (w * total)[rows] * lengths
-        np.add.at(L, corners, scale[:, None, None] * along[:, :, None] * along[:, None, :])
-        np.add.at(gradient, corners, (w * r)[rows, None] * derivatives)
+    np.add.at(L, corners, scale[:, None, None] * along[:, :, None] * along[:, None, :])
+    np.add.at(gradient, corners, (w * r)[rows, None] * derivatives)
     e, Q = np.linalg.eigh(L)
     seen = e > UNSEEN / coupling**2
     inverse = np.where(seen, 1 / np.where(seen, e, 1.0), 0.0)
@@ -96,8 +92,7 @@ def _by_vertex(J: csr_array) -> tuple[Index, Index, Array]:
 @cache
 def _derivative_of(kernel: Kernel) -> cs.Function:
     s = cs.MX.sym("s")
-    rho = s * kernel(s) ** 2
-    return cs.Function("weights", [s], [cs.jacobian(rho, s)])
+    return cs.Function("weights", [s], [cs.jacobian(s * kernel(s) ** 2, s)])
 
 
 def kernel_weights(kernel: Kernel, squares: Array) -> Array:
@@ -121,12 +116,7 @@ class Scans(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class ScansInMemory:
-    """Scans that are in memory.
-
-    Attributes:
-        scans: J of them.
-        subject: (J,) the number of each scan's subject, counted from 0.
-    """
+    """J scans in memory, and the number (J,) of each scan's subject, counted from 0."""
 
     scans: tuple[Scan, ...]
     subject: Index
@@ -140,31 +130,19 @@ class ScansInMemory:
 class ScanCoupling:
     """How scans act on the vertices, and how strongly the model holds them.
 
-    Attributes:
-        faces: (F, 3) of the template.
-        area: m^2, of the starting body's surface, which points without areas share evenly.
-        coupling: sigma_C in m, of each coordinate of a vertex from the model's.
-        terms: those of a scan, together E_S.
+    `area` (m^2) is that of the starting body's surface, which points without areas share evenly;
+    `coupling` is sigma_C in m, of each coordinate of a vertex from the model's; `term` is E_S.
     """
 
     faces: Index
     area: float
     coupling: float
-    terms: tuple[ScanTerm, ...] = (CLOSE,)
+    term: ScanTerm = CLOSE
 
 
 @dataclass(frozen=True, eq=False)
 class OnScan:
-    """A surface on one scan.
-
-    Attributes:
-        vertices: (N, 3) m.
-        pose: (K, 3) rad.
-        trans: (3,) m.
-        scan_costs: E_S of the vertices.
-        targets: (N, 3) m, where the scan alone would put the vertices.
-        confidence: (N, 3, 3), how surely; see `scan_evidence`.
-    """
+    """What `State` holds of one scan."""
 
     vertices: Array
     pose: Array
@@ -176,14 +154,8 @@ class OnScan:
 
 @dataclass(frozen=True, eq=False)
 class ScanBatch:
-    """Some scans of some subjects, whose arrays alone are in the estimate.
-
-    Attributes:
-        estimate: the subjects' templates and joints, and the poses (c, K, 3) of the scans.
-        rows: (c,) the scans.
-        subject: (c,) their subjects, as numbered in the estimate.
-        vertices: (c, N, 3) m, from where to begin.
-        trans: (c, 3) m.
+    """Some scans, `rows` (c,), of some subjects (c,), whose arrays alone are in the estimate, and
+    the vertices (c, N, 3) m and translations (c, 3) m where they begin.
     """
 
     estimate: Estimate
@@ -216,9 +188,7 @@ def on_scans(coupled: ScanCoupling, scans: Scans, solve: bool, job: ScanBatch) -
     prior = pose_prior(body)
     for i, row in enumerate(job.rows):
         there = scans.read(row)
-        scan = tuple(
-            t.residual(block.symbol, coupled.faces, there, coupled.area) for t in coupled.terms
-        )
+        scan = coupled.term.residual(block.symbol, coupled.faces, there, coupled.area)
         values = {
             "pose": estimate.poses[i],
             "betas": np.eye(len(estimate.templates))[job.subject[i]],
@@ -227,14 +197,14 @@ def on_scans(coupled: ScanCoupling, scans: Scans, solve: bool, job: ScanBatch) -
         }
         if solve:
             free = ("pose", "trans", VERTICES)
-            problem = Problem((*scan, coupling, prior), free, blocks=(block,))
+            problem = Problem((scan, coupling, prior), free, blocks=(block,))
             values |= TOGETHER.solve(problem, values, callback=Settled(SETTLED)).values
         found.append(
             OnScan(
                 values[VERTICES],
                 values["pose"],
                 values["trans"],
-                sum(cost_of_scan(residual, values) for residual in scan),
+                cost_of_scan(scan, values),
                 *scan_evidence(scan, values[VERTICES], coupled.coupling),
             )
         )

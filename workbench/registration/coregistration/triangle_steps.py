@@ -25,7 +25,7 @@ from workbench.bodies.triangles import TriangleBody
 from workbench.bodies.triangles.surface import TriangleSurface
 from workbench.errors import BadArgument
 from workbench.geometry.triangles import edges
-from workbench.training.triangles.learning import neighbour_differences
+from workbench.training.triangles import neighbour_differences
 
 FREE = 1e-6  # of the coupling: what holds the place of vertices that no scan and no edge holds
 TOLERANCE, MOST = 1e-2, 60  # of the gradient, and iterations
@@ -33,13 +33,8 @@ TOLERANCE, MOST = 1e-2, 60  # of the gradient, and iterations
 
 @dataclass(frozen=True, eq=False)
 class PersonDeformations:
-    """D of one subject.
-
-    Attributes:
-        body: of the subject, whose only beta is 1.
-        here: the body at the pose of each of the subject's scans.
-        neighbours: sigma_D.
-        fitted: D (F, 3, 3) from which the differences of neighbours are counted.
+    """D of one subject; `here` is the body at the pose of each of the subject's scans, `neighbours`
+    sigma_D, and `fitted` D (F, 3, 3) from which the differences of neighbours are counted.
     """
 
     body: TriangleBody
@@ -78,13 +73,8 @@ class PersonDeformations:
 
 @dataclass(frozen=True, eq=False)
 class PoseDeformations:
-    """Q of all subjects, by `posedirs`.
-
-    Attributes:
-        body: of all subjects.
-        here: the body at the pose and subject of each scan.
-        bends: sigma_Q of an entry of posedirs, per rad.
-        first: posedirs from which the change is counted.
+    """Q of all subjects, by `posedirs`; `here` is the body at the pose and subject of each scan,
+    `bends` sigma_Q per rad, and `first` the posedirs from which the change is counted.
     """
 
     body: TriangleBody
@@ -134,12 +124,8 @@ gives scan j, `back` its adjoint, and `grams(j)` its T_j'T_j: a block (F, q, q) 
 
 @dataclass(frozen=True, eq=False)
 class OfScan:
-    """What a scan says of the vertices of its registration, with contacts held.
-
-    Attributes:
-        vertices: (N, 3) m.
-        gradient: (3 N,) the gradient of E_S.
-        normal: (3 N, 3 N) its Gauss-Newton Hessian.
+    """What a scan says of the vertices (N, 3) m of its registration, with contacts held: the
+    gradient (3 N,) of E_S and its Gauss-Newton Hessian (3 N, 3 N).
     """
 
     vertices: Array
@@ -151,14 +137,9 @@ class OfScan:
 class JointStep:
     """The quadratic in an unknown and the vertices of all scans that it reaches.
 
-    Attributes:
-        unknown: D of a subject, or Q.
-        scans: what the scans say.
-        model: (2 F, 3) m for each, the edges that the model gives it.
-        coupling: sigma_C in m, of each coordinate of an edge.
-        body: whose faces and stitching these are.
-        tolerance: of the gradient, relative to the first one, at which the iterations end.
-        most: the largest number of iterations.
+    `model` (2 F, 3) m are the edges that the model gives each scan, `coupling` is sigma_C in m, and
+    the faces and stitching are those of `body`; the iterations end at a `tolerance` of the
+    gradient, relative to the first one.
     """
 
     unknown: Unknown
@@ -172,7 +153,10 @@ class JointStep:
     def found(self) -> tuple[Array, list[Array]]:
         """The change (n,) of the unknown, and that (N, 3) m of the vertices of each scan."""
         u, s2 = self.unknown, self.coupling**2
-        gaps = [self._gap(j) for j in range(len(self.scans))]
+        gaps = [
+            edges(scan.vertices, self.body.faces).reshape(-1, 3) - model
+            for scan, model in zip(self.scans, self.model, strict=True)
+        ]
         right = -np.asarray(u.prior_gradient)
         for j, gap in enumerate(gaps):
             first = self._vertices(j, self._onto(gap / s2) + self.scans[j].gradient)
@@ -199,11 +183,6 @@ class JointStep:
             right = self._onto((u.forth(j, x) - gap) / s2) - self.scans[j].gradient
             changes.append(self._vertices(j, right).reshape(-1, 3))
         return x, changes
-
-    def _gap(self, j: int) -> Array:
-        """The edges of the registration minus those of the model, (2 F, 3) m."""
-        there = edges(self.scans[j].vertices, self.body.faces).reshape(-1, 3)
-        return np.asarray(there - self.model[j])
 
     def _edges(self, v: Array) -> Array:
         return np.asarray(self.body.stitching.A @ v.reshape(-1, 3))

@@ -11,17 +11,11 @@ The joint cost of J scans of S subjects, with registrations V_j of edges A V_j, 
 (Hirshberg, Loper, Rachlin and Black, Coregistration, ECCV 2012.) Because triangles are not
 stitched, the model's edges are linear in D of each face and in its Q, and edges say nothing of
 where a registration stands: no translation is among the unknowns.
-
-The sources differ in where lambda_C stands, the weight of the coupling. Either it multiplies E_C
-alone (Pons-Moll, Virtual Humans 5.1), or the priors of poses, D and Q as well (Romero, Tzionas and
-Black, Embodied Hands, 2017, and the notes on its alignments), so that only the scans are weighed
-against everything else. `TrianglePlan.symmetric` chooses; at lambda_C = 1 both are the same.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from math import sqrt
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +23,7 @@ from scipy.sparse import csc_array
 
 from workbench.arrays import Array, Index
 from workbench.blocks import Block, Values
+from workbench.blocks.checks import above_zero
 from workbench.bodies import SkinnedBody
 from workbench.bodies.triangles import TriangleBody, blend_scape
 from workbench.bodies.triangles.surface import TriangleSurface
@@ -69,7 +64,7 @@ from workbench.registration.free_vertices import (
 )
 from workbench.residuals import Residual, stitching
 from workbench.training.execution import SERIAL, Execution, LogEntry
-from workbench.training.triangles.learning import learn_gradient_shapes
+from workbench.training.triangles import learn_gradient_shapes
 from workbench.writing import Keeping
 
 
@@ -77,15 +72,13 @@ from workbench.writing import Keeping
 class TrianglePlan:
     """What a coregistration of triangles does, and how strongly its terms hold.
 
-    Raises BadArgument for no rounds, and for a sigma or weight that is not above zero.
+    Raises BadArgument for no rounds, and for a sigma that is not above zero.
 
     Attributes:
         rounds: how often the model and the registrations are found in turn.
         coupling: sigma_C in m, of each coordinate of an edge.
         neighbours: sigma_D of what the entries of D differ by between neighbouring faces.
         bends: sigma_Q of an entry of posedirs, per rad.
-        weight: lambda_C.
-        symmetric: whether lambda_C multiplies the priors of poses, D and Q as it does E_C.
         blocks: which parts of the model are found, of persons and bends; none holds it.
         term: that of a scan, E_S.
     """
@@ -94,29 +87,14 @@ class TrianglePlan:
     coupling: float = 0.01
     neighbours: float = 0.05
     bends: float = 0.1
-    weight: float = 1.0
-    symmetric: bool = True
     blocks: tuple[str, ...] = ("persons", "bends")
     term: ScanTerm = CLOSE
 
     def __post_init__(self) -> None:
-        if self.rounds < 1:
-            raise BadArgument(f"a coregistration has one round or more, not {self.rounds}")
-        for name in ("coupling", "neighbours", "bends", "weight"):
-            if not 0 < getattr(self, name) < np.inf:
-                raise BadArgument(f"{name} is above zero, not {getattr(self, name):g}")
+        lengths = {name: getattr(self, name) for name in ("coupling", "neighbours", "bends")}
+        above_zero("a coregistration", rounds=self.rounds, **lengths)
         if unknown := set(self.blocks) - {"persons", "bends"}:
             raise BadArgument(f"no block is called {sorted(unknown)[0]!r}; give persons and bends")
-
-    @property
-    def of_edges(self) -> float:
-        """Sigma in m of a coordinate of an edge, lambda_C included."""
-        return self.coupling / sqrt(self.weight)
-
-    @property
-    def of_priors(self) -> float:
-        """What multiplies the priors."""
-        return self.weight if self.symmetric else 1.0
 
 
 SHARES = (1.0, 0.5, 0.25, 0.1, 0.03)  # of a step of D or Q, until the joint cost falls
@@ -230,10 +208,10 @@ class TriangleCoregistration:
         if a block raises the joint cost, and BadFile for a checkpoint of something else.
         """
         first = self.first(fits, vertices)
-        identity, keep, state = "", Keeping(), None
+        known, keep, state = "", Keeping(), None
         if folder is not None:
-            identity = fingerprint(self.scans, first, repr(self.plan))
-            state = read_state(folder, identity, first)
+            known = fingerprint(self.scans, first, self.plan)
+            state = read_state(folder, known, first)
 
         def costs(state: TriangleState) -> dict[str, float]:
             return self.costs(state, first.body)
@@ -253,7 +231,7 @@ class TriangleCoregistration:
             costs,
             step,
             execution,
-            lambda state: keep(partial(save_state, state, folder, identity)) if folder else None,
+            lambda state: keep(partial(save_state, state, folder, known)) if folder else None,
         )
 
     def costs(self, state: TriangleState, first: TriangleBody) -> dict[str, float]:
@@ -263,7 +241,7 @@ class TriangleCoregistration:
             e = edges(state.vertices[j], self.body.faces).reshape(-1, 3)
             gaps += float(((e - _edges_of(state.body, self._here(state, j))) ** 2).sum())
         prior = Problem((pose_prior(self.body),), ("pose",))
-        found = {"E_S": float(state.scan_costs.sum()), "E_C": gaps / 2 / plan.of_edges**2}
+        found = {"E_S": float(state.scan_costs.sum()), "E_C": gaps / 2 / plan.coupling**2}
         found["E_pose"] = sum(prior.linearize({"pose": p}).cost for p in state.poses)
         D = np.zeros((self.body.n_faces * 9, state.body.n_betas))
         D += (state.body.shapedirs - first.shapedirs).reshape(D.shape)
@@ -272,8 +250,7 @@ class TriangleCoregistration:
         found["E_Q"] = (
             float(((state.body.posedirs - first.posedirs) ** 2).sum()) / 2 / plan.bends**2
         )
-        scaled = ("E_pose", "E_D", "E_Q")
-        return {n: c * (plan.of_priors if n in scaled else 1.0) for n, c in found.items()}
+        return found
 
     def _here(self, state: TriangleState, j: int) -> TriangleSurface:
         one = np.eye(state.body.n_betas)[self.scans.subject[j]]
@@ -319,11 +296,10 @@ class TriangleCoregistration:
         here = [self._here(state, j) for j in range(J)]
         vertices, D = np.zeros_like(state.vertices), np.zeros_like(state.body.shapedirs)
         Q = np.zeros_like(state.body.posedirs)
-        scale = 1 / sqrt(self.plan.of_priors)
 
         def found(unknown: Unknown, own: Index) -> Array:
             some, model = [scans[j] for j in own], [_edges_of(state.body, here[j]) for j in own]
-            x, changes = JointStep(unknown, some, model, self.plan.of_edges, self.body).found()
+            x, changes = JointStep(unknown, some, model, self.plan.coupling, self.body).found()
             vertices[own] = np.stack(changes)
             return x
 
@@ -331,11 +307,11 @@ class TriangleCoregistration:
             fitted = np.eye(3)[..., None] + first.shapedirs
             for s in range(state.body.n_betas):
                 own = np.flatnonzero(self.scans.subject == s)
-                sigma = self.plan.neighbours * scale
-                who = PersonDeformations(state.body, [here[j] for j in own], sigma, fitted[..., s])
+                at, sigma = [here[j] for j in own], self.plan.neighbours
+                who = PersonDeformations(state.body, at, sigma, fitted[..., s])
                 D[..., s] = found(who, own).reshape(-1, 3, 3)
         else:
-            bends = PoseDeformations(state.body, here, self.plan.bends * scale, first.posedirs)
+            bends = PoseDeformations(state.body, here, self.plan.bends, first.posedirs)
             Q[:] = found(bends, np.arange(J)).reshape(Q.shape)
         return D, Q, vertices
 
@@ -378,9 +354,8 @@ def _register(
     pose, betas, _ = body.blocks()
     block = Block(VERTICES, (body.n_vertices, 3), "m")
     model = body.deformed_edges(pose.symbol, betas.symbol)
-    sigma = plan.of_edges
-    coupling = stitching(block.symbol, model, body.faces, sigma=sigma, name="coupling")
-    prior = replace(pose_prior(body), weights=plan.of_priors)
+    coupling = stitching(block.symbol, model, body.faces, sigma=plan.coupling, name="coupling")
+    prior = pose_prior(body)
     for row, theta, V in zip(rows, poses, vertices, strict=True):
         scan = plan.term.residual(block.symbol, body.faces, scans.read(row), whole)
         described = (block, pose, betas)

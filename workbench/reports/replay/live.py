@@ -1,4 +1,4 @@
-"""The live page's server: solves and drags."""
+"""The live page's server."""
 
 import json
 import secrets
@@ -10,20 +10,15 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
-import casadi as cs
 import numpy as np
 
-from workbench.arrays import Array
-from workbench.blocks import Block, Values
-from workbench.bodies import SkinnedBody
+from workbench.blocks import Values
 from workbench.bodies.body import Body
 from workbench.errors import BadArgument, WorkbenchError
 from workbench.fitting.setup import Setup
-from workbench.problem import Problem
 from workbench.reports.replay.recording import BodyNumbers, row_of_body
 from workbench.reports.replay.runs import as_numbers
-from workbench.residuals import Residual
-from workbench.solvers import Iterate, Solver, TrustRegion
+from workbench.solvers import Iterate, Solver
 
 ADDRESS = "127.0.0.1"  # of this machine alone
 PATIENCE = 30.0  # s that a connection may say nothing, or take nothing
@@ -34,11 +29,8 @@ class LiveServer:
     """Serves a page and the solves that it asks for, from `serve` to `close`.
 
     Raises BadArgument for a setup without a body, or whose problem does not read the body's own
-    pose, betas and trans, so that no start can be set by hand.
-
-    Attributes:
-        setup: the problem.
-        solvers: those that may be asked for, by name.
+    pose, betas and trans, so that no start can be set by hand. `solvers` are those that may be
+    asked for, by name.
     """
 
     def __init__(
@@ -48,7 +40,6 @@ class LiveServer:
         self.body, self.row = moved_by_hand(setup)
         self._page = page.encode()
         self._solving = threading.Lock()
-        self._puppet = Puppet(self.body) if isinstance(self.body, SkinnedBody) else None
         self._stops: dict[str, threading.Event] = {}
         self._token = secrets.token_urlsafe(16)
         self._server = ThreadingHTTPServer((ADDRESS, port), self._handler())
@@ -57,11 +48,7 @@ class LiveServer:
     @property
     def address(self) -> str:
         """Where a browser finds the page."""
-        return f"{self._origin}/{self._token}/"
-
-    @property
-    def _origin(self) -> str:
-        return f"http://{ADDRESS}:{self._server.server_address[1]}"
+        return f"http://{ADDRESS}:{self._server.server_address[1]}/{self._token}/"
 
     def serve(self) -> None:
         """Answer requests until `close` is called from another thread, or Ctrl-C."""
@@ -80,21 +67,17 @@ class LiveServer:
         `text` is base64 of 3 K + B + 3 little-endian numbers in double precision. Raises
         BadArgument for anything else.
         """
-        blocks = self.body.blocks()
-        own = {b.name: part for b, part in zip(blocks, self._parts(text), strict=True)}
-        return dict(self.setup.start) | own
-
-    def _parts(self, text: str) -> list[Array]:
-        """The pose, the betas and the trans in a text of numbers."""
         try:
             numbers = np.frombuffer(urlsafe_b64decode(text.encode()), "<f8")
         except ValueError:
             numbers = np.zeros(0)
-        K, B = self.body.n_joints, self.body.n_betas
-        if numbers.size != 3 * K + B + 3 or not np.isfinite(numbers).all():
-            raise BadArgument(f"a start is {3 * K + B + 3} finite numbers in base64")
-        parts = np.split(numbers, [3 * K, 3 * K + B])
-        return [part.reshape(b.shape) for b, part in zip(self.body.blocks(), parts, strict=True)]
+        blocks = self.body.blocks()
+        size = sum(block.size for block in blocks)
+        if numbers.size != size or not np.isfinite(numbers).all():
+            raise BadArgument(f"a start is {size} finite numbers in base64")
+        parts = np.split(numbers, np.cumsum([block.size for block in blocks])[:-1])
+        own = {b.name: part.reshape(b.shape) for b, part in zip(blocks, parts, strict=True)}
+        return dict(self.setup.start) | own
 
     def _handler(self) -> type[BaseHTTPRequestHandler]:
         live = self
@@ -125,33 +108,18 @@ class LiveServer:
         own_hosts = (f"{ADDRESS}:{port}", f"localhost:{port}")
         origin, host = request.headers.get("Origin"), request.headers.get("Host", "")
         if host not in own_hosts or origin not in (None, *(f"http://{own}" for own in own_hosts)):
-            say(request, 403, "only pages of this server may ask it")
+            respond(request, 403, "only pages of this server may ask it")
         elif asked.path == f"/{self._token}/":
-            say(request, 200, self._page, "text/html; charset=utf-8")
+            respond(request, 200, self._page, "text/html; charset=utf-8")
         elif asked.path == f"/{self._token}/solve":
             self._solve(request, given)
-        elif asked.path == f"/{self._token}/drag":
-            self._drag(request, given)
         elif asked.path == f"/{self._token}/stop":
             stop = self._stops.get(given.get("run", ""))
             if stop is not None:
                 stop.set()
-            say(request, 200, "stopped" if stop is not None else "nothing of this name runs")
+            respond(request, 200, "stopped" if stop is not None else "nothing of this name runs")
         else:
-            say(request, 404, "there is nothing here; open the address that was printed")
-
-    def _drag(self, request: BaseHTTPRequestHandler, given: Mapping[str, str]) -> None:
-        """Answer with the numbers of the body whose joint was drawn to a place."""
-        try:
-            pose, betas, trans = self._parts(given.get("start", ""))
-            joint, place = _joint_and_place(given)
-            if self._puppet is None:
-                raise BadArgument(f"body {self.body.name!r} has no joints that can be dragged")
-            pose, trans = self._puppet.dragged(pose, betas, trans, joint, place)
-        except BadArgument as error:
-            return say(request, 400, str(error))
-        row = np.concatenate([pose.ravel(), betas, trans])
-        say(request, 200, json.dumps({"x": as_numbers(row)}), "application/json")
+            respond(request, 404, "there is nothing here; open the address that was printed")
 
     def _solve(self, request: BaseHTTPRequestHandler, given: Mapping[str, str]) -> None:
         """Send every iterate as an event, and at last how it ended."""
@@ -161,9 +129,9 @@ class LiveServer:
             if name not in self.solvers or not run or run in self._stops:
                 raise BadArgument(f"no solver {name!r}, or no new name for its run")
         except BadArgument as error:
-            return say(request, 400, str(error))
+            return respond(request, 400, str(error))
         if not self._solving.acquire(blocking=False):
-            return say(request, 409, "another solve is running; stop it first")
+            return respond(request, 409, "another solve is running; stop it first")
         try:
             stop = self._stops[run] = threading.Event()
             request.send_response(200)
@@ -214,18 +182,7 @@ def _numbers(iterate: Iterate) -> dict[str, Any]:
     }
 
 
-def _joint_and_place(given: Mapping[str, str]) -> tuple[int, Array]:
-    """The joint and its place (3,) m that a page asks for. Raises BadArgument."""
-    try:
-        joint, place = int(given.get("joint", "")), [float(given.get(d, "")) for d in "xyz"]
-    except ValueError:
-        joint, place = -1, [np.nan]
-    if not np.isfinite(place).all():
-        raise BadArgument("a joint is a whole number, and its place three finite numbers in m")
-    return joint, np.array(place)
-
-
-def say(
+def respond(
     request: BaseHTTPRequestHandler, code: int, text: str | bytes, kind: str = "text/plain"
 ) -> None:
     """Answer with a text, and end."""
@@ -246,65 +203,3 @@ def sent(request: BaseHTTPRequestHandler, name: str, data: Mapping[str, Any]) ->
     except OSError:
         return False
     return True
-
-
-HELD = 0.003  # m: how closely a joint follows the hand
-LOOSE = 0.5  # rad: how far a joint that carries nothing turns for it
-ROUGHLY = TrustRegion(max_iterations=12, gradient_tolerance=1e-3)  # a hand is not exact
-
-
-class Puppet:
-    """A body as a puppet: one joint goes where it is wanted, and the others change little.
-
-    The cost is the distance of the joint, and how far all joints turn from where they were. A
-    joint that carries much of the body (the share s of all joints) is stiff: its standard deviation
-    is 0.5 rad (1 - s)^2. So a wrist is reached by the arm rather than by the trunk. The root joint
-    keeps its rotation, and is moved with the whole body.
-    """
-
-    def __init__(self, body: SkinnedBody) -> None:
-        pose, betas, trans = blocks = body.blocks()
-        K = body.n_joints
-        held, place = Block("held", (K, 3), "rad"), Block("place", (3,), "m")
-        which = Block("which", (K,))
-        joints = body.joint_points(pose.symbol, betas.symbol, trans.symbol)
-        away = joints.symbol @ which.symbol - place.symbol
-        names = body.joint_names
-        self._problem = Problem(
-            [
-                Residual("place", away, HELD, "m", points=(joints,)),
-                Residual("held", cs.vec(pose.symbol - held.symbol), self._sigmas(body), "rad"),
-            ],
-            [f"{pose.name}[{name}]" for name in names[1:]],
-            blocks=[*blocks, held, place, which],
-        )
-        self._problem.prepare()
-        self._names = [block.name for block in blocks]
-        self._body, self._one_at_a_time = body, threading.Lock()
-
-    @staticmethod
-    def _sigmas(body: SkinnedBody) -> Array:
-        """Of the entries of the pose, (3 K,) rad."""
-        K = body.n_joints
-        carried = np.zeros(K)
-        for k in range(K - 1, 0, -1):
-            carried[body.parents[k]] += carried[k] + 1
-        return np.repeat(np.maximum(LOOSE * (1 - carried / K) ** 2, 1e-3), 3)
-
-    def dragged(
-        self, pose: Array, betas: Array, trans: Array, joint: int, place: Array
-    ) -> tuple[Array, Array]:
-        """The pose (K, 3) rad and trans (3,) m with a joint at a place (3,) m, or as near as it
-        comes. Raises BadArgument for a joint that is not there.
-        """
-        if not 0 <= joint < self._body.n_joints:
-            raise BadArgument(f"the joints are numbered from 0 to {self._body.n_joints - 1}")
-        if joint == 0:
-            return pose, trans + place - self._body.joints(pose, betas, trans)[0]
-        which = np.zeros(self._body.n_joints)
-        which[joint] = 1.0
-        given = dict(zip(self._names, (pose, betas, trans), strict=True))
-        given |= {"held": pose, "place": place, "which": which}
-        with self._one_at_a_time:
-            found = ROUGHLY.solve(self._problem, given)
-        return np.asarray(found.values[self._names[0]]), trans

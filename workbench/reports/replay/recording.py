@@ -3,7 +3,7 @@
 import gzip
 import json
 from base64 import b64encode
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from hashlib import sha256
@@ -11,19 +11,15 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import cholesky_banded
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from workbench.arrays import Array, Index
 from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body, why_not_skinned
 from workbench.bodies.forward.sources import arguments_from_values
-from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadArgument
 from workbench.fitting.keypoints import LEAST_CONFIDENCE
-from workbench.geometry.triangles import Stitching
+from workbench.fitting.setup import View
 from workbench.problem import Problem
 
 BodyNumbers = Callable[[Values], Array]  # values of blocks -> 3 K + B + 3 numbers of a body
@@ -31,17 +27,12 @@ BodyNumbers = Callable[[Values], Array]  # values of blocks -> 3 K + B + 3 numbe
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """A replay for a page.
+    """A replay for a page."""
 
-    Attributes:
-        body: the arrays of the body, or its faces alone where all surfaces are in the data.
-        data: what else `replay.js` takes, as JSON.
-        caption: what there is to see, in words.
-    """
-
+    # the arrays of the body, or its faces alone where all surfaces are in the data
     body: dict[str, Any]
-    data: dict[str, Any]
-    caption: str
+    data: dict[str, Any]  # what else `replay.js` takes, as JSON
+    caption: str  # what there is to see, in words
 
     @cached_property
     def key(self) -> str:
@@ -51,15 +42,10 @@ class Recording:
 
 @dataclass(frozen=True, eq=False)
 class ShownBody:
-    """A body that a page can pose.
+    """A body that a page can pose."""
 
-    Attributes:
-        body: the body.
-        arrays: what `smpl.js` takes of it.
-    """
-
-    body: SkinnedBody
-    arrays: dict[str, Any]
+    body: SkinnedBody  # the body
+    arrays: dict[str, Any]  # what `smpl.js` takes of it
 
     def surface(self, numbers: Array) -> Array:
         """The vertices (N, 3) m of a row of 3 K + B + 3 numbers: pose, betas and trans."""
@@ -101,42 +87,29 @@ FARTHEST = 65_534  # hundredths of a millimetre that a distance is stored as; ab
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """S states of one body, or of several side by side.
+    """S states of one body, or of several side by side."""
 
-    Attributes:
-        name: what it is a series of, in the plural: `frames`.
-        labels: (S,) the name of each state.
-        said: (S,) a sentence on each state.
-        rows: (S, C, D) numbers of the bodies, NaN where there is none; or None.
-        surfaces: (S, N, 3) m, where the bodies are not posed by the page, or (S, C, N, 3) of
-            several bodies; or None.
-        columns: (C,) the names of bodies side by side.
-        opens: the number of the state that is shown first.
-        fps: states a second, if they are played as frames are.
-        links: (S, L, 3) m twice: points of the body, and the points in space that they are joined
-            to; NaN where there is none.
-        keypoints: (S, V, M, 2) px and (S, V, M), what V cameras observed in each state.
-        scan: (M, 3) m, points of a scan, and (S, M) m how far they are from each surface;
-            infinite without a contact.
-        contact: in m, the distance up to which a point is coloured.
-        scale: in m, the distance from which on all colours are the same.
-        hidden: (N,) from 0 to 1, how orange the surface is.
-    """
-
-    name: str
-    labels: Sequence[str]
-    said: Sequence[str]
-    rows: Array | None = None
+    name: str  # what it is a series of, in the plural: `frames`
+    labels: Sequence[str]  # (S,) the name of each state
+    said: Sequence[str]  # (S,) a sentence on each state
+    rows: Array | None = None  # (S, C, D) numbers of the bodies, NaN where there is none; or None
+    # (S, N, 3) m, where the bodies are not posed by the page, or (S, C, N, 3) of several bodies; or
+    # None
     surfaces: Array | None = None
-    columns: Sequence[str] = ("",)
-    opens: int = 0
-    fps: float | None = None
+    columns: Sequence[str] = ("",)  # (C,) the names of bodies side by side
+    opens: int = 0  # the number of the state that is shown first
+    fps: float | None = None  # states a second, if they are played as frames are
+    # (S, L, 3) m twice: points of the body, and the points in space that they are joined to; NaN
+    # where there is none
     links: tuple[Array, Array] | None = None
+    # (S, V, M, 2) px and (S, V, M), what V cameras observed in each state
     keypoints: tuple[Array, Array] | None = None
+    # (M, 3) m, points of a scan, and (S, M) m how far they are from each surface; infinite without
+    # a contact
     scan: tuple[Array, Array] | None = None
-    contact: float = 0.0
-    scale: float = 0.0
-    hidden: Array | None = None
+    contact: float = 0.0  # in m, the distance up to which a point is coloured
+    scale: float = 0.0  # in m, the distance from which on all colours are the same
+    hidden: Array | None = None  # (N,) from 0 to 1, how orange the surface is
 
     def data(self) -> dict[str, Any]:
         """As `series.js` takes it."""
@@ -186,7 +159,6 @@ def recording(
     series: Sequence[Series] = (),
     landmarks: dict[str, Any] = NO_LANDMARKS,
     views: Sequence[dict[str, Any]] = (),
-    observed: dict[str, Any] | None = None,
     live: bool = False,
 ) -> Recording:
     """The replay of a body that the page poses, or of surfaces, of which `shown` has the faces.
@@ -207,7 +179,6 @@ def recording(
         "series": [one.data() for one in series],
         "landmarks": landmarks,
         "views": list(views),
-        "observed": observed,
         "least_confidence": LEAST_CONFIDENCE,
         "live": live,
     }
@@ -229,17 +200,18 @@ def packed(array: ArrayLike, kind: str) -> dict[str, str]:
 
 
 MOST_WEIGHTS = 4  # per vertex, as in SMPL
-MOST_STITCHED = 2_000  # vertices: beyond, the factor of the stitching makes the page too large
 
 
-def skinned_data(body: SkinnedBody, kind: str = "f8") -> dict[str, Any]:
+def skinned_data(body: Body, kind: str = "f8") -> dict[str, Any]:
     """The arrays for smpl.js; numbers but those of pose blend shapes are of the kind f4 or f8.
 
     Raises BadArgument for a body that is not SMPL's, is not bound in the pose zero, has free arrays
     or more than four weights in a vertex, or more than 65,536 vertices.
     """
-    if other := why_not_skinned(body, "a page that poses it", "body.vertices(pose) moves it"):
-        raise BadArgument(other)
+    if not isinstance(body, SkinnedBody):
+        raise BadArgument(
+            why_not_skinned(body, "a page that poses it", "body.vertices(pose) moves it")
+        )
     most = int(np.count_nonzero(body.weights, axis=1).max())
     for wrong, why in (
         (not body.is_smpl, "is not blended linearly with features of rotation elements"),
@@ -257,53 +229,16 @@ def skinned_data(body: SkinnedBody, kind: str = "f8") -> dict[str, Any]:
     skeleton = body.numeric.skeleton
     return {
         "model": "SMPL",
-        **_common(body, kind),
+        "joint_names": list(body.joint_names),
+        "parents": list(body.parents),
+        "template": packed(body.template, kind),
+        "faces": packed(body.faces, "u4"),
         "shapedirs": packed(body.shapedirs.transpose(2, 0, 1), kind),
         "joints_mean": packed(skeleton.mean, kind),
         "joints_move": packed(skeleton.by_betas.transpose(2, 0, 1), kind),
         "weights": packed(shares, kind),
         "carriers": packed(carriers, "u2"),
         "bulges": [_bulge(body, k) for k in range(1, body.n_joints)],
-    }
-
-
-def triangle_data(body: TriangleBody) -> dict[str, Any]:
-    """The arrays for scape.js.
-
-    Raises BadArgument for a body with free arrays, or of more than 2,000 vertices.
-    """
-    for wrong, why in (
-        (body.free, "has free arrays; give them values first"),
-        (
-            body.n_vertices > MOST_STITCHED,
-            f"has {body.n_vertices:,} vertices, and the page stitches up to {MOST_STITCHED:,}",
-        ),
-    ):
-        if wrong:
-            raise BadArgument(f"body {body.name!r} {why}; the page cannot show it")
-    factor, order = _banded_factor(body.stitching)
-    return {
-        "model": "SCAPE" if body.one_part_per_face else "BlendSCAPE",
-        **_common(body, "f8"),
-        "shapedirs": packed(body.shapedirs, "f4"),
-        "posedirs": packed(body.posedirs, "f4"),
-        "near": packed(body.near, "u2"),
-        "shares": packed(body.weights.data, "f8"),
-        "carriers": packed(body.weights.indices, "u2"),
-        "ends": packed(body.weights.indptr[1:], "u4"),
-        "root_row": packed(body.J_regressor[[0]].toarray(), "f8"),
-        "factor": packed(factor, "f8"),
-        "order": packed(order, "u4"),
-    }
-
-
-def _common(body: SkinnedBody | TriangleBody, kind: str) -> dict[str, Any]:
-    """What every body has."""
-    return {
-        "joint_names": list(body.joint_names),
-        "parents": list(body.parents),
-        "template": packed(body.template, kind),
-        "faces": packed(body.faces, "u4"),
     }
 
 
@@ -336,20 +271,48 @@ def row_of_body(body: Body, problem: Problem, known: Values) -> BodyNumbers | No
     return row
 
 
-def _banded_factor(stitching: Stitching) -> tuple[Array, Index]:
-    """The Cholesky factor L of A'A for a program without sparse matrices, and its order.
+JOINTS = "joints"  # what `View.landmarks` is called where joints were observed
 
-    The factor (width, n) has L[j + m, j] in row m and column j, as LAPACK stores it. Its rows are
-    the vertices `order` (n,), which Cuthill and McKee's algorithm keeps near their neighbours;
-    those that `solve` puts at 0 are left out.
+
+def spread(count: int, most: int) -> Index:
+    """At most `most` of the numbers from 0 to `count` - 1, evenly spread."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(np.int64))
+
+
+def landmarks_of_views(body: Body, views: Sequence[View]) -> dict[str, Any]:
+    """The landmarks that all views observed, as means of vertices, or the joints.
+
+    Empty if they did not observe the same ones, or for a name that the body lacks.
     """
-    kept = stitching.solved
-    normal = csr_array(stitching.A.T @ stitching.A)[kept][:, kept]
-    places = reverse_cuthill_mckee(csr_array(normal), symmetric_mode=True)
-    near = csr_array(normal[places][:, places])
-    rows, columns = near.nonzero()
-    width = 1 + int((rows - columns).max(initial=0))
-    banded = np.zeros((width, len(kept)))
-    below = rows >= columns
-    banded[(rows - columns)[below], columns[below]] = near.data[below]
-    return np.asarray(cholesky_banded(banded, lower=True)), kept[places]
+    names = {view.landmarks for view in views}
+    name = names.pop() if len(names) == 1 else None
+    if name == JOINTS and name not in body.landmarks:
+        return NO_LANDMARKS | {"names": list(body.joint_names), "joints": True}
+    if name is None or name not in body.landmarks:
+        return NO_LANDMARKS
+    landmarks = body.landmarks[name]
+    entries = landmarks.regressor.tocoo()
+    return {
+        "names": list(landmarks.names),
+        "rows": entries.row.tolist(),
+        "columns": entries.col.tolist(),
+        "weights": [float(f"{weight:.9g}") for weight in entries.data],
+    }
+
+
+def view_data(view: View, values: Mapping[str, ArrayLike]) -> dict[str, Any]:
+    """A camera, and what it observed in one image: that of the first frame if there are several."""
+    several = np.ndim(view.observed) == 3
+    observed, confidence = (a[0] if several else a for a in (view.observed, view.confidence))
+    numbers = {
+        name: np.ravel(values[getattr(view.camera, name).name]).tolist()
+        for name in ("focal", "centre", "distortion", "rotation", "translation")
+    }
+    return {
+        "name": view.name,
+        "size": list(view.size),
+        "held_out": view.held_out,
+        "observed": np.round(observed, 2).tolist(),
+        "confidence": np.round(confidence, 3).tolist(),
+        **numbers,
+    }

@@ -13,17 +13,18 @@ from workbench.diagnostics import Diagnosis, Direction
 from workbench.experiments.running import Outcome
 from workbench.fitting.setup import Setup, View
 from workbench.problem import Problem
-from workbench.reports.replay.observations import landmarks_of_views, observed_data, view_data
 from workbench.reports.replay.recording import (
     BodyNumbers,
     Recording,
     Series,
     ShownBody,
+    landmarks_of_views,
     packed,
     recording,
     shown_with_row,
+    view_data,
 )
-from workbench.reports.replay.sequences import OF_POINTS, OF_VIEWS, recorded_frames
+from workbench.reports.replay.sequences import OF_VIEWS, recorded_frames
 from workbench.sampling import Posterior
 from workbench.solvers import Iterate, Solution
 from workbench.threads import limited_threads
@@ -41,8 +42,8 @@ OF_MOVES = (
 )
 OF_DRAWS = "Bodies drawn from the posterior. "
 OF_LIVE = (
-    "The grey body is the start: drag its joints (the blue dots), or turn them by the sliders, and "
-    "pick a solver. Every iterate is shown as soon as it is there. "
+    "The grey body is the start: turn its joints by the sliders, and pick a solver. "
+    "Every iterate is shown as soon as it is there. "
 )
 
 
@@ -141,7 +142,7 @@ def _recording(
     views: Sequence[View],
     parts: Callable[[ShownBody, BodyNumbers], dict[str, Any] | None],
 ) -> Recording | None:
-    """The replay of `parts` with the cameras, and with the points in space that were observed.
+    """The replay of `parts` with the cameras.
 
     None where a page cannot pose the body, or the parts are None.
     """
@@ -152,16 +153,9 @@ def _recording(
     shown, row = found
     landmarks = landmarks_of_views(shown.body, views)
     seen = [view_data(view, at) for view in views] if landmarks["names"] else []
-    observed = observed_data(problem, problem.read(at), shown.body)
-    said = (OF_VIEWS if seen else "") + (OF_POINTS if observed is not None else "")
+    said = OF_VIEWS if seen else ""
     return recording(
-        shown,
-        row(at),
-        (caption + said).rstrip(),
-        landmarks=landmarks,
-        views=seen,
-        observed=observed,
-        **content,
+        shown, row(at), (caption + said).rstrip(), landmarks=landmarks, views=seen, **content
     )
 
 

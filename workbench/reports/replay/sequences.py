@@ -1,8 +1,5 @@
 """Recordings of frames, motions, named bodies, stages of a scan, and meshes side by side."""
 
-from collections.abc import Callable, Mapping, Sequence
-
-import casadi as cs
 import numpy as np
 
 from workbench.arrays import Array, Index
@@ -10,28 +7,22 @@ from workbench.blocks import Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.body import Body
 from workbench.bodies.forward.sources import Arguments
-from workbench.errors import BadArgument, NotSupported
-from workbench.fitting.setup import Setup, View
+from workbench.fitting.setup import Setup
 from workbench.geometry.surface_tree import SurfaceTree
 from workbench.motions import Motion
-from workbench.problem import Problem
 from workbench.registration import Registration
-from workbench.registration.basins import NEAR
 from workbench.registration.coregistration.folder import FACING
-from workbench.reports.replay.observations import (
-    landmarks_of_views,
-    observed_points,
-    spread,
-    view_data,
-)
+from workbench.registration.doubts import NEAR
 from workbench.reports.replay.recording import (
     Recording,
     Series,
+    landmarks_of_views,
     packed,
     recording,
     shown_body,
+    spread,
+    view_data,
 )
-from workbench.residuals import Residual
 
 MOST_FRAMES = 400
 OF_FRAMES = "The body in every frame. The slider goes through the frames. "
@@ -39,7 +30,6 @@ OF_SOME = "The body in {shown} of {count} frames. The slider goes through them. 
 OF_VIEWS = (
     "Red lines lead from points of the body to the rays along which the cameras observed them. "
 )
-OF_POINTS = "Red lines lead from points of the body to where they were observed. "
 
 
 def recorded_frames(setup: Setup, values: Values) -> Recording | None:
@@ -58,25 +48,16 @@ def recorded_frames(setup: Setup, values: Values) -> Recording | None:
     lenses = [v.camera.focal.name for v in views]  # a camera is the same in all frames
     usable = landmarks["names"] and all(np.size(values.get(name, ())) == 2 for name in lenses)
     seen = [view_data(view, values) for view in views] if usable else []
-    links = links_of_frames(setup.problem, values, some)
     pixels = np.array([view.observed[some] for view in views]).swapaxes(0, 1) if seen else None
     sure = np.array([view.confidence[some] for view in views]).swapaxes(0, 1) if seen else None
     series = _series(
         rows,
         some,
         None if setup.moving is None else setup.moving.fps,
-        links=links,
         keypoints=None if pixels is None or sure is None else (pixels, sure),
     )
     caption = _caption(len(some), len(rows)) + (OF_VIEWS if seen else "")
-    return recording(
-        shown,
-        rows[0],
-        caption + (OF_POINTS if links is not None else ""),
-        series=[series],
-        landmarks=landmarks,
-        views=seen,
-    )
+    return recording(shown, rows[0], caption, series=[series], landmarks=landmarks, views=seen)
 
 
 def recorded_motion(motion: Motion, body: Body, betas: Array | None = None) -> Recording | None:
@@ -123,44 +104,8 @@ def rows_of_frames(body: Body, values: Values) -> Array | None:
     return np.hstack([np.reshape(pose, (T, -1)), each, trans])
 
 
-def links_of_frames(problem: Problem, values: Values, some: Index) -> tuple[Array, Array] | None:
-    """Points of the body in some frames, and where they were observed in space, (S, L, 3) m twice.
-
-    None if no residual compares such points in every frame.
-    """
-    for residual in problem.residuals:
-        frames = dict(residual.by_frame)
-        if not all(int(t) in frames for t in some):
-            continue
-        T, found = 1 + max(frames, default=0), []
-        for t in map(int, some):
-            found += observed_points([frames[t]], _of_frame(values, frames[t], t, T))
-        if len(found) == len(some) and len({one.found.shape for one in found}) == 1:
-            places = np.array([one.places for one in found])
-            return np.array([one.found for one in found]), places
-    return None
-
-
-def _of_frame(values: Values, residual: Residual, t: int, count: int) -> Values:
-    """The values of one frame: of blocks that have a row for each frame, that row."""
-    read = [residual.expression, *([w] if isinstance(w := residual.weights, cs.MX) else [])]
-    sizes = {symbol.name(): symbol.numel() for one in read for symbol in cs.symvar(one)}
-    for points in residual.points:
-        sizes |= {block.name: block.size for block in points.source.blocks}
-    found = {}
-    for name, value in values.items():
-        array = np.asarray(value)
-        framed = array.ndim and len(array) == count and sizes.get(name, -1) * count == array.size
-        found[name] = array[t] if framed else array
-    return found
-
-
 def _series(
-    rows: Array,
-    some: Index,
-    fps: float | None,
-    links: tuple[Array, Array] | None = None,
-    keypoints: tuple[Array, Array] | None = None,
+    rows: Array, some: Index, fps: float | None, keypoints: tuple[Array, Array] | None = None
 ) -> Series:
     """The frames `some` of a motion of `fps` frames a second."""
     times = [f", at {t / fps:.2f} s" if fps else "" for t in some]
@@ -172,61 +117,12 @@ def _series(
         said,
         rows=rows[some][:, None],
         fps=rate,
-        links=links,
         keypoints=keypoints,
     )
 
 
 def _caption(shown: int, count: int) -> str:
     return OF_FRAMES if shown == count else OF_SOME.format(shown=shown, count=count)
-
-
-BODIES_PER_SECOND = 2.5  # , when they play
-
-
-def recorded_bodies(
-    body: Body,
-    named: Mapping[str, Mapping[str, Values]],
-    caption: str,
-    *,
-    said: Mapping[str, str] | None = None,
-    views: Sequence[View] = (),
-    cameras: Values | None = None,
-) -> Recording:
-    """The replay of a body that takes values one after the other.
-
-    `named` are the series among which a reader chooses, each with the values of the body's blocks
-    by their names; `said` has a sentence for some of these names. `views` are cameras to look
-    through, with what they observed, and `cameras` the numbers of these. Raises BadArgument if
-    nothing is given, and NotSupported for a body that a page cannot pose.
-    """
-    shown = shown_body(body)
-    if shown is None:
-        raise NotSupported(f"a page cannot pose body {body.name!r}; take a skinned body of SMPL's")
-    blocks = [block.name for block in body.blocks()]
-    series = [
-        Series(
-            name,
-            list(every),
-            [(said or {}).get(label, f"{label[0].upper()}{label[1:]}.") for label in every],
-            rows=np.array([[_row(values, blocks)] for values in every.values()]),
-            fps=BODIES_PER_SECOND,
-        )
-        for name, every in named.items()
-        if every
-    ]
-    if not series:
-        raise BadArgument("there is no body to show; give values of pose, betas and trans")
-    landmarks = landmarks_of_views(body, views)
-    seen = [view_data(view, cameras or {}) for view in views] if landmarks["names"] else []
-    here = next(iter(next(iter(named.values())).values()))
-    return recording(
-        shown, _row(here, blocks), caption, series=series, landmarks=landmarks, views=seen
-    )
-
-
-def _row(values: Values, blocks: Sequence[str]) -> np.ndarray:
-    return np.concatenate([np.ravel(values[name]) for name in blocks])
 
 
 MOST_POINTS, LINKS = 6_000, 400  # points of the scan: shown, and joined to the surface
@@ -300,50 +196,3 @@ def _said(name: str, distances: Array, reach: float) -> str:
         f"nearer than {MM * reach:.0f} mm to the surface; half of these are within "
         f"{MM * float(np.median(distances[near])):.1f} mm."
     )
-
-
-GRAIN = 2.0**-14  # m, to which vertices are rounded, so that they compress: 0.06 mm
-ANGLES_PER_SECOND = 12.0  # , when it plays
-Surface = Callable[[float], Array]
-
-
-def recorded_side_by_side(
-    faces: Index,
-    angles: Sequence[float] | Array,
-    named: Mapping[str, Mapping[str, Surface]],
-    caption: str,
-    *,
-    say: Callable[[float], str] = lambda angle: f"Turned by {np.degrees(angle):.0f} degrees.",
-    front: Sequence[float] = (0.0, 0.0, 1.0),
-    opens: float = 1.0,
-) -> Recording:
-    """The replay of surfaces of the same faces (F, 3), by angles (A,) in rad on the slider.
-
-    `named` are the motions among which a reader chooses ("twist", "bend"), each with the ways in
-    which it is done side by side: functions from an angle to vertices (N, 3) in m. `say` is the
-    sentence on an angle, `front` the direction from which one looks, and `opens` the share of the
-    angles at which the page opens. Raises BadArgument if motions differ in their ways.
-    """
-    ways = list(dict.fromkeys(tuple(one) for one in named.values()))
-    if len(ways) != 1 or not ways[0]:
-        raise BadArgument("every motion is shown in the same ways, one of them at least")
-    opening = round(opens * (len(angles) - 1))
-    series = [
-        Series(
-            name,
-            [f"{np.degrees(angle):.0f}°" for angle in angles],
-            [say(float(angle)) for angle in angles],
-            surfaces=_rounded([[way(float(a)) for way in motion.values()] for a in angles]),
-            columns=ways[0],
-            opens=opening,
-            fps=ANGLES_PER_SECOND,
-        )
-        for name, motion in named.items()
-    ]
-    return recording(
-        {"faces": packed(faces, "u4")}, None, caption, front=list(front), series=series
-    )
-
-
-def _rounded(surfaces: Sequence[Sequence[Array]]) -> Array:
-    return np.round(np.asarray(surfaces) / GRAIN) * GRAIN

@@ -16,21 +16,17 @@ bones    with the weights held, one bone after another is what the others leave 
          M = sum_i w_ik q_i (p_i - p*)'.
 
 Where several bones share much of a surface, as in a chest, a change of the weights pays only with a
-change of the bones, and alternation creeps: thousands of turns lower the cost by a little each. A
-Levenberg-Marquardt step (`joint_steps`) changes both at once. With c as all residuals of one frame,
-J its derivatives by the turns and shifts of the K bones, and A those by the weights, it solves
+change of the bones, and alternation creeps. A Levenberg-Marquardt step (`joint_steps`) changes both
+at once. With c as all residuals of one frame, J its derivatives by the turns and shifts of the K
+bones, and A those by the weights, it solves
 
     [ J'J  J'A ] [ d_bones   ]     [ J'c ]
     [ A'J  A'A ] [ d_weights ] = - [ A'c ]     summed over the frames, with a damped diagonal.
 
-Each frame has bones of its own, so that these are eliminated frame by frame: with J'J = L L' and
-X = L^-1 J'A, what is left for the weights is (A'A - X'X) d_weights = - (A'c - X' L^-1 J'c), summed
-over the frames. (Golub and Pereyra, Inverse Problems 19(2), 2003, tell of such eliminations.) Only
-weights above zero are unknowns; the largest of each vertex is one minus the others. A turn of the
-alternation after each step lets a weight leave zero, and makes all of them shares again.
-
-A vertex that has four weights of the wrong bones holds them where they are. So each vertex first
-has up to five weights, and the largest four are kept afterwards (`refined_at_once`).
+Bones are eliminated frame by frame (Golub and Pereyra, Inverse Problems 19(2), 2003): with J'J =
+L L' and X = L^-1 J'A, what is left is (A'A - X'X) d_weights = - (A'c - X' L^-1 J'c), summed over
+the frames. Only weights above zero are unknowns; the largest of each vertex is one minus the
+others. A turn of the alternation after each step lets a weight leave zero.
 """
 
 from collections.abc import Iterator
@@ -199,7 +195,8 @@ def refined_at_once(
 ) -> RigidBones:
     """Steps with more weights than a vertex may have, and then with as many; not worse.
 
-    An rms of `enough` (m) is not lowered further.
+    A vertex that has four weights of the wrong bones would hold them where they are. An rms of
+    `enough` (m) is not lowered further.
     """
     many = joint_steps(bones, rest, meshes, RELAXED, enough)
     fewer = joint_steps(_cut(many), rest, meshes, enough=enough)

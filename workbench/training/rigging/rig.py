@@ -25,7 +25,7 @@ from workbench.threads import limited_threads
 from workbench.training.blocks import BLOCKS, BlockInput, BlockOptions
 from workbench.training.estimate import Estimate, Sigmas, SkinningPass
 from workbench.training.objective import Objective
-from workbench.training.poses import PoseFit, VertexTerm, poses_of_segments
+from workbench.training.poses import PoseFit, poses_of_segments
 from workbench.training.registrations import InMemory
 from workbench.training.rigging.bones import (
     RigidBones,
@@ -70,7 +70,6 @@ DATA = Sigmas(SIGMA, inf, inf, inf, inf, inf, inf)
 EXACT = 1e-11  # m, rms per coordinate: what rounding leaves of meshes a few metres across
 STEPS = BlockOptions(together_tolerance=1e-2, together_steps=4, products=200, enough=EXACT)
 LAST = replace(STEPS, together_tolerance=1e-4, products=2000)
-EMPTY = 1e-8  # a bone whose weights are all below it moves no vertex
 LITTLE = 0.02  # of the rms: a round that lowers it by a smaller share is the last
 
 
@@ -124,30 +123,28 @@ class Refinement:
 
     def refined(
         self,
-        estimate: Estimate,
+        start: Estimate,
         block: str,
         rounds: int,
         steps: RigSteps,
         options: BlockOptions = STEPS,
     ) -> Estimate:
         """Rounds of a block, `skeleton` or `skinning`, and of the weights; none raises the cost."""
-        return steps(estimate, lambda start: self._rounds(start, block, rounds, steps, options))
 
-    def _rounds(
-        self, estimate: Estimate, block: str, rounds: int, steps: RigSteps, options: BlockOptions
-    ) -> Estimate:
-        objective = self.objective(estimate)
-        before = objective.rms(estimate)
-        for number in range(rounds):
-            for name in (block, "weights"):
-                given = BlockInput(objective, self.faces, options)
-                estimate = BLOCKS[name](given, estimate).estimate
-            steps.report(block, number + 1, rounds)
-            rms = objective.rms(estimate)
-            if rms < EXACT or rms > (1 - LITTLE) * before:
-                break
-            before = rms
-        return estimate
+        def in_rounds(estimate: Estimate) -> Estimate:
+            objective = self.objective(estimate)
+            given, before = BlockInput(objective, self.faces, options), objective.rms(estimate)
+            for number in range(rounds):
+                for name in (block, "weights"):
+                    estimate, _ = BLOCKS[name](given, estimate)
+                steps.report(block, number + 1, rounds)
+                rms = objective.rms(estimate)
+                if rms < EXACT or rms > (1 - LITTLE) * before:
+                    break
+                before = rms
+            return estimate
+
+        return steps(start, in_rounds)
 
 
 def rig(
@@ -203,14 +200,14 @@ def rig(
         rounding = SINGLE * np.abs(meshes).max()
         if not free and every.rms(estimate) > rounding:
             estimate = every.refined(estimate, "skinning", LAST_ROUNDS, steps)
-        estimate = turned(without_empty(put_back(estimate, shape)), turns)
+        estimate = turned(put_back(estimate, shape), turns)
         every = replace(every, meshes=meshes)
         return _result(every, estimate, merged, untold, steps, dict(card or {}))
 
 
 def pose_rms(body: SkinnedBody, meshes: Array) -> float:
     """The root mean square distance of further meshes (M, N, 3) m from the body posed onto them."""
-    fit = PoseFit(body, body.n_vertices, VertexTerm(), FIT_SIGMA, FIT_STEPS)
+    fit = PoseFit(body, body.n_vertices, FIT_SIGMA, FIT_STEPS)
     trusted = np.ones(body.n_vertices)
     starts = [
         poses_of_segments(body.template, body.weights, body.parents, V, trusted) for V in meshes
@@ -289,10 +286,9 @@ def _settled(
 def _on_every_vertex(estimate: Estimate, meshes: Array, rest: Array, some: Index) -> Estimate:
     """The estimate of some vertices, with a template and weights for all of `rest` (N, 3) m."""
     bones = off_tree(estimate, meshes[:, some], rounds=0)
-    every = np.zeros((len(rest), bones.count))
     nearest = np.linalg.norm(rest[:, None] - rest[some], axis=2).argmin(axis=1)
-    every[:] = estimate.weights[nearest]
-    weights = fit_bone_weights(replace(bones, weights=every), rest, meshes).weights
+    bones = replace(bones, weights=estimate.weights[nearest])
+    weights = fit_bone_weights(bones, rest, meshes).weights
     none = np.zeros((len(rest), 3, 0))
     return replace(estimate, templates=rest[None], posedirs=none, weights=weights)
 
@@ -425,22 +421,3 @@ def turned(estimate: Estimate, turns: Array) -> Estimate:
     root = vector_from_matrix(turns @ matrix_from_vector(estimate.poses[:, 0]))
     poses = np.concatenate([root[:, None], estimate.poses[:, 1:]], axis=1)
     return replace(estimate, poses=poses)
-
-
-def without_empty(estimate: Estimate) -> Estimate:
-    """The same motion without bones that move no vertex and carry no other bone."""
-    weights, parents = estimate.weights, estimate.parents
-    carrying = {*parents}
-    empty = [k for k in range(len(parents)) if k not in carrying and weights[:, k].max() < EMPTY]
-    if not empty:
-        return estimate
-    kept = [k for k in range(len(parents)) if k not in empty]
-    left = weights[:, kept]
-    fewer = replace(
-        estimate,
-        joints=estimate.joints[:, kept],
-        weights=left / left.sum(axis=1, keepdims=True),
-        poses=estimate.poses[:, kept],
-        parents=tuple(kept.index(parents[k]) if k else -1 for k in kept),
-    )
-    return without_empty(fewer)  # what carried only those may carry nothing now

@@ -7,15 +7,8 @@ wrong answer that somebody will give, with a hint; every check must reject two o
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from workbench.course import check, equal, mistake
-
-from . import solutions
-
-Array = NDArray[np.float64]
-READINGS = np.array([1.1, 1.3, 0.9, 1.0, 4.0])
-
 
 # influence
 
@@ -69,28 +62,3 @@ def never_bends(r: float, k: float) -> float:
 def gives_the_cost(r: float, k: float) -> float:
     """Not differentiated."""
     return r**2 / 2 if abs(r) <= k else k * abs(r) - k**2 / 2
-
-
-# step
-
-
-@check("step", points=2)
-def is_the_weighted_mean(step: Callable[[float, Array, float], float]) -> None:
-    """step(x, readings, k) is the weighted mean, also where x is one of the readings"""
-    for x in (1.0, 1.2, 3.0):
-        expected = solutions.step(x, READINGS, 0.25)
-        equal(step(x, READINGS, 0.25), expected, f"step({x}, {READINGS}, 0.25)")
-
-
-@mistake("step", "this is the mean: the weights are missing")
-def does_not_weigh(x: float, readings: Array, k: float) -> float:
-    """All weights are 1."""
-    return float(readings.mean())
-
-
-@mistake("step", "the weights have to be divided by their sum, not by their number")
-def divides_by_the_number(x: float, readings: Array, k: float) -> float:
-    """As if the weights added up to N."""
-    r = x - readings
-    weights = np.where(r == 0, 1.0, np.clip(r, -k, k) / np.where(r == 0, 1.0, r))
-    return float(weights @ readings / len(readings))

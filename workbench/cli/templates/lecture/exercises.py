@@ -6,12 +6,7 @@ Lengths are in metres. Then
     workbench lecture check lec00_NAME lec00_NAME.py
 """
 
-import numpy as np
-from numpy.typing import NDArray
-
 from workbench.course import Unsolved
-
-Array = NDArray[np.float64]
 
 
 def influence(count: int, off: float) -> float:
@@ -28,13 +23,3 @@ def pull(r: float, k: float) -> float:
     r, k > 0, both in standard deviations -> a number
     """
     raise Unsolved("pull")
-
-
-def step(x: float, readings: Array, k: float) -> float:
-    """The weighted mean of readings, each with the weight pull(r, k) / r of its r = x - reading.
-
-    Where r is 0 the weight is 1. Repeated, this step leads to Huber's estimate.
-
-    x, readings (N,), k > 0 in the same unit -> a number in that unit
-    """
-    raise Unsolved("step")

@@ -10,6 +10,14 @@
 # method, to its failure in a number and in a figure, to the idea that repairs it, and to the lines
 # of the library that do so.)
 
+# %% slide [markdown]
+# ## One tape begins at the wrong end
+#
+# - Ten readings of a table: nine are off by millimetres, one by ten centimetres.
+#
+# (A cell like this is a slide: a headline, up to three bullets, the figure drawn since the last
+# slide. `workbench lecture slides FOLDER slides` makes them; what stands above becomes notes.)
+
 # %%
 import numpy as np
 from numpy.typing import ArrayLike
@@ -78,6 +86,12 @@ Picture(
     "stays.",
 )
 
+# %% slide [markdown]
+# ## The mean follows one wrong reading without limit
+#
+# - Wrong by 100 mm: the mean moves by {{ 1000 * (wrong.mean() - readings.mean()):.0f}} mm,
+#   Huber's estimate is off by {{ 1000 * abs(robust - TRUTH):.1f}} mm.
+
 # %% [markdown]
 # ## The library
 #
@@ -94,3 +108,9 @@ source(Huber.__call__)
 #
 # A squared error lets one reading move the estimate as far as it likes. A kernel bounds the pull of
 # each reading.
+
+# %% slide [markdown]
+# ## What to remember
+#
+# - A squared error lets one reading move the estimate as far as it likes.
+# - A kernel bounds the pull of each reading.

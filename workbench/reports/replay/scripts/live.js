@@ -1,7 +1,5 @@
 // The controls of a live page: a start set by hand, solvers to press, and iterates that stream in.
 
-const REACH = 16; // px: how near to a joint a press takes hold of it
-
 class Live {
   constructor(replay, root, solvers) {
     Object.assign(this, { replay, count: 0, running: null });
@@ -43,43 +41,6 @@ class Live {
     this.said = make("p", root, { className: "replay-said" });
     this.said.setAttribute("aria-live", "polite");
     this.refresh();
-    this.listen();
-  }
-
-  listen() { // a joint of the start is dragged
-    const { replay } = this, { scene } = replay;
-    scene.grab = event => {
-      const { byHand } = replay;
-      if (!byHand) return null;
-      const places = byHand.joints.map(joint => joint.map((x, d) => x + byHand.shift[d]));
-      const away = places.map(place => { const [u, v] = scene.place(place); return Math.hypot(u - event.offsetX, v - event.offsetY); });
-      const k = away.indexOf(Math.min(...away));
-      if (!(away[k] < REACH)) return null;
-      this.joint.value = Math.max(0, replay.body.parents[k]); // what turns is above it
-      this.refresh();
-      const from = byHand.joints[k], { offsetX, offsetY } = event, start = Float64Array.from(replay.hand);
-      this.pull = null;
-      return moved => {
-        const shifted = scene.pulled(places[k], moved.offsetX - offsetX, moved.offsetY - offsetY);
-        this.pull = { k, start, place: from.map((x, d) => x + shifted[d] - places[k][d]) };
-        this.drag();
-      };
-    };
-  }
-
-  async drag() { // one request at a time; of the moves meanwhile, the last one counts
-    if (this.dragging) return;
-    this.dragging = true;
-    while (this.pull) {
-      const { k, start, place: [x, y, z] } = this.pull;
-      this.pull = null;
-      try {
-        const response = await fetch("drag?" + new URLSearchParams({ start: encoded(start), joint: k, x, y, z }));
-        if (!response.ok) throw new Error(await response.text());
-        this.take((await response.json()).x);
-      } catch (error) { this.said.textContent = error.message; }
-    }
-    this.dragging = false;
   }
 
   button(parent, text, press) {

@@ -4,7 +4,6 @@
 // Okabe and Ito's colours; SOLVER_COLOURS, from plots/palette.py, has that of each known solver
 const COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8c6bb1", "#6b7280"];
 const GREY = [0.72, 0.77, 0.82], ORANGE = [0.84, 0.37, 0.0], RED = [0.8, 0.1, 0.1], SKIN = [0.83, 0.86, 0.9];
-const HANDLE = [0.05, 0.45, 0.7];
 const PATH = [0.45, 0.55, 0.65];
 const PALE_ORANGE = [0.95, 0.66, 0.42];
 const BEHIND = 0.02; // m: points of a scan are seen through as much of a body
@@ -140,7 +139,7 @@ class Replay {
     if (this.mode === "runs") {
       const found = this.chosen.map(run => ({ name: run.name, surface: this.iterate(run, this.now(run)), paint: pale(rgb(run.colour)) }));
       if (!this.live || (this.lens && found.length)) return found;
-      return [{ name: "start", surface: this.surface(this.hand), paint: GREY, moved: true }, ...found];
+      return [{ name: "start", surface: this.surface(this.hand), paint: GREY }, ...found];
     }
     const surface = this.surface(this.moved()), paint = new Float32Array(surface.points.length);
     for (let i = 0; i < paint.length; i += 3) {
@@ -200,17 +199,12 @@ class Replay {
     scene.middle = this.middle.map((x, d) => x + (this.one?.travelled(this.one.at)[d] ?? 0));
     scene.begin(this.lens);
     const [right, up] = scene.axes(), labels = [];
-    this.byHand = null;
-    all.forEach(({ surface, paint, name, moved }, i) => {
+    all.forEach(({ surface, paint, name }, i) => {
       const row = Math.floor(i / columns), inRow = Math.min(columns, all.length - row * columns);
       const across = (i % columns - (inRow - 1) / 2) * wide, above = ((rows - 1) / 2 - row) * tall;
       const shift = right.map((x, d) => x * across + up[d] * above);
       scene.mesh(surface, this.body.faces, paint, shift);
       if (!this.lens) this.paintObserved(surface, shift);
-      if (moved && !this.lens) { // its joints can be dragged
-        this.byHand = { joints: surface.joints, shift };
-        scene.dots(Float32Array.from(surface.joints.flat()), HANDLE, shift, 7);
-      }
       if (name) labels.push([name, scene.middle.map((x, d) => x + shift[d] + up[d] * tall * 0.5)]);
     });
     this.paintOver(all, labels);
@@ -222,7 +216,7 @@ class Replay {
   }
 
   paintObserved(surface, shift) { // points in space, and lines to them from those of the body
-    const { scene, one, observed } = this, lines = [], dots = [];
+    const { scene, one } = this, lines = [], dots = [];
     if (one?.trail) scene.lines(one.trail(surface), PATH, shift);
     if (one?.scan) scene.dots(one.scan, one.scanPaint, shift, 2.5, BEHIND);
     if (!this.rays) return;
@@ -235,9 +229,6 @@ class Replay {
     if (one?.links) {
       const [from, to] = one.joined;
       to.forEach((place, i) => join(place, from[i]));
-    } else if (observed) {
-      const M = observed.places.length / 3, found = observed.joints ? surface.joints.flat() : means(observed, M, surface);
-      for (let m = 0; m < M; m++) join(observed.places.subarray(3 * m, 3 * m + 3), found.slice(3 * m, 3 * m + 3));
     }
     scene.lines(Float32Array.from(lines), RED, shift);
     scene.dots(Float32Array.from(dots), RED, shift, 4);
@@ -391,7 +382,7 @@ class Replay {
       this.series.forEach((one, i) => { if (one.columns.length === 1) this.rows[`series${i}`].push(cameras); });
       this.anywhere = cameras.querySelector("button");
     }
-    if (this.lenses.length || this.observed || this.series.some(one => one.links)) {
+    if (this.lenses.length || this.series.some(one => one.links)) {
       const label = make("label", row(left));
       const box = make("input", label, { type: "checkbox", checked: true });
       label.append(" lines from the body to what was observed");

@@ -129,12 +129,6 @@ class Scene {
     return [w / 2 + h / 2 * FOCAL * dot(r, p) / far, h / 2 - h / 2 * FOCAL * dot(u, p) / far];
   }
 
-  pulled(point, across, downward) { // where a point goes that is moved on the canvas, in CSS px
-    const [r, u, b] = this.axes(), far = -dot(b, point.map((x, d) => x - this.middle[d] - this.distance * b[d]));
-    const metres = 2 * far / (this.canvas.clientHeight * FOCAL);
-    return point.map((x, d) => x + metres * (across * r[d] - downward * u[d]));
-  }
-
   mesh({ points, normals }, faces, paint, shift) { // paint: one colour, or three numbers a vertex
     const { gl } = this;
     this.attribute("points", points, 0);
@@ -200,16 +194,9 @@ class Scene {
       this.tilt = Math.max(-1.4, Math.min(1.4, this.tilt + upward));
       draw();
     };
-    let held = null; // what `grab` gave: a function that takes the pointer's further moves
-    canvas.addEventListener("pointerdown", event => {
-      held = this.grab?.(event) ?? null;
-      canvas.setPointerCapture(event.pointerId);
-    });
-    for (const over of ["pointerup", "pointercancel"]) canvas.addEventListener(over, () => { held = null; });
-    canvas.addEventListener("touchmove", event => { if (held) event.preventDefault(); }, { passive: false });
+    canvas.addEventListener("pointerdown", event => canvas.setPointerCapture(event.pointerId));
     canvas.addEventListener("pointermove", event => {
-      if (event.buttons && held) held(event);
-      else if (event.buttons) turned(-event.movementX / 120, event.pointerType === "touch" ? 0 : event.movementY / 160);
+      if (event.buttons) turned(-event.movementX / 120, event.pointerType === "touch" ? 0 : event.movementY / 160);
     });
     canvas.addEventListener("keydown", event => {
       const step = { ArrowLeft: [-0.12, 0], ArrowRight: [0.12, 0], ArrowUp: [0, 0.12], ArrowDown: [0, -0.12] }[event.key];

@@ -27,11 +27,3 @@ def test_bones_and_observed_keypoints_are_drawn_in_their_places() -> None:
     assert ends == pytest.approx(expected, abs=0.06)
     assert drawn.get("height") == f"{TALL:.0f}"
     assert float(drawn.attrib["width"]) == round(50 * scale + 2 * MARGIN)
-
-
-def test_a_body_behind_the_camera_is_left_out() -> None:
-    joints = np.full((3, 2), np.nan)
-    text = thumbnail(FittedPicture(joints, np.array([[5.0, 5]]), np.ones(1)), PARENTS)
-    drawn = ElementTree.fromstring(text)
-    assert not list(drawn.iter(f"{SVG}line"))
-    assert len(list(drawn.iter(f"{SVG}circle"))) == 1

@@ -22,7 +22,7 @@ from workbench.bodies import SkinnedBody
 from workbench.errors import BadArgument
 from workbench.geometry.solids import heat, mesh_edges
 from workbench.motions import Motion
-from workbench.motions.tissue_inputs import GRAVITY, MovingFrames, second_differences
+from workbench.motions.soft_tissue import GRAVITY, MovingFrames, second_differences
 
 FLESH = {  # share of the way from bone to skin that is soft, by the joint that moves it: made up
     "pelvis": 0.6,

@@ -14,15 +14,13 @@ vertices of the stitched mesh about their mean.
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.linalg
-from numpy.typing import ArrayLike
-from scipy.sparse import csr_array
 from scipy.sparse.linalg import LinearOperator, lsqr
 
-from workbench.arrays import Array, Index
+from workbench.arrays import Array
 from workbench.bodies.triangles import TriangleBody
-from workbench.errors import BadArgument, WorkbenchError
-from workbench.geometry.triangles import Stitching, edges, gradient_derivatives
+from workbench.errors import WorkbenchError
+from workbench.geometry.triangles import Stitching, edges
+from workbench.training.triangles import PosedMeshes, neighbour_differences
 
 
 class LsqrNotConverged(WorkbenchError):
@@ -128,46 +126,6 @@ class StitchedFit:
         return np.asarray(on_moved.reshape(F, 2 * M, 3).transpose(0, 2, 1) @ white)
 
 
-def neighbour_differences(faces: Index) -> csr_array:
-    """(E, F): one face less the other, for every edge that two faces share."""
-    sides = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
-    owner = np.tile(np.arange(len(faces)), 3)
-    order = np.lexsort(sides.T)
-    same = (np.diff(sides[order], axis=0) == 0).all(axis=1)
-    first, second = owner[order[:-1][same]], owner[order[1:][same]]
-    E = len(first)
-    return csr_array(
-        (
-            np.tile([1.0, -1.0], E),
-            (np.repeat(np.arange(E), 2), np.stack([first, second], 1).ravel()),
-        ),
-        shape=(E, len(faces)),
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class PosedMeshes:
-    """M meshes of one topology in known poses. Raises BadArgument if they do not fit together.
-
-    Attributes:
-        vertices: (M, N, 3) in metres.
-        poses: (M, K, 3) in radians.
-        person: (M,) the number of each mesh's person, from 0.
-    """
-
-    vertices: Array
-    poses: Array
-    person: Index
-
-    def __post_init__(self) -> None:
-        M = len(self.vertices)
-        if self.poses.shape[:1] != (M,) or self.person.shape != (M,) or not M:
-            raise BadArgument(
-                f"meshes {self.vertices.shape}, poses {self.poses.shape} and persons "
-                f"{self.person.shape} must be as many, and at least one"
-            )
-
-
 def learn_pose_deformations(
     body: TriangleBody,
     posed: PosedMeshes,
@@ -228,55 +186,3 @@ def _plane(e: Array) -> tuple[Array, Array]:
     """An orthonormal basis (F, 3, 2) of each face's plane, and its edges (F, 2, 2) there."""
     basis, _ = np.linalg.qr(e.transpose(0, 2, 1))
     return basis, np.asarray(e @ basis)
-
-
-@dataclass(frozen=True, eq=False)
-class TriangleShapes:
-    """D_f = I + shapedirs[f] betas about the mean of some people; betas in standard deviations.
-
-    Attributes:
-        template: (N, 3) in metres, the mean.
-        shapedirs: (F, 3, 3, B) per unit of betas.
-        betas: (P, B) those of the people that it was learned from.
-        explained: (B,) the share of the gradients' variance.
-    """
-
-    template: Array
-    shapedirs: Array
-    betas: Array
-    explained: Array
-
-
-def learn_gradient_shapes(people: ArrayLike, faces: Index, n_betas: int) -> TriangleShapes:
-    """Principal components of the gradients X_f of people (P, N, 3) at rest, about their mean.
-
-    The third axis of X_f is taken to first order, so that X_f is linear in the vertices: people
-    who span k dimensions then have k components and no more. Raises BadArgument for more than
-    P - 1 betas.
-    """
-    v = np.asarray(people, dtype=float)
-    P = len(v)
-    if not 0 <= n_betas < P:
-        raise BadArgument(f"{P} people tell up to {P - 1} shape directions apart, not {n_betas}")
-    template = v.mean(axis=0)
-    slopes = gradient_derivatives(template, np.moveaxis(v - template, 0, 2), faces)  # (F, 3, 3, P)
-    flat = slopes.reshape(-1, P)
-    variances, coordinates = scipy.linalg.eigh(flat.T @ flat)
-    order = np.argsort(-variances)[:n_betas]
-    betas = coordinates[:, order] * np.sqrt(P - 1)
-    directions = flat @ coordinates[:, order] / np.sqrt(P - 1)
-    return TriangleShapes(
-        template,
-        directions.reshape(*slopes.shape[:3], n_betas),
-        betas,
-        variances[order] / max(variances.sum(), np.finfo(float).tiny),
-    )
-
-
-def stitched_directions(shapes: TriangleShapes, faces: Index) -> Array:
-    """How each beta moves the stitched vertices about their mean, (N, 3, B) m per unit."""
-    stitching = Stitching(faces, len(shapes.template))
-    e = edges(shapes.template, faces)
-    moved = np.einsum("facb,fic->bfia", shapes.shapedirs, e, optimize=True)
-    found = [stitching.vertices(one) for one in moved]
-    return np.stack(found, axis=2) if found else np.zeros((*shapes.template.shape, 0))

@@ -16,29 +16,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from builder.training import training_and_held_out
+from builder.triangle_learning import Lsqr, learn_pose_deformations, learn_subject
 from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
 from workbench.geometry.triangles import edges, frames_on, gradients
-from workbench.training.blend_shapes import RidgeChoice
 from workbench.training.blocks import POSE_STEPS
 from workbench.training.first_guess import FIRST_SIGMA, FIRST_STEPS
 from workbench.training.poses import (
-    EdgeTerm,
     FittedMeshes,
     PoseFit,
-    VertexTerm,
     poses_of_segments,
 )
-from workbench.training.registrations import InMemory, training_and_held_out
+from workbench.training.registrations import InMemory
 from workbench.training.training import Trained
-from workbench.training.triangles.learning import (
-    Lsqr,
-    PosedMeshes,
-    learn_gradient_shapes,
-    learn_pose_deformations,
-    learn_subject,
-)
+from workbench.training.triangles import PosedMeshes, learn_gradient_shapes
 
 AnyBody = SkinnedBody | TriangleBody
 SIGMA = 0.002  # m: a mesh from the body, per coordinate; as in training
@@ -57,9 +50,9 @@ def fit_held_out(body: AnyBody, first: SkinnedBody, meshes: Array) -> FittedMesh
     trusted, segments = np.ones(first.n_vertices), (first.template, first.weights, first.parents)
     turned = np.stack([poses_of_segments(*segments, V, trusted) for V in meshes])
     N = body.n_vertices
-    by_edges = PoseFit(body, N, EdgeTerm(first.faces), FIRST_SIGMA, FIRST_STEPS)
+    by_edges = PoseFit(body, N, FIRST_SIGMA, FIRST_STEPS, first.faces)
     near = by_edges.fits(turned, meshes).poses
-    return PoseFit(body, N, VertexTerm(), SIGMA, STEPS, 1.0).fits(near, meshes)
+    return PoseFit(body, N, SIGMA, STEPS, shape_sigma=1.0).fits(near, meshes)
 
 
 @dataclass(frozen=True)
@@ -80,6 +73,24 @@ class TriangleOptions:
 
 
 QUICK = TriangleOptions()
+
+
+@dataclass(frozen=True)
+class RidgeChoice:
+    """The values of a hyperparameter that were tried, and their errors.
+
+    Attributes:
+        tried: the values.
+        errors: the root mean square distance of vertices, in mm, on the subjects held out.
+    """
+
+    tried: tuple[float, ...]
+    errors: tuple[float, ...]
+
+    @property
+    def chosen(self) -> float:
+        """The value with the smallest error."""
+        return self.tried[int(np.argmin(self.errors))]
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +124,7 @@ class TriangleEstimate:
 
     def fits(self, posed: InMemory, steps: int = POSE_STEPS) -> FittedMeshes:
         """The subjects fitted to their registrations, from the poses of the estimate."""
-        fit = PoseFit(self.subjects, posed.n_vertices, VertexTerm(), SIGMA, steps)
+        fit = PoseFit(self.subjects, posed.n_vertices, SIGMA, steps)
         return fit.fits(self.poses, posed.vertices, betas=np.eye(len(self.D))[posed.subject])
 
 
@@ -142,8 +153,7 @@ def fit_shapes(estimate: TriangleEstimate, standing: InMemory, n_betas: int) -> 
     """Learn template and shapedirs from the poses known so far, then from poses fitted again."""
     roughly = _with_shapes(estimate, standing, n_betas)
     body = roughly.body
-    term = EdgeTerm(body.faces)
-    fit = PoseFit(body, body.n_vertices, term, FIRST_SIGMA, POSE_STEPS, 1.0)
+    fit = PoseFit(body, body.n_vertices, FIRST_SIGMA, POSE_STEPS, body.faces, 1.0)
     poses = fit.fits(estimate.standing, standing.vertices).poses
     return _with_shapes(replace(roughly, standing=poses), standing, n_betas)
 

@@ -1,34 +1,33 @@
 """Soft tissue from meshes in motion: dynamic blend shapes, and a stable model that drives them.
 
 Directions are principal components, parts are clusters of vertices that move alike, and the
-matrices that predict the coefficients of the next frame are found by least squares. If a pole is
-too large, all are scaled by one factor. `one_step_problem` says what the motions did not excite.
-There is no open recording of tissue; `synthetic/tissue.py` simulates it with springs that stiffen.
+matrices that predict the coefficients of the next frame are found by least squares. There is no
+open recording of tissue; `tissue_simulation` simulates it with springs that stiffen.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-import casadi as cs
 import numpy as np
 import scipy.linalg
 from scipy.cluster.vq import kmeans2
 
 from workbench.arrays import Array, Index
-from workbench.blocks import Block, Values
 from workbench.bodies import SkinnedBody
 from workbench.bodies.spaces import body_mass_index
 from workbench.errors import BadArgument
 from workbench.motions import Motion
-from workbench.motions.soft_tissue import SoftTissue, companion, free_run
-from workbench.motions.tissue_inputs import MovingFrames, input_names, tissue_inputs
-from workbench.problem import Problem
-from workbench.residuals import Residual
+from workbench.motions.soft_tissue import (
+    MovingFrames,
+    SoftTissue,
+    companion,
+    free_run,
+    tissue_inputs,
+)
 
 HARDLY = 0.01  # of an input's bound: what moves less than this in the clips hardly moves
 MOST_POWERS, CLOSE = 10, 0.02  # of the gain: how often it is improved, and when it stays
 SOFT = 0.15  # of the largest rms: vertices that move less are in no soft part
-NOTHING = 1e-9  # of the largest input: what moves less in all clips counts as still
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,57 +255,6 @@ def _power_left(
     frames = np.array([len(clip.motion) for clip in clips], dtype=float)
     centred = index - np.average(index, weights=frames)
     return float((frames * centred) @ np.array(logs) / ((frames * centred) @ centred))
-
-
-def one_step_problem(one: OneStep, tissue: SoftTissue, coefficient: int = 0) -> Problem:
-    """The factors of one coefficient, a row of [A_1 A_2 B], as unknowns of a linear least squares.
-
-    The block `factors` (2 C + X,) is labelled with what each factor belongs to, in units of the
-    root mean square of it in the clips, so that factors can be compared. All coefficients have the
-    same Jacobian. The residual has as many rows as unknowns: Q'(Z w - y), with Z = Q R, which has
-    the rank, the null space and the minimum of the M rows of Z w - y. Its null space is what the
-    motions did not excite: an input that never moved, or inputs that always moved together.
-    """
-    Z = _scaled(one)
-    Q, R = np.linalg.qr(Z)
-    y = Q.T @ one.targets[:, coefficient]
-    factors = Block("factors", (Z.shape[1],), "1", factor_names(tissue))
-    off = cs.DM(R) @ factors.symbol - cs.DM(y)
-    return Problem(
-        [Residual("one step ahead", off, _noise(one, coefficient), "1")],
-        free=["factors"],
-        blocks=[factors],
-    )
-
-
-def one_step_start(tissue: SoftTissue) -> Values:
-    """The factors at which the tissue does not move."""
-    return {"factors": np.zeros(2 * tissue.n_coefficients + tissue.response.shape[1])}
-
-
-def factor_names(tissue: SoftTissue) -> tuple[str, ...]:
-    """What the factors belong to: coefficients of the two frames before, and the inputs."""
-    C = tissue.n_coefficients
-    before = [
-        f"coefficient {c} {ago}" for ago in ("a frame ago", "two frames ago") for c in range(C)
-    ]
-    n_parts = int(tissue.part.max(initial=-1)) + 1
-    return (*before, *input_names(tissue.joint_names, n_parts, tissue.n_betas))
-
-
-def _scaled(one: OneStep) -> Array:
-    """The regressors, each divided by its root mean square; those that never move are zero."""
-    sizes = np.sqrt((one.regressors**2).mean(axis=0))
-    there = sizes > NOTHING * sizes.max()
-    return np.where(there, one.regressors / np.where(there, sizes, 1.0), 0.0)
-
-
-def _noise(one: OneStep, coefficient: int) -> float:
-    """The rms of what the best factors leave; at least a thousandth of the coefficient's."""
-    Z = _scaled(one)
-    y = one.targets[:, coefficient]
-    left = y - Z @ np.linalg.lstsq(Z, y, rcond=1e-9)[0]
-    return float(max(np.sqrt(np.mean(left**2)), 1e-3 * np.sqrt(np.mean(y**2))))
 
 
 @dataclass(frozen=True)

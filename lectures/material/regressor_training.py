@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
+from pathlib import Path
 from types import ModuleType
 
 import numpy as np
@@ -16,6 +17,7 @@ from workbench.fitting.observations import COCO
 from workbench.fitting.pose_regressor import PoseRegressor, normalised
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.priors.poses import PoseGaussian, PoseMixture, draw_poses
+from workbench.writing import write_arrays
 
 STATURE = 400.0  # px, in whose images noise and outliers are given
 TALL = 1.7  # m
@@ -37,6 +39,7 @@ HIDDEN = (256, 256)
 PEOPLE, PASSES = 20_000, 60
 RATE = 2e-3  # of Adam's method (Kingma and Ba 2015)
 AVERAGED = 0.3  # of the passes, the last ones, whose weights are averaged
+LARGEST = 2**15 - 1  # of the whole numbers in which weights are stored
 LEAST_SCALE = 0.03  # m per rad: joints that move no landmark are learned a little as well
 
 
@@ -198,3 +201,22 @@ def radian_lengths(body: Body) -> Array:
     away = body.landmark("coco")[:, None] - body.joints()
     moved: Array = np.sqrt(((follows * np.linalg.norm(away, axis=2)) ** 2).mean(axis=0))
     return np.maximum(moved, LEAST_SCALE)
+
+
+def save_regressor(regressor: PoseRegressor, path: str | Path) -> None:
+    """Write a regressor into an .npz; weights become multiples of a step, in 16 bits.
+
+    The step is the largest weight of a layer / 32,767. Raises BadFile if it cannot be written.
+    """
+    arrays = {
+        "keypoint_names": np.array(regressor.keypoint_names),
+        "joint_names": np.array(regressor.joint_names),
+        "mean": regressor.mean.astype(np.float32),
+        "scales": regressor.scales.astype(np.float32),
+    }
+    for i, (W, b) in enumerate(zip(regressor.weights, regressor.biases, strict=True)):
+        step = float(np.abs(W).max()) / LARGEST or 1.0
+        arrays[f"weights_{i}"] = np.rint(W / step).astype(np.int16)
+        arrays[f"step_{i}"] = np.array(step)
+        arrays[f"biases_{i}"] = b.astype(np.float32)
+    write_arrays(path, arrays)

@@ -9,7 +9,7 @@ from builder.population import unskin
 from tests.tiers import few
 from workbench.arrays import Array
 from workbench.bodies.forward.posing import Posing
-from workbench.synthetic.teacher import (
+from workbench.lectures.material.teacher import (
     DISTAL_SHARE,
     HALF_OF,
     JOINT,
