@@ -114,21 +114,6 @@ def test_affine_arguments_keep_the_chain_rule(
         np.testing.assert_allclose(found, expected, atol=1e-12)
 
 
-def test_triangle_bodies_take_affine_arguments() -> None:
-    body = blend_scape(tube_body())
-    pose, betas, trans = (block.symbol for block in body.blocks())
-    s = symbols(root=(1, 3), rest=(body.n_joints - 1, 3))
-    for made in (
-        cs.horzcat(s["root"], s["rest"]),
-        pose + 0.1,
-        pose + cs.repmat(trans, 1, body.n_joints),
-    ):
-        arguments = made, betas, trans
-        problem = wb.Problem(terms(body, arguments), names_of(arguments))
-        assert all(p.source.numeric is not None for r in problem.residuals for p in r.points)
-        assert_chain_rule_is_graph(problem, some_values(problem))
-
-
 def test_arguments_that_are_not_affine_go_by_the_graph() -> None:
     pose, betas, trans = plain()
     for bent in (cs.sin(betas), betas * cs.sum1(betas), cs.fmax(betas, 0)):
@@ -138,25 +123,6 @@ def test_arguments_that_are_not_affine_go_by_the_graph() -> None:
         assert source.tree is None
         problem = wb.Problem(terms(BODY, (pose, bent, trans)), ("pose", "betas"))
         assert_chain_rule_is_graph(problem, some_values(problem))
-
-
-def test_one_block_moves_two_bodies() -> None:
-    """Their poses share all but the root; each body gives its part to the shared columns."""
-    rest = wb.Block("rest", (K - 1, 3), "rad", BODY.joint_names[1:])
-    stacked, others = [], []
-    for who in ("a/", "b/"):
-        root = wb.Block(who + "root", (1, 3), "rad", BODY.joint_names[:1])
-        _, betas, trans = BODY.blocks(who)
-        pose = cs.horzcat(root.symbol, rest.symbol)
-        points = BODY.points(pose, betas.symbol, trans.symbol)
-        stacked.append(residuals.vertices(points, BODY.template, sigma=0.1, name=who))
-        others += [root, betas, trans]
-    problem = wb.Problem(stacked, [rest.name, *(b.name for b in others)], blocks=(rest, *others))
-    assert_chain_rule_is_graph(problem, some_values(problem))
-    assert len(problem.trees) == 2
-    turned = [problem.free.label(at.start) for at in problem.rotations]
-    assert turned[:2] == ["a/root[joint0, x]", "rest[joint1, x]"]
-    assert len(turned) == K + 1  # what is shared is counted once
 
 
 # The tree and its names.
@@ -306,36 +272,6 @@ def test_offsets_keep_the_chain_rule(name: str) -> None:
     ):
         problem = wb.Problem([seen, prior], free=free)
         assert_chain_rule_is_graph(problem, some_values(problem))
-
-
-def test_offsets_may_be_affine_maps_of_blocks() -> None:
-    """Such as a depth of each marker along a normal, and a block that has two roles."""
-    pose, betas, trans = (block.symbol for block in MARKED.blocks())
-    depth, normals = wb.Block("depth", (6,), "m"), RNG.normal(size=(3, 6))
-    along = cs.DM(normals) * cs.repmat(depth.symbol.T, 3, 1)
-    for given, numeric in (
-        (along + 0.01, True),
-        (cs.repmat(trans, 1, 6) + along, True),
-        (along**2, False),  # the graph remains
-    ):
-        points = MARKED.landmark_points(SET, pose, betas, trans, given)
-        assert (points.source.numeric is not None) == numeric
-        residual = residuals.landmarks(points, np.ones((6, 3)), sigma=0.1)
-        problem = wb.Problem([residual], free=("pose", "depth", "trans"))
-        assert_chain_rule_is_graph(problem, some_values(problem))
-
-
-def test_blocks_of_offsets_have_names_and_a_unit() -> None:
-    block = MARKED.offsets(SET)
-    assert (block.name, block.shape, block.unit) == ("offsets", (6, 3), "m")
-    assert block.labels == MARKED.landmark_names(SET)
-    assert MARKED.offsets(SET, "left_").name == "left_offsets"
-    assert MARKED.freed("template").offsets(SET) is block
-    given = (*(b.symbol for b in MARKED.blocks()), cs.MX.sym("worn", 3, 6))
-    points = MARKED.landmark_points(SET, *given)
-    problem = wb.Problem([residuals.landmarks(points, np.ones((6, 3)), sigma=0.1)], free=("worn",))
-    assert problem.free["worn"].unit == "m"
-    assert problem.free.label(5) == "worn[marker 1, z]"
 
 
 def test_offsets_that_make_no_sense_are_refused() -> None:

@@ -18,11 +18,8 @@ from workbench.bodies.forward.compiled import (
     MESH,
     CompiledJoints,
     CompiledMesh,
-    Packing,
-    is_exact,
     joint_library,
     mesh_library,
-    whole_step,
 )
 from workbench.bodies.forward.kinematics import Skeleton
 from workbench.bodies.forward.mesh import NumpyMesh, chunks_of
@@ -158,23 +155,6 @@ def test_directions_stored_small_are_the_same_numbers(
     motion = body.kinematics.motion(pose_at("anywhere", 4), np.ones(2))
     found = [one.at(motion, np.ones(2)).points for one in (narrow, plain)]
     np.testing.assert_allclose(*found, rtol=0, atol=1e-13 * np.ptp(found[1]))
-
-
-def test_whole_steps_come_back_to_the_bit() -> None:
-    rng = np.random.default_rng(1)
-    for step in (2e-5, 5e-6, 1.25e-7):
-        array = rng.integers(-32_767, 32_768, (40, 3, 7)) * step
-        assert whole_step(array) == step
-        assert is_exact(array, step)
-        stored = Packing(True).stored(array, step)
-        np.testing.assert_array_equal(stored * np.float64(step), array)
-        for spoilt in (np.nan, 1e39, 5e-324, np.nextafter(array[0, 0, 0], np.inf)):
-            off = array.copy()
-            off[0, 0, 0] = spoilt
-            assert not is_exact(off, step)
-    single = rng.standard_normal((30, 3)).astype(np.float32).astype(float)
-    assert is_exact(single, 1.0)
-    assert not is_exact(rng.standard_normal(9), 1.0)
 
 
 @EACH_WAY

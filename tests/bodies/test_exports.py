@@ -20,7 +20,7 @@ from tests.tiers import few
 from workbench.bodies.files.c_code import write_c
 from workbench.bodies.files.gltf import write_gltf
 from workbench.bodies.triangles import scape
-from workbench.errors import BadArgument, BadBody, UnknownName
+from workbench.errors import BadArgument, BadBody
 from workbench.geometry.meshes import read_mesh, write_mesh
 
 SMALL = wb.load_body("small")
@@ -134,22 +134,6 @@ def test_error_of_few_correctives_is_said(tmp_path: Path, count: int | None) -> 
     assert (extras["mean_error_m"], extras["largest_error_m"]) == (found.mean, found.largest)
 
 
-def test_gltf_holds_shape_directions_and_normals(tmp_path: Path) -> None:
-    poses, betas = some_poses()
-    write_gltf(tmp_path / "a.glb", SMALL, poses, betas, shapes=2, correctives=1)
-    document, array = read(tmp_path / "a.glb")
-    mesh = document["meshes"][0]
-    assert mesh["extras"]["targetNames"] == ["betas[0]", "betas[1]", "pose corrective 0"]
-    targets = mesh["primitives"][0]["targets"]
-    for b in range(2):
-        moved = array(targets[b]["POSITION"])
-        np.testing.assert_allclose(moved, SMALL.shapedirs[:, :, b], atol=1e-7)
-    normals = array(mesh["primitives"][0]["attributes"]["NORMAL"])
-    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-6)
-    rest = trimesh.Trimesh(SMALL.vertices(betas=betas), SMALL.faces, process=False)
-    assert np.median((normals * rest.vertex_normals).sum(axis=1)) > 0.95
-
-
 def test_texture_of_a_body_goes_where_the_body_goes(tmp_path: Path) -> None:
     """Two places of the texture for each vertex: every second face takes the other one."""
     N, corners = SMALL.n_vertices, SMALL.faces.copy()
@@ -218,20 +202,6 @@ def test_gltf_refuses_what_it_cannot_show(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_tilde_is_the_home_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    for variable in ("HOME", "USERPROFILE"):
-        monkeypatch.setenv(variable, str(tmp_path))
-    wb.save_body(SMALL, "~/a.npz")
-    wb.save_body(SMALL, "~/a.pkl")
-    write_gltf("~/a.glb", SMALL, SMALL.bind_pose)
-    write_c("~/a.c", SMALL)
-    write_mesh("~/a.ply", SMALL.template, SMALL.faces)
-    suffixes = {".npz", ".pkl", ".json", ".glb", ".c", ".h", ".ply"}
-    assert {path.suffix for path in tmp_path.iterdir()} == suffixes
-    np.testing.assert_array_equal(read_mesh("~/a.ply").vertices, SMALL.template)
-    np.testing.assert_array_equal(wb.load_body("~/a.npz").vertices(), SMALL.vertices())
-
-
 # C code.
 
 COMPILER = shutil.which("cc") or shutil.which("gcc")
@@ -261,20 +231,3 @@ def test_written_c_code_gives_points_of_the_body(tmp_path: Path, name: str, poin
     )
     assert done == 0
     np.testing.assert_allclose(found, body.landmark(points, *given), atol=1e-12)
-
-
-def test_written_c_code_says_its_arguments(tmp_path: Path) -> None:
-    body = wb.load_body("small")
-    write_c(tmp_path / "code.c", body, "coco")
-    for name in ("code.c", "code.h"):
-        text = (tmp_path / name).read_text()
-        for words in ("pose, 24 x 3, rad", "trans, 3, m", "the points, 23 x 3, m"):
-            assert words in text
-        about = " ".join(text.split("*/")[0].split())
-        assert all(joint in about for joint in (*body.joint_names, "left_big_toe"))
-    assert "int coco(const" in (tmp_path / "code.h").read_text()
-    with pytest.raises(UnknownName, match="'face'"):
-        write_c(tmp_path / "other.c", body, "face")
-    with pytest.raises(BadArgument, match=r"\.c"):
-        write_c(tmp_path / "other.h", body)
-    assert len(list(tmp_path.iterdir())) == 2

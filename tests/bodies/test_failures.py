@@ -64,9 +64,6 @@ def test_dual_quaternions_move_every_vertex_rigidly() -> None:
     assert np.abs(lengths(linear, pairs) / lengths(solid, pairs) - 1).max() > 0.05
 
 
-# Limbs of a real body.
-
-
 # Ablations.
 
 
@@ -90,6 +87,3 @@ def test_each_ablation_takes_one_thing_away() -> None:
     for ablation in ABLATIONS.values():
         with pytest.raises(BadBody, match="are free"):
             ablation(freed)
-
-
-# Separate parts.

@@ -24,25 +24,6 @@ from workbench.errors import BadArgument
 # Shape and expression.
 
 
-@pytest.mark.parametrize(
-    ("B", "shape", "expression"),
-    few([pytest.param(20, 10, 10), pytest.param(400, 300, 100), pytest.param(16, 16, 0)], 1),
-)
-def test_shape_and_expression_are_apart(
-    tmp_path: Path, B: int, shape: int, expression: int
-) -> None:
-    raw = smplx(B=B)
-    body = load_skinned(written(raw, tmp_path / "m.pkl"))
-    space = shape_space(body)
-    assert (len(space.shape), len(space.expression)) == (shape, expression)
-    rng = np.random.default_rng(0)
-    s, e = rng.normal(size=(5, 3)), rng.normal(size=(5, min(3, expression)))
-    found = body.vertices(None, space.numbers(s, e))
-    directions = body.shapedirs[:, :, [0, 1, 2, *range(shape, shape + e.shape[1])]]
-    expected = body.template + np.einsum("nij,tj->tni", directions, np.hstack([s, e]))
-    np.testing.assert_allclose(found, expected, atol=1e-12)
-
-
 def test_expression_is_fitted_while_shape_is_held(tmp_path: Path) -> None:
     body = load_skinned(written(flame(), tmp_path / "m.pkl"))
     space = shape_space(body).first(4, 5)

@@ -10,7 +10,7 @@ from typing import Any
 import casadi as cs
 import numpy as np
 import pytest
-from scipy.sparse import csc_matrix, csr_matrix, issparse
+from scipy.sparse import csc_matrix, issparse
 
 from tests.bodies.model_files import MODELS, written
 from tests.bodies.random_bodies import Entries, decorated, entries, equal_to, same
@@ -95,22 +95,6 @@ def test_every_key_of_a_model_survives(tmp_path: Path, model: str, suffix: str) 
 # SMPL's layout in its variants.
 
 
-def test_number_of_joints_tells_the_model(tmp_path: Path) -> None:
-    for K, B, last, model in (
-        (24, 300, "right_hand", "SMPL"),
-        (52, 16, "right_thumb3", "SMPL-H"),
-        (16, 10, "thumb3", "MANO"),
-        (55, 20, "right_thumb3", "SMPL-X"),
-        (1, 2, "joint_0", "SMPL-like"),
-    ):
-        raw = entries(N=30, K=K, B=B)
-        path = saved(tmp_path / "m_FEMALE.npz", raw)
-        equal_to(raw, path)
-        body = load_body(path)
-        assert (body.joint_names[-1], len(set(body.joint_names))) == (last, K)
-        assert (body.card["model"], body.card["gender"]) == (model, "female")
-
-
 VARIANTS: dict[str, Callable[[Entries], Entries]] = {
     "flat posedirs": lambda e: {"posedirs": e["posedirs"].reshape(3 * len(e["v_template"]), -1)},
     "smplx posedirs": lambda e: {"posedirs": e["posedirs"].reshape(120, -1).T},
@@ -135,21 +119,6 @@ def test_variants_of_the_layout_are_read(tmp_path: Path) -> None:
         equal_to(raw, saved(tmp_path / "model.npz", raw | change(raw)))
     single = {k: v.astype(np.float32) if v.dtype == float else v for k, v in raw.items()}
     equal_to(single, saved(tmp_path / "model.npz", single))  # nothing is normalised
-
-
-def test_sparse_regressor_in_its_parts(tmp_path: Path) -> None:
-    raw = entries()
-    matrix = csr_matrix(raw["J_regressor"])
-    parts = {f"J_regressor/{part}": getattr(matrix, part) for part in ("data", "indices", "indptr")}
-    rest = {key: value for key, value in raw.items() if key != "J_regressor"}
-    whole = rest | parts | {"J_regressor/shape": np.array(matrix.shape)}
-    equal_to(raw, saved(tmp_path / "model.npz", whole))
-    wild = whole | {"J_regressor/indices": matrix.indices + 1000}
-    with pytest.raises(BadFile, match="no sparse matrix"):
-        load_body(saved(tmp_path / "model.npz", wild))
-    del wild["J_regressor/indptr"]
-    with pytest.raises(BadFile, match="has no J_regressor/indptr"):
-        load_body(saved(tmp_path / "model.npz", wild))
 
 
 # What is no body.

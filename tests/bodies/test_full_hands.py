@@ -78,24 +78,6 @@ def test_body_with_held_fingers_is_the_body_at_rest(name: str) -> None:
     assert apart.max() < 1.5e-4  # what the blend shapes of fingers do beyond them
 
 
-def test_fingers_move_as_the_hand() -> None:
-    rows = MESH.hands["right"]
-    np.testing.assert_array_equal(BODY.weights[rows][:, RIGHT], HAND.weights[:, 1:])
-    np.testing.assert_allclose(BODY.weights.sum(axis=1), 1, atol=1e-12)
-    assert (BODY.weights > 0).sum(axis=1).max() == 4
-    np.testing.assert_array_equal(BODY.posedirs[rows, :, 9 * 36 :], HAND.posedirs)
-    assert not BODY.posedirs[~np.isin(np.arange(BODY.n_vertices), rows), :, 9 * 36 :].any()
-    space = pose_space(HAND)
-    for seed in range(3):  # the hand's own shape is another one, but moves alike
-        drawn = np.random.default_rng(seed).standard_normal(45) * space.deviations
-        fingers = space.poses(HAND, drawn)
-        own = HAND.vertices(fingers) - HAND.template
-        moved = BODY.vertices(in_both(fingers))[rows] - BODY.template[rows]
-        assert np.sqrt(((moved - own) ** 2).sum(axis=1).mean()) < 0.06 * np.sqrt(
-            (own**2).sum(axis=1).mean()
-        )
-
-
 def degrees(u: np.ndarray, v: np.ndarray) -> np.ndarray:
     return np.degrees(2 * np.arcsin(np.linalg.norm(u - v, axis=1).clip(0, 2) / 2))
 

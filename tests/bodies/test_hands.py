@@ -1,19 +1,12 @@
 """The embedded hands: what must be true of their arrays, their mirror, their pose space, points."""
 
-from dataclasses import replace
-
 import casadi as cs
 import numpy as np
-import pytest
-import trimesh
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
 import workbench as wb
 from workbench.blocks import Block
-from workbench.bodies import HAND_POINTS, PoseSpace, hand_points, pose_space
+from workbench.bodies import HAND_POINTS, hand_points, pose_space
 from workbench.bodies.catalogue import load_skinned
-from workbench.errors import BadArgument, BadBody, UnknownName
 from workbench.geometry.mirror import AXIAL, REFLECTION
 from workbench.residuals import landmarks
 
@@ -35,26 +28,6 @@ def mean_pose() -> dict[str, np.ndarray]:
         "betas": np.zeros(10),
         "trans": np.zeros(3),
     }
-
-
-def test_mesh_of_the_hand_is_open_at_the_wrist() -> None:
-    assert HAND.template.shape == (778, 3)
-    assert HAND.faces.shape == (1534, 3)
-    mesh = trimesh.Trimesh(HAND.template, HAND.faces, process=False)
-    assert mesh.is_winding_consistent
-    assert mesh.body_count == 1
-    assert mesh.euler_number == 1
-    edges, times = np.unique(np.sort(mesh.edges, axis=1), axis=0, return_counts=True)
-    border = edges[times == 1]
-    assert len(border) == 20
-    assert (np.unique(border, return_counts=True)[1] == 2).all()  # one loop, or several
-    loop = HAND.template[np.unique(border)]
-    assert 0.02 < loop[:, 0].mean() < 0.035  # behind the wrist, which is the origin
-    around = csr_array((np.ones(20), border.T), shape=(778, 778))
-    assert connected_components(around, directed=False)[0] == 1 + 778 - 20  # all others stand alone
-    outwards = mesh.face_normals @ [0.0, 1.0, 0.0]
-    back = mesh.triangles_center[:, 1] > np.quantile(HAND.template[:, 1], 0.9)
-    assert outwards[back].mean() > 0.3
 
 
 # The left hand.
@@ -91,29 +64,6 @@ def test_hand_is_posed_by_coefficients() -> None:
     np.testing.assert_allclose(points.source.numeric.evaluate(values).points, expected, atol=1e-12)
 
 
-def test_coefficients_that_do_not_fit_are_refused() -> None:
-    with pytest.raises(BadBody, match="no pose space"):
-        pose_space(load_skinned("small"))
-    with pytest.raises(BadBody, match="15 joints below its root"):
-        pose_space(replace(HAND, extras={**HAND.extras, "hands_mean": np.zeros(9)}))
-    for side, error, words in (("upper", UnknownName, "upper"), ("left", BadBody, "has one hand")):
-        with pytest.raises(error, match=words):
-            pose_space(HAND, 6, side)
-    with pytest.raises(BadArgument, match="0 to so many"):
-        SPACE.first(46)
-    with pytest.raises(BadArgument, match="have shape"):
-        SPACE.poses(HAND, np.zeros(6))
-    with pytest.raises(UnknownName, match="index1"):
-        SPACE.poses(load_skinned("small"), np.zeros(45))
-    with pytest.raises(BadBody, match="components of a pose space"):
-        PoseSpace(("wrist",), np.zeros((1, 3)), np.zeros((2, 2, 3)), np.ones(2))
-    with pytest.raises(BadBody, match="above zero"):
-        PoseSpace(("wrist",), np.zeros((1, 3)), np.zeros((1, 1, 3)), np.zeros(1))
-    z = SPACE.block()
-    with pytest.raises(BadArgument, match="1 joints outside"):
-        SPACE.pose(HAND, z.symbol, cs.MX.sym("wrist", 3, 2))
-
-
 # Joints and finger tips together.
 
 
@@ -132,20 +82,6 @@ def test_21_points_are_joints_and_tips() -> None:
     np.testing.assert_allclose(np.asarray(graph(pose.T, betas, trans)).T, expected, atol=1e-12)
     batch = {name: np.stack([value, value]) for name, value in values.items()}
     np.testing.assert_allclose(numeric.evaluate_batch(batch)[1], expected, atol=1e-12)
-
-
-def test_joints_alone_leave_rank_23_of_48() -> None:
-    """No joint of a tip's own turn is seen, nor a finger that turns about itself."""
-    at = [block.symbol for block in HAND.blocks()]
-    seen = landmarks(HAND.joint_points(*at), np.zeros((16, 3)), sigma=0.002)
-    found = wb.diagnose(wb.Problem([seen], free=["pose"]), mean_pose())
-    assert found.rank == 23
-    names = [direction.name for direction in found.null_directions]
-    assert len(names) == 48 - 23
-    assert [f"pose[{f}3, {a}]" for f in ("index", "middle") for a in "xyz"] == names[:6]
-    for finger in ("index", "middle", "pinky", "ring", "thumb"):
-        assert f"a turn of pose[{finger}2] alone" in names
-        assert f"a turn of pose[{finger}1], undone at {finger}2" in names
 
 
 def test_finger_tips_raise_the_rank_to_38() -> None:

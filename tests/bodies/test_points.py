@@ -97,35 +97,22 @@ def test_counts_and_blocks_are_known_without_the_graph() -> None:
             assert expression.shape == points.symbol.shape == (3, points.count)
 
 
-def tiled(N: int) -> wb.SkinnedBody:
-    """A body of N vertices, the small one's again and again."""
-    small = wb.load_body("small")
-    names = ("template", "shapedirs", "posedirs", "weights")
-    arrays = {n: np.resize(getattr(small, n), (N, *getattr(small, n).shape[1:])) for n in names}
-    J = small.J_regressor
-    return replace(
-        small,
-        **arrays,
-        J_regressor=csr_array((J.data, J.indices, J.indptr), shape=(small.n_joints, N)),
-        mirror=None,
-        landmarks={"face": wb.Landmarks(("nose", "eye"), csr_array(np.eye(2, N)))},
-    )
-
-
 def test_large_meshes_are_linearized_without_their_graph(monkeypatch: pytest.MonkeyPatch) -> None:
-    N, rng = 3000, np.random.default_rng(0)
-    body, observed = tiled(N), wb.Block("observed", (N, 3), "m").symbol
+    body, rng = wb.load_body("default"), np.random.default_rng(0)
+    N, observed = body.n_vertices, wb.Block("observed", (body.n_vertices, 3), "m").symbol
+    face = wb.Landmarks(("nose", "eye"), csr_array(np.eye(2, N)))
+    body = replace(body, landmarks={"face": face})
 
     def built(*_: object) -> None:
         raise AssertionError("the graph of the whole mesh was built")
 
     monkeypatch.setattr(posed_points, "WORTH_COMPILING", np.inf)
     monkeypatch.setattr(surface, "posed", built)
-    points, some, _, face = all_points(body)
+    points, some, _, marks = all_points(body)
     terms = (
         wb.residuals.vertices(points, observed, sigma=0.002),
         wb.residuals.vertices(some, rng.normal(size=(2, 3)), sigma=0.01),
-        wb.residuals.landmarks(face, rng.normal(size=(2, 3)), sigma=0.01),
+        wb.residuals.landmarks(marks, rng.normal(size=(2, 3)), sigma=0.01),
         wb.residuals.gaussian(body.blocks()[1].symbol, name="shape prior"),
     )
     problem = wb.Problem(terms, ("pose", "betas", "trans"))
@@ -154,6 +141,3 @@ def test_free_arrays_are_blocks_of_their_shapes() -> None:
     np.testing.assert_array_equal(start["new J_regressor"], body.J_regressor.toarray())
     with pytest.raises(UnknownName, match="'faces'"):
         body.freed("faces")
-
-
-# Shape directions, and joints that go with them.

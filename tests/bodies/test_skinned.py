@@ -30,7 +30,7 @@ from workbench.bodies.forward.few_points import LandmarkPoints
 from workbench.bodies.forward.kinematics import Skeleton, binding_motions, pose_features
 from workbench.bodies.forward.motion import Kinematics
 from workbench.bodies.triangles.body import blend_scape
-from workbench.errors import BadArgument, BadBody, BadFile, UnknownName, WorkbenchError
+from workbench.errors import BadBody, BadFile, UnknownName, WorkbenchError
 from workbench.geometry.rotation import rodrigues
 
 BODIES = {
@@ -306,21 +306,6 @@ def test_skinning_function_gives_the_vertices_of_a_body(kind: Any) -> None:
     expected, symbols = BODY.vertices(THETA, BETAS), four(kind)
     W = cs.Function("W", list(symbols), [skin(*symbols, BODY.parents)])
     np.testing.assert_allclose(np.asarray(W(*NUMBERS)).T, expected, atol=1e-12)
-
-
-def test_shapes_and_kinds_that_do_not_fit_are_refused() -> None:
-    wrong = [
-        (1, np.zeros((3, 5)), "J has shape"),
-        (2, np.zeros((4, 20)), "weights has shape"),
-        (3, cs.MX.sym("theta", 12), "theta has shape"),
-    ]
-    for which, value, words in wrong:
-        given = list(NUMBERS)
-        given[which] = value
-        with pytest.raises(BadArgument, match=words):
-            skin(*given, BODY.parents)
-    with pytest.raises(BadArgument, match="MX and SX"):
-        skin(*four(cs.MX)[:2], *four(cs.SX)[2:], BODY.parents)
 
 
 # Joints that are free, or given.

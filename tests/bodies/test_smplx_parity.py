@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.bodies.model_files import mano, smplh, written
+from tests.bodies.model_files import mano, written
 from tests.bodies.model_files import smplx as smplx_file
 from tests.bodies.random_bodies import Entries, decorated, entries
 from workbench.bodies import mirrored, pose_space, shape_space
@@ -105,40 +105,6 @@ def test_mano_by_the_coefficients_of_its_pose_space(tmp_path: Path, which: str, 
     # with all 45 components smplx takes rotation vectors, still without the mean
     hand = z if count < 45 else (pose[:, 1:] - space.mean).reshape(BATCH, 45)
     out = theirs(**given(betas=betas, global_orient=wrist, hand_pose=hand, transl=TRANS))
-    agree(out, body, pose, betas)
-
-
-@THEIR_WARNINGS
-@pytest.mark.parametrize("with_space", [True, False])
-def test_smplh_of_52_joints(tmp_path: Path, with_space: bool) -> None:
-    body = as_body(smplh(), "body", tmp_path)
-    body = body if with_space else replace(body, extras={})
-    (tmp_path / "smplh").mkdir()
-    save_body(body, tmp_path / "smplh" / "SMPLH_NEUTRAL.pkl")
-    ids = json.loads((tmp_path / "smplh" / "SMPLH_NEUTRAL_vertex_ids.json").read_text())
-    theirs = smplx.create(
-        str(tmp_path), "smplh", vertex_ids=ids, num_betas=10, batch_size=BATCH, num_pca_comps=6
-    )
-    rng = np.random.default_rng(2)
-    betas, z = np.zeros((BATCH, 16)), rng.normal(size=(2, BATCH, 6)) * 0.5
-    betas[:, :10] = rng.normal(size=(BATCH, 10))  # smplx shows no more of a file of less than 300
-    pose = rng.normal(size=(BATCH, 52, 3)) * 0.4
-    hands = ("left", z[0], slice(22, 37)), ("right", z[1], slice(37, 52))
-    for hand, coefficients, rows in hands:
-        if with_space:
-            pose[:, rows] = pose_space(body, 6, hand).poses(body, coefficients)[:, rows]
-        else:
-            pose[:, rows] = np.pad(coefficients, ((0, 0), (0, 39))).reshape(BATCH, 15, 3)
-    out = theirs(
-        **given(
-            betas=betas[:, :10],
-            global_orient=pose[:, 0],
-            body_pose=pose[:, 1:22].reshape(BATCH, 63),
-            left_hand_pose=z[0],
-            right_hand_pose=z[1],
-            transl=TRANS,
-        )
-    )
     agree(out, body, pose, betas)
 
 

@@ -21,7 +21,6 @@ from tests.bodies.laws import (
 )
 from tests.bodies.random_bodies import same
 from tests.bodies_made_up import tube_body
-from tests.differences import assert_hessian, assert_jacobian
 from tests.tiers import few
 from workbench.bodies.body import Body
 from workbench.bodies.catalogue import (
@@ -122,9 +121,6 @@ def test_unposed_people_are_those_of_the_skinned_body(name: str) -> None:
         np.testing.assert_allclose(body.vertices(betas=betas), expected, atol=1e-12)
 
 
-# What the two differ in.
-
-
 # Derivatives, and the two ways to the same numbers.
 
 
@@ -164,14 +160,6 @@ def place(body: TriangleBody, size: float) -> np.ndarray:
     pose, betas, trans = some_arguments(body, 3)
     pose /= np.linalg.norm(pose, axis=1, keepdims=True)
     return np.concatenate([size * pose.ravel(), np.sign(size) * betas, trans])
-
-
-@EACH_TUBE
-@pytest.mark.parametrize("where", few(PLACES, ("near zero", "somewhere")))
-def test_derivatives_are_those_of_differences(name: str, where: str) -> None:
-    problem, x = whole_problem(name), place(made(name), PLACES[where])
-    assert_jacobian(problem, x, np.zeros(0), 1e-8)
-    assert_hessian(problem, x, np.zeros(0), 1e-8)
 
 
 @pytest.mark.parametrize("name", few(["BlendSCAPE", *MADE], 1))
@@ -218,28 +206,6 @@ def test_arrays_that_do_not_fit_are_refused() -> None:
 
 
 # Fitting and diagnosis.
-
-
-def fit_problem(body: TriangleBody, seed: int, scale: float) -> tuple[wb.Problem, wb.Values]:
-    rng = np.random.default_rng(seed)
-    known = {
-        "pose": rng.normal(scale=scale, size=(body.n_joints, 3)),
-        "betas": rng.normal(size=body.n_betas),
-        "trans": rng.normal(size=3),
-    }
-    target = body.vertices(*known.values())
-    residual = wb.residuals.vertices(body.points(*symbols(body)), target, sigma=0.002)
-    return wb.Problem([residual], ("pose", "betas", "trans")), known
-
-
-@pytest.mark.parametrize("seed", few([0, 1], 1))
-def test_posed_and_shaped_person_is_found_from_zero(seed: int) -> None:
-    body = made("small SCAPE")
-    problem, known = fit_problem(body, seed, 0.25)
-    solution = wb.solve(problem, body.start())
-    assert solution.status is wb.Status.CONVERGED
-    for name, value in known.items():
-        np.testing.assert_allclose(solution.values[name], value, atol=1e-6)
 
 
 EXTRAS = {"joint_limits": np.arange(6.0).reshape(3, 2), "gender": np.array("neutral")}
@@ -325,6 +291,3 @@ def test_shipped_bodies_have_only_posedirs_of_their_own(name: str) -> None:
         assert (getattr(body, part) != getattr(untrained, part)).nnz == 0
     assert body.posedirs.any()
     assert (FOLDER / f"{name}.npz").stat().st_size < 0.3e6
-
-
-# In the place of SMPL.

@@ -14,9 +14,7 @@ from tests.bodies.laws import (
     some_arguments,
 )
 from tests.bodies.random_bodies import entries
-from tests.bodies_made_up import random_body, smpl_like_body
-from tests.differences import assert_hessian, assert_jacobian
-from tests.tiers import few
+from tests.bodies_made_up import random_body
 from workbench import SkinnedBody
 from workbench.bodies.ablations import without_shape_blend_shapes
 from workbench.bodies.files.gltf import write_gltf
@@ -38,10 +36,6 @@ FEATURES: tuple[Features, ...] = (
     quaternion_elements,
     star_features,
 )
-WHERE = [
-    ("near zero", "pi", "anywhere"),
-    ("zero", "all but pi between two joints", "a full turn"),
-]
 
 
 def varied(body: SkinnedBody, features: Features, seed: int = 0) -> SkinnedBody:
@@ -64,24 +58,6 @@ def variants(n_vertices: int = 30, n_joints: int = 5, n_betas: int = 3) -> dict[
                 name = f"{skinning.__name__} of {features.__name__}{', bound' * bound}"
                 found[name] = replace(varied(body, features), skinning=skinning)
     return found
-
-
-def pose_at(where: str, K: int) -> np.ndarray:
-    """At exactly pi between two joints blending dual quaternions jumps: both ways are as long."""
-    pose = np.random.default_rng(5).normal(size=(K, 3))
-    pose /= np.linalg.norm(pose, axis=1, keepdims=True)
-    match where:
-        case "zero":
-            return 0 * pose
-        case "near zero":
-            return 1e-7 * pose
-        case "pi" | "a full turn":
-            pose[1:] *= 0.7
-            pose[0] *= np.pi if where == "pi" else 2 * np.pi
-            return pose
-        case "all but pi between two joints":
-            return pose * (np.arange(K) == 1)[:, None] * (np.pi - 0.05)
-    return 0.7 * pose
 
 
 # Laws.
@@ -109,45 +85,7 @@ def test_variants_keep_the_laws_of_bodies(features: Features) -> None:
             np.testing.assert_allclose(one, body.vertices(theta, betas, trans), atol=1e-13)
 
 
-@cache
-def problem_of(body: SkinnedBody) -> wb.Problem:
-    symbols = [block.symbol for block in body.blocks()]
-    target = wb.Block("target", (body.n_vertices, 3), "m")
-    residual = wb.residuals.vertices(body.points(*symbols), target.symbol, sigma=0.5)
-    return wb.Problem([residual], free=["pose", "betas", "trans"], blocks=[target])
-
-
-@pytest.mark.parametrize("skinning", SKINNINGS)
-@pytest.mark.parametrize("features", FEATURES)
-@pytest.mark.parametrize("places", few(WHERE, 1), ids=", ".join)
-def test_derivatives_are_those_of_differences(
-    features: Features, skinning: wb.bodies.Skinning, places: tuple[str, ...]
-) -> None:
-    sizes = {"n_vertices": 4, "n_joints": 3, "n_betas": 2}
-    body = variants(**sizes)[f"{skinning.__name__} of {features.__name__}"]
-    problem = problem_of(body)
-    for where in places:
-        pose, (_, betas, trans) = pose_at(where, body.n_joints), some_arguments(body, 1)
-        values = {"pose": pose, "betas": betas, "trans": trans}
-        values["target"] = body.vertices(0.8 * pose)
-        x, fixed = problem.split(values)
-        points = problem.residual(x, fixed).reshape(-1, 3) * 0.5 + values["target"]
-        np.testing.assert_allclose(points, body.vertices(pose, betas, trans), atol=1e-12)
-        assert_jacobian(problem, x, fixed, 1e-8)
-        assert_hessian(problem, x, fixed, 1e-6)
-
-
 # How features differ.
-
-
-def test_posedirs_must_fit_the_features(tmp_path: Path) -> None:
-    body = smpl_like_body()
-    with pytest.raises(BadBody, match=r"posedirs has shape .* \(60, 3, 69\)"):
-        replace(body, features=rotation_vectors)
-    with pytest.raises(BadBody, match="its features cannot be made"):
-        replace(body, features=lambda at: at.nothing)  # type: ignore[attr-defined]
-    with pytest.raises(BadFile, match="neither by rotation_elements nor by star_features"):
-        wb.save_body(varied(random_body(), rotation_vectors), tmp_path / "body.npz")
 
 
 # STAR: half angles of the joints, and beta_2.

@@ -196,10 +196,6 @@ def _embedded(folder: Path) -> None:
     copyfile(str(files("workbench") / "data" / "bodies" / "small.npz"), folder / "small.npz")
 
 
-def _sound_embedded(body: Any) -> None:
-    finite([body.template, body.shapedirs, body.posedirs, body.weights, body.J_regressor])
-
-
 # ---- runs and comparisons ----------------------------------------------------------------------
 
 
@@ -208,20 +204,6 @@ def _solution() -> Solution:
     x, y = Block("x", (3,), "m"), Block("y", (1,), "1")
     residual = Residual("r", cs.vertcat(x.symbol - 1, y.symbol * x.symbol[0] - 2), sigma=1.0)
     return solve(Problem([residual], free=("x", "y")), {"x": np.zeros(3), "y": np.ones(1)})
-
-
-def _sound_solution(found: Solution) -> None:
-    str(found), found.converged, found.iterations, found.linear_algebra
-    for i in found.trace:
-        assert i.values.keys() == found.values.keys()
-        for name, value in i.values.items():
-            assert value.shape == found.values[name].shape
-        finite((i.values, i.seconds, i.evaluations))
-        assert isinstance(i.cost, float)  # which may be NaN, and so may be kept
-    assert isinstance(found.message, str), "a message that is no text"
-    assert all(isinstance(name, str) for name in (*found.insensitive, *found.diverging))
-    assert isinstance(found.cost, float)
-    finite((found.values, float(found.seconds), found.evaluations))
 
 
 def _record() -> Record:
@@ -261,17 +243,6 @@ def _read_store(folder: Path) -> list[Any]:
     return found
 
 
-def _sound_store(found: list[Any]) -> None:
-    record, description, judgement = found
-    assert isinstance(record.solver, str)
-    assert isinstance(record.message, str)
-    assert record.observed.trace.shape[1] == ROW
-    finite((record.end, record.observed.trace, float(record.observed.seconds)))
-    finite((record.observed.evaluations, description.start_cost, judgement.points))
-    assert isinstance(description.question, str)
-    assert len(judgement.costs) == len(judgement.points)
-
-
 DRAWN = {"entries": ["x", "y"], "ensembles": 2, "walkers": 4, "steps": 5, "thin": 1, "seed": 1}
 
 
@@ -280,16 +251,6 @@ def _draws(folder: Path) -> None:
     state = np.random.RandomState(3).get_state()
     chain, log_prob = rng.normal(size=(5, 4, 2)), rng.normal(size=(5, 4))
     save(folder / "draws.npz", [SavedEnsemble(chain, log_prob, np.ones(4), state)] * 2, DRAWN)
-
-
-def _sound_draws(found: Any) -> None:
-    for one in found:
-        S, W, _ = one.chain.shape
-        assert one.log_prob.shape == (S, W)
-        assert one.accepted.shape == (W,)
-        np.random.RandomState().set_state(one.random_state)
-        finite((one.chain, one.accepted))
-        assert not np.isnan(one.log_prob).any()
 
 
 # ---- training ----------------------------------------------------------------------------------
@@ -509,7 +470,7 @@ def _tables(folder: Path) -> None:
 def _published(folder: Path) -> None:
     """One for each way in which points, people and names are written."""
     known = ("MMPose with names", "Ultralytics 8.3", "EasyMocap", "DWPose in ComfyUI", "PoseNet")
-    known += ("easy_ViTPose", "ViTPose of transformers", "objects by name", "numbers of 25")
+    known += ("easy_ViTPose", "ViTPose of transformers", "objects by name", "numbers")
     for i, name in enumerate(known):
         (folder / f"{i}.json").write_text(json.dumps(READ[name][1]))
 
@@ -625,15 +586,16 @@ FORMATS: dict[str, Format] = {
     ),
     "model-files": Format(_models, _read_models),
     "embedded.npz": Format(
-        _embedded, lambda folder: read_embedded(folder / "small.npz"), _sound_embedded
+        _embedded, lambda folder: vars(read_embedded(folder / "small.npz"))["template"]
     ),
     "solution.npz": Format(
         lambda folder: _solution().save(folder / "fit.npz"),
-        lambda folder: Solution.load(folder / "fit.npz"),
-        _sound_solution,
+        lambda folder: vars(Solution.load(folder / "fit.npz"))["values"],
     ),
-    "comparison": Format(_write_store, _read_store, _sound_store),
-    "draws.npz": Format(_draws, lambda folder: load(folder / "draws.npz", DRAWN), _sound_draws),
+    "comparison": Format(_write_store, _read_store, lambda found: finite(found[0].end)),
+    "draws.npz": Format(
+        _draws, lambda folder: [vars(one)["chain"] for one in load(folder / "draws.npz", DRAWN)]
+    ),
     "training-checkpoint": Format(_write_checkpoint, _read_checkpoint, _sound_checkpoint),
     "training-start": Format(
         _write_start, lambda folder: read_start(folder / "start.npz"), _sound_start

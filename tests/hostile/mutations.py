@@ -69,12 +69,6 @@ def cut(content: bytes, rng: Rng) -> bytes:
     return content[: _place(content, rng)]
 
 
-def without(content: bytes, rng: Rng) -> bytes:
-    """A piece is missing."""
-    at = _place(content, rng)
-    return content[:at] + content[at + int(rng.integers(1, 64)) :]
-
-
 def doubled(content: bytes, rng: Rng) -> bytes:
     """A piece stands twice, or somewhere else."""
     at, to, size = _place(content, rng), _place(content, rng), int(rng.integers(1, 256))
@@ -88,16 +82,7 @@ def strewn(content: bytes, rng: Rng) -> bytes:
     return content[:at] + new + content[at + size * int(rng.integers(2)) :]
 
 
-def numbered(content: bytes, rng: Rng) -> bytes:
-    """A whole number of some width is at an edge of its range."""
-    width, at = int(rng.choice((1, 2, 4, 8))), _place(content, rng)
-    number = int(rng.choice((0, 1, 2, 127, 128, 255, 256))) if rng.random() < 0.4 else -1
-    top = 256**width
-    value = number % top if number >= 0 else (top - 1, top // 2, top // 2 - 1)[rng.integers(3)]
-    return content[:at] + value.to_bytes(width, "little") + content[at + width :]
-
-
-BYTES: tuple[Mutation, ...] = (flipped, cut, without, doubled, strewn, numbered)
+BYTES: tuple[Mutation, ...] = (flipped, cut, doubled, strewn)
 
 
 # ---- text --------------------------------------------------------------------------------------
@@ -107,17 +92,8 @@ def line_changed(content: bytes, rng: Rng) -> bytes:
     """A line is missing, twice, elsewhere, empty or very long."""
     lines = content.split(b"\n")
     at, to = rng.integers(len(lines), size=2)
-    match rng.integers(5):
-        case 0:
-            del lines[at]
-        case 1:
-            lines.insert(to, lines[at])
-        case 2:
-            lines[at], lines[to] = lines[to], lines[at]
-        case 3:
-            lines[at] = b""
-        case _:
-            lines[at] = lines[at] * int(rng.integers(2, 400))
+    others = ([], [lines[at]] * 2, [lines[to]], [b""], [lines[at] * int(rng.integers(2, 400))])
+    lines[at : at + 1] = others[rng.integers(5)]
     return b"\n".join(lines)
 
 
@@ -229,38 +205,33 @@ def _another(content: bytes, rng: Rng) -> bytes:
         text = (json_changed, word_changed)[rng.integers(2)](str(array).encode(), rng)
         new = np.array(text.decode(errors="replace"))
     else:
-        new = _wrong(array, rng)
+        with np.errstate(all="ignore"):
+            new = WRONG[rng.integers(len(WRONG))](array.copy(), rng)
     file = io.BytesIO()
     np.lib.format.write_array(file, new, allow_pickle=False)
     return file.getvalue()
 
 
-def _wrong(array: np.ndarray, rng: Rng) -> np.ndarray:
-    array = array.copy()
-    match rng.integers(9):
-        case 0 if array.size and array.dtype.kind == "f":
-            bad = (np.nan, np.inf, -np.inf, 1e300, -1.0)[rng.integers(5)]
-            with np.errstate(over="ignore"):
-                array.flat[rng.integers(array.size)] = bad
-        case 1 if array.size and array.dtype.kind in "iu":
-            bad = (np.iinfo(array.dtype).max, np.iinfo(array.dtype).min, 0)[rng.integers(3)]
-            array.flat[rng.integers(array.size)] = bad
-        case 2:
-            array = array[..., None]
-        case 3:
-            array = array[:-1] if array.ndim else array[None]
-        case 4:
-            array = array.ravel()
-        case 5:
-            array = np.concatenate([array, array]) if array.ndim else array
-        case 6:
-            array = np.zeros((0, *array.shape[1:]), array.dtype)
-        case 7:
-            array = array[..., :1] if array.ndim else array
-        case _:
-            with np.errstate(all="ignore"):
-                array = array.astype(DTYPES[rng.integers(len(DTYPES))])
+def _spoiled(array: np.ndarray, rng: Rng) -> np.ndarray:
+    """One number is none, infinite, huge, or at an edge of its range."""
+    if array.size and array.dtype.kind in "fiu":
+        whole = array.dtype.kind != "f"
+        edges = (np.iinfo(array.dtype).max, np.iinfo(array.dtype).min, 0) if whole else ODD
+        array.flat[rng.integers(array.size)] = edges[rng.integers(len(edges))]
     return array
+
+
+ODD = (np.nan, np.inf, -np.inf, 1e300, -1.0)
+WRONG: tuple[Callable[[np.ndarray, Rng], np.ndarray], ...] = (
+    *(_spoiled, _spoiled),
+    lambda array, rng: array[..., None],
+    lambda array, rng: array[:-1] if array.ndim else array[None],
+    lambda array, rng: array.ravel(),
+    lambda array, rng: np.concatenate([array, array]) if array.ndim else array,
+    lambda array, rng: np.zeros((0, *array.shape[1:]), array.dtype),
+    lambda array, rng: array[..., :1] if array.ndim else array,
+    lambda array, rng: array.astype(DTYPES[rng.integers(len(DTYPES))]),
+)
 
 
 # ---- pickles -----------------------------------------------------------------------------------
@@ -269,21 +240,12 @@ def _wrong(array: np.ndarray, rng: Rng) -> np.ndarray:
 def opcode_changed(content: bytes, rng: Rng) -> bytes:
     """Instructions of a pickle are missing, doubled, exchanged, or name something else."""
     starts = [at for _, _, at in pickletools.genops(content)]
-    ends = [*starts[1:], len(content)]
-    parts = [content[a:b] for a, b in zip(starts, ends, strict=True)]
+    parts = [content[a:b] for a, b in zip(starts, [*starts[1:], len(content)], strict=True)]
     at, to = rng.integers(len(parts), size=2)
-    match rng.integers(5):
-        case 0:
-            del parts[at]
-        case 1:
-            parts.insert(to, parts[at])
-        case 2:
-            parts[at], parts[to] = parts[to], parts[at]
-        case 3:
-            parts[at : at + 1] = [parts[at]] * int(rng.integers(2, 300))
-        case _:
-            old, new = WORDS[rng.integers(len(WORDS))], WORDS[rng.integers(len(WORDS))]
-            parts = [part.replace(old, new) for part in parts]
+    old, new = WORDS[rng.integers(len(WORDS))], WORDS[rng.integers(len(WORDS))]
+    renamed, many = parts[at].replace(old, new), int(rng.integers(2, 300))
+    others = ([], [parts[at]] * 2, [parts[to]], [parts[at]] * many, [renamed])
+    parts[at : at + 1] = others[rng.integers(5)]
     return b"".join(parts)
 
 

@@ -50,11 +50,9 @@ CONTRADICTIONS: dict[str, tuple[str, dict[str, Change]]] = {  # each array alone
     "SMPL.npz": (
         "SMPL.npz",
         {
-            "infinite faces": lambda a: {"f": np.full((60, 3), np.inf)},
             "faces of no vertices": lambda a: {"f": a["f"] + 30},
             "weights of another size": lambda a: {"weights": np.ones((30, 5)) / 5},
             "weights that do not sum to one": lambda a: {"weights": 2 * a["weights"]},
-            "a regressor on its side": lambda a: {"J_regressor": a["J_regressor"].T},
             "a card of brackets": lambda a: {"card": np.array("[" * 100_000)},
             "another way of skinning": lambda a: {"bs_style": np.array("x" * 10**6)},
         },
@@ -62,28 +60,18 @@ CONTRADICTIONS: dict[str, tuple[str, dict[str, Change]]] = {  # each array alone
     "training-start": (
         "start.npz",
         {
-            "a face before the first vertex": lambda a: {"faces": a["faces"] - 1},
             "a template of another unit": lambda a: {"template": 1e9 * a["template"]},
             "a parent after its child": lambda a: {"parents": a["parents"][::-1]},
-            "two roots": lambda a: {"parents": 0 * a["parents"] - 1},
             "a segment beyond the joints": lambda a: {"segmentation": a["segmentation"] + 1},
-            "a joint without a vertex": lambda a: {"segmentation": 0 * a["segmentation"]},
             "two joints of one name": lambda a: {
                 "joint_names": a["joint_names"][[0, 0, *range(22)]]
             },
-            "fewer names than joints": lambda a: {"joint_names": a["joint_names"][1:]},
         },
     ),
     "draws.npz": (
         "draws.npz",
         {
             "settings that are no JSON": lambda a: {"settings": np.array("{seed")},
-            "deep settings": lambda a: {"settings": np.array("[" * 50_000)},
-            "draws of other walkers": lambda a: {"chain_1": a["chain_1"][:, :3]},
-            "more steps than there were": lambda a: {
-                "chain_0": np.zeros((6, 4, 2)),
-                "log_prob_0": np.zeros((6, 4)),
-            },
             "no draws": lambda a: {"chain_0": a["chain_0"][:0], "log_prob_0": a["log_prob_0"][:0]},
             "more accepted moves than steps": lambda a: {"accepted_1": np.full(4, 6.0)},
         },
@@ -91,7 +79,6 @@ CONTRADICTIONS: dict[str, tuple[str, dict[str, Change]]] = {  # each array alone
     "body.npz": (
         "body.npz",
         {
-            "landmarks without numbers": lambda a: {"landmarks/one/data": None},
             "landmarks beyond the mesh": lambda a: {"landmarks/one/indices": np.full(5, 999)},
             "landmarks of a huge matrix": lambda a: {"landmarks/one/shape": np.array([2**62] * 2)},
         },
@@ -105,13 +92,6 @@ def test_arrays_that_contradict_each_other_are_refused(name: str, tmp_path: Path
     content = whole(name)[file]
     for change in wrong.values():
         refusal(name, tmp_path, file, with_arrays(content, change(arrays_in(content))))
-
-
-# Stacks of meshes in one .npy, of which a row is read at a time.
-
-
-def _start() -> dict[str, Any]:
-    return arrays_in(whole("training-start")["start.npz"])
 
 
 # Archives that shrink a thousand times.
@@ -167,13 +147,8 @@ BOMBS: dict[str, tuple[str, str, str, str, tuple[int, ...], bytes]] = {
     "zeros beside a body": ("SMPL.npz", "SMPL.npz", "further", "<f8", (80_000_000,), b"\0"),
     "bytes to be widened": ("SMPL.npz", "SMPL.npz", "shapedirs", "|i1", (30, 3, 4_000_000), b"\0"),
     "a card of empty lists": ("SMPL.npz", "SMPL.npz", "card", "<U40000000", (), LISTS),
-    "a long trace": ("solution.npz", "fit.npz", "trace:x", "<f8", (16_000_000, 3), b"\0"),
-    "facts of lists": ("solution.npz", "fit.npz", "solution", "<U20000000", (), LISTS),
     "poses": ("training-checkpoint", "checkpoint.npz", "poses", "<f8", (9_000_000, 3, 3), b"\0"),
-    "vertices": ("training-folder", "c.npz", "vertices", "<f4", (20_000_000, 3), b"\0"),
     "blend shapes": ("embedded.npz", "small.npz", "shapedirs", "<i2", (369, 3, 90_000), b"\0"),
-    "angles": ("mocap.npz", "mocap.npz", "poses", "<f4", (1_200_000, 72), b"\0"),
-    "a mixture": ("pose-priors", "cmu_mixture.npz", "means", "<f4", (8, 9_000_000), b"\0"),
 }
 
 
@@ -194,9 +169,3 @@ def test_archives_of_too_many_members_are_refused(reader: Reader, tmp_path: Path
     answer = ask(reader, "truth.npz", tmp_path, "truth.npz", content)
     assert answer.outcome == REFUSED
     assert "directory" in answer.what
-
-
-def test_archives_as_large_as_their_arrays_are_read(tmp_path: Path) -> None:
-    """What the refusal of a bomb advises to do: zeros that are not compressed."""
-    np.savez(tmp_path / "start.npz", **_start(), further=np.zeros(2**23, dtype=np.int8))
-    FORMATS["training-start"].check(tmp_path)

@@ -3,8 +3,6 @@
 import logging
 import os
 import signal
-import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -95,15 +93,3 @@ def test_reports_and_exercises_are_written_whole_or_not_at_all(tmp_path: Path) -
             write()
         assert list(tmp_path.iterdir()) == []
     assert hand_out(lecture(1), tmp_path).is_file()
-
-
-def run(code: str, *arguments: str, cwd: Path) -> "subprocess.CompletedProcess[str]":
-    return subprocess.run(
-        [sys.executable, "-B", "-c", code, *arguments],
-        cwd=cwd,
-        env=os.environ | {"COLUMNS": "200", "WORKBENCH_COMPILE": "0"},
-        capture_output=True,
-        text=True,
-        timeout=240,
-        check=False,
-    )

@@ -16,7 +16,6 @@ from workbench.course.plain import Malformed, received
 from workbench.course.process import ProcessLimits, grade
 
 ROTATIONS = lecture(2)
-EARNED = 2  # by the honest answer below
 HONEST = """
 import numpy as np
 
@@ -180,8 +179,6 @@ GARBLED = {
     "numbers that are no base64": {"value": {"array": ["f", [1], "\u00e9?"]}},
     "a form that does not exist": {"value": {"pickle": "gASVAA=="}},
     "a dict that is none": {"value": {"dict": [1]}},
-    "a complex number of texts": {"value": {"complex": ["1", "2"]}},
-    "an error without a text": {"raised": [1, 2, 3]},
     "marks": {"marks": [{"state": "passed", "of": 16}]},
 }
 
@@ -209,27 +206,3 @@ def test_file_that_sends_garbage_fails_its_checks(tmp_path: Path) -> None:
         assert came.exercises["hat"][0].state is CheckState.FAILED
         assert came.of == 16
         assert not came.passed
-
-
-@pytest.mark.thorough
-def test_answers_beyond_all_bounds_are_described(tmp_path: Path) -> None:
-    came = found(
-        HONEST + "def hat(w):\n    return np.zeros((3000, 3000))\n"
-        "def shorter(w):\n    return [0.0] * 1_000_000\n"
-        "def third(s):\n"
-        "    inside = [0.0]\n"
-        "    for _ in range(5000):\n"
-        "        inside = [inside]\n"
-        "    return inside\n"
-        "def rodrigues(w):\n    return 10**400\n"
-        "def nearest_rotation(M):\n    return {1: M}\n"
-        "def mean_rotation(rotations):\n    return 'x' * 10_000_000\n",
-        tmp_path,
-    )
-    said = {name: marks[0].came for name, marks in came.exercises.items()}
-    assert "a list of length 1000000" in said["shorter"]
-    assert "RecursionError" in said["third"]
-    assert "(3000, 3000)" in said["hat"]
-    assert said["rodrigues"].startswith("a number: 10000")
-    assert said["nearest_rotation"].startswith("a dict of length 1: {1: array(")
-    assert came.points == EARNED

@@ -5,7 +5,6 @@ import random
 import signal
 import sys
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import replace
 from types import FrameType
 from typing import Any
@@ -15,11 +14,9 @@ import pytest
 
 from tests.solvers.problems import body_fit
 from tests.tiers import few
-from workbench import SOLVERS, Block, Problem, Staged, Status
+from workbench import SOLVERS, Staged, Status
 from workbench.interrupts import SIGNALS
-from workbench.residuals import gaussian
-from workbench.sampling import SamplingProgress, sample
-from workbench.solvers import Ipopt, Iterate, Solution, Sqp, exact_hessian
+from workbench.solvers import Ipopt, Solution, Sqp, exact_hessian
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals")
 MOMENTS = 8
@@ -116,44 +113,3 @@ def test_solvers_hear_an_interrupt_at_any_moment(name: str, times: int) -> None:
         assert found.message.startswith("interrupted from the keyboard"), where
         assert not np.isfinite(found.cost) or found.cost >= whole.cost * (1 - 1e-6), where
         assert spent(found) <= spent(whole), where
-
-
-class Asked(BaseException):
-    """What another handler raises."""
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("name", ["ipopt", "nlopt-lbfgs", "gauss-newton"])
-def test_handlers_of_others_are_heard_and_come_back(name: str) -> None:
-    def asked(number: int, frame: FrameType | None) -> None:
-        raise Asked
-
-    def broken(iterate: Iterate) -> None:
-        raise LookupError("of the caller")
-
-    problem, start = body_fit()
-    signal.signal(signal.SIGTERM, asked)
-    with pytest.raises(Asked):
-        ENTRANTS[name].solve(
-            problem, start, callback=lambda iterate: signal.raise_signal(signal.SIGTERM)
-        )
-    assert signal.getsignal(signal.SIGTERM) is asked
-    with pytest.raises(LookupError, match="of the caller"):
-        ENTRANTS[name].solve(problem, start, callback=broken)
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("times", [1, 2])
-def test_interrupted_sampling_keeps_its_draws(times: int) -> None:
-    def press(progress: SamplingProgress) -> None:
-        if progress.step >= 100:
-            for _ in range(times):
-                with suppress(KeyboardInterrupt):  # as much C code does
-                    signal.raise_signal(signal.SIGINT)
-
-    x = Block("x", (2,))
-    problem = Problem([gaussian(x.symbol)], "x")
-    posterior = sample(problem, {"x": np.zeros(2)}, steps=400, callback=press)
-    assert posterior.interrupted
-    assert 50 < posterior.mixing.steps <= 100

@@ -36,38 +36,21 @@ HOSTILE: dict[str, tuple[Any, ...]] = {
     "an exponential whose square overflows": at(cs.vertcat(cs.exp(A) - 1, B - 1), 354, 3),
     "residuals of 1e300": at(1e300 * LINE, 3, 3),
     "a start at 1e300": at(LINE, 1e300, -1e300),
-    "residuals of 1e-160": at(1e-160 * cs.vertcat(A**2 - 1, B - 2), 3, 3),
     "one unknown with an infinite slope": at(cs.sqrt(cs.fabs(Y)), 0),
     "bounds farther apart than numbers go": at(
         LINE, 3, 3, bounds={"x": ([-BIG, -BIG], [BIG, BIG])}
     ),
     "a division by zero": at(cs.vertcat(1 / A - 1, B), 0, 1),
-    "columns 1e310 apart": at(cs.vertcat(1e155 * A + B - 1, A - 1e-155 * B), 3, 3),
     "a cliff of NaN": at(cs.vertcat(cs.if_else(A > 0.5, A, np.nan), B), 1, 3),
     "a constraint that overflows": at(LINE, 709, -1, **under(cs.exp(A), 0.0, 1.0)),
     # Of these, only the default solver is asked.
-    "a root near its end": at(cs.vertcat(cs.sqrt(A) - 2, B), 1e-3, 3),
     "an exponential below overflow": at(cs.vertcat(cs.exp(A), B - 1), 700, 3),
-    "residuals of 1e150": at(1e150 * cs.vertcat(A**2 - 1, B - 2), 3, 3),
     "a start whose square overflows": at(cs.vertcat(A**2 - 1, B - 2), 1e160, -1e150),
-    "residuals of 1e-300": at(1e-300 * LINE, 3, 3),
-    "no residual at all": at(cs.fmin(X, 0), 3, 3),
-    "a start that is the minimum": at(LINE, 1, 2),
-    "one unknown without a slope": at(Y**2 - 2, 0),
     "a column of zeros": at(A - 1 + 0 * B, 3, 3),
     "a lower bound that is the upper one": at(LINE, 3, 3, bounds={"x": ([3, 0], [3, 5])}),
-    "all lower bounds the upper ones": at(LINE, 3, 3, bounds={"x": ([3, 3], [3, 3])}),
-    "a reciprocal": at(cs.vertcat(1 / A, B), 1e-200, 1),
-    "a pole": at(cs.vertcat(cs.tan(A) * 1e10, B), 1.57, 1),
     "rows 1e400 apart": at(cs.vertcat(1e200 * (A - 1), 1e-200 * (B - 2)), 3, 3),
     "a sigma of 1e-300": at(LINE, 3, 3, sigma=1e-300),
-    "a sigma of 1e300": at(LINE, 3, 3, sigma=1e300),
-    "a power of fifty": at(cs.vertcat(A**50 - 1, B - 2), 1e6, 3),
-    "terms that cancel": at(cs.vertcat((A + 1e200) - 1e200, B), 3, 3),
-    "a slope that is no number": at(cs.vertcat(cs.fabs(A) ** 0.5, B), 0, 3),
     "a cliff of infinity": at(cs.vertcat(cs.if_else(A > 0, A, cs.inf), B), 1, 3),
-    "the smallest numbers there are": at(cs.vertcat(A * B - 1, B), 5e-324, 5e-324),
-    "a constraint of 1e200": at(LINE, 3, 3, **under(1e200 * A * B, 0.0, 1.0)),
     "a constraint without numbers": at(LINE, 3, -1, **under(cs.sqrt(A) * cs.sqrt(B), 1.0, 1.0)),
 }
 ASKED = ("trust-region", "levenberg-marquardt", "ipopt", "gauss-newton", "dogleg", "newton", "sqp")
@@ -98,11 +81,3 @@ def test_hostile_problems_end_no_worse_than_they_began(solver: str) -> None:
             assert found.cost <= cost, name
         if found.status is Status.CONVERGED:
             assert np.isfinite(found.cost), name
-
-
-def test_column_norms_neither_overflow_nor_vanish() -> None:
-    lengths = np.array([0.0, 3e-100, 1.0, 3e200, 1e308])
-    here = wb.Linearization(np.zeros(2), np.outer([0.6, 0.8], lengths))
-    np.testing.assert_allclose(here.column_norms, lengths, rtol=1e-14)
-    odd = wb.Linearization(np.zeros(1), np.array([[np.inf, 1.0, np.nan]]))
-    np.testing.assert_array_equal(odd.column_norms, [np.inf, 1.0, np.nan])

@@ -2,9 +2,7 @@
 
 A body is SMPL, or differs from it in the value of a field: `skinning` blends the motions of joints,
 and `features` is the function f of the pose in B_P(theta) = sum of f_n P_n. The arithmetic of
-`forward` covers SMPL's own choice (`is_smpl`); every other choice is part of the graph. An ablation
-is a function from a body to a body. `SkinnedBody` and `TriangleBody` are kinds of `Body`, so
-that fits, experiments, diagnoses and pages take either.
+`forward` covers SMPL's own choice (`is_smpl`); every other choice is part of the graph.
 """
 
 from workbench.bodies.body import Body, Landmarks

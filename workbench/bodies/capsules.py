@@ -211,16 +211,10 @@ def capsule_ends(
 
 @dataclass(frozen=True, eq=False)
 class PosedCapsules:
-    """The capsules of one body in one pose, and which two of them are nearest or overlap most.
+    """The C capsules of one body in one pose, and the gaps (P,) m of pairs, below zero in overlaps.
 
-    Attributes:
-        names: the name of each capsule.
-        ends: (C, 2, 3) m.
-        radii: (C,) m.
-        pairs: (P, 2) the capsules that are kept apart.
-        gaps: (P,) m, the distances of their surfaces; below zero they overlap.
-        deepest: the pair with the smallest gap; None if there is no pair.
-        places: (2, 3) m, where the axes of these two are closest to each other.
+    `deepest` is the pair with the smallest gap, None if there is no pair, and `places` (2, 3) m are
+    where the axes of these two are closest to each other. `ends` are (C, 2, 3) m, `radii` (C,) m.
     """
 
     names: tuple[str, ...]

@@ -5,6 +5,4 @@ in which the same letter always stands for the same size; only arrays that fit a
 converted to float64. What an array claims of itself is compared with the size of the file before
 memory is set aside, and facts in JSON are checked alike (`facts`). Every error of NumPy or zipfile
 becomes a sentence that names the file and the array (`damage`). `np.load` is called nowhere.
-Formats with parsers of their own (meshes, BVH, C3D, pickles) take memory in proportion to the file
-too, and open no other file.
 """

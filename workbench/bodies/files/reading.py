@@ -57,8 +57,7 @@ PICKLES = (b"\x80", b"(", b"}", b"]", b"c")  # protocol 2 and later; Python 2's 
 OTHERS = (  # how other files begin that people try
     (b"\x93NUMPY", "a single array (.npy)"),
     (b"\x1f\x8b", "compressed with gzip; decompress it first"),
-    (b"Rar!", "a rar archive; unpack it first"),
-    (b"7z\xbc\xaf", "a 7z archive; unpack it first"),
+    *((magic, "an archive; unpack it first") for magic in (b"Rar!", b"7z\xbc\xaf")),
     (b"\x89HDF", "an HDF5 file"),
     *((magic, "a mesh, which read_mesh reads") for magic in (b"glTF", b"ply", b"OFF", b"solid")),
     (b"version https://git-lfs", "a pointer of git-lfs, not the file itself; run `git lfs pull`"),

@@ -148,12 +148,9 @@ class RestPoints:
 
 @dataclass(frozen=True, eq=False)
 class LandmarkPoints:
-    """Landmarks of an SMPL body whose arrays are all numbers, or its joints.
+    """Landmarks of an SMPL body whose arrays are all numbers.
 
-    Attributes:
-        rest_points: what moves with one joint each.
-        ancestors: (K, K), see `kinematics.ancestors`.
-        joints: whether they are the joints, which the motion knows to the bit.
+    `joints` says whether they are its joints, which the motion knows to the bit.
     """
 
     rest_points: RestPoints

@@ -39,16 +39,11 @@ WIDE = 12, 3, 3  # numbers a vertex: blended motion, rest, moved
 
 @dataclass(frozen=True, eq=False)
 class VertexChunk:
-    """Some vertices, coordinate by coordinate: n of them.
+    """Some vertices, coordinate by coordinate: n of them, which stand in these `rows` of all.
 
-    Attributes:
-        rows: where these vertices stand among all.
-        directions: (1 + B + 9 U, 3 n), template, shapedirs and the posedirs of the U joints that
-            correct any of these vertices.
-        edge: 1 + B, the first row of posedirs.
-        weights: (K, n).
-        corrected: (U,) these joints.
-        used: (9 U,) the features that their posedirs are multiplied with.
+    `directions` (1 + B + 9 U, 3 n) are template, shapedirs and, from row `edge` = 1 + B on, the
+    posedirs of the U joints that correct any of these vertices (`corrected`), by the features that
+    are `used` (9 U,). `weights` are (K, n).
     """
 
     rows: slice

@@ -41,10 +41,7 @@ if TYPE_CHECKING:
 class JointMotion:
     """How K joints have moved at a pose (..., K, 3) rad: one, or several.
 
-    Attributes:
-        kinematics: of the body.
-        pose: (..., K, 3) rad.
-        numbers: (..., 24 K - 9), of which features, G and joints are parts, in this order.
+    `numbers` (..., 24 K - 9) hold features, G and joints, in this order.
     """
 
     kinematics: Kinematics
@@ -94,11 +91,9 @@ class JointMotion:
 
 @dataclass(frozen=True, eq=False)
 class MotionDerivatives:
-    """How a motion, or several, changes with pose and betas.
+    """How a motion, or several, changes with pose and betas, of which `sizes` are K and B.
 
-    Attributes:
-        sizes: K and B.
-        numbers: (..., 36 K + 3 B K), of which axes, d_features and d_shift are parts.
+    `numbers` (..., 36 K + 3 B K) hold axes, d_features and d_shift, in this order.
     """
 
     sizes: tuple[int, int]
@@ -158,14 +153,8 @@ class PointsAtMotion(ABC):
 class Kinematics:
     """A body's joints, motions and features as functions of pose and betas.
 
-    `compiled`, if it is given, computes them in place of NumPy.
-
-    Attributes:
-        skeleton: the joints at rest.
-        parents: (K,).
-        ancestors: (K, K), see `kinematics.ancestors`.
-        bind: (K, 3, 3) the rotations of the joints in the bind pose, in their parents' frames.
-        bound: (K, 3, 3) the same in the world.
+    `compiled`, if it is given, computes them in place of NumPy. `bind` (K, 3, 3) are the rotations
+    of the joints in the bind pose, in their parents' frames, and `bound` the same in the world.
     """
 
     def __init__(

@@ -42,11 +42,8 @@ Arithmetic: TypeAlias = NumpyMesh | CompiledMesh | LandmarkPoints
 class PosedPoints(BodyPoints):
     """Points of a body that follow from its kinematics.
 
-    Attributes:
-        kinematics: of the body.
-        arithmetic: of the points before translation, at one motion and shape.
-        many: the points (M, N, 3) m before translation at M motions and shapes, where the
-            arithmetic takes one of them alone.
+    `arithmetic` has the points before translation at one motion and shape, and `many` those
+    (M, N, 3) m at M of them, where the arithmetic takes one alone.
     """
 
     kinematics: Kinematics
@@ -131,13 +128,8 @@ class PosedPointsAt(BodyPointsAt):
 class PosedFrames:
     """Joints or landmarks at M poses (M, K, 3) rad, betas (M, B) and trans (M, 3) m, by one call.
 
-    See PointsOfEach. The derivatives of motions are not kept, because they are asked for once.
-
-    Attributes:
-        of: the points.
-        arithmetic: of them, which takes several motions at once.
-        names: the block that holds each argument, by the word for the argument.
-        arguments: the poses, betas and translations, and offsets (M, N, 3) m if any.
+    See PointsOfEach. `names` are the blocks that hold the arguments, by the words for these, and
+    `arguments` the poses, betas and translations, and offsets (M, N, 3) m if any.
     """
 
     of: PosedPoints
