@@ -44,7 +44,6 @@ def scans(tmp_path: Path) -> Path:
 @pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """A short fit, for what does not depend on its quality."""
-
     import workbench.cli.register as command
 
     monkeypatch.setattr(command, "usual_recipe", quickly)
