@@ -172,12 +172,9 @@ class View:
 class Moving:
     """A body that moves through T frames, and the cameras that filmed it.
 
-    Attributes:
-        body: the body, whose pose (T, K, 3) and trans (T, 3) are among the values of the setup.
-        views: one per camera, with `observed` (T, M, 2) and `confidence` (T, M).
-        fps: frames per second.
-        data: the names of the residuals of keypoints.
-        frame: the problem of a frame by itself, where there is one.
+    Its pose (T, K, 3) and trans (T, 3) are among the values of the setup, and there is a view for
+    each camera, with `observed` (T, M, 2) and `confidence` (T, M). `data` names the residuals of
+    keypoints, and `frame` is the problem of a frame by itself, where there is one.
     """
 
     body: SkinnedBody | TriangleBody
