@@ -427,7 +427,7 @@ READ: dict[str, tuple[tuple[str, ...], Any]] = {  # the names of the points, and
         f"a list of {len(names)}": (names, seen_by(names).tolist())
         for names in (HALPE_26, WHOLE_BODY)
     },
-    "numbers": (OPENPOSE_25, seen_by(OPENPOSE_25).ravel().tolist()),
+    "numbers of 25": (OPENPOSE_25, seen_by(OPENPOSE_25).ravel().tolist()),
 }
 
 

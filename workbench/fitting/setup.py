@@ -251,6 +251,7 @@ class Setup:
             ("compared", (Iterable, Residual), "names of solvers"),
             ("priors", (Iterable, Residual), "names of residuals"),
             ("candidates", Mapping, "a dict of residuals by name"),
+            ("made_of", (Mapping, NoneType), "a dict of arrays by block, or None"),
             ("strategy", (Callable, NoneType), "a function that makes a solver out of a solver"),
         ):
             _check_kind(f"`{name}` of a setup", getattr(self, name), kind, wanted)
