@@ -51,7 +51,6 @@ def test_bad_camera_numbers_are_refused(tmp_path: Path) -> None:
         ({"R": [[-1, 0, 0], [0, 1, 0], [0, 0, 1]]}, "determinant is -1"),
         ({"R": [[1e308, 1, 0], [0, 1, 0], [0, 0, 1]]}, "R must be a rotation"),
         ({"R": "abc"}, "R of camera 'a' must be numbers, not 'abc'"),
-        ({"size": [0, 5]}, r"the size \[0, 5\]"),
         ({"K": [[0, 0, 1], [0, 1, 1], [0, 0, 1]]}, "focal lengths above zero"),
         ({"distortion": [1] * 8}, "up to five distortion coefficients"),
     ]:
@@ -406,7 +405,6 @@ def test_refused_calibrations_name_what_they_hold(tmp_path: Path) -> None:
         ),
         ("a.xml", "<!DOCTYPE a><a/>", "declares entities"),
         ("cameras.txt", "1 PINHOLE 9 9 1", "images.txt cannot be read"),
-        ("a.json", all_of(**LENS, extrinsics=[1, 2]), "has extrinsics of shape"),
     ]:
         with pytest.raises(BadFile, match=said):
             read_calibration(put(tmp_path, {name: content}))

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 import workbench as wb
 from builder.hands.sets import HandPoses
 from tests.tiers import few
-from workbench.bodies import HAND_POINTS, SkinnedBody, pose_space
+from workbench.bodies import SkinnedBody, pose_space
 from workbench.bodies.catalogue import load_body, load_skinned
 from workbench.errors import BadBody, BadFile, NonFiniteValue, ShapeMismatch
 from workbench.experiments import Setup
@@ -202,11 +202,3 @@ def test_hand_prior_is_that_of_its_pose_space() -> None:
     cost = problem.linearize({"pose": along}).cost
     expected = 0.5 * space.deviations[0] ** 2 / (space.deviations[0] ** 2 + BESIDE**2)
     assert cost == pytest.approx(expected, rel=1e-3)
-
-
-def test_order_of_hand_points_is_by_finger() -> None:
-    (truth,) = drawn(1, 13)
-    found = points_of(HAND, truth)
-    joints = HAND.joints(*(truth[name] for name in OF_HAND))
-    for name, place in zip(HAND.joint_names, joints, strict=True):
-        np.testing.assert_array_equal(found[HAND_POINTS.index(name)], place)

@@ -139,25 +139,6 @@ def test_stretched_arms_are_not_the_height(tmp_path: Path) -> None:
     assert read_scan(saved(tmp_path / "scan.npy", points @ UP_TO_Y["z"])).up == "z"
 
 
-def test_clutter_does_not_change_the_guesses(tmp_path: Path) -> None:
-    rng = np.random.default_rng(1)
-    clutter = SURFACE.mean(axis=0) + rng.uniform(-1.5, 1.5, (1000, 3))  # 20 %
-    dense = np.repeat(SURFACE[SURFACE[:, 1] < SURFACE[:, 1].mean()], 5, axis=0)
-    dense = dense + rng.normal(size=dense.shape) * 0.002
-    read = read_scan(saved(tmp_path / "scan.npy", 1000 * np.concatenate([SURFACE, clutter, dense])))
-    assert (read.unit, read.up) == ("mm", "y")
-    assert said(read, "far from all neighbours")
-
-
-def test_guesses_of_a_hand_are_uncertain(tmp_path: Path) -> None:
-    hand = SURFACE[SURFACE[:, 1] > SURFACE[:, 1].max() - 0.2]
-    read = read_scan(saved(tmp_path / "hand.npy", hand))
-    assert (read.unit, read.up) == ("m", "y")
-    assert said(read, "this is uncertain")
-    assert said(read, "would tell")
-    assert read_scan(saved(tmp_path / "hand.npy", 100 * hand)).unit == "cm"
-
-
 def test_camera_orients_normals(tmp_path: Path) -> None:
     camera = np.array([0.0, 1.0, 3.0])
     points, place = 1000 * SURFACE @ UP_TO_Y["z"], 1000 * camera @ UP_TO_Y["z"]

@@ -8,7 +8,6 @@ from pathlib import Path
 import casadi as cs
 import numpy as np
 import pytest
-from scipy.sparse import csc_array
 
 from workbench.arrays import Array, Index
 from workbench.blocks import Block, Points
@@ -17,7 +16,6 @@ from workbench.bodies.triangles import TriangleBody, blend_scape
 from workbench.errors import BadArgument, BadFile
 from workbench.fitting import Scan
 from workbench.geometry.solids import area
-from workbench.geometry.triangles import edges
 from workbench.registration import ScanTerm
 from workbench.registration.coregistration import (
     Coregistration,
@@ -35,11 +33,6 @@ from workbench.registration.coregistration.scan_block import (
     scan_evidence,
 )
 from workbench.registration.coregistration.triangle_steps import (
-    JointStep,
-    OfScan,
-    PersonDeformations,
-    PoseDeformations,
-    Unknown,
     learned_bends,
 )
 from workbench.registration.coregistration.triangles import (
@@ -282,45 +275,6 @@ def test_triangle_cost_is_monotone_over_blocks() -> None:
         assert sum(entry.after.values()) < sum(entry.before.values())
     for before, after in pairwise(log):
         assert sum(before.after.values()) == pytest.approx(sum(after.before.values()))
-
-
-def unknowns(at: TriangleBody, poses: Array) -> list[tuple[Unknown, list[int]]]:
-    each = np.eye(at.n_betas)
-    subject = made()[0].subject
-    here = [at.arithmetic.evaluate(p, each[s]) for p, s in zip(poses, subject, strict=True)]
-    own = [j for j, s in enumerate(subject) if s == 0]
-    fitted = np.eye(3) + 0.9 * at.shapedirs[..., 0]
-    return [
-        (PersonDeformations(at, [here[j] for j in own], 0.05, fitted), own),
-        (PoseDeformations(at, here, 0.1, 0.5 * at.posedirs), list(range(len(here)))),
-    ]
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("which", [0, 1])
-def test_joint_step_solves_the_normal_equations(which: int) -> None:
-    state, rng = run(TRIANGLE_PLAN), np.random.default_rng(1)
-    unknown, own = unknowns(state.body, state.poses)[which]
-    N, s = state.body.n_vertices, 0.01
-    A, free = state.body.stitching.A, 1e-6 / s**2
-    scans, gaps = [], []
-    for _ in own:
-        few = rng.standard_normal((40, 3 * N))
-        scans.append(OfScan(state.vertices[0], rng.standard_normal(3 * N), csc_array(few.T @ few)))
-        gaps.append(1e-3 * rng.standard_normal((A.shape[0], 3)))
-    e = edges(state.vertices[0], state.body.faces).reshape(-1, 3)
-    step = JointStep(unknown, scans, [e - gap for gap in gaps], s, state.body, 1e-10, 2000)
-    x, moved = step.found()
-    slope = unknown.prior @ x + unknown.prior_gradient
-    for j, (scan, gap, v) in enumerate(zip(scans, gaps, moved, strict=True)):
-        left = (A @ v + gap - unknown.forth(j, x)) / s**2
-        slope -= unknown.back(j, left)
-        on_vertices = (
-            scan.gradient + scan.normal @ v.ravel() + (A.T @ left).ravel() + free * v.ravel()
-        )
-        assert np.abs(on_vertices).max() < 1e-7 * np.abs(scan.gradient).max()
-    began = unknown.prior_gradient - sum(unknown.back(j, g / s**2) for j, g in enumerate(gaps))
-    assert np.abs(slope).max() < 1e-7 * np.abs(began).max()
 
 
 def test_bad_triangle_plans_are_refused() -> None:

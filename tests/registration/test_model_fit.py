@@ -25,7 +25,6 @@ from workbench.registration import (
     support,
 )
 from workbench.registration.free_vertices import BODY as BLOCKS
-from workbench.registration.from_a_camera import sees
 from workbench.registration.limbs import limbs, with_limb
 from workbench.solvers import Hypothesis, Status
 
@@ -192,12 +191,6 @@ def test_seen_starts_face_the_camera() -> None:
         assert facing(one["pose"][0], BODY.bind_pose[0]) @ FRONT > np.cos(np.pi / 4) - 1e-9
     nearest = [min(off(BODY.vertices(**one), TRUTH) for one in some) for some in (found, given)]
     assert nearest[0] < nearest[1]
-
-
-def test_camera_sees_what_is_before_it() -> None:
-    assert sees(CAMERA, HALF.points)
-    assert not sees(np.median(HALF.points, axis=0), HALF.points)
-    assert not sees(HALF.points[0], HALF.points)
 
 
 @pytest.mark.thorough

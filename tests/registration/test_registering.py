@@ -36,7 +36,6 @@ from workbench.registration import (
     ScanJob,
     Support,
     body_size,
-    facing,
     hand_starts,
     jobs_of,
     register,
@@ -152,14 +151,6 @@ def test_failure_of_one_scan_is_its_answer(tmp_path: Path, monkeypatch: pytest.M
     error = KeyboardInterrupt()
     with pytest.raises(KeyboardInterrupt):
         registered(BODY, QUICK, Reading(), job)
-
-
-def test_facing_follows_the_root() -> None:
-    about_y = np.array([0.0, 0.5, 0.0])
-    np.testing.assert_allclose(facing(about_y, np.zeros(3)), [np.sin(0.5), 0, np.cos(0.5)])
-    np.testing.assert_allclose(facing(about_y, about_y), [0, 0, 1], atol=1e-15)
-    bent = facing(np.array([0.4, 0.0, 0.0]), np.zeros(3))  # forwards
-    np.testing.assert_allclose(bent, [0, 0, 1], atol=1e-15)
 
 
 def test_names_of_jobs_are_names_of_folders() -> None:

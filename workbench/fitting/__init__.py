@@ -1,13 +1,6 @@
 """Fitting bodies to observations: keypoints, joints and meshes, their files, and where to start.
 
 A fit is described by a `Setup`: a problem, a start, and what is measured when it has been solved.
-
-    >>> from workbench import load_body, solve
-    >>> from workbench.fitting import mesh_fit
-    >>> body = load_body("small")
-    >>> setup = mesh_fit(body, body.vertices(trans=[0.1, 0, 0]), "Where is it?", sigma=0.001)
-    >>> solve(setup.problem, setup.start).values["trans"].round(3).tolist()
-    [0.1, 0.0, 0.0]
 """
 
 from workbench.fitting.body_priors import (

@@ -95,11 +95,9 @@ class KeypointProblem:
     Photographs that differ in their keypoints and calibrations only have one and the same problem,
     with the functions that were derived for it; in a folder of a thousand images it is made once.
 
-    Attributes:
-        body: the body that is fitted.
-        sigma, kernel: of keypoints, the first in px: one, or one for each photograph.
-        priors: the residuals of a body beside its keypoints.
-        relative: the standard deviations of keypoints by name, in sigmas.
+    `sigma` in px and `kernel` are of keypoints: one, or one for each photograph. `priors` are the
+    residuals of a body beside its keypoints, and `relative` the standard deviations of keypoints by
+    name, in sigmas.
     """
 
     body: SkinnedBody | TriangleBody

@@ -36,14 +36,9 @@ RECORDED = {
 
 @dataclass(frozen=True, eq=False)
 class MarkerRecording:
-    """Markers in T frames.
-
-    Attributes:
-        markers: (T, M, 3) m, y up, NaN where a marker was not seen.
-        labels: the name of each marker.
-        fps: frames a second; None if the file does not say.
-        notes: sentences on the unit and the axis that were taken, and on what was missing or left
-            out.
+    """Labelled markers in T frames, (T, M, 3) m, y up, NaN where one was not seen; `fps` is None if
+    the file does not say it. The notes are on the unit and the axis that were taken, and on what
+    was missing or left out.
     """
 
     markers: Array

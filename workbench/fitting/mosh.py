@@ -38,8 +38,7 @@ class MarkerFit:
     """The motion of a body that wears M markers, in T frames.
 
     Attributes:
-        pose: (T, K, 3) rad; NaN in frames that show less than four markers.
-        trans: (T, 3) m, likewise.
+        pose, trans: (T, K, 3) rad and (T, 3) m; NaN in frames that show less than four markers.
         betas: (B,) the shape.
         offsets: (M, 3) m, of the markers at rest.
         frames: the frames from which shape and offsets were found.

@@ -37,13 +37,9 @@ class PoseRegressor:
     times `scales`. Between the layers negative numbers become 0. The answers to an image and to
     its mirror image are averaged, so that they are exactly mirrored.
 
-    Attributes:
-        keypoint_names: the M keypoints, such as those of COCO.
-        joint_names: the K joints, the root first.
-        weights: a matrix (inputs, outputs) of each layer.
-        biases: a vector (outputs,) of each layer.
-        mean: (K, 3) rad, the mean pose.
-        scales: (K,) what one radian of a joint counts in the training.
+    The K joints begin with the root. Each layer has weights (inputs, outputs) and biases
+    (outputs,); `mean` (K, 3) rad is the mean pose, and `scales` (K,) what one radian of a joint
+    counts in the training.
     """
 
     keypoint_names: tuple[str, ...]

@@ -218,15 +218,10 @@ def _crossing(at: Array, roots: Array, end: float, nowhere: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class OtherMinimum:
-    """An end that is not the first one.
+    """An end that is not the first one, to which some `starts` led.
 
-    Attributes:
-        values: all unknowns there.
-        excess: its cost minus that of the first.
-        apart: the largest difference of an entry from the first minimum, in
-            characteristic scales.
-        entry: the entry of this difference.
-        starts: how many starts led to it.
+    `excess` is its cost minus that of the first, and `apart` the largest difference of an `entry`
+    from there, in characteristic scales.
     """
 
     values: Values = field(repr=False)
@@ -238,14 +233,9 @@ class OtherMinimum:
 
 @dataclass(frozen=True, eq=False)
 class OtherMinima:
-    """What starts along the weakest directions ended in.
-
-    Attributes:
-        starts: how many there were.
-        came_back: how many ended at the first minimum.
-        valley: those at the same cost as the first, each apart from it.
-        minima: those at other costs, the lowest first.
-        directions: along which directions the starts lay, in words.
+    """What so many starts along the weakest directions, in words, ended in: some came back to the
+    first minimum; those in the valley have the same cost, apart from it, and the other minima have
+    other costs, the lowest first.
     """
 
     starts: int

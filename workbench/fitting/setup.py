@@ -172,12 +172,9 @@ class View:
 class Moving:
     """A body that moves through T frames, and the cameras that filmed it.
 
-    Attributes:
-        body: the body, whose pose (T, K, 3) and trans (T, 3) are among the values of the setup.
-        views: one per camera, with `observed` (T, M, 2) and `confidence` (T, M).
-        fps: frames per second.
-        data: the names of the residuals of keypoints.
-        frame: the problem of a frame by itself, where there is one.
+    Its pose (T, K, 3) and trans (T, 3) are among the values of the setup, and there is a view for
+    each camera, with `observed` (T, M, 2) and `confidence` (T, M). `data` names the residuals of
+    keypoints, and `frame` is the problem of a frame by itself, where there is one.
     """
 
     body: SkinnedBody | TriangleBody
@@ -254,6 +251,7 @@ class Setup:
             ("compared", (Iterable, Residual), "names of solvers"),
             ("priors", (Iterable, Residual), "names of residuals"),
             ("candidates", Mapping, "a dict of residuals by name"),
+            ("made_of", (Mapping, NoneType), "a dict of arrays by block, or None"),
             ("strategy", (Callable, NoneType), "a function that makes a solver out of a solver"),
         ):
             _check_kind(f"`{name}` of a setup", getattr(self, name), kind, wanted)

@@ -116,10 +116,9 @@ class Stopped(Enum):
 
 @dataclass(frozen=True, eq=False)
 class IcpIterate:
-    """A motion that a registration tried, with the contacts there in a few numbers.
+    """A motion of the points as they were given, with the contacts there in a few numbers.
 
     Attributes:
-        motion: the motion from the points as they were given.
         cost: m^2, half the sum of losses times weights. A point without a contact costs what one
             at the gate does; without a gate, it costs nothing.
         rms: m, the root mean square of the distances in contact; NaN if there are none.

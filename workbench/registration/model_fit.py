@@ -48,9 +48,9 @@ class FitStage:
         limbs: of how many of the best ends the arms and legs begin again in other poses afterwards,
             in case one is folded the wrong way (see `limbs.unfolded`).
 
-    A point at the surface lowers the cost by (reach / sigma)^2 / 2, compared with one far from it.
-    With a wide reach, a few points of clutter outweigh the prior, and draw hidden limbs to them.
-    So sigma shrinks with the reach on the way, and the last reach is three sigmas.
+    A point at the surface lowers the cost by (reach / sigma)^2 / 2, compared with one far from it:
+    with a wide reach, a few points of clutter draw hidden limbs to them. So sigma shrinks with the
+    reach on the way, and the last reach is three sigmas.
     """
 
     points: int

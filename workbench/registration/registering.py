@@ -66,14 +66,11 @@ class StageOutcome:
     """How one stage of a registration ended.
 
     Attributes:
-        name: the name of the stage.
         unknowns: the number of free numbers.
         iterations: from all starts together.
-        cost: at its end.
         median: in m, of the distances from the scan's points to the surface, over those in contact.
         touching: the share of the points that are in contact: nearer than the reach of the fit to
             surface that faces their way.
-        seconds: the time that it took.
     """
 
     name: str

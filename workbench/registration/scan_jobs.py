@@ -54,11 +54,8 @@ class Reading:
 class RegisteredScan:
     """A scan that was registered.
 
-    Attributes:
-        job: its name and its file.
-        registration: what was found.
-        camera: (3,) m where it was taken from, in the axes of the registration; None if unknown.
-        notes: sentences on what was guessed, repaired or left out when the file was read.
+    `camera` (3,) m is where it was taken from, in the axes of the registration, None if unknown;
+    the notes are on what was guessed, repaired or left out when the file was read.
     """
 
     job: ScanJob

@@ -100,13 +100,7 @@ def random_smpl(start: Start, n_betas: int, seed: int, *, shape: float = 0.01) -
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """What registrations were made from.
-
-    Attributes:
-        betas: (S, B).
-        poses: (J, K, 3) rad.
-        trans: (J, 3) m.
-    """
+    """What registrations were made from: betas (S, B), poses (J, K, 3) rad and trans (J, 3) m."""
 
     betas: Array
     poses: Array
@@ -134,16 +128,11 @@ def draw_registrations(
 
 @dataclass(frozen=True, eq=False)
 class CorruptedRegistrations:
-    """Registrations with noise, missing patches and outliers, the same for the same seed.
+    """Registrations with errors, which are the same for the same seed.
 
-    Attributes:
-        of: the registrations without errors.
-        seed: of the errors.
-        noise: in metres, the standard deviation of every coordinate.
-        missing: the share of vertices in a patch that was not scanned; their confidence is zero,
-            and they are placed at the middle of the patch.
-        outliers: the share of vertices that are wrong by `far`, with a confidence of one.
-        far: in metres, how far outliers are from the truth.
+    `noise` is the standard deviation of every coordinate in m. A share `missing` of the vertices is
+    in a patch that was not scanned: their confidence is zero, and they are placed at the middle of
+    the patch. A share of `outliers` is wrong by `far` m, with a confidence of one.
     """
 
     of: Registrations

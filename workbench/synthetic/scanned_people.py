@@ -17,12 +17,9 @@ PLACE_SIGMA = 0.1  # m per axis, of where people stand
 
 @dataclass(frozen=True, eq=False)
 class ScannedPerson:
-    """A person made of a body, whose own template may lie outside of its shape space.
-
-    Attributes:
-        values: pose (K, 3) rad, betas (B,) and trans (3,) m, by the names of the body's blocks.
-        vertices: (N, 3) m, posed.
-        template: (N, 3) m, the body's template with the person's own displacement.
+    """A person made of a body: the values of its blocks, the vertices (N, 3) m, posed, and a
+    template (N, 3) m with the person's own displacement, which may lie outside of the body's shape
+    space.
     """
 
     values: Values

@@ -24,14 +24,9 @@ class Scanner:
     """A pinhole that measures depth: one ray goes through the middle of every pixel.
 
     The middle of the pixel in column i and row j is at (i + 1/2, j + 1/2) px, and the optical axis
-    goes through the middle of the image. Raises BadArgument for an image without pixels, a focal
-    length that is not above zero.
-
-    Attributes:
-        R: (3, 3) the rotation from the world to the scanner (x right, y down, z forward).
-        t: (3,) m, the translation from the world to the scanner.
-        focal: the focal length in px.
-        size: width and height of the depth image in px.
+    goes through the middle of the image. R (3, 3) and t (3,) m take the world to the scanner, whose
+    x points right, y down and z forward; `focal` and `size` (width and height) are in px. Raises
+    BadArgument for lengths that are not above zero.
     """
 
     R: Array
@@ -110,13 +105,9 @@ def scanners(
 
 @dataclass(frozen=True, eq=False)
 class DepthImage:
-    """The pixels whose rays hit the surface, in the order of their numbers.
-
-    Attributes:
-        pixel: (H,) the numbers of these pixels, row after row.
-        depth: (H,) m, along the optical axis.
-        face: (H,) the triangle that is hit first.
-        shares: (H, 3) the barycentric coordinates of the point in it.
+    """The numbers (H,) of the pixels whose rays hit the surface, row after row; the depths (H,) m
+    along the optical axis; the triangles (H,) that are hit first, and the barycentric shares (H, 3)
+    of the points in them.
     """
 
     pixel: Index

@@ -24,8 +24,6 @@ from workbench.reading.facts import json_in
 
 MOST_FRAMES, MOST_PEOPLE = 100_000, 100  # of a clip, and of one of its frames
 FARTHEST_STEP = 1.0  # of a person between two frames, in diagonals of the person's box
-
-
 Frame = tuple[Path, Any]  # a file, and what it says of one frame; None for all of it
 
 

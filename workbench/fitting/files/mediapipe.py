@@ -1,6 +1,6 @@
 """What MediaPipe finds in JSON: hands of 21 points, bodies of 33, or both.
 
-Programs write MediaPipe's results in three ways, and all of them are read: the tasks' results with
+Programs write MediaPipe's results in three ways: the tasks' results with
 the keys of Python (`hand_landmarks`, `handedness`, `pose_landmarks`) or of JavaScript (`landmarks`,
 `handedness`), and the messages of the older solutions (`multiHandLandmarks`, `multiHandedness`,
 `leftHandLandmarks`), whose lists are under `landmark`. Points are fractions of the image's width

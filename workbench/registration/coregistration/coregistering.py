@@ -216,10 +216,7 @@ class Coregistration:
     Raises BadArgument for scans of one subject, or of none, and for subjects that are not numbered
     from 0 on.
 
-    Attributes:
-        body: whose template has the topology of the registrations, and from which the model starts.
-        scans: where the scans are read from.
-        plan: what is done.
+    The template of `body`, from which the model starts, has the topology of the registrations.
     """
 
     body: SkinnedBody

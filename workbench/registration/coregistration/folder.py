@@ -24,12 +24,9 @@ AGAIN = "repeat `workbench register`"
 
 @dataclass(frozen=True, eq=False)
 class RegisteredScans:
-    """Scans that were registered one by one, read from the folders of their registrations.
-
-    Attributes:
-        place: the folder of them all.
-        rows: the lines of its table of subjects.
-        subject: (J,) the number of each scan's subject, in the order of their first lines.
+    """Scans that were registered one by one, read from the folders of their registrations in
+    `place`; `rows` are the lines of its table, and `subject` (J,) numbers subjects by their first
+    lines.
     """
 
     place: Path

@@ -102,15 +102,9 @@ SHARES = (1.0, 0.5, 0.25, 0.1, 0.03)  # of a step of D or Q, until the joint cos
 
 @dataclass(frozen=True, eq=False)
 class TriangleState:
-    """The unknowns of a coregistration of triangles.
-
-    Attributes:
-        body: whose beta s is 1 for subject s and otherwise 0, so that shapedirs are D - I; its
-            posedirs are Q's.
-        poses: (J, K, 3) rad.
-        vertices: (J, N, 3) m, the registrations.
-        scan_costs: (J,) E_S of each.
-        log: the blocks that have run, in order.
+    """The unknowns of a coregistration of triangles: poses (J, K, 3) rad, registrations (J, N, 3)
+    m, and a body whose beta s is 1 for subject s and otherwise 0, so that shapedirs are D - I; its
+    posedirs are Q's. Also E_S (J,) of each scan, and the blocks that have run, in order.
     """
 
     body: TriangleBody
@@ -141,12 +135,8 @@ class TriangleState:
 class TriangleCoregistration:
     """The joint problem of scans and a triangle body; see the module.
 
-    Raises BadArgument for scans whose subjects are not numbered from 0 on.
-
-    Attributes:
-        body: whose template has the topology of the registrations, and from which D and Q start.
-        scans: where the scans are read from.
-        plan: what is done.
+    The template of `body`, from which D and Q start, has the topology of the registrations. Raises
+    BadArgument for scans whose subjects are not numbered from 0 on.
     """
 
     body: TriangleBody
