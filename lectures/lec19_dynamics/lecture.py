@@ -36,6 +36,7 @@ from workbench.training.soft_tissue import (
     train_tissue,
 )
 
+# %%
 body = wb.load_body("small")
 
 # %% [markdown]
