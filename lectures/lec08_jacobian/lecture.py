@@ -23,6 +23,7 @@ from workbench.plots import (
 )
 from workbench.problem.linearization import covariance_without
 
+# %%
 body = wb.load_body("small")
 pose, betas, trans = (block.symbol for block in body.blocks())
 observed = wb.Block("observed", (24, 3), "m")

@@ -21,6 +21,7 @@ from workbench.lectures.material.replays import recorded_bodies
 from workbench.plots import house_style, sheet
 from workbench.plots.body import Figurine, front, line_up
 
+# %%
 NOISE, POSE, BETAS = 0.005, 0.25, 1.0  # m, rad, 1: the sigmas of this lecture
 
 body = wb.load_body("small")  # 369 vertices, 24 joints

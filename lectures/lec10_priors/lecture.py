@@ -18,6 +18,7 @@ from workbench.course import Picture, source
 from workbench.plots import house_style, sheet
 from workbench.priors.poses import shipped_gaussian, shipped_mixture
 
+# %%
 body = wb.load_body("small")
 names = body.joint_names
 pose, betas, trans = (block.symbol for block in body.blocks())

@@ -32,6 +32,7 @@ from workbench.lectures.material.variance import (
 from workbench.plots import house_style, plot_stitching, sheet
 from workbench.plots.body import Figurine, front, line_up
 
+# %%
 body = wb.load_body("small")
 faces, template = body.faces, body.template
 elbow = body.joint_names.index("left_elbow")

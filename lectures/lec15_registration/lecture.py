@@ -53,6 +53,7 @@ from workbench.residuals import Residual, distance, geman_mcclure, offset, scale
 from workbench.solvers import GaussNewton, TrustRegion
 from workbench.synthetic import Clutter, HalfSpace, Holes, Noise, people, scan, scanners
 
+# %%
 SEED, NOISE, OWN = 2, 0.002, 0.01  # NOISE and OWN in m
 NAMES = ("pose", "betas", "trans")
 

@@ -80,6 +80,7 @@ from workbench.residuals.kernels import Scaled
 from workbench.residuals.numbers import HINGES, bent_back
 from workbench.solvers import SolveStage, Staged, Starts
 
+# %%
 SIGMA = 4.0  # px, of a keypoint
 NAMES = ("pose", "betas", "trans")
 body = wb.load_body("default")

@@ -52,6 +52,7 @@ from workbench.residuals import gaussian, geman_mcclure, quadratic, scaled, smoo
 from workbench.solvers import TrustRegion
 from workbench.threads import limited_threads
 
+# %%
 body = wb.load_body("small")
 SOLVER = TrustRegion(max_iterations=40, gradient_tolerance=1e-2)
 FREE = ("trans", "pose", "betas")

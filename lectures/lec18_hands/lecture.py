@@ -27,6 +27,7 @@ from workbench.plots import house_style, sheet
 from workbench.plots.body import Figurine, line_up
 from workbench.priors.joint_limits import hand_limits
 
+# %%
 hand, left = wb.load_body("hand"), wb.load_body("hand-left")
 print(f"the hand: {hand.n_vertices} vertices, {hand.n_joints} joints, {3 * hand.n_joints} angles")
 

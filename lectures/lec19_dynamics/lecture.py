@@ -42,6 +42,7 @@ from workbench.motions.soft_tissue import (
 from workbench.plots import house_style, sheet
 from workbench.synthetic.made_up import limb, made_up_motion, random_smpl
 
+# %%
 body = wb.load_body("small")
 
 # %% [markdown]

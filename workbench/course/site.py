@@ -104,9 +104,8 @@ def _style() -> str:
     """Our style sheet, and the colours of code for dark screens."""
     formatter = tool("pygments.formatters").HtmlFormatter(style=DARK)
     dark = formatter.get_style_defs(".highlight")
-    return (
-        f"{STYLE.read_text(encoding='utf-8')}\n@media (prefers-color-scheme: dark) {{\n{dark}\n}}\n"
-    )
+    screen = f"@media screen and (prefers-color-scheme: dark) {{\n{dark}\n}}\n"
+    return f"{STYLE.read_text(encoding='utf-8')}\n{screen}"
 
 
 def copy_licences(folder: Path) -> None:
