@@ -32,8 +32,9 @@ BOUNDED = ("ipopt", "ipopt-exact", "nlopt-lbfgs", "nlopt-slsqp")
 
 @dataclass(frozen=True, eq=False)
 class KnownAnswer:
-    """The answer of a problem, or the lowest known cost, and its source; raises BadSetup for what
-    is none.
+    """The answer of a problem, or the lowest known cost, and its source.
+
+    Raises BadSetup for an empty source, and for numbers or values that are none.
 
     Attributes:
         source: `NIST StRD, certified to 11 digits`, `best of 100 starts, polished`.
