@@ -23,8 +23,10 @@ class Live {
       const label = make("label", start, { textContent: "xyz"[d] + " " });
       const slider = make("input", label, { type: "range", min: -180, max: 180, step: 1 });
       slider.setAttribute("aria-label", `rotation vector, ${"xyz"[d]}, in degrees`);
+      slider.said = make("output", label);
       slider.addEventListener("input", () => {
         replay.hand[3 * this.joint.value + d] = slider.value * Math.PI / 180;
+        this.refresh();
         this.show();
       });
       return slider;
@@ -51,7 +53,10 @@ class Live {
   }
 
   refresh() {
-    this.angles.forEach((slider, d) => { slider.value = this.replay.hand[3 * this.joint.value + d] * 180 / Math.PI; });
+    this.angles.forEach((slider, d) => {
+      slider.value = this.replay.hand[3 * this.joint.value + d] * 180 / Math.PI;
+      slider.said.textContent = ` ${slider.value}°`;
+    });
   }
 
   take(numbers) {
