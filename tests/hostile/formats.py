@@ -470,7 +470,7 @@ def _tables(folder: Path) -> None:
 def _published(folder: Path) -> None:
     """One for each way in which points, people and names are written."""
     known = ("MMPose with names", "Ultralytics 8.3", "EasyMocap", "DWPose in ComfyUI", "PoseNet")
-    known += ("easy_ViTPose", "ViTPose of transformers", "objects by name", "numbers")
+    known += ("easy_ViTPose", "ViTPose of transformers", "objects by name", "numbers of 25")
     for i, name in enumerate(known):
         (folder / f"{i}.json").write_text(json.dumps(READ[name][1]))
 

@@ -46,9 +46,6 @@ def solved(build: Callable[[], Any], name: str) -> tuple[Problem, Values, Soluti
     return problem, start, SOLVERS[name].solve(problem, start)
 
 
-# The catalogue.
-
-
 # The same answer.
 
 

@@ -56,6 +56,7 @@ from workbench.fitting.marker_sets import OUT, MarkerSet, known_markers, matched
 from workbench.fitting.markers import SIGMA, marker_solver, rms_of_markers
 from workbench.fitting.mosh import mosh
 from workbench.fitting.observations import Clip
+from workbench.fitting.scans.files import READERS as SCANS
 from workbench.fitting.setup import MANY, Setup
 from workbench.fitting.videos import video_fit, video_mean
 from workbench.geometry.guesses import sizes_of
@@ -108,6 +109,8 @@ def kind_of_fit(paths: list[Path], video: bool) -> str:
         kind = "a folder of images"
     elif suffix in MARKERS or suffix in READERS:
         kind = "markers" if suffix in MARKERS else "a mesh"
+    elif suffix in SCANS:
+        raise BadFile(f"{first} holds points in space; `workbench register` fits a body to a scan")
     if len(paths) > 1 and kind != "several cameras":
         raise BadFile(
             f"one folder, mesh or file of markers is fitted at a time, not {len(paths)}; give one"

@@ -221,19 +221,6 @@ class BandedFactor:
         found[order.inner] = _triangular(self.L, first - self.answer @ last, "T")
         return found
 
-    def half_times(self, w: Array) -> Array:
-        """M'^-1 w for w (n,) or (n, k), where M M' is the matrix that was factorized.
-
-        If the entries of w are drawn from N(0, 1), the result is drawn from N(0, (M M')^-1).
-        """
-        order, found = self.order, np.empty_like(w, dtype=float)
-        last = w[order.border]
-        if len(last):
-            last = scipy.linalg.solve_triangular(self.corner, last, lower=True, trans="T")
-        found[order.border] = last
-        found[order.inner] = _triangular(self.L, w[order.inner] - self.answer @ last, "T")
-        return found
-
 
 def _lost(pivots: Array, diagonal: Array) -> bool:
     return bool((pivots**2 < SMALLEST * diagonal).any())

@@ -11,7 +11,7 @@ import hashlib
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -61,7 +61,6 @@ def stepped(z: Array, log_p: Array, density: Callable[[Array], Array], random: A
     return moved
 
 
-@cache
 def _moves() -> tuple[Any, Any]:
     """Steps of differential evolution, and jumps. Raises MissingLibrary without emcee."""
     moves = optional_library("emcee", "drawing a posterior by ensembles of walkers").moves
