@@ -195,7 +195,7 @@ class Nlopt(Limits):
         descends = self.abilities.derivative is Derivative.GRADIENT and not self.abilities.is_global
         while True:
             y = np.clip(x * scale, problem.lower * scale, problem.upper * scale)
-            optimizer.optimize(y)
+            _optimize_quietly(optimizer, y)
             gave_up = optimizer.last_optimize_result() in GAVE_UP
             if not (descends and gave_up and run.best.violation <= 1 and run.best.cost < cost):
                 return
@@ -206,11 +206,21 @@ class Nlopt(Limits):
 
     def _optimizer(self, algorithm: str, n: int) -> nlopt.opt:
         optimizer = nlopt.opt(getattr(nlopt, algorithm), n)
-        optimizer.set_exceptions_enabled(False)
+        if hasattr(optimizer, "set_exceptions_enabled"):  # from NLopt 2.10 on; Pyodide has 2.9.1
+            optimizer.set_exceptions_enabled(False)
         optimizer.set_ftol_rel(self.cost_tolerance)
         optimizer.set_maxeval(self.max_evaluations + 1)
         optimizer.set_maxtime(max(self.max_seconds, 1e-3))
         return optimizer
+
+
+def _optimize_quietly(optimizer: nlopt.opt, y: Array) -> None:
+    """Optimize from y (n,). What NLopt before 2.10 raises is what its last result says too."""
+    try:
+        optimizer.optimize(y)
+    except (nlopt.ForcedStop, nlopt.RoundoffLimited, nlopt.exception):
+        if optimizer.last_optimize_result() > 0:
+            raise
 
 
 class NloptObjective:
