@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 
 from builder.collapsing import collapsed_part
-from builder.full_hands import held_fingers
 from builder.hands.mesh import JOINT_NAMES, to_flat
 from builder.hands.sets import ANGLES, HandPoses, draw_angles
 from builder.hands.training import far_share, solved
 from builder.ridge import RidgeSums
-from workbench.bodies.catalogue import embedded, embedded_hand, load_skinned, sewing_of
+from workbench.bodies.catalogue import load_skinned
 from workbench.errors import BadArgument
 
 pytestmark = pytest.mark.thorough
@@ -93,10 +92,3 @@ def test_part_collapses_with_its_border() -> None:
     assert areas.sum() == pytest.approx(((n - 1) / n) ** 2)
     with pytest.raises(BadArgument, match="does not come down"):
         collapsed_part(grid, np.array(faces), border, 3)
-
-
-def test_shipped_finger_pose_is_found_again() -> None:
-    sewing = sewing_of("full")
-    found, rms = held_fingers(embedded_hand(), embedded("full").template[sewing.vertices])
-    np.testing.assert_allclose(found, sewing.held, atol=1e-6)
-    assert round(1e3 * rms, 2) == 1.06  # mm, as PROVENANCE.md says

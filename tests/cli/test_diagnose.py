@@ -146,7 +146,7 @@ def test_design_averages_over_points(workbench: Run, line: Path) -> None:
 @pytest.mark.thorough
 def test_design_refuses_what_makes_no_question(workbench: Run, line: Path) -> None:
     for arguments, said in (
-        (["--candidates", "poses"], "there are cameras, keypoints,"),
+        (["--candidates", "poses"], "there are cameras, markers,"),
         (["--candidates", "cameras"], "are of a problem that fits a body in one frame"),
         (["--criterion", "f"], "no criterion is called 'f'"),
         (["--choose", "7"], "1 to 6 of the candidates can be chosen, not 7"),

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import combinations
+from itertools import combinations, permutations
 
 import numpy as np
 
@@ -37,6 +37,7 @@ ORDERS = {  # of 17 keypoints
         *("left_ankle", "right_eye", "left_eye", "right_ear", "left_ear"),
     ),
 }
+MOST_ORDERED = 4  # cameras, of which all orders are tried; else two that are exchanged
 AGREE = 0.02  # of the size of the person in an image: rays that miss each other by more contradict
 OPENGL = np.diag([1.0, -1.0, -1.0])  # x right, y up, z backwards
 PERSON = 0.5, 2.6  # m, between the keypoints of a person that are farthest apart
@@ -201,7 +202,7 @@ def unit_of_translations(views: Sequence[View], values: Values) -> str:
 def agreeing_convention(views: Sequence[View], values: Values, names: Sequence[str]) -> str:
     """What would make views that contradict each other agree; empty if nothing known does.
 
-    Other conventions of the extrinsics, two cameras exchanged, other readings of images, and
+    Other conventions of the extrinsics, other orders of the cameras, other readings of images, and
     views left out are tried. `names` (M,) are those of the keypoints.
     """
     given: Extrinsics = [
@@ -254,7 +255,8 @@ def _other_views(
 def _conventions(given: Extrinsics) -> Iterator[tuple[str, Extrinsics]]:
     for what, change in CONVENTIONS.items():
         yield what, [change(R, t) for R, t in given]
-    for i, j in combinations(range(len(given)), 2):
-        order = [{i: j, j: i}.get(k, k) for k in range(len(given))]
+    every = range(len(given))
+    swapped = ([{i: j, j: i}.get(k, k) for k in every] for i, j in combinations(every, 2))
+    for order in permutations(every) if len(given) <= MOST_ORDERED else swapped:
         said = ", ".join(str(k + 1) for k in order)
         yield f"the cameras belong to the files in the order {said}", [given[k] for k in order]
