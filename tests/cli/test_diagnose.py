@@ -161,7 +161,6 @@ def test_design_refuses_what_makes_no_question(workbench: Run, line: Path) -> No
     for candidates, said in (
         ("own", "names no candidates of its own"),
         ("views", "no camera of this problem is held"),
-        ("keypoints", "no camera sees the body"),
     ):
         code, _, err = workbench("design", "known-correspondences", "--candidates", candidates)
         assert code == 2
