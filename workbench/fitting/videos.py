@@ -142,6 +142,7 @@ def video_fit(
     sigma: float | None = None,
     kernel: Kernel | None = None,
     smoothness: Smoothness = SMOOTH,
+    shared: Sequence[str] = ("betas",),
     worth: float | None = None,
     told: Callable[[int, int], object] = lambda done, all_: None,
 ) -> Setup:
@@ -149,8 +150,9 @@ def video_fit(
 
     `sigma` is in px; without one, it follows the person's height in each film (`usual_sigma`).
     The kernel is Geman and McClure's, with outliers from 12 % of the height on, unless another is
-    given. Cameras without K share a free focal length. The start is found frame by frame, and
-    `told` is called with the number of frames that are done and of all.
+    given. Cameras without K share a free focal length. Blocks of the body named in `shared` are one
+    for all frames. The start is found frame by frame, and `told` is called with the number of
+    frames that are done and of all.
 
     A detector's errors are alike from frame to frame, so that T frames are not T times the evidence
     on the shape. All terms of frames, data, priors and smoothness, have the weight n / T of the
@@ -193,6 +195,8 @@ def video_fit(
             free.append(camera.focal.name)
     of_pose, of_shape = pose_prior(body), shape_prior(body)
     of_pose = replace(of_pose, weights=evidence.symbol)
+    if betas.name not in shared:
+        of_shape = replace(of_shape, weights=evidence.symbol)
     lenses = [block for camera in cameras for block in camera.blocks]
     frame = Problem([*data, of_pose, of_shape, *own_priors], free, blocks=[*lenses, evidence])
     each: list[Values] = []
@@ -207,7 +211,7 @@ def video_fit(
     own = frame.freeing(pose.name, betas.name, trans.name)  # focal lengths wait for all frames
     data_names = tuple(shares)
     frames = frame_by_frame(own, body, shares, each, views, told)
-    names = [*(b.name for b in lenses), EVIDENCE, betas.name]
+    names = [*(b.name for b in lenses), EVIDENCE, *shared]
     problem = sequence(
         [frame] * T, shared=names, between=_between(smoothness, body, evidence, clip)
     )
@@ -344,8 +348,9 @@ def video_measures(moving: Moving, problem: Problem, values: Values) -> tuple[Me
         mean = float(off[well].mean()) if well.any() else np.nan
         found.append(Measure(f"reprojection, {view.name}", mean, "px", f"{well.sum()} {COUNTED}"))
     betas = values[moving.body.blocks()[1].name]
-    tall = np.ptp(moving.body.vertices(betas=betas)[:, 1])
-    found.append(Measure("height at rest", 1e3 * float(tall), "mm"))
+    if betas.ndim == 1:
+        tall = np.ptp(moving.body.vertices(betas=betas)[:, 1])
+        found.append(Measure("height at rest", 1e3 * float(tall), "mm"))
     if len(places) > 2:
         change = np.linalg.norm(np.diff(places, 2, axis=0), axis=-1)
         found.append(Measure("change of speed a frame", 1e3 * float(change.mean()), "mm"))
