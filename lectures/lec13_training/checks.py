@@ -328,14 +328,23 @@ def with_the_sum_alone(reached, seen):
     return np.linalg.solve(system, np.append(A.T @ seen.ravel(), 1.0))[:K]
 
 
-@mistake(
+A_ROW = mistake(
     "weights_of",
-    "a row of ones pulls the sum to one only if it is heavy, or if `seen` was subtracted from where "
-    "each bone takes the vertex, so that the target is zero",
+    "a row of ones finds the best shares only if the target is zero: first subtract `seen` from where "
+    "each bone takes the vertex, and divide by the sum at the end",
 )
+
+
+@A_ROW
 def with_a_row_of_ones(reached, seen):
     A = reached.transpose(0, 2, 1).reshape(-1, reached.shape[1])
     w, _ = nnls(np.vstack([A, np.ones(A.shape[1])]), np.append(seen.ravel(), 1.0))
+    return w
+
+
+@A_ROW
+def with_a_row_of_ones_and_scaled(reached, seen):
+    w = with_a_row_of_ones.answer(reached, seen)
     return w / w.sum()
 
 
