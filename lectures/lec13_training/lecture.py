@@ -484,8 +484,9 @@ Picture(
 # %% slide [markdown]
 # ## Choose $\lambda$ on poses that were not learned from
 #
-# - By the training error it should be 0: {{ unseen[0]:.2f}} mm in unseen poses with the least $\lambda$
-#   tried, {{ unseen[best]:.2f}} mm with {{ lambdas[best]:.2g}}
+# - By the training error it should be 0.
+# - In unseen poses: {{ unseen[0]:.2f}} mm with the least that was tried, {{ unseen[best]:.2f}} mm with
+#   {{ lambdas[best]:.2g}}
 
 # %% [markdown]
 # By the training error alone, $\lambda$ should be
