@@ -48,7 +48,7 @@ def beside(vertices):
 # ## A hand is SMPL with other joints
 #
 # - {{ hand.n_vertices}} vertices, {{ hand.n_joints}} joints, {{ 3 * hand.n_joints}} angles
-# - Its joints turn together; its joints do not show many of their turns; it has two sides; its zero is a pose that nobody makes.
+# - Its joints turn together, and do not show many of their turns; it has two sides; its zero is a pose that nobody makes.
 # - No hand was measured: these are synthetic.
 
 # %% [markdown]
