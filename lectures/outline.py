@@ -83,7 +83,7 @@ COURSE = (
         "Fitting to points, landmarks and cameras",
         question="Which pose and shape explain what we saw?",
         minutes=45,
-        assumes="lectures 6 and 8",
+        assumes="lectures 2, 6 and 8",
         teaches="known correspondences, landmarks, one camera and four, initialising a camera",
     ),
     Lecture(

@@ -259,6 +259,28 @@ def of_the_binding_matrices(R, joints, parents):
     return solutions.binding(R, joints, parents)[:, :3, 3]
 
 
+OTHER_ROTATIONS = (
+    "the rotations in the world are wrong, whatever else is right: if you call `world_rotations`, solve "
+    "that exercise first"
+)
+
+
+def joints_by(world_rotations):
+    def answer(R, joints, parents):
+        world, posed = world_rotations.answer(R, parents), [joints[0]]
+        for k in range(1, len(parents)):
+            up = parents[k]
+            posed.append(posed[up] + world[up] @ (joints[k] - joints[up]))
+        return np.array(posed)
+
+    return mistake("posed_joints", OTHER_ROTATIONS)(answer)
+
+
+joints_by_the_other_order = joints_by(in_the_other_order)
+joints_by_one_parent = joints_by(of_one_parent)
+joints_without_branches = joints_by(without_branches)
+
+
 # binding
 
 
@@ -338,6 +360,27 @@ def of_relative_rotations(R, joints, parents):
 @mistake("binding", "these matrices go the other way, from the posed surface to the one at rest")
 def the_other_way(R, joints, parents):
     return np.linalg.inv(solutions.binding(R, joints, parents))
+
+
+def matrices_by(world_rotations, joints_too):
+    def answer(R, joints, parents):
+        world = world_rotations.answer(R, parents)
+        posed = (joints_by(world_rotations).answer if joints_too else solutions.posed_joints)(
+            R, joints, parents
+        )
+        G = np.tile(np.eye(4), (len(parents), 1, 1))
+        G[:, :3, :3], G[:, :3, 3] = world, posed - np.einsum("kij,kj->ki", world, joints)
+        return G
+
+    return mistake("binding", OTHER_ROTATIONS)(answer)
+
+
+matrices_by_the_other_order = matrices_by(in_the_other_order, True)
+matrices_by_one_parent = matrices_by(of_one_parent, True)
+matrices_without_branches = matrices_by(without_branches, True)
+turns_in_the_other_order = matrices_by(in_the_other_order, False)
+turns_of_one_parent = matrices_by(of_one_parent, False)
+turns_without_branches = matrices_by(without_branches, False)
 
 
 # reach

@@ -95,7 +95,8 @@ print(
 #
 # Now the parts hang together: there are 24 rotations, each relative to the part that it hangs on, and
 # one position of the whole body, $72 + 3 = 75$ numbers. (The rest of this lecture explains how.) We use
-# the same markers with the same noise:
+# the same markers with the same noise. `Block`, `Problem` and `solve` are explained in lecture 9; here it is enough
+# that they find the 75 numbers that fit the markers best:
 
 # %% slide [markdown]
 # ## The parts on a chain: 75 numbers
@@ -209,8 +210,9 @@ Picture(
 # %% [markdown]
 # ## The chain
 #
-# Each joint $k$ except the root hangs on another joint, its **parent** $p(k)$. At rest no joint is
-# turned, and the bone to joint $k$ is $j_k - j_{p(k)}$. Each joint carries a **frame**: three axes that
+# Each joint $k$ except the root hangs on another joint, its **parent** $p(k)$. *At rest* means: in the pose in which
+# the template was drawn. Until we say otherwise this is a T-pose, in which no joint is turned, and the bone to joint
+# $k$ is $j_k - j_{p(k)}$. Each joint carries a **frame**: three axes that
 # turn with it and begin at the joint. Relative to the frame of its parent, the frame of joint $k$ is
 # turned by $R_k$ and sits at the end of the bone:
 #
@@ -219,7 +221,7 @@ Picture(
 # G_0 = \begin{pmatrix} R_0 & j_0 \\ 0 & 1 \end{pmatrix}.
 # $$
 #
-# A point with coordinates $q$ in the frame of the wrist is at $G_{\text{wrist}}\, q$ in the world, which
+# A point with coordinates $q$ in the frame of the wrist is at $G_{\text{wrist}}\, (q, 1)$ in the world, which
 # is the fixed frame in which the body stands: the product takes it from the wrist's frame into the
 # elbow's, from there into the shoulder's, and so on. Since parents come before their children in the
 # list of joints, a single loop computes all $G_k$:
@@ -418,7 +420,8 @@ print(
 # $$ G'_k = G_k(\theta)\, G_k(\theta^*)^{-1}, $$
 #
 # where $\theta^*$ is the pose in which the template was drawn. At $\theta = \theta^*$ it is the
-# identity. The first three columns of such a matrix are its rotation, and the last column is its **offset**.
+# identity. Of the upper three rows of such a matrix the first three columns are its rotation, and the last column is
+# its **offset**.
 # With $R^{\text{world}}_k$ and $t_k$ for the rotation and the offset of $G_k$, and for a template in the
 # T-pose, $\theta^* = 0$, the binding matrix has the rotation $R^{\text{world}}_k$ and the offset
 # $t_k - R^{\text{world}}_k j_k$.
@@ -460,13 +463,19 @@ source(binding_motions)
 
 # %% [markdown]
 # Templates are not always drawn in a T-pose. Suppose that this one were drawn with its arms lowered by {{ 45 }}
-# degrees. Then the body looks like the template in the pose with lowered arms, and not in the pose zero:
+# degrees. Then the body looks like the template in the pose with lowered arms, and not in the pose zero.
+#
+# At rest joints are turned now: the $j_k$ are joints of the template as it was drawn, and between them are bones that
+# have been turned by $\theta^*$. In $G_k$ they have to be turned back first, so that in place of $j_k - j_{p(k)}$ it has
+#
+# $$ R^{\text{world}}_{p(k)}(\theta^*)^\top \left( j_k - j_{p(k)} \right) . $$
 
 # %% slide [markdown]
 # ## The template need not be a T-pose
 #
 # - Drawn with arms lowered by 45 degrees, it looks like itself in *that* pose ...
 # - ... and in the pose zero its arms are up.
+# - $G_k$ has the bone $R^{\text{world}}_{p(k)}(\theta^*)^\top ( j_k - j_{p(k)} )$: first turned back.
 
 # %%
 lowered = np.zeros((24, 3))
@@ -478,6 +487,17 @@ print(
     f"in the pose 0: vertices moved by up to "
     f"{np.linalg.norm(in_a_pose.vertices(np.zeros((24, 3))) - body.template, axis=1).max():.2f} m"
 )
+drawn = chained(matrix_from_vector(lowered), joints)[:, :3, :3]  # rotations in the world, as drawn
+straight = joints.copy()  # joints in the pose 0, where bones are turned back
+for k in range(1, 24):
+    bone = drawn[parents[k]].T @ (joints[k] - joints[parents[k]])
+    straight[k] = straight[parents[k]] + bone
+joints_off = {
+    name: np.linalg.norm(chained(R, start)[:, :3, 3] - in_a_pose.joints(truth), axis=1).max()
+    for name, start in (("bones turned back", straight), ("bones as drawn", joints))
+}
+for name, off in joints_off.items():
+    print(f"joints in a random pose, {name}: off by up to {off:.0e} m")
 
 # %% slide [markdown]
 # ## Its own pose is the fixed point
@@ -490,8 +510,8 @@ print(
 # ## Where are the posed joints?
 #
 # The offset of $G_k$ is the position of the posed
-# joint{{ np.allclose(in_a_pose.vertices(lowered), body.template, atol=1e-13) and np.linalg.norm(in_a_pose.vertices(np.zeros((24, 3))) - body.template, axis=1).max() > 0.1 }}.
-# It is a sum along the path from the root to
+# joint{{ np.allclose(in_a_pose.vertices(lowered), body.template, atol=1e-13) and np.linalg.norm(in_a_pose.vertices(np.zeros((24, 3))) - body.template, axis=1).max() > 0.1 and joints_off['bones turned back'] < 1e-14 < 0.1 < joints_off['bones as drawn'] }}.
+# For a template in the T-pose, to which we return, it is a sum along the path from the root to
 # joint $k$:
 #
 # $$
@@ -502,14 +522,14 @@ print(
 # offset of $G'_k$ is not the posed joint. It is the point to which $G'_k$ moves the *origin*,
 # $J'_k - R^{\text{world}}_k j_k$. At rest this is the origin itself, for every joint. In every pose its
 # distance from the posed joint is the distance of $j_k$ from the origin. The posed joint is the offset of
-# $G_k$. It is also $G'_k\, j_k$, the point to which $G'_k$ moves the joint at rest. We compare the three:
+# $G_k$. It is also $G'_k\, (j_k, 1)$, the point to which $G'_k$ moves the joint at rest. We compare the three:
 
 # %% slide [markdown]
 # ## Where are the posed joints?
 #
 # $$ J'_k = j_0 + \sum_{c \,\in\, \text{path}(k)} R^{\text{world}}_{p(c)} \left( j_c - j_{p(c)} \right) $$
 #
-# - It is the offset of $G_k$, and also $G'_k\, j_k$.
+# - It is the offset of $G_k$, and also $G'_k\, (j_k, 1)$.
 # - The offset of $G'_k$ is something else: where the *origin* goes.
 
 # %%

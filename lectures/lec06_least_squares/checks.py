@@ -325,10 +325,12 @@ def by_the_normal_equations(e, J):
 @check("left_out", points=1)
 def is_the_law_at_the_best_angle(left_out):
     """at the best angle it is rho / UPPER - 1"""
-    for share in (0.5, 1.0, 1.5, 2.5):
+    for share in (1.5, 0.5, 1.0, 2.5):
         seen = share * UPPER * np.array([np.cos(0.7), np.sin(0.7)])
         equal(
-            left_out(np.array([0.7]), seen), share - 1, f"what is left out, for rho = {share} UPPER"
+            left_out(np.array([0.7]), seen),
+            share - 1,
+            f"what is left out over what is kept, for rho = {share} UPPER",
         )
 
 
@@ -337,12 +339,25 @@ def is_right_elsewhere(left_out):
     """it is right at other angles too"""
     for x in (0.0, 1.0, 2.5):
         x = np.array([x])
-        equal(left_out(x, SEEN[:2]), solutions.left_out(x, SEEN[:2]), f"what is left out at {x}")
+        expected = solutions.left_out(x, SEEN[:2])
+        equal(left_out(x, SEEN[:2]), expected, f"what is left out over what is kept, at {x}")
 
 
-@mistake("left_out", "the sign is wrong: the second derivative of (cos, sin) is minus (cos, sin)")
+@mistake(
+    "left_out",
+    "the sign is wrong: the second derivative of (cos, sin) is minus (cos, sin), and the number is "
+    "negative if the point is nearer than the bone is long",
+)
 def with_the_other_curvature(x, seen):
     return -solutions.left_out(x, seen)
+
+
+@mistake(
+    "left_out",
+    "the sign is missing: the number is negative if the point is nearer than the bone is long",
+)
+def without_its_sign(x, seen):
+    return abs(solutions.left_out(x, seen))
 
 
 @mistake("left_out", "J'J is the square of the bone's length; this is divided by its length")

@@ -238,9 +238,10 @@ Picture(
 #   it never settles.
 
 # %% [markdown]
-# The descent settles{{ fallen[0.2][-1] > 1e3 * fallen[2.0][-1] and fallen[2.8][-1] > 1e-3 }} if $s$ is below 2 over
-# the largest eigenvalue of the matrix of second derivatives
-# of $F$. At the truth, where the residual is zero, this matrix is $2 J^\top J$ (we shall see why):
+# Near the minimum $\nabla F$ is the matrix $H$ of second derivatives of $F$ times the error of $x$. So along an
+# eigenvector of $H$ with the eigenvalue $\lambda$, each step multiplies the error by $1 - s \lambda$. The descent
+# settles{{ fallen[0.2][-1] > 1e3 * fallen[2.0][-1] and fallen[2.8][-1] > 1e-3 }} if these factors are between $-1$ and
+# 1, which is so if $s$ is below 2 over the largest eigenvalue. At the truth, where the residual is zero, this matrix is $2 J^\top J$ (we shall see why):
 
 # %%
 largest = np.linalg.eigvalsh(2 * jacobian(truth).T @ jacobian(truth)).max()
@@ -331,8 +332,8 @@ for k, x in enumerate(way):
 # number of correct
 # digits{{ all(1.8 < np.log(off[k]) / np.log(off[k - 1]) < 2.6 for off in [np.abs(way - truth).max(axis=1)] for k in (4, 5)) }}.
 # In the workbench this step is a method of a `Linearization`,
-# which holds the residual and the Jacobian at a point; `damping` and `scaling` belong to the next lecture.
-# `automatic` computes the step in one of two ways. One of them solves the normal equations. It first scales the
+# which holds the residual and the Jacobian at a point; `damping` and `scaling` belong to the next lecture. What the
+# method calls in its last line, `automatic`, computes the step in one of two ways. One of them solves the normal equations. It first scales the
 # unknowns, so that they have no units: with $d_j = \|J_j\|$, the length of column $j$, it solves for $d_j\, p_j$. It is
 # used if the condition number of the scaled $J$ is below 10,000, so that enough digits are left.
 
@@ -547,12 +548,13 @@ Picture(
 # (At 1.9 u the printed factor, {{ found[1.9][-1] / found[1.9][-2]:.3f}}, does not yet agree with the law, which holds
 # for small errors: after 12 steps the error is {{ found[1.9][-1]:.2f}}
 # rad{{ all(abs(found[rho][-1] / found[rho][-2] - abs(1 - rho)) < 1e-3 for rho in (1.2, 0.5)) and (np.diff(found[2.2][:9]) > 0).all() and np.log(found[1.0][2]) / np.log(found[1.0][1]) > 2.5 }}.)
+#
 # So full steps can lead away, even from a point that is as near to the
 # minimum as you like. Their direction is still downhill; only their length is wrong, and this time we
 # can tell. If the residual were linear, the step would lower $F$ from $\|e\|^2$ to $\|e + J p\|^2$. The difference
 # of the two is the decrease that the linear model predicts; the actual decrease is $\|e\|^2 - \|e(x + p)\|^2$. The
-# library's `GaussNewton` halves the step until the actual decrease is a fair share of the predicted one;
-# lecture 7 has a better answer. Here is the bone with $\rho = 2.2\, u$, from $a = 0.5$ rad; the best
+# library's `GaussNewton` halves the step until the actual decrease is at least a ten-thousandth of what the slope of
+# $F$ along the step predicts for its length; lecture 7 has a better answer. Here is the bone with $\rho = 2.2\, u$, from $a = 0.5$ rad; the best
 # angle is 0.
 
 # %%
@@ -561,16 +563,16 @@ for name in ("gauss-newton-full", "gauss-newton"):
     solution = wb.solve(one_bone, far, wb.SOLVERS[name])
     print(
         f"{name:17}: {solution.status.name:14} after {solution.iterations:3} iterations, "
-        f"the last at a = {float(solution.trace[-1].values['a']):+.3f} rad; "
-        f"returned a = {float(solution.values['a']):+.3f} rad"
+        f"the last at a = {float(solution.trace[-1].values['a'].round(3)) + 0.0:+.3f} rad; "
+        f"returned a = {float(solution.values['a'].round(3)) + 0.0:+.3f} rad"
     )
 
 # %% slide [markdown]
 # ## Halving mends it here
 #
 # - Promise: $\|e\|^2 - \|e + J p\|^2$; fact: $\|e\|^2 - \|e(x + p)\|^2$
-# - Full steps: back and forth, none better than the start. Halved until the fact is a fair share of the
-#   promise: {{ solution.iterations}} iterations
+# - Full steps: back and forth, none better than the start. Halved until the fact is at
+#   least a ten-thousandth of the promise: {{ solution.iterations}} iterations
 # - Lecture 7 has a better answer.
 
 # %% [markdown]
@@ -586,7 +588,8 @@ for name in ("gauss-newton-full", "gauss-newton"):
 # All of this holds for a whole body as well. Here {{ 72 }} numbers for the pose and 3 for the position are fitted to
 # {{ 369 }} vertices, which we compute from a known pose, so that the answer is known. `Problem`
 # builds the residual $r$, which is $e$ divided by its standard deviation of 2 mm, and its Jacobian; the steps are the
-# same as above. The next cell prints cost and error, step by step.
+# same as above. The next cell prints cost and error, step by step; `cholesky` means that the step was computed by the
+# normal equations (Cholesky's factorisation solves them).
 
 # %%
 body = wb.load_body("small")

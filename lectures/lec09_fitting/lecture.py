@@ -141,16 +141,18 @@ for name, residuals in (("joints alone", [at_joints]), ("joints and priors", [at
 # %% slide [markdown]
 # ## Only the joints: {{ seen_joints.size }} equations for {{ p }} unknowns
 #
-# - Rank {{ ranks['joints alone']}} of {{ p }}; the joints are met to {{ met['joints alone']:.1f}} mm.
-# - *Less* than their noise of 5 mm: a warning, the unknowns follow the noise.
+# - Met to {{ met['joints alone']:.1f}} mm, with priors to {{ met['joints and priors']:.1f}} mm: this does not tell
+#   the two fits apart.
+# - Rank {{ ranks['joints alone']}} of {{ p }}: what is left open does.
 # - One beta is off by {{ worst['joints alone']:.1f}} standard deviations.
 
 # %% [markdown]
-# Without priors, the joints are fitted to *less* than their noise. This is a bad sign: there are
-# {{ seen_joints.size}} equations for {{ p}} unknowns{{ met['joints alone'] < 5 }}, and the unknowns follow the noise.
-# As in lecture 8, the data determine only
-# some of the directions: the rank is {{ ranks['joints alone']}} of {{ p}}. The shape follows the noise as well, and
-# one beta is off by {{ worst['joints alone']:.1f}} standard deviations.
+# Both fits meet the joints to less than their noise of 5 mm, to {{ met['joints alone']:.1f}} and
+# {{ met['joints and priors']:.1f}} mm{{ max(met.values()) < 5 }}. This does not tell them apart: with
+# {{ seen_joints.size}} equations for {{ p}} unknowns, what the data do determine follows the noise in both. They differ
+# in what the data do not determine. As in lecture 8 these are some of the directions: without priors the rank is
+# {{ ranks['joints alone']}} of {{ p}}. Others are determined so weakly that the noise decides, and one beta is off by
+# {{ worst['joints alone']:.1f}} standard deviations.
 
 # %% slide [markdown]
 # ## What we know apart from the data: priors
@@ -385,6 +387,8 @@ trunk = [
 ]
 a, b = np.array(trunk).T
 rest = body.joints()
+_, up, forward = (rest[a] - rest[b]).mean(axis=0)  # from the hips to the shoulders, m
+ahead = np.degrees(np.arctan2(forward, up))
 leans = np.radians(np.arange(0, 76, 5))
 wide = {}
 for f_and_distance in ((F, DISTANCE), (20 * F, 20 * DISTANCE)):
@@ -432,7 +436,8 @@ Picture(
 # At 30 degrees the depth is {{ 100 * (wide['from 4 m'][6] - 1):.0f}} to {{ 100 * (wide['from 80 m'][6] - 1):.0f}} %
 # too large{{ (wide['from 4 m'][1:] < wide['from 80 m'][1:]).all() }}. This is good enough for a start, but it is not
 # good enough for
-# an answer.
+# an answer. (The factors are larger than $1 / \cos$ of the lean, because this body's shoulders are in front of its hips
+# already at rest, by {{ ahead:.1f}} degrees{{ 3 < ahead < 4 }}.)
 #
 # ## What one camera does not determine
 #
@@ -593,7 +598,8 @@ print(f"the body at rest, moved onto them: off by {1e3 * begun:.0f} mm")
 #
 # - Triangulated joints are off by {{ 1e3 * np.sqrt(np.mean((points - joints) ** 2)):.0f}} mm.
 # - The body at rest, moved onto them: {{ 1e3 * begun:.0f}} mm, and facing the right way
-# - Subtract the means; then the rotation nearest to $\sum_i y_i x_i^\top$
+# - Subtract the means; then the rotation nearest to $\sum_i y_i x_i^\top = U S V^\top$, which is
+#   $U \operatorname{diag}(1, 1, \det(U V^\top))\, V^\top$
 
 # %% [markdown]
 # The last line solves *Procrustes' problem*{{ np.sqrt(np.mean((points - joints) ** 2)) < begun < 0.1 }}: it finds the
@@ -601,16 +607,18 @@ print(f"the body at rest, moved onto them: off by {1e3 * begun:.0f} mm")
 # $x_i$ at rest as near as possible to the triangulated ones $y_i$, so that $\sum_i \| R x_i + t - y_i \|^2$ is
 # least. Whatever $R$ is, the best $t$ takes the mean of the $x_i$ to the mean of the $y_i$. So we subtract the mean
 # from each set of joints, and only $R$ is left. The square of $\| R x_i - y_i \|$ is
-# $\|x_i\|^2 + \|y_i\|^2 - 2\, y_i^\top R\, x_i$, and only its last term depends on $R$. The sum of these terms is
-# largest for the rotation that is nearest to the matrix $\sum_i y_i x_i^\top$, and lecture 2 has shown how to find
-# that.
+# $\|x_i\|^2 + \|y_i\|^2 - 2\, y_i^\top R\, x_i$, and only its last term depends on $R$.
+#
+# The sum of these terms is
+# largest for the rotation that is nearest to the matrix $A = \sum_i y_i x_i^\top$, and lecture 2 has shown how to find
+# that: with $A = U S V^\top$ it is $R = U \operatorname{diag}(1, 1, \det(U V^\top))\, V^\top$.
 #
 # ## What to remember
 #
 # - With every vertex known, the fit is closer to the truth than its data: the error is
 #   $\sigma \sqrt{p/m}$ per coordinate.
-# - A few landmarks leave some directions undetermined. A fit that is closer to its data than their noise
-#   is a warning. Priors decide what the data leave open, and also pull a little on the rest.
+# - A few landmarks leave some directions undetermined. How closely they are met does not show this; the rank does.
+#   Priors decide what the data leave open, and also pull a little on the rest.
 # - With one camera, begin at the depth $Z = f H / h$, try a body that faces the camera and one that
 #   faces away, and keep the fit with the lower cost. Size and depth cannot be told apart without a
 #   prior.
@@ -620,5 +628,5 @@ print(f"the body at rest, moved onto them: off by {1e3 * begun:.0f} mm")
 # ## What to remember
 #
 # - All vertices: closer to the truth than the data, $\sigma \sqrt{p/m}$.
-# - Closer to the data than their noise is a warning; priors decide what data leave open.
+# - A close fit does not show what the data leave open, the rank does; priors decide it.
 # - One camera: begin at $Z = f H / h$, try both ways round; two cameras determine depth.

@@ -151,6 +151,13 @@ def squared(F, D, penalty):
     return solutions.ridge(F, D, penalty**2)
 
 
+@mistake(
+    "ridge", "this is the transpose: a row of P belongs to a displacement, a column to a feature"
+)
+def ridge_transposed(F, D, penalty):
+    return solutions.ridge(F, D, penalty).T
+
+
 @mistake("ridge", "the sum over meshes is no mean: F'F is not divided by their number")
 def of_the_mean(F, D, penalty):
     return solutions.ridge(F, D, len(F) * penalty)
@@ -321,6 +328,26 @@ def with_the_sum_alone(reached, seen):
     return np.linalg.solve(system, np.append(A.T @ seen.ravel(), 1.0))[:K]
 
 
+A_ROW = mistake(
+    "weights_of",
+    "a row of ones finds the best shares only if the target is zero: first subtract `seen` from where "
+    "each bone takes the vertex, and divide by the sum at the end",
+)
+
+
+@A_ROW
+def with_a_row_of_ones(reached, seen):
+    A = reached.transpose(0, 2, 1).reshape(-1, reached.shape[1])
+    w, _ = nnls(np.vstack([A, np.ones(A.shape[1])]), np.append(seen.ravel(), 1.0))
+    return w
+
+
+@A_ROW
+def with_a_row_of_ones_and_scaled(reached, seen):
+    w = with_a_row_of_ones.answer(reached, seen)
+    return w / w.sum()
+
+
 @mistake("weights_of", "this is the one bone that comes nearest; blending has several")
 def the_nearest(reached, seen):
     away = np.sum((reached - seen[:, None]) ** 2, axis=(0, 2))
@@ -359,7 +386,7 @@ def is_the_true_shape(rest_shape):
         holds(
             gap < 1e-5,
             "distance to the true shape after the best rigid motion",
-            "below 1e-5 m",
+            "below 1e-5 m (turn each mesh back onto T before the mean, by R', and not further away by R)",
             f"{gap:.2g} m",
         )
 
@@ -372,7 +399,8 @@ def leaves_least_of_all(rest_shape):
         found, best = (
             sum(distance(T, one) for one in V) for T in (rest_shape(V), solutions.rest_shape(V))
         )
-        equal(found, min(found, best), f"the sum of squares, in scene {seed}", 1e-6)
+        what = f"the sum of squares, in scene {seed} (take turns until nothing changes)"
+        equal(found, min(found, best), what, 1e-6)
 
 
 @mistake(

@@ -1,7 +1,7 @@
 """Exercises of lecture 13, training a body model.
 
 Write each answer in place of the line that raises. Names, arguments and shapes stay as they are.
-Lengths are in metres. Then
+Lengths are in metres. This command grades the file:
 
     workbench lecture check 13 lec13_training.py
 """

@@ -272,7 +272,7 @@ source(SkinningPass.points)
 #
 # | term | what | says |
 # | --- | --- | --- |
-# | $E_Y$ | $\sum_s \lambda_U \lVert \hat J_s - U(\hat J_s) \rVert^2 + \lVert \hat T_s - U(\hat T_s) \rVert^2$ | people are alike on both sides |
+# | $E_Y$ | $\sum_s \left( \lambda_U \lVert \hat J_s - U(\hat J_s) \rVert^2 + \lVert \hat T_s - U(\hat T_s) \rVert^2 \right)$ | people are alike on both sides |
 # | $E_J$ | $\sum_s \lVert \mathcal J_I \hat T_s - \hat J_s \rVert^2$ | a joint is near the middle of the ring where its segments meet |
 # | $E_P$ | $\lVert P \rVert_F^2$ | blend shapes are small |
 # | $E_W$ | $\lVert \mathcal W - \mathcal W_I \rVert_F^2$ | weights are near those of blurred segments |
@@ -341,6 +341,13 @@ source(Mirror.points)
 # %%
 source(blocks.fit_linear)
 
+# %% [markdown]
+# The log names the blocks. `rest` fits templates and joints, with $P$ held: while poses are rough, $P$ would learn
+# their errors. `surfaces` fits $P$ too. `regressor` renews $\mathcal J$, with which $E_J$ compares the joints from then
+# on, and no longer with the rings. A round is `regressor`, `surfaces` and `poses`. After two rounds, `together` takes a
+# few Gauss-Newton steps in all unknowns. The block `weights` comes only once, near the end; but the steps in all
+# unknowns change weights as well.
+
 # %%
 model = train_poses(few, start, alternation(rounds=2))
 print(f"before: cost {sum(model.log[0].before.values()):.0f}")
@@ -361,6 +368,7 @@ print(
 costs = [sum(model.log[0].before.values()), *(sum(one.after.values()) for one in model.log)]
 falls = -np.diff(costs)  # by block
 together = [one.block for one in model.log].index("together")
+last_round = falls[together - 3 : together].sum()  # regressor, surfaces, poses
 
 with house_style():
     figure, (ax,) = sheet(8, 4.4)
@@ -375,13 +383,13 @@ Picture(
 # %% slide [markdown]
 # ## The first block does most, then it creeps
 #
-# - The last round of turns lowers the cost by {{ falls[together - 1]:.1f}}, a few steps in all unknowns by
+# - The last round of turns lowers the cost by {{ last_round:.1f}}, a few steps in all unknowns by
 #   {{ falls[together]:.0f}}.
 
 # %% [markdown]
-# The last round of taking turns lowered the cost by {{ falls[together - 1]:.1f}}, and the steps in all unknowns
+# The last round of taking turns lowered the cost by {{ last_round:.1f}}, and the steps in all unknowns
 # lowered it by
-# {{ falls[together]:.0f}}{{ falls.argmax() == 0 and falls.min() >= -1e-9 * costs[0] and falls[together - 1] < 2 < 20 < falls[together] }}.
+# {{ falls[together]:.0f}}{{ falls.argmax() == 0 and falls.min() >= -1e-9 * costs[0] and 5 * last_round < falls[together] }}.
 # Why does taking turns advance so slowly? Suppose that we turn one joint a little in all poses, and let $P$ make up
 # for
 # it. Either change alone makes the fit worse, but both together hardly change it. Alternation cannot move along such
@@ -476,8 +484,9 @@ Picture(
 # %% slide [markdown]
 # ## Choose $\lambda$ on poses that were not learned from
 #
-# - By the training error it should be 0: {{ unseen[0]:.2f}} mm in unseen poses with the least $\lambda$
-#   tried, {{ unseen[best]:.2f}} mm with {{ lambdas[best]:.2g}}
+# - By the training error it should be 0.
+# - In unseen poses: {{ unseen[0]:.2f}} mm with the least that was tried, {{ unseen[best]:.2f}} mm with
+#   {{ lambdas[best]:.2g}}
 
 # %% [markdown]
 # By the training error alone, $\lambda$ should be
@@ -489,7 +498,8 @@ Picture(
 #
 # ## Joints from vertices
 #
-# Training gave every person $s$ a rest surface $\hat T_s$ and joints $\hat J_s$. For a new person there
+# Training gave every person $s$ of the multi-pose set a rest surface $\hat T_s$ and joints $\hat J_s$. (It has to be
+# this set, because only poses show where a joint is.) For a new person there
 # is a surface only. So for each joint find a row $r$ of $\mathcal J$, one for all people, with
 # $r \hat T_s \approx \hat J_s$. First by ordinary least squares; then with $r \ge 0$ and $\sum r = 1$,
 # which we call shares. Both are tried on new people, and on one person who is moved by a metre:
@@ -555,6 +565,26 @@ source(fit_joint_regressor)
 
 # %%
 source(shares_to_zero)
+
+# %% [markdown]
+# NNLS knows $w \ge 0$, and nothing of a sum. How does the sum get in? Suppose first that $A w$ should be zero. We
+# append to $A$ a row of ones, whose target is 1. For $w = t\, s$, with shares $s$, NNLS then minimises
+# $t^2 \|A s\|^2 + (t - 1)^2$. With the best $t$ this is $\|A s\|^2 / (1 + \|A s\|^2)$, which grows with $\|A s\|$. So it
+# finds the best shares, and dividing $w$ by its sum takes off the factor $t$.
+#
+# For a target $b$ that is not zero, this would not hold. But since $\sum_k w_k = 1$,
+#
+# $$ \sum_k w_k a_k - b = \sum_k w_k (a_k - b) . $$
+#
+# So we subtract $b$ from every column $a_k$, and the target is zero. The regressor does so with the joints.
+
+# %% slide [markdown]
+# ## Sum one, by NNLS
+#
+# $$ \sum_k w_k a_k - b = \sum_k w_k (a_k - b) \qquad\text{since}\qquad \sum_k w_k = 1 $$
+#
+# - Subtract the target from every column: now it is zero.
+# - Append a row of ones, whose target is 1; divide by the sum at the end.
 
 # %% [markdown]
 # ## The whole of it in a sentence

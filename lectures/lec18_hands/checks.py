@@ -89,6 +89,7 @@ def one_too_many(deviations, share):
 # mirrored
 
 SKIN, TURNS = RNG.standard_normal((7, 3)), RNG.standard_normal((4, 3))
+TURNS *= 2.5 / np.linalg.norm(TURNS, axis=1).max()  # rad; below pi a matrix has one vector
 S = np.diag([-1.0, 1.0, 1.0])
 
 

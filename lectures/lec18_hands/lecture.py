@@ -6,7 +6,7 @@
 # Nothing in SMPL's equations knows what a hand is. MANO is SMPL with the joints of a hand, and SMPL-H is a body with 52
 # joints of which 30 are in the fingers (Romero, Tzionas and Black, [*Embodied
 # Hands*](https://doi.org/10.1145/3130800.3130883), 2017). But what was easy with a body becomes hard with a hand. Its
-# joints turn together, most of their turns cannot be seen from points, it comes in two sides, and its zero pose is one
+# joints turn together, many of their turns cannot be seen from joints, it comes in two sides, and its zero pose is one
 # that nobody makes. This lecture goes through these one by one, and ends with a body to which hands were sewn. **No
 # hand was measured**: the embedded hands and their poses are synthetic. Angles are in radians, and lengths in metres;
 # errors are told in millimetres.
@@ -48,7 +48,7 @@ def beside(vertices):
 # ## A hand is SMPL with other joints
 #
 # - {{ hand.n_vertices}} vertices, {{ hand.n_joints}} joints, {{ 3 * hand.n_joints}} angles
-# - Its joints turn together; most turns cannot be seen; it has two sides; its zero is a pose that nobody makes.
+# - Its joints turn together, and do not show many of their turns; it has two sides; its zero is a pose that nobody makes.
 # - No hand was measured: these are synthetic.
 
 # %% [markdown]

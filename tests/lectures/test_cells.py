@@ -90,6 +90,7 @@ def test_source_shows_constants_above_the_code_that_reads_them() -> None:
         (r"(J^\top J)^{-1} \hat x_q", "(Jᵀ J)⁻¹ x\u0302_q"),
         (r"\begin{pmatrix} R & t \\ 0 & 1 \end{pmatrix}", "[ R   t; 0   1 ]"),
         ("a \\ge b, \\qquad\nc .", "a ≥ b,\nc."),
+        (r"J = \mathcal J\, T, \mathcal{W}", "J = 𝒥 T, 𝒲"),
     ],
 )
 def test_formula_is_written_in_letters(formula: str, letters: str) -> None:

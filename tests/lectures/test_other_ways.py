@@ -75,6 +75,13 @@ def by_scipys_densities(
     return -max(logs), -float(np.logaddexp.reduce(logs))
 
 
+def by_matrices(vertices: Array, pose: Array) -> tuple[Array, Array]:
+    S = np.diag([-1.0, 1.0, 1.0])
+    return vertices @ S, Rotation.from_matrix(
+        S @ Rotation.from_rotvec(pose).as_matrix() @ S
+    ).as_rotvec()
+
+
 WAYS = {
     2: {"hat": lambda w: np.cross(np.eye(3), w), "angle_between": by_tangent},
     3: {"inverse": np.linalg.inv, "turned_body": lambda v, p, R: [R @ (x - p) + p for x in v]},
@@ -84,6 +91,7 @@ WAYS = {
     12: {"draw": by_halves},
     15: {"icp_step": by_brute_force, "distance_gradient": by_casadi},
     16: {"mixture_costs": by_scipys_densities},
+    18: {"mirrored": by_matrices},
 }
 
 

@@ -18,12 +18,24 @@ def rows(plan: str) -> list[list[str]]:
 def assumed(number: int) -> set[int]:
     """The lectures that a lecture assumes, from the outline."""
     text = lecture(number).assumes
-    found: set[int] = set()
-    for part in re.findall(r"lectures? ([\d ,andto]+)", text):
-        for low, high in re.findall(r"(\d+) to (\d+)", part):
-            found |= set(range(int(low), int(high) + 1))
-        found |= {int(n) for n in re.findall(r"\d+", part)}
+    return set().union(*map(numbers_in, re.findall(r"lectures? ([\d ,andto]+)", text)))
+
+
+def numbers_in(text: str) -> set[int]:
+    found = {int(n) for n in re.findall(r"\d+", text)}
+    for low, high in re.findall(r"(\d+) to (\d+)", text):
+        found |= set(range(int(low), int(high) + 1))
     return found
+
+
+def test_short_courses_of_the_guide_contain_what_they_assume() -> None:
+    guide = (root() / "GUIDE.md").read_text(encoding="utf-8")
+    found = re.findall(r"^\| on (\w+) \| (.+) \|$", guide, re.M)
+    assert len(found) == 4
+    for name, said in found:
+        numbers = numbers_in(said)
+        for number in numbers:
+            assert assumed(number) <= numbers, f"{name}: lecture {number} assumes {assumed(number)}"
 
 
 def test_plans_can_be_taught() -> None:

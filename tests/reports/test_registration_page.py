@@ -50,7 +50,7 @@ def test_registration_folder_holds_page_and_arrays(
     text = page.read_text()
     assert "small on scan &lt;1&gt;.xyz" in text
     assert "Y is taken to be up." in text
-    assert "http" not in text.replace("http://www.w3.org", "")  # nothing is fetched
+    assert "://" not in text.replace("http://www.w3.org", "")  # nothing is fetched
     with np.load(tmp_path / "run" / "registration.npz") as stored:
         np.testing.assert_array_equal(stored["vertices"], found.registration.vertices)
         np.testing.assert_array_equal(stored["confidence"], found.registration.seen)

@@ -64,7 +64,11 @@ def numbers(what: str, value: object) -> NDArray[Any]:
     Raises NotNumbers.
     """
     if isinstance(value, (cs.MX, cs.SX)):
-        raise NotNumbers(what, "a symbol; give its numbers, or make it part of a residual")
+        raise NotNumbers(
+            what,
+            "a symbol; give its numbers, or make it part of a residual (a body's `points` and "
+            "`joint_points` take symbols)",
+        )
     try:
         found = np.asarray(value)
     except (ValueError, TypeError):

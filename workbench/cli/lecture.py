@@ -115,7 +115,8 @@ def run(
                 console.print(f"[bold]{escape(str(by_hand))}[/]: {escape(value.page.caption)}\n")
         elif value is not None:
             say(console, escape(repr(value)) + "\n")
-    console.print(f"the code: {escape(str(one.folder / 'lecture.py'))}", soft_wrap=True)
+    shows = "" if code else "; --code shows it between the text"
+    console.print(f"the code: {escape(str(one.folder / 'lecture.py'))}{shows}", soft_wrap=True)
 
 
 def _show_prose(console: Console, text: str) -> None:

@@ -39,11 +39,15 @@ SUBSCRIPTS = _named(
     "0 1 2 3 4 5 6 7 8 9 + - = ( ) a e h i j k l m n o p r s t u v x β ρ φ χ",
     "₀₁₂₃₄₅₆₇₈₉₊₋₌₍₎ₐₑₕᵢⱼₖₗₘₙₒₚᵣₛₜᵤᵥₓᵦᵨᵩᵪ",
 )
+CALLIGRAPHIC = _named(
+    "A B C D E F G H I J K L M N O P Q R S T U V W X Y Z", "𝒜ℬ𝒞𝒟ℰℱ𝒢ℋℐ𝒥𝒦ℒℳ𝒩𝒪𝒫𝒬ℛ𝒮𝒯𝒰𝒱𝒲𝒳𝒴𝒵"
+)
 ARGUMENT = r"\s*(?:\{([^{}]*)\}|([^\s{}\\]))"  # a group without groups in it, or a letter
 RULES: tuple[tuple[str, Callable[..., str]], ...] = (  # a command, and its letters
     (r"\\[td]?frac" + 2 * ARGUMENT, lambda a, b: _fraction(a, b)),
     (r"\\binom" + 2 * ARGUMENT, lambda a, b: f"({a} over {b})"),
     (r"\\sqrt" + ARGUMENT, lambda a: "√" + _whole(a)),
+    (r"\\mathcal" + ARGUMENT, lambda a: "".join(CALLIGRAPHIC.get(one, one) for one in a)),
     (r"\\(?:text|math\w+|operatorname|boldsymbol|underbrace)" + ARGUMENT, lambda a: a),
     *(
         (rf"\\{name}" + ARGUMENT, lambda a, accent=accent: a[:1] + accent + a[1:])

@@ -57,6 +57,11 @@ KERNELS: Mapping[str, tuple[Kernel, float]] = {  # with the sigma that suits eac
     "geman-mcclure": (geman_mcclure, 0.05),
 }
 TURN = 1.5  # how much more the root is turned than other joints
+STARTS_IN_WORDS = {
+    "zero": "the template where it is",
+    "placed": "the template moved onto them",
+    "procrustes": "a pose in which each part is turned onto its vertices",
+}
 DRAWS = 100  # poses of which one is taken
 
 
@@ -78,7 +83,8 @@ def known_correspondences(
     question = (
         f"The vertices of a body of the model (synthetic; pose {pose_sigma} rad, shape 1 sd, "
         f"noise {1e3 * noise:g} mm, seed {seed}) are given, each with its partner. Does the fit "
-        f"find the pose and shape that made them, from the start `{start}`?"
+        f"find the pose and shape that made them, "
+        f"starting from {STARTS_IN_WORDS[start]}?"
     )
     begin = STARTS[start](model, observed)
     return _of_vertices(model, truth, observed, question, noise, begin, compared)

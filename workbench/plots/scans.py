@@ -19,6 +19,7 @@ MM = 1e3
 BEHIND = 0.02  # m: a point this far behind the surface that hides it is not drawn
 LAST = 98  # percent of the points in contact are within the scale of colours
 MOST = 15_000  # points drawn in one view
+FOR_VIEWS, FOR_TITLES = 7.4, 0.4  # inches: of a sheet's width for four views, of its height
 
 
 def left(vertices: Array) -> Array:
@@ -78,12 +79,15 @@ def caption_registered_scan(distances: Array, touching: Mask) -> str:
 
 
 def _four(plot: Callable[[Look, Axes], None], vertices: Array) -> Figure:
+    limits = [_extents(look, vertices) for look in SIDES.values()]
+    widths = [across[1] - across[0] for across, _ in limits]
+    low, high = limits[0][1]
+    tall = float(np.clip(FOR_VIEWS * (high - low) / sum(widths), 2.0, 6.0))
     with house_style():
-        figure = Figure(figsize=(9.0, 3.9), layout="constrained")
-        axes = list(figure.subplots(1, len(SIDES), sharey=True))
-        for (name, look), ax in zip(SIDES.items(), axes, strict=True):
+        figure = Figure(figsize=(9.0, tall + FOR_TITLES), layout="constrained")
+        axes = list(figure.subplots(1, len(SIDES), sharey=True, width_ratios=widths))
+        for (name, look), (across, up), ax in zip(SIDES.items(), limits, axes, strict=True):
             plot(look, ax)
-            across, up = _extents(look, vertices)
             ax.set(xlim=across, ylim=up)
             ax.set_aspect("equal")
             ax.set_title(name)
@@ -94,13 +98,11 @@ def _four(plot: Callable[[Look, Axes], None], vertices: Array) -> Figure:
 
 
 def _extents(look: Look, vertices: Array) -> tuple[tuple[float, float], tuple[float, float]]:
-    """The limits of x and y, with room on all sides; x is as wide in all views."""
-    wide = max(float(np.ptp(one(vertices)[:, 0])) for one in SIDES.values())
-    flat = look(vertices)
+    """The limits of x and y of a view, with room on all sides."""
+    flat = look(vertices)[:, :2]
     room = 0.05 * float(np.ptp(flat[:, 1]))
-    middle = float(flat[:, 0].min() + flat[:, 0].max()) / 2
-    across = middle - wide / 2 - room, middle + wide / 2 + room
-    return across, (float(flat[:, 1].min()) - room, float(flat[:, 1].max()) + room)
+    (left, low), (right, high) = flat.min(axis=0) - room, flat.max(axis=0) + room
+    return (float(left), float(right)), (float(low), float(high))
 
 
 def _in_front(dots: Array, solid: Array) -> Mask:

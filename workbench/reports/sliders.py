@@ -8,12 +8,15 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.bodies.body import Body
+from workbench.bodies.skinned import SkinnedBody
 from workbench.errors import BadArgument, BadFile
+from workbench.fitting.body_priors import stature
 from workbench.reading.arrays import opened, read_expected, reals
 from workbench.reports.page import page
 from workbench.reports.replay.recording import skinned_data
 from workbench.writing import write_file
 
+LEAST_CHANGE = 0.01  # m, of the stature, by one standard deviation
 NOTE = (
     "This page computes what the workbench computes, in double precision; only the pose blend "
     "shapes are stored in single precision. A test compares its vertices in a browser with those "
@@ -45,10 +48,20 @@ def sliders_page(body: Body, start: Mapping[str, Any] | None = None, origin: str
         "sliders.html",
         title=f"Moving theta and beta: {body.name}",
         data=data,
+        direction=_first_direction(body),
         start=None if start is None else {**start, "pose_shapes": False},
         origin=origin,
         note=NOTE,
     )
+
+
+def _first_direction(body: Body) -> str:
+    """What more of betas[0] does to a person's stature; nothing below 1 cm or without a head."""
+    if not isinstance(body, SkinnedBody) or not body.n_betas or "head" not in body.joint_names:
+        return ""
+    mean, more = stature(body, np.eye(2, body.n_betas, -1))
+    change = float(more - mean)
+    return "" if abs(change) < LEAST_CHANGE else "taller" if change > 0 else "shorter"
 
 
 FILES = ("values.npz", "registration.npz", "motion.npz")  # of a run, a registration, a clip

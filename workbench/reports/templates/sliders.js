@@ -32,7 +32,7 @@ joint.value = Math.max(0, body.joint_names.indexOf("left_elbow"));
 AXES.forEach((axis, d) => refreshers.push(row(get("angles"), axis, -180, 180, 1, "°",
   () => state.pose[3 * joint.value + d] / DEGREE,
   value => { state.pose[3 * joint.value + d] = value * DEGREE; })));
-for (let b = 0; b < body.B; b++) refreshers.push(row(get("betas"), `betas[${b}]`, -3, 3, 0.1, "sd",
+for (let b = 0; b < body.B; b++) refreshers.push(row(get("betas"), `betas[${b}]${b || !DIRECTION ? "" : ` ${DIRECTION}`}`, -3, 3, 0.1, "sd",
   () => state.betas[b], value => { state.betas[b] = value; }));
 const refresh = () => refreshers.forEach(one => one());
 joint.addEventListener("change", refresh);
