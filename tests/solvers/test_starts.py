@@ -5,6 +5,7 @@ from contextlib import suppress
 from dataclasses import replace
 from math import lgamma
 from pathlib import Path
+from typing import Any
 
 import casadi as cs
 import numpy as np
@@ -26,7 +27,7 @@ from workbench import (
 )
 from workbench.errors import BadArgument, UnknownName
 from workbench.processes import FORKING
-from workbench.solvers import Iterate, Solution, within_bounds
+from workbench.solvers import Iterate, Solution, SolveStage, within_bounds
 from workbench.solvers.starts import all_seen, further_minima
 
 OMEGA = 4.0
@@ -251,6 +252,19 @@ def test_a_stage_that_is_stopped_is_the_last() -> None:
     assert solution.status is Status.STOPPED
     assert len(solution.trace) == 1
     assert solution.values.keys() == {"pose", "betas", "trans"}
+
+
+@pytest.mark.parametrize("wrong", [wb.TrustRegion, "ipopt", 1])
+def test_a_solver_is_an_object(wrong: Any) -> None:
+    problem, start = rosenbrock()
+    for use in (
+        lambda: Starts(2, wrong),
+        lambda: Staged((), wrong),
+        lambda: SolveStage(solver=wrong),
+        lambda: wb.solve(problem, start, wrong if wrong != "ipopt" else int),
+    ):
+        with pytest.raises(BadArgument, match=r"is an object, such as TrustRegion\(\), not "):
+            use()
 
 
 def test_stages_are_tuples_of_names() -> None:

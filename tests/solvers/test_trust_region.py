@@ -10,7 +10,15 @@ from scipy.stats import ortho_group
 import workbench.solvers.trust_region as module
 from tests.solvers.problems import decay, line, rosenbrock
 from tests.tiers import few
-from workbench import Block, Linearization, Problem, Residual, TrustRegion
+from workbench import (
+    Block,
+    LevenbergMarquardt,
+    Linearization,
+    Newton,
+    Problem,
+    Residual,
+    TrustRegion,
+)
 from workbench.arrays import Array
 from workbench.errors import BadArgument
 from workbench.problem.steps import Step, automatic
@@ -73,10 +81,15 @@ def test_the_first_step_has_the_first_radius(radius: float) -> None:
     assert LEAST * radius <= solution.trace[1].step_norm <= MOST * radius
 
 
-@pytest.mark.parametrize("radius", [0.0, -1.0, np.inf, np.nan])
-def test_a_first_radius_that_is_none_is_refused(radius: float) -> None:
-    with pytest.raises(BadArgument, match=r"`first_radius` must be a positive, finite .* not"):
-        TrustRegion(first_radius=radius)
+@pytest.mark.parametrize("wrong", [0.0, -1.0, np.inf, np.nan])
+def test_options_out_of_their_range_are_refused(wrong: float) -> None:
+    with pytest.raises(BadArgument, match="first_radius of TrustRegion must be finite and above 0"):
+        TrustRegion(first_radius=wrong)
+    with pytest.raises(BadArgument, match="first_damping of LevenbergMarquardt must be finite"):
+        LevenbergMarquardt(first_damping=wrong)
+    for name in ("max_iterations", "max_evaluations", "max_seconds", "gradient_tolerance"):
+        with pytest.raises(BadArgument, match=f"{name} .*must be .* above"):
+            Newton(**{name: wrong or -1e-9 if name != "max_seconds" else -1.0})
 
 
 def test_a_linear_problem_takes_one_step_within_the_radius() -> None:

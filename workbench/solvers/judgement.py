@@ -90,8 +90,6 @@ def ending(run: "Run", stop: Stop) -> Ending:
     except Exception as error:  # of the user's residual; the best point is still known
         return Ending(status, f"{message} (no gradient at the best point: {error})")
     converged = optimality <= run.limits.gradient_tolerance
-    is_level = not converged and status is Status.STALLED and _is_level(end)
-    converged = converged or is_level
     ended = converged or status in (Status.CONVERGED, Status.STALLED, Status.NO_FINITE_MINIMUM)
     free, read = run.problem.free, run.problem.support.read
     unread, unnoticed = (free.labels_of(np.flatnonzero(silent & m)) for m in (~read, read))
@@ -99,9 +97,11 @@ def ending(run: "Run", stop: Stop) -> Ending:
     if best.violation > 1:
         infeasible = replace(result, status=Status.INFEASIBLE, message=_violation(run))
         return infeasible if status in (Status.CONVERGED, Status.STALLED) else result
-    no_minimum: Saddle | None = None
+    no_minimum, is_level = None, False
     gone = running = np.zeros(len(best.x), dtype=bool)
     try:
+        is_level = not converged and status is Status.STALLED and _is_level(end)
+        converged = converged or is_level
         if run.limits.gradient_tolerance < LOOSE:
             end.check()
             if converged:

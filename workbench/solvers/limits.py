@@ -3,13 +3,14 @@
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import ContextDecorator, contextmanager
-from dataclasses import KW_ONLY, dataclass
+from contextlib import contextmanager
+from dataclasses import KW_ONLY, dataclass, fields
 from types import TracebackType
 
 import numpy as np
 
-from workbench.errors import TooLarge
+from workbench.blocks.checks import from_zero
+from workbench.errors import BadArgument, TooLarge
 from workbench.problem.storage import INSTEAD
 from workbench.solvers.abilities import Abilities
 from workbench.solvers.solution import Status
@@ -27,6 +28,8 @@ class Limits(ABC):
             of linear algebra may exceed it.
         gradient_tolerance: a point whose `Problem.optimality` (a cosine, without unit) is at most
             this has converged. A larger one ends earlier and farther from the minimum.
+
+    Raises BadArgument for a negative limit, or one that is no number.
     """
 
     _: KW_ONLY
@@ -34,6 +37,12 @@ class Limits(ABC):
     max_evaluations: int = 10_000
     max_seconds: float = 600.0
     gradient_tolerance: float = 1e-6
+
+    def __post_init__(self) -> None:
+        names = [field.name for field in fields(Limits) if field.name != "max_seconds"]
+        from_zero(type(self).__name__, **{name: getattr(self, name) for name in names})
+        if not self.max_seconds >= 0:
+            raise BadArgument(f"max_seconds must be 0 or above, not {self.max_seconds!r}")
 
     @property
     @abstractmethod
@@ -57,13 +66,14 @@ def stop_asked(answer: object) -> Stop | None:
 
 def stop_of(error: BaseException | None) -> Stop | None:
     """The Stop that an exception means for a run; None for an error that the run passes on."""
+    if isinstance(error, TooLarge):
+        return Stop(Status.TOO_LARGE, str(error))
     if isinstance(error, MemoryError):
-        message = f"memory ran out in the linear algebra: {error}; {INSTEAD}"
-        return Stop(Status.TOO_LARGE, message)
+        return Stop(Status.TOO_LARGE, f"memory ran out: {error}; {INSTEAD}")
     return error if isinstance(error, Stop) else None
 
 
-class Guarded(ContextDecorator):
+class Guarded:
     """A context for calls of the user's functions: an exception becomes a Stop that quotes it."""
 
     def __enter__(self) -> None:
@@ -72,14 +82,9 @@ class Guarded(ContextDecorator):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
     ) -> None:
-        if not isinstance(error, Exception) or isinstance(error, Stop):
-            return
-        if isinstance(error, TooLarge):
-            raise Stop(Status.TOO_LARGE, str(error)) from error
-        if isinstance(error, MemoryError):
-            raise Stop(Status.TOO_LARGE, f"memory ran out: {error}; {INSTEAD}") from error
-        said = f"the residual raised {type(error).__name__}: {error}"
-        raise Stop(Status.RAISED, said) from error
+        if isinstance(error, Exception) and not isinstance(error, Stop):
+            said = f"the residual raised {type(error).__name__}: {error}"
+            raise stop_of(error) or Stop(Status.RAISED, said) from error
 
 
 GUARDED = Guarded()

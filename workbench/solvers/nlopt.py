@@ -135,6 +135,7 @@ class Nlopt(Limits):
     max_evaluations: int = 20_000
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for name in (self.algorithm, self.local):
             check_known("NLopt algorithm here", name, ALGORITHMS)
 
@@ -163,7 +164,8 @@ class Nlopt(Limits):
             if self.algorithm.startswith("G_MLSL"):
                 optimizer.set_local_optimizer(self._optimizer(self.local, x0.size))
             if self.algorithm.startswith("LN_"):
-                optimizer.set_initial_step(np.maximum(0.1 * scale, np.finfo(float).tiny))
+                first = np.minimum(0.1, (problem.upper - problem.lower) / 4) * scale
+                optimizer.set_initial_step(np.maximum(first, np.finfo(float).tiny))
                 optimizer.set_xtol_rel(SMALLEST_STEP)
             nlopt.srand(self.seed)
             try:

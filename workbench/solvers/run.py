@@ -244,7 +244,7 @@ class Run:
             return self.cost(turned) <= there.cost + self.rounding_noise.of_cost(to, there)
 
         here = self.linearize(x := rewrapped(self.problem, to, is_free))
-        self.record(x, here.cost, here, damping, linear_algebra)
+        self.record(x, here.cost, here, damping, linear_algebra, to)
         return x, here
 
     def record(
@@ -254,13 +254,15 @@ class Run:
         here: Linearization | None = None,
         damping: float = 0.0,
         linear_algebra: str = "",
+        to: Array | None = None,
     ) -> None:
         """Add an iterate to the trace, and its optimality if it was linearized `here`.
 
+        The step led `to` (n,) if that is not x: rotation vectors may have been shortened since.
         Stops the run if it has converged, its iterations are used up, or the callback says so.
         """
         optimality = np.nan if here is None else self.optimality(x, here)
-        way = x - (x if self._recorded is None else self._recorded)
+        way = (x if to is None else to) - (x if self._recorded is None else self._recorded)
         self._recorded = x.copy()
         values, counts = self.problem.free.unpack(x, self._around), Evaluations(**self.meter.counts)
         so_far = counts, self.meter.seconds
@@ -426,10 +428,11 @@ class RoundingNoise:
         def measure() -> Rounding:
             r = here.residual
             floor = min(1.0, sqrt(2 * self.first_cost / max(r.size, 1)))
-            self._last, self.age = self._problem.rounding(x, self._fixed, r, floor), 0
+            with GUARDED:
+                self._last, self.age = self._problem.rounding(x, self._fixed, r, floor), 0
             return self._last
 
-        return self._linearizations.once("rounding", here, GUARDED(measure))
+        return self._linearizations.once("rounding", here, measure)
 
     def of_cost(self, x: Array, here: Linearization) -> float:
         """By how much rounding may have changed the cost at x (n,)."""

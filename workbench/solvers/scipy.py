@@ -45,6 +45,7 @@ class Scipy(Limits):
     scaling: Scaling = identity
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check_known("method of SciPy", self.method, METHODS)
 
     @property

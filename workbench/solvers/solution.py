@@ -10,7 +10,7 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 
 from workbench.blocks import Values
-from workbench.errors import BadFile
+from workbench.errors import BadArgument, BadFile
 from workbench.problem import Problem
 from workbench.reading.arrays import doubles, nothing_else, opened, read_expected, texts
 from workbench.reading.facts import (
@@ -101,7 +101,8 @@ class Iterate:
         values: the values of the free blocks.
         cost: the cost at the point.
         optimality: `Problem.optimality`, 0 at a stationary point; NaN where it was not computed.
-        step_norm: the length of the step from the iterate before, in the units of the unknowns.
+        step_norm: the length of the step from the iterate before, in the units of the unknowns; to
+            shorten a rotation vector afterwards is no step.
         damping: the damping after the step, or by how much the Hessian was changed; 0 for solvers
             that have neither.
         evaluations: the evaluations up to here.
@@ -332,3 +333,10 @@ class Solver(Protocol):
 
         `callback` is called at every iterate, and stops the solver if it returns True.
         """
+
+
+def checked(solver: Solver) -> Solver:
+    """The solver itself. Raises BadArgument for what is none, such as a class of solvers."""
+    if isinstance(solver, type) or not callable(getattr(solver, "solve", None)):
+        raise BadArgument(f"a solver is an object, such as TrustRegion(), not {solver!r:.80}")
+    return solver

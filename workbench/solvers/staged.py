@@ -15,7 +15,15 @@ from workbench.problem.problem import in_stage
 from workbench.solvers.abilities import Abilities
 from workbench.solvers.levenberg_marquardt import LevenbergMarquardt
 from workbench.solvers.run import INTERRUPTED
-from workbench.solvers.solution import Callback, Evaluations, Iterate, Solution, Solver, Status
+from workbench.solvers.solution import (
+    Callback,
+    Evaluations,
+    Iterate,
+    Solution,
+    Solver,
+    Status,
+    checked,
+)
 from workbench.solvers.starts import beyond_saddle
 
 GOES_ON = (  # ends from which the next stage begins; from INSENSITIVE no way leads back
@@ -50,6 +58,8 @@ class SolveStage:
     solver: Solver | None = None
 
     def __post_init__(self) -> None:
+        if self.solver is not None:
+            checked(self.solver)
         if not isinstance(self.free, (tuple, NoneType)) or self.free == ():
             raise BadArgument(
                 "a stage is a tuple of names of blocks or entries, such as "
@@ -85,7 +95,7 @@ class Staged:
     solver: Solver = field(default_factory=LevenbergMarquardt)
 
     def __post_init__(self) -> None:
-        _ = self.each
+        _ = self.each, checked(self.solver)
 
     @property
     def each(self) -> tuple[SolveStage, ...]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.blocks import Values
-from workbench.errors import BadArgument
+from workbench.blocks.checks import above_zero
 from workbench.problem import Linearization, Problem
 from workbench.problem.steps import LinearAlgebra, Step, sparing
 from workbench.solvers.abilities import Abilities, Boxes, Derivative
@@ -87,11 +87,9 @@ class TrustRegion(Limits):
     max_iterations: int = 2_000
 
     def __post_init__(self) -> None:
-        if self.first_radius is not None and not 0 < self.first_radius < np.inf:
-            raise BadArgument(
-                "`first_radius` must be a positive, finite length in the units of the unknowns, or "
-                f"None for the length of the start, not {self.first_radius}"
-            )
+        super().__post_init__()
+        if self.first_radius is not None:
+            above_zero("TrustRegion", first_radius=self.first_radius)
 
     @property
     def abilities(self) -> Abilities:
