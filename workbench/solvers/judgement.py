@@ -3,9 +3,10 @@
 A run has converged if the largest cosine between a column of the Jacobian and the residual, in the
 rows that its unknown can change and after projection on bounds and linearized constraints, is at
 most `gradient_tolerance` (`problem/optimality.py`); a cosine that rounding explains counts as zero.
-A direction along which the cost falls from there makes the end a SADDLE. Unknowns with which the
-residual does not change there make it INSENSITIVE, and unknowns that grow without slowing down
-NO_FINITE_MINIMUM. All three are said only if evaluations show it.
+So has one that stalled where slope and curvature along the steepest descent say that the cost can
+hardly fall (`_is_level`). A direction along which the cost falls from there makes the end a SADDLE.
+Unknowns with which the residual does not change there make it INSENSITIVE, and unknowns that grow
+without slowing down NO_FINITE_MINIMUM. All three are said only if evaluations show it.
 """
 
 from collections.abc import Callable, Iterator

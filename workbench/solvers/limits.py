@@ -25,7 +25,7 @@ class Limits(ABC):
         max_evaluations: the largest number of evaluations of the residual, its gradient, its
             Jacobian and its Hessian together; those of constraints are not counted.
         max_seconds: wall time in seconds. It is looked at before every evaluation, so that one step
-            of linear algebra may exceed it.
+            of linear algebra may exceed it. To judge the end takes time and evaluations beyond.
         gradient_tolerance: a point whose `Problem.optimality` (a cosine, without unit) is at most
             this has converged. A larger one ends earlier and farther from the minimum.
 

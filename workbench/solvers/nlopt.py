@@ -348,7 +348,7 @@ class NloptObjective:
         return here
 
     def _is_steep(self, x: Array, g: Array) -> bool:
-        """Whether the gradient g (n,) at x (n,) is clearly no longer that of a stationary point."""
+        """Whether the gradient g (n,) at x (n,) is clearly too long for a stationary point."""
         run, problem = self.run, self.run.problem
         way = g / self._norms
         if self._bounded:

@@ -108,7 +108,10 @@ class Run:
         return self._kept(x, half_squared(r)), r
 
     def tried(self, to: Array, before: float) -> tuple[float, Array]:
-        """The same at a trial after a cost `before`, linearized at once if `one_pass` says so."""
+        """The cost and the residual (m,) at a trial point (n,); the last cost was `before`.
+
+        If `one_pass` expects that it is taken, it is linearized at once.
+        """
         at_once = self.linearizations.at(to) is None and self.one_pass.expected()
         known = self._linearized(to, HIGHER * before) if at_once else None
         return known or self.cost_and_residual(to)

@@ -103,8 +103,8 @@ class Iterate:
         optimality: `Problem.optimality`, 0 at a stationary point; NaN where it was not computed.
         step_norm: the length of the step from the iterate before, in the units of the unknowns; to
             shorten a rotation vector afterwards is no step.
-        damping: the damping after the step, or by how much the Hessian was changed; 0 for solvers
-            that have neither.
+        damping: the damping of the step to this point, or by how much the Hessian was changed for
+            it; LevenbergMarquardt's is that of the next step; 0 for solvers that have neither.
         evaluations: the evaluations up to here.
         seconds: the time up to here, in s.
         linear_algebra: the factorization that gave the step to this point; empty where it is not
@@ -191,7 +191,7 @@ class Solution:
 
     @property
     def converged(self) -> bool:
-        """Whether the gradient vanished, or what bounds and constraints leave of it."""
+        """Whether the status is CONVERGED: nothing lowers the cost, as far as could be told."""
         return self.status is Status.CONVERGED
 
     @property
