@@ -21,7 +21,7 @@ class Derivative(IntEnum):
 class Boxes(IntEnum):
     """Whether an algorithm takes bounds: it does not, it may, or it needs them."""
 
-    UNKNOWN = 0
+    REFUSED = 0
     TAKEN = 1
     NEEDED = 2
 
@@ -63,7 +63,7 @@ class Listed(Solver, Protocol):
 
 def refuse(name: str, abilities: Abilities, problem: Problem) -> None:
     """Raise NotSupported, naming alternatives, if the algorithm does not take the problem."""
-    if abilities.bounds is Boxes.UNKNOWN and problem.bounded:
+    if abilities.bounds is Boxes.REFUSED and problem.bounded:
         raise NotSupported(
             f"{name} takes no bounds, but the problem bounds {', '.join(problem.bounds)}; "
             "use trust-region, ipopt or an NLopt algorithm, or drop the bounds"

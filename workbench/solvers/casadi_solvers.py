@@ -212,7 +212,7 @@ def _begin(run: Run, hessian: Hessian | None) -> None:
     """
     run.one_pass.on = _is_of_first_order(hessian) and has_one_pass(run.problem)
     here = run.linearize(run.x)
-    if run.optimality(run.x, here) <= run.limits.gradient_tolerance:
+    if run.rounding_noise.optimality(run.x, here) <= run.limits.gradient_tolerance:
         run.record(run.x, here.cost, here)
 
 

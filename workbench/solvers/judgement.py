@@ -271,14 +271,9 @@ def _without_minimum(end: EndPoint, running: Mask, result: Ending) -> Ending:
     places = np.flatnonzero(running)
     labels = end.problem.free.labels_of(places)
     told = [f"{name} = {end.x[i]:.3g}" for name, i in zip(labels, places, strict=True)]
-    message = (
-        "the cost falls for ever as unknowns grow without limit "
-        f"({some_of(told, NAMED)}), and has no minimum there; bound them, give them a prior, or "
-        "choose other unknowns, such as their inverses"
-    )
-    return replace(
-        result, status=Status.NO_FINITE_MINIMUM, message=message, diverging=tuple(labels)
-    )
+    status, named = Status.NO_FINITE_MINIMUM, f"unknowns ({some_of(told, NAMED)})"
+    message = status.value.replace("some unknowns", named, 1)
+    return replace(result, status=status, message=message, diverging=tuple(labels))
 
 
 def _converged(

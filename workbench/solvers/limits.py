@@ -2,7 +2,7 @@
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import KW_ONLY, dataclass, fields
 from types import TracebackType
@@ -13,7 +13,7 @@ from workbench.blocks.checks import from_zero
 from workbench.errors import BadArgument, TooLarge
 from workbench.problem.storage import INSTEAD
 from workbench.solvers.abilities import Abilities
-from workbench.solvers.solution import Status
+from workbench.solvers.solution import Status, limited
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,6 @@ class Meter:
 
     def __init__(self, kinds: Iterable[str], max_evaluations: int, max_seconds: float) -> None:
         self.counts = dict.fromkeys(kinds, 0)
-        self._limited = tuple(kind for kind in self.counts if is_limited(kind))
         self._max_evaluations, self._max_seconds = max_evaluations, max_seconds
         self._began, self._pauses = time.perf_counter(), 0.0
 
@@ -119,7 +118,7 @@ class Meter:
 
     def check_evaluations(self) -> None:
         """Raise Stop if all evaluations are used up; those of constraints are not limited."""
-        if sum(map(self.counts.__getitem__, self._limited)) >= self._max_evaluations:
+        if limited(self.counts) >= self._max_evaluations:
             raise Stop(Status.MAX_EVALUATIONS)
 
     def check_seconds(self) -> None:
@@ -133,13 +132,3 @@ class Meter:
         before = time.perf_counter()
         yield
         self._pauses += time.perf_counter() - before
-
-
-def limited(counts: Mapping[str, int]) -> int:
-    """How many of the evaluations are limited."""
-    return sum(count for kind, count in counts.items() if is_limited(kind))
-
-
-def is_limited(kind: str) -> bool:
-    """Whether evaluations of a kind are limited: all but those of constraints."""
-    return not kind.startswith("constraint")

@@ -90,7 +90,7 @@ def _abilities(name: str, source: str, note: str, others: tuple[str, ...]) -> Ab
     is_global, derivative = name.startswith("G"), Derivative.GRADIENT
     if name.startswith(("LN", "GN")):
         derivative = Derivative.COST
-    bounds = Boxes.UNKNOWN if name == "LN_NEWUOA" else Boxes.TAKEN
+    bounds = Boxes.REFUSED if name == "LN_NEWUOA" else Boxes.TAKEN
     return Abilities(
         derivative,
         Boxes.NEEDED if is_global else bounds,

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import ExitStack, closing
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from math import isfinite, isnan, sqrt
 from types import TracebackType
 from typing import Any, NoReturn, TypeVar
@@ -196,10 +196,6 @@ class Run:
 
     # Iterates.
 
-    def optimality(self, x: Array, here: Linearization) -> float:
-        """`Problem.optimality` at x (n,), less what rounding explains there."""
-        return self.rounding_noise.optimality(x, here)
-
     def gain_ratio(
         self, x: Array, here: Linearization, to: Array, predicted: float, known: Known = None
     ) -> float:
@@ -219,7 +215,8 @@ class Run:
         self.one_pass.judged(taken=hidden or fallen > 0)  # what is hidden is linearized
         if not hidden:
             return fallen / predicted
-        if self.optimality(to, self.linearize(to)) <= POLISHED * self.optimality(x, here):
+        optimality = self.rounding_noise.optimality
+        if optimality(to, self.linearize(to)) <= POLISHED * optimality(x, here):
             self._unpolished = 0
             return 1.0
         self._unpolished += 1
@@ -264,7 +261,7 @@ class Run:
         The step led `to` (n,) if that is not x: rotation vectors may have been shortened since.
         Stops the run if it has converged, its iterations are used up, or the callback says so.
         """
-        optimality = np.nan if here is None else self.optimality(x, here)
+        optimality = np.nan if here is None else self.rounding_noise.optimality(x, here)
         way = (x if to is None else to) - (x if self._recorded is None else self._recorded)
         self._recorded = x.copy()
         values, counts = self.problem.free.unpack(x, self._around), Evaluations(**self.meter.counts)
@@ -308,10 +305,10 @@ class Run:
         """The best point and how the run ended, which is STOPPED after Ctrl-C, even at its end."""
         stop = self.stopped or Stop(Status.STALLED)
         with closing(self._interrupts), unwarned(), limited_threads():
-            told = vars(ending(self, stop))
+            end = ending(self, stop)
         if self._interrupted or self.interrupted:
-            late = ", after it had converged" if told["status"] is Status.CONVERGED else ""
-            told |= {"status": Status.STOPPED, "message": INTERRUPTED + late}
+            late = ", after it had converged" if end.status is Status.CONVERGED else ""
+            end = replace(end, status=Status.STOPPED, message=INTERRUPTED + late)
         return Solution(
             values=self.problem.free.unpack(self.best.x, self._around),
             cost=self.best.cost,
@@ -320,7 +317,7 @@ class Run:
             seconds=self.meter.seconds,
             trace=tuple(self.trace),
             violation=max(self.best.violation, 0.0) if np.isfinite(self.best.cost) else 0.0,
-            **told,
+            **vars(end),
         )
 
 

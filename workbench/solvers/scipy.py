@@ -22,7 +22,7 @@ METHODS = {
     for name, boxes, source in (
         ("trf", Boxes.TAKEN, "Branch, Coleman and Li 1999; SciPy"),
         ("dogbox", Boxes.TAKEN, "Voglis and Lagaris 2004; SciPy"),
-        ("lm", Boxes.UNKNOWN, "Moré 1978 (MINPACK); SciPy"),
+        ("lm", Boxes.REFUSED, "Moré 1978 (MINPACK); SciPy"),
     )
 }
 TOLERANCE = 1e-15  # of SciPy's own rules, so that ours is asked first

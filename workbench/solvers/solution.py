@@ -1,7 +1,7 @@
 """What every solver takes and returns: a problem and a start, and a solution with its trace."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, astuple, dataclass, field, fields, replace
 from enum import Enum
 from pathlib import Path
@@ -65,6 +65,11 @@ class Status(Enum):
     VALLEY = NO_FINITE_MINIMUM  # its name in older files
 
 
+def limited(counts: Mapping[str, int]) -> int:
+    """The number of evaluations of all kinds but those of constraints, which have no limit."""
+    return sum(count for kind, count in counts.items() if not kind.startswith("constraint"))
+
+
 @dataclass(frozen=True)
 class Evaluations:
     """The number of evaluations of each kind.
@@ -86,7 +91,7 @@ class Evaluations:
     @property
     def total(self) -> int:
         """All evaluations but those of the constraints."""
-        return self.residual + self.gradient + self.jacobian + self.hessian
+        return limited(vars(self))
 
     def __add__(self, other: "Evaluations") -> "Evaluations":
         """The evaluations of both."""
