@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from workbench.blocks import Values
 from workbench.errors import BadArgument, check_known
 from workbench.problem import Problem
-from workbench.solvers.abilities import Abilities, Boxes, Derivative, Listed
+from workbench.solvers.abilities import Abilities, Boxes, Derivative
 from workbench.solvers.casadi_solvers import (
     DampedGaussNewton,
     Ipopt,
@@ -46,7 +46,7 @@ from workbench.solvers.starts import Draw, Spread, Starts, within_bounds
 from workbench.solvers.trust_region import TrustRegion, columns, identity
 
 # Solvers by the names that the command line knows; `workbench solvers` prints what each can do.
-SOLVERS: Mapping[str, Listed] = {
+SOLVERS: Mapping[str, Limits] = {
     "trust-region": TrustRegion(),
     "gauss-newton": GaussNewton(),
     "gauss-newton-full": GaussNewton(line_search=full_step),
@@ -120,7 +120,6 @@ __all__ = [
     "Iterate",
     "LevenbergMarquardt",
     "Limits",
-    "Listed",
     "Newton",
     "Nlopt",
     "RadiusRule",

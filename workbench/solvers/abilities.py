@@ -2,11 +2,9 @@
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Protocol
 
 from workbench.errors import NotSupported
 from workbench.problem import Problem
-from workbench.solvers.solution import Solver
 
 
 class Derivative(IntEnum):
@@ -51,14 +49,6 @@ class Abilities:
     teaching: bool = False
     source: str = ""
     note: str = ""
-
-
-class Listed(Solver, Protocol):
-    """A solver of the catalogue, which says what it can do."""
-
-    @property
-    def abilities(self) -> Abilities:
-        """What the solver needs and supports."""
 
 
 def refuse(name: str, abilities: Abilities, problem: Problem) -> None:

@@ -9,11 +9,13 @@ from types import TracebackType
 
 import numpy as np
 
+from workbench.blocks import Values
 from workbench.blocks.checks import from_zero
 from workbench.errors import BadArgument, TooLarge
+from workbench.problem import Problem
 from workbench.problem.storage import INSTEAD
 from workbench.solvers.abilities import Abilities
-from workbench.solvers.solution import Status, limited
+from workbench.solvers.solution import Callback, Solution, Status, limited
 
 
 @dataclass(frozen=True)
@@ -48,6 +50,10 @@ class Limits(ABC):
     @abstractmethod
     def abilities(self) -> Abilities:
         """What the algorithm needs and supports."""
+
+    @abstractmethod
+    def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
+        """Solve from `start`; see `Solver`."""
 
 
 class Stop(Exception):
