@@ -15,7 +15,7 @@ class HalfSteps(Limits):  # half of every Gauss-Newton step
 
     @property
     def abilities(self) -> wb.Abilities:
-        return wb.Abilities(Derivative.JACOBIAN, Boxes.UNKNOWN)
+        return wb.Abilities(Derivative.JACOBIAN, Boxes.REFUSED)
 
     def solve(
         self, problem: wb.Problem, start: wb.Values, *, callback: Callback = None

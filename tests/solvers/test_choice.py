@@ -37,6 +37,13 @@ def test_recommendation_takes_bounds_as_the_solver_does() -> None:
     assert "project" not in str(advice)
 
 
+def test_recommendation_evaluates_only_inside_the_bounds() -> None:
+    x = wb.Block("x")
+    root = wb.Residual("root", cs.sqrt(x.symbol) - 0.2, 1.0)
+    advice = recommend(wb.Problem([root], ["x"], {"x": (0.01, 1.0)}, [x]), {"x": np.array(4.0)})
+    assert "gain ratio of a Gauss-Newton step: 1.15" in str(advice)
+
+
 def test_recommended_solver_takes_constraints() -> None:
     x = wb.Block("x", (3,))
     seen = wb.Residual("seen", x.symbol - 1.0, 1.0)

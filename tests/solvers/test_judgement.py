@@ -20,7 +20,8 @@ from workbench import (
 )
 from workbench.experiments.more_wild import observed
 from workbench.problem.naming import Bounds
-from workbench.solvers import Dogleg, Ipopt, Solver, chumpy, gauss_newton_hessian
+from workbench.solvers import Dogleg, GaussNewton, Ipopt, Run, Solver, chumpy, gauss_newton_hessian
+from workbench.solvers.no_minimum import EndPoint
 
 LOCAL = [name for name in SOLVERS if name != "nlopt-mlsl"]  # which needs bounds
 FEW = ("trust-region", "levenberg-marquardt", "dogleg", "ipopt", "nlopt-lbfgs")
@@ -375,9 +376,17 @@ def test_a_cost_that_falls_for_ever_is_no_minimum(problem: str, name: str) -> No
     solution = SOLVERS[name].solve(of_it, {"x": start})
     assert solution.status is Status.NO_FINITE_MINIMUM
     assert solution.diverging[0] in ("x", "x[0]")
-    assert f"grow without limit ({solution.diverging[0]} = " in solution.message
+    assert f"as unknowns ({solution.diverging[0]} = " in solution.message
     assert "give them a prior" in solution.message
     assert not solution.converged
+
+
+def test_what_judging_raises_leaves_the_best_point(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delattr(EndPoint, "gradient")
+    with Run("stalled", GaussNewton(), *decay(), None) as run:
+        run.linearize(run.x)
+        run.stall()
+    assert run.solution().status is Status.STALLED
 
 
 def test_a_far_minimum_is_finite() -> None:

@@ -33,18 +33,24 @@ def test_table_holds_the_algorithms_of_nlopt() -> None:
 
 @EACH
 def test_derivatives_are_asked_for_by_those_who_need_them(name: str) -> None:
-    problem = rosenbrock()[0] if ALGORITHMS[name].bounds is Boxes.UNKNOWN else boxed()
+    problem = rosenbrock()[0] if ALGORITHMS[name].bounds is Boxes.REFUSED else boxed()
     counts = Nlopt(name, max_evaluations=150).solve(problem, START).evaluations
     assert (counts.gradient > 0) is (ALGORITHMS[name].derivative is Derivative.GRADIENT)
     assert counts.hessian == 0
     assert counts.total <= 150
 
 
+def test_bounds_may_be_nearer_than_the_usual_first_step() -> None:
+    problem = Problem(boxed().residuals, ("x",), {"x": ([0.0, 0.0], [0.05, 1.0])})
+    found = Nlopt("LN_BOBYQA").solve(problem, {"x": np.array([0.01, 0.5])})
+    np.testing.assert_allclose(found.values["x"], [0.05, 0.0025], atol=1e-4)
+
+
 @EACH
 def test_bounds_are_taken_refused_or_needed(name: str) -> None:
     abilities = ALGORITHMS[name]
     half = Problem(boxed().residuals, ("x",), {"x": ([-2.0, -1.0], [0.7, np.inf])})
-    if abilities.bounds is Boxes.UNKNOWN:
+    if abilities.bounds is Boxes.REFUSED:
         with pytest.raises(NotSupported, match="takes no bounds"):
             Nlopt(name).solve(boxed(), START)
         return

@@ -85,7 +85,7 @@ def test_abilities_are_what_they_do(name: str) -> None:
     bounds = {"x": (-3.0, 3.0)}
     problem = Problem(rosenbrock()[0].residuals, ("x",), bounds)
     start = {"x": np.array([-1.2, 1.0])}
-    if abilities.bounds is Boxes.UNKNOWN:
+    if abilities.bounds is Boxes.REFUSED:
         with pytest.raises(NotSupported, match="takes no bounds, but the problem bounds x"):
             SOLVERS[name].solve(problem, start)
         problem = Problem(problem.residuals, ("x",))

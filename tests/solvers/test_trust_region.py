@@ -10,7 +10,15 @@ from scipy.stats import ortho_group
 import workbench.solvers.trust_region as module
 from tests.solvers.problems import decay, line, rosenbrock
 from tests.tiers import few
-from workbench import Block, Linearization, Problem, Residual, TrustRegion
+from workbench import (
+    Block,
+    LevenbergMarquardt,
+    Linearization,
+    Newton,
+    Problem,
+    Residual,
+    TrustRegion,
+)
 from workbench.arrays import Array
 from workbench.errors import BadArgument
 from workbench.problem.steps import Step, automatic
@@ -73,10 +81,15 @@ def test_the_first_step_has_the_first_radius(radius: float) -> None:
     assert LEAST * radius <= solution.trace[1].step_norm <= MOST * radius
 
 
-@pytest.mark.parametrize("radius", [0.0, -1.0, np.inf, np.nan])
-def test_a_first_radius_that_is_none_is_refused(radius: float) -> None:
-    with pytest.raises(BadArgument, match=r"`first_radius` must be a positive, finite .* not"):
-        TrustRegion(first_radius=radius)
+@pytest.mark.parametrize("wrong", [0.0, -1.0, np.inf, np.nan])
+def test_options_out_of_their_range_are_refused(wrong: float) -> None:
+    with pytest.raises(BadArgument, match="first_radius of TrustRegion must be finite and above 0"):
+        TrustRegion(first_radius=wrong)
+    with pytest.raises(BadArgument, match="first_damping of LevenbergMarquardt must be finite"):
+        LevenbergMarquardt(first_damping=wrong)
+    for name in ("max_iterations", "max_evaluations", "max_seconds", "gradient_tolerance"):
+        with pytest.raises(BadArgument, match=f"{name} .*must be .* above"):
+            Newton(**{name: wrong or -1e-9 if name != "max_seconds" else -1.0})
 
 
 def test_a_linear_problem_takes_one_step_within_the_radius() -> None:
@@ -140,11 +153,11 @@ def test_dependent_columns_do_no_harm() -> None:
     np.testing.assert_allclose(solution.values["x"], [half, half, 0], atol=1e-6)
 
 
-@pytest.mark.parametrize("start", [1e-300, 8e-17, -1e-12])
+@pytest.mark.parametrize("start", [1e-300, 8e-17, -1e-12, 1e-9, 0.0])
 def test_a_start_that_is_nearly_zero_is_left(start: float) -> None:
-    """The first radius is the length of the start, so that the cost cannot show the first step."""
     x = Block("x", (1,))
     problem = Problem([Residual("r", x.symbol + 1, 1.0)], ["x"])
     found = TrustRegion().solve(problem, {"x": np.array([start])})
     assert found.status.name == "CONVERGED"
     assert found.values["x"] == pytest.approx(-1)
+    assert found.iterations <= 2

@@ -118,7 +118,7 @@ ASKED = {
     Derivative.JACOBIAN: "Jacobian",
     Derivative.HESSIAN: "Hessian",
 }
-BOUNDS = {Boxes.UNKNOWN: "no", Boxes.TAKEN: "yes", Boxes.NEEDED: "needed"}
+BOUNDS = {Boxes.REFUSED: "no", Boxes.TAKEN: "yes", Boxes.NEEDED: "needed"}
 
 
 def solvers(

@@ -16,7 +16,8 @@ from workbench.problem.costs import CostGradients, CostMethod, Costs, Places, in
 from workbench.problem.optimality import half_squared
 from workbench.problem.storage import Stored
 from workbench.residuals import Residual
-from workbench.solvers.limits import Meter, limited
+from workbench.solvers.limits import Meter
+from workbench.solvers.solution import limited
 from workbench.threads import limited_threads
 
 T = TypeVar("T")

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from workbench.blocks import Values
 from workbench.errors import BadArgument, check_known
 from workbench.problem import Problem
-from workbench.solvers.abilities import Abilities, Boxes, Derivative, Listed
+from workbench.solvers.abilities import Abilities, Boxes, Derivative
 from workbench.solvers.casadi_solvers import (
     DampedGaussNewton,
     Ipopt,
@@ -39,13 +39,14 @@ from workbench.solvers.solution import (
     Solution,
     Solver,
     Status,
+    checked,
 )
 from workbench.solvers.staged import SolveStage, Staged
 from workbench.solvers.starts import Draw, Spread, Starts, within_bounds
 from workbench.solvers.trust_region import TrustRegion, columns, identity
 
 # Solvers by the names that the command line knows; `workbench solvers` prints what each can do.
-SOLVERS: Mapping[str, Listed] = {
+SOLVERS: Mapping[str, Limits] = {
     "trust-region": TrustRegion(),
     "gauss-newton": GaussNewton(),
     "gauss-newton-full": GaussNewton(line_search=full_step),
@@ -71,7 +72,6 @@ SOLVERS: Mapping[str, Listed] = {
     "nlopt-bobyqa": Nlopt("LN_BOBYQA"),
     "nlopt-mlsl": Nlopt("G_MLSL_LDS"),
 }
-Damped = DampedGaussNewton  # its former name
 DEFAULT = "trust-region"  # the solver of `solve` and of the commands, where none is named
 
 
@@ -88,11 +88,11 @@ def solve(
     block. `solver` is any Solver, or the name of one in `SOLVERS`, as the commands take it; without
     one it is TrustRegion(), which honours bounds (Moré 1978). `callback` is called with each
     Iterate, and ends the run if it returns True. The Solution says how the run ended; its point is
-    never worse than the start.
+    never worse than the start, moved inside the bounds.
 
-    Raises BadArgument for what is no Problem, UnknownName for a name that is not in `SOLVERS`,
-    NotSupported for bounds or constraints that the solver does not take, and what `Problem.split`
-    raises for values that do not fit.
+    Raises BadArgument for what is no Problem or no solver, UnknownName for a name that is not in
+    `SOLVERS`, NotSupported for bounds or constraints that the solver does not take, and what
+    `Problem.split` raises for values that do not fit.
     """
     if not isinstance(problem, Problem):
         raise BadArgument(f"a Problem is solved, not something of type {type(problem).__name__}")
@@ -100,7 +100,7 @@ def solve(
     if isinstance(solver, str):
         check_known("solver", solver, SOLVERS)
         solver = SOLVERS[solver]
-    return solver.solve(problem, start, callback=callback)
+    return checked(solver).solve(problem, start, callback=callback)
 
 
 __all__ = [
@@ -109,7 +109,6 @@ __all__ = [
     "Abilities",
     "Boxes",
     "Callback",
-    "Damped",
     "DampedGaussNewton",
     "Derivative",
     "Dogleg",
@@ -121,7 +120,6 @@ __all__ = [
     "Iterate",
     "LevenbergMarquardt",
     "Limits",
-    "Listed",
     "Newton",
     "Nlopt",
     "RadiusRule",

@@ -2,11 +2,9 @@
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Protocol
 
 from workbench.errors import NotSupported
 from workbench.problem import Problem
-from workbench.solvers.solution import Solver
 
 
 class Derivative(IntEnum):
@@ -21,7 +19,7 @@ class Derivative(IntEnum):
 class Boxes(IntEnum):
     """Whether an algorithm takes bounds: it does not, it may, or it needs them."""
 
-    UNKNOWN = 0
+    REFUSED = 0
     TAKEN = 1
     NEEDED = 2
 
@@ -53,17 +51,9 @@ class Abilities:
     note: str = ""
 
 
-class Listed(Solver, Protocol):
-    """A solver of the catalogue, which says what it can do."""
-
-    @property
-    def abilities(self) -> Abilities:
-        """What the solver needs and supports."""
-
-
 def refuse(name: str, abilities: Abilities, problem: Problem) -> None:
     """Raise NotSupported, naming alternatives, if the algorithm does not take the problem."""
-    if abilities.bounds is Boxes.UNKNOWN and problem.bounded:
+    if abilities.bounds is Boxes.REFUSED and problem.bounded:
         raise NotSupported(
             f"{name} takes no bounds, but the problem bounds {', '.join(problem.bounds)}; "
             "use trust-region, ipopt or an NLopt algorithm, or drop the bounds"

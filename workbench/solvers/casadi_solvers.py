@@ -12,7 +12,7 @@ from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.problem import Linearization, Problem
 from workbench.problem.sparsity import Pattern
-from workbench.problem.storage import Stored, dense, gram_of_nonzeros, is_sparse, unblocked
+from workbench.problem.storage import Stored, gram_of_nonzeros, is_sparse, unblocked
 from workbench.solvers.abilities import Abilities, Boxes, Derivative
 from workbench.solvers.dogleg import first_radius
 from workbench.solvers.levenberg_marquardt import FASTEST_FALL, eased
@@ -60,11 +60,6 @@ SQP_OPTIONS = {
 }
 
 
-def gauss_newton_hessian(run: Run, x: Array, here: Linearization) -> Array:
-    """The matrix J'J (n, n), positive semidefinite, and exact where the residual vanishes."""
-    return dense(here.normal)
-
-
 def exact_hessian(run: Run, x: Array, here: Linearization) -> Stored:
     """The Hessian of the cost (n, n), J'J + sum r_i H_i, by differentiation of the whole graph.
 
@@ -86,7 +81,8 @@ class DampedGaussNewton:
     for a line search then cuts steps for the sake of the constraints, too.
 
     Attributes:
-        first_damping: the least damping at the start, as a share of the largest entry of J'J.
+        first_damping: the least damping at the start, as a share of the largest entry of J'J; 0 for
+            no damping along the whole run.
     """
 
     first_damping: float = 1e-3
@@ -100,6 +96,8 @@ class DampedGaussNewton:
 
 Hessian = Callable[[Run, Array, Linearization], Stored] | DampedGaussNewton
 DAMPED = DampedGaussNewton()
+# J'J itself, positive semidefinite, and exact where the residual vanishes
+gauss_newton_hessian = DampedGaussNewton(first_damping=0.0)
 
 
 class _Last(NamedTuple):
@@ -161,16 +159,11 @@ class _Damping:
         return self._damping * (eased(gain_ratio) if gain_ratio > 0 else 2.0)
 
 
-def _is_of_first_order(hessian: Hessian | None) -> bool:
-    """Whether a Hessian is made of J'J, which is then asked for at every iterate."""
-    return isinstance(hessian, DampedGaussNewton) or hessian is gauss_newton_hessian
-
-
 def _abilities(hessian: Hessian | None, source: str) -> Abilities:
     """What a solver of CasADi can do with this Hessian: it takes bounds and constraints."""
-    first_derivatives = hessian is None or _is_of_first_order(hessian)
+    by_jacobian = isinstance(hessian, DampedGaussNewton | None)
     return Abilities(
-        Derivative.JACOBIAN if first_derivatives else Derivative.HESSIAN,
+        Derivative.JACOBIAN if by_jacobian else Derivative.HESSIAN,
         Boxes.TAKEN,
         equations=True,
         inequalities=True,
@@ -182,8 +175,6 @@ def _along(run: Run, hessian: Hessian) -> StoredBy:
     """The Hessian of the cost as a function of x and of multipliers, which it does not read."""
     if isinstance(hessian, DampedGaussNewton):
         return hessian.along(run)
-    if hessian is gauss_newton_hessian:
-        return lambda x, _: unblocked(run.linearize(x).normal)
 
     def of_user(x: Array, _: Array) -> Stored:
         H = hessian(run, x, run.linearize(x))
@@ -195,7 +186,7 @@ def _along(run: Run, hessian: Hessian) -> StoredBy:
 def _nonzeros(problem: Problem, hessian: Hessian) -> csc_array | None:
     """Where the Hessian of the cost can be nonzero, if it is J'J or exact, and sparse."""
     n = problem.free.size
-    if _is_of_first_order(hessian) and problem.sparse:
+    if isinstance(hessian, DampedGaussNewton) and problem.sparse:
         normal = gram_of_nonzeros(csc_array(problem.pattern, dtype=float))
         return csc_array(normal + eye_array(n))
     if hessian is exact_hessian:
@@ -210,9 +201,9 @@ def _begin(run: Run, hessian: Hessian | None) -> None:
 
     Trials are linearized at once if the Hessian needs J'J and one pass gives all.
     """
-    run.one_pass.on = _is_of_first_order(hessian) and has_one_pass(run.problem)
+    run.one_pass.on = isinstance(hessian, DampedGaussNewton) and has_one_pass(run.problem)
     here = run.linearize(run.x)
-    if run.optimality(run.x, here) <= run.limits.gradient_tolerance:
+    if run.rounding_noise.optimality(run.x, here) <= run.limits.gradient_tolerance:
         run.record(run.x, here.cost, here)
 
 
@@ -254,11 +245,10 @@ class Ipopt(Limits):
     def _ask(self, run: Run) -> str:
         """Run IPOPT; its own word for how it ended."""
         hessian = self.hessian or DAMPED  # limited-memory BFGS does not ask for it
-        oracle = Oracle(run.problem, _nonzeros(run.problem, hessian))
-        with oracle.serving(run, _along(run, hessian)):
-            solver = self._made(oracle, run.problem.stacked_constraints is not None)
-            oracle.minimize(solver)
-            return str(solver.stats()["return_status"])
+        oracle = Oracle(run, _along(run, hessian), _nonzeros(run.problem, hessian))
+        solver = self._made(oracle, run.problem.stacked_constraints is not None)
+        oracle.minimize(solver)
+        return str(solver.stats()["return_status"])
 
     def _made(self, oracle: Oracle, constrained: bool) -> cs.Function:
         """IPOPT as a function of CasADi, which asks the oracle's functions."""
@@ -330,9 +320,8 @@ class Sqp(Limits):
         """Solve from `start`, which is moved inside the bounds; see `Solver`."""
         with Run("sqp", self, problem, start, callback) as run:
             _begin(run, self.hessian)
-            oracle = Oracle(problem, _nonzeros(problem, self.hessian))
-            with oracle.serving(run, _along(run, self.hessian)):
-                run.stall(f"{Status.STALLED.value} (sqpmethod: {self._ask(run, oracle)})")
+            oracle = Oracle(run, _along(run, self.hessian), _nonzeros(problem, self.hessian))
+            run.stall(f"{Status.STALLED.value} (sqpmethod: {self._ask(run, oracle)})")
         return run.solution()
 
     def _ask(self, run: Run, oracle: Oracle) -> str:

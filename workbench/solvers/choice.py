@@ -46,11 +46,12 @@ def recommend(problem: Problem, start: Values) -> Recommendation:
     if not problem.free.size:
         raise BadArgument("no solver is needed: the problem has no unknowns; leave a block free")
     x, fixed = problem.split(start)
+    x = np.clip(x, problem.lower, problem.upper)
     here = problem.linearize_at(x, fixed)
     rows, n = here.shape
     bounded = int((np.isfinite(problem.lower) | np.isfinite(problem.upper)).sum())
     density = problem.pattern.nnz / max(rows * n, 1)
-    step = here.step()
+    step = np.clip(x + here.step(), problem.lower, problem.upper) - x
     predicted = here.predicted_decrease(step)
     actual = here.cost - half_squared(problem.residual(x + step, fixed))
     gain_ratio = actual / predicted if predicted > 0 and np.isfinite(actual) else 0.0

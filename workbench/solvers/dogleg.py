@@ -115,7 +115,7 @@ class Dogleg(Limits):
         """It needs a Jacobian at every iterate, and takes no bounds."""
         return Abilities(
             Derivative.JACOBIAN,
-            Boxes.UNKNOWN,
+            Boxes.REFUSED,
             source="Powell 1970; Madsen, Nielsen and Tingleff 2004",
             note="with the radius rules of chumpy, with which SMPL was first fitted"
             if self.rule is chumpy

@@ -72,7 +72,7 @@ class GaussNewton(Limits):
         """
         return Abilities(
             Derivative.JACOBIAN,
-            Boxes.UNKNOWN,
+            Boxes.REFUSED,
             teaching=self.line_search is not backtracking,
             source="Gauss 1809; Armijo 1966 (the line search)",
         )
@@ -137,7 +137,7 @@ class SteepestDescent(Limits):
         """It needs a Jacobian for the length of the step, and is meant for teaching."""
         return Abilities(
             Derivative.JACOBIAN,
-            Boxes.UNKNOWN,
+            Boxes.REFUSED,
             teaching=True,
             source="Cauchy 1847",
         )

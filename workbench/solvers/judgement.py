@@ -3,9 +3,10 @@
 A run has converged if the largest cosine between a column of the Jacobian and the residual, in the
 rows that its unknown can change and after projection on bounds and linearized constraints, is at
 most `gradient_tolerance` (`problem/optimality.py`); a cosine that rounding explains counts as zero.
-A direction along which the cost falls from there makes the end a SADDLE. Unknowns with which the
-residual does not change there make it INSENSITIVE, and unknowns that grow without slowing down
-NO_FINITE_MINIMUM. All three are said only if evaluations show it.
+So has one that stalled where slope and curvature along the steepest descent say that the cost can
+hardly fall (`_is_level`). A direction along which the cost falls from there makes the end a SADDLE.
+Unknowns with which the residual does not change there make it INSENSITIVE, and unknowns that grow
+without slowing down NO_FINITE_MINIMUM. All three are said only if evaluations show it.
 """
 
 from collections.abc import Callable, Iterator
@@ -90,8 +91,6 @@ def ending(run: "Run", stop: Stop) -> Ending:
     except Exception as error:  # of the user's residual; the best point is still known
         return Ending(status, f"{message} (no gradient at the best point: {error})")
     converged = optimality <= run.limits.gradient_tolerance
-    is_level = not converged and status is Status.STALLED and _is_level(end)
-    converged = converged or is_level
     ended = converged or status in (Status.CONVERGED, Status.STALLED, Status.NO_FINITE_MINIMUM)
     free, read = run.problem.free, run.problem.support.read
     unread, unnoticed = (free.labels_of(np.flatnonzero(silent & m)) for m in (~read, read))
@@ -99,9 +98,11 @@ def ending(run: "Run", stop: Stop) -> Ending:
     if best.violation > 1:
         infeasible = replace(result, status=Status.INFEASIBLE, message=_violation(run))
         return infeasible if status in (Status.CONVERGED, Status.STALLED) else result
-    no_minimum: Saddle | None = None
+    no_minimum, is_level = None, False
     gone = running = np.zeros(len(best.x), dtype=bool)
     try:
+        is_level = not converged and status is Status.STALLED and _is_level(end)
+        converged = converged or is_level
         if run.limits.gradient_tolerance < LOOSE:
             end.check()
             if converged:
@@ -270,14 +271,9 @@ def _without_minimum(end: EndPoint, running: Mask, result: Ending) -> Ending:
     places = np.flatnonzero(running)
     labels = end.problem.free.labels_of(places)
     told = [f"{name} = {end.x[i]:.3g}" for name, i in zip(labels, places, strict=True)]
-    message = (
-        "the cost falls for ever as unknowns grow without limit "
-        f"({some_of(told, NAMED)}), and has no minimum there; bound them, give them a prior, or "
-        "choose other unknowns, such as their inverses"
-    )
-    return replace(
-        result, status=Status.NO_FINITE_MINIMUM, message=message, diverging=tuple(labels)
-    )
+    status, named = Status.NO_FINITE_MINIMUM, f"unknowns ({some_of(told, NAMED)})"
+    message = status.value.replace("some unknowns", named, 1)
+    return replace(result, status=status, message=message, diverging=tuple(labels))
 
 
 def _converged(

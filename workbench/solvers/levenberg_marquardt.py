@@ -8,6 +8,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.blocks import Values
+from workbench.blocks.checks import above_zero
 from workbench.errors import BadArgument
 from workbench.problem import Linearization, Problem
 from workbench.problem.steps import EPS, LinearAlgebra, automatic
@@ -60,7 +61,8 @@ class LevenbergMarquardt(Limits):
     for each Jacobian converges with order m + 1 (Shamanskii, A modification of Newton's method,
     1967), and this method with two of them with order 3, if the damping vanishes with the residual
     (Fan, The modified Levenberg-Marquardt method for nonlinear equations with cubic convergence,
-    2012). Raises BadArgument for less than one step.
+    2012). Raises BadArgument for less than one step, and for a first damping that is not positive
+    and finite.
 
     Attributes:
         scaling: the metric D of a step. `identity`: a radian, a metre and a standard deviation are
@@ -81,6 +83,8 @@ class LevenbergMarquardt(Limits):
     max_iterations: int = 2_000
 
     def __post_init__(self) -> None:
+        super().__post_init__()
+        above_zero("LevenbergMarquardt", first_damping=self.first_damping)
         if self.steps_per_jacobian < 1:
             raise BadArgument(
                 "`steps_per_jacobian` must be 1, for the plain method, or more, not "

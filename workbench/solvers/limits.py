@@ -2,17 +2,20 @@
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import ContextDecorator, contextmanager
-from dataclasses import KW_ONLY, dataclass
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import KW_ONLY, dataclass, fields
 from types import TracebackType
 
 import numpy as np
 
-from workbench.errors import TooLarge
+from workbench.blocks import Values
+from workbench.blocks.checks import from_zero
+from workbench.errors import BadArgument, TooLarge
+from workbench.problem import Problem
 from workbench.problem.storage import INSTEAD
 from workbench.solvers.abilities import Abilities
-from workbench.solvers.solution import Status
+from workbench.solvers.solution import Callback, Solution, Status, limited
 
 
 @dataclass(frozen=True)
@@ -24,9 +27,11 @@ class Limits(ABC):
         max_evaluations: the largest number of evaluations of the residual, its gradient, its
             Jacobian and its Hessian together; those of constraints are not counted.
         max_seconds: wall time in seconds. It is looked at before every evaluation, so that one step
-            of linear algebra may exceed it.
+            of linear algebra may exceed it. To judge the end takes time and evaluations beyond.
         gradient_tolerance: a point whose `Problem.optimality` (a cosine, without unit) is at most
             this has converged. A larger one ends earlier and farther from the minimum.
+
+    Raises BadArgument for a negative limit, or one that is no number.
     """
 
     _: KW_ONLY
@@ -35,10 +40,20 @@ class Limits(ABC):
     max_seconds: float = 600.0
     gradient_tolerance: float = 1e-6
 
+    def __post_init__(self) -> None:
+        names = [field.name for field in fields(Limits) if field.name != "max_seconds"]
+        from_zero(type(self).__name__, **{name: getattr(self, name) for name in names})
+        if not self.max_seconds >= 0:
+            raise BadArgument(f"max_seconds must be 0 or above, not {self.max_seconds!r}")
+
     @property
     @abstractmethod
     def abilities(self) -> Abilities:
         """What the algorithm needs and supports."""
+
+    @abstractmethod
+    def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
+        """Solve from `start`; see `Solver`."""
 
 
 class Stop(Exception):
@@ -57,13 +72,14 @@ def stop_asked(answer: object) -> Stop | None:
 
 def stop_of(error: BaseException | None) -> Stop | None:
     """The Stop that an exception means for a run; None for an error that the run passes on."""
+    if isinstance(error, TooLarge):
+        return Stop(Status.TOO_LARGE, str(error))
     if isinstance(error, MemoryError):
-        message = f"memory ran out in the linear algebra: {error}; {INSTEAD}"
-        return Stop(Status.TOO_LARGE, message)
+        return Stop(Status.TOO_LARGE, f"memory ran out: {error}; {INSTEAD}")
     return error if isinstance(error, Stop) else None
 
 
-class Guarded(ContextDecorator):
+class Guarded:
     """A context for calls of the user's functions: an exception becomes a Stop that quotes it."""
 
     def __enter__(self) -> None:
@@ -72,14 +88,9 @@ class Guarded(ContextDecorator):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
     ) -> None:
-        if not isinstance(error, Exception) or isinstance(error, Stop):
-            return
-        if isinstance(error, TooLarge):
-            raise Stop(Status.TOO_LARGE, str(error)) from error
-        if isinstance(error, MemoryError):
-            raise Stop(Status.TOO_LARGE, f"memory ran out: {error}; {INSTEAD}") from error
-        said = f"the residual raised {type(error).__name__}: {error}"
-        raise Stop(Status.RAISED, said) from error
+        if isinstance(error, Exception) and not isinstance(error, Stop):
+            said = f"the residual raised {type(error).__name__}: {error}"
+            raise stop_of(error) or Stop(Status.RAISED, said) from error
 
 
 GUARDED = Guarded()
@@ -103,7 +114,6 @@ class Meter:
 
     def __init__(self, kinds: Iterable[str], max_evaluations: int, max_seconds: float) -> None:
         self.counts = dict.fromkeys(kinds, 0)
-        self._limited = tuple(kind for kind in self.counts if is_limited(kind))
         self._max_evaluations, self._max_seconds = max_evaluations, max_seconds
         self._began, self._pauses = time.perf_counter(), 0.0
 
@@ -114,7 +124,7 @@ class Meter:
 
     def check_evaluations(self) -> None:
         """Raise Stop if all evaluations are used up; those of constraints are not limited."""
-        if sum(map(self.counts.__getitem__, self._limited)) >= self._max_evaluations:
+        if limited(self.counts) >= self._max_evaluations:
             raise Stop(Status.MAX_EVALUATIONS)
 
     def check_seconds(self) -> None:
@@ -128,13 +138,3 @@ class Meter:
         before = time.perf_counter()
         yield
         self._pauses += time.perf_counter() - before
-
-
-def limited(counts: Mapping[str, int]) -> int:
-    """How many of the evaluations are limited."""
-    return sum(count for kind, count in counts.items() if is_limited(kind))
-
-
-def is_limited(kind: str) -> bool:
-    """Whether evaluations of a kind are limited: all but those of constraints."""
-    return not kind.startswith("constraint")

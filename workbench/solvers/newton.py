@@ -71,7 +71,7 @@ class Newton(Limits):
         """It needs a Hessian at every iterate, and takes no bounds."""
         return Abilities(
             Derivative.HESSIAN,
-            Boxes.UNKNOWN,
+            Boxes.REFUSED,
             source="Nocedal and Wright 2006, section 3.4",
         )
 

@@ -90,7 +90,7 @@ def _abilities(name: str, source: str, note: str, others: tuple[str, ...]) -> Ab
     is_global, derivative = name.startswith("G"), Derivative.GRADIENT
     if name.startswith(("LN", "GN")):
         derivative = Derivative.COST
-    bounds = Boxes.UNKNOWN if name == "LN_NEWUOA" else Boxes.TAKEN
+    bounds = Boxes.REFUSED if name == "LN_NEWUOA" else Boxes.TAKEN
     return Abilities(
         derivative,
         Boxes.NEEDED if is_global else bounds,
@@ -135,6 +135,7 @@ class Nlopt(Limits):
     max_evaluations: int = 20_000
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for name in (self.algorithm, self.local):
             check_known("NLopt algorithm here", name, ALGORITHMS)
 
@@ -163,7 +164,8 @@ class Nlopt(Limits):
             if self.algorithm.startswith("G_MLSL"):
                 optimizer.set_local_optimizer(self._optimizer(self.local, x0.size))
             if self.algorithm.startswith("LN_"):
-                optimizer.set_initial_step(np.maximum(0.1 * scale, np.finfo(float).tiny))
+                first = np.minimum(0.1, (problem.upper - problem.lower) / 4) * scale
+                optimizer.set_initial_step(np.maximum(first, np.finfo(float).tiny))
                 optimizer.set_xtol_rel(SMALLEST_STEP)
             nlopt.srand(self.seed)
             try:
@@ -356,7 +358,7 @@ class NloptObjective:
         return here
 
     def _is_steep(self, x: Array, g: Array) -> bool:
-        """Whether the gradient g (n,) at x (n,) is clearly no longer that of a stationary point."""
+        """Whether the gradient g (n,) at x (n,) is clearly too long for a stationary point."""
         run, problem = self.run, self.run.problem
         way = g / self._norms
         if self._bounded:

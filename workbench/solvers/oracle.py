@@ -4,18 +4,16 @@ Where C++ calls Python, an exception counts as a failed evaluation, and Ctrl-C w
 exception is kept, the value is NaN, and it is raised again outside.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property, lru_cache
 from typing import Any, TypeAlias, TypeVar
+from weakref import proxy
 
 import casadi as cs
 import numpy as np
 from scipy.sparse import csc_array
 
 from workbench.arrays import Array
-from workbench.problem import Problem
 from workbench.problem.sparsity import entries_at
 from workbench.problem.storage import Stored, dense
 from workbench.solvers.newton import reflected
@@ -27,34 +25,25 @@ Places: TypeAlias = tuple[int, ...] | csc_array  # the shape of an array, or whe
 T = TypeVar("T")
 
 
-@dataclass
-class Serving:
-    """What CasADi's functions compute at present; nothing of a run is kept between runs.
-
-    Attributes:
-        run: the run that they serve.
-        compute: what each of them computes, by its name.
-        error: the exception that was raised inside; it would lose its type on the way through C++.
-    """
-
-    run: Run | None = None
-    compute: dict[str, Compute] = field(default_factory=dict)
-    error: BaseException | None = None
-
-
 class Oracle:
-    """Cost, constraints and their derivatives as CasADi functions of x and the multipliers.
+    """Cost, constraints and their derivatives in a run, as CasADi functions of x and multipliers.
 
     All of them use one linearization per point, and each is made when it is first asked for. The
     constraints' Jacobian is sparse where the problem's Jacobian or that of its constraints is.
     Hessians are sparse if the places of the nonzeros of that of the cost are given; these follow
     from the structure and are the same at every point.
+
+    Attributes:
+        run: the run.
+        compute: what each function computes, by its name.
+        error: the exception that was raised inside; it would lose its type on the way through C++.
     """
 
-    def __init__(self, problem: Problem, nonzeros: csc_array | None) -> None:
-        self._problem, self._nonzeros, self._serving = problem, nonzeros, Serving()
-        self._there = problem.stacked_constraints
-        self._n, self._k = problem.free.size, 0 if self._there is None else self._there.size
+    def __init__(self, run: Run, of_cost: StoredBy, nonzeros: csc_array | None) -> None:
+        self.run, self.compute, self._nonzeros = run, _numbers_of(run, of_cost), nonzeros
+        self.error: BaseException | None = None
+        self._there = run.problem.stacked_constraints
+        self._n, self._k = run.x.size, 0 if self._there is None else self._there.size
 
     @cached_property
     def symbols(self) -> dict[str, cs.MX]:
@@ -71,25 +60,14 @@ class Oracle:
         arguments = [self.symbols[name] for name in reads]
         return cs.Function("oracle", arguments, [*outputs.values()], [*reads], [*outputs])
 
-    @contextmanager
-    def serving(self, run: Run, of_cost: StoredBy) -> Iterator[None]:
-        """Let all functions compute the numbers of a run, with this Hessian of the cost."""
-        now = self._serving
-        now.run, now.compute, now.error = run, _numbers_of(run, of_cost), None
-        try:
-            yield
-        finally:
-            now.run, now.compute, now.error = None, {}, None
-
     def minimize(self, solver: cs.Function) -> None:
         """Run a solver of CasADi from the start of the run; raise what was raised inside."""
-        problem, there, run = self._problem, self._there, self._serving.run
-        assert run is not None
+        problem, there = self.run.problem, self._there
         limits = {} if there is None else {"lbg": there.lower, "ubg": there.upper}
         if problem.bounded:
             limits |= {"lbx": problem.lower, "ubx": problem.upper}
         try:
-            solver(x0=run.x, **limits)
+            solver(x0=self.run.x, **limits)
         finally:
             if self.error is not None:
                 raise self.error
@@ -114,7 +92,7 @@ class Oracle:
         """The Jacobian of the constraints at x, (k, n)."""
         there = self._there
         if there is not None and (
-            self._problem.sparse or self._nonzeros is not None or there.sparse
+            self.run.problem.sparse or self._nonzeros is not None or there.sparse
         ):
             return self._external("constraint_jacobian", there.pattern)
         return self._external("constraint_jacobian", (self._k, self._n))
@@ -140,19 +118,14 @@ class Oracle:
     @cached_property
     def recorder(self) -> "Recorder":
         """The function that CasADi's solvers call at every iterate."""
-        return Recorder((self._n, self._k), self._serving)
-
-    @property
-    def error(self) -> BaseException | None:
-        """What was raised inside, if anything was."""
-        return self._serving.error
+        return Recorder((self._n, self._k), self)
 
     @property
     def _square(self) -> Places:
         return (self._n, self._n) if self._nonzeros is None else self._nonzeros
 
     def _external(self, name: str, places: Places, *, multiplied: bool = False) -> "External":
-        return External(name, (self._n, self._k if multiplied else 0), places, self._serving)
+        return External(name, (self._n, self._k if multiplied else 0), places, self)
 
 
 def _numbers_of(run: Run, of_cost: StoredBy) -> dict[str, Compute]:
@@ -203,7 +176,7 @@ class External(cs.Callback):  # type: ignore[misc]  # CasADi has no other way of
     Its value is a number, an array, or a sparse matrix with nonzeros in given places.
     """
 
-    def __init__(self, name: str, sizes: tuple[int, int], places: Places, serving: Serving) -> None:
+    def __init__(self, name: str, sizes: tuple[int, int], places: Places, oracle: Oracle) -> None:
         super().__init__()
         if isinstance(places, csc_array):
             places.sort_indices()
@@ -212,7 +185,7 @@ class External(cs.Callback):  # type: ignore[misc]  # CasADi has no other way of
             self._sparsity = cs.Sparsity(*places.shape, starts, rows)
         else:
             self._shape, self._sparsity = places, cs.Sparsity.dense(*(places or (1,)))
-        self._name, self._sizes, self._places, self._serving = name, sizes, places, serving
+        self._name, self._sizes, self._places, self._oracle = name, sizes, places, proxy(oracle)
         self.construct(name, {})
 
     def get_n_in(self) -> int:
@@ -236,22 +209,17 @@ class External(cs.Callback):  # type: ignore[misc]  # CasADi has no other way of
         if results[0] is None:  # the value is not needed
             return 0
         out = np.frombuffer(results[0]).reshape(self._shape, order="F")  # column by column
-        now = self._serving
-        if now.run is None:
-            return 1
+        oracle = self._oracle
         try:
-            if now.error is None:
-                x, multipliers = (
-                    _inside(arguments[0], now.run),
-                    _column(arguments[1], self._sizes[1]),
-                )
-                value = self._numbers(now.compute[self._name](x, multipliers))
+            if oracle.error is None:
+                x, y = _inside(arguments[0], oracle.run), _column(arguments[1], self._sizes[1])
+                value = self._numbers(oracle.compute[self._name](x, y))
                 if value.shape != self._shape:  # a user's Hessian
                     raise ValueError(f"{self._name} is {self._shape}, not {value.shape}")
                 out[...] = value
                 return 0
         except BaseException as error:
-            now.error = error
+            oracle.error = error
         out[...] = np.nan
         return 0
 
@@ -264,11 +232,11 @@ class External(cs.Callback):  # type: ignore[misc]  # CasADi has no other way of
 class Recorder(cs.Callback):  # type: ignore[misc]
     """Adds a solver's iterates to the trace of a run, and stops the solver when the run ends."""
 
-    def __init__(self, sizes: tuple[int, int], serving: Serving) -> None:
+    def __init__(self, sizes: tuple[int, int], oracle: Oracle) -> None:
         super().__init__()
         n, k = sizes
         self._sizes = {"x": n, "lam_x": n, "f": 1, "g": k, "lam_g": k}
-        self._serving = serving
+        self._oracle = proxy(oracle)
         self.construct("recorder", {})
 
     def get_n_in(self) -> int:
@@ -285,15 +253,15 @@ class Recorder(cs.Callback):  # type: ignore[misc]
 
     def eval_buffer(self, arguments: list[Any], results: list[Any]) -> int:
         """Record an iterate; called by CasADi, which stops its solver if the value is 1."""
-        stop, now = 1.0, self._serving
-        if now.run is not None and now.error is None:
+        stop, oracle = 1.0, self._oracle
+        if oracle.error is None:
             try:
-                x = _inside(arguments[0], now.run)
-                here = now.run.linearize(x)
-                now.run.record(x, here.cost, here)
+                x = _inside(arguments[0], oracle.run)
+                here = oracle.run.linearize(x)
+                oracle.run.record(x, here.cost, here)
                 stop = 0.0
             except BaseException as error:
-                now.error = error
+                oracle.error = error
         if results[0] is not None:
             np.frombuffer(results[0])[:] = stop
         return 0

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import ExitStack, closing
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from math import isfinite, isnan, sqrt
 from types import TracebackType
 from typing import Any, NoReturn, TypeVar
@@ -108,7 +108,10 @@ class Run:
         return self._kept(x, half_squared(r)), r
 
     def tried(self, to: Array, before: float) -> tuple[float, Array]:
-        """The same at a trial after a cost `before`, linearized at once if `one_pass` says so."""
+        """The cost and the residual (m,) at a trial point (n,); the last cost was `before`.
+
+        If `one_pass` expects that it is taken, it is linearized at once.
+        """
         at_once = self.linearizations.at(to) is None and self.one_pass.expected()
         known = self._linearized(to, HIGHER * before) if at_once else None
         return known or self.cost_and_residual(to)
@@ -193,10 +196,6 @@ class Run:
 
     # Iterates.
 
-    def optimality(self, x: Array, here: Linearization) -> float:
-        """`Problem.optimality` at x (n,), less what rounding explains there."""
-        return self.rounding_noise.optimality(x, here)
-
     def gain_ratio(
         self, x: Array, here: Linearization, to: Array, predicted: float, known: Known = None
     ) -> float:
@@ -216,7 +215,8 @@ class Run:
         self.one_pass.judged(taken=hidden or fallen > 0)  # what is hidden is linearized
         if not hidden:
             return fallen / predicted
-        if self.optimality(to, self.linearize(to)) <= POLISHED * self.optimality(x, here):
+        optimality = self.rounding_noise.optimality
+        if optimality(to, self.linearize(to)) <= POLISHED * optimality(x, here):
             self._unpolished = 0
             return 1.0
         self._unpolished += 1
@@ -244,7 +244,7 @@ class Run:
             return self.cost(turned) <= there.cost + self.rounding_noise.of_cost(to, there)
 
         here = self.linearize(x := rewrapped(self.problem, to, is_free))
-        self.record(x, here.cost, here, damping, linear_algebra)
+        self.record(x, here.cost, here, damping, linear_algebra, to)
         return x, here
 
     def record(
@@ -254,13 +254,15 @@ class Run:
         here: Linearization | None = None,
         damping: float = 0.0,
         linear_algebra: str = "",
+        to: Array | None = None,
     ) -> None:
         """Add an iterate to the trace, and its optimality if it was linearized `here`.
 
+        The step led `to` (n,) if that is not x: rotation vectors may have been shortened since.
         Stops the run if it has converged, its iterations are used up, or the callback says so.
         """
-        optimality = np.nan if here is None else self.optimality(x, here)
-        way = x - (x if self._recorded is None else self._recorded)
+        optimality = np.nan if here is None else self.rounding_noise.optimality(x, here)
+        way = (x if to is None else to) - (x if self._recorded is None else self._recorded)
         self._recorded = x.copy()
         values, counts = self.problem.free.unpack(x, self._around), Evaluations(**self.meter.counts)
         so_far = counts, self.meter.seconds
@@ -303,10 +305,10 @@ class Run:
         """The best point and how the run ended, which is STOPPED after Ctrl-C, even at its end."""
         stop = self.stopped or Stop(Status.STALLED)
         with closing(self._interrupts), unwarned(), limited_threads():
-            told = vars(ending(self, stop))
+            end = ending(self, stop)
         if self._interrupted or self.interrupted:
-            late = ", after it had converged" if told["status"] is Status.CONVERGED else ""
-            told |= {"status": Status.STOPPED, "message": INTERRUPTED + late}
+            late = ", after it had converged" if end.status is Status.CONVERGED else ""
+            end = replace(end, status=Status.STOPPED, message=INTERRUPTED + late)
         return Solution(
             values=self.problem.free.unpack(self.best.x, self._around),
             cost=self.best.cost,
@@ -315,7 +317,7 @@ class Run:
             seconds=self.meter.seconds,
             trace=tuple(self.trace),
             violation=max(self.best.violation, 0.0) if np.isfinite(self.best.cost) else 0.0,
-            **told,
+            **vars(end),
         )
 
 
@@ -426,10 +428,11 @@ class RoundingNoise:
         def measure() -> Rounding:
             r = here.residual
             floor = min(1.0, sqrt(2 * self.first_cost / max(r.size, 1)))
-            self._last, self.age = self._problem.rounding(x, self._fixed, r, floor), 0
+            with GUARDED:
+                self._last, self.age = self._problem.rounding(x, self._fixed, r, floor), 0
             return self._last
 
-        return self._linearizations.once("rounding", here, GUARDED(measure))
+        return self._linearizations.once("rounding", here, measure)
 
     def of_cost(self, x: Array, here: Linearization) -> float:
         """By how much rounding may have changed the cost at x (n,)."""

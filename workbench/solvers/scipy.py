@@ -22,7 +22,7 @@ METHODS = {
     for name, boxes, source in (
         ("trf", Boxes.TAKEN, "Branch, Coleman and Li 1999; SciPy"),
         ("dogbox", Boxes.TAKEN, "Voglis and Lagaris 2004; SciPy"),
-        ("lm", Boxes.UNKNOWN, "Moré 1978 (MINPACK); SciPy"),
+        ("lm", Boxes.REFUSED, "Moré 1978 (MINPACK); SciPy"),
     )
 }
 TOLERANCE = 1e-15  # of SciPy's own rules, so that ours is asked first
@@ -45,6 +45,7 @@ class Scipy(Limits):
     scaling: Scaling = identity
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check_known("method of SciPy", self.method, METHODS)
 
     @property

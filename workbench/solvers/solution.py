@@ -1,7 +1,7 @@
 """What every solver takes and returns: a problem and a start, and a solution with its trace."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, astuple, dataclass, field, fields, replace
 from enum import Enum
 from pathlib import Path
@@ -10,7 +10,7 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 
 from workbench.blocks import Values
-from workbench.errors import BadFile
+from workbench.errors import BadArgument, BadFile
 from workbench.problem import Problem
 from workbench.reading.arrays import doubles, nothing_else, opened, read_expected, texts
 from workbench.reading.facts import (
@@ -65,6 +65,11 @@ class Status(Enum):
     VALLEY = NO_FINITE_MINIMUM  # its name in older files
 
 
+def limited(counts: Mapping[str, int]) -> int:
+    """The number of evaluations of all kinds but those of constraints, which have no limit."""
+    return sum(count for kind, count in counts.items() if not kind.startswith("constraint"))
+
+
 @dataclass(frozen=True)
 class Evaluations:
     """The number of evaluations of each kind.
@@ -86,7 +91,7 @@ class Evaluations:
     @property
     def total(self) -> int:
         """All evaluations but those of the constraints."""
-        return self.residual + self.gradient + self.jacobian + self.hessian
+        return limited(vars(self))
 
     def __add__(self, other: "Evaluations") -> "Evaluations":
         """The evaluations of both."""
@@ -101,9 +106,10 @@ class Iterate:
         values: the values of the free blocks.
         cost: the cost at the point.
         optimality: `Problem.optimality`, 0 at a stationary point; NaN where it was not computed.
-        step_norm: the length of the step from the iterate before, in the units of the unknowns.
-        damping: the damping after the step, or by how much the Hessian was changed; 0 for solvers
-            that have neither.
+        step_norm: the length of the step from the iterate before, in the units of the unknowns; to
+            shorten a rotation vector afterwards is no step.
+        damping: the damping of the step to this point, or by how much the Hessian was changed for
+            it; LevenbergMarquardt's is that of the next step; 0 for solvers that have neither.
         evaluations: the evaluations up to here.
         seconds: the time up to here, in s.
         linear_algebra: the factorization that gave the step to this point; empty where it is not
@@ -190,7 +196,7 @@ class Solution:
 
     @property
     def converged(self) -> bool:
-        """Whether the gradient vanished, or what bounds and constraints leave of it."""
+        """Whether the status is CONVERGED: nothing lowers the cost, as far as could be told."""
         return self.status is Status.CONVERGED
 
     @property
@@ -332,3 +338,10 @@ class Solver(Protocol):
 
         `callback` is called at every iterate, and stops the solver if it returns True.
         """
+
+
+def checked(solver: Solver) -> Solver:
+    """The solver itself. Raises BadArgument for what is none, such as a class of solvers."""
+    if isinstance(solver, type) or not callable(getattr(solver, "solve", None)):
+        raise BadArgument(f"a solver is an object, such as TrustRegion(), not {solver!r:.80}")
+    return solver

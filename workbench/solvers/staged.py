@@ -15,7 +15,15 @@ from workbench.problem.problem import in_stage
 from workbench.solvers.abilities import Abilities
 from workbench.solvers.levenberg_marquardt import LevenbergMarquardt
 from workbench.solvers.run import INTERRUPTED
-from workbench.solvers.solution import Callback, Evaluations, Iterate, Solution, Solver, Status
+from workbench.solvers.solution import (
+    Callback,
+    Evaluations,
+    Iterate,
+    Solution,
+    Solver,
+    Status,
+    checked,
+)
 from workbench.solvers.starts import beyond_saddle
 
 GOES_ON = (  # ends from which the next stage begins; from INSENSITIVE no way leads back
@@ -50,6 +58,8 @@ class SolveStage:
     solver: Solver | None = None
 
     def __post_init__(self) -> None:
+        if self.solver is not None:
+            checked(self.solver)
         if not isinstance(self.free, (tuple, NoneType)) or self.free == ():
             raise BadArgument(
                 "a stage is a tuple of names of blocks or entries, such as "
@@ -85,7 +95,7 @@ class Staged:
     solver: Solver = field(default_factory=LevenbergMarquardt)
 
     def __post_init__(self) -> None:
-        _ = self.each
+        _ = self.each, checked(self.solver)
 
     @property
     def each(self) -> tuple[SolveStage, ...]:
@@ -116,26 +126,26 @@ class Staged:
         def completed(values: Values) -> Values:
             return {name: np.array(values[name], dtype=float) for name in problem.free.names}
 
-        def record(iterate: Iterate) -> object:
+        def whole(iterate: Iterate) -> Iterate:
             """Complete an iterate with what the stage leaves fixed and what came before."""
-            whole = replace(
+            return replace(
                 iterate,
                 values=completed(values | iterate.values),
                 evaluations=before + iterate.evaluations,
                 seconds=seconds + iterate.seconds,
             )
-            trace.append(whole)
-            return None if callback is None else callback(whole)
+
+        def told(iterate: Iterate) -> object:
+            return None if callback is None else callback(whole(iterate))
 
         with Interrupts() as interrupts:  # also between the stages
             for stage, part in zip(self.each, parts, strict=True):
                 if last is not None and (last.status not in GOES_ON or interrupts.pressed):
                     break
-                solver, begun = stage.solver or self.solver, len(trace)
-                first = solver.solve(part, values, callback=record)
-                last = beyond_saddle(first, solver, part, values, record)
-                kept = {before + iterate.evaluations for iterate in last.trace}
-                trace[begun:] = [one for one in trace[begun:] if one.evaluations in kept]
+                solver = stage.solver or self.solver
+                first = solver.solve(part, values, callback=told)
+                last = beyond_saddle(first, solver, part, values, told)
+                trace += map(whole, last.trace)
                 values |= last.values
                 ends.append(len(trace) - 1)
                 before, seconds = before + last.evaluations, seconds + last.seconds

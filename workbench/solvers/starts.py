@@ -27,6 +27,7 @@ from workbench.solvers.solution import (
     Solution,
     Solver,
     Status,
+    checked,
 )
 
 AS_GOOD = 1e-6  # of the cost: residuals that differ by less, as a cost, are those of one minimum
@@ -105,6 +106,7 @@ class Starts:
     workers: int = 1
 
     def __post_init__(self) -> None:
+        checked(self.solver)
         count = self.starts if isinstance(self.starts, int) else len(self.starts)
         for name, number in (("starts", count), ("workers", self.workers)):
             if number < 1:

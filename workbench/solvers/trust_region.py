@@ -7,7 +7,7 @@ import numpy as np
 
 from workbench.arrays import Array
 from workbench.blocks import Values
-from workbench.errors import BadArgument
+from workbench.blocks.checks import above_zero
 from workbench.problem import Linearization, Problem
 from workbench.problem.steps import LinearAlgebra, Step, sparing
 from workbench.solvers.abilities import Abilities, Boxes, Derivative
@@ -20,7 +20,6 @@ POOR, GOOD = 0.25, 0.75  # gain ratios: the region shrinks below POOR and may gr
 SLOW = 0.1  # of the cost: after a smaller decrease, steps follow the geodesic
 AHEAD = 0.1  # of a step: where the second derivative along it is measured
 BENT = 0.75  # of the length of a step: 2 |a| of an acceleration a that is trusted
-UNSEEN = 1e-9  # of the cost: a smaller predicted decrease says nothing of the linear model
 SHORTEST = 1e-16  # of the size of the point: a smaller region ends the run
 LEAST, MOST = 0.9, 1.1  # of the radius: a step in between is as long as the radius
 TRIALS = 20  # of dampings, before a step that is short enough is taken for want of a better one
@@ -59,12 +58,12 @@ class TrustRegion(Limits):
     the radius of the trust region. It is (J'J + damping I) p = -J'r, with the damping that gives it
     that length, or the Gauss-Newton step where that is short enough. The radius follows the gain
     ratio, the actual decrease of the cost over the predicted one: below 1/4 it is halved, or
-    quartered if the cost rose by as much as it should fall; from 3/4 on, and after a Gauss-Newton
-    step of more than 1/4, it becomes twice the length of the step. The first radius is the length
-    of the start, or 1 where that is 0, and shrinks to the length of the first step; it grows
-    tenfold as long as the cost cannot tell the step from none. See Moré, The Levenberg-Marquardt
-    algorithm: implementation and theory, 1978. Unlike there, a radian, a metre and a standard
-    deviation count the same. Between bounds the step is the best one that stays inside.
+    quartered if the cost rose by as much as it should fall, beginning at ten times the length of
+    the step at most; from 3/4 on, and after a Gauss-Newton step of more than 1/4, it becomes twice
+    that length. The first radius is the length of the start, but at least 1, and shrinks to the
+    length of the first step. See Moré, The Levenberg-Marquardt algorithm: implementation and
+    theory, 1978. Unlike there, a radian, a metre and a standard deviation count the same. Between
+    bounds the step is the best one that stays inside.
 
     In a long curved valley, steps along straight lines are short. So after a step that lowers the
     cost by less than a tenth, the next one that is damped is bent: p becomes p + a with
@@ -77,7 +76,7 @@ class TrustRegion(Limits):
 
     Attributes:
         first_radius: the first radius, in the units of the unknowns; None for the length of the
-            start.
+            start, but at least 1.
         linear_algebra: how the step is computed; `sparing` chooses a factorization.
     """
 
@@ -87,11 +86,9 @@ class TrustRegion(Limits):
     max_iterations: int = 2_000
 
     def __post_init__(self) -> None:
-        if self.first_radius is not None and not 0 < self.first_radius < np.inf:
-            raise BadArgument(
-                "`first_radius` must be a positive, finite length in the units of the unknowns, or "
-                f"None for the length of the start, not {self.first_radius}"
-            )
+        super().__post_init__()
+        if self.first_radius is not None:
+            above_zero("TrustRegion", first_radius=self.first_radius)
 
     @property
     def abilities(self) -> Abilities:
@@ -107,10 +104,9 @@ class TrustRegion(Limits):
         with Run("trust-region", self, problem, start, callback) as run:
             x, here = run.x, run.begin()
             size = float(np.linalg.norm(x))
-            radius = self.first_radius or size or 1.0
+            radius = self.first_radius or max(size, 1.0)
             damping, slow = 0.0, False
             least = SHORTEST * max(size, radius)
-            unseen = True  # so far, steps have been too short for the cost to show them
             while True:
                 steepness = float(np.linalg.norm(here.gradient))
                 damped = self._damped(problem, x, here)
@@ -124,10 +120,6 @@ class TrustRegion(Limits):
                     p = p + geodesic_acceleration(run, x, here, p, damping, self.linear_algebra)
                 to = np.clip(x + p, problem.lower, problem.upper)
                 gain_ratio = run.gain_ratio(x, here, to, predicted)
-                unseen = unseen and damping > 0 and predicted < UNSEEN * here.cost
-                if unseen:
-                    radius = 10 * length
-                    continue
                 if len(run.trace) == 1:
                     radius = min(radius, length)
                 radius = next_radius(radius, length, gain_ratio, damping)

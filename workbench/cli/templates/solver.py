@@ -34,7 +34,7 @@ class Damped(Limits):
     @property
     def abilities(self) -> wb.Abilities:
         """It needs a Jacobian, and takes no bounds."""
-        return wb.Abilities(Derivative.JACOBIAN, Boxes.UNKNOWN, source="Levenberg 1944")
+        return wb.Abilities(Derivative.JACOBIAN, Boxes.REFUSED, source="Levenberg 1944")
 
     # 3. The algorithm, on flat vectors x (n,) of all free numbers. `run.begin()` and `run.move(x)`
     #    linearize, add an iterate to the trace, and end the run when it has converged, a limit is
