@@ -614,9 +614,9 @@ source(next_radius)
 #
 # This is the equation of a damped step once more, with half of the curvature in the place of $e$.
 #
-# The first radius is the distance of the start from zero, and a first step of that length may lead past the nearest
-# minimum, into the basin of a worse one. No rule of a single run can exclude that. Who needs to know starts from
-# several places: `wb.Starts` keeps every minimum that it found, and says how many starts led there.
+# The first radius is the distance of the start from zero, or 1 if that is more, and a first step of that length may
+# lead past the nearest minimum, into the basin of a worse one. No rule of a single run can exclude that. Who needs to
+# know starts from several places: `wb.Starts` keeps every minimum that it found, and says how many starts led there.
 
 # %% slide [markdown]
 # ## Narrow valleys curve: bend the step

@@ -18,7 +18,7 @@ import numpy as np
 from workbench.arrays import Array, Mask
 from workbench.blocks import Values
 from workbench.blocks.layout import in_units
-from workbench.errors import some_of
+from workbench.errors import TooLarge, some_of
 from workbench.geometry.rotation import wrapped_to_pi
 from workbench.problem import Linearization, Problem
 from workbench.problem.optimality import decrease, half_squared
@@ -39,6 +39,8 @@ if TYPE_CHECKING:
 
 BOUGHT = 1e-5  # of the cost: what violations within the tolerances of constraints may gain
 LOOSE = 1e-3  # a gradient tolerance from which on an end is not judged: it is only near a minimum
+# what evaluations far away end in, those of the user's residual included, and linear algebra there
+SHOWS_NOTHING = (Stop, TooLarge, MemoryError, np.linalg.LinAlgError)
 MAY_DIVERGE = (
     Status.CONVERGED,
     Status.STALLED,
@@ -112,7 +114,7 @@ def ending(run: "Run", stop: Stop) -> Ending:
                 running = running_off(run, end, converged)
             if no_minimum is None and not running.any() and ended:
                 gone = insensitive(end, silent)
-    except Exception:  # of the user's residual far away, or of a limit outside of the run
+    except SHOWS_NOTHING:
         pass
     result = replace(result, judging=Evaluations(**end.counts))
     if no_minimum is not None:

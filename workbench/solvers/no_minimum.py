@@ -24,6 +24,7 @@ from workbench.arrays import Array, Mask
 from workbench.problem import Linearization, Problem
 from workbench.problem.optimality import FACTOR, Rounding, decrease, half_squared
 from workbench.problem.steps import EPS, factor_of
+from workbench.solvers.limits import GUARDED
 from workbench.solvers.solution import Evaluations, Iterate
 
 WORTH = 10.0  # times the tolerance's share of the cost: a fall by less is none
@@ -101,17 +102,20 @@ class EndPoint:
     def residual(self, x: Array) -> Array:
         """The residual at another point, (m,)."""
         self._count("residual")
-        return self.problem.residual(x, self.fixed)
+        with GUARDED:
+            return self.problem.residual(x, self.fixed)
 
     def gradient(self, x: Array) -> Array:
         """The gradient of the cost at another point, (n,)."""
         self._count("gradient")
-        return self.problem.cost_and_gradient(x, self.fixed)[1]
+        with GUARDED:
+            return self.problem.cost_and_gradient(x, self.fixed)[1]
 
     def linearize(self, x: Array) -> Linearization:
         """The linearization at another point."""
         self._count("jacobian")
-        return self.problem.linearize_at(x, self.fixed)
+        with GUARDED:
+            return self.problem.linearize_at(x, self.fixed)
 
     def _count(self, kind: str) -> None:
         self.check()
@@ -314,7 +318,8 @@ def diverging(end: EndPoint, trace: Sequence[Iterate], noticed: Mask, converged:
         """The point farther out after x (n,), its residual (m,), and whether it is no higher."""
         to = _followed(end, np.where(running, end.x + times * way, x), driven, noise)
         further = end.residual(to)
-        rounding = end.problem.rounding(to, end.fixed, further, 0.0)  # of terms that have grown
+        with GUARDED:
+            rounding = end.problem.rounding(to, end.fixed, further, 0.0)  # of terms that have grown
         left = IMPERFECT * half_squared(r) + rounding.of_decrease(further, further != r)
         return to, further, not decrease(r, further) < -left
 

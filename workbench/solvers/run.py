@@ -19,6 +19,7 @@ from workbench.problem.storage import Stored, entries
 from workbench.solvers.abilities import refuse
 from workbench.solvers.judgement import (
     LOOSE,
+    SHOWS_NOTHING,
     end_point,
     ending,
     prefer_stationary,
@@ -292,7 +293,7 @@ class Run:
             return False
         try:
             return bool(running_off(self, end_point(self, here)).any())
-        except Exception:  # of the user's residual far away, which shows nothing
+        except SHOWS_NOTHING:
             return False
 
     def stall(self, message: str = "") -> NoReturn:
