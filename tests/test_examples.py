@@ -99,7 +99,7 @@ def bundle_adjustment_is_invariant_to_similarities(example: Any) -> None:
     kinds = [direction.kind for direction in example.diagnosis.null_directions]
     assert sorted(kinds) == ["rotation"] * 3 + ["scale"] + ["translation"] * 3
     first = example.remedies[0]
-    assert (first.acts, first.numbers, first.cured) == (2, 7, True)
+    assert (first.acts, first.cured) == (2, True)
     assert first.what.startswith("hold camera ")
     assert example.solution.converged
 
