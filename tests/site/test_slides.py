@@ -103,6 +103,8 @@ LOOKED_AT = """
     await new Promise(done => setTimeout(done, 100));
     const slide = Reveal.getCurrentSlide(), body = slide.querySelector(".body");
     const figure = slide.querySelector(".figure");
+    for (let i = 0; i < 20 && body && body.scrollHeight > body.clientHeight + 2; i++)
+      await new Promise(done => setTimeout(done, 100));  // a formula may still be set
     if (slide.querySelector("mjx-merror")) told.push(`${k + 1}: a formula`);
     if (body && body.scrollHeight > body.clientHeight + 2) told.push(`${k + 1}: too high`);
     if (body && body.scrollWidth > body.clientWidth + 2) told.push(`${k + 1}: too wide`);
