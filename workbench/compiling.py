@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +34,7 @@ NATIVE = ("-march=native", "-mcpu=native")  # what compilers call the processor 
 FLAGS = ("-O2", "-ffp-contract=fast", "-fPIC", "-shared", "-fvisibility=hidden", "-w")
 LONGEST = 60.0  # seconds that a compiler may take for a library
 ANSWER = 5.0  # seconds in which it says its version
+LINE = 64  # bytes of a cache line
 OTHERS = stat.S_IWGRP | stat.S_IWOTH  # may write
 
 
@@ -226,3 +228,11 @@ def _output(command: list[str], seconds: float, folder: str | None = None) -> st
 
 def _digest(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()[:24]
+
+
+def aligned_zeros(shape: tuple[int, ...], dtype: type[np.floating[Any]]) -> NDArray[Any]:
+    """Zeros that begin where a cache line does: vectors that touch two lines take longer."""
+    size = int(np.prod(shape)) * np.dtype(dtype).itemsize
+    whole = np.zeros(size + LINE, dtype=np.uint8)
+    first = -whole.ctypes.data % LINE
+    return whole[first : first + size].view(dtype).reshape(shape)

@@ -25,6 +25,7 @@ from workbench.blocks.layout import all_values
 from workbench.blocks.points import (
     distinct,
 )
+from workbench.compiling import aligned_zeros
 from workbench.problem.graph import FORWARD, Graph, split, term_sizes
 from workbench.problem.optimality import RowSupport, half_squared
 from workbench.problem.sparsity import (
@@ -290,7 +291,6 @@ class PointCache:
 
 WORTH_KEEPING = 2**20  # bytes: memory for less is quick to get
 KEPT = 2  # buffers that wait to be used again: a solver compares two linearizations
-LINE = 64  # bytes of a cache line
 
 
 @dataclass(frozen=True, eq=False)
@@ -318,9 +318,9 @@ class BufferPool:
         try:
             buffer = self._free.pop()  # at once, whatever other threads do
         except IndexError:
-            buffer = _zeros(rows * columns)
+            buffer = aligned_zeros((rows * columns,), np.float64)
         if buffer.nbytes != size:
-            buffer = _zeros(rows * columns)
+            buffer = aligned_zeros((rows * columns,), np.float64)
         # all views hold it, as its base is no array, and none can be made writeable
         whole = np.frombuffer(memoryview(buffer.data).toreadonly())
         # it calls back while it is held; `weakref.finalize` takes three times as long
@@ -331,10 +331,3 @@ class BufferPool:
         del self._taken[id(buffer)]
         if len(self._free) < KEPT:
             self._free.append(buffer)
-
-
-def _zeros(count: int) -> Array:
-    """Zeros that begin where a cache line does: writes that touch two lines take a tenth longer."""
-    whole = np.zeros(count + LINE // 8)
-    first = -whole.ctypes.data % LINE // 8
-    return whole[first : first + count]

@@ -40,6 +40,7 @@ from workbench.bodies.forward.posing import world_rotations
 from workbench.compiling import (
     NoLibrary,
     address,
+    aligned_zeros,
     function_of_addresses,
     library,
     library_or_none,
@@ -68,7 +69,6 @@ Scalar = TypeVar("Scalar", bound=np.generic)
 
 
 PACKED = 1024  # vertices at a time, so that packing needs little memory beside the result
-LINE = 64  # bytes of a cache line
 WORTH_NARROWING = 4e6  # bytes: below, making doubles costs more than reading them (measured)
 SAMPLE = 100_000  # numbers from which a step is guessed
 PIECE = 2**16  # numbers that are compared at a time
@@ -162,8 +162,8 @@ class PackedVertices:
         chosen = np.arange(len(arrays.template))[vertices]
         K, B, N = arrays.weights.shape[1], arrays.shapedirs.shape[2], len(chosen)
         groups, (shape_step, pose_step) = -(-N // lanes), packing.steps
-        packed = _aligned((groups, 3 + K, lanes), np.float64)
-        shapes = _aligned((groups, 3 * B, lanes), packing.dtype)
+        packed = aligned_zeros((groups, 3 + K, lanes), np.float64)
+        shapes = aligned_zeros((groups, 3 * B, lanes), packing.dtype)
         weighted, corrected = np.zeros((groups, K), dtype=bool), np.zeros((groups, K), dtype=bool)
         pieces = []
         for start in range(0, N, PACKED):
@@ -178,7 +178,7 @@ class PackedVertices:
             which = (arrays.posedirs[some].reshape(len(some), 3, K - 1, 9) != 0).any(axis=(1, 3))
             corrected[here, 1:] = _grouped(which.T, lanes).any(axis=2)
         # Now that their number is known, the directions are written to where they will stay.
-        posedirs, end = _aligned((int(corrected.sum()), 27, lanes), packing.dtype), 0
+        posedirs, end = aligned_zeros((int(corrected.sum()), 27, lanes), packing.dtype), 0
         for some, here in pieces:
             by_joint = arrays.posedirs[some].reshape(len(some), 3, K - 1, 9)
             planar = by_joint.transpose(2, 3, 1, 0).reshape(27 * (K - 1), len(some))
@@ -220,14 +220,6 @@ def _grouped(columns: NDArray[Scalar], lanes: int) -> NDArray[Scalar]:
     rows, n = columns.shape
     filled = np.pad(columns, ((0, 0), (0, -n % lanes)))
     return filled.reshape(rows, -(-n // lanes), lanes).transpose(1, 0, 2)
-
-
-def _aligned(shape: tuple[int, int, int], dtype: type[np.floating[Any]]) -> NDArray[Any]:
-    """Zeros that begin where a cache line does."""
-    size = int(np.prod(shape)) * np.dtype(dtype).itemsize
-    room = np.zeros(size + LINE, dtype=np.uint8)
-    first = -room.ctypes.data % LINE
-    return room[first : first + size].view(dtype).reshape(shape)
 
 
 @cache
