@@ -13,7 +13,6 @@ from workbench.interrupts import Interrupts
 from workbench.problem import Problem
 from workbench.problem.problem import in_stage
 from workbench.solvers.abilities import Abilities
-from workbench.solvers.levenberg_marquardt import LevenbergMarquardt
 from workbench.solvers.run import INTERRUPTED
 from workbench.solvers.solution import (
     Callback,
@@ -25,6 +24,7 @@ from workbench.solvers.solution import (
     checked,
 )
 from workbench.solvers.starts import beyond_saddle
+from workbench.solvers.trust_region import TrustRegion
 
 GOES_ON = (  # ends from which the next stage begins; from INSENSITIVE no way leads back
     Status.CONVERGED,
@@ -88,11 +88,11 @@ class Staged:
     Attributes:
         stages: what is different in each stage but the last: a `SolveStage`, or only the names that
             are free in it, such as `(("trans", "pose[pelvis]"), ("trans", "pose"))`.
-        solver: what solves each stage.
+        solver: what solves each stage; by default the solver of `solve`.
     """
 
     stages: tuple[tuple[str, ...] | SolveStage, ...]
-    solver: Solver = field(default_factory=LevenbergMarquardt)
+    solver: Solver = field(default_factory=TrustRegion)
 
     def __post_init__(self) -> None:
         _ = self.each, checked(self.solver)

@@ -16,7 +16,6 @@ from workbench.interrupts import Interrupts
 from workbench.problem import Problem
 from workbench.processes import forked
 from workbench.solvers.abilities import Abilities
-from workbench.solvers.levenberg_marquardt import LevenbergMarquardt
 from workbench.solvers.limits import Stop, stop_asked
 from workbench.solvers.run import INTERRUPTED
 from workbench.solvers.solution import (
@@ -29,6 +28,7 @@ from workbench.solvers.solution import (
     Status,
     checked,
 )
+from workbench.solvers.trust_region import TrustRegion
 
 AS_GOOD = 1e-6  # of the cost: residuals that differ by less, as a cost, are those of one minimum
 FAR_ABOVE_ROUNDING = 1e3  # of |r|
@@ -92,7 +92,7 @@ class Starts:
         starts: the values of blocks at each start, in which what is left out stays as it is given
             to `solve`; or a number of starts, of which the first is the given one and the others
             are drawn.
-        solver: what solves from each start.
+        solver: what solves from each start; by default the solver of `solve`.
         draw: how further starts are drawn, if `starts` is a number: `Spread({"pose": 0.3})` about
             the given one, `within_bounds`, or a function of your own.
         seed: of the draws. Start k depends on the seed and k alone.
@@ -100,7 +100,7 @@ class Starts:
     """
 
     starts: int | Sequence[Mapping[str, Any]]
-    solver: Solver = field(default_factory=LevenbergMarquardt)
+    solver: Solver = field(default_factory=TrustRegion)
     draw: Draw = within_bounds
     seed: int = 0
     workers: int = 1
