@@ -25,7 +25,7 @@ from workbench.residuals.sequences import Between
 def always_long(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every sequence takes the long way, however short it is."""
     monkeypatch.setattr(frame_chains, "is_sparse", lambda *_: True)
-    monkeypatch.setattr(frame_chains, "WORTH", 1e9)
+    monkeypatch.setattr(frame_chains, "BAND_PER_ENTRY", 1e9)
     monkeypatch.setattr(storage, "WIDE", 0)
 
 

@@ -103,7 +103,7 @@ def run_of(places: Index) -> "slice | Index":
     return places
 
 
-SMALLEST = 1e-8  # of a pivot's square, beside the diagonal: below, half of the digits are lost
+SMALLEST_PIVOT = 1e-8  # its square over the diagonal: below, half of the digits are lost
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,7 +223,7 @@ class BandedFactor:
 
 
 def _lost(pivots: Array, diagonal: Array) -> bool:
-    return bool((pivots**2 < SMALLEST * diagonal).any())
+    return bool((pivots**2 < SMALLEST_PIVOT * diagonal).any())
 
 
 def _triangular(L: Array, right: Array, transposed: str) -> Array:
@@ -235,7 +235,7 @@ def _triangular(L: Array, right: Array, transposed: str) -> Array:
     return np.asarray(found).reshape(right.shape)
 
 
-AT_ONCE = 64  # frames whose products are kept at a time
+FRAMES_AT_ONCE = 64  # whose products are kept at a time
 
 
 class BlockPlaces(NamedTuple):
@@ -325,8 +325,8 @@ class BlockMatrix:
         found = BandedMatrix.zeros(self.order)
         for block, at in zip(self.blocks, self.places, strict=True):
             place = self.order.of_frames(at.columns)
-            for first in range(0, len(block), AT_ONCE):
-                some = slice(first, first + AT_ONCE)
+            for first in range(0, len(block), FRAMES_AT_ONCE):
+                some = slice(first, first + FRAMES_AT_ONCE)
                 J = block[some]
                 place.put(found.band, found.between, found.corner, some, J.transpose(0, 2, 1) @ J)
         if self.rest.nnz:  # last, because `put` replaces entries and this adds to them

@@ -32,9 +32,9 @@ Matrix: TypeAlias = Stored | BlockMatrix
 Symmetric: TypeAlias = Stored | BandedMatrix
 DENSE_FROM = 2**22  # entries, 32 MB: a smaller matrix is an array, whatever is in it
 SPARSE_UP_TO = 1 / 8  # nonzeros an entry: above that an array is smaller and much quicker
-WIDE = 4000  # columns of a sparse matrix whose n x n arrays still fit
-SMALL = 2**28  # bytes: not worth asking for
-GIGA = 1e9
+SQUARE_UP_TO = 4000  # columns of a sparse matrix whose n x n arrays still fit
+ALWAYS_FITS = 2**28  # bytes: not worth asking how much memory is free
+GB = 1e9
 INSTEAD = "free fewer blocks at a time, or divide the problem, as a long sequence into short ones"
 
 
@@ -149,16 +149,16 @@ def where_not_finite(matrix: Matrix) -> list[tuple[int, int]]:
 def check_wide(matrix: Matrix) -> None:
     """Raise TooLarge where a sparse matrix has too many columns for arrays of n x n."""
     m, n = matrix.shape
-    if not isinstance(matrix, np.ndarray) and n > WIDE:
+    if not isinstance(matrix, np.ndarray) and n > SQUARE_UP_TO:
         raise TooLarge(
             f"the singular values of a sparse Jacobian of {m:,} x {n:,} need arrays of {n:,} x "
-            f"{n:,}; up to {WIDE:,} columns have them: free fewer blocks"
+            f"{n:,}; up to {SQUARE_UP_TO:,} columns have them: free fewer blocks"
         )
 
 
 def is_long(matrix: Matrix) -> bool:
     """Whether a matrix is that of a sequence of frames, too wide for arrays of n x n."""
-    return isinstance(matrix, BlockMatrix) and matrix.shape[1] > WIDE
+    return isinstance(matrix, BlockMatrix) and matrix.shape[1] > SQUARE_UP_TO
 
 
 def gram(matrix: Matrix) -> Symmetric:
@@ -213,13 +213,13 @@ def distance(one: Matrix, a: float, other: Matrix, b: float) -> float:
 def check_fits(rows: int, columns: int) -> None:
     """Raise TooLarge unless a dense Jacobian fits twice into the memory that is free."""
     size = 8 * rows * columns
-    if size <= SMALL:
+    if size <= ALWAYS_FITS:
         return
     free = free_memory()
     if free is not None and 2 * size > free:  # a factorization of it takes as much again
         raise TooLarge(
-            f"a dense Jacobian of {rows:,} x {columns:,} takes {size / GIGA:.3g} GB, and a step "
-            f"with it as much again; {free / GIGA:.2g} GB of memory are free; {INSTEAD}"
+            f"a dense Jacobian of {rows:,} x {columns:,} takes {size / GB:.3g} GB, and a step "
+            f"with it as much again; {free / GB:.2g} GB of memory are free; {INSTEAD}"
         )
 
 
@@ -247,11 +247,11 @@ def free_memory() -> int | None:
     return min(limits, default=None)
 
 
-NAME = "normal-equations"
-MANY = 2e7  # multiplications, m n^2: below, BLAS is as fast as a call of anything else
-WIDEST = 200  # columns: beyond, their sums do not stay near the processor (measured)
+LIBRARY = "normal-equations"
+COMPILED_FROM = 2e7  # multiplications, m n^2: of fewer, BLAS is as fast as a call of anything
+COMPILED_COLUMNS = 200  # at most: the sums of more do not stay near the processor (measured)
 LINE = 64  # bytes of a cache line
-TRIED = 301, 13  # rows and columns that the library is tried on: two full blocks and a part
+TRIED_SHAPE = 301, 13  # of the matrix that the library is tried on: two full blocks and a part
 
 
 def normal_equations(J: object, r: Array) -> tuple[Array, Array] | None:
@@ -271,14 +271,14 @@ def normal_equations(J: object, r: Array) -> tuple[Array, Array] | None:
 
 def worthwhile(m: int, n: int) -> bool:
     """Whether a Jacobian (m, n) is large enough, and not too wide."""
-    return n <= WIDEST and m * n * n >= MANY
+    return n <= COMPILED_COLUMNS and m * n * n >= COMPILED_FROM
 
 
 @cache
 def compiled_gram() -> CompiledGram | None:
     """The compiled products, loaded once per process; None where there is no compiler."""
     source = "\n".join([vectors(), source_beside(__package__, "gram.c")])
-    loaded = library_or_none(NAME, source, _agrees, "normal equations are computed by BLAS")
+    loaded = library_or_none(LIBRARY, source, _agrees, "normal equations are computed by BLAS")
     return None if loaded is None else CompiledGram(loaded)
 
 
@@ -316,7 +316,7 @@ class CompiledGram:
 
 def _agrees(loaded: ctypes.CDLL) -> bool:
     """Whether the library says what BLAS says, about random columns that are zero in some rows."""
-    rng, (m, n) = np.random.default_rng(0), TRIED
+    rng, (m, n) = np.random.default_rng(0), TRIED_SHAPE
     J, r = rng.standard_normal((n, m)).T, rng.standard_normal(m)
     J[: m // 2, : n // 2] = 0.0
     normal, gradient = CompiledGram(loaded).products(J, r)

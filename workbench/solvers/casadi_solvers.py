@@ -21,10 +21,12 @@ from workbench.solvers.oracle import Oracle, StoredBy
 from workbench.solvers.run import Run, has_one_pass
 from workbench.solvers.solution import Callback, Solution, Status
 
-RISE, RISES = 4.0, 8  # of the damping for each step that was tried in vain, and how many count
-SMALLEST, LARGEST = 1e-12, 1e3  # of the largest diagonal entry: below the smallest there is none
-AGAIN = 1e-6  # from which on it rises, if it was below
-MEANING = {  # of IPOPT's return codes that are not STALLED; `ending` decides what has converged
+RISE_PER_TRIAL = 4.0  # of the damping, for each step that was tried in vain
+MOST_RISES = 8  # such steps that count
+SMALLEST_DAMPING = 1e-12  # of the largest entry of J'J: instead of less there is none
+LARGEST_DAMPING = 1e3
+DAMPED_AGAIN_FROM = 1e-6  # of that entry: from here it rises, if it was below
+STATUS_OF_RESULT = {  # for IPOPT's return codes; STALLED for others
     "Solve_Succeeded": Status.CONVERGED,
     "Not_Enough_Degrees_Of_Freedom": Status.INFEASIBLE,
     "Infeasible_Problem_Detected": Status.INFEASIBLE,
@@ -95,7 +97,7 @@ class DampedGaussNewton:
 
 
 Hessian = Callable[[Run, Array, Linearization], Stored] | DampedGaussNewton
-DAMPED = DampedGaussNewton()
+DAMPED_HESSIAN = DampedGaussNewton()
 # J'J itself, positive semidefinite, and exact where the residual vanishes
 gauss_newton_hessian = DampedGaussNewton(first_damping=0.0)
 
@@ -123,15 +125,15 @@ class _Damping:
         largest = float(here.column_norms.max(initial=0.0) ** 2)
         if last is None:
             radius = first_radius(x, np.ones_like(x))
-            while self._damping < LARGEST and not (
+            while self._damping < LARGEST_DAMPING and not (
                 float(np.linalg.norm(here.step(self._damping * largest))) <= radius
             ):
                 self._damping *= 2.0
         elif np.array_equal(x, last.x):
             return last.hessian
         else:
-            damping = min(self._next(last, x, here), LARGEST)
-            self._damping = damping if damping > SMALLEST else 0.0
+            damping = min(self._next(last, x, here), LARGEST_DAMPING)
+            self._damping = damping if damping > SMALLEST_DAMPING else 0.0
         H, added = unblocked(here.normal), self._damping * largest
         if isinstance(H, csc_array):
             H = csc_array(H + added * eye_array(len(x)))
@@ -148,7 +150,7 @@ class _Damping:
         """The damping after the step from the last point to x."""
         cut = self._tried - last.tried - 1
         if cut > 0:
-            return max(self._damping, AGAIN) * RISE ** min(cut, RISES)
+            return max(self._damping, DAMPED_AGAIN_FROM) * RISE_PER_TRIAL ** min(cut, MOST_RISES)
         p = x - last.x
         predicted = -float(last.gradient @ p) - 0.5 * float(p @ (last.hessian @ p))
         if predicted <= 0:  # the step was not to lower the cost, but to meet bounds
@@ -221,7 +223,7 @@ class Ipopt(Limits):
             the constraints is added.
     """
 
-    hessian: Hessian | None = DAMPED
+    hessian: Hessian | None = DAMPED_HESSIAN
     _: KW_ONLY
     max_iterations: int = 300
 
@@ -235,7 +237,7 @@ class Ipopt(Limits):
         with Run("ipopt", self, problem, start, callback) as run:
             _begin(run, self.hessian)  # a start that is not finite ends the run here, too
             answer = self._ask(run)
-            status = MEANING.get(answer, Status.STALLED)
+            status = STATUS_OF_RESULT.get(answer, Status.STALLED)
             message = f"{ADVICE.get(answer, status.value)} (ipopt: {answer})"
             if status is Status.STALLED:
                 run.stall(message)
@@ -244,7 +246,7 @@ class Ipopt(Limits):
 
     def _ask(self, run: Run) -> str:
         """Run IPOPT; its own word for how it ended."""
-        hessian = self.hessian or DAMPED  # limited-memory BFGS does not ask for it
+        hessian = self.hessian or DAMPED_HESSIAN  # limited-memory BFGS does not ask for it
         oracle = Oracle(run, _along(run, hessian), _nonzeros(run.problem, hessian))
         solver = self._made(oracle, run.problem.stacked_constraints is not None)
         oracle.minimize(solver)
@@ -307,7 +309,7 @@ class Sqp(Limits):
             the constraints is added.
     """
 
-    hessian: Hessian = DAMPED
+    hessian: Hessian = DAMPED_HESSIAN
     _: KW_ONLY
     max_iterations: int = 200
 

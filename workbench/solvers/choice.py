@@ -13,8 +13,8 @@ from workbench.errors import BadArgument, TooLarge
 from workbench.problem import Problem
 from workbench.problem.optimality import half_squared
 
-STEEP = 0.25  # gain ratio of a full Gauss-Newton step below which the linear model is not trusted
-ILL = 1e6  # condition of the columns of length one
+LEAST_GAIN = 0.25  # gain ratio of a full Gauss-Newton step: below, the model is not trusted
+ILL_CONDITIONED = 1e6  # condition number of the Jacobian, columns of length one
 
 
 @dataclass(frozen=True)
@@ -83,11 +83,11 @@ def recommend(problem: Problem, start: Values) -> Recommendation:
         why = ["The cost is a sum of squares: damped Gauss-Newton steps need few evaluations."]
         if bounded:
             why.append("Its steps are the best ones inside the bounds.")
-        if gain_ratio < STEEP:
+        if gain_ratio < LEAST_GAIN:
             why.append("The linear model is wrong about a full step: steps must be limited.")
         elif not bounded:
             why.append("The linear model is right about a full step: gauss-newton works as well.")
-        if condition > ILL:
+        if condition > ILL_CONDITIONED:
             why.append("Columns of the Jacobian nearly depend on each other: damping helps.")
     if rank < n:
         why.append("Solvers may end at different points: `workbench diagnose` names directions.")

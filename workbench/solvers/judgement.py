@@ -37,8 +37,9 @@ from workbench.solvers.solution import Evaluations, Status
 if TYPE_CHECKING:
     from workbench.solvers.run import Run
 
-BOUGHT = 1e-5  # of the cost: what violations within the tolerances of constraints may gain
-LOOSE = 1e-3  # a gradient tolerance from which on an end is not judged: it is only near a minimum
+GAIN_BY_VIOLATION = 1e-5  # of the cost: what violations within their tolerances may gain
+# a gradient tolerance from which on an end is not judged, because it is only near a minimum
+LOOSE_TOLERANCE = 1e-3
 # what evaluations far away end in, those of the user's residual included, and linear algebra there
 SHOWS_NOTHING = (Stop, TooLarge, MemoryError, np.linalg.LinAlgError)
 MAY_DIVERGE = (
@@ -48,15 +49,15 @@ MAY_DIVERGE = (
     Status.MAX_EVALUATIONS,
     Status.NO_FINITE_MINIMUM,
 )
-NAMED = 6  # unknowns in a message; there may be thousands
-NUDGE, LARGEST_NUDGE = 1e-3, 0.1  # of the size of an unknown, or of 1
-NUDGED = 20  # unknowns at most that are tried one by one
-PROBE = 1e-3  # of the size of an unknown: how far the second gradient is taken
-HARMLESS = 1e-6  # of the cost, which is 1/2 for one sigma: a fall by less changes no answer
-WEAK = 1e-3  # of the residual: what an unknown of its size changes, if it is perhaps insensitive
-BEYOND = np.pi * (1 + 1e-6)  # at half a turn exactly there are two vectors, and no reason to change
-MOST = 300  # unknowns: with more, singular values take too long
-SUSPECT = 1e-6  # of the largest singular value: what J'J cannot tell from zero
+MOST_NAMED = 6  # unknowns in a message; there may be thousands
+SMALLEST_NUDGE, LARGEST_NUDGE = 1e-3, 0.1  # of the size of an unknown, or of 1
+MOST_NUDGED = 20  # unknowns at most that are tried one by one
+CURVATURE_STEP = 1e-3  # of the size of an unknown: how far away the second gradient is taken
+HARMLESS_FALL = 1e-6  # of the cost, which is 1/2 for one sigma: a fall by less changes no answer
+WEAK_EFFECT = 1e-3  # of the residual: changed by less, an unknown is perhaps insensitive
+HALF_A_TURN = np.pi * (1 + 1e-6)  # exactly there, two vectors are as short as each other
+RANK_UP_TO = 300  # unknowns: of more, singular values take too long
+MAYBE_NULL = 1e-6  # of the largest singular value: J'J cannot tell a smaller one from zero
 
 
 @dataclass(frozen=True)
@@ -105,7 +106,7 @@ def ending(run: "Run", stop: Stop) -> Ending:
     try:
         is_level = not converged and status is Status.STALLED and _is_level(end)
         converged = converged or is_level
-        if run.limits.gradient_tolerance < LOOSE:
+        if run.limits.gradient_tolerance < LOOSE_TOLERANCE:
             end.check()
             if converged:
                 evaluations = sum(run.meter.counts.values()) + run.one_pass.saved
@@ -123,7 +124,7 @@ def ending(run: "Run", stop: Stop) -> Ending:
         return _without_minimum(end, running, result)
     if gone.any():
         labels = free.labels_of(np.flatnonzero(gone))
-        message = Status.INSENSITIVE.value.replace("some unknowns", some_of(labels, NAMED), 1)
+        message = Status.INSENSITIVE.value.replace("some unknowns", some_of(labels, MOST_NAMED), 1)
         every = tuple(dict.fromkeys((*labels, *result.insensitive)))
         return replace(result, status=Status.INSENSITIVE, message=message, insensitive=every)
     if converged:
@@ -162,10 +163,10 @@ def _is_level(end: EndPoint) -> bool:
     d = np.clip(-here.gradient / D**2, end.problem.lower - end.x, end.problem.upper - end.x)
     if not d.any():
         return True
-    d *= PROBE / float(np.max(np.abs(d) / end.size))
+    d *= CURVATURE_STEP / float(np.max(np.abs(d) / end.size))
     curvature = float((end.gradient(end.x + d) - here.gradient) @ d)
     slope = float(here.gradient @ d)
-    return curvature > 0 and slope * slope <= 2 * curvature * min(end.worth, HARMLESS)
+    return curvature > 0 and slope * slope <= 2 * curvature * min(end.worth, HARMLESS_FALL)
 
 
 def running_off(run: "Run", end: EndPoint, converged: bool = False) -> Mask:
@@ -189,14 +190,14 @@ def insensitive(end: EndPoint, silent: Mask) -> Mask:
     support, here = end.problem.support, end.here
     error, rows = support.norms(end.rounding.rows), support.norms(here.residual)
     weak = here.column_norms * end.size <= error
-    weak |= here.column_norms * np.maximum(end.size, 1.0) <= WEAK * rows
+    weak |= here.column_norms * np.maximum(end.size, 1.0) <= WEAK_EFFECT * rows
     weak &= support.read & (rows > error) & (end.problem.lower < end.problem.upper)
     unseen = weak & silent
     if unseen.any() and not (weak == support.read).all() and _silent_elsewhere(end, unseen):
         weak &= ~silent
     if weak.any() and all(not change for change in _changes(end, weak, 1.0)):
         return np.asarray(weak)
-    weakest = np.argsort(np.where(weak, here.column_norms, np.inf))[: min(weak.sum(), NUDGED)]
+    weakest = np.argsort(np.where(weak, here.column_norms, np.inf))[: min(weak.sum(), MOST_NUDGED)]
     weak[:] = False
     for i in weakest:
         one = np.arange(len(weak)) == i
@@ -218,7 +219,7 @@ def _changes(end: EndPoint, moved: Mask, side: float) -> Iterator[float]:
     Negative if it rises, or a bound is in the way; 0 where rounding may be all of the change.
     """
     part, size = LARGEST_NUDGE, float(end.size[moved].max())
-    while part * max(size, 1.0) >= NUDGE * size:
+    while part * max(size, 1.0) >= SMALLEST_NUDGE * size:
         to = end.x + side * part * np.where(moved, np.maximum(end.size, 1.0), 0.0)
         if (to < end.problem.lower).any() or (to > end.problem.upper).any():
             yield -np.inf
@@ -245,7 +246,7 @@ def prefer_stationary(
         run.best.settle(x, cost, 0.0, optimality, noise)
     elif here.constraints is not None:
         violation = there.violation(here.constraints.values)
-        run.best.settle(x, cost, violation, optimality, BOUGHT * cost + noise)
+        run.best.settle(x, cost, violation, optimality, GAIN_BY_VIOLATION * cost + noise)
 
 
 def _judged(run: "Run", x: Array) -> Linearization:
@@ -258,7 +259,7 @@ def _at_saddle(end: EndPoint, there: Saddle, result: Ending) -> Ending:
     """The direction in the words of a diagnosis, and where to start instead."""
     free, cost = end.problem.free, end.here.cost
     size = np.linalg.norm(end.here.residual) / end.size  # of columns that vanish at the saddle
-    along = in_units(there.to - end.x, free, np.maximum(end.here.column_norms, size), NAMED)
+    along = in_units(there.to - end.x, free, np.maximum(end.here.column_norms, size), MOST_NAMED)
     message = (
         f"the gradient vanishes, but this is no minimum: the cost falls along {along}, from "
         f"{cost:.6g} to {cost - there.fall:.6g} at the point that `lower` of the solution holds; "
@@ -273,7 +274,7 @@ def _without_minimum(end: EndPoint, running: Mask, result: Ending) -> Ending:
     places = np.flatnonzero(running)
     labels = end.problem.free.labels_of(places)
     told = [f"{name} = {end.x[i]:.3g}" for name, i in zip(labels, places, strict=True)]
-    status, named = Status.NO_FINITE_MINIMUM, f"unknowns ({some_of(told, NAMED)})"
+    status, named = Status.NO_FINITE_MINIMUM, f"unknowns ({some_of(told, MOST_NAMED)})"
     message = status.value.replace("some unknowns", named, 1)
     return replace(result, status=status, message=message, diverging=tuple(labels))
 
@@ -283,16 +284,16 @@ def _converged(
 ) -> str:
     """What is to be said of an end that has converged."""
     message = Status.CONVERGED.value
-    if run.limits.gradient_tolerance >= LOOSE:
+    if run.limits.gradient_tolerance >= LOOSE_TOLERANCE:
         message = (
             f"the gradient is below the tolerance of {run.limits.gradient_tolerance:g}, which "
             "is too large to tell a minimum from a saddle, or from a cost that falls for ever; "
             "neither was looked for"
         )
     if unread:
-        message += f" (no residual reads {some_of(unread, NAMED)})"
+        message += f" (no residual reads {some_of(unread, MOST_NAMED)})"
     if unnoticed:
-        names = some_of(unnoticed, NAMED)
+        names = some_of(unnoticed, MOST_NAMED)
         message += f" (no residual changes with {names} where its Jacobian was computed)"
     return message + flat_in_words(run.problem, run.best.x, here)
 
@@ -358,7 +359,7 @@ def _shorter(problem: Problem, x: Array) -> list[tuple[slice, Array]]:
         return []
     angles = np.linalg.norm(x[first[:, None] + np.arange(3)], axis=1)
     found = []
-    for start in first[angles > BEYOND]:
+    for start in first[angles > HALF_A_TURN]:
         at = slice(int(start), int(start) + 3)
         short = wrapped_to_pi(x[at])
         if (problem.lower[at] <= short).all() and (short <= problem.upper[at]).all():
@@ -374,11 +375,11 @@ def flat_in_words(problem: Problem, x: Array, here: Linearization) -> str:
     """
     inside = np.flatnonzero((here.column_norms > 0) & (x > problem.lower) & (x < problem.upper))
     n = inside.size
-    if here.constraints is not None or here.estimated or not 0 < n <= MOST:
+    if here.constraints is not None or here.estimated or not 0 < n <= RANK_UP_TO:
         return ""
     lengths = here.column_norms[inside]
     normal = np.asarray(here.normal)[np.ix_(inside, inside)] / np.outer(lengths, lengths)
-    if np.linalg.eigvalsh(normal)[0] > SUSPECT**2 * n + 100 * n * EPS:
+    if np.linalg.eigvalsh(normal)[0] > MAYBE_NULL**2 * n + 100 * n * EPS:
         return ""
     null = n - here.columns(inside).scaled(1 / lengths).rank
     if null == 0:

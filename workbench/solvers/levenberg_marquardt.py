@@ -19,8 +19,8 @@ from workbench.solvers.solution import Callback, Solution
 from workbench.solvers.trust_region import Scaling, box_step, identity
 
 FASTEST_FALL = 0.1  # of the damping in one step; the paper's 1/3 needs 4 more on a noiseless body
-SHORTER = 0.75  # of a step: the longest further one with the same Jacobian
-STIFFEST = 1e140  # of a column in the units of its step: the square, damped, is still a number
+LONGEST_FURTHER = 0.75  # of a step: the next one with the same Jacobian is no longer
+LARGEST_STIFFNESS = 1e140  # |J_i| / D_i: its square, damped, is still a number
 
 
 def eased(gain_ratio: float) -> float:
@@ -106,7 +106,7 @@ class LevenbergMarquardt(Limits):
         with Run("levenberg-marquardt", self, problem, start, callback) as run:
             x, here = run.x, run.linearize(run.x)
             D = self.scaling(here)
-            stiffness = np.minimum(here.column_norms / D, STIFFEST)
+            stiffness = np.minimum(here.column_norms / D, LARGEST_STIFFNESS)
             stiffest = float(np.max(stiffness**2, initial=1e-300))
             damping, growth = self.first_damping * stiffest, 2.0
             least = EPS**2 * stiffest  # where columns differ by 1e16, the shortest still count
@@ -164,7 +164,7 @@ class LevenbergMarquardt(Limits):
             trials[-1] = Trial(to, predicted, known)
             if not isfinite(known[0]):
                 break
-            there, at_most = here.with_residual(known[1]), SHORTER * length
+            there, at_most = here.with_residual(known[1]), LONGEST_FURTHER * length
             step = box_step(there, damping, D, lower - to, upper - to, self.linear_algebra)
             if step is None or not (length := float(np.linalg.norm(D * step.p))) <= at_most:
                 break

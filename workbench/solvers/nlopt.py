@@ -14,12 +14,12 @@ from workbench.problem import Linearization, Problem
 from workbench.problem.constraints import ConstraintSet
 from workbench.problem.optimality import all_finite
 from workbench.solvers.abilities import Abilities, Boxes, Derivative
-from workbench.solvers.judgement import BOUGHT
+from workbench.solvers.judgement import GAIN_BY_VIOLATION
 from workbench.solvers.limits import Limits, Stop
 from workbench.solvers.run import Run
 from workbench.solvers.solution import Callback, Solution, Status
 
-MEANING = {  # of the result codes that end a run by themselves
+STATUS_OF_RESULT = {  # for the result codes that end a run by themselves
     nlopt.FAILURE: (Status.STALLED, "it gave up; try another algorithm"),
     nlopt.INVALID_ARGS: (Status.STALLED, "it does not take this problem; try another algorithm"),
     nlopt.OUT_OF_MEMORY: (Status.STALLED, "out of memory; try an algorithm without a full matrix"),
@@ -37,7 +37,7 @@ NOT_A_POINT = (
     "the algorithm broke down, for it asks for the cost at a point that is not a number; the best "
     "point before that was kept; try another algorithm"
 )
-LOOK = 3.0  # times the tolerance: an estimate of the optimality at which it is worth a Jacobian
+NEARLY_STATIONARY = 3.0  # times the tolerance: an estimate below is worth a Jacobian
 
 _DIRECT, _DIRECT_L = "Jones, Perttunen and Stuckman 1993", "Gablonsky and Kelley 2001"
 _STOGO, _TNEWTON = "Madsen and Zertchaninov 1998", "Dembo and Steihaug 1982; Luksan"
@@ -181,7 +181,7 @@ class Nlopt(Limits):
                 raise objective.error
             run.check()  # some leave at a limit without saying so
             code = optimizer.last_optimize_result()
-            status, advice = MEANING.get(code, (Status.STALLED, Status.STALLED.value))
+            status, advice = STATUS_OF_RESULT.get(code, (Status.STALLED, Status.STALLED.value))
             message = f"{advice} (nlopt: result {code})"
             if status is Status.STALLED:
                 run.stall(message)
@@ -335,7 +335,8 @@ class NloptObjective:
         best = self.run.best
         if self.run.problem.stacked_constraints is None:
             return cost < self._lowest
-        return best.cost == cost or (best.violation <= 1 and cost <= (1 + BOUGHT) * best.cost)
+        hardly_higher = cost <= (1 + GAIN_BY_VIOLATION) * best.cost
+        return best.cost == cost or (best.violation <= 1 and hardly_higher)
 
     def _cone(self, y: Array, gradient: Array) -> float:
         """A cost higher than all before, whose gradient leads back to the last good point."""
@@ -364,5 +365,5 @@ class NloptObjective:
         if self._bounded:
             low, high = (problem.lower - x) * self._norms, (problem.upper - x) * self._norms
             way = np.clip(-way, low, high)
-        steep = LOOK * run.limits.gradient_tolerance * sqrt(2 * run.best.cost)
+        steep = NEARLY_STATIONARY * run.limits.gradient_tolerance * sqrt(2 * run.best.cost)
         return bool((np.abs(way) > steep).any())

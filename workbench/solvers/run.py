@@ -18,7 +18,7 @@ from workbench.problem.steps import automatic, cholesky, sparing
 from workbench.problem.storage import Stored, entries
 from workbench.solvers.abilities import refuse
 from workbench.solvers.judgement import (
-    LOOSE,
+    LOOSE_TOLERANCE,
     SHOWS_NOTHING,
     end_point,
     ending,
@@ -33,15 +33,15 @@ from workbench.threads import limited_threads
 T = TypeVar("T")
 Known = tuple[float, Array] | None  # the cost and the residual (m,) at a point
 NOT_FINITE_IN_A_ROW = 100  # a line search that halves has long met rounding by then
-TRIES = 6  # to find a more stationary point, each step more cautious than the last
+POLISHING_TRIES = 6  # for a more stationary point, each step more cautious than the last
 INTERRUPTED = "interrupted from the keyboard"
-LOOKED_AT = (128, 256, 512, 1024)  # iterates at which the cost is asked whether it falls for ever
-CLEARLY = 100.0  # times the rounding errors of a few points ago: they do not matter
-OFTEN = 5  # linearizations after which rounding errors are measured in any case
+DIVERGENCE_LOOKED_AT = (128, 256, 512, 1024)  # iterates: does the cost fall for ever?
+CLEARLY_ABOVE = 100.0  # times the rounding errors of a few points ago: these do not matter
+REMEASURED_AFTER = 5  # linearizations, rounding errors are measured in any case
 BY_NORMAL_EQUATIONS = (automatic, cholesky, sparing)
-LARGEST = 2**26  # bytes of a Jacobian, of which two are in memory at a time
-HIGHER = 1.001  # times the cost: where a trial costs more, its Jacobian is not looked at
-POLISHED = 0.99  # of the optimality before, at most, where costs no longer tell points apart
+ONE_PASS_UP_TO = 2**26  # bytes of a Jacobian, of which two are in memory at a time
+TOO_COSTLY = 1.001  # times the cost: the Jacobian of a trial that costs more is not looked at
+MORE_STATIONARY = 0.99  # of the optimality before, at most, where costs do not tell points apart
 
 
 class Run:
@@ -114,7 +114,7 @@ class Run:
         If `one_pass` expects that it is taken, it is linearized at once.
         """
         at_once = self.linearizations.at(to) is None and self.one_pass.expected()
-        known = self._linearized(to, HIGHER * before) if at_once else None
+        known = self._linearized(to, TOO_COSTLY * before) if at_once else None
         return known or self.cost_and_residual(to)
 
     def cost_and_gradient(self, x: Array) -> tuple[float, Array]:
@@ -217,11 +217,11 @@ class Run:
         if not hidden:
             return fallen / predicted
         optimality = self.rounding_noise.optimality
-        if optimality(to, self.linearize(to)) <= POLISHED * optimality(x, here):
+        if optimality(to, self.linearize(to)) <= MORE_STATIONARY * optimality(x, here):
             self._unpolished = 0
             return 1.0
         self._unpolished += 1
-        if self._unpolished > TRIES:
+        if self._unpolished > POLISHING_TRIES:
             self.stall()
         return -np.inf
 
@@ -280,7 +280,7 @@ class Run:
         self._interrupts.check()
         if optimality <= self.limits.gradient_tolerance:
             raise Stop(Status.CONVERGED)
-        if len(self.trace) in LOOKED_AT and here is not None and self._runs_off(x, here):
+        if len(self.trace) in DIVERGENCE_LOOKED_AT and here is not None and self._runs_off(x, here):
             raise Stop(Status.NO_FINITE_MINIMUM)
         if asked is not None:
             raise asked
@@ -289,7 +289,7 @@ class Run:
 
     def _runs_off(self, x: Array, here: Linearization) -> bool:
         """Whether unknowns grow without limit, at the best point x (n,) of a long run."""
-        if self.limits.gradient_tolerance >= LOOSE or not np.array_equal(x, self.best.x):
+        if self.limits.gradient_tolerance >= LOOSE_TOLERANCE or not np.array_equal(x, self.best.x):
             return False
         try:
             return bool(running_off(self, end_point(self, here)).any())
@@ -449,7 +449,7 @@ class RoundingNoise:
         def measure() -> float:
             if (last := self._recent) is not None:
                 found = self._problem.optimality(x, here)
-                if found * min(1.0, float(np.sqrt(2 * here.cost))) > CLEARLY * last.norm:
+                if found * min(1.0, float(np.sqrt(2 * here.cost))) > CLEARLY_ABOVE * last.norm:
                     return found
             return self._problem.optimality(x, here, self.at(x, here))
 
@@ -467,7 +467,7 @@ class RoundingNoise:
         If `moved` (m,) is given, only these rows of the residual count.
         """
         last = self._recent
-        if last is not None and predicted > CLEARLY * last.of_cost(here.residual):
+        if last is not None and predicted > CLEARLY_ABOVE * last.of_cost(here.residual):
             return False
         rounding = self.at(x, here)
         if moved is None:
@@ -476,7 +476,7 @@ class RoundingNoise:
 
     @property
     def _recent(self) -> Rounding | None:
-        return self._last if self.age < OFTEN else None
+        return self._last if self.age < REMEASURED_AFTER else None
 
 
 class OnePass:
@@ -522,4 +522,8 @@ def has_one_pass(problem: Problem) -> bool:
     if problem.sparse:
         return False
     m, n = problem.size, problem.free.size
-    return storage.worthwhile(m, n) and 8 * m * n <= LARGEST and storage.compiled_gram() is not None
+    return (
+        storage.worthwhile(m, n)
+        and 8 * m * n <= ONE_PASS_UP_TO
+        and storage.compiled_gram() is not None
+    )
