@@ -210,9 +210,9 @@ def _inverse(here: Linearization, D: Array, held: Mask) -> Product | None:
 @lru_cache(maxsize=4)
 def random_vector(n: int) -> Array:
     """Random numbers (n,), normally distributed and always the same; they cannot be written to."""
-    found = np.random.default_rng(0).standard_normal(n)
-    found.setflags(write=False)
-    return found
+    vector = np.random.default_rng(0).standard_normal(n)
+    vector.setflags(write=False)
+    return vector
 
 
 def _searched(
@@ -253,9 +253,9 @@ def _searched(
         last = k >= most or beta <= EPS * float(np.abs(values).max())
         clear = beta * abs(float(vectors[-1, 0])) <= CLEAR_VECTOR * abs(least)
         if least < FLAT_EIGENVALUE and (last or (least < -FLAT_EIGENVALUE and clear and not tried)):
-            found, tried = falls(primal @ vectors[:, 0]), True
-            if found is not None:
-                return found
+            beside, tried = falls(primal @ vectors[:, 0]), True
+            if beside is not None:
+                return beside
         if last:
             return None
     return None
@@ -300,101 +300,114 @@ def _falls(end: EndPoint, d: Array, D: Array) -> Saddle | None:
 def diverging(end: EndPoint, trace: Sequence[Iterate], noticed: Mask, converged: bool) -> Mask:
     """The unknowns (n,) that run off while the cost falls.
 
-    Those are tried that are large by `_growing` or have become a thousand times as large as they
-    were, or as 1, of those that changed the residual by more than rounding: `noticed` (n,).
+    Candidates have grown to the end (`_growing`), or have become a thousand times as large as they
+    were, or as 1; and they changed the residual by more than rounding: `noticed` (n,).
     """
     last, none = len(trace) - 1, np.zeros(len(end.x), dtype=bool)
     if last < 1 or not trace[last // 2].cost > end.here.cost + end.noise:
         return none
-    start, noise = end.start, end.noise
+    growing = none
+    if last + 1 >= FEWEST_ITERATES:
+        growing = _growing(end, trace, converged) & noticed
     limit = np.where(end.x > 0, end.problem.upper, end.problem.lower)
-    far = (np.abs(end.x) > THOUSANDFOLD * np.maximum(np.abs(start), 1.0)) & ~np.isfinite(limit)
-    growing = _growing(end, trace, converged) & noticed if last + 1 >= FEWEST_ITERATES else none
-    running = (growing | far) & noticed & (end.x != start)
-    if not running.any():
-        return none
-    way, tried = np.where(running, end.x - start, 0.0), 0
-    growth = np.where(running, np.abs(end.x) / np.maximum(np.abs(start), 1.0), 0.0)
-    driven = np.arange(len(growth)) == np.argmax(growth)
-    begun = _followed(end, end.x, driven, noise)
-    first = end.residual(begun)
+    large = (_growth(end) > THOUSANDFOLD) & ~np.isfinite(limit)
+    running = (growing | large) & noticed & (end.x != end.start)
+    return running if running.any() and _never_rises(end, running, growing) else none
 
-    def fallen(times: float, x: Array, r: Array) -> tuple[Array, Array, bool]:
-        """The point farther out after x (n,), its residual (m,), and whether it is no higher."""
-        to = _followed(end, np.where(running, end.x + times * way, x), driven, noise)
-        further = end.residual(to)
+
+def _growth(end: EndPoint) -> Array:
+    """How many times as large as at the start, or as 1, the unknowns have become, (n,)."""
+    return np.asarray(np.abs(end.x) / np.maximum(np.abs(end.start), 1.0))
+
+
+def _never_rises(end: EndPoint, running: Mask, growing: Mask) -> bool:
+    """Whether the cost never rises as the `running` unknowns (n,) are taken far out, and falls.
+
+    The one that has grown most is held at each distance, and all others follow. What is still
+    `growing` (n,), or has become a million times as large, need not show again that the cost falls.
+    """
+    growth = np.where(running, _growth(end), 0.0)
+    leading = np.arange(len(growth)) == np.argmax(growth)
+    way, noise = np.where(running, end.x - end.start, 0.0), end.noise
+
+    def farther(distance: float, x: Array, r: Array) -> tuple[Array, Array, bool]:
+        """The next point after x (n,), its residual (m,), and whether it costs no more."""
+        to = np.where(running, end.x + distance * way, x)
+        to = _others_followed(end, to, leading, noise)
+        r_to = end.residual(to)
         with GUARDED:
-            rounding = end.problem.rounding(to, end.fixed, further, 0.0)  # of terms that have grown
-        left = FOLLOWING_ERROR * half_squared(r) + rounding.of_decrease(further, further != r)
-        return to, further, not decrease(r, further) < -left
+            rounding = end.problem.rounding(to, end.fixed, r_to, 0.0)  # of terms that have grown
+        unexplained = FOLLOWING_ERROR * half_squared(r) + rounding.of_decrease(r_to, r_to != r)
+        return to, r_to, not decrease(r, r_to) < -unexplained
 
-    if not fallen(FAR_OUT, begun, first)[2]:
-        return none
-    at, before = begun, first
-    for times in DISTANCES:
-        at, r, lower = fallen(times, at, before)
-        if not np.isfinite(r).all():
+    x = _others_followed(end, end.x, leading, noise)
+    first = r = end.residual(x)
+    if not farther(FAR_OUT, x, r)[2]:
+        return False
+    tried = 0
+    for distance in DISTANCES:
+        x, r_to, no_higher = farther(distance, x, r)
+        if not np.isfinite(r_to).all():
             break
-        if not lower:
-            return none
-        before, tried = r, tried + 1
-    falls = growing.any() or growth.max() > THOUSANDFOLD**2 or decrease(first, before) > end.worth
-    return running if tried >= FEWEST_DISTANCES and falls else none
+        if not no_higher:
+            return False
+        r, tried = r_to, tried + 1
+    falls = growing.any() or growth.max() > THOUSANDFOLD**2 or decrease(first, r) > end.worth
+    return bool(tried >= FEWEST_DISTANCES and falls)
 
 
 def _growing(end: EndPoint, trace: Sequence[Iterate], converged: bool) -> Mask:
     """The unknowns (n,) that grew as fast in the last quarter of the run as before."""
     last, pack = len(trace) - 1, end.problem.free.pack
     quarter = (3 * last) // 4
-    middle, late, there = (pack(trace[k].values) for k in (last // 2, quarter, last))
+    middle, late, final = (pack(trace[k].values) for k in (last // 2, quarter, last))
     growing = _grown(end, middle, late, end.x)
     if trace[last].cost <= end.here.cost + end.noise:  # the best may be one of several at its cost
-        growing |= _grown(end, middle, late, there)
+        growing |= _grown(end, middle, late, final)
     if converged:
-        step = np.abs(there - pack(trace[last - 1].values))
-        growing &= step > STILL_GROWING * np.abs(there - late) / (last - quarter)
+        step = np.abs(final - pack(trace[last - 1].values))
+        growing &= step > STILL_GROWING * np.abs(final - late) / (last - quarter)
     return growing
 
 
 def _grown(end: EndPoint, middle: Array, late: Array, final: Array) -> Mask:
-    """The unknowns (n,) that grew as fast from `late` to `final` (n,) as they did before."""
+    """The unknowns (n,) that grew as fast from `late` to `final` (n,) as from `middle` to `late`.
+
+    They are away from zero and from the start, and no bound is ahead.
+    """
     before, now = late - middle, final - late
     size = np.abs(final)
-    grew = (size >= GROWN_TO * np.abs(end.start)) & (np.abs(now) > NOTABLE_GROWTH * size)
-    grew &= np.abs(now) > STILL_GROWING * np.abs(before)
-    grew &= (now * before > 0) & (now * final > 0)
+    grown = (size >= GROWN_TO * np.abs(end.start)) & (np.abs(now) > NOTABLE_GROWTH * size)
+    grown &= np.abs(now) > STILL_GROWING * np.abs(before)
+    grown &= (now * before > 0) & (now * final > 0)
     limit = np.where(now > 0, end.problem.upper, end.problem.lower)
-    return np.asarray(grew & ~np.isfinite(limit))
+    return np.asarray(grown & ~np.isfinite(limit))
 
 
-def _followed(end: EndPoint, x: Array, held: Mask, noise: float) -> Array:
-    """The point after the unknowns that are not `held` (n,) followed, by Gauss-Newton steps."""
-    for _ in range(0 if held.all() else FOLLOWING_STEPS):
-        cost, step = _step_of_others(end, x, held)
-        to = None if step is None else _lower(end, x, step, cost - noise)
-        if to is None:
+def _others_followed(end: EndPoint, x: Array, held: Mask, noise: float) -> Array:
+    """The point after the unknowns that are not `held` (n,) followed, by Gauss-Newton steps.
+
+    They stop where the cost does not fall by more than the `noise`, or the linearization is not
+    finite.
+    """
+    others = np.flatnonzero(~held)
+    for _ in range(FOLLOWING_STEPS if others.size else 0):
+        here = end.linearize(x)
+        if not here.finite:
             return x
-        x = to
+        step = np.zeros(len(x))
+        step[others] = here.columns(others).step()
+        lower = _first_lower(end, x, step, here.cost - noise)
+        if lower is None:
+            return x
+        x = lower
     return x
 
 
-def _lower(end: EndPoint, x: Array, step: Array, cost: float) -> Array | None:
+def _first_lower(end: EndPoint, x: Array, step: Array, cost: float) -> Array | None:
     """The first point along a step (n,) at which the cost is lower than this one, if there is."""
-    for part in STEP_SHARES:
-        to = np.clip(x + part * step, end.problem.lower, end.problem.upper)
+    for share in STEP_SHARES:
+        to = np.clip(x + share * step, end.problem.lower, end.problem.upper)
         if half_squared(end.residual(to)) < cost:
             return to
     return None
-
-
-def _step_of_others(end: EndPoint, x: Array, held: Mask) -> tuple[float, Array | None]:
-    """The cost at x, and the Gauss-Newton step (n,) of the unknowns that are not `held` (n,).
-
-    There is no step where the linearization is not finite.
-    """
-    here = end.linearize(x)
-    if not here.finite:
-        return here.cost, None
-    rest, step = np.flatnonzero(~held), np.zeros(len(x))
-    step[rest] = here.columns(rest).step()
-    return here.cost, step

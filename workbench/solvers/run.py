@@ -18,11 +18,11 @@ from workbench.problem.steps import automatic, cholesky, sparing
 from workbench.problem.storage import Stored, entries
 from workbench.solvers.abilities import refuse
 from workbench.solvers.judgement import (
+    GAIN_BY_VIOLATION,
     LOOSE_TOLERANCE,
     SHOWS_NOTHING,
     end_point,
     ending,
-    prefer_stationary,
     rewrapped,
     running_off,
 )
@@ -272,7 +272,7 @@ class Run:
         )
         self.trace.append(iterate)
         if here is not None and not isnan(optimality):
-            prefer_stationary(self, x, cost, here, optimality)
+            self._settle(x, cost, here, optimality)
         asked: Stop | None = None
         if self.callback is not None:
             with self._interrupts.raised_at_once():
@@ -286,6 +286,21 @@ class Run:
             raise asked
         if len(self.trace) > self.limits.max_iterations:
             raise Stop(Status.MAX_ITERATIONS)
+
+    def _settle(self, x: Array, cost: float, here: Linearization, optimality: float) -> None:
+        """Prefer this point (n,) to the best one if it is more stationary and costs the same.
+
+        Costs are the same up to rounding, 1/2 (tolerance |r|)^2, and what the tolerances of
+        constraints allow.
+        """
+        constraints = self.problem.stacked_constraints
+        noise = self.rounding_noise.recent(x, here).of_cost(here.residual)
+        noise += self.limits.gradient_tolerance**2 * cost
+        if constraints is None:
+            self.best.settle(x, cost, 0.0, optimality, noise)
+        elif here.constraints is not None:
+            violation = constraints.violation(here.constraints.values)
+            self.best.settle(x, cost, violation, optimality, GAIN_BY_VIOLATION * cost + noise)
 
     def _runs_off(self, x: Array, here: Linearization) -> bool:
         """Whether unknowns grow without limit, at the best point x (n,) of a long run."""
