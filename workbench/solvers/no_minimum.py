@@ -228,31 +228,31 @@ def _searched(
     w = inverse(u)
     beta = float(np.sqrt(u @ w))
     dual, primal = np.zeros((n, 0)), np.zeros((n, 0))
-    before, most, tried = np.zeros((0, 0)), min(most, size), False
-    most_once_seen = most + FURTHER_GRADIENTS
+    diagonal: list[float] = []
+    off_diagonal: list[float] = []
+    most, tried = min(most, size), False
+    most_if_negative = min(most + FURTHER_GRADIENTS, size)
     for k in range(1, size + 1):
         dual = np.concatenate([dual, (u / beta)[:, None]], axis=1)
         primal = np.concatenate([primal, (w / beta)[:, None]], axis=1)
         u = hessian_product(primal[:, -1])
         if not np.isfinite(u).all():
             return None
-        T = np.zeros((k, k))
-        T[:-1, :-1] = before
-        T[-1, -1] = u @ primal[:, -1]
-        if k > 1:
-            T[-1, -2] = T[-2, -1] = beta
+        diagonal.append(u @ primal[:, -1])
+        T = np.diag(diagonal) + np.diag(off_diagonal, -1) + np.diag(off_diagonal, 1)
+        values, vectors = np.linalg.eigh(T)
         for _ in range(2):  # twice, so that rounding does not bring the same vectors back
             u = u - dual @ (primal.T @ u)
         w = inverse(u)
         beta = float(np.sqrt(max(float(u @ w), 0.0)))
-        values, vectors = np.linalg.eigh(T)
-        before = T
+        off_diagonal.append(beta)
         least = float(values[0])
-        if least < -FLAT_EIGENVALUE and not tried:
-            most = min(most_once_seen, size)
+        negative = least < -FLAT_EIGENVALUE
+        if negative and not tried:
+            most = most_if_negative
         last = k >= most or beta <= EPS * float(np.abs(values).max())
         clear = beta * abs(float(vectors[-1, 0])) <= CLEAR_VECTOR * abs(least)
-        if least < FLAT_EIGENVALUE and (last or (least < -FLAT_EIGENVALUE and clear and not tried)):
+        if (last and least < FLAT_EIGENVALUE) or (negative and clear and not tried):
             beside, tried = falls(primal @ vectors[:, 0]), True
             if beside is not None:
                 return beside
@@ -268,32 +268,32 @@ def _falls(end: EndPoint, d: Array, D: Array) -> Saddle | None:
     """
     here, x = end.here, end.x
     low, high = end.problem.lower, end.problem.upper
-    size = float(np.linalg.norm(here.residual))
-    longest = LAST_DISTANCE / float(np.max(np.abs(d) / D / end.size))
+    farthest = LAST_DISTANCE / float(np.max(np.abs(d) / D / end.size))
 
-    def at(length: float) -> tuple[float, float, float]:
-        r = end.residual(np.clip(x + length * d / D, low, high))
-        lower = decrease(here.residual, r)
+    def fall_at(distance: float) -> tuple[float, float]:
+        """By how much the cost is lower there, and how much of that may be rounding."""
+        r = end.residual(np.clip(x + distance * d / D, low, high))
+        fall = decrease(here.residual, r)
         noise = end.rounding.of_decrease(here.residual, r != here.residual)
-        return length, (lower if np.isfinite(lower) else -np.inf), noise
+        return (fall if np.isfinite(fall) else -np.inf), noise
 
-    length = FIRST_DISTANCE * size
-    while length <= longest:
-        sides = at(length), at(-length)
-        curved, noise = sides[0][1] + sides[1][1], sides[0][2] + sides[1][2]
-        best, lower, _ = max(sides, key=lambda side: side[1])
-        explained = noise + 2 * length * abs(float(here.gradient @ (d / D)))
-        if curved > noise or lower > explained:
+    distance = FIRST_DISTANCE * float(np.linalg.norm(here.residual))
+    while distance <= farthest:
+        (ahead, noise_ahead), (behind, noise_behind) = fall_at(distance), fall_at(-distance)
+        curved, noise = ahead + behind, noise_ahead + noise_behind
+        best, fall = (distance, ahead) if ahead >= behind else (-distance, behind)
+        by_gradient = 2 * distance * abs(float(here.gradient @ (d / D)))
+        if curved > noise or fall > noise + by_gradient:
             for _ in range(DOUBLINGS):
-                further, much_lower, _ = at(2 * best)
-                if much_lower <= lower:
+                further, _ = fall_at(2 * best)
+                if further <= fall:
                     break
-                best, lower = further, much_lower
+                best, fall = 2 * best, further
             to = np.clip(x + best * d / D, low, high)
-            return Saddle(np.sign(best) * d, to, lower) if lower > end.worth else None
+            return Saddle(np.sign(best) * d, to, fall) if fall > end.worth else None
         if curved < -noise:
             return None
-        length *= 10
+        distance *= 10
     return None
 
 
