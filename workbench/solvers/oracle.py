@@ -137,7 +137,7 @@ def _numbers_of(run: Run, of_cost: StoredBy) -> dict[str, Compute]:
     n = problem.free.size
 
     def tried(x: Array) -> float:
-        return run.tried(x, run.best.cost)[0]
+        return run.evaluate_trial(x, run.best.cost)[0]
 
     def gradient(x: Array, _: Array) -> Array:
         run.one_pass.judged(taken=True)
