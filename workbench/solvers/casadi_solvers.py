@@ -109,7 +109,7 @@ class _Last(NamedTuple):
     cost: float
     gradient: Array
     hessian: Stored
-    tried: int
+    trials: int
 
 
 class _Damping:
@@ -139,16 +139,16 @@ class _Damping:
             H = csc_array(H + added * eye_array(len(x)))
         else:
             H = H + added * np.eye(len(x))
-        self._last = _Last(x.copy(), here.cost, here.gradient, H, self._tried)
+        self._last = _Last(x.copy(), here.cost, here.gradient, H, self._trials)
         return H
 
     @property
-    def _tried(self) -> int:
+    def _trials(self) -> int:
         return self._run.meter.counts["residual"] + self._run.one_pass.at_once
 
     def _next(self, last: _Last, x: Array, here: Linearization) -> float:
         """The damping after the step from the last point to x."""
-        cut = self._tried - last.tried - 1
+        cut = self._trials - last.trials - 1
         if cut > 0:
             return max(self._damping, DAMPED_AGAIN_FROM) * RISE_PER_TRIAL ** min(cut, MOST_RISES)
         p = x - last.x
@@ -192,9 +192,9 @@ def _nonzeros(problem: Problem, hessian: Hessian) -> csc_array | None:
         normal = gram_of_nonzeros(csc_array(problem.pattern, dtype=float))
         return csc_array(normal + eye_array(n))
     if hessian is exact_hessian:
-        there = Pattern(problem.hessian.sparsity_out(0))
-        nonzeros = len(there.rows)
-        return there.matrix(np.ones(nonzeros)) if is_sparse(n, n, nonzeros) else None
+        pattern = Pattern(problem.hessian.sparsity_out(0))
+        count = len(pattern.rows)
+        return pattern.matrix(np.ones(count)) if is_sparse(n, n, count) else None
     return None
 
 
@@ -236,9 +236,9 @@ class Ipopt(Limits):
         """Solve from `start`, which is moved inside the bounds; see `Solver`."""
         with Run("ipopt", self, problem, start, callback) as run:
             _begin(run, self.hessian)  # a start that is not finite ends the run here, too
-            answer = self._ask(run)
-            status = STATUS_OF_RESULT.get(answer, Status.STALLED)
-            message = f"{ADVICE.get(answer, status.value)} (ipopt: {answer})"
+            return_status = self._ask(run)
+            status = STATUS_OF_RESULT.get(return_status, Status.STALLED)
+            message = f"{ADVICE.get(return_status, status.value)} (ipopt: {return_status})"
             if status is Status.STALLED:
                 run.stall(message)
             raise Stop(status, message)
@@ -248,11 +248,11 @@ class Ipopt(Limits):
         """Run IPOPT; its own word for how it ended."""
         hessian = self.hessian or DAMPED_HESSIAN  # limited-memory BFGS does not ask for it
         oracle = Oracle(run, _along(run, hessian), _nonzeros(run.problem, hessian))
-        solver = self._made(oracle, run.problem.stacked_constraints is not None)
+        solver = self._function(oracle, run.problem.stacked_constraints is not None)
         oracle.minimize(solver)
         return str(solver.stats()["return_status"])
 
-    def _made(self, oracle: Oracle, constrained: bool) -> cs.Function:
+    def _function(self, oracle: Oracle, constrained: bool) -> cs.Function:
         """IPOPT as a function of CasADi, which asks the oracle's functions."""
         x, none, weight, y = oracle.symbols.values()
         nlp = {"x": x, "f": oracle.cost(x, none)}

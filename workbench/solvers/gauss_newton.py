@@ -97,8 +97,8 @@ class GaussNewton(Limits):
                 before, change = here.residual, here.along(p)
                 del here  # first: its memory serves the next one
                 x, here = run.move(x + p, 0.0, step.by)
-                next_one = radius_after(p, change, here.residual - before - change)
-                radius = next_one if length < 1 else max(radius, next_one)
+                after = radius_after(p, change, here.residual - before - change)
+                radius = after if length < 1 else max(radius, after)
         return run.solution()
 
 

@@ -238,7 +238,7 @@ def _searched(
         u = hessian_product(primal[:, -1])
         if not np.isfinite(u).all():
             return None
-        diagonal.append(u @ primal[:, -1])
+        diagonal.append(float(u @ primal[:, -1]))
         T = np.diag(diagonal) + np.diag(off_diagonal, -1) + np.diag(off_diagonal, 1)
         values, vectors = np.linalg.eigh(T)
         for _ in range(2):  # twice, so that rounding does not bring the same vectors back

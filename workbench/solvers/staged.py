@@ -126,7 +126,7 @@ class Staged:
         def completed(values: Values) -> Values:
             return {name: np.array(values[name], dtype=float) for name in problem.free.names}
 
-        def whole(iterate: Iterate) -> Iterate:
+        def in_sequence(iterate: Iterate) -> Iterate:
             """Complete an iterate with what the stage leaves fixed and what came before."""
             return replace(
                 iterate,
@@ -135,17 +135,17 @@ class Staged:
                 seconds=seconds + iterate.seconds,
             )
 
-        def told(iterate: Iterate) -> object:
-            return None if callback is None else callback(whole(iterate))
+        def report(iterate: Iterate) -> object:
+            return None if callback is None else callback(in_sequence(iterate))
 
         with Interrupts() as interrupts:  # also between the stages
             for stage, part in zip(self.each, parts, strict=True):
                 if last is not None and (last.status not in GOES_ON or interrupts.pressed):
                     break
                 solver = stage.solver or self.solver
-                first = solver.solve(part, values, callback=told)
-                last = beyond_saddle(first, solver, part, values, told)
-                trace += map(whole, last.trace)
+                first = solver.solve(part, values, callback=report)
+                last = beyond_saddle(first, solver, part, values, report)
+                trace += map(in_sequence, last.trace)
                 values |= last.values
                 ends.append(len(trace) - 1)
                 before, seconds = before + last.evaluations, seconds + last.seconds
