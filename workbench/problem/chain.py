@@ -199,7 +199,7 @@ class Chain:
                 arrays = {n: np.zeros((at.stop - at.start, wide)) for n, at in dense.items()}
             if arrays:
                 here.write_jacobian(arrays, None if rows is None else entries)
-            by_point = None
+            by_point: csc_array | csr_array | None = None
             if arrays and rows is None:
                 by_point = pattern.matrix(entries)
                 by_point = by_point.tocsr() if columns is None else by_point

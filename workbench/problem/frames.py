@@ -416,15 +416,15 @@ def _grouped(
     parts: dict[int, list[tuple[Residual, Index]]] = {}  # of each frame, with their rows
     for residual in residuals:
         first = rows[residual.name].start
-        for t, one in residual.by_frame:
-            parts.setdefault(t, []).append((one, np.arange(first, first + one.size)))
-            first += one.size
-    known: dict[object, _SingleFrame] = {}
+        for t, part in residual.by_frame:
+            parts.setdefault(t, []).append((part, np.arange(first, first + part.size)))
+            first += part.size
+    frames: dict[object, _SingleFrame] = {}  # by their residuals
     chains: dict[object, tuple[Chain, list[tuple[int, Index, Index, Index]]]] = {}
     for t in sorted(parts):
-        frame_residuals = tuple(one for one, _ in parts[t])
+        frame_residuals = tuple(part for part, _ in parts[t])
         key = tuple(map(id, frame_residuals))
-        frame = known[key] = known.get(key) or _SingleFrame(frame_residuals)
+        frame = frames[key] = frames.get(key) or _SingleFrame(frame_residuals)
         places = frame.at(t, free, fixed)
         key_of_chain = key, places.entries
         if key_of_chain not in chains:
