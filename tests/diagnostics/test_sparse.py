@@ -10,7 +10,7 @@ from workbench import Block, Constraint, Diagnosis, Problem, Values, diagnose, l
 from workbench.arrays import Array
 from workbench.diagnostics import null_space, sparse_jacobian
 from workbench.diagnostics.active_set import ConstrainedJacobian
-from workbench.diagnostics.null_space import LISTED
+from workbench.diagnostics.null_space import MOST_WEAK
 from workbench.errors import TooLarge
 from workbench.problem import Linearization, storage
 from workbench.residuals import Residual
@@ -266,7 +266,7 @@ def test_diagnosis_by_factorization_is_the_dense_one(
     assert abs(J @ vectors).max(initial=0) < 1e-9 * np.linalg.norm(J, axis=0).max()
     assert abs(A @ vectors).max(initial=0) < 1e-9
     changes = [direction.change for direction in sparse.weak_directions]
-    assert len(changes) == min(sparse.weak_count, LISTED)
+    assert len(changes) == min(sparse.weak_count, MOST_WEAK)
     assert changes == sorted(changes)
     assert not changes or changes[0] == pytest.approx(weakest, rel=1e-4)
 
@@ -294,7 +294,7 @@ def test_null_directions_too_many_for_names_are_said_by_entries(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     always_sparse(monkeypatch)
-    monkeypatch.setattr(null_space, "SEARCHED", 100)
+    monkeypatch.setattr(null_space, "MOST_NAMED", 100)
     J, _ = made(name)
     found = diagnosed(J)
     vectors = np.column_stack([d.vector for d in found.null_directions])

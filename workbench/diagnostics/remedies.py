@@ -19,7 +19,7 @@ import scipy.linalg
 from workbench.arrays import Array
 from workbench.blocks import Values
 from workbench.diagnostics.active_set import ConstrainedJacobian, constrained_jacobian_at
-from workbench.diagnostics.null_space import SEARCHED
+from workbench.diagnostics.null_space import MOST_NAMED
 from workbench.diagnostics.scales import with_unit
 from workbench.diagnostics.words import families, gathered, row_label
 from workbench.errors import TooLarge, joined, some_of
@@ -225,7 +225,7 @@ def _fewest(d: "Diagnosis", names: Sequence[str]) -> list[Sequence[str]]:
 
 def _fixed(d: "Diagnosis") -> Iterator[Suggestion]:
     """Fix one of the blocks that take part in null directions, unless these are very many."""
-    if d.shape[1] - d.rank > SEARCHED:
+    if d.shape[1] - d.rank > MOST_NAMED:
         return
     for name in _null_blocks(d)[: 3 if d.here.estimated else None]:
         if others := d.free.spelled([name]):
