@@ -7,9 +7,10 @@ import numpy as np
 
 from workbench.arrays import Index
 from workbench.blocks import Block, Layout
+from workbench.diagnostics.scales import METRES
 from workbench.errors import some_of
 
-LENGTHS = ("1", "m", "dm", "cm", "mm", "um", "km")
+LENGTHS = ("1", *METRES)
 LISTED = 3  # things that move, or that undo it, by name
 
 
