@@ -189,7 +189,7 @@ def test_factorization_gives_what_singular_values_give(
     name: str, apart: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if apart:  # full rows of this size are kept apart
-        monkeypatch.setattr(sparse_jacobian, "LONG", 100)
+        monkeypatch.setattr(sparse_jacobian, "LONG_ROW", 100)
     J, A = made(name)
     n = J.shape[1]
     here = Linearization(np.zeros(len(J)), csc_array(J))
@@ -277,14 +277,14 @@ def test_size_of_a_factor_is_known_before_it_is_computed(monkeypatch: pytest.Mon
     pattern = cs.Sparsity(300, 300, K.indptr.tolist(), K.indices.tolist())
     assert sparse_jacobian.factor_size(K) == pattern.ldl()[0].nnz() + 300  # and its diagonal
     always_sparse(monkeypatch)
-    monkeypatch.setattr(sparse_jacobian, "LARGEST", 100)
+    monkeypatch.setattr(sparse_jacobian, "MOST_NONZEROS", 100)
     with pytest.raises(TooLarge, match=r"185 unknowns would .* 100 entries: free fewer blocks"):
         diagnosed(arrow())
 
 
 def test_too_many_weak_directions_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     always_sparse(monkeypatch)
-    monkeypatch.setattr(sparse_jacobian, "NUMBERS", 10_000)
+    monkeypatch.setattr(sparse_jacobian, "MOST_WEAK_NUMBERS", 10_000)
     with pytest.raises(TooLarge, match=r"200 of 600 directions .*: fix some of the unknowns"):
         diagnosed(pieces(0))
 
