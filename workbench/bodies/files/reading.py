@@ -23,7 +23,7 @@ from workbench.bodies.capsules import KEYS
 from workbench.bodies.files.pickles import Contents, Unread, from_pointers, read_pickled_arrays
 from workbench.bodies.readonly import locked
 from workbench.errors import BadFile, cut, shown
-from workbench.reading.arrays import LARGEST, LONGEST_REASON, check_letters, open_arrays, widened
+from workbench.reading.arrays import LONGEST_REASON, MOST_EXACT, check_letters, open_arrays, widened
 
 OBJECTS = (
     "an array of Python objects, which are not read: unpacking them runs code of the file's "
@@ -139,7 +139,7 @@ class Entries:
         array = self.array(key)
         if array.dtype.kind == "f":
             array = widened(array)
-            if not ((abs(array) <= LARGEST) & (array == np.trunc(array))).all():
+            if not ((abs(array) <= MOST_EXACT) & (array == np.trunc(array))).all():
                 raise BadFile(f"{self.where}: {key} must hold whole numbers, but holds others")
         return array.astype(np.int64)
 
