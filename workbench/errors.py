@@ -159,8 +159,8 @@ class NonFiniteValue(WorkbenchError):
 class NotNumbers(WorkbenchError):
     """Text, None, rows of different lengths or complex numbers where real numbers belong."""
 
-    def __init__(self, what: str, found: str, wanted: str = "real numbers") -> None:
-        super().__init__(f"{what} must be an array of {wanted}, not {found}")
+    def __init__(self, what: str, got: str, expected: str = "real numbers") -> None:
+        super().__init__(f"{what} must be an array of {expected}, not {got}")
 
 
 class TwoSymbolsOneName(WorkbenchError):

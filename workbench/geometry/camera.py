@@ -68,9 +68,9 @@ class Camera:
     def project(self, points: cs.MX) -> cs.MX:
         """World points (3, N) in metres -> pixels (2, N). Raises BadCamera for other input."""
         if not isinstance(points, cs.MX) or points.shape[0] != 3:
-            given = f"shape {points.shape}" if isinstance(points, cs.MX) else type(points).__name__
+            kind = f"shape {points.shape}" if isinstance(points, cs.MX) else type(points).__name__
             raise BadCamera(
-                f"a camera projects points (3, N), a CasADi matrix (MX), not one of {given}; "
+                f"a camera projects points (3, N), a CasADi matrix (MX), not one of {kind}; "
                 "numbers (N, 3) go to camera.pixels"
             )
         return self.image_of(self.seen(points))

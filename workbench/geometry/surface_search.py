@@ -293,7 +293,7 @@ class _Search:
     """The best found so far: squared distances (M,) and faces (M,), which change."""
 
     boxes: TreeBoxes
-    asked: Query
+    query: Query
     squares: Array
     faces: Index
 
@@ -332,7 +332,7 @@ class _Search:
 
     def _to_children(self, points: Index, nodes: Index) -> Array:
         """Squared distances (n, WIDE) to the boxes of a node's children, rounded down."""
-        sides, p = self.boxes.nodes[nodes], self.asked.points[points]
+        sides, p = self.boxes.nodes[nodes], self.query.points[points]
         outside = [
             np.maximum(np.maximum(sides[:, k] - p[:, k, None], p[:, k, None] - sides[:, k + 3]), 0)
             for k in range(3)
@@ -341,14 +341,14 @@ class _Search:
 
     def _visit(self, points: Index, leaves: Index) -> None:
         """Compare the triangles of leaves with the best so far."""
-        p = self.asked.points[points]
+        p = self.query.points[points]
         rows = self.boxes.triangles[leaves].transpose(1, 0, 2)
         squares = np.minimum.reduce(_candidates(rows, p.T[:, :, None])[0])
         numbers = self.boxes.order.leaves[leaves]
         counts: Mask = numbers != NONE
-        if self.asked.normals is not None:
-            n, q = self.boxes.normals[numbers], self.asked.normals[points][:, None]
-            counts &= dot(np.moveaxis(n, -1, 0), np.moveaxis(q, -1, 0)) >= self.asked.facing
+        if self.query.normals is not None:
+            n, q = self.boxes.normals[numbers], self.query.normals[points][:, None]
+            counts &= dot(np.moveaxis(n, -1, 0), np.moveaxis(q, -1, 0)) >= self.query.facing
         row, lane = np.nonzero(counts & (squares <= self.squares[points][:, None]))
         squares, numbers, points = squares[row, lane], numbers[row, lane], points[row]
         order = np.lexsort((numbers, squares, points))

@@ -46,7 +46,7 @@ def of_all(wrong: Mask, what: str) -> str:
     return f"{np.count_nonzero(wrong):,} of {wrong.size:,} {what}"
 
 
-HUGE = 1e100  # numbers of at least this size overflow where three of them are multiplied
+TOO_LARGE = 1e100  # numbers of at least this size overflow where three of them are multiplied
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,9 +105,9 @@ class ModelArrays:
 
 def model_arrays(raw: Contents, where: str) -> ModelArrays:
     """The arrays of a file of SMPL's layout, and what is wrong with reading them."""
-    entries, found = Entries(raw, where), _not_finite(raw)
+    entries, findings = Entries(raw, where), _not_finite(raw)
     have = {key.partition("/")[0] for key in raw}
-    found += [
+    findings += [
         FileFinding(key, f"There is no {key}, without which there is no body.")
         for key in REQUIRED
         if key not in have
@@ -121,21 +121,21 @@ def model_arrays(raw: Contents, where: str) -> ModelArrays:
             array = reader(key)
         except BadFile as error:
             reason = str(error).removeprefix(where).removeprefix(":").strip()
-            found.append(FileFinding(key, f"{reason}. Take it from the original file."))
+            findings.append(FileFinding(key, f"{reason}. Take it from the original file."))
             return None
         numbers = array.data if isinstance(array, csr_array) else array
-        there = array.ndim and array.shape[0]
-        return array if there and _usable(numbers).all() else None
+        rows = array.ndim and array.shape[0]
+        return array if rows and _usable(numbers).all() else None
 
     def fits(key: str, array: Any, shape: tuple[int | None, ...], because: str) -> Any:
         """The array if its shape is this one, in which None stands for any size."""
         if array is None or _fits(array.shape, shape):
             return array
-        wanted = ", ".join("." if n is None else str(n) for n in shape)
-        found.append(
+        sizes = ", ".join("." if n is None else str(n) for n in shape)
+        findings.append(
             FileFinding(
                 key,
-                f"{key} has shape {array.shape}, but must be ({wanted}) {because}. One of the two "
+                f"{key} has shape {array.shape}, but must be ({sizes}) {because}. One of the two "
                 "is of another model, or was cut: take both from one file.",
             )
         )
@@ -167,25 +167,25 @@ def model_arrays(raw: Contents, where: str) -> ModelArrays:
         table,
         parents,
         _names(entries, 0 if table is None else table.shape[1], parents),
-        tuple(found),
+        tuple(findings),
     )
 
 
-def _fits(found: tuple[int, ...], shape: tuple[int | None, ...]) -> bool:
-    return len(found) == len(shape) and all(
-        wanted is None or wanted == n for n, wanted in zip(found, shape, strict=True)
+def _fits(shape: tuple[int, ...], expected: tuple[int | None, ...]) -> bool:
+    return len(shape) == len(expected) and all(
+        size is None or size == n for n, size in zip(shape, expected, strict=True)
     )
 
 
 def _usable(numbers: NDArray[Any]) -> Mask:
     """Which numbers can be computed with."""
     with np.errstate(invalid="ignore", over="ignore"):
-        return np.asarray(np.abs(numbers) < HUGE)  # which NaN is not
+        return np.asarray(np.abs(numbers) < TOO_LARGE)  # which NaN is not
 
 
 def _not_finite(raw: Contents) -> list[FileFinding]:
     """A finding for each array with entries that are infinite or not numbers."""
-    found = []
+    findings = []
     for key, value in raw.items():
         numbers = value.data if isinstance(value, csr_array) else value
         if not isinstance(numbers, np.ndarray) or numbers.dtype.kind != "f":
@@ -195,12 +195,12 @@ def _not_finite(raw: Contents) -> list[FileFinding]:
             first = [int(i) for i in np.unravel_index(int(bad.argmax()), bad.shape)]
             where = "" if isinstance(value, csr_array) else f", the first at {first}"
             text = (
-                f"{of_all(bad, 'entries')} of {cut(key, 60)} are not finite, or above {HUGE:g}"
+                f"{of_all(bad, 'entries')} of {cut(key, 60)} are not finite, or above {TOO_LARGE:g}"
                 f"{where}; they spread to every number that is computed from them. Export the "
                 "model again, or find out what these entries should be."
             )
-            found.append(FileFinding(cut(key, 60), text))
-    return found
+            findings.append(FileFinding(cut(key, 60), text))
+    return findings
 
 
 def _parents(table: Index | None) -> tuple[int, ...] | None:

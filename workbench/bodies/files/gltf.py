@@ -80,8 +80,8 @@ class GltfBuffer:
         return b"glTF" + (2).to_bytes(4, "little") + (12 + len(body)).to_bytes(4, "little") + body
 
 
-NOTHING = 1e-9  # m, summed over all vertices and poses: a smaller direction is rounding
-TOGETHER = 32  # poses whose surfaces are in memory at once
+LEAST_DIRECTION = 1e-9  # m, summed over all vertices and poses: a smaller direction is rounding
+POSES_AT_ONCE = 32  # poses whose surfaces are in memory at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +123,7 @@ def correctives_of(
     mixed, shares = np.zeros((T, 0)), np.zeros((T, 0))  # mixtures of poses that are the shapes
     if P.shape[1] and count != 0:
         _, sizes, turns = np.linalg.svd(np.linalg.qr(P, mode="r") @ features.T, full_matrices=False)
-        kept = int((sizes > NOTHING).sum())
+        kept = int((sizes > LEAST_DIRECTION).sum())
         used = turns[: kept if count is None else min(kept, count)].T  # columns of length one
         largest = np.abs(used).max(axis=0, initial=1e-300)
         mixed, shares = used * largest, used / largest
@@ -131,8 +131,8 @@ def correctives_of(
         a.astype(np.float32).astype(np.float64) for a in (P @ (features.T @ mixed), shares)
     )
     total, farthest = 0.0, 0.0
-    for first in range(0, T, TOGETHER):
-        some = slice(first, first + TOGETHER)
+    for first in range(0, T, POSES_AT_ONCE):
+        some = slice(first, first + POSES_AT_ONCE)
         missing = (features[some] @ P.T - shares[some] @ shapes.T).reshape(-1, N, 3)
         R = body.kinematics.motion(poses[some], people[some]).G[..., :3]
         blended = (body.weights @ R.reshape(len(R), -1, 9)).reshape(-1, N, 3, 3)
@@ -142,8 +142,8 @@ def correctives_of(
     return Correctives(targets, shares, total / (T * N), farthest)
 
 
-STILL = 1e-9  # m: a joint that betas move by less stays where it is
-SHORT, BYTE = 2**16, 2**8  # how many vertices or joints two bytes, or one, can count
+LEAST_MOTION = 1e-9  # m: a joint that betas move by less stays where it is
+TWO_BYTES, ONE_BYTE = 2**16, 2**8  # how many vertices or joints two bytes, or one, can count
 
 
 def write_gltf(
@@ -196,10 +196,10 @@ def write_gltf(
         raise BadArgument(f"the seconds from key to key must be positive, not {seconds}")
     if not all(np.isfinite(numbers).all() for numbers in (theta, people, places, added)):
         raise BadArgument("poses, betas, trans and moving must be finite; leave other frames out")
-    found = correctives_of(body, theta, people[0], correctives)
+    targets = correctives_of(body, theta, people[0], correctives)
     moved = None if trans is None else places
-    write_file(path, _glb(body, theta, people[0], moved, added, seconds, found, shapes))
-    return found
+    write_file(path, _glb(body, theta, people[0], moved, added, seconds, targets, shapes))
+    return targets
 
 
 def _glb(
@@ -232,9 +232,10 @@ def _glb(
     morphs = [*directions[:shapes], *directions[used], *correctives.shapes]
     names = [f"betas[{b}]" for b in range(shapes)] + [f"moving betas[{b}]" for b in used]
     names += [f"pose corrective {c}" for c in range(len(correctives.shapes))]
+    kind = "uint16" if len(rows) < TWO_BYTES else "uint32"
     primitive: dict[str, Any] = {
         "attributes": attributes,
-        "indices": buffer.add(faces.ravel(), "uint16" if len(rows) < SHORT else "uint32", ELEMENTS),
+        "indices": buffer.add(faces.ravel(), kind, ELEMENTS),
     }
     mesh: dict[str, Any] = {"primitives": [primitive]}
     if morphs:
@@ -259,7 +260,7 @@ def _glb(
     places = {
         k: offsets[k] + moved[:, k] - np.einsum("pij,pj->pi", turned[:, k], moved[:, k])
         for k in range(K)
-        if np.abs(moved[:, k]).max(initial=0.0) > STILL
+        if np.abs(moved[:, k]).max(initial=0.0) > LEAST_MOTION
     }
     if trans is not None:
         places[0] = places.get(0, J[0]) + trans
@@ -295,17 +296,17 @@ def _influences(weights: Array, buffer: GltfBuffer) -> dict[str, int]:
     """Joints and weights of every vertex, four at a time, the largest first."""
     order = np.argsort(-weights, axis=1, kind="stable")
     sets = -(-int((weights > 0).sum(axis=1).max()) // 4)
-    found = {}
+    attributes = {}
     for s in range(sets):
         joints = order[:, 4 * s : 4 * s + 4]
         shares = np.take_along_axis(weights, joints, axis=1)
-        kind = "uint8" if weights.shape[1] <= BYTE else "uint16"
+        kind = "uint8" if weights.shape[1] <= ONE_BYTE else "uint16"
         joints = np.where(shares > 0, joints, 0)
-        filled = np.zeros((len(joints), 4 - joints.shape[1]))  # a body of three joints or less
-        joints, shares = (np.hstack([a, filled]) for a in (joints, shares))
-        found[f"JOINTS_{s}"] = buffer.add(joints, kind, ATTRIBUTES)
-        found[f"WEIGHTS_{s}"] = buffer.add(shares, "float32", ATTRIBUTES)
-    return found
+        padding = np.zeros((len(joints), 4 - joints.shape[1]))  # a body of three joints or less
+        joints, shares = (np.hstack([a, padding]) for a in (joints, shares))
+        attributes[f"JOINTS_{s}"] = buffer.add(joints, kind, ATTRIBUTES)
+        attributes[f"WEIGHTS_{s}"] = buffer.add(shares, "float32", ATTRIBUTES)
+    return attributes
 
 
 def _animation(
@@ -319,14 +320,14 @@ def _animation(
     q[1:] *= np.cumprod(same, axis=0)[:, :, None]
     times = buffer.add(seconds * np.arange(P), "float32")
     outputs = [buffer.add(q[:, k], "float32") for k in range(K)]
-    where = [{"node": k, "path": "rotation"} for k in range(K)]
+    targets = [{"node": k, "path": "rotation"} for k in range(K)]
     if weights.size:
         outputs.append(buffer.add(weights.ravel(), "float32"))
-        where.append({"node": K, "path": "weights"})
+        targets.append({"node": K, "path": "weights"})
     for k, place in places.items():
         outputs.append(buffer.add(place, "float32"))
-        where.append({"node": k, "path": "translation"})
+        targets.append({"node": k, "path": "translation"})
     return {
-        "samplers": [{"input": times, "output": out} for out in outputs],
-        "channels": [{"sampler": i, "target": target} for i, target in enumerate(where)],
+        "samplers": [{"input": times, "output": output} for output in outputs],
+        "channels": [{"sampler": i, "target": target} for i, target in enumerate(targets)],
     }
