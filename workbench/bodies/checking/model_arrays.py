@@ -103,6 +103,46 @@ class ModelArrays:
         return value if _usable(value).all() else None
 
 
+@dataclass
+class _Reading:
+    """The arrays of a file, one by one; instead of one that cannot be used there is a finding."""
+
+    entries: Entries
+    findings: list[FileFinding]
+
+    def array(
+        self,
+        key: str,
+        read: Callable[[str], Any],
+        shape: tuple[int | None, ...] | None = None,
+        because: str = "",
+    ) -> Any:
+        """The array, or None; in `shape`, None stands for any size."""
+        raw, where = self.entries.raw, self.entries.where
+        if key not in raw and f"{key}/data" not in raw:
+            return None
+        try:
+            array = read(key)
+        except BadFile as error:
+            reason = str(error).removeprefix(where).removeprefix(":").strip()
+            self.findings.append(FileFinding(key, f"{reason}. Take it from the original file."))
+            return None
+        numbers = array.data if isinstance(array, csr_array) else array
+        if not (array.ndim and array.shape[0] and _usable(numbers).all()):
+            return None
+        if shape is None or _fits(array.shape, shape):
+            return array
+        sizes = ", ".join("." if n is None else str(n) for n in shape)
+        self.findings.append(
+            FileFinding(
+                key,
+                f"{key} has shape {array.shape}, but must be ({sizes}) {because}. One of the two "
+                "is of another model, or was cut: take both from one file.",
+            )
+        )
+        return None
+
+
 def model_arrays(raw: Contents, where: str) -> ModelArrays:
     """The arrays of a file of SMPL's layout, and what is wrong with reading them."""
     entries, findings = Entries(raw, where), _not_finite(raw)
@@ -112,46 +152,19 @@ def model_arrays(raw: Contents, where: str) -> ModelArrays:
         for key in REQUIRED
         if key not in have
     ]
-
-    def read(key: str, reader: Callable[[str], Any]) -> Any:
-        """The array, or None with a finding."""
-        if key not in raw and f"{key}/data" not in raw:
-            return None
-        try:
-            array = reader(key)
-        except BadFile as error:
-            reason = str(error).removeprefix(where).removeprefix(":").strip()
-            findings.append(FileFinding(key, f"{reason}. Take it from the original file."))
-            return None
-        numbers = array.data if isinstance(array, csr_array) else array
-        rows = array.ndim and array.shape[0]
-        return array if rows and _usable(numbers).all() else None
-
-    def fits(key: str, array: Any, shape: tuple[int | None, ...], because: str) -> Any:
-        """The array if its shape is this one, in which None stands for any size."""
-        if array is None or _fits(array.shape, shape):
-            return array
-        sizes = ", ".join("." if n is None else str(n) for n in shape)
-        findings.append(
-            FileFinding(
-                key,
-                f"{key} has shape {array.shape}, but must be ({sizes}) {because}. One of the two "
-                "is of another model, or was cut: take both from one file.",
-            )
-        )
-        return None
-
-    template = fits("v_template", read("v_template", entries.reals), (None, 3), "for vertices")
-    table = fits("kintree_table", read("kintree_table", entries.wholes), (2, None), "for a tree")
+    array = _Reading(entries, findings).array
+    template = array("v_template", entries.reals, (None, 3), "for vertices")
+    table = array("kintree_table", entries.wholes, (2, None), "for a tree")
     N = None if template is None else len(template)
     K = None if table is None else table.shape[1]
-    of_N, of_K = f"for the {N} vertices of v_template", f"and {K} joints of kintree_table"
-    faces = fits("f", read("f", entries.wholes), (None, 3), "for triangles")
-    weights = fits("weights", read("weights", entries.reals), (N, K), f"{of_N} {of_K}")
-    regressor = read("J_regressor", entries.matrix)
-    regressor = fits("J_regressor", regressor, (K, N), f"{of_N} {of_K}")
+    sizes = {"vertices of v_template": N, "joints of kintree_table": K}
+    known = [f"{n} {what}" for what, n in sizes.items() if n is not None]
+    of_both = f"for the {' and '.join(known) or 'vertices and joints'}"
+    faces = array("f", entries.wholes, (None, 3), "for triangles")
+    weights = array("weights", entries.reals, (N, K), of_both)
+    regressor = array("J_regressor", entries.matrix, (K, N), of_both)
     blends = {
-        key: read(key, partial(entries.directions, N=N)) if N else None
+        key: array(key, partial(entries.directions, N=N)) if N else None
         for key in ("shapedirs", "posedirs")
     }
     parents = _parents(table)
@@ -166,7 +179,7 @@ def model_arrays(raw: Contents, where: str) -> ModelArrays:
         regressor,
         table,
         parents,
-        _names(entries, 0 if table is None else table.shape[1], parents),
+        _names(entries, K or 0, parents),
         tuple(findings),
     )
 

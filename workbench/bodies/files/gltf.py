@@ -213,55 +213,14 @@ def _glb(
     shapes: int,
 ) -> bytes:
     buffer, K = GltfBuffer(), body.n_joints
-    rest = body.template + body.shapedirs @ betas
-    rows, faces, uv = Mesh(rest, body.faces, *body.texture).unwrapped()
-    J = body.numeric.skeleton.positions(betas)
-    normals = vertex_normals(rest, body.faces)
-    normals[~normals.any(axis=1)] = [0.0, 1.0, 0.0]  # of a vertex of no face: glTF takes no zeros
-    attributes = {
-        "POSITION": buffer.add(rest[rows], "float32", ATTRIBUTES),
-        "NORMAL": buffer.add(normals[rows], "float32", ATTRIBUTES),
-    }
-    attributes |= _influences(body.weights[rows], buffer)
-    if uv is not None:  # glTF's v goes downwards
-        attributes["TEXCOORD_0"] = buffer.add(
-            np.column_stack([uv[:, 0], 1.0 - uv[:, 1]]), "float32", ATTRIBUTES
-        )
     used = np.flatnonzero(added.any(axis=0)).tolist()  # betas that move
-    directions = np.moveaxis(body.shapedirs, 2, 0)
-    morphs = [*directions[:shapes], *directions[used], *correctives.shapes]
-    names = [f"betas[{b}]" for b in range(shapes)] + [f"moving betas[{b}]" for b in used]
-    names += [f"pose corrective {c}" for c in range(len(correctives.shapes))]
-    kind = "uint16" if len(rows) < TWO_BYTES else "uint32"
-    primitive: dict[str, Any] = {
-        "attributes": attributes,
-        "indices": buffer.add(faces.ravel(), kind, ELEMENTS),
-    }
-    mesh: dict[str, Any] = {"primitives": [primitive]}
-    if morphs:
-        primitive["targets"] = [
-            {"POSITION": buffer.add(moved[rows], "float32", ATTRIBUTES)} for moved in morphs
-        ]
-        mesh |= {"weights": [0.0] * len(morphs), "extras": {"targetNames": names}}
+    mesh = _mesh(body, betas, used, correctives, shapes, buffer)
+    weights = np.hstack([np.zeros((len(poses), shapes)), added[:, used], correctives.shares])
+    J = body.numeric.skeleton.positions(betas)
     inverse = np.tile(np.eye(4), (K, 1, 1))
     inverse[:, 3, :3] = -J  # by columns: the fourth is the translation
     offsets = J - np.where(np.arange(K)[:, None] > 0, J[list(body.parents)], 0.0)
-    nodes: list[dict[str, Any]] = [
-        {"name": name, "translation": offset.tolist()}
-        for name, offset in zip(body.joint_names, offsets, strict=True)
-    ]
-    for k, parent in enumerate(body.parents[1:], start=1):
-        nodes[parent].setdefault("children", []).append(k)
-    nodes.append({"name": body.name, "mesh": 0, "skin": 0})
-    weights = np.hstack([np.zeros((len(poses), shapes)), added[:, used], correctives.shares])
-    slopes = body.numeric.skeleton.by_betas[:, :, used]
-    moved = np.einsum("kab,pb->pka", slopes, added[:, used])
-    turned = matrix_from_vector(poses)
-    places = {
-        k: offsets[k] + moved[:, k] - np.einsum("pij,pj->pi", turned[:, k], moved[:, k])
-        for k in range(K)
-        if np.abs(moved[:, k]).max(initial=0.0) > LEAST_MOTION
-    }
+    places = _moving_places(body, poses, used, added, offsets)
     if trans is not None:
         places[0] = places.get(0, J[0]) + trans
     document = {
@@ -278,7 +237,7 @@ def _glb(
         },
         "scene": 0,
         "scenes": [{"nodes": [0, K]}],
-        "nodes": nodes,
+        "nodes": _nodes(body, offsets),
         "meshes": [mesh],
         "skins": [
             {
@@ -290,6 +249,67 @@ def _glb(
         "animations": [_animation(poses, places, weights, seconds, buffer)],
     }
     return buffer.file(document)
+
+
+def _mesh(
+    body: SkinnedBody,
+    betas: Array,
+    used: list[int],
+    correctives: Correctives,
+    shapes: int,
+    buffer: GltfBuffer,
+) -> dict[str, Any]:
+    """The surface at rest with its morph targets: shapes, betas that are `used`, correctives."""
+    rest = body.template + body.shapedirs @ betas
+    rows, faces, uv = Mesh(rest, body.faces, *body.texture).unwrapped()
+    normals = vertex_normals(rest, body.faces)
+    normals[~normals.any(axis=1)] = [0.0, 1.0, 0.0]  # of a vertex of no face: glTF takes no zeros
+    attributes = {
+        "POSITION": buffer.add(rest[rows], "float32", ATTRIBUTES),
+        "NORMAL": buffer.add(normals[rows], "float32", ATTRIBUTES),
+    }
+    attributes |= _influences(body.weights[rows], buffer)
+    if uv is not None:  # glTF's v goes downwards
+        flipped = np.column_stack([uv[:, 0], 1.0 - uv[:, 1]])
+        attributes["TEXCOORD_0"] = buffer.add(flipped, "float32", ATTRIBUTES)
+    kind = "uint16" if len(rows) < TWO_BYTES else "uint32"
+    indices = buffer.add(faces.ravel(), kind, ELEMENTS)
+    primitive: dict[str, Any] = {"attributes": attributes, "indices": indices}
+    mesh: dict[str, Any] = {"primitives": [primitive]}
+    directions = np.moveaxis(body.shapedirs, 2, 0)
+    morphs = [*directions[:shapes], *directions[used], *correctives.shapes]
+    if morphs:
+        names = [f"betas[{b}]" for b in range(shapes)] + [f"moving betas[{b}]" for b in used]
+        names += [f"pose corrective {c}" for c in range(len(correctives.shapes))]
+        primitive["targets"] = [
+            {"POSITION": buffer.add(morph[rows], "float32", ATTRIBUTES)} for morph in morphs
+        ]
+        mesh |= {"weights": [0.0] * len(morphs), "extras": {"targetNames": names}}
+    return mesh
+
+
+def _nodes(body: SkinnedBody, offsets: Array) -> list[dict[str, Any]]:
+    """The joints, each at its offset (K, 3) m from its parent, and after them the surface."""
+    nodes: list[dict[str, Any]] = [
+        {"name": name, "translation": offset.tolist()}
+        for name, offset in zip(body.joint_names, offsets, strict=True)
+    ]
+    for k, parent in enumerate(body.parents[1:], start=1):
+        nodes[parent].setdefault("children", []).append(k)
+    return [*nodes, {"name": body.name, "mesh": 0, "skin": 0}]
+
+
+def _moving_places(
+    body: SkinnedBody, poses: Array, used: list[int], added: Array, offsets: Array
+) -> dict[int, Array]:
+    """Where each joint that moving betas displace is in its parent's frame, (P, 3) m by joint."""
+    shifts = np.einsum("kab,pb->pka", body.numeric.skeleton.by_betas[:, :, used], added[:, used])
+    R = matrix_from_vector(poses)
+    return {
+        k: offsets[k] + shifts[:, k] - np.einsum("pij,pj->pi", R[:, k], shifts[:, k])
+        for k in range(body.n_joints)
+        if np.abs(shifts[:, k]).max(initial=0.0) > LEAST_MOTION
+    }
 
 
 def _influences(weights: Array, buffer: GltfBuffer) -> dict[str, int]:
