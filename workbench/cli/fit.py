@@ -50,17 +50,16 @@ from workbench.fitting.images import (
 from workbench.fitting.jobs import ImageReading, ImageWork, image_jobs, in_parts
 from workbench.fitting.keypoints import Terms, as_marked, keypoint_fit
 from workbench.fitting.known_points import own_mesh
-from workbench.fitting.marker_files import READERS as MARKERS
-from workbench.fitting.marker_files import read_markers
+from workbench.fitting.marker_files import MARKER_READERS, read_markers
 from workbench.fitting.marker_sets import OUT, MarkerSet, known_markers, matched, read_marker_set
 from workbench.fitting.markers import SIGMA, marker_solver, rms_of_markers
 from workbench.fitting.mosh import mosh
 from workbench.fitting.observations import Clip
-from workbench.fitting.scans.files import READERS as SCANS
+from workbench.fitting.scans.files import SCAN_READERS
 from workbench.fitting.setup import MANY, Setup
 from workbench.fitting.videos import video_fit, video_mean
 from workbench.geometry.guesses import sizes_of
-from workbench.geometry.meshes import READERS, WITH_VERTEX_ORDER
+from workbench.geometry.meshes import MESH_READERS, WITH_VERTEX_ORDER
 from workbench.motions.soft_tissue import load_tissue, with_tissue
 from workbench.reports.many import ImageFolder
 from workbench.reports.page import unit_text
@@ -107,9 +106,9 @@ def kind_of_fit(paths: list[Path], video: bool) -> str:
         kind = "a clip"
     elif first.is_dir():
         kind = "a folder of images"
-    elif suffix in MARKERS or suffix in READERS:
-        kind = "markers" if suffix in MARKERS else "a mesh"
-    elif suffix in SCANS:
+    elif suffix in MARKER_READERS or suffix in MESH_READERS:
+        kind = "markers" if suffix in MARKER_READERS else "a mesh"
+    elif suffix in SCAN_READERS:
         raise BadFile(f"{first} holds points in space; `workbench register` fits a body to a scan")
     if len(paths) > 1 and kind != "several cameras":
         raise BadFile(

@@ -34,7 +34,7 @@ from workbench.cli.train import Lines
 from workbench.environment import expanded
 from workbench.errors import BadArgument, BadFile, some_of
 from workbench.fitting.jobs import FailedFile
-from workbench.fitting.scans.files import READERS
+from workbench.fitting.scans.files import SCAN_READERS
 from workbench.geometry.guesses import UNITS
 from workbench.registration import (
     FailedScan,
@@ -77,7 +77,7 @@ def register(
     scans: Annotated[
         list[Path],
         typer.Argument(
-            help=f"Scans of one person each ({', '.join(READERS)}), or folders of scans."
+            help=f"Scans of one person each ({', '.join(SCAN_READERS)}), or folders of scans."
         ),
     ],
     body: Annotated[str, typer.Option(help="An embedded body, or a file of your own.")] = "default",
@@ -214,13 +214,13 @@ def _files(console: Console, given: list[Path]) -> list[Path]:
         if not path.is_dir():
             found.append(path)
             continue
-        found += files_inside(console, path, {*READERS} - {*NO_SCANS}, "scans")
+        found += files_inside(console, path, {*SCAN_READERS} - {*NO_SCANS}, "scans")
     return list(dict.fromkeys(found))
 
 
 def _rows(jobs: tuple[ScanJob, ...], subjects: Path | None) -> dict[str, Row]:
     """The line of each scan in the table of subjects, by the scan's name."""
-    told = {} if subjects is None else {row.file: row for row in read_table(subjects, READERS)}
+    told = {} if subjects is None else {row.file: row for row in read_table(subjects, SCAN_READERS)}
     names = {job.path.name for job in jobs}
     if unknown := [file for file in told if file not in names]:
         raise BadFile(f"{subjects} names files that are not among the scans: {some_of(unknown)}")

@@ -251,12 +251,12 @@ class Description:
         return Description(**_read(Description, Facts(stored[0])))
 
 
-READERS = {str: Facts.text, int: Facts.whole, bool: Facts.truth, float: Facts.number}
+BY_TYPE = {str: Facts.text, int: Facts.whole, bool: Facts.truth, float: Facts.number}
 
 
 def _read(kind: type, facts: Facts) -> dict[str, Any]:
     """The plain fields of a dataclass from facts."""
-    return {f.name: READERS[f.type](facts, f.name) for f in fields(kind) if f.type in READERS}
+    return {f.name: BY_TYPE[f.type](facts, f.name) for f in fields(kind) if f.type in BY_TYPE}
 
 
 @cache

@@ -17,7 +17,7 @@ from workbench.arrays import Array
 from workbench.bodies.body import Body
 from workbench.errors import BadArgument, BadFile, shown, some_of
 from workbench.geometry.guesses import (
-    FRAMES,
+    MOST_FRAMES,
     PERSON,
     UNITS,
     UP_TO_Y,
@@ -256,7 +256,7 @@ def _motion_of(
     offsets, stretch, replaced = _bones(offsets, moved)
     ends = np.array(text.end_offsets).reshape(-1, 3)
     bones = Bones(tuple(text.parents), offsets, tuple(text.end_parents), ends)
-    some = slice(None, None, max(1, len(pose) // FRAMES))
+    some = slice(None, None, max(1, len(pose) // MOST_FRAMES))
     shown_places = np.concatenate(
         [f(pose[some], trans[some]) for f in (bones.joints, bones.ends)], axis=1
     )

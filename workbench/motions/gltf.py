@@ -17,7 +17,7 @@ from workbench.bodies import SkinnedBody
 from workbench.bodies.files.gltf import Correctives, write_gltf
 from workbench.errors import BadArgument, BadFile, UnknownName, cut, shown, some, some_of
 from workbench.geometry.gltf import (
-    LOCAL,
+    IDENTITY,
     GlbDocument,
     children,
     document_of,
@@ -93,7 +93,7 @@ def tracks_of(
     samplers, found = several(animation, "samplers"), {}
     for channel in several(animation, "channels"):
         target = channel.get("target")
-        if not isinstance(target, dict) or target.get("path") not in LOCAL:
+        if not isinstance(target, dict) or target.get("path") not in IDENTITY:
             continue
         node, path = target.get("node"), str(target["path"])
         if type(node) is not int:
@@ -106,7 +106,7 @@ def tracks_of(
 
 
 def _track(document: GlbDocument, sampler: dict[str, Any], path: str) -> AnimationTrack:
-    way, width = sampler.get("interpolation", LINEAR), len(LOCAL[path])
+    way, width = sampler.get("interpolation", LINEAR), len(IDENTITY[path])
     if way not in (LINEAR, STEP, CUBIC):
         raise ValueError(f"there is no interpolation {shown(way)}")
     times = document.values(sampler.get("input"), "SCALAR", 1).ravel()

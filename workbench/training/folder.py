@@ -30,7 +30,7 @@ from workbench.bodies.catalogue import load_skinned
 from workbench.environment import expanded
 from workbench.errors import BadFile, WorkbenchError, listed, shown, some
 from workbench.geometry.meshes import (
-    READERS,
+    MESH_READERS,
     UNSHARED,
     WITH_VERTEX_ORDER,
     read_registered,
@@ -55,7 +55,7 @@ GENDERS, SETS = ("female", "male", "neutral"), ("poses", "shapes")
 LARGEST, SMALLEST = 10.0, 0.02  # m across: larger or smaller bodies are in another unit
 UNLIKE = 3.0  # how many times larger or smaller than most others a mesh may be
 COLUMNS = ("file", "subject", "gender", "set")
-SUFFIXES = (*READERS, ".npz", ".npy")  # an .stl is refused when it is read, and told why
+SUFFIXES = (*MESH_READERS, ".npz", ".npy")  # an .stl is refused when it is read, and told why
 MOST_LISTED = 10  # bad files in one message
 IN_ARCHIVE = {
     "vertices": any_reals("N", 3),
