@@ -232,7 +232,7 @@ def video_fit(
         problem=problem,
         start=start,
         question=question,
-        measures=lambda values: video_measures(moving, problem, values),
+        measures=lambda values: video_measures(moving, values),
         priors=tuple(r.name for r in problem.residuals if r.name not in data_names),
         notes=(
             *clip.notes,
@@ -338,8 +338,10 @@ def landmarks_of(moving: Moving, values: Values) -> Array:
     return np.asarray(moving.body.landmark(moving.views[0].landmarks, *at))
 
 
-def video_measures(moving: Moving, problem: Problem, values: Values) -> tuple[Measure, ...]:
-    """Mean reprojection errors, the acceleration of landmarks, stature, and the frames' worth."""
+def video_measures(moving: Moving, values: Values) -> tuple[Measure, ...]:
+    """Mean reprojection errors, the acceleration of landmarks, stature, and how many independent
+    frames the fit counted.
+    """
     places = landmarks_of(moving, values)
     found = []
     for view in moving.views:
@@ -355,7 +357,7 @@ def video_measures(moving: Moving, problem: Problem, values: Values) -> tuple[Me
         change = np.linalg.norm(np.diff(places, 2, axis=0), axis=-1)
         found.append(Measure("change of speed a frame", 1e3 * float(change.mean()), "mm"))
     if len(places) > 1:
-        worth = worth_of(problem, values, moving.data)
+        worth = float(values[EVIDENCE][0]) * len(places)
         found.append(Measure("independent frames", worth, "1", f"{len(places)} frames"))
     return (*found, largest_beta(betas))
 
