@@ -49,8 +49,8 @@ def counted(body: Body, chosen: Index) -> Array:
     owner = body.vertex_weights.argmax(axis=1)
     of_all = np.bincount(owner, minlength=body.n_joints)
     of_chosen = np.bincount(owner[chosen], minlength=body.n_joints)
-    found = of_all[owner[chosen]] / of_chosen[owner[chosen]]
-    return np.asarray(found / found.mean())
+    weights = of_all[owner[chosen]] / of_chosen[owner[chosen]]
+    return np.asarray(weights / weights.mean())
 
 
 COMMON = 3  # joints that two bodies have in common, by which one is placed on the other
@@ -110,22 +110,24 @@ def correspond(source: Body, target: Body, said: Said = lambda text: None) -> Co
     surface = source.vertices()
     tree = SurfaceTree(surface, source.faces)
     said("the joints of one body are brought onto those of the other")
-    at = _by_joints(source, target)
+    values = _by_joints(source, target)
     chosen = sampled_vertices(target, SAMPLE)
     problem = _to_places(target, chosen)
     solver = TrustRegion(max_iterations=10, gradient_tolerance=1e-3)
     said(f"closest places are found, and the body fitted to them, {ROUNDS} times")
     for _ in range(ROUNDS):
-        posed = _vertices(target, at)
+        posed = _vertices(target, values)
         places, seen, _ = _closest(tree, posed, target.faces, chosen)
-        given = at | {"observed": places, "seen": seen.astype(float)}
-        at |= {
-            name: value for name, value in solver.solve(problem, given).values.items() if name in at
+        start = values | {"observed": places, "seen": seen.astype(float)}
+        values |= {
+            name: value
+            for name, value in solver.solve(problem, start).values.items()
+            if name in values
         }
-    posed = _vertices(target, at)
+    posed = _vertices(target, values)
     _, matched, distances = _closest(tree, posed, target.faces, np.arange(N))
     return Correspondence(
-        barycentric_weights(surface, source.faces, posed), matched, distances, at, False
+        barycentric_weights(surface, source.faces, posed), matched, distances, values, False
     )
 
 
@@ -137,10 +139,10 @@ def _closest(
     tree: SurfaceTree, posed: Array, faces: Index, chosen: Index
 ) -> tuple[Array, Mask, Array]:
     """The places (n, 3) of some vertices, which of them are right, and how far they are, in m."""
-    found = tree.closest(posed[chosen])
-    facing = (vertex_normals(posed, faces)[chosen] * found.normals).sum(axis=1)
-    distances = np.abs(found.distances)
-    return found.points, np.asarray((facing > FACING) & (distances < FARTHEST)), distances
+    closest = tree.closest(posed[chosen])
+    facing = (vertex_normals(posed, faces)[chosen] * closest.normals).sum(axis=1)
+    distances = np.abs(closest.distances)
+    return closest.points, np.asarray((facing > FACING) & (distances < FARTHEST)), distances
 
 
 def _by_joints(source: Body, target: Body) -> Values:

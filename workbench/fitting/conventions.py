@@ -71,7 +71,7 @@ def mirrored(view: View) -> View:
 
 def readings(names: Sequence[str]) -> dict[str, Callable[[View], View]]:
     """Other readings of keypoints with these names, by the words of a doubt: `if ...`."""
-    found: dict[str, Callable[[View], View]] = {
+    changes: dict[str, Callable[[View], View]] = {
         SIDES: lambda view: sides_exchanged(view, names),
         UPWARDS: y_upwards,
         HALF_TURN: lambda view: y_upwards(mirrored(view)),
@@ -79,10 +79,10 @@ def readings(names: Sequence[str]) -> dict[str, Callable[[View], View]]:
     }
     if {*COCO} <= {*names}:
         for what, order in ORDERS.items():
-            found[f"they are in the order of {what}, not COCO's"] = partial(
+            changes[f"they are in the order of {what}, not COCO's"] = partial(
                 _reordered, names=names, order=order
             )
-    return found
+    return changes
 
 
 def _reordered(view: View, names: Sequence[str], order: Sequence[str]) -> View:
@@ -90,8 +90,8 @@ def _reordered(view: View, names: Sequence[str], order: Sequence[str]) -> View:
     observed, confidence = view.observed.copy(), np.zeros_like(view.confidence)
     for k, name in enumerate(order):
         if name in names:
-            row, there = names.index(name), names.index(COCO[k])
-            observed[row], confidence[row] = view.observed[there], view.confidence[there]
+            row, k_row = names.index(name), names.index(COCO[k])
+            observed[row], confidence[row] = view.observed[k_row], view.confidence[k_row]
     return replace(view, observed=observed, confidence=confidence)
 
 
@@ -205,7 +205,7 @@ def agreeing_convention(views: Sequence[View], values: Values, names: Sequence[s
     Other conventions of the extrinsics, other orders of the cameras, other readings of images, and
     views left out are tried. `names` (M,) are those of the keypoints.
     """
-    given: Extrinsics = [
+    extrinsics: Extrinsics = [
         (
             matrix_from_vector(np.asarray(values[v.camera.rotation.name])),
             np.asarray(values[v.camera.translation.name], dtype=float),
@@ -213,9 +213,9 @@ def agreeing_convention(views: Sequence[View], values: Values, names: Sequence[s
         for v in views
     ]
     tried: list[tuple[str, Sequence[View], Values]] = []
-    for what, extrinsics in _conventions(given):
+    for what, changed_extrinsics in _conventions(extrinsics):
         changed = dict(values)
-        for view, (R, t) in zip(views, extrinsics, strict=True):
+        for view, (R, t) in zip(views, changed_extrinsics, strict=True):
             changed[view.camera.rotation.name] = vector_from_matrix(R)
             changed[view.camera.translation.name] = t
         tried.append((what, views, changed))
@@ -223,9 +223,9 @@ def agreeing_convention(views: Sequence[View], values: Values, names: Sequence[s
     with np.errstate(all="ignore"):
         here, best, said = disagreement(views, values), AGREE / 0.8, ""
         for what, seen, changed in tried:
-            found = disagreement(seen, changed)
-            if found < min(0.8 * best, here / 3):
-                best, said = found, what
+            off = disagreement(seen, changed)
+            if off < min(0.8 * best, here / 3):
+                best, said = off, what
                 if unit := unit_of_translations(seen, changed):
                     said = f"{what}, with translations in {unit}"
         if said or len(views) < 3:
@@ -252,11 +252,11 @@ def _other_views(
             yield f"{what} in {view.name}", (*views[:k], change(view), *views[k + 1 :])
 
 
-def _conventions(given: Extrinsics) -> Iterator[tuple[str, Extrinsics]]:
+def _conventions(extrinsics: Extrinsics) -> Iterator[tuple[str, Extrinsics]]:
     for what, change in CONVENTIONS.items():
-        yield what, [change(R, t) for R, t in given]
-    every = range(len(given))
+        yield what, [change(R, t) for R, t in extrinsics]
+    every = range(len(extrinsics))
     swapped = ([{i: j, j: i}.get(k, k) for k in every] for i, j in combinations(every, 2))
-    for order in permutations(every) if len(given) <= MOST_ORDERED else swapped:
+    for order in permutations(every) if len(extrinsics) <= MOST_ORDERED else swapped:
         said = ", ".join(str(k + 1) for k in order)
-        yield f"the cameras belong to the files in the order {said}", [given[k] for k in order]
+        yield f"the cameras belong to the files in the order {said}", [extrinsics[k] for k in order]

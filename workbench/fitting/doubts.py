@@ -80,23 +80,23 @@ def doubts(
     again with left and right exchanged also where nothing else speaks against the fit, which takes
     as long as the fit itself.
     """
-    found = []
+    sentences = []
     if solution.status not in (Status.CONVERGED, Status.STOPPED):
-        found.append(
+        sentences.append(
             f"the solver did not converge ({solution.status.name.lower().replace('_', ' ')}); the "
             "numbers are those of the best point that it found"
         )
     body = setup.body if setup.moving is None else setup.moving.body
     moments = [] if body is None else _moments(setup, values)
-    seen = [] if body is None else [_of_moment(body, *moment) for moment in moments]
-    wrong = _often([one for one, _ in seen])
+    by_moment = [] if body is None else [_of_moment(body, *moment) for moment in moments]
+    wrong = _often([one for one, _ in by_moment])
     if wrong:  # all else follows from it
-        return (*found, *wrong)
-    found += _often([other for _, other in seen])
+        return (*sentences, *wrong)
+    sentences += _often([other for _, other in by_moment])
     if setup.moving is None and moments:
         depth = depth_interval(setup, values)
         if depth is not None and depth.low <= 0:
-            found.append(
+            sentences.append(
                 f"the 90 % interval of the distance, {depth.low:.2f} to {depth.high:.2f} m, "
                 "reaches behind the camera: the keypoints hardly tell how far away the person is; "
                 "give --height or --focal"
@@ -104,16 +104,16 @@ def doubts(
     free, odd = setup.problem.free.names, list[str]()
     if body is not None:
         pose, betas, _ = (block.name for block in body.blocks())
-        found += of_person(body, values[betas]) if betas in free else ()
+        sentences += of_person(body, values[betas]) if betas in free else ()
         if moments and pose in free and POSE_PRIOR in setup.problem.rows:
             odd += of_pose(body, values[pose])
-    found += [*setup.doubts(values), *_priors(setup, values)]
-    if setup.moving is None and moments and (found or odd or again):
-        better = better_reading(setup, values, solution, doubted=bool(found or odd))
+    sentences += [*setup.doubts(values), *_priors(setup, values)]
+    if setup.moving is None and moments and (sentences or odd or again):
+        better = better_reading(setup, values, solution, doubted=bool(sentences or odd))
         if better:
-            return (better, *found, *odd)
+            return (better, *sentences, *odd)
     # several views show a pose, however rare it is
-    return tuple(found) if any(len(views) > 1 for views, _ in moments) else (*found, *odd)
+    return tuple(sentences) if any(len(views) > 1 for views, _ in moments) else (*sentences, *odd)
 
 
 Views = tuple[View, ...]
@@ -144,13 +144,13 @@ def _moments(setup: Setup, values: Values) -> list[tuple[Views, Values]]:
 def _often(moments: Sequence[Said]) -> list[str]:
     """What is said of most moments, as it is said of the one in their middle."""
     count = Counter(about for said in moments for about in said)
-    found = []
-    for about, often in count.items():
-        if often > OFTEN * len(moments):
-            told = [said[about] for said in moments if about in said]
-            frames = f"in {often} of {len(moments)} frames " if len(moments) > 1 else ""
-            found.append(frames + told[len(told) // 2])
-    return found
+    sentences = []
+    for about, n_frames in count.items():
+        if n_frames > OFTEN * len(moments):
+            alike = [said[about] for said in moments if about in said]
+            frames = f"in {n_frames} of {len(moments)} frames " if len(moments) > 1 else ""
+            sentences.append(frames + alike[len(alike) // 2])
+    return sentences
 
 
 def _of_moment(body: Body, views: Views, values: Values) -> tuple[Said, Said]:
@@ -167,10 +167,10 @@ def _of_moment(body: Body, views: Views, values: Values) -> tuple[Said, Said]:
         wrong |= _views(body, views, values)
     if wrong:
         return wrong, {}
-    found: Said = {}
+    against: Said = {}
     for view in views:
-        found |= _view(body, view, values, "" if len(views) == 1 else f" of {view.name}")
-    return {}, found
+        against |= _view(body, view, values, "" if len(views) == 1 else f" of {view.name}")
+    return {}, against
 
 
 def _views(body: Body, views: Views, values: Values) -> Said:
@@ -195,22 +195,22 @@ def _views(body: Body, views: Views, values: Values) -> Said:
 def _view(body: Body, view: View, values: Values, of: str) -> Said:
     landmarks = body.landmark(view.landmarks, *(values[block.name] for block in body.blocks()))
     depth = float(np.median(view.camera.depths(landmarks, values)))
-    found: Said = {}
+    against: Said = {}
     if not DISTANCES[0] <= depth <= DISTANCES[1]:
-        found["distance"] = (
+        against["distance"] = (
             f"the person is {depth:,.2f} m from the camera; check the size of the image, the "
             "focal length and that coordinates are in px"
         )
     if not depth > 0:
-        return found
+        return against
     focal = float(np.mean(values[view.camera.focal.name]))
     px = np.linalg.norm(view.camera.pixels(landmarks, values) - view.observed, axis=1)
     seen, off = view.confidence > LEAST_CONFIDENCE, px * depth / focal  # m
     if not seen.any():
-        return found
+        return against
     far, share = off > OUTLIER, float(np.mean(off[seen] > MISFIT))
     if share > MOST_MISSED:
-        return found | {
+        return against | {
             f"misfit{of}": f"the body misses {100 * share:.0f} % of the keypoints{of} by over "
             f"{100 * MISFIT:.0f} cm at its distance, and the median one by "
             f"{np.median(px[seen]):.0f} px; check their order, left and right, and the camera"
@@ -219,11 +219,11 @@ def _view(body: Body, view: View, values: Values, of: str) -> Said:
     for limb, joints in LIMBS.items():
         rows = np.array([names.index(j) for j in joints if j in names and seen[names.index(j)]])
         if len(rows) == len(joints) and far[rows].all():
-            found[limb + of] = (
+            against[limb + of] = (
                 f"all keypoints of the {limb}{of} count as outliers, up to {px[rows].max():.0f} px "
                 "from the body; look at the picture: they may be another person's, or exchanged"
             )
-    return found
+    return against
 
 
 def of_person(body: Body, betas: Array) -> Iterator[str]:
@@ -305,20 +305,21 @@ def of_markers(
             return
     seen: Mask = np.asarray(np.isfinite(observed).all(axis=-1))
     off = np.linalg.norm(nominal - observed, axis=-1)  # m, (T, M)
-    each = np.array(
+    medians = np.array(
         [np.median(off[seen[:, m], m]) if seen[:, m].any() else 0.0 for m in range(len(names))]
     )
-    wrong: Mask = np.asarray(each > MARKER_OFF)
+    wrong: Mask = np.asarray(medians > MARKER_OFF)
     if wrong.any():
-        which = [names[m] for m in np.argsort(-each) if wrong[m]]
+        which = [names[m] for m in np.argsort(-medians) if wrong[m]]
         yield (
-            f"markers are up to {100 * each.max():.0f} cm from where the set has them on the body: "
-            f"{some_of(which)}; check their labels, which may be exchanged, and the marker set"
+            f"markers are up to {100 * medians.max():.0f} cm from where the set has them on the "
+            f"body: {some_of(which)}; check their labels, which may be exchanged, and the marker "
+            "set"
         )
-    elif np.median(each) > MARKERS_OFF:
+    elif np.median(medians) > MARKERS_OFF:
         yield (
-            f"markers are {1e3 * np.median(each):.0f} mm from where the set has them on the body, "
-            "in the median; check the labels, the marker set and the body"
+            f"markers are {1e3 * np.median(medians):.0f} mm from where the set has them on the "
+            "body, in the median; check the labels, the marker set and the body"
         )
     yield from of_person(body, betas)
 
@@ -330,13 +331,15 @@ def _extent(places: Array) -> float:
 
 def _rigid_error(rest: Array, observed: Array) -> float:
     """How far points (T, M, 3) m are from rigidly moved ones (M, 3), in a usual frame."""
-    found = []
+    errors = []
     for places in observed:
         seen = np.isfinite(places).all(axis=1)
         if seen.sum() >= LEAST_TORSO:
             motion = procrustes(rest[seen], places[seen])
-            found.append(np.sqrt(np.mean((rest[seen] @ motion.R.T + motion.t - places[seen]) ** 2)))
-    return float(np.median(found)) if found else np.nan
+            errors.append(
+                np.sqrt(np.mean((rest[seen] @ motion.R.T + motion.t - places[seen]) ** 2))
+            )
+    return float(np.median(errors)) if errors else np.nan
 
 
 def pose_square(body: Body, pose: Array) -> Array:

@@ -126,16 +126,16 @@ def _landmarks(
 
 def _seen(body: SkinnedBody, observed: ArrayLike) -> tuple[Array, Array]:
     """The points (21, 3) m in the order of `HAND_POINTS`, and the weight (21,) of each: 0 or 1."""
-    given = reals("points of a hand", observed)
+    points = reals("points of a hand", observed)
     places = np.full((len(HAND_POINTS), 3), np.nan)
-    if given.shape == places.shape:
-        places = given
-    elif given.shape == (body.n_joints, 3):
-        places[[HAND_POINTS.index(name) for name in body.joint_names]] = given
+    if points.shape == places.shape:
+        places = points
+    elif points.shape == (body.n_joints, 3):
+        places[[HAND_POINTS.index(name) for name in body.joint_names]] = points
     else:
         raise BadObservation(
             f"points of a hand have the shape (21, 3) in the order of HAND_POINTS, or "
-            f"({body.n_joints}, 3) in that of the body's joints, not {given.shape}"
+            f"({body.n_joints}, 3) in that of the body's joints, not {points.shape}"
         )
     known = np.isfinite(places).all(axis=1)
     return np.where(known[:, None], places, 0.0), known.astype(np.float64)

@@ -356,9 +356,9 @@ def appearance(body: Body, view: View, values: Values) -> Appearance:
     """How high a person at the depth of a start would be in the image, and whether some keypoint
     is suspect: farther from the start's than a seventh of that height.
     """
-    found = body.landmark(view.landmarks, *(values[block.name] for block in body.blocks()))
+    landmarks = body.landmark(view.landmarks, *(values[block.name] for block in body.blocks()))
     height = height_in_view(body, view, values)
-    off = np.linalg.norm(view.camera.pixels(found, values) - view.observed, axis=1)
+    off = np.linalg.norm(view.camera.pixels(landmarks, values) - view.observed, axis=1)
     suspect = (off > SUSPECT * height) & (view.confidence > LEAST_CONFIDENCE)
     return Appearance(height, min(view.size), bool(suspect.any()))
 
@@ -401,13 +401,13 @@ def depth_interval(setup: Setup, values: Values, offset: float = OFFSET) -> Dept
 
 def depth_measures(setup: Setup, values: Values) -> tuple[Measure, ...]:
     """The distance of `depth_interval` and the ends of its interval; none where it is unknown."""
-    if (found := depth_interval(setup, values)) is None:
+    if (interval := depth_interval(setup, values)) is None:
         return ()
-    name, of = "distance from the camera", "end of the 90 % interval"
+    name, end = "distance from the camera", "end of the 90 % interval"
     named = (
-        (name, found.mean),
-        (f"{name}, lower {of}", found.low),
-        (f"{name}, upper {of}", found.high),
+        (name, interval.mean),
+        (f"{name}, lower {end}", interval.low),
+        (f"{name}, upper {end}", interval.high),
     )
     return tuple(Measure(what, metres, "m") for what, metres in named)
 
@@ -427,8 +427,8 @@ def depth_spread(setup: Setup, view: View, values: Values) -> tuple[float, float
     for i, name in enumerate(names):
         steps, ends = DIFFERENCE * np.eye(at[i].size).reshape(-1, *at[i].shape), []
         for step in (steps, -steps):
-            there = [*at[:i], at[i] + step, *at[i + 1 :]]
-            ends.append(body.joints(there[0], there[1], there[2])[:, 0] @ axis)
+            moved = [*at[:i], at[i] + step, *at[i + 1 :]]
+            ends.append(body.joints(moved[0], moved[1], moved[2])[:, 0] @ axis)
         gradient[setup.problem.free.slices[name]] = (ends[0] - ends[1]) / (2 * DIFFERENCE)
     depth = float(camera.depths(body.joints(*at)[:1], values)[0])
     here = setup.problem.linearize(values)
@@ -478,24 +478,24 @@ def image_mean(setup: Setup, values: Values) -> ImageMean:
     """
     body = setup.body
     assert body is not None  # which every fit to images has
-    found = posterior_mean(setup.problem, values)
+    posterior = posterior_mean(setup.problem, values)
     kind = setup.views[0].landmarks
     blocks = [block.name for block in body.blocks()]
-    given = setup.problem.split(values)[1]
-    drawn = [setup.problem.values(x, given) for x in found.draws]
-    places = body.landmark(kind, *(np.array([one[name] for one in drawn]) for name in blocks))
+    fixed = setup.problem.split(values)[1]
+    drawn = [setup.problem.values(x, fixed) for x in posterior.draws]
+    places = body.landmark(kind, *(np.array([draw[name] for draw in drawn]) for name in blocks))
     mean, likeliest = (
-        body.landmark(kind, *(at[name] for name in blocks)) for at in (found.values, values)
+        body.landmark(kind, *(at[name] for name in blocks)) for at in (posterior.values, values)
     )
     return ImageMean(
-        found.values,
+        posterior.values,
         tuple(body.landmark_names(kind)),
         mean,
         np.sqrt(np.sum((_centred(places) - _centred(mean)) ** 2, axis=2).mean(axis=0)),
         float(np.linalg.norm(mean.mean(axis=0) - likeliest.mean(axis=0))),
         np.linalg.norm(_centred(mean) - _centred(likeliest), axis=1),
-        float(np.linalg.norm(setup.problem.free.unpack(found.error, values)[blocks[2]])),
-        len(found.draws),
+        float(np.linalg.norm(setup.problem.free.unpack(posterior.error, values)[blocks[2]])),
+        len(posterior.draws),
     )
 
 

@@ -124,14 +124,14 @@ class KeypointProblem:
         return self._made[landmarks, kind]
 
     def _make(self, landmarks: str, kind: Kind) -> tuple[Problem, tuple[str, ...]]:
-        names, own = self.body.landmark_names(landmarks), self.body.blocks()
-        points = self.body.landmark_points(landmarks, *(block.symbol for block in own))
+        names, body_blocks = self.body.landmark_names(landmarks), self.body.blocks()
+        points = self.body.landmark_points(landmarks, *(block.symbol for block in body_blocks))
         terms, priors, blocks = [], list(self.priors(self.body)), list[Block]()
-        free = [block.name for block in own]
+        free = [block.name for block in body_blocks]
         sigmas = self.sigma if isinstance(self.sigma, tuple) else (self.sigma,) * len(kind)
         kernels = self.kernel if isinstance(self.kernel, tuple) else (self.kernel,) * len(kind)
-        for (name, size, out), sigma, kernel in zip(kind, sigmas, kernels, strict=True):
-            if out:
+        for (name, size, held_out), sigma, kernel in zip(kind, sigmas, kernels, strict=True):
+            if held_out:
                 continue
             camera, relative = Camera(name + "/"), self.relative(names)
             terms.append(camera_residual(points, camera, names, sigma, kernel, relative)[0])
@@ -139,7 +139,9 @@ class KeypointProblem:
             if size is not None:
                 priors.append(focal_prior(camera, max(size)))
                 free.append(camera.focal.name)
-        return Problem([*terms, *priors], free, blocks=blocks), tuple(one.name for one in priors)
+        return Problem([*terms, *priors], free, blocks=blocks), tuple(
+            prior.name for prior in priors
+        )
 
 
 def landmark_set(body: Body, observed: Collection[str] = ()) -> str:
@@ -316,9 +318,11 @@ def placed_views(
         observed, confidence = (block.name for block in observed_blocks(camera, landmarks))
         start |= camera_values(camera, photo)
         start |= {observed: photo.pixels, confidence: photo.confidence}
-        out = photo.name in held_out
+        view_held_out = photo.name in held_out
         views.append(
-            View(photo.name, camera, photo.size, kind, photo.pixels, photo.confidence, out)
+            View(
+                photo.name, camera, photo.size, kind, photo.pixels, photo.confidence, view_held_out
+            )
         )
     try:
         with np.errstate(divide="raise", invalid="raise", over="raise"):
@@ -333,8 +337,8 @@ def placed_views(
 
 def height_in_view(body: Body, view: View, values: Values) -> float:
     """How high a person at the depth of the body would be in an image, in px."""
-    found = body.landmark(view.landmarks, *(values[block.name] for block in body.blocks()))
-    depth = float(np.median(view.camera.depths(found, values)))
+    landmarks = body.landmark(view.landmarks, *(values[block.name] for block in body.blocks()))
+    depth = float(np.median(view.camera.depths(landmarks, values)))
     stature = float(np.ptp(body.template[:, 1]))
     return float(np.mean(values[view.camera.focal.name])) * stature / max(depth, 1e-3)
 

@@ -96,9 +96,9 @@ def read_marker_set(path: Path, body: SkinnedBody) -> MarkerSet:
 
     Raises BadFile for what is no such file, and for vertices that the body does not have.
     """
-    given = json_in(path)
+    content = json_in(path)
     try:
-        entries = facts(given, "").entries
+        entries = facts(content, "").entries
         vertices = {name: whole(i, name) for name, i in entries.items()}
         return MarkerSet.of(body, vertices)
     except (BadFile, BadArgument) as error:
@@ -149,7 +149,7 @@ def _rays(usual: bool) -> dict[str, tuple[Ray, int]]:
 def _placed(body: SkinnedBody, usual: bool) -> dict[str, int]:
     """The vertex nearest to each ray, none of them twice. Raises UnknownName for a joint."""
     joints, normals = body.joints(), vertex_normals(body.template, body.faces)
-    found: dict[str, int] = {}
+    chosen: dict[str, int] = {}
     for name, ((a, b, share, towards), side) in _rays(usual).items():
         for joint in (a, b):
             check_known("joint", joint, body.joint_names)
@@ -159,9 +159,9 @@ def _placed(body: SkinnedBody, usual: bool) -> dict[str, int]:
         along = offset @ direction
         off = np.linalg.norm(offset - along[:, None] * direction, axis=1) - FAR * along
         out = (along > 0) & (normals @ direction > FACING) & (side * body.template[:, 0] >= 0)
-        off[~out | np.isin(np.arange(len(off)), list(found.values()))] = np.inf
-        found[name] = int(np.argmin(off))
-    return found
+        off[~out | np.isin(np.arange(len(off)), list(chosen.values()))] = np.inf
+        chosen[name] = int(np.argmin(off))
+    return chosen
 
 
 @cache
@@ -209,13 +209,13 @@ def matched(
             "of your labels (--marker-set FILE.json)"
         )
     named, best = [one for one in subjects if one], max(subjects, key=lambda one: subjects[one])
-    found: dict[str, int] = {}
+    column_of: dict[str, int] = {}
     for subject in (best, *(named if len(named) == 1 else ()), ""):
         for place, meaning in enumerate(meanings):
             if meaning is not None and meaning[0] == subject:
-                found.setdefault(meaning[1], place)
-    order = sorted(found, key=lambda name: found[name])
-    places = tuple(found[name] for name in order)
+                column_of.setdefault(meaning[1], place)
+    order = sorted(column_of, key=lambda name: column_of[name])
+    places = tuple(column_of[name] for name in order)
     notes = []
     if others := [label for place, label in enumerate(labels) if place not in places]:
         also = f", or that are not of {best!r}" if len(named) > 1 else ""

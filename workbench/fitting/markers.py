@@ -138,8 +138,8 @@ def marker_fit(
         problem=sequence([frame] * len(observed), shared=(betas, "offsets")),
         start=first | observations(observed),
         question=question,
-        measures=lambda found: marker_measures(dressed, observed, found),
-        doubts=lambda found: of_markers(dressed, marker_set, observed, found),
+        measures=lambda values: marker_measures(dressed, observed, values),
+        doubts=lambda values: of_markers(dressed, marker_set, observed, values),
         priors=priors,
     )
 
@@ -219,13 +219,13 @@ def marker_solver(solver: Solver | None = None) -> Staged:
 
 def checked_markers(markers: ArrayLike, marker_set: MarkerSet) -> Array:
     """Markers (T, M, 3) m as numbers. Raises BadArgument for another shape, and NotNumbers."""
-    given, M = reals("markers", markers), len(marker_set.names)
-    if given.ndim != 3 or given.shape[1:] != (M, 3) or not len(given):
+    numbers, M = reals("markers", markers), len(marker_set.names)
+    if numbers.ndim != 3 or numbers.shape[1:] != (M, 3) or not len(numbers):
         raise BadArgument(
             f"markers have the shape (T, {M}, 3), for T frames of the set's {M} markers in metres, "
-            f"not {given.shape}"
+            f"not {numbers.shape}"
         )
-    return given
+    return numbers
 
 
 def placed_rigidly(body: SkinnedBody, observed: Array, first: Values) -> Values:
@@ -247,8 +247,8 @@ def placed_rigidly(body: SkinnedBody, observed: Array, first: Values) -> Values:
 def marker_errors(body: SkinnedBody, observed: Array, values: Values) -> Array:
     """How far each marker is from its observed place, (T, M) m; NaN where it was not seen."""
     pose, betas, trans = (values[block.name] for block in body.blocks())
-    found = body.landmark(MARKERS, pose, betas, trans, values["offsets"])
-    return np.asarray(np.linalg.norm(found - observed, axis=2))
+    fitted = body.landmark(MARKERS, pose, betas, trans, values["offsets"])
+    return np.asarray(np.linalg.norm(fitted - observed, axis=2))
 
 
 def rms_of_markers(errors: Array) -> Array:
@@ -262,11 +262,11 @@ def marker_measures(body: SkinnedBody, observed: Array, values: Values) -> tuple
     off = 1e3 * marker_errors(body, observed, values)
     counts = np.isfinite(off).sum(axis=0)
     seen = f"{counts.sum()} of {off.size} places in {len(off)} frames"
-    found = [Measure("distance to markers, rms", float(np.sqrt(np.nanmean(off**2))), "mm", seen)]
+    measures = [Measure("distance to markers, rms", float(np.sqrt(np.nanmean(off**2))), "mm", seen)]
     each = rms_of_markers(off)
     for m in np.argsort(-each, kind="stable")[:3]:
         name = body.landmark_names(MARKERS)[m]
-        found.append(
+        measures.append(
             Measure(f"distance to marker {name}, rms", float(each[m]), "mm", f"{counts[m]} frames")
         )
-    return (*found, largest_beta(values[body.blocks()[1].name]))
+    return (*measures, largest_beta(values[body.blocks()[1].name]))

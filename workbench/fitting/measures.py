@@ -76,14 +76,14 @@ def measures(body: SkinnedBody) -> dict[str, Quantity]:
     BadArgument for a body that is not skinned, of which joints have other names, or whose surface
     is not a person's.
     """
-    found, paths, betas = {}, _paths(body), body.blocks()[1]
+    quantities, paths, betas = {}, _paths(body), body.blocks()[1]
     shapes = body.shapedirs.reshape(-1, body.n_betas)
     for name, path in paths.items():
         rows = kron(path.weights, np.eye(3), format="csr")
         rest = cs.DM(rows @ body.template.ravel()) + cs.DM(rows @ shapes) @ betas.symbol
         expression = path.length(cs.reshape(rest, 3, path.weights.shape[0]))
-        found[name] = Quantity(name, expression, "m", blocks=(betas,))
-    return found
+        quantities[name] = Quantity(name, expression, "m", blocks=(betas,))
+    return quantities
 
 
 def measured(body: SkinnedBody, betas: ArrayLike) -> dict[str, Array]:
@@ -145,15 +145,15 @@ def measured_at(
     # a problem may have a residual of the same name, such as that of a known stature
     rows = [replace(q.residual, name=f"measured {name}") for name, q in quantities.items()]
     here = problem.variant([*problem.residuals, *rows], problem.free.spelled()).linearize(at)
-    found = {}
+    estimates = {}
     for name, value, g in zip(
         quantities, here.residual[-len(rows) :], here.dense[-len(rows) :], strict=True
     ):
         parts = V @ g
         undetermined = np.linalg.norm(g - parts @ V) > UNDETERMINED * np.linalg.norm(g)
         sd = np.inf if undetermined else float(np.linalg.norm(parts / s))
-        found[name] = float(value), sd
-    return found
+        estimates[name] = float(value), sd
+    return estimates
 
 
 def measurements(
@@ -170,13 +170,13 @@ def measurements(
     data = [r.name for r in problem.residuals if r.name not in priors]
     try:
         quantities = measures(person)
-        found = measured_at(problem, values, quantities)
+        estimates = measured_at(problem, values, quantities)
         before = measured_at(problem.without(*data), values, quantities) if priors else {}
     except (BadArgument, TooLarge, NotFinite):  # a surface of no person, or free vertices
         return ()
     return tuple(
         Measurement(name, value, sd, before[name][1] if before else np.inf)
-        for name, (value, sd) in found.items()
+        for name, (value, sd) in estimates.items()
     )
 
 

@@ -99,19 +99,25 @@ class Profile:
         other = "on the other side nothing bounds it up to"
         match low == -inf, high == inf:
             case True, True:
-                told = f"nothing bounds {self.entry} between {first:.4g} and {last:.4g}{unit}"
+                sentence = f"nothing bounds {self.entry} between {first:.4g} and {last:.4g}{unit}"
             case True, False:
-                told = f"{self.entry} is below {high:.4g}{unit} {level}; {other} {first:.4g}{unit}"
+                sentence = (
+                    f"{self.entry} is below {high:.4g}{unit} {level}; {other} {first:.4g}{unit}"
+                )
             case False, True:
-                told = f"{self.entry} is above {low:.4g}{unit} {level}; {other} {last:.4g}{unit}"
+                sentence = (
+                    f"{self.entry} is above {low:.4g}{unit} {level}; {other} {last:.4g}{unit}"
+                )
             case _:
-                told = f"{self.entry} is between {low:.4g} and {high:.4g}{unit} {level}"
+                sentence = f"{self.entry} is between {low:.4g} and {high:.4g}{unit} {level}"
         if np.isfinite(self.sd):
             a, b = self.laplace
-            told += f"; Laplace says {a:.4g} to {b:.4g}"
+            sentence += f"; Laplace says {a:.4g} to {b:.4g}"
         if self.lower is not None:
-            told += "; on the way there is a lower minimum, so that the fit was not at the best one"
-        return told
+            sentence += (
+                "; on the way there is a lower minimum, so that the fit was not at the best one"
+            )
+        return sentence
 
 
 def profile_likelihood(
@@ -251,28 +257,28 @@ class OtherMinima:
 
     def __str__(self) -> str:
         """All of it in sentences."""
-        told = [
+        sentences = [
             f"Of {self.starts} fits from starts on both sides along the {len(self.directions)} "
             f"weakest directions, {self.came_back} came back."
         ]
         if self.valley:
             far = max(self.valley, key=lambda one: one.apart)
-            told.append(
+            sentences.append(
                 f"{sum(one.starts for one in self.valley)} ended elsewhere at the same cost, up to "
                 f"{far.apart:.2g} characteristic scales away in {far.entry}: this is a valley, and "
                 "where a fit ends in it is arbitrary."
             )
         for one in self.minima:
             side = f"{one.excess:.3g} above" if one.excess > 0 else f"{-one.excess:.3g} below"
-            told.append(
+            sentences.append(
                 f"{one.starts} ended in another minimum, at a cost {side}, which differs most in "
                 f"{one.entry}, by {one.apart:.2g} characteristic scales."
             )
         if self.better:
-            told.append("The fit was not at the best minimum.")
+            sentences.append("The fit was not at the best minimum.")
         if not self.valley and not self.minima:
-            told.append("No other minimum was found this way.")
-        return " ".join(told)
+            sentences.append("No other minimum was found this way.")
+        return " ".join(sentences)
 
 
 def other_minima(
@@ -320,17 +326,17 @@ def other_minima(
             ends[same] = (*ends[same][:2], ends[same][2] + 1)
         else:
             ends.append((end, solution.cost, 1))
-    found = []
+    others = []
     for end, cost, count in ends:
         away = np.abs((end - x) / sizes)
         k = int(np.argmax(away))
         there, entry = problem.values(end, fixed), problem.free.label(k)
-        found.append(OtherMinimum(there, cost - first, float(away[k]), entry, count))
+        others.append(OtherMinimum(there, cost - first, float(away[k]), entry, count))
     level = LEVEL * (1 + first)
-    valley = tuple(one for one in found if abs(one.excess) <= level)
-    others = sorted((o for o in found if abs(o.excess) > level), key=lambda one: one.excess)
+    valley = tuple(one for one in others if abs(one.excess) <= level)
+    minima = sorted((o for o in others if abs(o.excess) > level), key=lambda one: one.excess)
     words = tuple(in_units(d * sizes, problem.free) for d in basis)
-    return OtherMinima(len(starts), back, valley, tuple(others), words)
+    return OtherMinima(len(starts), back, valley, tuple(minima), words)
 
 
 def laplace_points(

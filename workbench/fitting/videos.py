@@ -109,13 +109,13 @@ def autocorrelation(errors: Array, known: Array) -> Array:
     with fewer pairs than one for each series are NaN.
     """
     x = np.where(known, errors, 0.0).reshape(len(errors), -1)
-    there = np.asarray(known, dtype=float).reshape(x.shape)
-    found = np.full(len(x), np.nan)
+    observed = np.asarray(known, dtype=float).reshape(x.shape)
+    correlation = np.full(len(x), np.nan)
     for k in range(len(x)):
-        pairs = np.sum(there[k:] * there[: len(x) - k])
+        pairs = np.sum(observed[k:] * observed[: len(x) - k])
         if pairs >= max(1, x.shape[1] // 2):
-            found[k] = np.sum(x[k:] * x[: len(x) - k]) / pairs
-    return found / found[0] if found[0] > 0 else found
+            correlation[k] = np.sum(x[k:] * x[: len(x) - k]) / pairs
+    return correlation / correlation[0] if correlation[0] > 0 else correlation
 
 
 @dataclass(frozen=True)
@@ -294,7 +294,7 @@ def frame_by_frame(
 def heights_of(films: Sequence[Film], body: Body, kind: str) -> list[float]:
     """How high the person is in each film in px: the median over some frames."""
     T = len(films[0].confidence)
-    found: list[list[float]] = [[] for _ in films]
+    heights: list[list[float]] = [[] for _ in films]
     for t in np.unique(np.linspace(0, T - 1, min(T, LOOKED_AT)).round().astype(int)):
         values, views = body.start(), []
         for i, film in enumerate(films):
@@ -306,10 +306,10 @@ def heights_of(films: Sequence[Film], body: Body, kind: str) -> list[float]:
         with suppress(BadObservation, np.linalg.LinAlgError):
             values |= place_body(body, [view for _, view in views], values)
             for i, view in views:
-                found[i].append(height_in_view(body, view, values))
-    known = [float(np.median(some)) for some in found if some]
+                heights[i].append(height_in_view(body, view, values))
+    known = [float(np.median(some)) for some in heights if some]
     usual = float(np.median(known)) if known else 0.5 * min(films[0].size)
-    return [max(1.0, float(np.median(some))) if some else usual for some in found]
+    return [max(1.0, float(np.median(some))) if some else usual for some in heights]
 
 
 def errors_of(problem: Problem, values: Values, data: Sequence[str]) -> tuple[Array, Array]:
@@ -323,8 +323,8 @@ def errors_of(problem: Problem, values: Values, data: Sequence[str]) -> tuple[Ar
         rows = problem.rows[name]
         frames = len(next(one for one in problem.residuals if one.name == name).by_frame)
         columns.append(residual[rows].reshape(frames, -1))
-    found = np.concatenate(columns, axis=1)
-    return found, found != 0
+    errors = np.concatenate(columns, axis=1)
+    return errors, errors != 0
 
 
 def worth_of(problem: Problem, values: Values, data: Sequence[str]) -> float:
@@ -343,23 +343,25 @@ def video_measures(moving: Moving, values: Values) -> tuple[Measure, ...]:
     frames the fit counted.
     """
     places = landmarks_of(moving, values)
-    found = []
+    measures = []
     for view in moving.views:
         off = np.linalg.norm(view.camera.pixels(places, values) - view.observed, axis=-1)
         well = view.confidence > LEAST_CONFIDENCE
         mean = float(off[well].mean()) if well.any() else np.nan
-        found.append(Measure(f"reprojection, {view.name}", mean, "px", f"{well.sum()} {COUNTED}"))
+        measures.append(
+            Measure(f"reprojection, {view.name}", mean, "px", f"{well.sum()} {COUNTED}")
+        )
     betas = values[moving.body.blocks()[1].name]
     if betas.ndim == 1:
         tall = np.ptp(moving.body.vertices(betas=betas)[:, 1])
-        found.append(Measure("height at rest", 1e3 * float(tall), "mm"))
+        measures.append(Measure("height at rest", 1e3 * float(tall), "mm"))
     if len(places) > 2:
         change = np.linalg.norm(np.diff(places, 2, axis=0), axis=-1)
-        found.append(Measure("change of speed a frame", 1e3 * float(change.mean()), "mm"))
+        measures.append(Measure("change of speed a frame", 1e3 * float(change.mean()), "mm"))
     if len(places) > 1:
         worth = float(values[EVIDENCE][0]) * len(places)
-        found.append(Measure("independent frames", worth, "1", f"{len(places)} frames"))
-    return (*found, largest_beta(betas))
+        measures.append(Measure("independent frames", worth, "1", f"{len(places)} frames"))
+    return (*measures, largest_beta(betas))
 
 
 def _between(smoothness: Smoothness, body: Body, evidence: Block, clip: Clip) -> list[Between]:
@@ -368,7 +370,7 @@ def _between(smoothness: Smoothness, body: Body, evidence: Block, clip: Clip) ->
     if order < 1:
         return []
     pose, _, trans = (block.name for block in body.blocks())
-    given = (pose, smoothness.pose, "smooth pose"), (trans, smoothness.place, "smooth place")
+    links = (pose, smoothness.pose, "smooth pose"), (trans, smoothness.place, "smooth place")
 
     def weighted(link: Between, frames: Frames) -> Residual:
         one = link(frames)
@@ -376,7 +378,7 @@ def _between(smoothness: Smoothness, body: Body, evidence: Block, clip: Clip) ->
 
     return [
         partial(weighted, smooth(what, sigma=sigma / clip.fps**order, order=order, name=name))
-        for what, sigma, name in given
+        for what, sigma, name in links
         if sigma is not None
     ]
 
@@ -412,11 +414,11 @@ def video_mean(
         for name, differences in moved.items():
             differences.append(mean[name] - here[name])
         told(done + 1, len(drawn))
-    found = dict(values)
+    means = dict(values)
     times = np.arange(T)
     for name, differences in moved.items():
         each = np.reshape(differences, (len(drawn), -1)).T
         whole = np.stack([np.interp(times, drawn, one) for one in each], axis=1)
         whole = gaussian_filter1d(whole, BLUR * moving.fps, axis=0, mode="nearest")
-        found[name] = values[name] + whole.reshape(values[name].shape)
-    return found
+        means[name] = values[name] + whole.reshape(values[name].shape)
+    return means

@@ -47,12 +47,12 @@ Calibration = dict[str, dict[str, Any]]  # K, R, t, distortion, size and `notes`
 Table = Mapping[str, Any]
 
 
-def size_in(path: str | Path, where: str, given: Any) -> tuple[int, int]:
+def size_in(path: str | Path, where: str, entry: Any) -> tuple[int, int]:
     """The width and height of an image in px; `where` names it in the error. Raises BadFile."""
-    numbers = numbers_in(path, f"{where}: size", given)
+    numbers = numbers_in(path, f"{where}: size", entry)
     if numbers.shape != (2,) or not ((numbers >= 1) & (numbers <= LARGEST)).all():  # nor NaN
         raise BadFile(
-            f"{path}: {where} has the size {shown(given)}; it must be width and height in px"
+            f"{path}: {where} has the size {shown(entry)}; it must be width and height in px"
         )
     return int(numbers[0]), int(numbers[1])
 
@@ -182,18 +182,18 @@ def _tables(path: Path) -> tuple[list[tuple[str, Table]], bool]:
     if isinstance(data, list):
         listed = [(str(i), one) for i, one in enumerate(data)]
     numbers = {*SHAPES, "fx"}
-    found: list[tuple[str, Table]] = [
+    cameras: list[tuple[str, Table]] = [
         (str(name), {**shared, **one})
         for name, one in listed
         if isinstance(one, dict) and numbers & {*map(_key, one)}
     ]
-    if not found:
+    if not cameras:
         keys = f"it has the keys {some(map(str, data))}" if isinstance(data, dict) else shown(data)
         raise BadFile(
             f"{path} holds no cameras ({keys}); cameras are objects with K, R and t, by name or in "
             "a list, and howto/formats.md says what else is read"
         )
-    return found, panoptic
+    return cameras, panoptic
 
 
 def _plain(path: Path, name: str, table: Table) -> dict[str, Any]:
@@ -321,9 +321,9 @@ def _storage(path: Path) -> dict[str, Any]:
         except (ElementTree.ParseError, ValueError, BadFile) as error:
             raise BadFile(f"{path} cannot be read as XML: {cut(error)}") from error
     for line in text.splitlines() if not blocks else ():
-        if found := re.match(r"([\w.\-]+)[ \t]*:(.*)", line):
-            key = found[1]
-            blocks[key] = found[2]
+        if entry := re.match(r"([\w.\-]+)[ \t]*:(.*)", line):
+            key = entry[1]
+            blocks[key] = entry[2]
         elif key and not line.startswith(("%", "#", "---")):
             blocks[key] += "\n" + line
     return {key: _value(path, key, block.strip()) for key, block in blocks.items()}
@@ -332,9 +332,9 @@ def _storage(path: Path) -> dict[str, Any]:
 def _value(path: Path, key: str, block: str) -> Any:
     """A matrix, a list, a number or a text of FileStorage."""
     try:
-        if found := MATRIX.search(block):
-            rows, cols = int(found[1]), int(found[2])
-            numbers = [float(word) for word in re.findall(r"[^\s,\[\]]+", block[found.end() :])]
+        if head := MATRIX.search(block):
+            rows, cols = int(head[1]), int(head[2])
+            numbers = [float(word) for word in re.findall(r"[^\s,\[\]]+", block[head.end() :])]
             if len(numbers) != rows * cols:
                 raise BadFile(f"{path}: {key} holds {len(numbers)} numbers, not {rows} x {cols}")
             return {"rows": rows, "cols": cols, "data": numbers}
@@ -375,7 +375,7 @@ def _of_storage(data: dict[str, Any]) -> Any:
 def _colmap(path: Path) -> list[tuple[str, Table]]:
     """The images of COLMAP's text, each a camera by its name: cameras.txt and images.txt."""
     lenses: dict[str, dict[str, Any]] = {}
-    found: list[tuple[str, Table]] = []
+    cameras: list[tuple[str, Table]] = []
     lines = [
         [line for line in _text(path.with_name(name)).splitlines() if not line.startswith("#")]
         for name in ("cameras.txt", "images.txt")
@@ -394,9 +394,9 @@ def _colmap(path: Path) -> list[tuple[str, Table]]:
             _, *numbers, camera, name = line.split(maxsplit=9)
             w, x, y, z, *t = map(float, numbers)
             R = Rotation.from_quat([x, y, z, w]).as_matrix().tolist()
-            found.append((Path(name).stem, {**lenses[camera], "R": R, "t": t}))
+            cameras.append((Path(name).stem, {**lenses[camera], "R": R, "t": t}))
     except (ValueError, IndexError, KeyError) as error:
         raise BadFile(f"{path} cannot be read as COLMAP's text: {cut(error)}") from error
-    if not found:
+    if not cameras:
         raise BadFile(f"{path} holds no cameras: images.txt names no image")
-    return found
+    return cameras

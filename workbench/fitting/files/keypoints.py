@@ -49,12 +49,12 @@ def number_in(name: Any) -> int | None:
     return int(digits[-1]) if digits else None
 
 
-def _has_people(given: Any) -> bool:
-    return isinstance(given, dict) and any(isinstance(given.get(key), list) for key in PEOPLE)
+def _has_people(entry: Any) -> bool:
+    return isinstance(entry, dict) and any(isinstance(entry.get(key), list) for key in PEOPLE)
 
 
-def _has_keypoints(given: Any) -> bool:
-    return isinstance(given, dict) and any(key in given for key in MAIN)
+def _has_keypoints(entry: Any) -> bool:
+    return isinstance(entry, dict) and any(key in entry for key in MAIN)
 
 
 def frames_in(data: Any) -> list[tuple[Any, Any]] | None:
@@ -98,18 +98,18 @@ def by_image(path: Path, data: Any) -> dict[int, Any]:
     Each entry has the form of a file on one image. Raises BadFile if the file does not say which
     image a person is in.
     """
-    found: dict[int, Any] = {}
+    images: dict[int, Any] = {}
     frames = frames_in(data)
     if frames is not None:
         for name, one in frames:
             number = _number(path, "an entry", name)
-            if number in found:
+            if number in images:
                 raise BadFile(f"{path}: two images have the number {number}, in {shown(name)} too")
-            found[number] = one
+            images[number] = one
     elif isinstance(data, list) and data:
         for i, one in enumerate(data):
             name = one.get("image_id") if isinstance(one, dict) else None
-            found.setdefault(_number(path, f"[{i}]", name), []).append(one)
+            images.setdefault(_number(path, f"[{i}]", name), []).append(one)
     elif isinstance(data, dict) and isinstance(data.get("annotations"), list):
         return _annotated(path, data)
     else:
@@ -117,7 +117,7 @@ def by_image(path: Path, data: Any) -> dict[int, Any]:
             f"{path} does not say which image a person is in; give a file of AlphaPose or COCO "
             "with an `image_id` for each person, or a folder with a file for each frame"
         )
-    return dict(sorted(found.items()))
+    return dict(sorted(images.items()))
 
 
 def _annotated(path: Path, data: dict[str, Any]) -> dict[int, Any]:
@@ -129,7 +129,7 @@ def _annotated(path: Path, data: dict[str, Any]) -> dict[int, Any]:
     numbers = {name: number_in(one.get("file_name")) for name, one in known.items()}
     named = None not in numbers.values() and len({*numbers.values()}) == len(numbers)
     about = {key: one for key, one in data.items() if key == "categories"}
-    found: dict[int, Any] = {}
+    by_number: dict[int, Any] = {}
     for i, one in enumerate(data["annotations"]):
         name = one.get("image_id") if isinstance(one, dict) else None
         own = known.get(str(name))
@@ -137,8 +137,8 @@ def _annotated(path: Path, data: dict[str, Any]) -> dict[int, Any]:
         if number is None:
             number = _number(path, f"annotations[{i}]", name)
         empty = about | {"images": [] if own is None else [own], "annotations": []}
-        found.setdefault(number, empty)["annotations"].append(one)
-    return dict(sorted(found.items()))
+        by_number.setdefault(number, empty)["annotations"].append(one)
+    return dict(sorted(by_number.items()))
 
 
 def _number(path: Path, where: str, name: Any) -> int:
@@ -164,8 +164,8 @@ def read_keypoints(
 
     Raises BadFile or UnknownName.
     """
-    found = read_person(path, size=size, person=person)
-    return found.names, found.points, found.size
+    detected = read_person(path, size=size, person=person)
+    return detected.names, detected.points, detected.size
 
 
 def read_person(
@@ -190,8 +190,8 @@ def person_of(
         )
     if person is not None and entries and not 0 <= person < len(entries):
         raise no_such_person(path, person, len(entries))
-    asked = range(len(entries)) if person is None else [person] if entries else []
-    people = {i: _points_of(path, *entries[i]) for i in asked}
+    chosen = range(len(entries)) if person is None else [person] if entries else []
+    people = {i: _points_of(path, *entries[i]) for i in chosen}
     seen = {i: trusted(points) for i, (_, points) in people.items() if len(points)}
     if not seen:
         raise BadFile(_without_keypoints(path, data))
@@ -213,8 +213,8 @@ def person_of(
             "those above 1 count as 1"
         )
     size = _image_size(path, data, entry) if size is None else size
-    chosen, fractions = in_px(path, trusted(points), size, fractions=is_mediapipe(data))
-    return DetectedPerson(names, chosen, size, () if own else body, (*notes, *fractions))
+    in_image, fractions = in_px(path, trusted(points), size, fractions=is_mediapipe(data))
+    return DetectedPerson(names, in_image, size, () if own else body, (*notes, *fractions))
 
 
 def people_of(path: str | Path, data: Any) -> list[int]:
@@ -231,11 +231,11 @@ def _main(entry: Mapping[str, Any]) -> Any:
 
 
 def _points_of(path: str | Path, where: str, entry: dict[str, Any]) -> tuple[Any, Array]:
-    given = _main(entry)
-    if given == []:  # an entry without a person; files may hold many
+    main = _main(entry)
+    if main == []:  # an entry without a person; files may hold many
         return (), np.zeros((0, 3))
     scores = next((entry[key] for key in SCORES if isinstance(entry.get(key), list)), None)
-    return points_in(path, where, given, scores)
+    return points_in(path, where, main, scores)
 
 
 def _entries(
@@ -345,27 +345,27 @@ def _is_of_points(key: str) -> bool:
     return ("keypoints" in key or "kpts" in key) and not about
 
 
-def _objects(path: str | Path, what: str, found: Any) -> list[tuple[str, dict[str, Any]]]:
+def _objects(path: str | Path, what: str, entries: Any) -> list[tuple[str, dict[str, Any]]]:
     """The objects of a list, each with its place in the file: `people[3]`."""
-    if not isinstance(found, list):
-        raise BadFile(f"{path}: {what} must be a list of objects, not {shown(found)}")
-    for i, one in enumerate(found):
+    if not isinstance(entries, list):
+        raise BadFile(f"{path}: {what} must be a list of objects, not {shown(entries)}")
+    for i, one in enumerate(entries):
         if not isinstance(one, dict):
             raise BadFile(f"{path}: {what}[{i}] must be an object, not {shown(one)}")
-    return [(f"{what}[{i}]", one) for i, one in enumerate(found)]
+    return [(f"{what}[{i}]", one) for i, one in enumerate(entries)]
 
 
 def _image_size(path: str | Path, data: Any, entry: dict[str, Any]) -> tuple[int, int] | None:
     """The size of an entry's image: that of its `image_id`, or of the file's only image."""
     if not isinstance(data, dict):
         return None
-    wanted = entry.get("image_id")
-    if isinstance(wanted, list | dict):  # which could be too deep to be compared
-        raise BadFile(f"{path}: image_id must be a number or a text, not {shown(wanted)}")
+    image_id = entry.get("image_id")
+    if isinstance(image_id, list | dict):  # which could be too deep to be compared
+        raise BadFile(f"{path}: image_id must be a number or a text, not {shown(image_id)}")
     of_id = [
         one
         for one in _objects(path, "images", data.get("images", []))
-        if one[1].get("id") == wanted
+        if one[1].get("id") == image_id
     ]
     inner = data.get("image")
     whole = [("the image", one) for one in (inner, data) if isinstance(one, dict)]
@@ -416,20 +416,22 @@ def read_observations(
     photographs: list[Photograph] = []
     read: list[DetectedPerson] = []
     for path, (_, camera) in zip(paths, named, strict=True):
-        found = read_person(path, size=size or camera.get("size"), person=person)
-        if found.size is None:
+        detected = read_person(path, size=size or camera.get("size"), person=person)
+        if detected.size is None:
             raise BadFile(
                 f"{path} does not say how large the image is; give --size WIDTHxHEIGHT in px"
             )
-        read.append(found)
+        read.append(detected)
     if len({one.body for one in read}) > 1:
         raise BadFile("the files list different keypoints; give files of one detector")
     names = tuple(dict.fromkeys(name for one in read for name in one.names))
-    for found, (name, camera) in zip(read, named, strict=True):
-        assert found.size is not None
+    for detected, (name, camera) in zip(read, named, strict=True):
+        assert detected.size is not None
         points = np.zeros((len(names), 3))  # hands that one file lacks have confidence 0 there
-        points[[names.index(known) for known in found.names]] = found.points
-        calibrated = calibration_of(camera, focal, found.size)
-        photographs.append(Photograph(name, found.size, points[:, :2], points[:, 2], *calibrated))
+        points[[names.index(known) for known in detected.names]] = detected.points
+        calibrated = calibration_of(camera, focal, detected.size)
+        photographs.append(
+            Photograph(name, detected.size, points[:, :2], points[:, 2], *calibrated)
+        )
     notes = (*(note for one in read for note in one.notes), *notes_on(calibration, cameras))
     return Observations(names, tuple(photographs), notes)

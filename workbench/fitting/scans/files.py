@@ -111,16 +111,16 @@ def _ply(content: bytes) -> ScanContents:
 
 
 def _pcd(content: bytes) -> ScanContents:
-    found = parse_pcd(content)
+    cloud = parse_pcd(content)
     notes: tuple[str, ...] = ()
-    if found.unread:
-        notes = (f"not read are the fields {some(found.unread)}",)
-    if found.viewpoint is None:
+    if cloud.unread:
+        notes = (f"not read are the fields {some(cloud.unread)}",)
+    if cloud.viewpoint is None:
         notes += (
             "the file names no viewpoint, or 0 0 0, which programs write that do not know it; if "
             "the points were seen from there, give the camera's position 0 0 0",
         )
-    return ScanContents(found.points, found.normals, None, found.viewpoint, notes)
+    return ScanContents(cloud.points, cloud.normals, None, cloud.viewpoint, notes)
 
 
 def _of_columns(numbers: NDArray[Any], columns: int) -> ScanContents:

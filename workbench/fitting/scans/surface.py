@@ -87,10 +87,10 @@ def normals_of_neighbours(points: Array) -> Array:
     places = means_of_cells(points, CELLS)[0]
     if len(places) < NEIGHBOURS:
         places = points
-    found = np.empty_like(points)
+    normals = np.empty_like(points)
     for rows, near in neighbourhoods(points, NEIGHBOURS, places):
-        found[rows] = least_spread(near)
-    return found
+        normals[rows] = least_spread(near)
+    return normals
 
 
 def least_spread(near: Array) -> Array:
@@ -109,8 +109,8 @@ def areas_of_neighbours(points: Array) -> Array:
     for a large area; no area is therefore larger than four times the median of its neighbours'.
     """
     tree = cKDTree(points)
-    queried = tree.query(points, k=NEIGHBOURS + 1)  # the first is the point itself
-    radii, numbers = (np.asarray(found) for found in queried)
+    neighbours = tree.query(points, k=NEIGHBOURS + 1)  # the first is the point itself
+    radii, numbers = (np.asarray(queried) for queried in neighbours)
     k = np.arange(FEW, NEIGHBOURS + 1)
     areas = np.pi * (radii[:, FEW:] ** 2 / k).mean(axis=1)
     usual = np.array(np.median(areas[numbers[:, 1:]], axis=1))
@@ -119,13 +119,13 @@ def areas_of_neighbours(points: Array) -> Array:
 
 def filled(points: Array, normals: Array) -> Array:
     """Unit normals (M, 3); where they are zero or not finite, that of the nearest point."""
-    found = units(normals)
-    there = found.any(axis=1)
-    if there.all() or not there.any():
-        return found
-    nearest = cKDTree(points[there]).query(points[~there])[1]
-    found[~there] = found[there][nearest]
-    return found
+    whole = units(normals)
+    known = whole.any(axis=1)
+    if known.all() or not known.any():
+        return whole
+    nearest = cKDTree(points[known]).query(points[~known])[1]
+    whole[~known] = whole[known][nearest]
+    return whole
 
 
 def towards(normals: Array, points: Array, place: Array) -> Array:
@@ -152,9 +152,9 @@ def units(vectors: Array) -> Array:
     with np.errstate(all="ignore"):
         largest = np.abs(vectors).max(axis=1, keepdims=True)
         scaled = vectors / largest
-        found = scaled / np.linalg.norm(scaled, axis=1, keepdims=True)
-    found[~np.isfinite(found).all(axis=1)] = 0
-    return np.asarray(found)
+        unit_vectors = scaled / np.linalg.norm(scaled, axis=1, keepdims=True)
+    unit_vectors[~np.isfinite(unit_vectors).all(axis=1)] = 0
+    return np.asarray(unit_vectors)
 
 
 def boundary(scan: Scan, *, width: float = 0.0) -> Mask:
@@ -166,13 +166,13 @@ def boundary(scan: Scan, *, width: float = 0.0) -> Mask:
     """
     from_zero("a boundary", width=width)
     if scan.faces is not None:
-        found = np.zeros(scan.n_points, dtype=np.bool_)
-        found[edges_of_one_face(scan.faces)] = True
+        at_boundary = np.zeros(scan.n_points, dtype=np.bool_)
+        at_boundary[edges_of_one_face(scan.faces)] = True
     else:
-        found = boundary_of_cloud(scan.points)
-    if width and found.any():
-        found = np.asarray(cKDTree(scan.points[found]).query(scan.points)[0] <= width)
-    return found
+        at_boundary = boundary_of_cloud(scan.points)
+    if width and at_boundary.any():
+        at_boundary = np.asarray(cKDTree(scan.points[at_boundary]).query(scan.points)[0] <= width)
+    return at_boundary
 
 
 def edges_of_one_face(faces: Index) -> Index:
@@ -186,7 +186,7 @@ def edges_of_one_face(faces: Index) -> Index:
 def boundary_of_cloud(points: Array) -> Mask:
     """Which points (M, 3) of a cloud have neighbours on one side only, (M,)."""
     count = min(AROUND + 1, len(points))
-    found = np.zeros(len(points), dtype=np.bool_)
+    at_boundary = np.zeros(len(points), dtype=np.bool_)
     for rows, near in neighbourhoods(points, count):
         n = least_spread(near)
         first = np.cross(n, np.eye(3)[np.argmin(np.abs(n), axis=1)])
@@ -198,8 +198,8 @@ def boundary_of_cloud(points: Array) -> Mask:
             axis=1,
         )
         gaps = np.diff(angles, axis=1, append=angles[:, :1] + 2 * np.pi)
-        found[rows] = gaps.max(axis=1) > GAP
-    return found
+        at_boundary[rows] = gaps.max(axis=1) > GAP
+    return at_boundary
 
 
 def loose_points(scan: Scan) -> Mask:
@@ -213,9 +213,9 @@ def loose_points(scan: Scan) -> Mask:
     """
     if scan.n_points <= ASKED:
         return np.zeros(scan.n_points, dtype=bool)
-    found = cKDTree(scan.points).query(scan.points, k=ASKED + 1)
-    off, at = np.asarray(found[0])[:, 1:], np.asarray(found[1])[:, 1:]  # without the point itself
-    together = off <= APART * np.median(off[:, SPACING - 1])
+    neighbours = cKDTree(scan.points).query(scan.points, k=ASKED + 1)  # the first is itself
+    away, near = (np.asarray(queried)[:, 1:] for queried in neighbours)
+    together = away <= APART * np.median(away[:, SPACING - 1])
     if scan.normals is not None:
-        together &= np.einsum("nki,ni->nk", scan.normals[at], scan.normals) > ALIKE
+        together &= np.einsum("nki,ni->nk", scan.normals[near], scan.normals) > ALIKE
     return np.asarray(together.sum(axis=1) < LEAST)
