@@ -43,11 +43,11 @@ def vertex_parts(body: Body) -> tuple[str, ...]:
     return tuple(names[k] for k in body.vertex_weights.argmax(axis=1))
 
 
-SAMPLE = 1200  # vertices to which a pose is fitted
+SAMPLED_VERTICES = 1200  # vertices to which a pose is fitted
 SIGMA = 0.005  # m, of a vertex beside its place on the other body
 POSE_SIGMA = 1.0  # rad, about the rest pose: it holds only what no vertex shows
-FAR = 0.05  # m, from what a motion was made of: a farther one is doubted
-TOGETHER = 25  # frames whose surfaces are in memory at once
+DOUBTED_ERROR = 0.05  # m, from what a motion was made of: a farther one is doubted
+FRAMES_AT_ONCE = 25  # frames whose surfaces are in memory at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,8 +139,8 @@ def conversion_errors(
 ) -> Array:
     """How far each vertex of the target is from its place on the source in each frame, (T, N) m."""
     errors = np.empty((len(motion), target.n_vertices))
-    for first in range(0, len(motion), TOGETHER):
-        some = slice(first, first + TOGETHER)
+    for first in range(0, len(motion), FRAMES_AT_ONCE):
+        some = slice(first, first + FRAMES_AT_ONCE)
         places = correspondence.of(motion[some].vertices(source))
         errors[some] = np.linalg.norm(new[some].vertices(target) - places, axis=2)
     errors[:, ~correspondence.matched] = np.nan
@@ -170,19 +170,19 @@ def doubts_of(new: Motion, target: Body, errors: Array, of: str) -> tuple[str, .
         f"the body is {100 * middle:.0f} cm from {of} in the median; check which are which, their "
         "unit, the axis that is up, and the rest pose"
     )
-    return (*([far] if middle > FAR else []), *of_person(target, new.betas_on(target)))
+    return (*([far] if middle > DOUBTED_ERROR else []), *of_person(target, new.betas_on(target)))
 
 
 def _tracker(
     played: Motion, source: Body, target: Body, correspondence: Correspondence, own: range
 ) -> tuple[PointTracker, Array]:
     """The frames of the source as observed places of the target, and the shape to begin with."""
-    some = sampled_vertices(target, SAMPLE)
+    some = sampled_vertices(target, SAMPLED_VERTICES)
     some = some[correspondence.matched[some]]
     observed = np.concatenate(
         [
-            correspondence.of(played[t : t + TOGETHER].vertices(source))[:, some]
-            for t in range(0, len(played), TOGETHER)
+            correspondence.of(played[t : t + FRAMES_AT_ONCE].vertices(source))[:, some]
+            for t in range(0, len(played), FRAMES_AT_ONCE)
         ]
     )
     pose, betas, trans = (block.symbol for block in target.blocks())

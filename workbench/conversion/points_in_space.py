@@ -16,7 +16,7 @@ from workbench.bodies.hands import HAND_POINTS, TIPS, hand_points
 from workbench.errors import BadArgument, UnknownName, some_of
 from workbench.fitting.body_priors import pose_prior
 from workbench.fitting.placing import moved
-from workbench.fitting.tracking import QUICK, PointTracker, Progress, quiet, solved
+from workbench.fitting.tracking import QUICK_SOLVER, PointTracker, Progress, quiet, solved
 from workbench.fitting.videos import PLACE_SIGMA, POSE_SIGMA
 from workbench.geometry.rigid import procrustes
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
@@ -27,11 +27,11 @@ from workbench.problem import sequence
 from workbench.residuals import smooth
 
 SIGMA = 0.01  # m, of a point beside that of the body
-LOOSE = 0.025  # m, of joints that each kind of skeleton has in other places
-WIDE = (0.2, 0.05)  # m, sigmas of a frame by itself in turn: no arm is twisted
-FREELY = 1e3  # rad, of the root's turns: they are not smoothed
-LEAST = 4  # points that place a body
-FEWEST = 8  # joints of a skeleton, with which a body is no statue
+LOOSE_SIGMA = 0.025  # m, of joints that each kind of skeleton has in other places
+WIDE_SIGMAS = (0.2, 0.05)  # m, sigmas of a frame by itself in turn: no arm is twisted
+FREE_TURN_SIGMA = 1e3  # rad, of the root's turns: they are not smoothed
+FEWEST_POINTS = 4  # points that place a body
+FEWEST_JOINTS = 8  # joints of a skeleton, with which a body is no statue
 JOINTS, HAND = "joints", "hand"
 Placed = Callable[[cs.MX, cs.MX, cs.MX], Points]
 
@@ -119,10 +119,10 @@ def _from_places(
         if name in columns:
             places[:, i] = points[:, columns[name]]
     seen: Mask = np.asarray(np.isfinite(places).all(axis=2))
-    usable = np.flatnonzero(seen.sum(axis=1) >= LEAST)
+    usable = np.flatnonzero(seen.sum(axis=1) >= FEWEST_POINTS)
     if not len(usable):
-        raise BadArgument(f"no frame shows {LEAST} of the points {some_of(own)}")
-    counts = [(sigma / LOOSE) ** 2 if loose and is_elsewhere(name) else 1.0 for name in own]
+        raise BadArgument(f"no frame shows {FEWEST_POINTS} of the points {some_of(own)}")
+    counts = [(sigma / LOOSE_SIGMA) ** 2 if loose and is_elsewhere(name) else 1.0 for name in own]
     pose_symbol, betas_symbol, trans_symbol = (block.symbol for block in body.blocks())
     tracker = PointTracker(
         body,
@@ -134,7 +134,7 @@ def _from_places(
         lambda t, before: [
             placed_by_points(body, kind, places[usable[t]]) if before is None else before
         ],
-        WIDE,
+        WIDE_SIGMAS,
     )
     shape = tracker.shape(np.zeros(body.n_betas), progress)
     pose, trans = _spread(tracker.poses(shape, progress), usable, len(points), body)
@@ -176,10 +176,11 @@ def motion_from_skeleton(
     fit = _from_places(
         skeleton.joints(), labels, body, skeleton.fps, None, sigma, progress, together=False
     )
-    if len(fit.names) < FEWEST:
+    if len(fit.names) < FEWEST_JOINTS:
         raise BadArgument(
             f"of the {len(labels)} joints only {some_of(fit.names)} are known, and with fewer than "
-            f"{FEWEST} the body would be a statue; a table of names says which are which (--names)"
+            f"{FEWEST_JOINTS} the body would be a statue; a table of names says which are which "
+            "(--names)"
         )
     assert skeleton.bones is not None  # for it has joints
     theirs = _worlds(skeleton.pose, skeleton.bones.parents)
@@ -231,7 +232,7 @@ def _smoothed(
     """
     T, names = len(pose), [block.name for block in tracker.body.blocks()]
     sigma = np.full((tracker.body.n_joints, 3), POSE_SIGMA / fps**2)
-    sigma[0] = FREELY
+    sigma[0] = FREE_TURN_SIGMA
     between = [
         smooth(names[0], sigma=sigma, order=2),
         smooth(names[2], sigma=PLACE_SIGMA / fps**2, order=2),
@@ -241,7 +242,7 @@ def _smoothed(
     start = {name: np.array([frame_data[name] for frame_data in data]) for name in data[0]}
     progress("all frames together", 0, 1)
     solution = solved(
-        QUICK, together, {**start, **dict(zip(names, (pose, betas, trans), strict=True))}
+        QUICK_SOLVER, together, {**start, **dict(zip(names, (pose, betas, trans), strict=True))}
     )
     progress("all frames together", 1, 1)
     found_pose, found_betas, found_trans = (solution.values[name] for name in names)
@@ -285,7 +286,7 @@ def _matched(
     columns, loose, what = by_set[best], False, f"{best} of body {body.name!r}"
     for skeleton in skeletons() if kind is None and JOINTS in sets else ():
         joints = {j: k for j, k in skeleton.matched(by_reading).items() if j in sets[JOINTS]}
-        if len(joints) >= FEWEST and len(joints) > len(columns):
+        if len(joints) >= FEWEST_JOINTS and len(joints) > len(columns):
             best, columns, loose = JOINTS, joints, True
             what = f"joints of body {body.name!r} by the names of {skeleton.name}"
             if skeleton.signs:
@@ -294,10 +295,10 @@ def _matched(
     if twice:
         name = " and ".join(labels[k] for k in twice[0])
         raise BadArgument(f"two points are called {name}; each needs its own name")
-    if len(columns) < LEAST:
+    if len(columns) < FEWEST_POINTS:
         raise BadArgument(
             f"of the points {some_of(labels)}, body {body.name!r} has {len(columns)} among its "
-            f"{best!r}, and {LEAST} are needed to place it; they are called "
+            f"{best!r}, and {FEWEST_POINTS} are needed to place it; they are called "
             f"{some_of(sets[best])}; a table of names says which are which (--names)"
         )
     notes = [f"{len(columns)} of {len(labels)} points are {what}"]

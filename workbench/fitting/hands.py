@@ -28,7 +28,7 @@ from workbench.residuals import Residual, landmarks
 from workbench.residuals.kernels import Kernel, quadratic
 
 SIGMA = 0.002  # m along each axis, of an observed point
-LEAST = 3  # points that place a hand
+FEWEST_POINTS = 3  # points that place a hand
 PALM = ("wrist", *(f"{finger}1" for finger in FINGERS))  # which hardly move against each other
 OBSERVED, SEEN = "observed", "seen"
 
@@ -79,14 +79,14 @@ def hand_start(body: SkinnedBody, observed: ArrayLike) -> Values:
     checked_hand(body)
     places, seen = _seen(body, observed)
     known: Mask = np.asarray(seen > 0)
-    if known.sum() < LEAST:
+    if known.sum() < FEWEST_POINTS:
         raise BadObservation(
-            f"{int(known.sum())} points of a hand are known, and at least {LEAST} place it"
+            f"{int(known.sum())} points of a hand are known, and at least {FEWEST_POINTS} place it"
         )
     mean = mean_hand(body)
     own = points_of(body, mean)
     palm = known & np.isin(HAND_POINTS, PALM)
-    used = palm if palm.sum() > LEAST else known
+    used = palm if palm.sum() > FEWEST_POINTS else known
     motion = procrustes(own[used], places[used])
     pose, betas, _ = (mean[block.name] for block in body.blocks())
     return mean | moved(body, motion.R, motion.t, pose, betas) | {OBSERVED: places, SEEN: seen}

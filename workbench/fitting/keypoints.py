@@ -32,7 +32,7 @@ from workbench.problem import Problem
 from workbench.residuals import Residual, keypoints
 from workbench.residuals.kernels import Kernel, geman_mcclure, quadratic, scaled
 
-MARKED = {
+MARKED_SD = {
     "nose": 0.026,
     "eye": 0.025,
     "ear": 0.035,
@@ -45,10 +45,10 @@ MARKED = {
     "toe": 0.080,
     "heel": 0.080,
 }
-TYPICAL = 0.080  # the median of COCO's 17 keypoints and 6 of the feet, both sides counted
+TYPICAL_SD = 0.080  # the median of COCO's 17 keypoints and 6 of the feet, both sides counted
 PLAIN, WITH_HANDS = "coco", "coco_with_hands"  # sets of landmarks
 SIGMA = 0.0032  # of a person's height in an image and of the image's shorter side: `usual_sigma`
-OUTLIER = 0.08  # of that height, from which on a coordinate counts as an outlier
+OUTLIER_SHARE = 0.08  # of that height, from which on a coordinate counts as an outlier
 FOCAL_SIGMA = 0.3  # of log f, for a camera of unknown focal length
 LEAST_CONFIDENCE = 0.2  # above which a keypoint counts in a mean
 COUNTED = f"keypoints with a confidence above {LEAST_CONFIDENCE}"
@@ -67,8 +67,11 @@ def as_marked(names: Sequence[str]) -> Array:
     variances are m_k^2 + m^2, divided by 2 m^2, with m = 0.080. Eyes have 0.74, hips 1.18. A
     keypoint that nobody marked for COCO, such as one of a finger, has 1.
     """
-    ends = [next((s for end, s in MARKED.items() if name.endswith(end)), TYPICAL) for name in names]
-    return np.asarray(np.sqrt((np.array(ends) ** 2 + TYPICAL**2) / (2 * TYPICAL**2)))
+    ends = [
+        next((s for end, s in MARKED_SD.items() if name.endswith(end)), TYPICAL_SD)
+        for name in names
+    ]
+    return np.asarray(np.sqrt((np.array(ends) ** 2 + TYPICAL_SD**2) / (2 * TYPICAL_SD**2)))
 
 
 def usual_sigma(height: float, size: tuple[float, float]) -> float:
@@ -228,8 +231,9 @@ def keypoint_fit(
     """Pose, betas and trans of a body from its keypoints in photographs; `sigma` in px.
 
     Without a sigma, it follows the person's height in each image (`usual_sigma`). Without a kernel,
-    it is Geman and McClure's, with outliers from OUTLIER times that height on; the fit then begins
-    in the pose that a regressor reads off the view that shows most, if the body is of its kind.
+    it is Geman and McClure's, with outliers from OUTLIER_SHARE times that height on; the fit then
+    begins in the pose that a regressor reads off the view that shows most, if the body is of its
+    kind.
 
     A detector's confidence c enters as the weight c^2, outside of the kernel, as in SPIN
     (Kolotouros et al. 2019): without a robust kernel, that keypoint has the standard deviation
@@ -247,7 +251,7 @@ def keypoint_fit(
         for height, view in zip(heights, shown.views, strict=True)
     )
     kernels = tuple(
-        kernel or scaled(geman_mcclure, OUTLIER * height / own)
+        kernel or scaled(geman_mcclure, OUTLIER_SHARE * height / own)
         for height, own in zip(heights, sigmas, strict=True)
     )
     if kernel is None:

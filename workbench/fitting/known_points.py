@@ -25,7 +25,7 @@ from workbench.residuals import Residual, landmarks, vertices
 from workbench.residuals.kernels import Kernel, quadratic
 
 Start = Callable[[Body, Array], Values]  # from a body and a mesh (N, 3) m of its topology
-RIGID = 0.03  # m: how far off a body is whose parts are placed as if each were rigid
+RIGID_ERROR = 0.03  # m: how far off a body is whose parts are placed as if each were rigid
 
 
 def from_correspondences(body: Body, observed: Array) -> Values:
@@ -60,7 +60,7 @@ def _shape_of(body: Body, pose: Array, mesh: Array) -> tuple[Array, Array]:
     A part is off as a whole, so all of its vertices together count as one observation.
     """
     B = body.n_betas
-    sigma = RIGID * np.sqrt(body.n_vertices / body.n_joints)  # m, of a vertex
+    sigma = RIGID_ERROR * np.sqrt(body.n_vertices / body.n_joints)  # m, of a vertex
     mean, *along = body.vertices(pose, np.vstack([np.zeros(B), np.eye(B)]))
     columns = [(one - mean).ravel() for one in along]
     columns += [np.tile(axis, body.n_vertices) for axis in np.eye(3)]

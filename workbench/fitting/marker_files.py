@@ -26,7 +26,7 @@ from workbench.motions.skeleton_names import renamed
 from workbench.reading.arrays import any_reals, opened, optional, read_expected, taken_for, texts
 from workbench.writing import write_arrays
 
-FASTEST = 1e6  # frames a second
+HIGHEST_FPS = 1e6  # frames a second
 RECORDED = {
     "markers": any_reals("T", "M", 3),
     "labels": texts("M"),
@@ -115,8 +115,8 @@ def read_marker_arrays(path: str | Path) -> Trajectories:
         arrays = read_expected(archive, RECORDED)
         markers, labels = arrays["markers"], tuple(map(str, arrays["labels"]))
         fps = float(arrays["fps"]) if "fps" in arrays else None
-        if fps is not None and not 0 < fps < FASTEST:
-            raise BadFile(f"fps is {fps:g}, but must be above zero and below {FASTEST:g}")
+        if fps is not None and not 0 < fps < HIGHEST_FPS:
+            raise BadFile(f"fps is {fps:g}, but must be above zero and below {HIGHEST_FPS:g}")
         if len({*labels}) < len(labels):
             twice = [label for label in dict.fromkeys(labels) if labels.count(label) > 1]
             raise BadFile(f"labels has {listed(twice)} more than once; each marker needs its name")

@@ -23,10 +23,10 @@ from workbench.errors import BadArgument, BadFile, check_known, some, some_of
 from workbench.geometry.solids import vertex_normals
 from workbench.reading.facts import facts, json_in, whole
 
-OUT = 0.0095  # m from the surface to the centre of a marker, as in MoSh
+MARKER_HEIGHT = 0.0095  # m from the surface to the centre of a marker, as in MoSh
 MARKERS = "markers"  # the name of the landmark set
-FAR = 0.1  # how much a metre along a ray is worth beside a metre off it: the outermost surface
-FACING = 0.3  # the least cosine between a ray and the normal, which keeps to the outer surface
+ALONG_WORTH = 0.1  # of a metre along a ray beside a metre off it: the outermost surface
+LEAST_FACING = 0.3  # cosine between a ray and the normal, which keeps to the outer surface
 Ray = tuple[str, str, float, tuple[float, float, float]]
 
 
@@ -45,7 +45,9 @@ class MarkerSet:
     nominal: Array
 
     @staticmethod
-    def of(body: SkinnedBody, vertices: Mapping[str, int], out: float = OUT) -> "MarkerSet":
+    def of(
+        body: SkinnedBody, vertices: Mapping[str, int], out: float = MARKER_HEIGHT
+    ) -> "MarkerSet":
         """Markers on numbered vertices, each `out` m away from the surface along its normal.
 
         Raises BadArgument for no markers, for what is no vertex, and for two markers on one.
@@ -157,8 +159,8 @@ def _placed(body: SkinnedBody, usual: bool) -> dict[str, int]:
         offset = body.template - (1 - share) * start - share * end
         direction = np.array(towards) / np.linalg.norm(towards)
         along = offset @ direction
-        off = np.linalg.norm(offset - along[:, None] * direction, axis=1) - FAR * along
-        out = (along > 0) & (normals @ direction > FACING) & (side * body.template[:, 0] >= 0)
+        off = np.linalg.norm(offset - along[:, None] * direction, axis=1) - ALONG_WORTH * along
+        out = (along > 0) & (normals @ direction > LEAST_FACING) & (side * body.template[:, 0] >= 0)
         off[~out | np.isin(np.arange(len(off)), list(chosen.values()))] = np.inf
         chosen[name] = int(np.argmin(off))
     return chosen

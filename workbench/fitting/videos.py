@@ -35,7 +35,7 @@ from workbench.fitting.keypoints import (
     landmark_set,
     usual_sigma,
 )
-from workbench.fitting.observations import PLACING, BadObservation, Clip, Film
+from workbench.fitting.observations import FEWEST_PLACING, BadObservation, Clip, Film
 from workbench.fitting.placing import place_body
 from workbench.fitting.setup import Measure, Moving, Setup, View, largest_beta
 from workbench.fitting.tracking import Tracker
@@ -47,15 +47,17 @@ from workbench.residuals.sequences import Between, Frames
 from workbench.sampling.posterior_mean import posterior_mean
 from workbench.solvers import SolveStage, TrustRegion
 
-COARSE = (0.345, 0.048)  # of a person's height in an image: the sigmas of the stages before
-EVERY = 10  # frames between two that are fitted from scratch
-QUICK = TrustRegion(max_iterations=30, gradient_tolerance=1e-3)
-ROUGHLY = TrustRegion(max_iterations=30, gradient_tolerance=1e-2)  # all frames are fitted again
-FAR = 0.12  # of a person's height: 100 px at 830, where outliers begin (Bogo et al., SMPLify)
-LOOKED_AT = 9  # frames, for the height of the person
+COARSE_SIGMAS = (0.345, 0.048)  # of a person's height in an image: the sigmas of the stages before
+FROM_SCRATCH_EVERY = 10  # frames between two that are fitted from scratch
+# of frames by themselves, and of those that follow; all frames are fitted again
+QUICK_SOLVER = TrustRegion(max_iterations=30, gradient_tolerance=1e-3)
+ROUGH_SOLVER = TrustRegion(max_iterations=30, gradient_tolerance=1e-2)
+OUTLIER_SHARE = 0.12  # of a person's height: 100 px at 830, as in SMPLify (Bogo et al., 2016)
+FRAMES_FOR_HEIGHT = 9
 POSE_SIGMA, PLACE_SIGMA = 36.0, 11.0  # rad/s^2 and m/s^2, of all joints and axes together
 EVIDENCE = "evidence"  # the fixed block that says how often each frame counts
-APART, BLUR = 1 / 12, 0.1  # s: between frames that are drawn; sd of the Gaussian that smooths
+DRAW_INTERVAL = 1 / 12  # s, between frames of which the posterior is drawn
+BLUR_SD = 0.1  # s, of the Gaussian that smooths between them
 
 
 def effective_frames(errors: ArrayLike, known: ArrayLike | None = None) -> float:
@@ -182,8 +184,8 @@ def video_fit(
     for film, height in zip(films, heights, strict=True):
         camera = Camera(film.name + "/")
         own_sigma = usual_sigma(height, film.size) if sigma is None else sigma
-        chosen = scaled(geman_mcclure, FAR * height / own_sigma) if kernel is None else kernel
-        residual, blocks = camera_residual(points, camera, landmarks, own_sigma, chosen)
+        own_kernel = kernel or scaled(geman_mcclure, OUTLIER_SHARE * height / own_sigma)
+        residual, blocks = camera_residual(points, camera, landmarks, own_sigma, own_kernel)
         shares[residual.name] = own_sigma / height
         data.append(replace(residual, weights=residual.weights * evidence.symbol))
         observed.append((blocks[0].name, blocks[1].name))
@@ -265,7 +267,7 @@ def frame_by_frame(
     place the body.
     """
     own = [block.name for block in body.blocks()]
-    seen = [[v for v in some if (v.confidence > 0).sum() >= PLACING] for some in views]
+    seen = [[v for v in some if (v.confidence > 0).sum() >= FEWEST_PLACING] for some in views]
 
     def starts(t: int, before: Values | None) -> list[Values]:
         if not seen[t]:
@@ -276,13 +278,15 @@ def frame_by_frame(
 
     stages = tuple(
         SolveStage(weights={name: (share / wide) ** 2 for name, share in shares.items()})
-        for wide in COARSE
+        for wide in COARSE_SIGMAS
     )
-    ends = Tracker(frame, starts, stages, QUICK, ROUGHLY, EVERY).frames(len(each), progress)
+    tracker = Tracker(frame, starts, stages, QUICK_SOLVER, ROUGH_SOLVER, FROM_SCRATCH_EVERY)
+    ends = tracker.frames(len(each), progress)
     last = next((end for end in ends if end), None)
     if last is None:
         raise BadObservation(
-            f"no frame shows {PLACING} keypoints in one image, which a body needs to be placed"
+            f"no frame shows {FEWEST_PLACING} keypoints in one image, which a body needs to be "
+            "placed"
         )
     whole = []
     for values, end in zip(each, ends, strict=True):
@@ -295,10 +299,10 @@ def heights_of(films: Sequence[Film], body: Body, kind: str) -> list[float]:
     """How high the person is in each film in px: the median over some frames."""
     T = len(films[0].confidence)
     heights: list[list[float]] = [[] for _ in films]
-    for t in np.unique(np.linspace(0, T - 1, min(T, LOOKED_AT)).round().astype(int)):
+    for t in np.unique(np.linspace(0, T - 1, min(T, FRAMES_FOR_HEIGHT)).round().astype(int)):
         values, views = body.start(), []
         for i, film in enumerate(films):
-            if (film.confidence[t] > 0).sum() < PLACING:
+            if (film.confidence[t] > 0).sum() < FEWEST_PLACING:
                 continue
             camera = Camera(film.name + "/")
             values |= camera_values(camera, film.photograph(t))
@@ -403,8 +407,8 @@ def video_mean(
     own = moving.frame.freeing(trans, pose)
     framed = {name for name, block in setup.problem.known.items() if block.framed}
     counts = [(view.confidence > 0).sum(axis=1) for view in moving.views]
-    seen = np.flatnonzero(np.max(counts, axis=0) >= PLACING)
-    step = max(1, round(APART * moving.fps))
+    seen = np.flatnonzero(np.max(counts, axis=0) >= FEWEST_PLACING)
+    step = max(1, round(DRAW_INTERVAL * moving.fps))
     drawn = np.unique(np.append(seen[::step], seen[-1]))
     moved: dict[str, list[np.ndarray]] = {pose: [], trans: []}
     T = len(values[trans])
@@ -419,6 +423,6 @@ def video_mean(
     for name, differences in moved.items():
         each = np.reshape(differences, (len(drawn), -1)).T
         whole = np.stack([np.interp(times, drawn, one) for one in each], axis=1)
-        whole = gaussian_filter1d(whole, BLUR * moving.fps, axis=0, mode="nearest")
+        whole = gaussian_filter1d(whole, BLUR_SD * moving.fps, axis=0, mode="nearest")
         means[name] = values[name] + whole.reshape(values[name].shape)
     return means

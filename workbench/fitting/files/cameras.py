@@ -18,20 +18,20 @@ from workbench.geometry.camera import Camera
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.reading.facts import bounded, json_in, toml_in
 
-LARGEST = 1e6  # px: no image is wider or higher
+LARGEST_IMAGE = 1e6  # px: no image is wider or higher
 MOST_CAMERAS = 1000
 MOST_BYTES = 2**26  # of a calibration that is text; COLMAP's has the points of its images
 LONGEST_ROTATION = 2.01 * np.pi  # rad: a rotation vector that is longer is in degrees
-CENTIMETRES = 20.0, 1000.0  # how far Panoptic's cameras are from the world's origin
+CENTIMETRE_DISTANCES = 20.0, 1000.0  # how far Panoptic's cameras are from the world's origin
 LONGEST_NAME = 200  # characters, of a camera's name
-IDLE = {"calibdatasource", "panel", "node", "type", "typeid"}  # say nothing on pixels
-MATRICES = (4, 4), (3, 4)
+IDLE_KEYS = {"calibdatasource", "panel", "node", "type", "typeid"}  # say nothing on pixels
+MATRIX_SHAPES = (4, 4), (3, 4)
 SHAPES: dict[str, tuple[tuple[int, ...], ...]] = {  # also as one row of numbers
     "K": ((3, 3), (4, 4), (3, 4), (4,)),
     "distortion": (),
     "R": ((3, 3), (3,)),
-    "t": ((3,), *MATRICES),
-    **dict.fromkeys(("extrinsic", "pose", "opengl"), MATRICES),
+    "t": ((3,), *MATRIX_SHAPES),
+    **dict.fromkeys(("extrinsic", "pose", "opengl"), MATRIX_SHAPES),
 }
 COLMAP = {  # its models: the numbers of the parameters fx, fy, cx, cy, k1, k2, p1, p2
     "SIMPLE_PINHOLE": (0, 0, 1, 2),
@@ -40,8 +40,8 @@ COLMAP = {  # its models: the numbers of the parameters fx, fy, cx, cy, k1, k2, 
     "RADIAL": (0, 0, 1, 2, 3, 4),
     "OPENCV": (0, 1, 2, 3, 4, 5, 6, 7),
 }
-MATRIX = re.compile(r"rows:\s*(\d{1,6})\s+cols:\s*(\d{1,6})\s[^\[]{0,40}?data:")
-PAIRS = {"intri": "extri", "extri": "intri"}  # EasyMocap's and OpenCV's files go together
+MATRIX_HEAD = re.compile(r"rows:\s*(\d{1,6})\s+cols:\s*(\d{1,6})\s[^\[]{0,40}?data:")
+FILE_PAIRS = {"intri": "extri", "extri": "intri"}  # EasyMocap's and OpenCV's files go together
 
 Calibration = dict[str, dict[str, Any]]  # K, R, t, distortion, size and `notes` of each
 Table = Mapping[str, Any]
@@ -50,7 +50,7 @@ Table = Mapping[str, Any]
 def size_in(path: str | Path, where: str, entry: Any) -> tuple[int, int]:
     """The width and height of an image in px; `where` names it in the error. Raises BadFile."""
     numbers = numbers_in(path, f"{where}: size", entry)
-    if numbers.shape != (2,) or not ((numbers >= 1) & (numbers <= LARGEST)).all():  # nor NaN
+    if numbers.shape != (2,) or not ((numbers >= 1) & (numbers <= LARGEST_IMAGE)).all():  # nor NaN
         raise BadFile(
             f"{path}: {where} has the size {shown(entry)}; it must be width and height in px"
         )
@@ -102,7 +102,7 @@ def read_calibration(path: str | Path, *, camera_to_world: bool = False) -> Cali
         of_it = f"of camera {shown(name)}, not read are {some(sorted(entries['unread']))}"
         cameras[name] = camera | {"notes": (*notes, of_it) if entries["unread"] else notes}
     far = [np.linalg.norm(one["t"]) for one in cameras.values() if one["t"] is not None]
-    if panoptic and far and CENTIMETRES[0] < np.median(far) < CENTIMETRES[1]:
+    if panoptic and far and CENTIMETRE_DISTANCES[0] < np.median(far) < CENTIMETRE_DISTANCES[1]:
         note = "translations are taken to be in cm, as CMU Panoptic has them"
         for camera in cameras.values():
             camera |= {"t": 0.01 * camera["t"], "notes": (note, *camera["notes"])}
@@ -162,7 +162,7 @@ def _tables(path: Path) -> tuple[list[tuple[str, Table]], bool]:
         return _colmap(path), False
     if suffix in (".yml", ".yaml", ".xml"):
         data: Any = _storage(path)
-        for own, other in PAIRS.items():
+        for own, other in FILE_PAIRS.items():
             partner = path.with_name(path.name.replace(own, other))
             if own in path.stem and partner.exists():
                 data |= _storage(partner)
@@ -214,7 +214,7 @@ def _plain(path: Path, name: str, table: Table) -> dict[str, Any]:
             entries[known] = numbers.reshape(fitting[0]) if fitting else numbers
         elif known and value is not None:
             entries[known] = value
-        elif value is not None and re.sub(r"[\W_]", "", str(key)[:60]).lower() not in IDLE:
+        elif value is not None and re.sub(r"[\W_]", "", str(key)[:60]).lower() not in IDLE_KEYS:
             entries["unread"].append(str(key))
     if not isinstance(entries.get("name", ""), str | int):
         raise BadFile(
@@ -269,7 +269,7 @@ def _lens(path: Path, of: str, entries: Table) -> tuple[Array | None, Array]:
         K[1] = K[0] if "fy" not in entries else K[1]
     if K is not None and K.shape == (4,):
         K = np.array([[K[0], 0, K[2]], [0, K[1], K[3]], [0, 0, 1]])
-    elif K is not None and K.shape in MATRICES:
+    elif K is not None and K.shape in MATRIX_SHAPES:
         K = K[:3, :3]
     named = [entries.get(key, 0.0) for key in ("k1", "k2", "p1", "p2", "k3")]
     k = entries.get("distortion", numbers_in(path, f"distortion of {of}", named)).ravel()
@@ -280,7 +280,7 @@ def _extrinsic(path: Path, of: str, entries: Table) -> tuple[Array | None, bool]
     """A camera's extrinsics (3, 4), or None, and whether they are camera to world."""
     key = next((key for key in ("pose", "opengl", "extrinsic") if key in entries), "t")
     E = entries.get(key)
-    if E is not None and key == "t" and E.shape not in MATRICES:  # or T is the whole matrix
+    if E is not None and key == "t" and E.shape not in MATRIX_SHAPES:  # or T is the whole matrix
         R = entries.get("R")
         if R is None:
             return None, False
@@ -293,7 +293,7 @@ def _extrinsic(path: Path, of: str, entries: Table) -> tuple[Array | None, bool]
         E = np.column_stack([R, E])
     if E is None:
         return None, False
-    if E.shape not in MATRICES:
+    if E.shape not in MATRIX_SHAPES:
         raise BadFile(f"{path}: {of} has extrinsics of shape {E.shape}, not (3, 4) or (4, 4)")
     if E.shape == (4, 4) and not E[:3, 3].any() and E[3, :3].any():
         E = E.T  # of row vectors, as graphics has them: the translation is in the last row
@@ -332,7 +332,7 @@ def _storage(path: Path) -> dict[str, Any]:
 def _value(path: Path, key: str, block: str) -> Any:
     """A matrix, a list, a number or a text of FileStorage."""
     try:
-        if head := MATRIX.search(block):
+        if head := MATRIX_HEAD.search(block):
             rows, cols = int(head[1]), int(head[2])
             numbers = [float(word) for word in re.findall(r"[^\s,\[\]]+", block[head.end() :])]
             if len(numbers) != rows * cols:
@@ -342,7 +342,7 @@ def _value(path: Path, key: str, block: str) -> Any:
             return re.findall(r"[^\s\[\],\"'-][^\s\[\],\"']*", block)
         return float(block)
     except ValueError as error:
-        if MATRIX.search(block):
+        if MATRIX_HEAD.search(block):
             raise BadFile(f"{path}: {key} must be numbers, not {shown(block)}") from error
         return block.strip("\"'")
 

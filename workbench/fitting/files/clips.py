@@ -19,7 +19,7 @@ from workbench.fitting.files.keypoints import (
     person_of,
 )
 from workbench.fitting.files.points import DetectedPerson, how_large
-from workbench.fitting.observations import PLACING, Clip, Film
+from workbench.fitting.observations import FEWEST_PLACING, Clip, Film
 from workbench.reading.facts import json_in
 
 MOST_FRAMES, MOST_PEOPLE = 100_000, 100  # of a clip, and of one of its frames
@@ -158,7 +158,7 @@ def _followed(
             followed.append(people[i] if near[i] < FARTHEST_STEP else None)
             lost += followed[-1] is None
         one = followed[-1]
-        if one is not None and (one.points[:, 2] > 0).sum() >= PLACING:
+        if one is not None and (one.points[:, 2] > 0).sum() >= FEWEST_PLACING:
             last = one.points  # fewer keypoints do not say how large a person is
     alike: dict[str, list[str]] = {}  # notes on frames that say the same, whatever the numbers
     for one in followed:

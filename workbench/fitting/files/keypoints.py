@@ -29,13 +29,13 @@ from workbench.fitting.files.points import (
 from workbench.fitting.observations import Observations, Photograph, pinhole
 from workbench.reading.facts import json_in
 
-PEOPLE = (  # lists of people: of OpenPose, AlphaPose, COCO, EasyMocap, MMPose and Roboflow
+PEOPLE_KEYS = (  # lists of people: of OpenPose, AlphaPose, COCO, EasyMocap, MMPose and Roboflow
     *("people", "bodies", "annotations", "annots", "instances", "instance_info", "predictions"),
 )
-MAIN = ("keypoints", "pose_keypoints_2d", "pose_keypoints", "joints")  # of one person
-SCORES = ("keypoint_scores", "scores", "keypoints_visible")  # beside keypoints (M, 2)
-IMAGE = ("image_id", "frame_id", "frame_index", "frame", "filename")  # what an image is called
-SIZE = (  # keys of an image's width and height
+KEYPOINT_KEYS = ("keypoints", "pose_keypoints_2d", "pose_keypoints", "joints")  # of one person
+SCORE_KEYS = ("keypoint_scores", "scores", "keypoints_visible")  # beside keypoints (M, 2)
+IMAGE_KEYS = ("image_id", "frame_id", "frame_index", "frame", "filename")  # what an image is called
+SIZE_KEYS = (  # keys of an image's width and height
     *(("width", "height"), ("canvas_width", "canvas_height"), ("imageWidth", "imageHeight")),
 )
 MOST_PEOPLE = 300_000  # of one file; the largest of COCO holds 262,465
@@ -50,11 +50,11 @@ def number_in(name: Any) -> int | None:
 
 
 def _has_people(entry: Any) -> bool:
-    return isinstance(entry, dict) and any(isinstance(entry.get(key), list) for key in PEOPLE)
+    return isinstance(entry, dict) and any(isinstance(entry.get(key), list) for key in PEOPLE_KEYS)
 
 
 def _has_keypoints(entry: Any) -> bool:
-    return isinstance(entry, dict) and any(key in entry for key in MAIN)
+    return isinstance(entry, dict) and any(key in entry for key in KEYPOINT_KEYS)
 
 
 def frames_in(data: Any) -> list[tuple[Any, Any]] | None:
@@ -67,7 +67,7 @@ def frames_in(data: Any) -> list[tuple[Any, Any]] | None:
     if isinstance(data, dict) and data and all(map(_has_people, data.values())):
         return [*data.items()]
     if isinstance(data, dict):
-        about = {key: one for key, one in data.items() if key not in (*PEOPLE, "keypoints")}
+        about = {key: one for key, one in data.items() if key not in (*PEOPLE_KEYS, "keypoints")}
         frames = data.get("instance_info")
         if isinstance(data.get("skeleton"), dict) and isinstance(data.get("keypoints"), list):
             return [  # of easy_ViTPose: an object of people for each frame, points as v, u
@@ -78,7 +78,9 @@ def frames_in(data: Any) -> list[tuple[Any, Any]] | None:
     if not isinstance(frames, list) or not frames:
         return None
     if all(map(_has_people, frames)):
-        names = [next((one[key] for key in IMAGE if key in one), i) for i, one in enumerate(frames)]
+        names = [
+            next((one[key] for key in IMAGE_KEYS if key in one), i) for i, one in enumerate(frames)
+        ]
         return [(name, about | one) for name, one in zip(names, frames, strict=True)]
     if all(isinstance(one, list) and all(map(_has_keypoints, one)) for one in frames):
         return [(i, one) for i, one in enumerate(frames)] if any(frames) else None
@@ -227,14 +229,14 @@ def people_of(path: str | Path, data: Any) -> list[int]:
 
 def _main(entry: Mapping[str, Any]) -> Any:
     """What an entry holds under the key of a body's keypoints."""
-    return next((entry[key] for key in MAIN if key in entry), None)
+    return next((entry[key] for key in KEYPOINT_KEYS if key in entry), None)
 
 
 def _points_of(path: str | Path, where: str, entry: dict[str, Any]) -> tuple[Any, Array]:
     main = _main(entry)
     if main == []:  # an entry without a person; files may hold many
         return (), np.zeros((0, 3))
-    scores = next((entry[key] for key in SCORES if isinstance(entry.get(key), list)), None)
+    scores = next((entry[key] for key in SCORE_KEYS if isinstance(entry.get(key), list)), None)
     return points_in(path, where, main, scores)
 
 
@@ -254,7 +256,7 @@ def _entries(
         data = frames[0][1] if frames else []
     where, listed = "annotations", data
     if isinstance(data, dict):
-        key = next((key for key in PEOPLE if key in data), None)
+        key = next((key for key in PEOPLE_KEYS if key in data), None)
         if key is not None:
             where, listed = key, data[key]
         elif _has_keypoints(data):
@@ -277,7 +279,7 @@ def _without_keypoints(path: str | Path, data: Any) -> str:
     inside = data
     for _ in range(2):  # a list of people, or an object with one
         if isinstance(inside, dict):
-            inside = next((inside[key] for key in PEOPLE if inside.get(key)), inside)
+            inside = next((inside[key] for key in PEOPLE_KEYS if inside.get(key)), inside)
         if isinstance(inside, list) and inside:
             inside = inside[0]
     keys = [*inside] if isinstance(inside, dict) else []
@@ -333,7 +335,7 @@ def _with_parts(
     unread += [
         key
         for key, value in entry.items()
-        if key not in (*MAIN, *SCORES, *PARTS) and value and _is_of_points(key)
+        if key not in (*KEYPOINT_KEYS, *SCORE_KEYS, *PARTS) and value and _is_of_points(key)
     ]
     note = f"{Path(path).name}: not read are {some(unread)}"
     return tuple(names), np.concatenate(points), [note] if unread else []
@@ -370,7 +372,7 @@ def _image_size(path: str | Path, data: Any, entry: dict[str, Any]) -> tuple[int
     inner = data.get("image")
     whole = [("the image", one) for one in (inner, data) if isinstance(one, dict)]
     for where, image in of_id or whole:
-        for width, height in SIZE:
+        for width, height in SIZE_KEYS:
             if width in image:
                 return size_in(path, where, [image[width], image.get(height)])
     return None

@@ -19,20 +19,20 @@ SIDES = ("left", "right")
 UNSEEN = [0.0, 0.0, 0.0]
 HANDS_KEYS = ("hand_landmarks", "multi_hand_landmarks")
 POSES_KEY = "pose_landmarks"
-EITHER = "landmarks"  # of JavaScript: hands if there is a handedness, and poses if not
-KNOWN = {
+EITHER_KEY = "landmarks"  # of JavaScript: hands if there is a handedness, and poses if not
+KNOWN_KEYS = {
     *HANDS_KEYS,
     POSES_KEY,
-    EITHER,
+    EITHER_KEY,
     *("handedness", "handednesses", "multi_handedness"),
     *(f"{side}_hand_landmarks" for side in SIDES),
 }
-MOST = 1000  # hands or bodies of one image
+MOST_ENTRIES = 1000  # hands or bodies of one image
 
 
 def is_mediapipe(data: Any) -> bool:
     """Whether the content of a JSON file is a result of MediaPipe."""
-    return isinstance(data, dict) and any(_snake(key) in KNOWN for key in data)
+    return isinstance(data, dict) and any(_snake(key) in KNOWN_KEYS for key in data)
 
 
 def mediapipe_people(
@@ -50,7 +50,7 @@ def mediapipe_people(
     unread = sorted(
         key
         for key, value in said.items()
-        if key not in KNOWN and value and isinstance(value, list | dict)
+        if key not in KNOWN_KEYS and value and isinstance(value, list | dict)
     )
     notes = [f"{Path(path).name}: not read are {some(unread)}"] if unread else []
     looked_for = any("hand_landmarks" in key or "handed" in key for key in said)
@@ -87,7 +87,7 @@ def _hands(path: str | Path, said: dict[str, Any]) -> list[tuple[str, list[list[
         (said[key] for key in ("handedness", "handednesses", "multi_handedness") if said.get(key)),
         None,
     )
-    keys = [key for key in (*HANDS_KEYS, *((EITHER,) if sides else ())) if said.get(key)]
+    keys = [key for key in (*HANDS_KEYS, *((EITHER_KEY,) if sides else ())) if said.get(key)]
     for key in keys[:1]:
         several = _several(path, key, said[key])
         named = _several(path, "handedness", sides) if sides else []
@@ -104,7 +104,7 @@ def _hands(path: str | Path, said: dict[str, Any]) -> list[tuple[str, list[list[
 
 def _bodies(path: str | Path, said: dict[str, Any]) -> list[list[list[float]]]:
     of_either = not any("handed" in key for key in said)
-    key = POSES_KEY if said.get(POSES_KEY) else EITHER if of_either else ""
+    key = POSES_KEY if said.get(POSES_KEY) else EITHER_KEY if of_either else ""
     entries = said.get(key)
     if not entries:
         return []
@@ -122,8 +122,10 @@ def _one(entry: Any) -> Any:
 
 
 def _several(path: str | Path, key: str, entries: Any) -> list[Any]:
-    if not isinstance(entries, list) or len(entries) > MOST:
-        raise BadFile(f"{path}: {key} must be a list of at most {MOST}, not {shown(entries)}")
+    if not isinstance(entries, list) or len(entries) > MOST_ENTRIES:
+        raise BadFile(
+            f"{path}: {key} must be a list of at most {MOST_ENTRIES}, not {shown(entries)}"
+        )
     return entries
 
 

@@ -9,12 +9,12 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.errors import BadFile, UnknownName, shown
 from workbench.fitting.files.layouts import keypoint_name
-from workbench.fitting.observations import PLACING
+from workbench.fitting.observations import FEWEST_PLACING
 
-SURE = ("score", "confidence", "conf", "visible", "visibility", "v")  # of one keypoint
-FARTHEST = 1e7  # px: no detector reports a keypoint farther out
-CLEAR = 0.2  # confidence of a keypoint that tells how large a person is
-FRACTIONS = -0.5, 2.0  # between which all keypoints lie if they are fractions of an image
+CONFIDENCE_KEYS = ("score", "confidence", "conf", "visible", "visibility", "v")  # of one keypoint
+FARTHEST_PX = 1e7  # px: no detector reports a keypoint farther out
+CLEAR_CONFIDENCE = 0.2  # confidence of a keypoint that tells how large a person is
+FRACTION_RANGE = -0.5, 2.0  # between which all keypoints lie if they are fractions of an image
 
 Named = tuple[tuple[str, ...], Array]  # names, empty if the file has none, and (M, 3)
 
@@ -63,7 +63,7 @@ def points_in(path: str | Path, where: str, entry: Any, scores: Any = None) -> N
     what = f"{where}: keypoints".removeprefix(": ")
     if isinstance(entry, dict) and isinstance(entry.get("x"), list):
         columns = [entry["x"], entry.get("y")]
-        columns += [entry[key] for key in SURE if isinstance(entry.get(key), list)][:1]
+        columns += [entry[key] for key in CONFIDENCE_KEYS if isinstance(entry.get(key), list)][:1]
         if len({len(one) if isinstance(one, list) else -1 for one in columns}) > 1:
             raise BadFile(f"{path}: {what} must have as many y as x, not {shown(entry.get('y'))}")
         entry = [list(row) for row in zip(*columns, strict=True)]
@@ -106,7 +106,7 @@ def _row(entry: Any) -> Any:
     """A keypoint as u, v, confidence; 1 where no confidence is said."""
     if isinstance(entry, dict):
         place = entry["position"] if isinstance(entry.get("position"), dict) else entry
-        sure = next((entry[key] for key in SURE if entry.get(key) is not None), 1.0)
+        sure = next((entry[key] for key in CONFIDENCE_KEYS if entry.get(key) is not None), 1.0)
         return [place.get("x"), place.get("y"), sure]
     if isinstance(entry, list) and len(entry) in (2, 4):
         return [*entry[:2], entry[3] if len(entry) == 4 else 1.0]
@@ -120,7 +120,7 @@ def trusted(points: Array) -> Array:
     nothing about px, and must not make a sigma smaller. Not seen, with confidence 0, is what is not
     finite, farther than 1e7 px, has a confidence of 0 or below, or lies at 0, 0 or -1, -1.
     """
-    seen = (np.abs(points[:, :2]) < FARTHEST).all(axis=1)  # nor NaN
+    seen = (np.abs(points[:, :2]) < FARTHEST_PX).all(axis=1)  # nor NaN
     seen &= (points[:, 2] > 0) & (points[:, 2] < np.inf) & (points[:, :2] > 0).any(axis=1)
     clean = np.where(seen[:, None], points, 0.0)
     clean[:, 2] = np.minimum(clean[:, 2], 1.0)
@@ -135,7 +135,9 @@ def in_px(
     Raises BadFile if the size of the image is then not known.
     """
     places = points[points[:, 2] > 0, :2]
-    guessed = bool(len(places) and places.min() > FRACTIONS[0] and places.max() < FRACTIONS[1])
+    guessed = bool(
+        len(places) and places.min() > FRACTION_RANGE[0] and places.max() < FRACTION_RANGE[1]
+    )
     if not fractions and not guessed:
         return points, []
     if size is None:
@@ -158,6 +160,6 @@ def no_such_person(path: str | Path, person: int, count: int) -> UnknownName:
 
 def how_large(points: Array) -> tuple[float, float]:
     """The diagonal in px of the box around trusted keypoints (M, 3), then how sure they are."""
-    clear = points[points[:, 2] > CLEAR, :2]
-    size = np.linalg.norm(np.ptp(clear, axis=0)) if len(clear) >= PLACING else 0.0
+    clear = points[points[:, 2] > CLEAR_CONFIDENCE, :2]
+    size = np.linalg.norm(np.ptp(clear, axis=0)) if len(clear) >= FEWEST_PLACING else 0.0
     return float(size), float(points[:, 2].sum())
