@@ -111,7 +111,7 @@ TIE = 0.05  # of the cost: two hypotheses that differ by less tie
 TURNED = np.pi / 3  # rad: the angle from which on two hypotheses face different ways
 STRAY = 0.4  # of the points may be without contact
 BEFORE = 0.015  # of the vertices may be in space that the camera saw to be empty
-MOST_OFF = 0.008  # of the scan's points may form one cluster off the surface
+MOST_OFF = 0.008  # of the scan's points and of its area may form one cluster off the surface
 CLEAR = 0.03  # m: a vertex that stands as far in empty space would have been seen
 OFF = 2 / 3  # of the reach of the fit: a point as far from the surface does not belong to it
 HALF = 0.5  # of the vertices: where fewer were seen, the prior decides much of the pose
@@ -212,8 +212,12 @@ def _unusual(fit: ModelFit, known: Support, limits: Doubts) -> Iterator[str]:
 
 
 def _missed(fit: ModelFit, known: Support) -> Iterator[str]:
-    """A limb that was not found leaves many points side by side; most clutter is loose."""
+    """A limb that was not found leaves many points side by side; most clutter is loose.
+
+    They have to be a share of the scan's area too: the fingers of a mesh are many vertices.
+    """
     points = fit.scan.points
+    areas = np.ones(len(points)) if fit.scan.weights is None else fit.scan.weights
     away = (np.abs(known.distances) > OFF * fit.reach) & ~loose_points(fit.scan)
     some = np.random.default_rng(0).permutation(len(points))[:MOST]
     tree, left = cKDTree(points[some]), points[some][away[some]]
@@ -222,10 +226,13 @@ def _missed(fit: ModelFit, known: Support) -> Iterator[str]:
     spacing = float(np.median(tree.query(points[some], k=[NEIGHBOUR + 1])[0]))
     pairs = cKDTree(left).query_pairs(LINK * spacing, output_type="ndarray")
     linked = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(left), len(left)))
-    most = int(np.bincount(connected_components(linked)[1]).max())
-    if most > MOST_OFF * len(some):
+    cluster = connected_components(linked)[1]
+    counts, sums = np.bincount(cluster), np.bincount(cluster, areas[some][away[some]])
+    large = (counts > MOST_OFF * len(some)) & (sums > MOST_OFF * areas[some].sum())
+    if large.any():
+        share = counts[large].max() / len(some)
         yield (
-            f"{100 * most / len(some):.0f} % of the points lie side by side and off the surface: "
+            f"{100 * share:.0f} % of the points lie side by side and off the surface: "
             "a part of the body that was not found, or another thing"
         )
 

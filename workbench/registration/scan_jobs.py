@@ -9,7 +9,7 @@ from workbench.arrays import Array
 from workbench.bodies.body import Body
 from workbench.errors import BadArgument
 from workbench.fitting.jobs import FailedFile, FileJob, check_names_differ, reason_of
-from workbench.fitting.scans.files import FEWEST, contents_of, read_scan
+from workbench.fitting.scans.files import SMALLEST_LIMIT, contents_of, read_scan
 from workbench.geometry.guesses import UNITS, UP_TO_Y, check_given, sizes_of
 from workbench.registration.model_fit import FitProgress
 from workbench.registration.recipe import Recipe, with_skeleton
@@ -46,8 +46,10 @@ class Reading:
 
     def __post_init__(self) -> None:
         check_given(self.unit, self.up)
-        if self.most < FEWEST:
-            raise BadArgument(f"at least {FEWEST:,} points of a scan are read, not {self.most}")
+        if self.most < SMALLEST_LIMIT:
+            raise BadArgument(
+                f"at least {SMALLEST_LIMIT:,} points of a scan are read, not {self.most}"
+            )
 
 
 @dataclass(frozen=True, eq=False)
