@@ -24,7 +24,7 @@ from workbench.registration import (
     seen_starts,
     support,
 )
-from workbench.registration.free_vertices import BODY as BLOCKS
+from workbench.registration.free_vertices import BLOCKS
 from workbench.registration.limbs import limbs, with_limb
 from workbench.solvers import Hypothesis, Status
 

@@ -20,10 +20,10 @@ from workbench.solvers.solution import Hypothesis, Solution
 if TYPE_CHECKING:
     from workbench.registration.model_fit import StageRuns
 
-SHORTEST = 3  # joints of a limb
-GAIN = 0.01  # of the cost, by which another pose of a limb must be better
-SWEEPS = 3  # through all limbs, at most: several may be wrong
-MOST = 12  # starts of a sweep, of those that were compared as they stand
+SHORTEST_LIMB = 3  # joints of a limb
+LEAST_GAIN = 0.01  # of the cost, by which another pose of a limb must be better
+MOST_SWEEPS = 3  # through all limbs, at most: several may be wrong
+STARTS_IN_SWEEP = 12  # starts of a sweep, of those that were compared as they stand
 ITERATIONS, SETTLED = 12, 0.01  # of a run that tries another pose of a limb
 
 
@@ -37,14 +37,14 @@ def limbs(parents: Sequence[int]) -> tuple[tuple[int, ...], ...]:
     for joint, parent in enumerate(parents):
         if parent >= 0:
             below[parent].append(joint)
-    found = []
+    ends = []
     for first in range(1, len(parents)):
         limb = [first]
         while len(below[limb[-1]]) == 1:
             limb += below[limb[-1]]
-        if not below[limb[-1]] and len(limb) >= SHORTEST:
-            found.append(tuple(limb))
-    return tuple(found)
+        if not below[limb[-1]] and len(limb) >= SHORTEST_LIMB:
+            ends.append(tuple(limb))
+    return tuple(ends)
 
 
 def limb_poses(body: Body) -> tuple[Array, ...]:
@@ -67,7 +67,7 @@ def with_limb(pose: Array, limb: Sequence[int], other: Array) -> Array:
 
 
 def unfolded(
-    body: Body, runs: "StageRuns", screen: Problem, one: Hypothesis, near: float
+    body: Body, runs: "StageRuns", screen: Problem, hypothesis: Hypothesis, near: float
 ) -> Hypothesis:
     """The hypothesis, or a lower one in which one or more limbs have other poses.
 
@@ -81,30 +81,30 @@ def unfolded(
 
     def solve(start: Values) -> Solution:
         ends = [joints_of(body, end.values) for end in lowest]
-        end = runs.run(one.starts[0], start, ITERATIONS, SETTLED, ends=ends, near=near)
-        lowest[:] = [min([*lowest, end], key=lambda one: one.cost)]
+        end = runs.run(hypothesis.starts[0], start, ITERATIONS, SETTLED, ends=ends, near=near)
+        lowest[:] = [min([*lowest, end], key=lambda end: end.cost)]
         return end
 
     def cost(values: Values) -> float:
         rows = screen.residual(*screen.split(values))
         return float(rows @ rows) / 2
 
-    first = best = solve(one.values)
-    for _ in range(SWEEPS):
-        here = {**one.values, **best.values}
+    first = best = solve(hypothesis.values)
+    for _ in range(MOST_SWEEPS):
+        here = {**hypothesis.values, **best.values}
         starts = [
             {**here, pose: with_limb(here[pose], limb, other)}
             for limb in limbs(body.parents)
             for other in poses
         ]
-        ends = [solve(start) for start in sorted(starts, key=cost)[:MOST]]
+        ends = [solve(start) for start in sorted(starts, key=cost)[:STARTS_IN_SWEEP]]
         end = min(ends, key=lambda end: end.cost, default=best)
-        if end.cost >= (1 - GAIN) * best.cost:
+        if end.cost >= (1 - LEAST_GAIN) * best.cost:
             break
         best = end
     if best is first:
-        return one
-    return Hypothesis(best.values, best.cost, best.status, one.starts, best.violation)
+        return hypothesis
+    return Hypothesis(best.values, best.cost, best.status, hypothesis.starts, best.violation)
 
 
 def joints_of(body: Body, values: Values) -> Array:

@@ -28,9 +28,9 @@ from workbench.residuals.scans import scan_to_model
 from workbench.solvers.solution import Hypothesis, Iterate, Solution, Solver
 from workbench.solvers.trust_region import TrustRegion
 
-OVER = 3  # iterations, over which a decrease is measured
-FURTHER = 5  # such decreases are what a run is expected to gain yet, at most
-CLEARLY = 1.1  # times the cost that it must come down to: above this it is given up
+MEASURED_OVER = 3  # iterations, over which a decrease is measured
+DECREASES_LEFT = 5  # such decreases are what a run is expected to gain yet, at most
+HOPELESS_FACTOR = 1.1  # times the cost that it must come down to: above this it is given up
 
 
 @dataclass(frozen=True)
@@ -119,30 +119,30 @@ class StageRuns:
         """
         costs: list[float] = []
         self.given_up = False
-        at = FitProgress(*self.stage, number + 1, self.starts, 0, 0.0)
+        first = FitProgress(*self.stage, number + 1, self.starts, 0, 0.0)
 
-        def done(iterate: Iterate) -> bool:
+        def ends_here(iterate: Iterate) -> bool:
             costs.append(iterate.cost)
-            now = replace(at, iteration=len(costs) - 1, cost=iterate.cost)
+            now = replace(first, iteration=len(costs) - 1, cost=iterate.cost)
             if self.stopped or (self.progress is not None and self.progress(now) is True):
                 self.stopped = "stopped"
             if self.stopped or now.iteration >= most:
                 return True
             if ends and len(costs) > 1:
                 joints = joints_of(self.body, iterate.values)
-                off = np.linalg.norm(np.array(ends) - joints, axis=-1).mean(axis=1)
-                if off.min() < near:
+                distances = np.linalg.norm(np.array(ends) - joints, axis=-1).mean(axis=1)
+                if distances.min() < near:
                     self.given_up = True
                     return True
-            if len(costs) <= OVER + 1:
+            if len(costs) <= MEASURED_OVER + 1:
                 return False
-            gained = costs[-1 - OVER] - iterate.cost
-            hopeless = iterate.cost - FURTHER * gained > CLEARLY * enough
+            gained = costs[-1 - MEASURED_OVER] - iterate.cost
+            hopeless = iterate.cost - DECREASES_LEFT * gained > HOPELESS_FACTOR * enough
             settles = gained < settled * iterate.cost
             self.given_up = hopeless and not settles
             return settles or hopeless
 
-        end = self.solver.solve(self.problem, start, callback=done)
+        end = self.solver.solve(self.problem, start, callback=ends_here)
         self.iterations += len(end.trace) - 1
         if self.stopped or self.interrupted():
             self.stopped = end.message
@@ -150,8 +150,8 @@ class StageRuns:
 
 
 SAME = 0.02  # m, mean distance of joints: two ends that are nearer are one hypothesis
-AGAIN = 0.375  # times that: a run that comes so near to an end leads to it
-FULL = 0.95  # the quantile of the areas from which on all points count fully
+KNOWN_END = 0.375  # times that: a run that comes so near to an end leads to it
+FULL_QUANTILE = 0.95  # the quantile of the areas from which on all points count fully
 SCREEN = FitStage(300, 0.03, 0.06, 1, 1)  # with which poses of limbs are compared as they stand
 WITHIN = 0.4  # m: a point farther from the surface has no contact
 
@@ -265,11 +265,11 @@ def fit_model(
     if not ends:
         raise BadArgument("there is no start; `scan_starts` makes some")
     order = np.random.default_rng(seed).permutation(seen.n_points)
-    before = time.perf_counter()
+    began = time.perf_counter()
     iterations, stopped = 0, ""
     hypotheses: list[Hypothesis] = []
     levels: list[list[Hypothesis]] = []
-    given = usual_priors(body) if priors is None else tuple(priors)
+    prior_terms = usual_priors(body) if priors is None else tuple(priors)
     names = tuple(block.name for block in body.blocks())
     if camera is not None:
         if not sees(camera, seen.points):
@@ -280,39 +280,39 @@ def fit_model(
         ends = list(seen_starts(body, seen, np.asarray(camera), ends, stages[0].starts))
 
     def problem_of(stage: FitStage) -> Problem:
-        some = order[: stage.points]
-        data = _data(body, seen, some, stage, kernel, form, within)
+        rows = order[: stage.points]
+        data = _scan_term(body, seen, rows, stage, kernel, form, within)
         free = () if camera is None else (empty_space(body, scan, camera, stage.sigma),)
-        return Problem((data, *given, *others, *free), names)
+        return Problem((data, *prior_terms, *others, *free), names)
 
     first = ends
     with Interrupts() as interrupts:
         for number, stage in enumerate(stages):
-            problem, begin = problem_of(stage), ends[: stage.starts]
+            problem, begins = problem_of(stage), ends[: stage.starts]
             place = (number + 1, len(stages))
             runs = StageRuns(
-                body, problem, solver, progress, lambda: interrupts.pressed, place, len(begin)
+                body, problem, solver, progress, lambda: interrupts.pressed, place, len(begins)
             )
             following = stages[number + 1].starts if number + 1 < len(stages) else 1
-            found, hypotheses, known = [], [], list[Array]()
-            for k, start in enumerate(begin):
+            solutions, hypotheses, known = [], [], list[Array]()
+            for k, start in enumerate(begins):
                 enough = hypotheses[following - 1].cost if len(hypotheses) >= following else inf
                 end = runs.run(
-                    k, start, stage.iterations, stage.settled, enough, known, AGAIN * same
+                    k, start, stage.iterations, stage.settled, enough, known, KNOWN_END * same
                 )
                 if not runs.given_up:
                     known.append(joints_of(body, end.values))
-                found.append(end)
-                hypotheses = _different(body, found, same)
+                solutions.append(end)
+                hypotheses = _hypotheses(body, solutions, same)
                 if runs.stopped:
                     break
             if stage.limbs and not runs.stopped:
                 screen = problem_of(SCREEN)
-                for k, one in enumerate(hypotheses[: stage.limbs]):
-                    hypotheses[k] = unfolded(body, runs, screen, one, AGAIN * same)
-                hypotheses.sort(key=lambda one: one.cost)
+                for k, hypothesis in enumerate(hypotheses[: stage.limbs]):
+                    hypotheses[k] = unfolded(body, runs, screen, hypothesis, KNOWN_END * same)
+                hypotheses.sort(key=lambda hypothesis: hypothesis.cost)
             iterations, stopped = iterations + runs.iterations, runs.stopped
-            ends = [one.values for one in hypotheses]
+            ends = [hypothesis.values for hypothesis in hypotheses]
             levels.append(hypotheses)
             if stopped:
                 break
@@ -320,59 +320,61 @@ def fit_model(
         body,
         seen,
         problem,
-        tuple(prior.name for prior in given),
+        tuple(prior.name for prior in prior_terms),
         stage.reach,
         tuple(hypotheses),
         iterations,
-        time.perf_counter() - before,
+        time.perf_counter() - began,
         stopped,
-        _way(first, levels),
+        _path_to_best(first, levels),
     )
 
 
-def _way(starts: Sequence[Values], levels: Sequence[Sequence[Hypothesis]]) -> tuple[Values, ...]:
+def _path_to_best(
+    starts: Sequence[Values], levels: Sequence[Sequence[Hypothesis]]
+) -> tuple[Values, ...]:
     """From a start to the best hypothesis of the last level, through one of each level before.
 
     The starts of a hypothesis are numbers of the hypotheses of the level before.
     """
-    k, way = 0, []
+    k, path = 0, []
     for level in reversed(levels):
-        way.append(level[k].values)
+        path.append(level[k].values)
         k = level[k].starts[0]
-    return tuple(reversed([*way, starts[k]]))
+    return tuple(reversed([*path, starts[k]]))
 
 
-def _data(
-    body: Body, scan: Scan, some: Index, stage: FitStage, kernel: Kernel, form: Form, within: float
+def _scan_term(
+    body: Body, scan: Scan, rows: Index, stage: FitStage, kernel: Kernel, form: Form, within: float
 ) -> Residual:
     """The robust distances of some points of the scan to the body."""
     weights = None
     if scan.weights is not None:
-        areas = scan.weights[some]
-        full = float(np.quantile(areas, FULL)) or float(areas.max())
+        areas = scan.weights[rows]
+        full = float(np.quantile(areas, FULL_QUANTILE)) or float(areas.max())
         weights = np.minimum(areas / full, 1.0) if full > 0 else None
     return scan_to_model(
         body.points(*(block.symbol for block in body.blocks())),
         body.faces,
-        scan.points[some],
+        scan.points[rows],
         sigma=stage.sigma,
         kernel=scaled(kernel, stage.reach / stage.sigma),
         weights=weights,
-        normals=None if scan.normals is None else scan.normals[some],
+        normals=None if scan.normals is None else scan.normals[rows],
         within=within,
         form=form,
         name="scan",
     )
 
 
-def _different(body: Body, found: Sequence[Solution], same: float) -> list[Hypothesis]:
+def _hypotheses(body: Body, solutions: Sequence[Solution], same: float) -> list[Hypothesis]:
     """The ends as hypotheses, the lowest first; ends with joints in the same places are one."""
     kept: list[Hypothesis] = []
     placed: list[Array] = []
-    for number in sorted(range(len(found)), key=lambda k: found[k].cost):
-        end = found[number]
+    for number in sorted(range(len(solutions)), key=lambda k: solutions[k].cost):
+        end = solutions[number]
         joints = joints_of(body, end.values)
-        off = [float(np.linalg.norm(joints - one, axis=1).mean()) for one in placed]
+        off = [float(np.linalg.norm(joints - known, axis=1).mean()) for known in placed]
         near = next((i for i, d in enumerate(off) if d < same), None)
         if near is None:
             kept.append(Hypothesis(end.values, end.cost, end.status, (number,), end.violation))

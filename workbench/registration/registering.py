@@ -58,7 +58,9 @@ def body_size(body: Body, betas: Array) -> BodySize:
 if TYPE_CHECKING:
     import trimesh
 
-AMONG = "the camera stands among the points, which it cannot have seen; its place was not used"
+CAMERA_AMONG_POINTS = (
+    "the camera stands among the points, which it cannot have seen; its place was not used"
+)
 
 
 @dataclass(frozen=True)
@@ -179,11 +181,11 @@ def register(
     with Interrupts() as interrupts:
         fit = recipe.fit(body, scan, keep=inner, camera=known_camera, progress=progress)
         interrupts.check()
-        known = support(fit, near=recipe.near)
-        doubted = doubts(fit, known, camera=outside, limits=recipe.doubts)
+        supported = support(fit, near=recipe.near)
+        sentences = doubts(fit, supported, camera=outside, limits=recipe.doubts)
         if outside is not camera:
-            doubted = (*doubted, AMONG)
-        vertices, values, seen = fit.vertices(), fit.values, known.seen
+            sentences = (*sentences, CAMERA_AMONG_POINTS)
+        vertices, values, seen = fit.vertices(), fit.values, supported.seen
         surfaces = _surfaces(fit, recipe.stages(seen=known_camera is not None))
         stages: list[StageOutcome] = []
 
@@ -198,13 +200,13 @@ def register(
         ended("model", fit.problem.free.size, fit.iterations, fit.cost)
         for stage in recipe.stages_of_vertices(body):
             assert isinstance(body, SkinnedBody)  # of which alone there are stages
-            done = FreeVertices(body, used).register({**values, "vertices": vertices}, (stage,))
+            free = FreeVertices(body, used).register({**values, "vertices": vertices}, (stage,))
             interrupts.check()
-            values, vertices = done.values, done.vertices
-            seen = known.seen | done.touched
-            also = "" if stage.name == "free" else f", {stage.name}"
-            surfaces[f"free vertices{also}"] = np.asarray(vertices)
-            solution = done.stages[-1].solution
+            values, vertices = free.values, free.vertices
+            seen = supported.seen | free.touched
+            suffix = "" if stage.name == "free" else f", {stage.name}"
+            surfaces[f"free vertices{suffix}"] = np.asarray(vertices)
+            solution = free.stages[-1].solution
             unknowns = sum(np.size(solution.values[name]) for name in stage.free)
             ended(stage.name, unknowns, solution.iterations, solution.cost)
         interrupts.check()
@@ -219,7 +221,7 @@ def register(
         np.asarray(body.vertices(*(kept[name] for name in names))),
         np.asarray(vertices),
         seen,
-        known.sd,
+        supported.sd,
         _distances(used, vertices, body.faces),
         tuple(stages),
         tuple(
@@ -229,7 +231,7 @@ def register(
             )
             for k, other in enumerate(fit.hypotheses[1:], start=1)
         ),
-        doubted,
+        sentences,
         body_size(body, kept[names[1]]),
         float(np.arctan2(x, z)),
         fit.reach,
@@ -242,14 +244,14 @@ def _surfaces(fit: ModelFit, stages: Sequence[FitStage]) -> dict[str, Array]:
     """The body on the way of its fit, by stages and the number of points that they use."""
     names = [block.name for block in fit.body.blocks()]
     counts = [min(stage.points, fit.scan.n_points) for stage in stages]
-    called = ["start", *(f"stage {k + 1}, {count:,} points" for k, count in enumerate(counts))]
+    labels = ["start", *(f"stage {k + 1}, {count:,} points" for k, count in enumerate(counts))]
     return {
-        name: np.asarray(fit.body.vertices(*(values[one] for one in names)))
-        for name, values in zip(called, fit.way, strict=False)  # a stopped fit has fewer stages
+        label: np.asarray(fit.body.vertices(*(values[name] for name in names)))
+        for label, values in zip(labels, fit.way, strict=False)  # a stopped fit has fewer stages
     }
 
 
 def _distances(scan: Scan, vertices: Array, faces: Index) -> Array:
     """(M,) m, signed; infinite where no surface within 30 cm faces the way of a point."""
-    at = SurfaceTree(vertices, faces).closest(scan.points, 10 * NEAR, scan.normals, FACING)
-    return np.asarray(np.where(at.faces >= 0, at.distances, np.inf))
+    contacts = SurfaceTree(vertices, faces).closest(scan.points, 10 * NEAR, scan.normals, FACING)
+    return np.asarray(np.where(contacts.faces >= 0, contacts.distances, np.inf))

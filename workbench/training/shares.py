@@ -110,8 +110,8 @@ def _balanced(grams: Array, rights: Array, free: Mask) -> Array:
     K[:, :most, :most] *= own[:, :, None] & own[:, None, :]
     K[:, :most, most] = K[:, most, :most] = own
     K[:, most, most] = 0
-    i = np.arange(most)
-    K[:, i, i] = np.where(own, K[:, i, i], 1.0)  # what is not free has an equation w = 0
+    k = np.arange(most)
+    K[:, k, k] = np.where(own, K[:, k, k], 1.0)  # what is not free has an equation w = 0
     right = np.concatenate([rights[rows, order] * own, np.ones((m, 1))], axis=1)
     solutions, exact = _solved(K, right)
     for i in np.flatnonzero(~exact):
