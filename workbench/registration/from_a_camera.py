@@ -12,8 +12,7 @@ from workbench.fitting.scans.scan import Scan
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.geometry.solids import face_vectors, sums_over_faces
 from workbench.priors.poses import draw_poses, shipped_mixture
-from workbench.registration.limbs import limb_poses
-from workbench.registration.starts import STRAY_SHARE, WHOLE_HEIGHT
+from workbench.registration.starts import STRAY_SHARE, WHOLE_HEIGHT, limb_poses
 from workbench.residuals import Residual, free_space, geman_mcclure, scaled
 from workbench.residuals.scans import BESIDE, Shadow
 

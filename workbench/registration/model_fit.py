@@ -1,4 +1,8 @@
-"""A body fitted to a scan that nobody labelled: many starts, from coarse to fine."""
+"""A body fitted to a scan that nobody labelled: many starts, from coarse to fine.
+
+The way from an arm that is folded forwards to one that is folded backwards leads uphill. The cost
+knows which of the two is right, so limbs begin again from poses that are usual (`unfolded`).
+"""
 
 import time
 from collections.abc import Callable, Sequence
@@ -19,8 +23,7 @@ from workbench.fitting.scans.surface import loose_points
 from workbench.interrupts import Interrupts
 from workbench.problem import Problem
 from workbench.registration.from_a_camera import empty_space, seen_starts, sees
-from workbench.registration.limbs import joints_of, unfolded
-from workbench.registration.starts import scan_starts
+from workbench.registration.starts import limb_poses, scan_starts
 from workbench.residuals import Residual
 from workbench.residuals.contacts import Form, distance
 from workbench.residuals.kernels import Kernel, geman_mcclure, scaled
@@ -31,6 +34,11 @@ from workbench.solvers.trust_region import TrustRegion
 MEASURED_OVER = 3  # iterations, over which a decrease is measured
 DECREASES_LEFT = 5  # such decreases are what a run is expected to gain yet, at most
 HOPELESS_FACTOR = 1.1  # times the cost that it must come down to: above this it is given up
+SHORTEST_LIMB = 3  # joints
+LEAST_GAIN = 0.01  # of the cost, by which another pose of a limb must be better
+MOST_SWEEPS = 3  # through all limbs: several may be wrong
+STARTS_IN_SWEEP = 12  # at most, of those that were compared as they stand
+ITERATIONS, SETTLED = 12, 0.01  # of a run that tries another pose of a limb
 
 
 @dataclass(frozen=True)
@@ -46,7 +54,7 @@ class FitStage:
         iterations: the most from each start.
         settled: a run ends when three iterations together lower the cost by less than this share.
         limbs: of how many of the best ends the arms and legs begin again in other poses afterwards,
-            in case one is folded the wrong way (see `limbs.unfolded`).
+            in case one is folded the wrong way (see `unfolded`).
 
     A point at the surface lowers the cost by (reach / sigma)^2 / 2, compared with one far from it:
     with a wide reach, a few points of clutter draw hidden limbs to them. So sigma shrinks with the
@@ -65,6 +73,11 @@ class FitStage:
         several = {name: getattr(self, name) for name in ("points", "starts", "iterations")}
         above_zero("a stage", sigma=self.sigma, reach=self.reach, **several)
         from_zero("a stage", settled=self.settled, limbs=self.limbs)
+
+
+def joints_of(body: Body, values: Values) -> Array:
+    """The joints (K, 3) m of a body whose blocks have these values."""
+    return body.joints(*(values[block.name] for block in body.blocks()))
 
 
 @dataclass(frozen=True)
@@ -147,6 +160,28 @@ class StageRuns:
         if self.stopped or self.interrupted():
             self.stopped = end.message
         return end
+
+    def hypotheses(
+        self, starts: Sequence[Values], stage: FitStage, following: int, same: float
+    ) -> list[Hypothesis]:
+        """The different ends of runs from all starts, the lowest cost first.
+
+        A run that will not come among the best `following`, or that comes to a known end, is given
+        up; ends whose joints are less than `same` m apart are one.
+        """
+        solutions, hypotheses, known = list[Solution](), list[Hypothesis](), list[Array]()
+        for k, start in enumerate(starts):
+            enough = hypotheses[following - 1].cost if len(hypotheses) >= following else inf
+            end = self.run(
+                k, start, stage.iterations, stage.settled, enough, known, KNOWN_END * same
+            )
+            if not self.given_up:
+                known.append(joints_of(self.body, end.values))
+            solutions.append(end)
+            hypotheses = _hypotheses(self.body, solutions, same)
+            if self.stopped:
+                break
+        return hypotheses
 
 
 SAME = 0.02  # m, mean distance of joints: two ends that are nearer are one hypothesis
@@ -264,13 +299,7 @@ def fit_model(
     ends: list[Values] = [dict(start) for start in starts(body, seen)]
     if not ends:
         raise BadArgument("there is no start; `scan_starts` makes some")
-    order = np.random.default_rng(seed).permutation(seen.n_points)
     began = time.perf_counter()
-    iterations, stopped = 0, ""
-    hypotheses: list[Hypothesis] = []
-    levels: list[list[Hypothesis]] = []
-    prior_terms = usual_priors(body) if priors is None else tuple(priors)
-    names = tuple(block.name for block in body.blocks())
     if camera is not None:
         if not sees(camera, seen.points):
             raise BadArgument(
@@ -278,6 +307,9 @@ def fit_model(
                 "cannot have seen from there; leave `camera` out, or give its place"
             )
         ends = list(seen_starts(body, seen, np.asarray(camera), ends, stages[0].starts))
+    order = np.random.default_rng(seed).permutation(seen.n_points)
+    prior_terms = usual_priors(body) if priors is None else tuple(priors)
+    names = tuple(block.name for block in body.blocks())
 
     def problem_of(stage: FitStage) -> Problem:
         rows = order[: stage.points]
@@ -285,36 +317,25 @@ def fit_model(
         free = () if camera is None else (empty_space(body, scan, camera, stage.sigma),)
         return Problem((data, *prior_terms, *others, *free), names)
 
-    first = ends
+    first, levels, iterations = ends, list[list[Hypothesis]](), 0
     with Interrupts() as interrupts:
-        for number, stage in enumerate(stages):
-            problem, begins = problem_of(stage), ends[: stage.starts]
-            place = (number + 1, len(stages))
+        for number, stage in enumerate(stages, start=1):
+            problem, ends = problem_of(stage), ends[: stage.starts]
+            place = (number, len(stages))
             runs = StageRuns(
-                body, problem, solver, progress, lambda: interrupts.pressed, place, len(begins)
+                body, problem, solver, progress, lambda: interrupts.pressed, place, len(ends)
             )
-            following = stages[number + 1].starts if number + 1 < len(stages) else 1
-            solutions, hypotheses, known = [], [], list[Array]()
-            for k, start in enumerate(begins):
-                enough = hypotheses[following - 1].cost if len(hypotheses) >= following else inf
-                end = runs.run(
-                    k, start, stage.iterations, stage.settled, enough, known, KNOWN_END * same
-                )
-                if not runs.given_up:
-                    known.append(joints_of(body, end.values))
-                solutions.append(end)
-                hypotheses = _hypotheses(body, solutions, same)
-                if runs.stopped:
-                    break
+            following = stages[number].starts if number < len(stages) else 1
+            hypotheses = runs.hypotheses(ends, stage, following, same)
             if stage.limbs and not runs.stopped:
                 screen = problem_of(SCREEN)
                 for k, hypothesis in enumerate(hypotheses[: stage.limbs]):
-                    hypotheses[k] = unfolded(body, runs, screen, hypothesis, KNOWN_END * same)
+                    hypotheses[k] = unfolded(runs, screen, hypothesis, KNOWN_END * same)
                 hypotheses.sort(key=lambda hypothesis: hypothesis.cost)
-            iterations, stopped = iterations + runs.iterations, runs.stopped
+            iterations += runs.iterations
             ends = [hypothesis.values for hypothesis in hypotheses]
             levels.append(hypotheses)
-            if stopped:
+            if runs.stopped:
                 break
     return ModelFit(
         body,
@@ -325,7 +346,7 @@ def fit_model(
         tuple(hypotheses),
         iterations,
         time.perf_counter() - began,
-        stopped,
+        runs.stopped,
         _path_to_best(first, levels),
     )
 
@@ -382,3 +403,70 @@ def _hypotheses(body: Body, solutions: Sequence[Solution], same: float) -> list[
         else:
             kept[near] = replace(kept[near], starts=(*kept[near].starts, number))
     return kept
+
+
+def unfolded(runs: StageRuns, screen: Problem, hypothesis: Hypothesis, near: float) -> Hypothesis:
+    """The hypothesis, or a lower one in which one or more limbs have other poses.
+
+    Each limb is put to each of `limb_poses` in turn, and a run begins at the 12 of these whose cost
+    is lowest as they stand in `screen`, a coarser problem. A run that comes within `near` m of the
+    lowest end so far, in the mean of the joints, is given up. The lowest of their ends is taken if
+    its cost is lower by more than 1 %; then all limbs are tried again from there.
+    """
+    body = runs.body
+    pose, poses = body.blocks()[0].name, limb_poses(body)
+    lowest: list[Solution] = []
+
+    def solve(start: Values) -> Solution:
+        ends = [joints_of(body, end.values) for end in lowest]
+        end = runs.run(hypothesis.starts[0], start, ITERATIONS, SETTLED, ends=ends, near=near)
+        lowest[:] = [min([*lowest, end], key=lambda end: end.cost)]
+        return end
+
+    def cost(values: Values) -> float:
+        rows = screen.residual(*screen.split(values))
+        return float(rows @ rows) / 2
+
+    first = best = solve(hypothesis.values)
+    for _ in range(MOST_SWEEPS):
+        here = {**hypothesis.values, **best.values}
+        starts = [
+            {**here, pose: with_limb(here[pose], limb, other)}
+            for limb in limbs(body.parents)
+            for other in poses
+        ]
+        ends = [solve(start) for start in sorted(starts, key=cost)[:STARTS_IN_SWEEP]]
+        end = min(ends, key=lambda end: end.cost, default=best)
+        if end.cost >= (1 - LEAST_GAIN) * best.cost:
+            break
+        best = end
+    if best is first:
+        return hypothesis
+    return Hypothesis(best.values, best.cost, best.status, hypothesis.starts, best.violation)
+
+
+def limbs(parents: Sequence[int]) -> tuple[tuple[int, ...], ...]:
+    """The joints of every unbranched end of a tree that has three joints or more.
+
+    For SMPL's tree these are the arms from the collar, from the shoulder and from the elbow on, and
+    the legs from the hip and from the knee on; for a hand they are the fingers.
+    """
+    below: list[list[int]] = [[] for _ in parents]
+    for joint, parent in enumerate(parents):
+        if parent >= 0:
+            below[parent].append(joint)
+    ends = []
+    for first in range(1, len(parents)):
+        limb = [first]
+        while len(below[limb[-1]]) == 1:
+            limb += below[limb[-1]]
+        if not below[limb[-1]] and len(limb) >= SHORTEST_LIMB:
+            ends.append(tuple(limb))
+    return tuple(ends)
+
+
+def with_limb(pose: Array, limb: Sequence[int], other: Array) -> Array:
+    """The pose (K, 3) rad with the joints of a limb as in `other` (K - 1, 3), without the root."""
+    moved, joints = np.array(pose), np.array(limb)
+    moved[joints] = other[joints - 1]
+    return moved

@@ -2,7 +2,7 @@
 
 `fit_model` (stages from many starts), `support`, `doubts` and `FreeVertices` in turn. No fit goes
 uphill from a limb that is folded the wrong way; so other poses of limbs are tried after a stage
-(`limbs`). Results hold arrays only, so that they may be computed in another process.
+(`unfolded`). Results hold arrays only, so that they may be computed in another process.
 """
 
 from __future__ import annotations
@@ -33,7 +33,13 @@ from workbench.registration.model_fit import FitProgress, FitStage, ModelFit
 from workbench.registration.recipe import Recipe, usual_recipe
 from workbench.registration.starts import facing
 
+if TYPE_CHECKING:
+    import trimesh
+
 HEIGHT, LENGTH = "height", "length"
+CAMERA_AMONG_POINTS = (
+    "the camera stands among the points, which it cannot have seen; its place was not used"
+)
 
 
 @dataclass(frozen=True)
@@ -53,14 +59,6 @@ def body_size(body: Body, betas: Array) -> BodySize:
         return BodySize(HEIGHT, float(np.ptp(surface[:, 1])))
     wrist = body.joints(body.bind_pose, betas, np.zeros(3))[0]
     return BodySize(LENGTH, float(np.linalg.norm(surface - wrist, axis=1).max()))
-
-
-if TYPE_CHECKING:
-    import trimesh
-
-CAMERA_AMONG_POINTS = (
-    "the camera stands among the points, which it cannot have seen; its place was not used"
-)
 
 
 @dataclass(frozen=True)
@@ -214,29 +212,35 @@ def register(
     kept = {name: np.asarray(values[name]) for name in names}
     x, _, z = facing(kept[names[0]][0], body.bind_pose[0])
     return Registration(
-        used,
-        left_out,
-        body.faces,
-        kept,
-        np.asarray(body.vertices(*(kept[name] for name in names))),
-        np.asarray(vertices),
-        seen,
-        supported.sd,
-        _distances(used, vertices, body.faces),
-        tuple(stages),
-        tuple(
-            OtherEnd(
-                (other.cost - fit.cost) / fit.cost,
-                float(np.linalg.norm(fit.vertices(k) - fit.vertices(), axis=1).mean()),
-            )
-            for k, other in enumerate(fit.hypotheses[1:], start=1)
-        ),
-        sentences,
-        body_size(body, kept[names[1]]),
-        float(np.arctan2(x, z)),
-        fit.reach,
-        measurements(body, fit.problem, kept, fit.priors),
-        surfaces,
+        scan=used,
+        left_out=left_out,
+        faces=body.faces,
+        values=kept,
+        model=np.asarray(body.vertices(*(kept[name] for name in names))),
+        vertices=np.asarray(vertices),
+        seen=seen,
+        sd=supported.sd,
+        distances=_distances(used, vertices, body.faces),
+        stages=tuple(stages),
+        others=_others(fit),
+        doubts=sentences,
+        size=body_size(body, kept[names[1]]),
+        facing=float(np.arctan2(x, z)),
+        reach=fit.reach,
+        measurements=measurements(body, fit.problem, kept, fit.priors),
+        surfaces=surfaces,
+    )
+
+
+def _others(fit: ModelFit) -> tuple[OtherEnd, ...]:
+    """The hypotheses of a fit after the best one."""
+    best = fit.vertices()
+    return tuple(
+        OtherEnd(
+            (other.cost - fit.cost) / fit.cost,
+            float(np.linalg.norm(fit.vertices(k) - best, axis=1).mean()),
+        )
+        for k, other in enumerate(fit.hypotheses[1:], start=1)
     )
 
 

@@ -9,10 +9,12 @@ from workbench.bodies.body import Body
 from workbench.bodies.forward.posing import local_rotations, world_rotations
 from workbench.bodies.spaces import has_pose_space, pose_space
 from workbench.errors import BadArgument
+from workbench.fitting.body_priors import pose_gaussian
 from workbench.fitting.hands import mean_hand
 from workbench.fitting.placing import moved
 from workbench.fitting.scans.scan import BadScan, Scan
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
+from workbench.priors.poses import shipped_mixture
 
 
 def facing(root: Array, bind: Array) -> Array:
@@ -113,6 +115,18 @@ def check_size(body: Body, scan: Scan) -> None:
             f"the scan is {size:.3g} m in size, and the body {height:.3g} m; points are expected "
             "in metres, and of one person (millimetres look 1000 times too large)"
         )
+
+
+def limb_poses(body: Body) -> tuple[Array, ...]:
+    """Poses (K - 1, 3) rad of all joints but the root, at which limbs may begin again.
+
+    They are the mean of `pose_prior` and, for a body with the joints of which it was learned, the
+    means of the eight components of `shipped_mixture`: arms that hang, are bent, or are raised.
+    """
+    mean, mixture = np.reshape(pose_gaussian(body)[0], (-1, 3)), shipped_mixture()
+    if tuple(body.joint_names[1:]) != tuple(mixture.joint_names):
+        return (mean,)
+    return mean, *mixture.means.reshape(-1, len(mean), 3)
 
 
 CLOSURES = (0.0, 1.5)  # standard deviations of the first component, which closes the hand

@@ -163,45 +163,49 @@ def fit_in_trust_region(
     objective, options = context.objective, context.options
     cost, radius, longest = objective.cost(estimate), inf, 0.0
     facts = {"steps": 0.0, "products": 0.0}
-    while facts["steps"] < options.together_steps:
-        if options.enough > 0 and objective.rms(estimate) < options.enough:
-            break
-        equations = NormalEquations(objective, estimate, names)
-        negative_gradient = equations.negative_gradient
-        while True:
-            step = steihaug(
-                equations.product,
-                equations.preconditioned,
-                negative_gradient,
-                radius=radius,
-                tolerance=options.together_tolerance,
-                most=options.products,
-            )
-            longest = max(longest, step.length)
-            facts["products"] += step.iterations
-            turned = float(np.abs(step.change["poses"]).max())
-            if radius == inf and turned > LARGEST_TURN:
-                radius = step.length * LARGEST_TURN / turned
-                continue
-            moved = estimate.moved(step.change)
-            if "weights" in names:
-                positive = moved.weights.clip(0)
-                moved = replace(moved, weights=positive / positive.sum(axis=1, keepdims=True))
-            fall = cost - objective.cost(moved)
-            if fall > GOOD_GAIN * step.predicted and not step.inside:
-                radius *= 2
-            elif fall < POOR_GAIN * step.predicted:
-                radius = step.length / 4
-            if fall > 0:
-                break
-            if radius <= SMALLEST_RADIUS * longest:
-                return estimate, facts
+    equations = NormalEquations(objective, estimate, names)
+    done = options.together_steps == 0 or _exact(context, estimate)
+    while not done:
+        step = steihaug(
+            equations.product,
+            equations.preconditioned,
+            equations.negative_gradient,
+            radius=radius,
+            tolerance=options.together_tolerance,
+            most=options.products,
+        )
+        longest = max(longest, step.length)
+        facts["products"] += step.iterations
+        turned = float(np.abs(step.change["poses"]).max())
+        if radius == inf and turned > LARGEST_TURN:
+            radius = step.length * LARGEST_TURN / turned
+            continue
+        moved = estimate.moved(step.change)
+        if "weights" in names:
+            positive = moved.weights.clip(0)
+            moved = replace(moved, weights=positive / positive.sum(axis=1, keepdims=True))
+        fall = cost - objective.cost(moved)
+        if fall > GOOD_GAIN * step.predicted and not step.inside:
+            radius *= 2
+        elif fall < POOR_GAIN * step.predicted:
+            radius = step.length / 4
+        if not fall > 0:
+            done = radius <= SMALLEST_RADIUS * longest
+            continue
         estimate, cost = moved, cost - fall
+        equations = NormalEquations(objective, estimate, names)
         facts["steps"] += 1
         context.execution.finished(int(facts["steps"]), options.together_steps)
-        if fall < options.together_stop * cost:
-            break
+        settled = fall < options.together_stop * cost
+        last = facts["steps"] == options.together_steps
+        done = settled or last or _exact(context, estimate)
     return estimate, facts
+
+
+def _exact(context: BlockInput, estimate: Estimate) -> bool:
+    """Whether the data are explained well enough to stop."""
+    enough = context.options.enough
+    return enough > 0 and context.objective.rms(estimate) < enough
 
 
 Block = Callable[[BlockInput, Estimate], tuple[Estimate, Facts]]

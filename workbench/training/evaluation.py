@@ -60,14 +60,7 @@ def evaluate_held_out(
     mirror = None
     if body.mirror is not None:
         mirror = Mirror(body.mirror, opposites(body.joint_names))
-    rows = np.arange(len(registrations.subject))
-    sorted_rows = np.argsort(registrations.subject, kind="stable")
-    counts = np.bincount(registrations.subject)
-    place = np.empty_like(rows)  # of each registration among those of its subject
-    place[sorted_rows] = rows - np.repeat(np.cumsum(counts) - counts, counts)
-    shape_set, pose_set = (
-        in_memory(RegistrationSubset(registrations, rows[place % 2 == half])) for half in (0, 1)
-    )
+    shape_set, pose_set = _halves(registrations)
     start, R = Start.of(body), body.J_regressor
     sigmas = Sigmas(rings=REGRESSOR_SIGMA)
     options = BlockOptions(
@@ -81,9 +74,11 @@ def evaluate_held_out(
         first = first_estimate(some, start, weights=body.weights, rings=R)
         return replace(first_poses(first, some, start, execution=execution), posedirs=body.posedirs)
 
+    def objective(some: Registrations) -> Objective:
+        return Objective(some, R, body.weights, mirror, sigmas, body.template)
+
     def after(some: Registrations, estimate: Estimate, blocks: tuple[str, ...]) -> Estimate:
-        objective = Objective(some, R, body.weights, mirror, sigmas, body.template)
-        context = BlockInput(objective, body.faces, options, execution)
+        context = BlockInput(objective(some), body.faces, options, execution)
         for name in blocks:
             estimate, _ = BLOCKS[name](context, estimate)
         return estimate
@@ -92,9 +87,20 @@ def evaluate_held_out(
     joints = np.stack([R @ T for T in templates])
     known = replace(first_of(pose_set), templates=templates, joints=joints)
     fitted = after(pose_set, known, POSE_ROUNDS * ("poses",))
-    objective = Objective(pose_set, R, body.weights, mirror, sigmas, body.template)
-    distances = vertex_distances(objective, fitted)
+    distances = vertex_distances(objective(pose_set), fitted)
     return HeldOutEvaluation(distances, templates, shape_share(body, templates))
+
+
+def _halves(registrations: Registrations) -> list[Registrations]:
+    """Every second registration of each subject from the first one on, and the others."""
+    rows = np.arange(len(registrations.subject))
+    sorted_rows = np.argsort(registrations.subject, kind="stable")
+    counts = np.bincount(registrations.subject)
+    place = np.empty_like(rows)  # of each registration among those of its subject
+    place[sorted_rows] = rows - np.repeat(np.cumsum(counts) - counts, counts)
+    return [
+        in_memory(RegistrationSubset(registrations, rows[place % 2 == half])) for half in (0, 1)
+    ]
 
 
 def vertex_distances(objective: Objective, estimate: Estimate) -> Array:

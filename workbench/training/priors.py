@@ -9,7 +9,6 @@ back and the sides of an arm, so that most of the tangential component follows f
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import inf
 
 import numpy as np
 import scipy.linalg
@@ -130,12 +129,8 @@ class TemplatePrior:
         return np.asarray(of_one + flat @ flat.T)
 
 
-def smooth_prior(
-    faces: Index, directions: Array, sigma: float, bends: float = inf
-) -> TemplatePrior:
+def smooth_prior(faces: Index, directions: Array, sigma: float) -> TemplatePrior:
     """The prior by edges: T_s - T - S betas has differences of `sigma` m along every edge.
-
-    With `bends` in m, a displacement also differs by that much from the mean of its neighbours'.
 
     `faces` (F, 3) are the triangles and `directions` (N, 3, B) the shape directions in metres per
     unit of betas. The place of a template, which no edge sees, has a sigma of 0.1 m. Raises
@@ -143,14 +138,9 @@ def smooth_prior(
     """
     if not 0 < sigma < np.inf:
         raise BadArgument(f"the sigma of a template's edges is above 0 m, not {sigma:g}")
-    if not bends > 0:
-        raise BadArgument(f"the sigma of a template's bends is above 0 m, not {bends:g}")
     N, pairs = len(directions), mesh_edges(faces)
     E = len(pairs)
     ends = (np.tile(np.arange(E), 2), pairs.T.ravel())
     A = csr_array((np.repeat([1.0, -1.0], E), ends), shape=(E, N))
     stiff = A.T @ A / sigma**2 + diags_array(np.full(N, PLACE_SIGMA**-2 / N))
-    if bends < inf:
-        neighbours = diags_array((A.T @ A).diagonal() ** -1.0) @ (A.T @ A)
-        stiff = stiff + neighbours.T @ neighbours / bends**2
     return TemplatePrior(csr_array(stiff), directions)
