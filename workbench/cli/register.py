@@ -52,9 +52,9 @@ from workbench.registration.coregistration import (
     TrianglePlan,
     bent_as,
 )
-from workbench.registration.coregistration.coregistering import EDGES, FILE
+from workbench.registration.coregistration.coregistering import EDGE_SIGMA, FILE
 from workbench.registration.coregistration.folder import open_registered
-from workbench.registration.scan_jobs import MOST
+from workbench.registration.scan_jobs import MOST_POINTS
 from workbench.reports.folder import own_folder
 from workbench.reports.many import ImageFolder, RegistrationFolder
 from workbench.reports.page import Entry
@@ -107,7 +107,7 @@ def register(
     ] = None,
     points: Annotated[
         int, typer.Option(help="Number of points that are used of a larger scan, at random.")
-    ] = MOST,
+    ] = MOST_POINTS,
     boundary: Annotated[
         float, typer.Option(help="Leave out points within so many m of a scan's boundary.")
     ] = 0.0,
@@ -309,7 +309,7 @@ def coregister(
     ] = None,
     edges: Annotated[
         float, typer.Option(help="Sigma of a template's edges beyond what betas explain, in m.")
-    ] = EDGES,
+    ] = EDGE_SIGMA,
     betas: Annotated[
         int, typer.Option(callback=at_least_one, help="Number of shape directions.")
     ] = 10,
