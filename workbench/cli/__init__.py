@@ -128,13 +128,13 @@ def held() -> Iterator[None]:
     Some modules swallow every exception while they are imported.
     """
     arrived: list[int] = []
-    asked = [s for s in (signal.SIGINT, signal.SIGTERM) if callable(signal.getsignal(s))]
-    before = {s: signal.signal(s, lambda number, frame: arrived.append(number)) for s in asked}
+    deferred = [s for s in (signal.SIGINT, signal.SIGTERM) if callable(signal.getsignal(s))]
+    before = {s: signal.signal(s, lambda number, frame: arrived.append(number)) for s in deferred}
     try:
         yield
     finally:
-        for each, handler in before.items():
-            signal.signal(each, handler)
+        for signal_number, handler in before.items():
+            signal.signal(signal_number, handler)
     if arrived:
         signal.raise_signal(max(arrived))  # SIGTERM before SIGINT, by the handler that is there
         raise Terminated if signal.SIGTERM in arrived else KeyboardInterrupt

@@ -140,16 +140,16 @@ def _diagnosed(
 
 def _over_draws(
     console: Console,
-    found: diagnostics.Diagnosis | diagnostics.SequenceDiagnosis,
+    diagnosis: diagnostics.Diagnosis | diagnostics.SequenceDiagnosis,
     setup: Setup,
     draws: int,
 ) -> str:
     """The problem of a diagnosis at draws of the setup's priors, in words."""
     console.print(f"[dim]diagnosing at {draws} draws of the priors[/]")
     over = diagnostics.diagnose_over(
-        found.problem,
+        diagnosis.problem,
         diagnostics.prior_draws(setup.problem, setup.start, setup.priors, draws),
-        priors=[name for name in setup.priors if name in found.problem.rows],
+        priors=[name for name in setup.priors if name in diagnosis.problem.rows],
         gauges=setup.gauges,
     )
     return f"\nAt draws of the priors ({', '.join(setup.priors)}):\n{over.report()}"
@@ -218,26 +218,26 @@ def design(
     by = solver_named(solver)
     experiment, setup, folder = begun(console, name, setting, out, "design")
     values = solved(console, setup, by)
-    known = candidates or (OWN if setup.candidates else "cameras")
-    given = CANDIDATES[known](setup, values)
-    wanted = CRITERIA[criterion].over(*over) if over else CRITERIA[criterion]
+    kind = candidates or (OWN if setup.candidates else "cameras")
+    offered = CANDIDATES[kind](setup, values)
+    objective = CRITERIA[criterion].over(*over) if over else CRITERIA[criterion]
     if sd_of is not None:
-        wanted = sd_named(sd_of, setup, values)
-    several = [values]
+        objective = sd_named(sd_of, setup, values)
+    points_at = [values]
     with Bars(console) as bars:
         if points > 1:
-            several = laplace_points(setup.problem, values, points, seed)
-        found = diagnostics.design(
+            points_at = laplace_points(setup.problem, values, points, seed)
+        ranking = diagnostics.design(
             setup.problem,
-            given,
-            several,
+            offered,
+            points_at,
             choose=choose,
-            criterion=wanted,
+            criterion=objective,
             progress=partial(bars, "comparing candidates"),
         )
-    say(console, escape(found.report()))
+    say(console, escape(ranking.report()))
     console.print("[dim]writing the page[/]")
     page = write_design(
-        found, folder, title=experiment.name, question=setup.question, source=experiment.source
+        ranking, folder, title=experiment.name, question=setup.question, source=experiment.source
     )
     print_page(console, "report", page)

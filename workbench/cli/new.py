@@ -124,5 +124,5 @@ def new(
     path = write_scaffold(kind, name, folder)
     print_page(console, kind, path)
     for command in SCAFFOLDS[kind][1]:
-        said = f"workbench {command}".replace("FILE", str(path))
-        say(console, f"[dim]try[/] {escape(said)}")
+        line = f"workbench {command}".replace("FILE", str(path))
+        say(console, f"[dim]try[/] {escape(line)}")

@@ -79,13 +79,13 @@ def run(
                 f"no suite is called {name!r}; there are {', '.join(SUITES)}; without a name, "
                 "--list names the experiments"
             )
-        lines = [(one.name, one.summary) for one in SUITES.get(name, EXPERIMENTS.values())]
+        lines = [(entry.name, entry.summary) for entry in SUITES.get(name, EXPERIMENTS.values())]
         if name not in SUITES:
             lines.append(("suites", "run SUITE --list names their problems:"))
             lines += [(s, f"{len(several)} {SUMMARIES[s]}") for s, several in SUITES.items()]
-        width = 2 + max(len(one) for one, _ in lines)
-        for one, text in lines:
-            console.print(f"[bold]{one:{width}}[/]{text}", highlight=False)
+        width = 2 + max(len(entry) for entry, _ in lines)
+        for entry, text in lines:
+            console.print(f"[bold]{entry:{width}}[/]{text}", highlight=False)
         return
     carry_out(console, find(name, settings(setting)), solver_named(solver), compare, out, verbose)
 
@@ -138,8 +138,8 @@ def solved(console: Console, setup: Setup, solver: Solver) -> Values:
     """Solve a setup, say how that ended, and return the values of all blocks at the end."""
     console.print("[dim]solving[/]")
     solution = solver.solve(setup.problem, setup.start)
-    said = f"{solution.status.name}, cost {solution.cost:.6g}"
-    console.print(f"[dim]{said}: {escape(solution.message)}[/]", soft_wrap=True)
+    outcome = f"{solution.status.name}, cost {solution.cost:.6g}"
+    console.print(f"[dim]{outcome}: {escape(solution.message)}[/]", soft_wrap=True)
     return setup.start | solution.values
 
 
@@ -154,13 +154,13 @@ def solver_named(name: str) -> Solver:
 
 def settings(texts: list[str] | None) -> dict[str, str]:
     """The values typed after each --set, by name. Raises BadArgument without an equals sign."""
-    found = {}
+    values_by_name = {}
     for text in texts or []:
         name, equals, value = text.partition("=")
         if not equals:
             raise BadArgument(f"--set takes NAME=VALUE, such as frame=60; not {text!r}")
-        found[name] = value
-    return found
+        values_by_name[name] = value
+    return values_by_name
 
 
 ROWS = 12  # of the residuals with the highest cost
@@ -211,9 +211,9 @@ def print_outcome(console: Console, outcome: Outcome) -> None:
         f"{solution.iterations} iterations, {solution.seconds:.2f} s, cost {solution.cost:.6g}: "
         f"{escape(solution.message)}"
     )
-    for said in (better_said(outcome), interrupted_said(outcome)):
-        if said:
-            console.print(f"[bold yellow]{escape(said)}[/]", highlight=False)
+    for sentence in (better_said(outcome), interrupted_said(outcome)):
+        if sentence:
+            console.print(f"[bold yellow]{escape(sentence)}[/]", highlight=False)
     if outcome.setup.synthetic:
         console.print(f"synthetic data: {escape(outcome.setup.synthetic)}", highlight=False)
     for note in outcome.setup.notes:
@@ -240,11 +240,11 @@ def print_outcome(console: Console, outcome: Outcome) -> None:
 
 def _print_residuals(console: Console, outcome: Outcome) -> None:
     """Print the residuals with the highest costs."""
-    found = residuals_table(outcome)
-    rows = sorted(zip(outcome.costs.values(), found.rows, strict=True), key=lambda row: -row[0])
+    table = residuals_table(outcome)
+    rows = sorted(zip(outcome.costs.values(), table.rows, strict=True), key=lambda row: -row[0])
     shown = {row for _, row in rows[:ROWS]}
-    kept = tuple(row for row in found.rows if row in shown)
-    console.print(rich_table(Table(found.head, kept, found.numbers)))
+    kept = tuple(row for row in table.rows if row in shown)
+    console.print(rich_table(Table(table.head, kept, table.numbers)))
     if len(rows) > ROWS:
         console.print(f"and {len(rows) - ROWS} residuals with less cost (see the report)")
     console.print(escape(priors_said(outcome)), highlight=False)
@@ -253,19 +253,19 @@ def _print_residuals(console: Console, outcome: Outcome) -> None:
 def _seen(what: str, d: Diagnosis) -> str:
     """Size and rank, and the first null and weak directions."""
     m, n = d.shape
-    said = "every direction changes a residual"
+    sentence = "every direction changes a residual"
     if d.null_directions:
-        said = f"{len(d.null_directions)} directions change no residual"
+        sentence = f"{len(d.null_directions)} directions change no residual"
     if d.weak_count:
-        said += (
+        sentence += (
             f"; along {d.weak_count} more, a change by a whole characteristic scale (such as 1 "
             "rad) changes the residuals by less than one sigma"
         )
     named = [x.name for x in (*d.null_directions, *d.weak_directions) if x.joints]
     short = list(dict.fromkeys(named))[:3]
     if short:
-        said += f"; among them {', '.join(short)} (see the report)"
-    return f"{what}: {m} x {n}, {d.density:.0%} nonzero, rank {d.rank} of {n}; {said}"
+        sentence += f"; among them {', '.join(short)} (see the report)"
+    return f"{what}: {m} x {n}, {d.density:.0%} nonzero, rank {d.rank} of {n}; {sentence}"
 
 
 def _comparison(outcome: Outcome) -> RichTable:

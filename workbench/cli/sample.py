@@ -58,7 +58,7 @@ def sample(
     experiment, setup, folder = begun(console, name, setting, out, "posterior")
     kept = out / f"{experiment.name}-draws"
     make_folder(kept)
-    at = solved(console, setup, solver_named(solver))
+    values = solved(console, setup, solver_named(solver))
     problem = setup.problem
     rest = sampling.fixed if conditional else sampling.integrated
     chosen: dict[str, sampling.Names] = {}
@@ -71,12 +71,12 @@ def sample(
     parts: list[BlockPosterior] = []
     interrupted = False
 
-    def left() -> str:
+    def interruption() -> str:
         if not any(kept.iterdir()):
             return "interrupted; nothing was written"
         return f"interrupted; {kept} holds the draws, and the same command continues with them"
 
-    with interrupts_say(left):
+    with interrupts_say(interruption):
         for part, names in chosen.items():
             path = kept / f"{file_of[part]}.npz"
             if fresh:
@@ -90,7 +90,7 @@ def sample(
 
                 posterior = sampling.sample(
                     problem,
-                    at,
+                    values,
                     names,
                     rest=rest,
                     walkers=walkers,
@@ -101,7 +101,7 @@ def sample(
                     callback=tell,
                 )
             approximation = sampling.laplace(
-                problem, at, names, rest=rest, seed=seed, against=posterior
+                problem, values, names, rest=rest, seed=seed, against=posterior
             )
             parts.append(BlockPosterior(part, posterior, approximation))
             say(console, escape(posterior.judgement[0].value))
@@ -143,10 +143,10 @@ def _print_measurements(
     betas = free.labels_of(entries(free, body.blocks()[1].name))
     for posterior in posteriors:
         if posterior.usable and set(betas) <= set(posterior.labels):
-            found = measured_in(posterior, body)
+            measurements = measured_in(posterior, body)
             rows = tuple(
                 (name, f"{np.median(m):.3f}", "{:.3f} to {:.3f}".format(*np.quantile(m, ENDS)))
-                for name, m in found.items()
+                for name, m in measurements.items()
             )
             console.print("\n[bold]measurements[/]")
             console.print(rich_table(Table(("measurement", "median, m", "90 %, m"), rows)))
