@@ -61,9 +61,9 @@ def card_page(body: SkinnedBody | TriangleBody) -> str:
 def card_text(body: SkinnedBody | TriangleBody) -> str:
     """The card as text for a terminal. Raises BadBody for anything but a body."""
     check_kind(body)
-    known = facts(body)
-    widest = max(map(len, known))
-    lines = [body.name, *(f"  {name:{widest}}  {text}" for name, text in known.items()), ""]
+    rows = facts(body)
+    widest = max(map(len, rows))
+    lines = [body.name, *(f"  {name:{widest}}  {text}" for name, text in rows.items()), ""]
     table = joint_table(body)
     short = Table(table.head[:6], tuple(row[:6] for row in table.rows), table.numbers[:4])
     lines += [f"  {line}" for line in short.lines()]
@@ -161,15 +161,15 @@ def shapes(body: SkinnedBody | TriangleBody) -> dict[str, Array]:
     (N, 3) m each, the arms hanging where the body is a T-pose of SMPL's joint names.
     """
     pose = _arms_down(body)
-    found: dict[str, Array] = {}
+    gallery: dict[str, Array] = {}
     for sign, word in ((1, "+2 sd"), (-1, "−2 sd")):
         mean = body.vertices(pose)
-        found |= {"mean": mean} if sign > 0 else {"mean, side": side(mean)}
+        gallery |= {"mean": mean} if sign > 0 else {"mean, side": side(mean)}
         for b in range(min(DRAWN, body.n_betas)):
             betas = np.zeros(body.n_betas)
             betas[b] = sign * ENDS
-            found[f"betas[{b}] {word}"] = body.vertices(pose, betas)
-    return found
+            gallery[f"betas[{b}] {word}"] = body.vertices(pose, betas)
+    return gallery
 
 
 def _arms_down(body: SkinnedBody | TriangleBody) -> Array:

@@ -295,19 +295,19 @@ def problems_table(comparison: Comparison) -> Table:
 
 
 def _verdicts(comparison: Comparison, chosen: tuple[Instance, ...], solver: str) -> str:
-    found = [comparison.outcomes[i.name, solver] for i in chosen]
-    names = dict.fromkeys(found)
+    outcomes = [comparison.outcomes[i.name, solver] for i in chosen]
+    names = dict.fromkeys(outcomes)
     if len(chosen) == 1:
-        return outcome_words(found[0])
-    return ", ".join(f"{found.count(v)} {outcome_words(v)}" for v in names)
+        return outcome_words(outcomes[0])
+    return ", ".join(f"{outcomes.count(v)} {outcome_words(v)}" for v in names)
 
 
 def _asked(comparison: Comparison) -> tuple[str, ...]:
     """The kinds of evaluations to tell of: the problem's, and those of constraints if there are."""
-    seen = [record.observed for record in comparison.records.values()]
-    asked = [any(s.counts[k] for s in seen) for k in range(len(KINDS))]
+    observed = [record.observed for record in comparison.records.values()]
+    evaluated = [any(s.counts[k] for s in observed) for k in range(len(KINDS))]
     return tuple(
-        kind for kind, there in zip(KINDS, asked, strict=True) if there or kind in KINDS[:LIMITED]
+        kind for kind, used in zip(KINDS, evaluated, strict=True) if used or kind in KINDS[:LIMITED]
     )
 
 
@@ -336,8 +336,8 @@ GOOD = TargetOutcome.REACHED, TargetOutcome.ALONE
 def end_analyses(comparison: Comparison, problem: str) -> list[tuple[tuple[str, ...], EndAnalysis]]:
     """The analyses of a problem's ends, one for each data set, with the names of its instances."""
     names = {i.name for i in comparison.instances_of(problem)}
-    found = zip(comparison.groups, comparison.end_analyses, strict=True)
-    return [(group, analysis) for group, analysis in found if group[0] in names]
+    analyses = zip(comparison.groups, comparison.end_analyses, strict=True)
+    return [(group, analysis) for group, analysis in analyses if group[0] in names]
 
 
 def outcome_words(outcome: TargetOutcome) -> str:

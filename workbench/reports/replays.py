@@ -174,10 +174,10 @@ def live_server(name: str, setup: Setup, port: int = 0) -> LiveServer:
     if recording is None:
         raise BadArgument(f"a page cannot pose the body of {name}; take a skinned body of SMPL's")
     order = dict.fromkeys((*setup.compared, *SOLVERS))
-    able = [one for one in order if _takes(one, setup)][:OFFERED]
+    able = [solver for solver in order if _takes(solver, setup)][:OFFERED]
     solvers = {
-        one: SOLVERS[one] if setup.strategy is None else setup.strategy(SOLVERS[one])
-        for one in able
+        solver: SOLVERS[solver] if setup.strategy is None else setup.strategy(SOLVERS[solver])
+        for solver in able
     }
     text = page("live.html", title=name, question=setup.question, recording=recording, solvers=able)
     warm_up(setup, solvers.values())  # so that no press waits

@@ -133,15 +133,15 @@ def run_page(outcome: Outcome, files: dict[str, str]) -> str:
 
 def data_alone(outcome: Outcome) -> dict[str, object] | None:
     """The diagnosis of the data alone, or None if there are no priors."""
-    found = outcome.data_alone
-    if found is None:
+    diagnosis = outcome.data_alone
+    if diagnosis is None:
         return None
     return {
         "priors": joined(outcome.setup.priors),
-        "diagnosis": found,
-        "spectrum": spectrum(found),
-        "directions": directions_table(found),
-        "weak": gathered_directions_table(found.weak_directions, "characteristic scale"),
+        "diagnosis": diagnosis,
+        "spectrum": spectrum(diagnosis),
+        "directions": directions_table(diagnosis),
+        "weak": gathered_directions_table(diagnosis.weak_directions, "characteristic scale"),
     }
 
 
@@ -165,19 +165,19 @@ def arrays(outcome: Outcome) -> dict[str, Array]:
     """Every block under its own name, and per view `projected:`, `observed:` (M, 2) px and
     `confidence:` (M,), exactly as drawn; `surface` (N, 3) m where there is a body.
     """
-    found: dict[str, Array] = {}
+    by_name: dict[str, Array] = {}
     if outcome.surface is not None:
-        found["surface"] = outcome.surface
+        by_name["surface"] = outcome.surface
     for overlay in outcome.overlays:
-        found[f"projected:{overlay.view.name}"] = overlay.projected
-        found[f"observed:{overlay.view.name}"] = overlay.view.observed
-        found[f"confidence:{overlay.view.name}"] = overlay.view.confidence
-    return found | {name: np.asarray(value) for name, value in outcome.values.items()}
+        by_name[f"projected:{overlay.view.name}"] = overlay.projected
+        by_name[f"observed:{overlay.view.name}"] = overlay.view.observed
+        by_name[f"confidence:{overlay.view.name}"] = overlay.view.confidence
+    return by_name | {name: np.asarray(value) for name, value in outcome.values.items()}
 
 
 def run_summary(outcome: Outcome) -> dict[str, Any]:
     """How a run ended, what it measured, and what it ran on."""
-    alone, priors = outcome.data_alone, list(outcome.setup.priors)
+    data_alone, priors = outcome.data_alone, list(outcome.setup.priors)
     return {
         "kind": "run",
         "name": outcome.name,
@@ -189,7 +189,7 @@ def run_summary(outcome: Outcome) -> dict[str, Any]:
         "better": outcome.better,
         "best_cost": outcome.best_cost,
         **_seen(outcome.diagnosis),
-        "data_alone": None if alone is None else {"without": priors, **_seen(alone)},
+        "data_alone": None if data_alone is None else {"without": priors, **_seen(data_alone)},
         "costs": dict(outcome.costs),
         "priors": priors,
         "measures": [asdict(measure) for measure in outcome.measures],
@@ -244,7 +244,7 @@ def measurements_table(measurements: Sequence[Measurement]) -> Table:
 
 def measurements_summary(measurements: Sequence[Measurement]) -> list[dict[str, Any]]:
     """The same for programs, in m."""
-    return [asdict(one) | {"contraction": one.contraction} for one in measurements]
+    return [asdict(m) | {"contraction": m.contraction} for m in measurements]
 
 
 def _between(low: float, high: float) -> str:
@@ -343,15 +343,15 @@ def hypotheses_table(solution: Solution) -> Table:
 
 def value_tables(outcome: Outcome) -> list[Table]:
     """The free numbers of each small block, one by one."""
-    found = []
+    tables = []
     for block in outcome.diagnosis.free.blocks:
         if block.size <= SMALL:
             rows = tuple(
                 (block.name + block.entry(i), number(float(value)))
                 for i, value in enumerate(block.taken(outcome.values[block.name]).ravel())
             )
-            found.append(Table((block.name, f"value {unit_text(block.unit)}".rstrip()), rows))
-    return found
+            tables.append(Table((block.name, f"value {unit_text(block.unit)}".rstrip()), rows))
+    return tables
 
 
 def _sigma(sigma: float | np.ndarray) -> str:

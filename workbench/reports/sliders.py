@@ -79,20 +79,20 @@ def pose_and_betas(place: str | Path, body: Body, frame: int = 0) -> tuple[Array
     """
     path = Path(place)
     if path.is_dir():
-        there = [path / name for name in FILES if (path / name).is_file()]
-        if not there:
+        present = [path / name for name in FILES if (path / name).is_file()]
+        if not present:
             raise BadFile(f"{path} holds none of {', '.join(FILES)}; {DO}")
-        path = there[0]
+        path = present[0]
     pose, betas, _ = (block.name for block in body.blocks())
     with opened(path, WHAT, DO) as archive:
         shapes = {name: header.shape for name, header in archive.headers.items()}
         named = pose if pose in shapes else POSES
         rows = {named: (body.n_joints, 3), betas: (body.n_betas,)}
         for name, row in rows.items():
-            found = shapes.get(name, row)
-            if found not in (row, (*found[:1], *row), (*found[:1], int(np.prod(row)))):
+            shape = shapes.get(name, row)
+            if shape not in (row, (*shape[:1], *row), (*shape[:1], int(np.prod(row)))):
                 raise BadArgument(
-                    f"{name} of {path} has the shape {found}, and body {body.name!r} has {row}; "
+                    f"{name} of {path} has the shape {shape}, and body {body.name!r} has {row}; "
                     "name the body of the fit: workbench body sliders NAME --from PLACE"
                 )
         expected = {name: reals(*shapes.get(name, row)) for name, row in rows.items()}

@@ -122,7 +122,7 @@ class Series:
             "fps": self.fps,
             "x": _packed(self.rows),
             "surfaces": _packed(self.surfaces),
-            "links": None if self.links is None else [packed(one, "f4") for one in self.links],
+            "links": None if self.links is None else [packed(ends, "f4") for ends in self.links],
             "pixels": None if self.keypoints is None else packed(self.keypoints[0], "f4"),
             "confidence": None if self.keypoints is None else packed(self.keypoints[1], "f4"),
             "scan": None if self.scan is None else packed(self.scan[0], "f4"),
@@ -139,8 +139,8 @@ def _packed(array: Array | None) -> dict[str, str] | None:
 
 def _hundredths(metres: Array) -> Array:
     """Distances as whole hundredths of a millimetre; 65,535 for one that is not finite."""
-    found = np.minimum(np.abs(np.where(np.isfinite(metres), metres, 0.0)) * 1e5, FARTHEST)
-    return np.where(np.isfinite(metres), np.round(found), FARTHEST + 1)
+    hundredths = np.minimum(np.abs(np.where(np.isfinite(metres), metres, 0.0)) * 1e5, FARTHEST)
+    return np.where(np.isfinite(metres), np.round(hundredths), FARTHEST + 1)
 
 
 VERSION = 2
@@ -176,7 +176,7 @@ def recording(
         "runs": list(runs),
         "directions": list(directions),
         "draws": {"name": name, "by": by, "count": len(drawn), "x": packed(drawn, "f4")},
-        "series": [one.data() for one in series],
+        "series": [states.data() for states in series],
         "landmarks": landmarks,
         "views": list(views),
         "least_confidence": LEAST_CONFIDENCE,
@@ -260,13 +260,13 @@ def row_of_body(body: Body, problem: Problem, known: Values) -> BodyNumbers | No
     """
 
     def row(values: Values) -> Array:
-        found = arguments_from_values(body, problem.points, dict(known) | dict(values))
-        assert found is not None  # asked below
-        return np.concatenate([np.ravel(one) for one in found])
+        arguments = arguments_from_values(body, problem.points, dict(known) | dict(values))
+        assert arguments is not None  # asked below
+        return np.concatenate([np.ravel(argument) for argument in arguments])
 
-    found = arguments_from_values(body, problem.points, known)
+    arguments = arguments_from_values(body, problem.points, known)
     shapes = tuple(block.shape for block in body.blocks())
-    if found is None or tuple(np.shape(one) for one in found) != shapes:
+    if arguments is None or tuple(np.shape(argument) for argument in arguments) != shapes:
         return None  # among them several frames
     return row
 

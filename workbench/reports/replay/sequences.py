@@ -83,11 +83,11 @@ def moving_body(setup: Setup) -> SkinnedBody | None:
     if named is not None:
         return named if isinstance(named, SkinnedBody) else None
     for residual in setup.problem.residuals:
-        for _, one in residual.by_frame:
-            for points in one.points:
-                at = getattr(points.source, "arguments", None)
-                if isinstance(at, Arguments) and isinstance(at.body, SkinnedBody):
-                    return at.body
+        for _, term in residual.by_frame:
+            for points in term.points:
+                arguments = getattr(points.source, "arguments", None)
+                if isinstance(arguments, Arguments) and isinstance(arguments.body, SkinnedBody):
+                    return arguments.body
     return None
 
 
@@ -136,42 +136,42 @@ OF_REGISTRATION = (
 )
 
 
-def recorded_registration(found: Registration) -> Recording | None:
+def recorded_registration(registration: Registration) -> Recording | None:
     """The surface at the start, at the end of each stage and at last, with points of the scan.
 
     Distances are signed in a `Registration`, and are shown without their sign. None for a
     registration that was made without `surfaces`.
     """
-    if not found.surfaces:
+    if not registration.surfaces:
         return None
     rng = np.random.default_rng(0)
-    scan = found.scan.some(rng.permutation(found.scan.n_points) < MOST_POINTS)
+    scan = registration.scan.some(rng.permutation(registration.scan.n_points) < MOST_POINTS)
     joined = spread(scan.n_points, LINKS)
-    tree = SurfaceTree(found.vertices, found.faces)
-    far, ends, said = [], [], []
-    for name, vertices in found.surfaces.items():
-        at = tree.moved(vertices).closest(scan.points, 10 * NEAR, scan.normals, FACING)
-        there = at.faces >= 0
-        distances = np.where(there, np.abs(at.distances), np.inf)
-        far.append(distances)
-        ends.append(np.where(there[joined, None], at.points[joined], np.nan))
-        said.append(_said(name, distances, found.reach))
-    surfaces = np.array(list(found.surfaces.values()))
+    tree = SurfaceTree(registration.vertices, registration.faces)
+    distances, ends, said = [], [], []
+    for name, vertices in registration.surfaces.items():
+        closest = tree.moved(vertices).closest(scan.points, 10 * NEAR, scan.normals, FACING)
+        touching = closest.faces >= 0
+        unsigned = np.where(touching, np.abs(closest.distances), np.inf)
+        distances.append(unsigned)
+        ends.append(np.where(touching[joined, None], closest.points[joined], np.nan))
+        said.append(_said(name, unsigned, registration.reach))
+    surfaces = np.array(list(registration.surfaces.values()))
     series = Series(
         "stages",
-        list(found.surfaces),
+        list(registration.surfaces),
         said,
         surfaces=surfaces,
         opens=len(surfaces) - 1,
         links=(np.array(ends), np.tile(scan.points[joined], (len(ends), 1, 1))),
-        scan=(scan.points, np.array(far)),
-        contact=found.reach,
-        scale=_scale(far[-1], found.reach),
-        hidden=(~found.seen).astype(float),
+        scan=(scan.points, np.array(distances)),
+        contact=registration.reach,
+        scale=_scale(distances[-1], registration.reach),
+        hidden=(~registration.seen).astype(float),
     )
-    turn = found.facing
+    turn = registration.facing
     return recording(
-        {"faces": packed(found.faces, "u4")},
+        {"faces": packed(registration.faces, "u4")},
         None,
         OF_REGISTRATION.rstrip(),
         front=(float(np.sin(turn)), 0.0, float(np.cos(turn))),
