@@ -33,7 +33,7 @@ class Cell:
 
 def cells(path: Path, slides: bool = False) -> list[Cell]:
     """The cells of a percent script, its slides only if wanted. Raises BadFile if it has none."""
-    found: list[Cell] = []
+    script_cells: list[Cell] = []
     lines = path.read_text(encoding="utf-8").splitlines()
     marks = [i for i, line in enumerate(lines) if re.match(r"# %%", line)]
     for begin, end in zip(marks, [*marks[1:], len(lines)], strict=True):
@@ -42,13 +42,13 @@ def cells(path: Path, slides: bool = False) -> list[Cell]:
         if prose:
             body = [re.sub(r"^# ?", "", line) for line in body]
         text = "\n".join(body).strip("\n")
-        mark = re.match(r"# %% slide( still)? \[markdown\]", lines[begin])
-        slide = "" if not mark else "still" if mark[1] else "moving"
+        heading = re.match(r"# %% slide( still)? \[markdown\]", lines[begin])
+        slide = "" if not heading else "still" if heading[1] else "moving"
         if text and (slides or not slide):
-            found.append(Cell(prose, text, begin + 2, slide))
-    if not found:
+            script_cells.append(Cell(prose, text, begin + 2, slide))
+    if not script_cells:
         raise BadFile(f"{path} has no cells; begin them with `# %%` or `# %% [markdown]`")
-    return found
+    return script_cells
 
 
 def carried_out(
@@ -114,7 +114,7 @@ class _Output(StringIO):
 
     def numbers(self, *words: str) -> list[float]:
         """The numbers in the last printed line that holds all of these words."""
-        lines = [one for one in self.getvalue().splitlines() if all(w in one for w in words)]
+        lines = [line for line in self.getvalue().splitlines() if all(w in line for w in words)]
         if not lines:
             raise LookupError(f"no printed line holds {words}")
         return [float(number.replace(",", "")) for number in NUMBER.findall(lines[-1])]
@@ -155,4 +155,4 @@ def apart(code: str) -> tuple[str, str]:
 
 def only_imports(code: str) -> bool:
     """Whether a cell does nothing but import names."""
-    return all(isinstance(one, ast.Import | ast.ImportFrom) for one in ast.parse(code).body)
+    return all(isinstance(node, ast.Import | ast.ImportFrom) for node in ast.parse(code).body)

@@ -75,9 +75,9 @@ def in_letters(formula: str) -> str:
     return "\n".join(re.sub(r" ([,.;:])(?=\s|$)", r"\1", line) for line in tidy)
 
 
-def _written(letters: Callable[..., str], found: re.Match[str]) -> str:
-    given = found.groups(default="")
-    return letters(*(a or b for a, b in zip(given[::2], given[1::2], strict=True)))
+def _written(letters: Callable[..., str], match: re.Match[str]) -> str:
+    groups = match.groups(default="")
+    return letters(*(a or b for a, b in zip(groups[::2], groups[1::2], strict=True)))
 
 
 def _fraction(above: str, below: str) -> str:
@@ -88,8 +88,8 @@ def _fraction(above: str, below: str) -> str:
 
 def _whole(text: str) -> str:
     """In brackets, unless it can be read as one thing without them."""
-    one = re.fullmatch(r"(?!\d+[^\W\d])[^\s+−=·×/]*|\([^()]*\)|‖[^‖]*‖[²₂]*", text)
-    return text if one else f"({text})"
+    readable = re.fullmatch(r"(?!\d+[^\W\d])[^\s+−=·×/]*|\([^()]*\)|‖[^‖]*‖[²₂]*", text)
+    return text if readable else f"({text})"
 
 
 def _script(sign: str, text: str, letters: dict[str, str]) -> str:

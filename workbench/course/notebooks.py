@@ -49,16 +49,19 @@ def notebook(lecture: Lecture) -> Notebook:
     Raises CellFailed if the lecture stops with an error.
     """
     names: dict[str, Any] = {}
-    made: list[dict[str, Any]] = []
+    cells: list[dict[str, Any]] = []
     try:
         with redirect_stdout(StringIO()):
             for cell, value, printed in carried_out(lecture.folder / "lecture.py", names=names):
-                made += [prose_cell(cell.text)] if cell.prose else _parts(cell.text, value, printed)
-            made += _exercise_cells(lecture, names)
+                if cell.prose:
+                    cells.append(prose_cell(cell.text))
+                else:
+                    cells += _parts(cell.text, value, printed)
+            cells += _exercise_cells(lecture, names)
     except Exception as error:
         reason = f"{type(error).__name__}: {error}"
         raise CellFailed(f"lecture {lecture.number} stops: {reason}") from error
-    return as_notebook(made)
+    return as_notebook(cells)
 
 
 def as_notebook(cells: list[dict[str, Any]]) -> Notebook:
@@ -93,10 +96,10 @@ def code_cell(
     }
 
 
-def without_results(made: Notebook) -> Notebook:
+def without_results(book: Notebook) -> Notebook:
     """The same, as if no cell had been run."""
-    cells = [one | ({"outputs": []} if "outputs" in one else {}) for one in made["cells"]]
-    return made | {"cells": cells}
+    cells = [cell | ({"outputs": []} if "outputs" in cell else {}) for cell in book["cells"]]
+    return book | {"cells": cells}
 
 
 def _parts(code: str, value: Any, printed: str) -> list[dict[str, Any]]:
@@ -110,27 +113,27 @@ def _parts(code: str, value: Any, printed: str) -> list[dict[str, Any]]:
 
 def _exercise_cells(lecture: Lecture, names: dict[str, Any]) -> list[dict[str, Any]]:
     """The section of exercises: an introduction, then three cells for each of them."""
-    here, given = f"{lecture.folder_name}.py", lecture.module("exercises")
+    file, exercises = f"{lecture.folder_name}.py", lecture.module("exercises")
     introduction = (
         "## Exercises\n\n"
         "Write each answer into its cell, in place of the line that raises `Unsolved`; the cell "
         "below checks it, and says what is likely to be wrong. To hand in a file, "
-        f"`workbench lecture start {lecture.number} .` puts `{here}` here, and "
-        f"`workbench lecture check {lecture.number} {here}` grades it."
+        f"`workbench lecture start {lecture.number} .` puts `{file}` here, and "
+        f"`workbench lecture check {lecture.number} {file}` grades it."
     )
-    made = [prose_cell(introduction), _ran(_given(lecture), [], names)]
+    cells = [prose_cell(introduction), _ran(_given(lecture), [], names)]
     for k, name in enumerate(lecture.exercises, 1):
-        function = getattr(given, name)
+        function = getattr(exercises, name)
         points = sum(check.points for check in lecture.checks if check.exercise == name)
         minutes = f", about {known} minutes" if (known := lecture.minutes_for(name)) else ""
         arguments = ", ".join(inspect.signature(function).parameters)
         title = f"### {lecture.number}.{k} `{name}({arguments})`"
-        made += [
+        cells += [
             prose_cell(f"{title}\n\n{counted(points, 'point')}{minutes}"),
             _ran(inspect.getsource(function).rstrip(), ["answer"], names),
             _ran(f"check_here({lecture.number}, {name})", ["check"], names),
         ]
-    return made
+    return cells
 
 
 def _ran(code: str, tags: list[str], names: dict[str, Any]) -> dict[str, Any]:

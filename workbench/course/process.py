@@ -107,28 +107,28 @@ def ask(
     `about` is what the process is told beside the exercises, of which each name has its data.
     Where it ends, or is ended, a new one goes on with the exercises that are left.
     """
-    found = Sent()
-    while left := {name: data for name, data in exercises.items() if name not in found.exercises}:
+    sent = Sent()
+    while left := {name: data for name, data in exercises.items() if name not in sent.exercises}:
         job = {"file": str(file.resolve()), "memory": limits.memory, **about, "exercises": left}
         with _Child(job) as child:
             try:
-                found.printed[""] = _loaded(child, limits.seconds)
+                sent.printed[""] = _loaded(child, limits.seconds)
             except ProcessEnded as ended:
-                again = " again" if found.exercises else ""
-                found.trouble = "" if again else str(ended)
+                again = " again" if sent.exercises else ""
+                sent.trouble = "" if again else str(ended)
                 why = f"the file could not be loaded{again}: {ended}"
-                found.exercises |= dict.fromkeys(left, why)
+                sent.exercises |= dict.fromkeys(left, why)
                 break
             for name in left:
                 try:
-                    sent = child.receive(limits.seconds)
+                    message = child.receive(limits.seconds)
                 except ProcessEnded as ended:
-                    found.exercises[name] = str(ended)
+                    sent.exercises[name] = str(ended)
                     break
-                found.exercises[name] = sent
-                found.printed[name] = legible(str(sent.get("printed", "")))
-    found.printed = {name: text for name, text in found.printed.items() if text}
-    return found
+                sent.exercises[name] = message
+                sent.printed[name] = legible(str(message.get("printed", "")))
+    sent.printed = {name: text for name, text in sent.printed.items() if text}
+    return sent
 
 
 def _loaded(child: "_Child", seconds: float) -> str:
@@ -170,7 +170,7 @@ class _Child:
         """The next thing that the process sends. Raises ProcessEnded."""
         try:
             message = self._channel.receive(seconds, LARGEST)
-            found = None if message is None else json.loads(message)
+            data = None if message is None else json.loads(message)
         except TimeoutError:
             raise ProcessEnded(
                 f"stopped after {seconds:g} s: it takes too long, or does not end"
@@ -181,9 +181,9 @@ class _Child:
             raise ProcessEnded(NO_ANSWER) from None
         if message is None:
             raise ProcessEnded(self._end())
-        if not isinstance(found, dict):
+        if not isinstance(data, dict):
             raise ProcessEnded(NO_ANSWER)
-        return found
+        return data
 
     def _end(self) -> str:
         """How the process ended, for the end of a sentence."""
@@ -218,11 +218,11 @@ def main() -> None:
 
         bytes_ = int(job["memory"] * 2**30)
         resource.setrlimit(resource.RLIMIT_AS, (bytes_, bytes_))
-    for found in _done(job):
-        message = json.dumps(found).encode("ascii")
-        if len(message) > LARGEST:
-            message = json.dumps({"too large": True}).encode("ascii")
-        channel.send(message)
+    for message in _done(job):
+        encoded = json.dumps(message).encode("ascii")
+        if len(encoded) > LARGEST:
+            encoded = json.dumps({"too large": True}).encode("ascii")
+        channel.send(encoded)
     os._exit(0)  # threads of the student's may still run, and exit handlers of theirs wait
 
 
@@ -234,21 +234,21 @@ def _done(job: dict[str, Any]) -> Iterator[dict[str, Any]]:
     if lecture is not None:
         _ = lecture.checks, lecture.mistakes, lecture.solutions  # loaded before the file is
     yield {"begun": True}
-    module, told = load(job["file"])
-    yield dict(told)
-    for name, given in job["exercises"].items() if module is not None else ():
+    module, outcome = load(job["file"])
+    yield dict(outcome)
+    for name, job_data in job["exercises"].items() if module is not None else ():
         page, answer = io.StringIO(), getattr(module, name, None)
         with _printing_to(page):
             if lecture is None:
-                found = answers(name, answer, **given)
+                data = answers(name, answer, **job_data)
             else:
-                found = {
+                data = {
                     "results": [
-                        [one.state.value, one.what, one.expected, one.came, one.hint]
-                        for one in grade_exercise(lecture, name, answer)
+                        [result.state.value, result.what, result.expected, result.came, result.hint]
+                        for result in grade_exercise(lecture, name, answer)
                     ]
                 }
-        yield {**found, "printed": cut(page.getvalue().rstrip(), KEPT)}
+        yield {**data, "printed": cut(page.getvalue().rstrip(), KEPT)}
 
 
 def answers(
@@ -257,7 +257,7 @@ def answers(
     """What a function returns for each of several lists of arguments, or why it is unfit."""
     if wrong := unfit(exercise, answer, parameters):
         return {"unfit": wrong}
-    return {"answers": [answered(answer, tuple(decode(one))) for one in arguments]}
+    return {"answers": [answered(answer, tuple(decode(encoded))) for encoded in arguments]}
 
 
 def load(file: str) -> tuple[ModuleType | None, dict[str, str]]:

@@ -62,40 +62,40 @@ def slides(lecture: Lecture) -> list[Slide]:
     Raises BadFile if a slide is not one, or if a library is missing.
     """
     path = lecture.folder / "lecture.py"
-    found: list[Slide] = []
+    deck: list[Slide] = []
     notes, shown = "", ""
     picture: Picture | None = None
     with redirect_stdout(StringIO()):
         for cell, value, _ in carried_out(path, slides=True):
             if cell.slide:
-                found.append(_slide(cell, picture, shown, notes, path))
+                deck.append(_slide(cell, picture, shown, notes, path))
                 notes, picture = "", picture if cell.slide == "still" else None
             elif cell.prose:
                 notes += _html(cell.text)
             else:
                 shown += f"{cell.text}\n{value.text if isinstance(value, Source) else ''}\n"
                 picture = value if isinstance(value, Picture) else picture
-    if not found:
+    if not deck:
         raise BadFile(f"{path} has no slides; a cell `# %% slide [markdown]` is one")
-    found[-1] = replace(found[-1], notes=found[-1].notes + notes)
-    return [*found, Slide("Exercises", _exercises(lecture))]
+    deck[-1] = replace(deck[-1], notes=deck[-1].notes + notes)
+    return [*deck, Slide("Exercises", _exercises(lecture))]
 
 
 def _slide(cell: Cell, picture: Picture | None, shown: str, notes: str, path: Path) -> Slide:
     """The slide of a cell. Raises BadFile if it has no headline, or too much of anything."""
     headline, _, rest = cell.text.partition("\n")
     quoted = "\n".join(re.findall(r"```python\n(.*?)```", rest, re.S)).splitlines()
-    known = {line.strip() for line in shown.splitlines()}
+    shown_lines = {line.strip() for line in shown.splitlines()}
     troubles = {
         "begins with its headline: `# ## ...`": headline.startswith("## "),
         f"has at most {MOST_BULLETS} bullets": len(re.findall(r"^- ", rest, re.M)) <= MOST_BULLETS,
         f"has at most {MOST_ROWS} rows of code": len(quoted) <= MOST_ROWS,
         f"has rows of at most {LONGEST_ROW} letters": all(len(q) <= LONGEST_ROW for q in quoted),
-        "quotes rows of code that the lecture has shown, or `...`": known | {"..."}
+        "quotes rows of code that the lecture has shown, or `...`": shown_lines | {"..."}
         >= {line.strip() for line in quoted},
     }
-    for rule, kept in troubles.items():
-        if not kept:
+    for rule, followed in troubles.items():
+        if not followed:
             raise BadFile(f"{path}, line {cell.line}: a slide {rule}")
     words, title = _html(rest), _inline(headline.removeprefix("## "))
     if picture is None:
