@@ -150,9 +150,9 @@ def _inline(text: str) -> str:
 
 def _exercises(lecture: Lecture) -> str:
     rows = []
-    given = lecture.module("exercises")
+    exercises = lecture.module("exercises")
     for k, name in enumerate(lecture.exercises, 1):
-        task = (getattr(given, name).__doc__ or "").splitlines()[0]
+        task = (getattr(exercises, name).__doc__ or "").splitlines()[0]
         points = sum(check.points for check in lecture.checks if check.exercise == name)
         minutes = lecture.minutes_for(name)
         rows.append(

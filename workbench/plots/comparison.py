@@ -87,8 +87,8 @@ def caption_verdicts(comparison: Comparison) -> str:
 def plot_performance_profile(comparison: Comparison, tau: float, *, ax: Axes) -> Axes:
     """rho_s(alpha): the share of starts on which s needs at most alpha times the least effort."""
     names, needed = _known(comparison, tau)
-    found = ratios(needed)
-    widest = float(np.max(found[np.isfinite(found)], initial=2.0))
+    effort_ratios = ratios(needed)
+    widest = float(np.max(effort_ratios[np.isfinite(effort_ratios)], initial=2.0))
     alphas = np.geomspace(1.0, 1.3 * widest, POINTS)
     _curves(comparison, names, alphas, performance_profile(needed, alphas), tau, ax)
     ax.set_xlabel("effort over the least of all (ratio α)")

@@ -135,13 +135,13 @@ def caption_traces(posterior: Posterior, synthetic: bool = False) -> str:
     )
 
 
-def caption_beside_laplace(said: Sequence[str], synthetic: bool = False) -> str:
+def caption_beside_laplace(remarks: Sequence[str], synthetic: bool = False) -> str:
     """What `plot_beside_laplace` shows."""
-    agree = sum(one == "agrees" for one in said)
+    agree = sum(remark == "agrees" for remark in remarks)
     return (
-        f"Laplace's approximation agrees with the draws in {agree} of {len(said)} entries. Where a "
-        "bar sticks out of the grey band, or is not in its middle, the posterior is curved or has "
-        "several modes." + (f"{MADE_OF}: red crosses." if synthetic else "")
+        f"Laplace's approximation agrees with the draws in {agree} of {len(remarks)} entries. "
+        "Where a bar sticks out of the grey band, or is not in its middle, the posterior is curved "
+        "or has several modes." + (f"{MADE_OF}: red crosses." if synthetic else "")
     )
 
 

@@ -166,8 +166,8 @@ def note_at(
 
 @cache
 def _letters() -> frozenset[int]:
-    found = font_manager.findfont("DejaVu Sans")
-    return frozenset(FT2Font(found).get_charmap())
+    path = font_manager.findfont("DejaVu Sans")
+    return frozenset(FT2Font(path).get_charmap())
 
 
 def power(value: float) -> str:
