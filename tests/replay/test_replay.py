@@ -17,7 +17,7 @@ from workbench.experiments import find, run
 from workbench.experiments.running import Outcome
 from workbench.plots.palette import solver_styles
 from workbench.reports.replay import Recording, recorded_run
-from workbench.reports.replay.recording import KINDS, packed
+from workbench.reports.replay.recording import DTYPES, packed
 from workbench.reports.replay.runs import kept
 from workbench.reports.run import run_page
 
@@ -61,7 +61,7 @@ def recording() -> Recording:
 def numbers(given: dict[str, str]) -> Array:
     """What `packed` packed."""
     text = gzip.decompress(base64.b64decode(given["gzip"]))
-    return np.frombuffer(text, KINDS[given["kind"]]).astype(float)
+    return np.frombuffer(text, DTYPES[given["kind"]]).astype(float)
 
 
 def vertices(values: Values) -> Array:
@@ -70,7 +70,7 @@ def vertices(values: Values) -> Array:
     return body.vertices(*({**outcome().values, **values}[block.name] for block in body.blocks()))
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", DTYPES)
 def test_packed_arrays_come_back(kind: str) -> None:
     array = np.arange(24).reshape(2, 3, 4)
     np.testing.assert_array_equal(numbers(packed(array, kind)), array.ravel())

@@ -13,9 +13,9 @@ from types import FrameType
 
 from workbench.interrupts import caused_by
 
-CLOSED = 1  # the exit code if nobody reads on, as after `| head -1`
+EXIT_PIPE_CLOSED = 1  # the exit code if nobody reads on, as after `| head -1`
 INTERRUPTED = "interrupted; every file that was written is whole"
-ONE_PRESS = 1.0  # s; signals of one kind within that time are one: the first is being obeyed
+SAME_PRESS_SECONDS = 1.0  # signals of one kind within that time are one: the first is obeyed
 
 
 class Interrupted(BaseException):
@@ -71,7 +71,7 @@ def main() -> None:
         with suppress(OSError):  # what is left is printed nowhere, or Python stumbles as it ends
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     if isinstance(unprinted, BrokenPipeError):
-        code, sentence = code or CLOSED, ""
+        code, sentence = code or EXIT_PIPE_CLOSED, ""
     elif unprinted is not None:
         code, sentence = 2, f"cannot write to the standard output: {unprinted.strerror}"
     if sentence:
@@ -149,7 +149,7 @@ def _listen() -> None:
 
     def obey(kind: type[BaseException]) -> None:
         now = time.monotonic()
-        if now - obeyed.get(kind, -ONE_PRESS) >= ONE_PRESS:
+        if now - obeyed.get(kind, -SAME_PRESS_SECONDS) >= SAME_PRESS_SECONDS:
             obeyed[kind] = now
             raise kind
 

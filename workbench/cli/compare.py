@@ -25,7 +25,7 @@ from workbench.solvers import DEFAULT, SOLVERS, Abilities, Boxes, Derivative
 from workbench.solvers.choice import recommend
 from workbench.solvers.nlopt import ALGORITHMS
 
-USUAL = (DEFAULT, "gauss-newton", "levenberg-marquardt", "ipopt", "nlopt-lbfgs")
+USUAL_SOLVERS = (DEFAULT, "gauss-newton", "levenberg-marquardt", "ipopt", "nlopt-lbfgs")
 Names = Annotated[
     list[str],
     typer.Argument(
@@ -34,7 +34,7 @@ Names = Annotated[
     ),
 ]
 Limits = comparison.Budget()
-KEY = (
+EFFORT_NOTE = (
     "Effort is the median over starts, and then over problems; ∞ where half of the starts or more "
     "failed, of half of the problems or more. The page says how the other runs ended."
 )
@@ -82,7 +82,7 @@ def compare(
         with executing(console, workers, dask), bars:
             result = comparison.compare(
                 experiments,
-                solver or USUAL,
+                solver or USUAL_SOLVERS,
                 seeds=seeds,
                 budget=budget,
                 workers=workers,
@@ -92,7 +92,7 @@ def compare(
         console.print(rich_table(_table(result)))
         for text in (prices_sentence(), *advice(result)):
             say(console, escape(text))
-        say(console, KEY)
+        say(console, EFFORT_NOTE)
         console.print("[dim]writing the page[/]")
         print_page(console, "report", write_comparison(result, out))
 
@@ -112,13 +112,13 @@ def _table(result: comparison.Comparison) -> Table:
     return Table(head, tuple(map(cells, result.solvers)), (1, 2, 3))
 
 
-ASKED = {
+DERIVATIVE_WORDS = {
     Derivative.COST: "cost",
     Derivative.GRADIENT: "gradient",
     Derivative.JACOBIAN: "Jacobian",
     Derivative.HESSIAN: "Hessian",
 }
-BOUNDS = {Boxes.REFUSED: "no", Boxes.TAKEN: "yes", Boxes.NEEDED: "needed"}
+BOUNDS_WORDS = {Boxes.REFUSED: "no", Boxes.TAKEN: "yes", Boxes.NEEDED: "needed"}
 
 
 def solvers(
@@ -149,8 +149,8 @@ def solvers(
 
 COLUMNS: Columns[tuple[str, Abilities]] = {
     "solver": lambda of: of[0],
-    "evaluates": lambda of: ASKED[of[1].derivative],
-    "bounds": lambda of: BOUNDS[of[1].bounds],
+    "evaluates": lambda of: DERIVATIVE_WORDS[of[1].derivative],
+    "bounds": lambda of: BOUNDS_WORDS[of[1].bounds],
     "constraints": lambda of: " ".join("=" * of[1].equations + "<" * of[1].inequalities) or "-",
     "searches": lambda of: (
         ("everywhere" if of[1].is_global else "downhill")

@@ -37,7 +37,7 @@ from workbench.fitting.setup import Setup
 from workbench.reports import write_design, write_diagnosis
 from workbench.solvers import DEFAULT, Solver
 
-WARNED = 1  # the exit code if there are warnings
+EXIT_WARNED = 1  # the exit code if there are warnings
 
 
 def diagnose(
@@ -120,7 +120,7 @@ def diagnose(
     )
     print_page(console, "report", page)
     if first.warnings:
-        raise typer.Exit(WARNED)
+        raise typer.Exit(EXIT_WARNED)
 
 
 def _diagnosed(

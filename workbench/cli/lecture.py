@@ -30,7 +30,7 @@ from workbench.errors import BadFile
 from workbench.writing import write_file
 
 LIMITS = ProcessLimits()
-NOT_ALL_PASSED = 1  # the exit code of `check`
+EXIT_NOT_PASSED = 1  # the exit code of `check`
 
 Folder = Annotated[
     Path, typer.Argument(help="Folder to write to; it is made if it does not exist.")
@@ -195,7 +195,7 @@ def check(
         data = [graded.data() for graded in grades]
         typer.echo(json.dumps(data if len(paths) > 1 else data[0], indent=2))
     if not all(graded.passed for graded in grades):
-        raise typer.Exit(NOT_ALL_PASSED)
+        raise typer.Exit(EXIT_NOT_PASSED)
 
 
 def notebooks(folder: Folder) -> None:
@@ -250,7 +250,7 @@ COMMANDS: dict[str, Callable[..., None]] = {
 HELP = "The course: lectures that can be run, and exercises that are graded."
 
 
-COLOUR = {
+STATE_COLOUR = {
     CheckState.PASSED: "green",
     CheckState.FAILED: "bold red",
     CheckState.NOT_ATTEMPTED: "dim",
@@ -289,7 +289,7 @@ def print_grade(console: Console, graded: Grade) -> None:
 
 
 def _state(mark: CheckResult) -> str:
-    return f"  [{COLOUR[mark.state]}]{mark.state.value}[/]"
+    return f"  [{STATE_COLOUR[mark.state]}]{mark.state.value}[/]"
 
 
 def _lines(mark: CheckResult) -> list[str]:

@@ -21,7 +21,7 @@ from workbench.course.packs.marking import (
     remarks,
     try_file,
 )
-from workbench.course.packs.submissions import EXPECTED, Submissions, collect
+from workbench.course.packs.submissions import NOT_REPORTED, Submissions, collect
 from workbench.course.process import ProcessLimits
 from workbench.diagnostics.words import counted
 from workbench.errors import BadArgument, BadFile
@@ -29,7 +29,7 @@ from workbench.reading.facts import json_in
 from workbench.writing import write_file
 
 LIMITS = ProcessLimits()
-NOT_ALL_RIGHT = 1  # the exit code of `try`
+EXIT_NOT_RIGHT = 1  # the exit code of `try`
 
 Seconds = Annotated[
     float, typer.Option(help="Seconds that each exercise, and loading the file, may take.")
@@ -123,7 +123,7 @@ def attempt(
             for remark in result.remarks:
                 say(console, f"    {escape(remark)}")
     if wrong:
-        raise typer.Exit(NOT_ALL_RIGHT)
+        raise typer.Exit(EXIT_NOT_RIGHT)
 
 
 def mark(
@@ -206,7 +206,7 @@ def _read_answers(path: Path) -> dict[str, Any]:
 def _say_unused(console: Console, submissions: Submissions) -> None:
     """Every file that is not marked, with the reason, but for what is to be expected."""
     for file in submissions.unused:
-        if file.why not in EXPECTED:
+        if file.why not in NOT_REPORTED:
             path, why = escape(str(file.path)), escape(file.why)
             say(console, f"[yellow]not marked:[/] {path}: {why}")
 

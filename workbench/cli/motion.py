@@ -45,8 +45,8 @@ from workbench.motions.soft_tissue import betas_with_tissue, displaced_by, with_
 from workbench.reports.page import Table
 from workbench.reports.replays import motion_page
 
-MARKERS = (".npz", ".trc")  # what is written of markers
-MOTIONS = (".bvh", ".npz", ".glb", ".smpl")  # and of a motion
+MARKER_SUFFIXES = (".npz", ".trc")  # what is written of markers
+MOTION_SUFFIXES = (".bvh", ".npz", ".glb", ".smpl")  # and of a motion
 EXACT = "exact"
 OF_MOTIONS = ("--fps", "--rate", "--body", "--page", "--tissue", "--animation")
 Person = Annotated[
@@ -124,11 +124,11 @@ def motion(
     if page is not None and page.suffix.lower() != ".html":
         raise BadArgument(f"--page takes a file that ends in .html, not {page}")
     if holds_markers(path):
-        refuse_suffix(out, MARKERS, "markers")
+        refuse_suffix(out, MARKER_SUFFIXES, "markers")
         warn_unused(console, ctx, OF_MOTIONS, f"{path.name} holds markers, and no motion")
         _markers(console, read_markers(path, unit=unit, up=up), path, out)
         return
-    refuse_suffix(out, MOTIONS, "a motion")
+    refuse_suffix(out, MOTION_SUFFIXES, "a motion")
     model = None if body is None else load_body(body)
     motion = read_motion(
         path, unit=unit, up=up, fps=rate, body=model, person=person, animation=animation
@@ -282,13 +282,13 @@ def write_motion(
     say(console, f"motion: {escape(str(out))}")
 
 
-WORST = 8  # points that are listed
-APART = 0.1  # m, of joints from those of a skeleton: proportions explain less
-SKELETON = (
+MOST_POINTS = 8  # points that are listed
+FAR_FROM_SKELETON = 0.1  # m, of joints from those of a skeleton: proportions explain less
+SKELETON_DIFFERS = (
     "the joints are far from those of the skeleton in the file: its proportions, its rest pose or "
     "the axes of its joints are others than those of --from; look at both with `workbench motion`"
 )
-KNOWN = f"{', '.join(BODIES)}, or a file of your own"
+KNOWN_BODIES = f"{', '.join(BODIES)}, or a file of your own"
 
 
 def convert(
@@ -303,7 +303,7 @@ def convert(
         Path | None, typer.Option(help="A .npz, .bvh or .glb; else FILE-BODY.npz.")
     ] = None,
     to: Annotated[
-        str, typer.Option(help=f"The body that it becomes a motion of ({KNOWN}).")
+        str, typer.Option(help=f"The body that it becomes a motion of ({KNOWN_BODIES}).")
     ] = "default",
     source: Annotated[
         str | None, typer.Option("--from", help="The motion's own body; else a skeleton is fitted.")
@@ -334,7 +334,7 @@ def convert(
 ) -> None:
     """Turn a motion, a skeleton that moves, or points in space into the motion of a body."""
     console, path = Console(), expanded(file)
-    refuse_suffix(out, MOTIONS, "a motion")
+    refuse_suffix(out, MOTION_SUFFIXES, "a motion")
     target = load_body(to)
     written = out or Path(f"{path.stem}-{target.name}.npz")
     table = None if names is None else expanded(names)
@@ -382,7 +382,7 @@ def convert(
             )
         converted = _from_points(console, fit, target, "joints")
     else:
-        raise BadArgument(f"say with --from which body {path.name} is a motion of: {KNOWN}")
+        raise BadArgument(f"say with --from which body {path.name} is a motion of: {KNOWN_BODIES}")
     write_motion(console, written, converted, target)
 
 
@@ -401,8 +401,8 @@ def _from_body(console: Console, motion: Motion, source: Body, target: Body) -> 
     own = skeleton_errors(fit.motion, target, motion)
     if own is not None:
         mean = 1e3 * float(own.mean())
-        if mean > 1e3 * APART:
-            warn_of(console, [SKELETON])
+        if mean > 1e3 * FAR_FROM_SKELETON:
+            warn_of(console, [SKELETON_DIFFERS])
         say(console, f"joints are {mean:.1f} mm from those of the file's skeleton on average")
     rows = tuple(
         (part, f"{1e3 * mean:.1f}", f"{1e3 * largest:.1f}")
@@ -420,7 +420,7 @@ def _from_points(console: Console, fit: PointFit, target: Body, what: str) -> Mo
     order = np.argsort(-each, kind="stable")
     rows = tuple(
         (fit.names[i], fit.labels[i], f"{each[i]:.1f}")
-        for i in (order if what == "joints" else order[:WORST])
+        for i in (order if what == "joints" else order[:MOST_POINTS])
     )
     console.print(rich_table(Table((what.removesuffix("s"), "in the file", "mean mm"), rows, (2,))))
     warn_of(console, doubts_of(fit.motion, target, fit.errors, f"the {what}"))

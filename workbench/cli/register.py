@@ -69,7 +69,7 @@ from workbench.reports.run import measurements_table
 from workbench.training.execution import Execution
 from workbench.training.folder import Row, read_table
 
-NO_SCANS = (".txt", ".csv")  # in a folder these are taken for notes and tables
+TEXT_SUFFIXES = (".txt", ".csv")  # in a folder these are taken for notes and tables
 
 
 def register(
@@ -214,7 +214,7 @@ def _files(console: Console, paths: list[Path]) -> list[Path]:
         if not path.is_dir():
             files.append(path)
             continue
-        files += files_inside(console, path, {*READERS} - {*NO_SCANS}, "scans")
+        files += files_inside(console, path, {*READERS} - {*TEXT_SUFFIXES}, "scans")
     return list(dict.fromkeys(files))
 
 

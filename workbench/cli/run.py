@@ -163,7 +163,7 @@ def settings(texts: list[str] | None) -> dict[str, str]:
     return values_by_name
 
 
-ROWS = 12  # of the residuals with the highest cost
+MOST_RESIDUALS = 12  # of the residuals with the highest cost
 
 
 class LiveTrace:
@@ -242,11 +242,11 @@ def _print_residuals(console: Console, outcome: Outcome) -> None:
     """Print the residuals with the highest costs."""
     table = residuals_table(outcome)
     rows = sorted(zip(outcome.costs.values(), table.rows, strict=True), key=lambda row: -row[0])
-    shown = {row for _, row in rows[:ROWS]}
+    shown = {row for _, row in rows[:MOST_RESIDUALS]}
     kept = tuple(row for row in table.rows if row in shown)
     console.print(rich_table(Table(table.head, kept, table.numbers)))
-    if len(rows) > ROWS:
-        console.print(f"and {len(rows) - ROWS} residuals with less cost (see the report)")
+    if len(rows) > MOST_RESIDUALS:
+        console.print(f"and {len(rows) - MOST_RESIDUALS} residuals with less cost (see the report)")
     console.print(escape(priors_said(outcome)), highlight=False)
 
 

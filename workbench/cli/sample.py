@@ -21,8 +21,7 @@ from workbench.reports.page import Table
 from workbench.reports.posterior import BlockPosterior, anchors, contradictions, posterior_text
 from workbench.solvers import DEFAULT
 
-ENDS = (0.05, 0.95)  # of a central interval of 90 %
-NOT_CONVERGED = 1  # the exit code if a block is not usable
+EXIT_NOT_USABLE = 1  # the exit code if a block is not usable
 
 
 def sample(
@@ -125,7 +124,7 @@ def sample(
     if interrupted:
         raise Interrupted(f"interrupted; the same command continues with what {kept} holds")
     if not all(part.posterior.usable for part in parts):
-        raise typer.Exit(NOT_CONVERGED)
+        raise typer.Exit(EXIT_NOT_USABLE)
 
 
 def _names(text: str) -> tuple[str, ...]:
@@ -144,10 +143,10 @@ def _print_measurements(
     for posterior in posteriors:
         if posterior.usable and set(betas) <= set(posterior.labels):
             measurements = measured_in(posterior, body)
-            rows = tuple(
-                (name, f"{np.median(m):.3f}", "{:.3f} to {:.3f}".format(*np.quantile(m, ENDS)))
-                for name, m in measurements.items()
-            )
+            rows = []
+            for name, metres in measurements.items():
+                low, median, high = np.quantile(metres, (0.05, 0.5, 0.95))
+                rows.append((name, f"{median:.3f}", f"{low:.3f} to {high:.3f}"))
             console.print("\n[bold]measurements[/]")
-            console.print(rich_table(Table(("measurement", "median, m", "90 %, m"), rows)))
+            console.print(rich_table(Table(("measurement", "median, m", "90 %, m"), tuple(rows))))
             return

@@ -44,8 +44,8 @@ from workbench.training.rigging.rig import rig as find_rig
 from workbench.training.rigging.steps import RigProgress, RigSteps, silent
 from workbench.training.training import train as train_body
 
-START = "start.npz"
-EVERY = 5.0  # s
+START_FILE = "start.npz"
+LINE_SECONDS = 5.0  # s
 
 
 def train(
@@ -62,7 +62,7 @@ def train(
         typer.Option(
             help="The template, its tree of joints and its division into segments: an embedded "
             "body, a body's file, or an .npz; "
-            f"{START} in the folder if there is one, else default."
+            f"{START_FILE} in the folder if there is one, else default."
         ),
     ] = None,
     gender: Annotated[
@@ -171,7 +171,7 @@ def _data(
             "noise; nothing here was measured"
         )
         return "made-up", *noisy_tubes(noise=0.001), None
-    own = folder / START
+    own = folder / START_FILE
     guess = read_start(start or (own if own.is_file() else "default"))
     console.print("[dim]reading every registration[/]")
     every = open_folder(folder, len(guess.template), guess.faces)
@@ -224,7 +224,7 @@ class Lines(Report):
 
     def part(self, doing: str, done: int, of: int) -> None:
         """How much of a block is done, every few seconds."""
-        if time.monotonic() - self._printed > EVERY:
+        if time.monotonic() - self._printed > LINE_SECONDS:
             self._print(f"        {doing}: {done} of {of}")
 
     def _print(self, line: str) -> None:

@@ -105,7 +105,7 @@ def holds(condition: object, what: str, expected: object = "", came: object = ""
 
 
 NUMERIC = (bool, int, float, np.ndarray, np.number, np.bool_)
-REAL = 1e-9  # how large rounding leaves imaginary parts, as a share of real ones
+IMAGINARY_ROUNDING = 1e-9  # how large rounding leaves imaginary parts, as a share of real ones
 
 
 @dataclass(frozen=True)
@@ -207,7 +207,7 @@ def _numbers(answer: Any, model: Any, what: str) -> Any:
             raise TypeError
         numbers = np.asarray(answer)
         if np.iscomplexobj(numbers):  # as roots of real matrices are: real but for rounding
-            if np.abs(numbers.imag).max(initial=0) > REAL * max(
+            if np.abs(numbers.imag).max(initial=0) > IMAGINARY_ROUNDING * max(
                 1, np.abs(numbers.real).max(initial=0)
             ):
                 raise TypeError
@@ -249,7 +249,7 @@ def same(a: Any, b: Any, within: float) -> bool:
     return np.allclose(left, right, rtol=within, atol=within * scale, equal_nan=True)
 
 
-LONGEST = 300  # characters of a value
+LONGEST_VALUE = 300  # characters of a value
 LONGEST_TEXT = 1000  # characters of any other text from the process of a student's file
 
 
@@ -306,7 +306,7 @@ def kind(value: Any) -> str:
     return f"a {type(value).__name__}"
 
 
-def cut(text: str, longest: int = LONGEST) -> str:
+def cut(text: str, longest: int = LONGEST_VALUE) -> str:
     """The text, or the beginning of one that is too long."""
     return text if len(text) <= longest else text[:longest] + " ..."
 

@@ -26,7 +26,7 @@ from workbench.course.plain import answered, received
 from workbench.errors import UnknownName
 
 Function = Callable[..., Any]
-TO_ALL_DIGITS, TO_SIX = 1e-10, 1e-6
+ALL_DIGITS, SIX_DIGITS = 1e-10, 1e-6
 Call = tuple[tuple[Any, ...], Any]  # arguments, and what came
 
 
@@ -231,10 +231,10 @@ def _likeliest(mistakes: list[Mistake], calls: list[Call], part: list[Call]) -> 
 
     If there is none, it is the hint of the only mistake with the same answers in this check.
     """
-    for within in (TO_ALL_DIGITS, TO_SIX):
+    for within in (ALL_DIGITS, SIX_DIGITS):
         if hints := [mistake.hint for mistake in mistakes if _explains(mistake, calls, within)]:
             return hints[0]
-    hints = [mistake.hint for mistake in mistakes if _explains(mistake, part, TO_SIX)]
+    hints = [mistake.hint for mistake in mistakes if _explains(mistake, part, SIX_DIGITS)]
     return hints[0] if len(hints) == 1 else ""
 
 

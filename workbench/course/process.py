@@ -28,9 +28,9 @@ from workbench.course.plain import answered, decode
 from workbench.errors import BadArgument, BadFile
 from workbench.processes import Channel, Started, TooLong, end_with_parent, signal_name
 
-STARTING = 120.0  # s, for Python to start and import the workbench on a slow machine
-LARGEST = 4 * 2**20  # bytes of what is sent for an exercise: half a million numbers
-KEPT = 400  # characters of what was printed
+START_SECONDS = 120.0  # s, for Python to start and import the workbench on a slow machine
+LARGEST_MESSAGE = 4 * 2**20  # bytes of what is sent for an exercise: half a million numbers
+LONGEST_PRINTED = 400  # characters of what was printed
 NO_ANSWER = "its process sent what is no answer"
 
 
@@ -137,7 +137,7 @@ def _loaded(child: "_Child", seconds: float) -> str:
     Raises BadFile if the process did not start, and ProcessEnded if the file could not be loaded.
     """
     try:
-        child.receive(STARTING)
+        child.receive(START_SECONDS)
     except ProcessEnded as ended:
         raise BadFile(f"the process that answers did not start: {ended}") from ended
     match child.receive(seconds):
@@ -156,7 +156,7 @@ class _Child:
         self._process = Started(["-P", "-m", __name__], environment(), folder)
         self._channel = Channel(self._process.connection)
         with suppress(OSError):  # it has ended already, which `_loaded` tells
-            self._channel.send(json.dumps(job).encode(), STARTING)
+            self._channel.send(json.dumps(job).encode(), START_SECONDS)
 
     def __enter__(self) -> "_Child":
         return self
@@ -169,7 +169,7 @@ class _Child:
     def receive(self, seconds: float) -> dict[str, Any]:
         """The next thing that the process sends. Raises ProcessEnded."""
         try:
-            message = self._channel.receive(seconds, LARGEST)
+            message = self._channel.receive(seconds, LARGEST_MESSAGE)
             data = None if message is None else json.loads(message)
         except TimeoutError:
             raise ProcessEnded(
@@ -220,7 +220,7 @@ def main() -> None:
         resource.setrlimit(resource.RLIMIT_AS, (bytes_, bytes_))
     for message in _done(job):
         encoded = json.dumps(message).encode("ascii")
-        if len(encoded) > LARGEST:
+        if len(encoded) > LARGEST_MESSAGE:
             encoded = json.dumps({"too large": True}).encode("ascii")
         channel.send(encoded)
     os._exit(0)  # threads of the student's may still run, and exit handlers of theirs wait
@@ -248,7 +248,7 @@ def _done(job: dict[str, Any]) -> Iterator[dict[str, Any]]:
                         for result in grade_exercise(lecture, name, answer)
                     ]
                 }
-        yield {**data, "printed": cut(page.getvalue().rstrip(), KEPT)}
+        yield {**data, "printed": cut(page.getvalue().rstrip(), LONGEST_PRINTED)}
 
 
 def answers(
@@ -271,7 +271,7 @@ def load(file: str) -> tuple[ModuleType | None, dict[str, str]]:
             module = _module(file)
         except BaseException as error:  # SystemExit, too
             return None, {"trouble": error_in_words(error, file=file)}
-    return module, {"loaded": cut(page.getvalue().rstrip(), KEPT)}
+    return module, {"loaded": cut(page.getvalue().rstrip(), LONGEST_PRINTED)}
 
 
 def _module(file: str) -> ModuleType:

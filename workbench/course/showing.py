@@ -112,7 +112,7 @@ def _constants(module: str, names: Collection[str]) -> Iterator[str]:
                 yield from lines[node.lineno - 1 : node.end_lineno]
 
 
-INSIDE = """
+FRAME_HEAD = """
 <style>
 main { padding: 0; max-width: none; }
 footer { display: none; }
@@ -127,7 +127,7 @@ document.addEventListener("ready", () => {
 });
 </script>
 """
-OUTSIDE = """
+FRAME_SCRIPT = """
 (figure => {
   const frame = figure.querySelector("iframe");
   addEventListener("message", event => {
@@ -143,10 +143,10 @@ def framed(page: str) -> str:
 
     The frame has no height until the page is ready, and none where scripts cannot run.
     """
-    inner = page.replace("</head>", f"{INSIDE}</head>", 1)
+    inner = page.replace("</head>", f"{FRAME_HEAD}</head>", 1)
     return (
         f'<iframe srcdoc="{escape(inner)}" sandbox="allow-scripts" loading="lazy" '
         'title="the figure, which can be changed by hand" '
         'style="display: block; width: 100%; height: 0; border: 0"></iframe>'
-        f"<script>{OUTSIDE}</script>"
+        f"<script>{FRAME_SCRIPT}</script>"
     )

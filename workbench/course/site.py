@@ -17,22 +17,22 @@ from workbench.course.outline import Lecture, course, root
 from workbench.errors import BadFile
 
 STYLE = Path(__file__).with_name("site.css")
-NEEDED = ("sphinx", "myst_nb", "sphinx-mathjax-offline")  # beside the tools of notebooks
+SITE_TOOLS = ("sphinx", "myst_nb", "sphinx-mathjax-offline")  # beside the tools of notebooks
 LIGHT, DARK = "default", "github-dark"  # the colours of code, by Pygments' names
-MADE_BY_US = "searchindex.js"  # a folder with this file is a site, which may be built anew
+SITE_MARK = "searchindex.js"  # a folder with this file is a site, which may be built anew
 SHIPPED = ("Sphinx", "Pygments", "myst-nb")  # their style sheets and scripts are copied
-LICENCE = ("licen", "copying", "notice", "authors")  # how the names of such files begin
+LICENCE_NAMES = ("licen", "copying", "notice", "authors")  # how the names of such files begin
 OTHERS = Path(__file__).with_name("licence_texts")  # of what is installed without its own: MathJax
 
 
 def refuse(folder: Path) -> None:
     """Raise BadFile if a tool is missing, or if the folder holds anything but a site."""
-    for name in NEEDED:
+    for name in SITE_TOOLS:
         if find_spec(name) is None:
             tool(name)
     if folder.exists() and not folder.is_dir():
         raise BadFile(f"{folder} is a file; give a folder for the site")
-    if folder.exists() and any(folder.iterdir()) and not (folder / MADE_BY_US).is_file():
+    if folder.exists() and any(folder.iterdir()) and not (folder / SITE_MARK).is_file():
         raise BadFile(f"{folder} holds something that is no site of ours; give a new folder")
 
 
@@ -113,7 +113,7 @@ def copy_licences(folder: Path) -> None:
     shutil.copytree(OTHERS, folder)
     for name in SHIPPED:
         for path in distribution(name).files or ():
-            if path.name.lower().startswith(LICENCE) and path.suffix not in (".py", ".pyc"):
+            if path.name.lower().startswith(LICENCE_NAMES) and path.suffix not in (".py", ".pyc"):
                 source = Path(str(path.locate()))
                 if source.is_file():
                     shutil.copy(source, folder / f"{name}-{path.stem}.txt")

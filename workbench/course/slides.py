@@ -31,8 +31,8 @@ from workbench.writing import write_file
 
 WIDTH, HEIGHT = 1280, 720  # px of a slide
 MOST_BULLETS, MOST_ROWS, LONGEST_ROW = 3, 12, 92  # rows and letters of code
-WIDE = 1.55  # a still figure stands below the bullets if it is as many times as wide as high
-OURS = "<!-- slides of the workbench -->"  # in each file that may be written over
+WIDE_FIGURE = 1.55  # a still figure stands below the bullets if it is as many times as wide as high
+SLIDES_MARK = "<!-- slides of the workbench -->"  # in each file that may be written over
 
 
 @dataclass(frozen=True)
@@ -107,12 +107,12 @@ def _slide(cell: Cell, picture: Picture | None, shown: str, notes: str, path: Pa
         words,
         f"{notes}<p>{escape(picture.caption if moves is None else moves.caption)}</p>",
         picture.image,
-        "" if moves is None else framed(moves.html.replace("</head>", f"{ALONE}</head>", 1)),
-        moves is None and bool(wide >= WIDE * high),
+        "" if moves is None else framed(moves.html.replace("</head>", f"{SLIDE_STYLE}</head>", 1)),
+        moves is None and bool(wide >= WIDE_FIGURE * high),
     )
 
 
-ALONE = """
+SLIDE_STYLE = """
 <style>
 main .replay figcaption { display: none; } /* it is in the notes */
 main .replay figure figcaption { display: block; }
@@ -175,7 +175,7 @@ def write_slides(lecture: Lecture, folder: str | Path) -> Path:
         "mathjax": _folder("mathjax", "sphinx-mathjax-offline"),
     }
     page = folder / f"{lecture.folder_name}.html"
-    if page.exists() and OURS not in page.read_text(encoding="utf-8", errors="replace"):
+    if page.exists() and SLIDES_MARK not in page.read_text(encoding="utf-8", errors="replace"):
         raise BadFile(f"{page} is no file of ours and was left as it was; name a new folder")
     here = Path(__file__).parent
     template = Environment(autoescape=False).from_string(
@@ -183,7 +183,7 @@ def write_slides(lecture: Lecture, folder: str | Path) -> Path:
     )
     formatter = tool("pygments.formatters").HtmlFormatter
     text = template.render(
-        ours=OURS,
+        ours=SLIDES_MARK,
         lecture=lecture,
         title=escape(lecture.title),
         question=escape(lecture.question),

@@ -21,9 +21,10 @@ from workbench.geometry.solids import face_vectors, sums_over_faces
 from workbench.plots.palette import AMOUNT, FAINT, SKIN
 from workbench.plots.style import height_to_scale, house_style, plain, to_scale
 
-LETTERS = 10  # of a line of a label: what is longer goes on more lines
+LABEL_WIDTH = 10  # of a line of a label: what is longer goes on more lines
 Look = Callable[[Array], Array]  # vertices (N, 3) m -> right, up, towards the viewer (N, 3) m
-LIGHT = np.array([-0.35, 0.55, 0.76])  # from the upper left, behind the viewer; right, up, towards
+# right, up, towards: from the upper left, behind the viewer
+LIGHT_DIRECTION = np.array([-0.35, 0.55, 0.76])
 
 
 def front(vertices: Array) -> Array:
@@ -99,7 +100,7 @@ def line_up(
     solids = [f.look(f.vertices) for f in figurines]
     gap = 0.12 * max(float(np.ptp(s[:, 1])) for s in solids)
     extents = [float(np.ptp(s[:, 0])) for s in solids]
-    labels = [fill(plain(f.label), LETTERS, break_long_words=False) for f in figurines]
+    labels = [fill(plain(f.label), LABEL_WIDTH, break_long_words=False) for f in figurines]
     x, places = 0.0, []
     for figurine, solid, extent in zip(figurines, solids, extents, strict=True):
         flat = solid[:, :2] + [x - float(solid[:, 0].min()), 0.0]
@@ -156,7 +157,7 @@ def lightness(solid: Array, faces: Index) -> Array:
     smooth = at_vertices[faces].sum(axis=1)
     smooth = smooth * np.where(smooth[:, 2:] < 0, -1.0, 1.0)  # both sides of a face are skin
     length = np.linalg.norm(smooth, axis=1)
-    towards = smooth @ (LIGHT / np.linalg.norm(LIGHT))
+    towards = smooth @ (LIGHT_DIRECTION / np.linalg.norm(LIGHT_DIRECTION))
     return np.asarray(np.clip(towards / np.where(length > 0, length, 1.0), 0, 1))
 
 

@@ -105,7 +105,7 @@ def _label_columns(ax: Axes, names: Sequence[str], edges: Index) -> None:
     ax.tick_params(axis="x", length=0)
 
 
-FAR = 1e4  # times the tolerance: above it no singular value is near
+FAR_ABOVE = 1e4  # times the tolerance: above it no singular value is near
 
 
 def plot_singular_values(diagnosis: Diagnosis, *, ax: Axes) -> Axes:
@@ -170,7 +170,7 @@ def _floor(diagnosis: Diagnosis) -> float:
     if not above.size:
         return 1e-1
     least = float(above.min())
-    if diagnosis.rank == diagnosis.shape[1] and least > FAR * tolerance:
+    if diagnosis.rank == diagnosis.shape[1] and least > FAR_ABOVE * tolerance:
         return least / 10  # a tolerance so far below would leave the drawing empty
     return max(min(least, tolerance), 1e-4 * tolerance) / 3
 
@@ -241,7 +241,7 @@ def caption_sigmas(diagnosis: Diagnosis) -> str:
     return " ".join(sentences)
 
 
-SHOWN = 2.5  # of the rise at the ends of the interval: the height of the axes
+AXIS_HEIGHT = 2.5  # of the rise at the ends of the interval: the height of the axes
 
 
 def plot_profile_likelihood(profile: Profile, *, ax: Axes) -> Axes:
@@ -261,7 +261,7 @@ def plot_profile_likelihood(profile: Profile, *, ax: Axes) -> Axes:
     ax.set(
         xlabel=f"{profile.entry}{unit}",
         ylabel="rise of the lowest cost",
-        ylim=(0, SHOWN * profile.rise),
+        ylim=(0, AXIS_HEIGHT * profile.rise),
     )
     ax.legend(loc="upper center")
     return ax
@@ -276,7 +276,7 @@ def caption_profile_likelihood(profile: Profile) -> str:
 
 
 MOST_RANKED = 30  # candidates, of which the last is the worst
-LETTERS = 34
+LONGEST_LABEL = 34
 
 
 def plot_measurement_ranking(design: MeasurementDesign, *, ax: Axes) -> Axes:
@@ -299,7 +299,7 @@ def plot_measurement_ranking(design: MeasurementDesign, *, ax: Axes) -> Axes:
         ax.text(high, y[i], "undetermined", ha="right", va="center", color=VERMILLION, fontsize=8)
     if np.isfinite(design.before.sd):
         ax.axvline(design.before.sd, color=FAINT, linestyle="--", linewidth=1.0, label="before")
-    ax.set_yticks(y, [plain(shortened(candidate.name, LETTERS)) for candidate in shown])
+    ax.set_yticks(y, [plain(shortened(candidate.name, LONGEST_LABEL)) for candidate in shown])
     ax.set_ylim(-0.7, len(shown) - 0.3)
     ax.set(xscale="log", xlim=(low, high))
     decades(ax.xaxis, low, high)

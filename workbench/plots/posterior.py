@@ -15,12 +15,12 @@ from workbench.plots.palette import BLUE, FAINT, INK, LINES, VERMILLION
 from workbench.plots.style import drawn, house_style, plain
 from workbench.sampling import Posterior
 
-MOST = 6  # entries in a corner: more cannot be read
-SHOWN = 5000  # draws
+MOST_ENTRIES = 6  # entries in a corner: more cannot be read
+MOST_DRAWS = 5000  # draws
 BESIDE_CORNER = 0.95  # inches for names and numbers, left of a corner and below it
 
 
-def widest(posterior: Posterior, most: int = MOST) -> list[int]:
+def widest(posterior: Posterior, most: int = MOST_ENTRIES) -> list[int]:
     """The numbers of at most `most` entries to show: those whose chains mix most slowly."""
     slowest = np.argsort(-posterior.mixing.times, kind="stable")
     return sorted(int(i) for i in slowest[:most])
@@ -34,7 +34,7 @@ def plot_corner(
     Contours hold 12, 39, 68 and 86 %: 1/2, 1, 3/2 and 2 sigma of a Gaussian in two dimensions.
     """
     chosen = list(entries)
-    flat = posterior.flat[:: max(1, len(posterior.flat) // SHOWN)][:, chosen]
+    flat = posterior.flat[:: max(1, len(posterior.flat) // MOST_DRAWS)][:, chosen]
     entries_of = [posterior.labels[i].replace("[", "\n[") for i in chosen]
     units = [posterior.units[i] for i in chosen]
     labels = [plain(f"{entry}\n({unit})") for entry, unit in zip(entries_of, units, strict=True)]

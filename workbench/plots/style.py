@@ -117,8 +117,8 @@ def height_to_scale(ax: Axes, width: float) -> float:
     return min(7.0, width * (top - bottom) / (right - left) + 0.7 + 0.15 * lines)
 
 
-RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-FEW = 1.5  # decades: below, numbers between the powers of ten are written too
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+FEW_DECADES = 1.5  # decades: below, numbers between the powers of ten are written too
 
 
 def plain(text: str) -> str:
@@ -175,13 +175,13 @@ def power(value: float) -> str:
     exponent = round(math.log10(value)) if value > 0 else 0
     if -2 <= exponent <= 3 or not math.isclose(value, 10.0**exponent):
         return f"{value:g}"
-    return "10" + str(exponent).translate(RAISED)
+    return "10" + str(exponent).translate(SUPERSCRIPTS)
 
 
 def decades(axis: Axis, low: float, high: float) -> None:
     """Ticks for a logarithmic axis that shows low to high."""
     wide = math.log10(high / low) if low > 0 else 1.0
-    subs = (1.0,) if wide > FEW else (1.0, 2.0, 5.0)
+    subs = (1.0,) if wide > FEW_DECADES else (1.0, 2.0, 5.0)
     axis.set_major_locator(LogLocator(subs=subs, numticks=9))
     axis.set_major_formatter(FuncFormatter(lambda value, _: power(value)))
     axis.set_minor_locator(NullLocator())

@@ -17,10 +17,10 @@ from workbench.plots.body import body_sheet, shape_gallery_sheet, side
 from workbench.reports.folder import write_folder
 from workbench.reports.page import Columns, Table, page, shown
 
-LOWERED = 1.15  # rad that the arms hang down from a T-pose, so that shapes stand closer together
-ENDS = 2.0  # standard deviations at which shapes are drawn
+ARMS_LOWERED = 1.15  # rad, from a T-pose, so that shapes stand closer together
+GALLERY_SD = 2.0  # standard deviations at which shapes are drawn
 NOT_READ = "arrays of its file that its points do not depend on; save_body writes them back"
-DRAWN = 5  # shape directions in the gallery
+MOST_SHAPES = 5  # shape directions in the gallery
 
 
 def write_card(body: SkinnedBody | TriangleBody, folder: str | Path, source: str = "") -> Path:
@@ -165,16 +165,16 @@ def shapes(body: SkinnedBody | TriangleBody) -> dict[str, Array]:
     for sign, word in ((1, "+2 sd"), (-1, "−2 sd")):
         mean = body.vertices(pose)
         gallery |= {"mean": mean} if sign > 0 else {"mean, side": side(mean)}
-        for b in range(min(DRAWN, body.n_betas)):
+        for b in range(min(MOST_SHAPES, body.n_betas)):
             betas = np.zeros(body.n_betas)
-            betas[b] = sign * ENDS
+            betas[b] = sign * GALLERY_SD
             gallery[f"betas[{b}] {word}"] = body.vertices(pose, betas)
     return gallery
 
 
 def _arms_down(body: SkinnedBody | TriangleBody) -> Array:
     pose = body.bind_pose.copy()
-    for name, turn in (("left_shoulder", -LOWERED), ("right_shoulder", LOWERED)):
+    for name, turn in (("left_shoulder", -ARMS_LOWERED), ("right_shoulder", ARMS_LOWERED)):
         if name in body.joint_names and (isinstance(body, TriangleBody) or body.bound_in is None):
             pose[body.joint_names.index(name), 2] = turn
     return pose

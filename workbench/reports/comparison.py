@@ -144,7 +144,7 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
         each=[_of(comparison, problem) for problem in comparison.problems],
         table=problems_table(comparison),
         failed=any(
-            comparison.outcomes[i.name, s] not in GOOD
+            comparison.outcomes[i.name, s] not in AT_LOWEST
             for i in comparison.comparable
             for s in comparison.solvers
         ),
@@ -330,7 +330,7 @@ def _amount(value: float) -> str:
     return f"{value:,.0f}" if 1000 <= value < 1e6 else number(value, 3)
 
 
-GOOD = TargetOutcome.REACHED, TargetOutcome.ALONE
+AT_LOWEST = TargetOutcome.REACHED, TargetOutcome.ALONE
 
 
 def end_analyses(comparison: Comparison, problem: str) -> list[tuple[tuple[str, ...], EndAnalysis]]:

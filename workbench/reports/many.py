@@ -31,7 +31,7 @@ from workbench.writing import write_arrays, write_file
 FITS_FORMAT = 3  # of what is stored for an image
 FITS = "fits"  # the folder of the fits of single images
 FITS_TABLE = "fits.csv"
-CLOSE = 3.0  # between costs: the density at the other hypothesis is at least exp(-3), a twentieth
+CLOSE_COSTS = 3.0  # apart: the density at the other hypothesis is at least exp(-3), a twentieth
 FITS_COLUMNS = (
     "file",
     "status",
@@ -123,7 +123,7 @@ class ImageFolder:
             title=f"{self.body_name} in {len(entries)} images",
             rows=[_fit_row(entry) for entry in entries],
             failed=failed,
-            ambiguous=sum(costs[1] - costs[0] < CLOSE for costs in several),
+            ambiguous=sum(costs[1] - costs[0] < CLOSE_COSTS for costs in several),
             hypotheses=self.work.hypotheses,
             doubted=sum(bool(entry.facts["warnings"]) for entry in entries),
             found=INTERVAL_NOTE,
@@ -293,7 +293,7 @@ def _registration_row(entry: Entry) -> dict[str, Any]:
     }
 
 
-TALL, MARGIN = 120.0, 8.0  # px of the picture, and of it around the person
+PICTURE_HEIGHT, MARGIN = 120.0, 8.0  # px of the picture, and of it around the person
 
 
 def thumbnail(picture: FittedPicture, parents: Sequence[int]) -> str:
@@ -305,7 +305,9 @@ def thumbnail(picture: FittedPicture, parents: Sequence[int]) -> str:
     inside = np.concatenate([picture.joints, picture.observed[seen]])
     inside = inside[np.isfinite(inside).all(axis=1)]
     low, high = (inside.min(axis=0), inside.max(axis=0)) if len(inside) else (np.zeros(2),) * 2
-    scale = (TALL - 2 * MARGIN) / max(float(high[1] - low[1]), float(high[0] - low[0]), 1.0)
+    scale = (PICTURE_HEIGHT - 2 * MARGIN) / max(
+        float(high[1] - low[1]), float(high[0] - low[0]), 1.0
+    )
     size = scale * (high - low) + 2 * MARGIN
 
     def placed(points: Array) -> Array:

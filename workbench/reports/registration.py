@@ -192,7 +192,7 @@ def others_table(registration: Registration) -> Table | None:
 
 
 REGISTRATIONS, LEARNED = "registrations", "body.npz"
-TOGETHER = {
+JOINT_FILES = {
     "index.html": "this page",
     LEARNED: "the body that was learned, with its model card in it",
     REGISTRATIONS + "/": "the registrations, as workbench train reads them",
@@ -200,7 +200,7 @@ TOGETHER = {
     "does not continue: remove it to start anew",
     SUMMARY: "the numbers of this page, for programs",
 }
-DRAWN = 6  # people in the figure
+MOST_TEMPLATES = 6  # people in the figure
 
 
 def write_coregistration(
@@ -246,7 +246,7 @@ def write_coregistration(
         "median_m": {name: each.tolist() for name, each in measured.items()},
         "beyond_betas_m": away.mean(axis=1).tolist(),
     }
-    write_file(place / SUMMARY, summary_text(source, numbers, list(TOGETHER)))
+    write_file(place / SUMMARY, summary_text(source, numbers, list(JOINT_FILES)))
     return place / "index.html"
 
 
@@ -257,7 +257,8 @@ def subjects_csv(rows: Sequence[Row]) -> str:
 
 def begin_folder(place: Path, source: str) -> None:
     """Mark a folder as that of a coregistration of `source`, before there is a result."""
-    write_file(place / SUMMARY, summary_text(source, {"kind": "coregistration"}, list(TOGETHER)))
+    summary = summary_text(source, {"kind": "coregistration"}, list(JOINT_FILES))
+    write_file(place / SUMMARY, summary)
 
 
 def coregistration_page(
@@ -297,18 +298,18 @@ def coregistration_page(
             ),
             (2, 3, 4),
         ),
-        files=TOGETHER,
+        files=JOINT_FILES,
     )
 
 
 def _templates(start: SkinnedBody, templates: Array, names: Sequence[str], away: Array) -> Shown:
     """The first people's templates, coloured by what betas do not reach."""
-    people = zip(names, templates[:DRAWN], away, strict=False)
+    people = zip(names, templates[:MOST_TEMPLATES], away, strict=False)
     coloured = [(Figurine(name, T, front), d) for name, T, d in people]
     end = float(np.percentile(away, 98))
     label = "from the nearest shape of the starting body (mm)"
     draw = partial(line_up_coloured, coloured, start.faces, end, label)
-    more = "" if len(names) <= DRAWN else f" of the first {DRAWN} people"
+    more = "" if len(names) <= MOST_TEMPLATES else f" of the first {MOST_TEMPLATES} people"
     caption = (
         f"The templates{more}, coloured by their distance from the nearest shape that betas of the "
         "starting body reach: what was learned about a person that this body could not say. Look "

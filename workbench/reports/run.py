@@ -220,7 +220,7 @@ def _ending(solution: Solution) -> dict[str, Any]:
     }
 
 
-SMALL = 24  # entries of a block that is listed number by number
+SMALL_BLOCK = 24  # entries of a block that is listed number by number
 MOST_STARTS = 12  # that are listed by number
 
 
@@ -345,7 +345,7 @@ def value_tables(outcome: Outcome) -> list[Table]:
     """The free numbers of each small block, one by one."""
     tables = []
     for block in outcome.diagnosis.free.blocks:
-        if block.size <= SMALL:
+        if block.size <= SMALL_BLOCK:
             rows = tuple(
                 (block.name + block.entry(i), number(float(value)))
                 for i, value in enumerate(block.taken(outcome.values[block.name]).ravel())

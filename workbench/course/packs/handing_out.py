@@ -79,7 +79,7 @@ COLUMNS = (  # titles of the columns that hold names, those of Moodle and others
     ("first name", "surname"), ("first name", "family name"), ("login",), ("username",), ("id",),
     ("id number",), ("email",), ("email address",),
 )  # fmt: skip
-LONGEST = 60  # characters of a folder's name
+LONGEST_FOLDER = 60  # characters of a folder's name
 
 
 class Students(NamedTuple):
@@ -120,7 +120,7 @@ def folder_name(name: str) -> str:
     if not re.search(r"[^\W_]", name):
         raise BadArgument(f"{name!r} has no letters and no digits, so that it cannot name a folder")
     plain = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode().lower()
-    folder = re.sub(r"[^\w]+", "-", plain).strip("-_")[:LONGEST]
+    folder = re.sub(r"[^\w]+", "-", plain).strip("-_")[:LONGEST_FOLDER]
     return folder or f"student-{sha256(name.encode()).hexdigest()[:6]}"
 
 

@@ -17,8 +17,9 @@ from workbench.writing import write_file
 
 KEYS, QUESTIONS = "keys.json", "questions.json"
 FORMAT = 2  # of these files
-HIDDEN, SHOWN = 6, 2  # sets of arguments that only the key has, and that the student sees
-REDRAWN = 100  # times that numbers are drawn anew because another student has the same
+HIDDEN_SETS = 6  # of arguments, which only the key has
+EXAMPLE_SETS = 2  # of arguments, which the student sees
+MOST_DRAWS = 100  # times that numbers are drawn anew because another student has the same
 OF_THE_LECTURE = "this answers the exercise as it stands in the lecture, and not this one"
 
 
@@ -69,7 +70,7 @@ def make_keys(
         drawn: list[Numbers] = []
         for folder in students:
             names = group, folder, exercise.number
-            for k in range(REDRAWN):
+            for k in range(MOST_DRAWS):
                 numbers = exercise.variant.draw(generator(seed, *names, "numbers", k))
                 if numbers not in drawn:
                     break
@@ -94,7 +95,7 @@ def _key(
     def pairs(these: list[Arguments]) -> list[Any]:
         return [[encode(list(arguments)), encode(answered(arguments))] for arguments in these]
 
-    tries = some("tries", HIDDEN)
+    tries = some("tries", HIDDEN_SETS)
     mistakes = [[m.hint, _mistaken(m.answer, tries, numbers)] for m in exercise.mistakes]
     if exercise.published is not None:
         lecture = exercise.published.solution(variant.exercise)
@@ -110,7 +111,7 @@ def _key(
         numbers,
         pairs(tries),
         pairs(list(variant.edges(numbers))),
-        pairs(some("examples", SHOWN)),
+        pairs(some("examples", EXAMPLE_SETS)),
         [[hint, answers] for hint, answers in mistakes if answers],
     )
 

@@ -21,9 +21,9 @@ ARCHIVES = (".zip", ".tar", ".gz", ".tgz", ".bz2", ".xz", ".7z", ".rar")
 BY_PROGRAMS = (".ipynb_checkpoints", "__pycache__", "__MACOSX", ".DS_Store", ".git")
 NOBODY = "belongs to nobody: its name begins with no student's, and it says no PACK of this class"
 AS_GIVEN, MADE_BY_PROGRAMS = "it is as it was handed out", "a program made it"
-SAME = "it is the same as another file of the student"
-EXPECTED = (AS_GIVEN, MADE_BY_PROGRAMS)  # reasons that nobody has to look at
-LARGEST = 4 * 2**20  # bytes of a file that is read
+DUPLICATE = "it is the same as another file of the student"
+NOT_REPORTED = (AS_GIVEN, MADE_BY_PROGRAMS)  # reasons that nobody has to look at
+LARGEST_FILE = 4 * 2**20  # bytes of a file that is read
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ def _of_the_pack(
     sheets = list(kept.values())
     kept_paths = {sheet.path for sheet in sheets}
     left = [
-        Unused(sheet.path, SAME if sheet.path in begun else AS_GIVEN, student)
+        Unused(sheet.path, DUPLICATE if sheet.path in begun else AS_GIVEN, student)
         for sheet in of_pack
         if sheet.path not in kept_paths
     ]
@@ -155,7 +155,7 @@ def read_sheet(path: Path, exercises: dict[str, list[str]]) -> Sheet:
 
 def _read(path: Path) -> Sheet:
     try:
-        text = bounded(path, LARGEST).decode("utf-8-sig")
+        text = bounded(path, LARGEST_FILE).decode("utf-8-sig")
         return Sheet("", path, _code(text) if path.suffix.lower() == ".ipynb" else text)
     except BadFile as error:
         return Sheet("", path, "", f"the file cannot be read: {error}")
@@ -254,6 +254,6 @@ def remarks_of(submissions: Submissions, key: ClassKey) -> dict[str, list[str]]:
                     f"{sheet.path.name} names workbench.lectures, where published answers are"
                 )
     for file in submissions.unused:
-        if file.student is not None and file.why not in EXPECTED:
+        if file.student is not None and file.why not in NOT_REPORTED:
             remarks[file.student].append(f"{file.path.name} is not marked: {file.why}")
     return remarks

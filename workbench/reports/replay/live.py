@@ -21,7 +21,7 @@ from workbench.reports.replay.runs import as_numbers
 from workbench.solvers import Iterate, Solver
 
 ADDRESS = "127.0.0.1"  # of this machine alone
-PATIENCE = 30.0  # s that a connection may say nothing, or take nothing
+TIMEOUT_SECONDS = 30.0  # s that a connection may say nothing, or take nothing
 LONGEST_NAME = 64  # letters of the name that a page gives to a run
 
 
@@ -84,7 +84,7 @@ class LiveServer:
 
         class Handler(BaseHTTPRequestHandler):
             protocol_version = "HTTP/1.0"  # a connection for each request
-            timeout = PATIENCE
+            timeout = TIMEOUT_SECONDS
 
             def handle(self) -> None:
                 """Answer, unless the tab is closed or says nothing."""

@@ -82,7 +82,7 @@ def shown_with_row(
     return None if row is None or shown is None else (shown, row)
 
 
-FARTHEST = 65_534  # hundredths of a millimetre that a distance is stored as; above is none
+LARGEST = 65_534  # hundredths of a millimetre that a distance is stored as; above is none
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,8 +139,8 @@ def _packed(array: Array | None) -> dict[str, str] | None:
 
 def _hundredths(metres: Array) -> Array:
     """Distances as whole hundredths of a millimetre; 65,535 for one that is not finite."""
-    hundredths = np.minimum(np.abs(np.where(np.isfinite(metres), metres, 0.0)) * 1e5, FARTHEST)
-    return np.where(np.isfinite(metres), np.round(hundredths), FARTHEST + 1)
+    hundredths = np.minimum(np.abs(np.where(np.isfinite(metres), metres, 0.0)) * 1e5, LARGEST)
+    return np.where(np.isfinite(metres), np.round(hundredths), LARGEST + 1)
 
 
 VERSION = 2
@@ -185,7 +185,7 @@ def recording(
     return Recording(shown.arrays if isinstance(shown, ShownBody) else shown, data, caption)
 
 
-KINDS = {kind: f"<{kind}" for kind in ("f4", "f8", "u2", "u4")}  # as `unpacked` in arrays.js
+DTYPES = {kind: f"<{kind}" for kind in ("f4", "f8", "u2", "u4")}  # as `unpacked` in arrays.js
 
 
 def packed(array: ArrayLike, kind: str) -> dict[str, str]:
@@ -194,7 +194,7 @@ def packed(array: ArrayLike, kind: str) -> dict[str, str]:
     >>> packed([1.0, 2.0], "f4")["kind"]
     'f4'
     """
-    numbers = np.ascontiguousarray(array, dtype=KINDS[kind])
+    numbers = np.ascontiguousarray(array, dtype=DTYPES[kind])
     compressed = gzip.compress(numbers.tobytes(), 9, mtime=0)
     return {"kind": kind, "gzip": b64encode(compressed).decode("ascii")}
 

@@ -196,7 +196,7 @@ def _rows(row: BodyNumbers, each: Sequence[Values]) -> Array:
 
 
 MOST_ITERATES = 64  # of a solver that are kept
-LARGEST = 500  # unknowns, up to which the condition number is computed at every kept iterate
+MOST_UNKNOWNS = 500  # unknowns, up to which the condition number is computed at every kept iterate
 
 
 def kept(count: int, most: int = MOST_ITERATES) -> Index:
@@ -257,7 +257,7 @@ def _conditions(
     problem: Problem, iterates: Iterable[Iterate], start: Mapping[str, Any]
 ) -> Iterable[float]:
     for iterate in iterates:
-        if problem.free.size > LARGEST:
+        if problem.free.size > MOST_UNKNOWNS:
             yield float("nan")
         else:
             J = problem.linearize(dict(start) | iterate.values).dense
@@ -267,7 +267,7 @@ def _conditions(
 
 def _ranks(data: Problem, iterates: Iterable[Iterate], start: Mapping[str, Any]) -> list[float]:
     """How many directions the data alone see at each iterate; NaN where they cannot be asked."""
-    if data.free.size > LARGEST:
+    if data.free.size > MOST_UNKNOWNS:
         return []
     ranks = []
     for iterate in iterates:
@@ -286,10 +286,10 @@ def as_numbers(array: ArrayLike) -> Any:
 
 
 MOST_DIRECTIONS = 40
-UNSEEN = 0.5  # units along a direction that nothing holds
-FARTHEST = 1.0  # units: two sigmas may be far out of the linear world
-STEPS = 21  # at which the true change of the data is computed, from one end to the other
-LEAST = 1e-3  # m: a direction that moves no point of the body by this much is not shown
+UNSEEN_REACH = 0.5  # units along a direction that nothing holds
+LONGEST_REACH = 1.0  # units: two sigmas may be far out of the linear world
+EXACT_POINTS = 21  # at which the true change of the data is computed, from one end to the other
+LEAST_MOTION = 1e-3  # m: a direction that moves no point of the body by this much is not shown
 DRAWS = 40
 
 Surface = Callable[[Array], Array]
@@ -301,8 +301,8 @@ def reach_along(direction: Direction, tolerance: float) -> float:
     A direction whose change is at most the `tolerance` is not seen, and has no standard deviation.
     """
     if direction.change <= tolerance:
-        return UNSEEN
-    return min(2 / direction.change, FARTHEST)
+        return UNSEEN_REACH
+    return min(2 / direction.change, LONGEST_REACH)
 
 
 def moves(diagnosis: Diagnosis, row: BodyNumbers, surface: Surface) -> list[dict[str, Any]]:
@@ -325,12 +325,12 @@ def _moves(
         step = row(d.free.unpack(x + direction.vector, d.values)) - known
         reach = reach_along(direction, d.tolerance)
         away = np.linalg.norm(surface(known + reach * step) - here, axis=1).max()
-        if yielded == MOST_DIRECTIONS or away < LEAST:
+        if yielded == MOST_DIRECTIONS or away < LEAST_MOTION:
             continue
         yielded += 1
         exact = [
             float(np.linalg.norm(d.problem.residual(x + s * direction.vector, fixed) - residual))
-            for s in reach * np.linspace(-1, 1, STEPS)
+            for s in reach * np.linspace(-1, 1, EXACT_POINTS)
         ]
         yield {
             "name": direction.name,

@@ -125,7 +125,7 @@ def _caption(shown: int, count: int) -> str:
     return OF_FRAMES if shown == count else OF_SOME.format(shown=shown, count=count)
 
 
-MOST_POINTS, LINKS = 6_000, 400  # points of the scan: shown, and joined to the surface
+MOST_POINTS, MOST_LINKS = 6_000, 400  # points of the scan: shown, and joined to the surface
 MM = 1e3
 OF_REGISTRATION = (
     "The points of the scan, and the surface on its way to them: the start that led to the result, "
@@ -146,7 +146,7 @@ def recorded_registration(registration: Registration) -> Recording | None:
         return None
     rng = np.random.default_rng(0)
     scan = registration.scan.some(rng.permutation(registration.scan.n_points) < MOST_POINTS)
-    joined = spread(scan.n_points, LINKS)
+    joined = spread(scan.n_points, MOST_LINKS)
     tree = SurfaceTree(registration.vertices, registration.faces)
     distances, ends, said = [], [], []
     for name, vertices in registration.surfaces.items():
