@@ -34,7 +34,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     figure = tmp_path_factory.mktemp("figures") / "balance.png"
     figure.write_bytes((ROOT / "examples" / "balance.png").read_bytes())
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(notebooks, "carried_out", not_run)
+        patch.setattr(notebooks, "run_cells", not_run)
         patch.setattr(site_pages, "run_example", lambda script: stand_in(script, figure))
         out = tmp_path_factory.mktemp("site") / "out"
         assert write_site(out) == out / "index.html"

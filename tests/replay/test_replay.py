@@ -18,7 +18,7 @@ from workbench.experiments.running import Outcome
 from workbench.plots.palette import solver_styles
 from workbench.reports.replay import Recording, recorded_run
 from workbench.reports.replay.recording import DTYPES, packed
-from workbench.reports.replay.runs import kept
+from workbench.reports.replay.runs import kept_iterates
 from workbench.reports.run import run_page
 
 pytestmark = pytest.mark.xdist_group("replays of a run")  # which is solved once
@@ -78,7 +78,7 @@ def test_packed_arrays_come_back(kind: str) -> None:
 
 @pytest.mark.parametrize("count", [1, 5, 64, 65, 1000])
 def test_kept_iterates_include_first_and_last(count: int) -> None:
-    at = kept(count)
+    at = kept_iterates(count)
     assert len(at) <= 64
     assert (at[0], at[-1]) == (0, count - 1)
     assert (np.diff(at) > 0).all()

@@ -77,7 +77,7 @@ def test_site_is_whole_and_loads_nothing_from_elsewhere(
 ) -> None:
     """Every link leads somewhere, and nothing is loaded from elsewhere. No cell is run here."""
     have(*SITE_TOOLS)
-    monkeypatch.setattr(notebooks, "carried_out", not_run)
+    monkeypatch.setattr(notebooks, "run_cells", not_run)
     out = tmp_path / "new" / "site"
     assert write_course_site(out) == out / "index.html"
     pages = {path.name: links for path, links in pages_of(out).items()}

@@ -42,7 +42,7 @@ def main() -> None:
     _listen()
     code, sentence, unprinted = 0, "", None
     try:
-        with held():
+        with defer_signals():
             from workbench.cli.app import app
         app()
     except Interrupted as leaving:
@@ -122,7 +122,7 @@ def interrupts_say(text: Callable[[], str]) -> Iterator[None]:
 
 
 @contextmanager
-def held() -> Iterator[None]:
+def defer_signals() -> Iterator[None]:
     """Defer Ctrl-C and SIGTERM until the block ends.
 
     Some modules swallow every exception while they are imported.

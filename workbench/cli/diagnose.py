@@ -22,10 +22,10 @@ from workbench.cli.run import (
     Out,
     Setting,
     SolverName,
-    begun,
-    built,
+    build_setup,
+    prepare,
     settings,
-    solved,
+    solve_setup,
     solver_named,
 )
 from workbench.diagnostics.design import CRITERIA
@@ -127,10 +127,10 @@ def _diagnosed(
     console: Console, experiment: Experiment, solver: Solver | None, data_alone: bool
 ) -> tuple[diagnostics.Diagnosis | diagnostics.SequenceDiagnosis, Setup]:
     """At the end of the solver, or at the start if there is none."""
-    setup = built(console, experiment)
+    setup = build_setup(console, experiment)
     if data_alone:
         _mind_priors(console, experiment, setup)
-    values = setup.start if solver is None else solved(console, setup, solver)
+    values = setup.start if solver is None else solve_setup(console, setup, solver)
     console.print("[dim]looking at the Jacobian[/]")
     problem, priors = setup.problem, setup.priors
     if data_alone:
@@ -216,8 +216,8 @@ def design(
     if sd_of is not None and over:
         raise BadArgument("--over goes with --criterion; --sd-of says itself what matters")
     by = solver_named(solver)
-    experiment, setup, folder = begun(console, name, setting, out, "design")
-    values = solved(console, setup, by)
+    experiment, setup, folder = prepare(console, name, setting, out, "design")
+    values = solve_setup(console, setup, by)
     kind = candidates or (OWN if setup.candidates else "cameras")
     offered = CANDIDATES[kind](setup, values)
     objective = CRITERIA[criterion].over(*over) if over else CRITERIA[criterion]

@@ -142,7 +142,7 @@ def fit(
         if focal is not None and cameras is not None:
             why = f"{cameras} says the focal length of each camera"
             warn_without_effect(console, "--focal", why)
-        setup = of_keypoints(paths, model, reading, image_recipe, sigma, hypotheses)
+        setup = keypoint_setup(paths, model, reading, image_recipe, sigma, hypotheses)
     experiment = Experiment(
         first.stem, lambda: setup, "a user's own file", source=str(first.resolve())
     )
@@ -153,7 +153,7 @@ def fit(
         add_mean(console, setup, values, folder)
 
 
-def of_keypoints(
+def keypoint_setup(
     files: list[Path],
     body: SkinnedBody | TriangleBody,
     reading: ImageReading,

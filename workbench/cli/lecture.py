@@ -15,7 +15,7 @@ from rich.table import Table
 from workbench import course
 from workbench.cli import lecture_packs
 from workbench.cli.console import make_folder, print_page, say, waiting
-from workbench.course.cells import Cell, carried_out
+from workbench.course.cells import Cell, run_cells
 from workbench.course.formulas import in_letters
 from workbench.course.grading import CheckResult, CheckState, Grade
 from workbench.course.notebooks import notebook, write_notebook
@@ -85,8 +85,8 @@ def show(number: Number) -> None:
             worth += "; in a pack, with other numbers for each student: "
             worth += f"{counted(in_pack.points, 'point')}, about {in_pack.minutes} minutes"
         say(console, f"[bold]{lecture.number}.{k} {name}[/]  {escape(task)} [dim]({worth})[/]")
-    asked = escape(lecture.asked)
-    say(console, f"\nworkbench lecture run {asked}, workbench lecture start {asked} FOLDER")
+    argument = escape(lecture.argument)
+    say(console, f"\nworkbench lecture run {argument}, workbench lecture start {argument} FOLDER")
 
 
 def run(
@@ -103,7 +103,7 @@ def run(
         if code and not cell.prose:
             print(cell.text)
 
-    for cell, value, _ in carried_out(lecture.folder / "lecture.py", before):
+    for cell, value, _ in run_cells(lecture.folder / "lecture.py", before):
         if cell.prose:
             _show_prose(console, cell.text)
         elif isinstance(value, course.Picture):
@@ -158,7 +158,7 @@ def begin(
     console = Console()
     print_page(console, "exercises", path)
     console.print(
-        f"check them: workbench lecture check {escape(lecture.asked)} {escape(str(path))}",
+        f"check them: workbench lecture check {escape(lecture.argument)} {escape(str(path))}",
         soft_wrap=True,
     )
 
@@ -294,7 +294,7 @@ def _state(mark: CheckResult) -> str:
 
 def _lines(mark: CheckResult) -> list[str]:
     lines = []
-    for title, text in mark.told:
+    for title, text in mark.explanations:
         lead = f"{title:10}" if title else ""
         style = "yellow" if title == "perhaps" else "dim"
         lines.append(f"[{style}]{lead}[/]" + escape(text).replace("\n", "\n" + " " * len(lead)))

@@ -126,7 +126,7 @@ def motion(
     if holds_markers(path):
         refuse_suffix(out, MARKER_SUFFIXES, "markers")
         warn_unused(console, ctx, OF_MOTIONS, f"{path.name} holds markers, and no motion")
-        _markers(console, read_markers(path, unit=unit, up=up), path, out)
+        _say_markers(console, read_markers(path, unit=unit, up=up), path, out)
         return
     refuse_suffix(out, MOTION_SUFFIXES, "a motion")
     model = None if body is None else load_body(body)
@@ -219,7 +219,9 @@ def _ends(motion: Motion) -> Array:
     return motion.bones.ends(motion.pose[:1], motion.trans[:1])
 
 
-def _markers(console: Console, recording: MarkerRecording, path: Path, out: Path | None) -> None:
+def _say_markers(
+    console: Console, recording: MarkerRecording, path: Path, out: Path | None
+) -> None:
     T, M = recording.markers.shape[:2]
     fps = recording.fps
     rate = "of an unknown rate" if fps is None else f"at {fps:g} frames a second"

@@ -141,7 +141,7 @@ def register(
     if len(jobs) == 1 and not scans[0].is_dir():
         for_several = ("--subjects", "--workers", "--dask")
         warn_unused(console, ctx, for_several, "it is for several scans, and there is one")
-        _one(console, template, body, recipe, reading, jobs[0], out)
+        _register_one(console, template, body, recipe, reading, jobs[0], out)
         return
     if skeleton is not None:
         raise BadArgument("--skeleton is of one scan; register the scans one by one with it")
@@ -176,7 +176,7 @@ def camera_place(text: str) -> tuple[float, float, float]:
     return numbers[0], numbers[1], numbers[2]
 
 
-def _one(
+def _register_one(
     console: Console,
     body: Body,
     name: str,

@@ -27,12 +27,12 @@ from workbench.reports import write_report
 from workbench.reports.page import Columns, Table, number
 from workbench.reports.replays import live_server
 from workbench.reports.run import (
-    better_said,
-    interrupted_said,
+    better_sentence,
+    interruption_sentence,
     measurements_table,
-    priors_said,
+    priors_sentence,
     residuals_table,
-    status_said,
+    status_in_words,
 )
 from workbench.solvers import DEFAULT, Iterate, Solution, Solver
 from workbench.solvers.starts import AS_GOOD
@@ -119,22 +119,22 @@ def carry_out(
     return outcome.values, folder
 
 
-def begun(
+def prepare(
     console: Console, name: str, setting: list[str] | None, out: Path, kind: str
 ) -> tuple[Experiment, Setup, Path]:
     """An experiment, its setup, and the folder of what a command of a kind writes about it."""
     experiment = find(name, settings(setting))
     folder = folder_to_write(out, f"{experiment.name}-{kind}", experiment.source)
-    return experiment, built(console, experiment), folder
+    return experiment, build_setup(console, experiment), folder
 
 
-def built(console: Console, experiment: Experiment) -> Setup:
+def build_setup(console: Console, experiment: Experiment) -> Setup:
     """The setup of an experiment; says that it is being built, which may take long."""
     console.print(f"[dim]building {escape(experiment.name)}[/]", highlight=False)
     return experiment.setup()
 
 
-def solved(console: Console, setup: Setup, solver: Solver) -> Values:
+def solve_setup(console: Console, setup: Setup, solver: Solver) -> Values:
     """Solve a setup, say how that ended, and return the values of all blocks at the end."""
     console.print("[dim]solving[/]")
     solution = solver.solve(setup.problem, setup.start)
@@ -211,7 +211,7 @@ def print_outcome(console: Console, outcome: Outcome) -> None:
         f"{solution.iterations} iterations, {solution.seconds:.2f} s, cost {solution.cost:.6g}: "
         f"{escape(solution.message)}"
     )
-    for sentence in (better_said(outcome), interrupted_said(outcome)):
+    for sentence in (better_sentence(outcome), interruption_sentence(outcome)):
         if sentence:
             console.print(f"[bold yellow]{escape(sentence)}[/]", highlight=False)
     if outcome.setup.synthetic:
@@ -231,9 +231,9 @@ def print_outcome(console: Console, outcome: Outcome) -> None:
     if outcome.measurements:
         console.print(rich_table(measurements_table(outcome.measurements)))
     _print_residuals(console, outcome)
-    console.print(escape(_seen("Jacobian", outcome.diagnosis)))
+    console.print(escape(_rank_line("Jacobian", outcome.diagnosis)))
     if outcome.data_alone is not None:
-        console.print(escape(_seen("without the priors", outcome.data_alone)))
+        console.print(escape(_rank_line("without the priors", outcome.data_alone)))
     if len(outcome.compared) > 1:
         console.print(_comparison(outcome))
 
@@ -247,10 +247,10 @@ def _print_residuals(console: Console, outcome: Outcome) -> None:
     console.print(rich_table(Table(table.head, kept, table.numbers)))
     if len(rows) > MOST_RESIDUALS:
         console.print(f"and {len(rows) - MOST_RESIDUALS} residuals with less cost (see the report)")
-    console.print(escape(priors_said(outcome)), highlight=False)
+    console.print(escape(priors_sentence(outcome)), highlight=False)
 
 
-def _seen(what: str, d: Diagnosis) -> str:
+def _rank_line(what: str, d: Diagnosis) -> str:
     """Size and rank, and the first null and weak directions."""
     m, n = d.shape
     sentence = "every direction changes a residual"
@@ -272,7 +272,7 @@ def _comparison(outcome: Outcome) -> RichTable:
     """How each solver ended: what decides comes first, and the page has the rest."""
     columns: Columns[tuple[str, Solution]] = {
         "solver": lambda of: of[0],
-        "status": lambda of: status_said(outcome, of[0]).upper(),
+        "status": lambda of: status_in_words(outcome, of[0]).upper(),
         "cost": lambda of: number(of[1].cost, 8),
         "seconds": lambda of: f"{of[1].seconds:.2f}",
     }
@@ -294,7 +294,7 @@ def live(
     """Move a body by hand, pick a solver, and watch its iterates come in; until Ctrl-C."""
     console = Console()
     experiment = find(name, settings(setting))
-    setup = built(console, experiment)
+    setup = build_setup(console, experiment)
     try:
         server = live_server(experiment.name, setup, port)
     except OSError as error:

@@ -13,7 +13,7 @@ from workbench import sampling
 from workbench.blocks.layout import entries
 from workbench.cli import Interrupted, interrupts_say
 from workbench.cli.console import Bars, make_folder, print_page, rich_table, say, warn_of
-from workbench.cli.run import Name, Out, Setting, SolverName, begun, solved, solver_named
+from workbench.cli.run import Name, Out, Setting, SolverName, prepare, solve_setup, solver_named
 from workbench.fitting.measures import measured_in, person_of
 from workbench.fitting.setup import Setup
 from workbench.reports import write_posterior
@@ -54,10 +54,10 @@ def sample(
     continues from them. The exit code is 1 if a block is not usable.
     """
     console = Console()
-    experiment, setup, folder = begun(console, name, setting, out, "posterior")
+    experiment, setup, folder = prepare(console, name, setting, out, "posterior")
     kept = out / f"{experiment.name}-draws"
     make_folder(kept)
-    values = solved(console, setup, solver_named(solver))
+    values = solve_setup(console, setup, solver_named(solver))
     problem = setup.problem
     rest = sampling.fixed if conditional else sampling.integrated
     chosen: dict[str, sampling.Names] = {}

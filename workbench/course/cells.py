@@ -51,7 +51,7 @@ def cells(path: Path, slides: bool = False) -> list[Cell]:
     return script_cells
 
 
-def carried_out(
+def run_cells(
     path: Path,
     before: Callable[[Cell], None] = lambda cell: None,
     names: dict[str, Any] | None = None,
@@ -70,17 +70,17 @@ def carried_out(
         before(cell)
         if cell.prose:
             fields = {**names, "printed": output.numbers}
-            text = filled(cell.text, fields, path, cell.line)
+            text = fill_fields(cell.text, fields, path, cell.line)
             if slides or not cell.slide:
                 yield replace(cell, text=text), None, ""
         else:
             output.shown, printed = sys.stdout, len(output.getvalue())
             with redirect_stdout(output):
-                value = value_of(cell, names, path)
+                value = run_cell(cell, names, path)
             yield cell, value, output.getvalue()[printed:]
 
 
-def filled(text: str, names: dict[str, Any], path: Path, line: int = 1) -> str:
+def fill_fields(text: str, names: dict[str, Any], path: Path, line: int = 1) -> str:
     """Prose with the values of its fields. Raises BadFile, which names the field and its line."""
 
     newline = "\n"
@@ -123,7 +123,7 @@ class _Output(StringIO):
 NUMBER = re.compile(r"(?<![\w.^-])[-+]?\d+(?:,\d{3})*(?:\.\d+)?(?:e[-+]?\d+)?(?![\w^])")
 
 
-def value_of(cell: Cell, names: dict[str, Any], path: Path) -> Any:
+def run_cell(cell: Cell, names: dict[str, Any], path: Path) -> Any:
     """Run a cell. Returns the value of its last line, if that is an expression, else None."""
     tree = ast.parse("\n" * (cell.line - 1) + cell.text, str(path))
     last = tree.body[-1] if tree.body else None
@@ -138,7 +138,7 @@ DRAWS = "with house_style():"
 FOLDED = {"tags": ["hide-input"], "jupyter": {"source_hidden": True}}  # MyST-NB; JupyterLab
 
 
-def apart(code: str) -> tuple[str, str]:
+def split_at_drawing(code: str) -> tuple[str, str]:
     """The code of a cell up to where it begins to draw, and from there on; either may be empty.
 
     A lecture draws from the first statement `with house_style():` to the end of the cell.

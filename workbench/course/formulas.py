@@ -53,8 +53,8 @@ RULES: tuple[tuple[str, Callable[..., str]], ...] = (  # a command, and its lett
         (rf"\\{name}" + ARGUMENT, lambda a, accent=accent: a[:1] + accent + a[1:])
         for name, accent in ACCENTS.items()
     ),
-    (r"\^" + ARGUMENT, lambda a: _script("❛", a, SUPERSCRIPTS)),
-    (r"_" + ARGUMENT, lambda a: _script("❟", a, SUBSCRIPTS)),
+    (r"\^" + ARGUMENT, lambda a: _raised_or_lowered("❛", a, SUPERSCRIPTS)),
+    (r"_" + ARGUMENT, lambda a: _raised_or_lowered("❟", a, SUBSCRIPTS)),
 )
 
 
@@ -92,6 +92,6 @@ def _whole(text: str) -> str:
     return text if readable else f"({text})"
 
 
-def _script(sign: str, text: str, letters: dict[str, str]) -> str:
+def _raised_or_lowered(sign: str, text: str, letters: dict[str, str]) -> str:
     small = [letters.get("-" if letter == "−" else letter, "") for letter in text]
     return "".join(small) if all(small) else sign + (text if len(text) == 1 else f"({text})")

@@ -57,7 +57,7 @@ class CheckResult:
         return self.of if self.state is CheckState.PASSED else 0
 
     @property
-    def told(self) -> list[tuple[str, str]]:
+    def explanations(self) -> list[tuple[str, str]]:
         """What was missed, expected and returned, and the likeliest mistake: titles and texts."""
         every = ("", self.what), ("expected", self.expected), ("returned", self.came)
         return [(title, text) for title, text in (*every, ("perhaps", self.hint)) if text]
@@ -167,7 +167,7 @@ def grade_exercise(lecture: Lecture, exercise: str, answer: Any) -> list[CheckRe
     results, parts = [], []
     for check in checks:
         before = len(calls.calls)
-        results.append(_tried(check, calls))
+        results.append(_run_check(check, calls))
         parts.append(calls.calls[before:])
     mistakes = [m for m in lecture.mistakes if m.exercise == exercise]
     return [
@@ -199,7 +199,7 @@ def unfit(exercise: str, answer: Any, parameters: Sequence[str]) -> tuple[str, s
     return None
 
 
-def _tried(check: Check, calls: RecordedCalls) -> CheckResult:
+def _run_check(check: Check, calls: RecordedCalls) -> CheckResult:
     try:
         check.run(calls)
     except Unanswered as unsolved:
@@ -261,7 +261,7 @@ def check_here(number: int, answer: Callable[..., Any]) -> None:
     results = grade_exercise(lecture, name, answer)
     for result in results:
         print(f"{result.state.value}: {result.check}")
-        for title, text in result.told:
+        for title, text in result.explanations:
             lead = f"{title} " if title else ""
             print(f"    {lead}" + text.replace("\n", "\n    " + " " * len(lead)))
     print(f"{sum(r.points for r in results)} of {sum(r.of for r in results)} points")

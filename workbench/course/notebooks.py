@@ -10,7 +10,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from workbench.course.cells import FOLDED, Cell, apart, carried_out, only_imports, value_of
+from workbench.course.cells import FOLDED, Cell, only_imports, run_cell, run_cells, split_at_drawing
 from workbench.course.outline import Lecture
 from workbench.diagnostics.words import counted
 from workbench.environment import pip_install
@@ -52,7 +52,7 @@ def notebook(lecture: Lecture) -> Notebook:
     cells: list[dict[str, Any]] = []
     try:
         with redirect_stdout(StringIO()):
-            for cell, value, printed in carried_out(lecture.folder / "lecture.py", names=names):
+            for cell, value, printed in run_cells(lecture.folder / "lecture.py", names=names):
                 if cell.prose:
                     cells.append(prose_cell(cell.text))
                 else:
@@ -104,7 +104,7 @@ def without_results(book: Notebook) -> Notebook:
 
 def _parts(code: str, value: Any, printed: str) -> list[dict[str, Any]]:
     """A cell of code; if it ends in a figure, what it computes and, folded, what it draws."""
-    computing, drawing = apart(code)
+    computing, drawing = split_at_drawing(code)
     if not drawing:
         return [code_cell(code, FOLDED if only_imports(code) else {}, value, printed)]
     drawn = code_cell(drawing, FOLDED, value, "" if computing else printed)
@@ -121,7 +121,7 @@ def _exercise_cells(lecture: Lecture, names: dict[str, Any]) -> list[dict[str, A
         f"`workbench lecture start {lecture.number} .` puts `{file}` here, and "
         f"`workbench lecture check {lecture.number} {file}` grades it."
     )
-    cells = [prose_cell(introduction), _ran(_given(lecture), [], names)]
+    cells = [prose_cell(introduction), _run_code(_file_head(lecture), [], names)]
     for k, name in enumerate(lecture.exercises, 1):
         function = getattr(exercises, name)
         points = sum(check.points for check in lecture.checks if check.exercise == name)
@@ -130,19 +130,19 @@ def _exercise_cells(lecture: Lecture, names: dict[str, Any]) -> list[dict[str, A
         title = f"### {lecture.number}.{k} `{name}({arguments})`"
         cells += [
             prose_cell(f"{title}\n\n{counted(points, 'point')}{minutes}"),
-            _ran(inspect.getsource(function).rstrip(), ["answer"], names),
-            _ran(f"check_here({lecture.number}, {name})", ["check"], names),
+            _run_code(inspect.getsource(function).rstrip(), ["answer"], names),
+            _run_code(f"check_here({lecture.number}, {name})", ["check"], names),
         ]
     return cells
 
 
-def _ran(code: str, tags: list[str], names: dict[str, Any]) -> dict[str, Any]:
+def _run_code(code: str, tags: list[str], names: dict[str, Any]) -> dict[str, Any]:
     with redirect_stdout(StringIO()) as printed:
-        value_of(Cell(False, code, 1), names, Path("exercises.py"))
+        run_cell(Cell(False, code, 1), names, Path("exercises.py"))
     return code_cell(code, {"tags": tags} if tags else {}, None, printed.getvalue())
 
 
-def _given(lecture: Lecture) -> str:
+def _file_head(lecture: Lecture) -> str:
     """What stands above the exercises in their file: imports, and constants."""
     text = inspect.getsource(lecture.module("exercises"))
     body = ast.parse(text).body

@@ -34,7 +34,7 @@ class Lecture:
     place: Path | None = None  # the folder of its files, if it is not part of the course
 
     @property
-    def asked(self) -> str:
+    def argument(self) -> str:
         """What commands take for it: its number, or the folder of one that is not in the course."""
         return str(self.number if self.place is None else self.place)
 

@@ -73,9 +73,9 @@ def grade(lecture: Lecture, path: str | Path, limits: ProcessLimits | None = Non
     path = Path(path)
     if not path.is_file():
         raise BadFile(
-            f"there is no file {path}; `workbench lecture start {lecture.asked} FOLDER` makes one"
+            f"there is no file {path}; `workbench lecture start {lecture.argument} FOLDER` makes it"
         )
-    about = {"lecture": lecture.asked if lecture.place is None else str(lecture.place.resolve())}
+    about = {"lecture": lecture.argument if lecture.place is None else str(lecture.place.resolve())}
     sent = ask(path, about, {name: {} for name in lecture.exercises}, limits or ProcessLimits())
     results = [
         one for name in lecture.exercises for one in _results(lecture, name, sent.exercises[name])
@@ -218,7 +218,7 @@ def main() -> None:
 
         bytes_ = int(job["memory"] * 2**30)
         resource.setrlimit(resource.RLIMIT_AS, (bytes_, bytes_))
-    for message in _done(job):
+    for message in _messages(job):
         encoded = json.dumps(message).encode("ascii")
         if len(encoded) > LARGEST_MESSAGE:
             encoded = json.dumps({"too large": True}).encode("ascii")
@@ -226,7 +226,7 @@ def main() -> None:
     os._exit(0)  # threads of the student's may still run, and exit handlers of theirs wait
 
 
-def _done(job: dict[str, Any]) -> Iterator[dict[str, Any]]:
+def _messages(job: dict[str, Any]) -> Iterator[dict[str, Any]]:
     """Do a job: what is sent when it has begun, when the file is loaded, and for each exercise."""
     sys.dont_write_bytecode = True  # nothing is left in the student's folder
     sys.modules.pop("answers", None)

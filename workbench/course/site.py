@@ -12,7 +12,13 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from workbench.course.cells import cells
-from workbench.course.notebooks import Notebook, notebook, tool, without_results, write_notebook
+from workbench.course.notebooks import (
+    Notebook,
+    notebook,
+    tool,
+    without_results,
+    write_notebook,
+)
 from workbench.course.outline import Lecture, course, root
 from workbench.errors import BadFile
 
@@ -89,7 +95,7 @@ def build(title: str, pages: Path, files: Path, scratch: Path) -> Path:
     return out
 
 
-def put(out: Path, folder: Path) -> None:
+def replace_site(out: Path, folder: Path) -> None:
     """Put the built site into its folder, in the place of an older one."""
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
@@ -237,5 +243,5 @@ def write_course_site(folder: str | Path, tell: Tell = lambda said: None) -> Pat
         write_course_pages(pages, files, tell)
         copy_licences(files / "licences")
         tell("writing pages")
-        put(build("Body models", pages, files, scratch), folder)
+        replace_site(build("Body models", pages, files, scratch), folder)
     return folder / "index.html"

@@ -20,7 +20,7 @@ from typing import Any
 from jinja2 import Environment
 
 from workbench.course import Picture
-from workbench.course.cells import Cell, carried_out
+from workbench.course.cells import Cell, run_cells
 from workbench.course.notebooks import tool
 from workbench.course.outline import Lecture
 from workbench.course.showing import Source, framed
@@ -66,7 +66,7 @@ def slides(lecture: Lecture) -> list[Slide]:
     notes, shown = "", ""
     picture: Picture | None = None
     with redirect_stdout(StringIO()):
-        for cell, value, _ in carried_out(path, slides=True):
+        for cell, value, _ in run_cells(path, slides=True):
             if cell.slide:
                 deck.append(_slide(cell, picture, shown, notes, path))
                 notes, picture = "", picture if cell.slide == "still" else None

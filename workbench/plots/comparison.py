@@ -86,7 +86,7 @@ def caption_verdicts(comparison: Comparison) -> str:
 
 def plot_performance_profile(comparison: Comparison, tau: float, *, ax: Axes) -> Axes:
     """rho_s(alpha): the share of starts on which s needs at most alpha times the least effort."""
-    names, needed = _known(comparison, tau)
+    names, needed = _counted_solvers(comparison, tau)
     effort_ratios = ratios(needed)
     widest = float(np.max(effort_ratios[np.isfinite(effort_ratios)], initial=2.0))
     alphas = np.geomspace(1.0, 1.3 * widest, PROFILE_POINTS)
@@ -97,7 +97,7 @@ def plot_performance_profile(comparison: Comparison, tau: float, *, ax: Axes) ->
 
 def plot_data_profile(comparison: Comparison, tau: float, *, ax: Axes) -> Axes:
     """d_s(kappa): the share of starts brought to the target within kappa simplex gradients."""
-    names, needed = _known(comparison, tau)
+    names, needed = _counted_solvers(comparison, tau)
     unknowns = np.array([comparison.described[i.name].unknowns for i in comparison.comparable])
     effort = needed / (unknowns[:, None] + 1)
     finite = effort[np.isfinite(effort)]
@@ -108,7 +108,7 @@ def plot_data_profile(comparison: Comparison, tau: float, *, ax: Axes) -> Axes:
     return ax
 
 
-def _known(comparison: Comparison, tau: float) -> tuple[tuple[str, ...], Array]:
+def _counted_solvers(comparison: Comparison, tau: float) -> tuple[tuple[str, ...], Array]:
     """The solvers whose effort is known from every start, and their efforts (P, S)."""
     names = comparison.all_counted(tau)
     return names, comparison.needed(tau)[:, [comparison.solvers.index(s) for s in names]]

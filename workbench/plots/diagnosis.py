@@ -12,7 +12,7 @@ from workbench.arrays import Index, Mask
 from workbench.diagnostics import Diagnosis, MeasurementDesign
 from workbench.fitting.refits import Profile
 from workbench.plots.palette import BLUE, FAINT, GREEN, LINES, MARKERS, VERMILLION
-from workbench.plots.style import apart, decades, note_at, plain, shortened
+from workbench.plots.style import decades, labels_apart, note_at, plain, shortened
 
 PIXELS = 720  # of the drawing, top to bottom
 THINNEST = 0.04  # of the height: what a term gets at least, so that it can be read
@@ -87,7 +87,7 @@ def squeezed(pattern: Mask, height: int) -> Mask:
 
 def _label_rows(ax: Axes, names: Sequence[str], edges: Index, sizes: Index) -> None:
     middles = [(a + b) / 2 for a, b in pairwise(edges.tolist())]
-    kept = apart(middles, np.diff(edges).tolist(), 0.035 * float(edges[-1]))
+    kept = labels_apart(middles, np.diff(edges).tolist(), 0.035 * float(edges[-1]))
     labels = [plain(f"{shortened(names[i], 24)}: {sizes[i]:,}") for i in kept]
     ax.set_yticks([middles[i] for i in kept], labels)
     ax.tick_params(axis="y", length=0)
@@ -96,7 +96,7 @@ def _label_rows(ax: Axes, names: Sequence[str], edges: Index, sizes: Index) -> N
 def _label_columns(ax: Axes, names: Sequence[str], edges: Index) -> None:
     middles = [(a + b) / 2 for a, b in pairwise(edges.tolist())]
     sizes = np.diff(edges)
-    kept = apart(middles, sizes.tolist(), 0.03 * float(edges[-1]))
+    kept = labels_apart(middles, sizes.tolist(), 0.03 * float(edges[-1]))
     labels = [f"{shortened(names[i], 24)}\n{sizes[i]:,}" for i in kept]
     ax.set_xticks([middles[i] for i in kept], [plain(label) for label in labels])
     if len(kept) > 4:

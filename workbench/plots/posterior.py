@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from workbench.arrays import Array
 from workbench.environment import optional_library
 from workbench.plots.palette import BLUE, FAINT, INK, LINES, VERMILLION
-from workbench.plots.style import drawn, house_style, plain
+from workbench.plots.style import figure_of, house_style, plain
 from workbench.sampling import Posterior
 
 MOST_ENTRIES = 6  # entries in a corner: more cannot be read
@@ -171,7 +171,7 @@ def beside_laplace_sheet(
     posterior: Posterior, approximation: Posterior, truth: Array | None = None
 ) -> Figure:
     """Every entry beside Laplace's approximation; `truth` (k,) is marked if it is known."""
-    return drawn(
+    return figure_of(
         partial(plot_beside_laplace, posterior, approximation, truth),
         8.0,
         1.3 + 0.2 * posterior.size,

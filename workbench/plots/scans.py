@@ -57,7 +57,7 @@ def registered_scan_sheet(
         across, up = dots[shown][order, :2].T
         ax.scatter(across, up, c=colours[some][shown][order], s=1.2, linewidths=0, rasterized=True)
 
-    figure = _four(plot, vertices @ turn)
+    figure = _four_views(plot, vertices @ turn)
     beyond = "max" if bool((amounts[touching] > end).any()) else "neither"
     figure.colorbar(scale, ax=figure.axes, shrink=0.8, pad=0.01, extend=beyond).set_label(
         "distance to the surface (mm)"
@@ -80,7 +80,7 @@ def caption_registered_scan(distances: Array, touching: Mask) -> str:
     )
 
 
-def _four(plot: Callable[[Look, Axes], None], vertices: Array) -> Figure:
+def _four_views(plot: Callable[[Look, Axes], None], vertices: Array) -> Figure:
     limits = [_extents(look, vertices) for look in SIDES.values()]
     widths = [across[1] - across[0] for across, _ in limits]
     low, high = limits[0][1]

@@ -53,7 +53,7 @@ def sheet(width: float, height: float, columns: int = 1) -> tuple[Figure, list[A
     return figure, list(axes[0])
 
 
-def drawn(plot: Callable[..., object], width: float, height: float) -> Figure:
+def figure_of(plot: Callable[..., object], width: float, height: float) -> Figure:
     """A figure of that many inches in the house style; `plot(ax=...)` draws on its axes."""
     with house_style():
         figure, (ax,) = sheet(width, height)
@@ -104,7 +104,7 @@ def _saved(figure: Figure, format: str, metadata: dict[str, None]) -> bytes:
 
 def to_scale(plot: Callable[..., object], height: float, width: float = 7.2) -> Figure:
     """A figure as high as axes of equal aspect need that have `width` inches across."""
-    figure = drawn(plot, 8.0, height)
+    figure = figure_of(plot, 8.0, height)
     with house_style():
         figure.set_figheight(height_to_scale(figure.axes[0], width))
     return figure
@@ -133,7 +133,7 @@ def shortened(text: str, most: int) -> str:
     return text if len(text) <= most else text[: most - 1].rstrip() + "…"
 
 
-def apart(places: Sequence[float], sizes: Sequence[float], gap: float) -> list[int]:
+def labels_apart(places: Sequence[float], sizes: Sequence[float], gap: float) -> list[int]:
     """Which labels to keep so that no two stand closer than `gap`, larger ones first."""
     kept: list[int] = []
     for i in sorted(range(len(places)), key=lambda i: -sizes[i]):

@@ -113,7 +113,7 @@ def diagnosis_page(
             )
             for profile in profiles
         ],
-        **(_numbers(d, body, views) if d.here.finite else {}),
+        **(_finite_part(d, body, views) if d.here.finite else {}),
     )
 
 
@@ -131,7 +131,7 @@ def _findings(d: Diagnosis | SequenceDiagnosis, title: str, question: str) -> di
     }
 
 
-def _numbers(d: Diagnosis, body: Body | None, views: Sequence[View]) -> dict[str, Any]:
+def _finite_part(d: Diagnosis, body: Body | None, views: Sequence[View]) -> dict[str, Any]:
     """What the page says of a Jacobian whose numbers are finite."""
     return {
         "scales": str(d.scales),

@@ -28,7 +28,7 @@ from workbench.plots import (
     smallest,
 )
 from workbench.plots.palette import solver_styles
-from workbench.plots.style import drawn as figure_of
+from workbench.plots.style import figure_of
 from workbench.reading.facts import json_in
 from workbench.solvers import SOLVERS
 

@@ -20,7 +20,7 @@ from workbench.plots.scans import (
     plot_joint_cost,
     registered_scan_sheet,
 )
-from workbench.plots.style import drawn as figure_of
+from workbench.plots.style import figure_of
 from workbench.registration import OtherEnd, RegisteredScan, Registration, StageOutcome
 from workbench.registration.coregistration import Coregistration, TriangleCoregistration
 from workbench.registration.coregistration.folder import (

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from workbench.course.notebooks import as_notebook, code_cell, prose_cell
 from workbench.course.packs.keys import ClassKey, ExerciseKey, make_keys, write_keys
-from workbench.course.packs.variants import Variant, chosen
+from workbench.course.packs.variants import Variant, chosen_exercises
 from workbench.diagnostics.words import counted
 from workbench.errors import BadArgument, BadFile
 from workbench.reading.facts import bounded
@@ -37,7 +37,7 @@ def write_pack(
     """
     if not group.strip():
         raise BadArgument("--for takes the name of the class, which has to have letters")
-    exercises = chosen(what)
+    exercises = chosen_exercises(what)
     for place in (folder, keys):
         if place.exists() and (not place.is_dir() or any(place.iterdir())):
             raise BadFile(f"{place} exists already, and is not written over; name a new folder")

@@ -95,12 +95,12 @@ def collect(folder: Path, key: ClassKey) -> Submissions:
             sheets_of[student].append(sheet)
     kept: dict[str, list[Sheet]] = {}
     for student, sheets in sheets_of.items():
-        kept[student], left = _of_the_pack(student, sheets, exercises)
+        kept[student], left = _pack_files(student, sheets, exercises)
         unused += left
     return Submissions(kept, tuple(unused))
 
 
-def _of_the_pack(
+def _pack_files(
     student: str, read: list[Sheet], exercises: Mapping[str, list[str]]
 ) -> tuple[list[Sheet], list[Unused]]:
     """A student's files of the pack, each with the others of Python beside it as helpers.

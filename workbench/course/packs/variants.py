@@ -114,15 +114,15 @@ class PackExercise:
     published: Lecture | None  # where a solution of the exercise in the lecture stands, or None
 
 
-def chosen(what: Sequence[str]) -> list[PackExercise]:
+def chosen_exercises(what: Sequence[str]) -> list[PackExercise]:
     """The exercises that are named, in the order of their names; none is there twice.
 
     Raises BadArgument, BadFile, UnknownName.
     """
     exercises: dict[str, PackExercise] = {}
     for name in what:
-        more = of_file(Path(name)) if name.endswith(".py") else _of_lecture(name)
-        exercises |= {exercise.number: exercise for exercise in more}
+        read = _exercises_in_file if name.endswith(".py") else _exercises_of_lecture
+        exercises |= {exercise.number: exercise for exercise in read(name)}
     if not exercises:
         raise BadArgument("a pack needs exercises: numbers of lectures (4), or of exercises (4.2)")
     sheets: dict[str, str] = {}
@@ -176,8 +176,9 @@ def _in_module(
     ]
 
 
-def of_file(path: Path) -> list[PackExercise]:
+def _exercises_in_file(name: str) -> list[PackExercise]:
     """All variants of a lecturer's own file. Raises BadFile."""
+    path = Path(name)
     if not path.is_file():
         raise BadFile(f"there is no file {path}; name a file with variants, or a lecture's number")
     spec = importlib.util.spec_from_file_location(f"variants_of_{path.stem}", path)
@@ -197,7 +198,7 @@ def of_file(path: Path) -> list[PackExercise]:
     return exercises
 
 
-def _of_lecture(name: str) -> list[PackExercise]:
+def _exercises_of_lecture(name: str) -> list[PackExercise]:
     if not re.fullmatch(r"\d{1,3}(\.\d{1,2})?", name):
         raise BadArgument(
             f"{name!r} is neither a lecture (4), nor an exercise (4.2), nor a file (mine.py)"

@@ -274,7 +274,7 @@ def row_of_body(body: Body, problem: Problem, known: Values) -> BodyNumbers | No
 JOINTS = "joints"  # what `View.landmarks` is called where joints were observed
 
 
-def spread(count: int, most: int) -> Index:
+def spread_evenly(count: int, most: int) -> Index:
     """At most `most` of the numbers from 0 to `count` - 1, evenly spread."""
     return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(np.int64))
 

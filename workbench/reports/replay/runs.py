@@ -61,7 +61,7 @@ def recorded_run(outcome: Outcome) -> Recording | None:
         alone = None if outcome.data_alone is None else known.problem
         return {
             "runs": tracks(outcome.compared, setup.problem, row, setup.start, alone),
-            "directions": moves(known, row, shown.surface),
+            "directions": moving_directions(known, row, shown.surface),
             "draws": (OF_LAPLACE, GAUSSIAN, gaussian_draws(outcome.diagnosis, row)),
             "series": [*_stages(solution, row), *_ends(solution, row)],
         }
@@ -105,7 +105,7 @@ def recorded_diagnosis(
     """
 
     def parts(shown: ShownBody, row: BodyNumbers) -> dict[str, Any] | None:
-        directions = moves(d, row, shown.surface)
+        directions = moving_directions(d, row, shown.surface)
         return {"directions": directions} if directions else None
 
     return _recording(body, d.problem, d.values, OF_MOVES, views, parts)
@@ -199,10 +199,10 @@ MOST_ITERATES = 64  # of a solver that are kept
 MOST_UNKNOWNS = 500  # unknowns, up to which the condition number is computed at every kept iterate
 
 
-def kept(count: int, most: int = MOST_ITERATES) -> Index:
+def kept_iterates(count: int, most: int = MOST_ITERATES) -> Index:
     """Which of `count` iterates are kept: the first and the last, and more at the beginning.
 
-    >>> kept(3).tolist(), kept(1000, 5).tolist()
+    >>> kept_iterates(3).tolist(), kept_iterates(1000, 5).tolist()
     ([0, 1, 2], [0, 5, 31, 177, 999])
     """
     if count <= most:
@@ -233,7 +233,7 @@ def _track(
     start: Mapping[str, Any],
     data: Problem | None,
 ) -> dict[str, Any]:
-    kept_rows = kept(len(solution.trace))
+    kept_rows = kept_iterates(len(solution.trace))
     iterates = [solution.trace[i] for i in kept_rows]
     ranks = [] if data is None else _ranks(data, iterates, start)
     return {
@@ -305,17 +305,19 @@ def reach_along(direction: Direction, tolerance: float) -> float:
     return min(2 / direction.change, LONGEST_REACH)
 
 
-def moves(diagnosis: Diagnosis, row: BodyNumbers, surface: Surface) -> list[dict[str, Any]]:
+def moving_directions(
+    diagnosis: Diagnosis, row: BodyNumbers, surface: Surface
+) -> list[dict[str, Any]]:
     """Null and weak directions of a diagnosis that move the body, the unseen ones first.
 
     `surface` takes the body's numbers to its vertices (N, 3) m.
     """
     unseen = ((direction, "not seen by the data") for direction in diagnosis.null_directions)
     weak = ((direction, "hardly seen by the data") for direction in diagnosis.weak_directions)
-    return list(_moves(diagnosis, row, surface, (*unseen, *weak)))
+    return list(_moving_directions(diagnosis, row, surface, (*unseen, *weak)))
 
 
-def _moves(
+def _moving_directions(
     d: Diagnosis, row: BodyNumbers, surface: Surface, directions: Iterable[tuple[Direction, str]]
 ) -> Iterable[dict[str, Any]]:
     x, fixed = d.problem.split(d.values)

@@ -20,7 +20,7 @@ from workbench.reports.replay.recording import (
     packed,
     recording,
     shown_body,
-    spread,
+    spread_evenly,
     view_data,
 )
 
@@ -42,7 +42,7 @@ def recorded_frames(setup: Setup, values: Values) -> Recording | None:
     shown = None if rows is None else shown_body(body)
     if rows is None or shown is None:
         return None
-    some = spread(len(rows), MOST_FRAMES)
+    some = spread_evenly(len(rows), MOST_FRAMES)
     views = () if setup.moving is None else setup.moving.views
     landmarks = landmarks_of_views(shown.body, views)
     lenses = [v.camera.focal.name for v in views]  # a camera is the same in all frames
@@ -73,7 +73,7 @@ def recorded_motion(motion: Motion, body: Body, betas: Array | None = None) -> R
     T = len(here)
     each = np.broadcast_to(here.betas_on(body) if betas is None else betas, (T, body.n_betas))
     rows = np.hstack([here.pose.reshape(T, -1), each, here.trans])
-    some = spread(T, MOST_FRAMES)
+    some = spread_evenly(T, MOST_FRAMES)
     return recording(shown, rows[0], _caption(len(some), T), series=[_series(rows, some, here.fps)])
 
 
@@ -146,7 +146,7 @@ def recorded_registration(registration: Registration) -> Recording | None:
         return None
     rng = np.random.default_rng(0)
     scan = registration.scan.some(rng.permutation(registration.scan.n_points) < MOST_POINTS)
-    joined = spread(scan.n_points, MOST_LINKS)
+    joined = spread_evenly(scan.n_points, MOST_LINKS)
     tree = SurfaceTree(registration.vertices, registration.faces)
     distances, ends, said = [], [], []
     for name, vertices in registration.surfaces.items():
@@ -155,7 +155,7 @@ def recorded_registration(registration: Registration) -> Recording | None:
         unsigned = np.where(touching, np.abs(closest.distances), np.inf)
         distances.append(unsigned)
         ends.append(np.where(touching[joined, None], closest.points[joined], np.nan))
-        said.append(_said(name, unsigned, registration.reach))
+        said.append(_distance_sentence(name, unsigned, registration.reach))
     surfaces = np.array(list(registration.surfaces.values()))
     series = Series(
         "stages",
@@ -185,7 +185,7 @@ def _scale(distances: Array, reach: float) -> float:
     return float(np.ceil(MM * np.percentile(near, 98)) / MM) if len(near) else reach
 
 
-def _said(name: str, distances: Array, reach: float) -> str:
+def _distance_sentence(name: str, distances: Array, reach: float) -> str:
     """A sentence on one surface."""
     near = distances < reach
     begun = f"{name[0].upper()}{name[1:]}: "
