@@ -141,10 +141,10 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
         )
         if pairs
         else None,
-        each=[_of(comparison, problem) for problem in comparison.problems],
+        each=[_problem_section(comparison, problem) for problem in comparison.problems],
         table=problems_table(comparison),
         failed=any(
-            comparison.outcomes[i.name, s] not in GOOD
+            comparison.outcomes[i.name, s] not in AT_LOWEST
             for i in comparison.comparable
             for s in comparison.solvers
         ),
@@ -167,7 +167,7 @@ def _profiles(
     return of_solvers(shown(figures.curves_sheet(comparison, plots), caption(comparison)))
 
 
-def _of(comparison: Comparison, problem: str) -> dict[str, Any]:
+def _problem_section(comparison: Comparison, problem: str) -> dict[str, Any]:
     """What the page says of one problem."""
     instances = comparison.instances_of(problem)
     analyses = end_analyses(comparison, problem)
@@ -214,7 +214,7 @@ def success_table(comparison: Comparison) -> Table:
 
 def effort_table(comparison: Comparison, tau: float = MAIN) -> Table:
     """The evaluations until a target was met: medians, in which failures count as infinite."""
-    kinds = _asked(comparison)
+    kinds = _evaluated_kinds(comparison)
     runs = comparison.comparable
 
     def cells(solver: str) -> Iterator[str]:
@@ -287,7 +287,7 @@ def problems_table(comparison: Comparison) -> Table:
         "starts": lambda p: str(len(comparison.instances_of(p))),
         "m": lambda p: f"{about[p].rows:,}",
         "n": lambda p: str(about[p].unknowns),
-        **{PRICES[k].name: partial(price, kind=k) for k in _asked(comparison)[1:]},
+        **{PRICES[k].name: partial(price, kind=k) for k in _evaluated_kinds(comparison)[1:]},
         "residual, µs": lambda p: number(1e6 * evaluation_seconds(comparison, p)["residual"], 3),
         "lowest cost known, f*": best,
     }
@@ -295,19 +295,19 @@ def problems_table(comparison: Comparison) -> Table:
 
 
 def _verdicts(comparison: Comparison, chosen: tuple[Instance, ...], solver: str) -> str:
-    found = [comparison.outcomes[i.name, solver] for i in chosen]
-    names = dict.fromkeys(found)
+    outcomes = [comparison.outcomes[i.name, solver] for i in chosen]
+    names = dict.fromkeys(outcomes)
     if len(chosen) == 1:
-        return outcome_words(found[0])
-    return ", ".join(f"{found.count(v)} {outcome_words(v)}" for v in names)
+        return outcome_words(outcomes[0])
+    return ", ".join(f"{outcomes.count(v)} {outcome_words(v)}" for v in names)
 
 
-def _asked(comparison: Comparison) -> tuple[str, ...]:
+def _evaluated_kinds(comparison: Comparison) -> tuple[str, ...]:
     """The kinds of evaluations to tell of: the problem's, and those of constraints if there are."""
-    seen = [record.observed for record in comparison.records.values()]
-    asked = [any(s.counts[k] for s in seen) for k in range(len(KINDS))]
+    observed = [record.observed for record in comparison.records.values()]
+    evaluated = [any(s.counts[k] for s in observed) for k in range(len(KINDS))]
     return tuple(
-        kind for kind, there in zip(KINDS, asked, strict=True) if there or kind in KINDS[:LIMITED]
+        kind for kind, used in zip(KINDS, evaluated, strict=True) if used or kind in KINDS[:LIMITED]
     )
 
 
@@ -330,14 +330,14 @@ def _amount(value: float) -> str:
     return f"{value:,.0f}" if 1000 <= value < 1e6 else number(value, 3)
 
 
-GOOD = TargetOutcome.REACHED, TargetOutcome.ALONE
+AT_LOWEST = TargetOutcome.REACHED, TargetOutcome.ALONE
 
 
 def end_analyses(comparison: Comparison, problem: str) -> list[tuple[tuple[str, ...], EndAnalysis]]:
     """The analyses of a problem's ends, one for each data set, with the names of its instances."""
     names = {i.name for i in comparison.instances_of(problem)}
-    found = zip(comparison.groups, comparison.end_analyses, strict=True)
-    return [(group, analysis) for group, analysis in found if group[0] in names]
+    analyses = zip(comparison.groups, comparison.end_analyses, strict=True)
+    return [(group, analysis) for group, analysis in analyses if group[0] in names]
 
 
 def outcome_words(outcome: TargetOutcome) -> str:
