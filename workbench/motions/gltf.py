@@ -205,8 +205,8 @@ class Skin:
         nodes: the number of each joint's node.
         parents: (K,) with parents[0] == -1.
         names: (K,) different names.
-        to_rest: (K, 4, 4) from the world in which the skin was bound to the joint's node.
-        rest: (K, 3) where the joints were in that world.
+        to_rest: (K, 4, 4) from the space in which the skin was bound to the joint's node.
+        rest: (K, 3) where the joints were in that space.
     """
 
     nodes: tuple[int, ...]
@@ -249,7 +249,11 @@ class Skin:
 
 
 def skin_of(document: GlbDocument, nodes: Nodes) -> tuple[Skin, tuple[str, ...]]:
-    """The skin with most joints, and sentences on what is left out. Raises ValueError."""
+    """The skin with most joints, and sentences on what is left out. Raises ValueError.
+
+    The transform of the node that wears it is ignored, as section 3.7.3.3 demands: bind matrices
+    lead from the space in which vertices are written to the joints.
+    """
     skins = several(document.json, "skins")
     sizes = [len(children(skin, "joints")) for skin in skins]
     if not any(sizes):
@@ -258,22 +262,19 @@ def skin_of(document: GlbDocument, nodes: Nodes) -> tuple[Skin, tuple[str, ...]]
     notes = (
         [f"of {len(skins)} skins, that with {max(sizes)} joints is read"] if len(skins) > 1 else []
     )
-    listed, inverse = skin_joints(document, number)
-    for one in listed:
-        document.entry("nodes", one)
-    worn = next((i for i, node in enumerate(nodes.json) if node.get("skin") == number), None)
-    bound = np.eye(4) if worn is None else nodes.world({worn}, {}, np.zeros(1))[0, 0]
-    if inverse is None:  # bound where the nodes are
-        world = nodes.world({*listed}, {}, np.zeros(1))[0]
-        inverse = np.linalg.inv(world[np.argsort(np.argsort(listed))]) @ bound
+    joints, to_rest = skin_joints(document, number)
+    for joint in joints:
+        document.entry("nodes", joint)
     try:
-        rest = (bound @ np.linalg.inv(inverse))[:, :3, 3]
-        to_rest = inverse @ np.linalg.inv(bound)
+        if to_rest is None:  # bound where the nodes are
+            world = nodes.world({*joints}, {}, np.zeros(1))[0]
+            to_rest = np.linalg.inv(world[np.argsort(np.argsort(joints))])
+        rest = np.linalg.inv(to_rest)[:, :3, 3]
     except np.linalg.LinAlgError as error:
         raise ValueError("a bind matrix of its skin has no inverse") from error
     if not np.isfinite(to_rest).all() or not np.isfinite(rest).all():
         raise ValueError("a bind matrix of its skin is not finite")
-    skin, more = _tree(nodes, listed, to_rest, rest)
+    skin, more = _tree(nodes, joints, to_rest, rest)
     return skin, (*notes, *more)
 
 
