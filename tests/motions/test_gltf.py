@@ -49,7 +49,8 @@ def test_transform_of_skinned_mesh_is_ignored(tmp_path: Path, own: dict[str, Any
     document["nodes"][5] |= own
     (tmp_path / "moved.gltf").write_text(json.dumps(document))
     plain, moved = (read_glb(tmp_path / f"{name}.gltf") for name in ("plain", "moved"))
-    assert plain.bones is not None and moved.bones is not None
+    assert plain.bones is not None
+    assert moved.bones is not None
     np.testing.assert_array_equal(moved.bones.rest, plain.bones.rest)
     np.testing.assert_array_equal(moved.pose, plain.pose)
     np.testing.assert_array_equal(moved.trans, plain.trans)

@@ -8,11 +8,13 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.comparison.metered import feasible, look
 from workbench.comparison.record import Stored
-from workbench.errors import BadFile
+from workbench.errors import BadFile, WorkbenchError
 from workbench.fitting.setup import Setup
 from workbench.problem import Problem
 from workbench.reading.facts import Facts, number, truth, whole
 from workbench.solvers import Ipopt, LevenbergMarquardt, Solver
+from workbench.solvers.judgement import SHOWS_NOTHING
+from workbench.solvers.limits import GUARDED
 from workbench.solvers.no_minimum import EndPoint, saddle
 from workbench.solvers.starts import one_minimum
 
@@ -43,12 +45,13 @@ def polished(problem: Problem, x: Array, fixed: Array) -> Array:
         solver = Ipopt(**options)  # type: ignore[arg-type]
     values = problem.values(x, fixed)
     try:
-        found = problem.free.pack(solver.solve(problem, values).values)
-    except Exception:  # an end at which nothing can be evaluated leads nowhere
+        solution = solver.solve(problem, values)
+    except WorkbenchError:  # an end that is no start, such as one that is not finite
         return x
-    before, after = look(problem, x, fixed)[0], look(problem, found, fixed)[0]
+    end = problem.free.pack(solution.values)
+    before, after = look(problem, x, fixed)[0], look(problem, end, fixed)[0]
     lower = after <= before or not np.isfinite(before)
-    return found if lower and feasible(problem, found, fixed) else x
+    return end if lower and feasible(problem, end, fixed) else x
 
 
 def basins(
@@ -99,11 +102,12 @@ def is_saddle(problem: Problem, fixed: Array, x: Array) -> bool:
     False where that is not known: with constraints, or where nothing can be evaluated.
     """
     try:
-        here = problem.linearize_at(x, fixed)
-        rounding = problem.rounding(x, fixed, here.residual)
+        with GUARDED:
+            here = problem.linearize_at(x, fixed)
+            rounding = problem.rounding(x, fixed, here.residual)
         end = EndPoint(problem, fixed, x, here, rounding, x, STATIONARY, lambda: None)
-        return saddle(end, GRADIENTS) is not None
-    except Exception:  # of the user's residual
+        return here.finite and saddle(end, GRADIENTS) is not None
+    except SHOWS_NOTHING:
         return False
 
 

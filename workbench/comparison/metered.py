@@ -16,7 +16,8 @@ from workbench.problem.costs import CostGradients, CostMethod, Costs, Places, in
 from workbench.problem.optimality import half_squared
 from workbench.problem.storage import Stored
 from workbench.residuals import Residual
-from workbench.solvers.limits import Meter
+from workbench.solvers.judgement import SHOWS_NOTHING
+from workbench.solvers.limits import GUARDED, Meter
 from workbench.solvers.solution import limited
 from workbench.threads import limited_threads
 
@@ -40,11 +41,14 @@ def look(problem: Problem, x: Array, fixed: Array) -> tuple[float, float]:
     """Cost and optimality of a point by the problem itself; NaN where it cannot be evaluated."""
     try:
         with limited_threads():
-            here = problem.linearize_at(x, fixed)
+            with GUARDED:
+                here = problem.linearize_at(x, fixed)
             if not here.finite:
                 return (here.cost if np.isfinite(here.cost) else np.nan), np.nan
-            return here.cost, problem.optimality(x, here, problem.rounding(x, fixed, here.residual))
-    except Exception:
+            with GUARDED:
+                rounding = problem.rounding(x, fixed, here.residual)
+            return here.cost, problem.optimality(x, here, rounding)
+    except SHOWS_NOTHING:
         return np.nan, np.nan
 
 

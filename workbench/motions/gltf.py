@@ -269,7 +269,7 @@ def skin_of(document: GlbDocument, nodes: Nodes) -> tuple[Skin, tuple[str, ...]]
         if to_rest is None:  # bound where the nodes are
             world = nodes.world({*joints}, {}, np.zeros(1))[0]
             to_rest = np.linalg.inv(world[np.argsort(np.argsort(joints))])
-        rest = np.linalg.inv(to_rest)[:, :3, 3]
+        rest = np.asarray(np.linalg.inv(to_rest)[:, :3, 3], dtype=float)
     except np.linalg.LinAlgError as error:
         raise ValueError("a bind matrix of its skin has no inverse") from error
     if not np.isfinite(to_rest).all() or not np.isfinite(rest).all():
