@@ -23,21 +23,26 @@ from workbench.geometry.rotation import vector_from_matrix
 from workbench.motions.contents import Contents, Tree
 
 FACTS = ("gender", "rate", "ids")  # parts that are said of all that a dictionary holds
-MAIN = ("pose", "body")  # without one of which there is no pose
+POSES = ("pose", "body")  # without one of which there is no pose
 JOINTS: dict[str, tuple[int, ...]] = {  # how many joints an array of a part may hold
     **{"pose": (24, 22, 52, 55, 23, 21), "root": (1,), "body": (21, 23), "head": (3,)},
     **{"left_hand": (15,), "right_hand": (15,), "hands": (30,)},
     **{"jaw": (1,), "eyes": (2,), "left_eye": (1,), "right_eye": (1,)},
 }
 NUMBERS = ("trans", "betas", "expression", "dmpls", "scale", "frames")  # the other parts
-SIXES = ("_6d", "_r6d", "_rot6d", "6d")  # how keys end whose rotations are six numbers (PyTorch3D)
+SIX_ENDS = (
+    "_6d",
+    "_r6d",
+    "_rot6d",
+    "6d",
+)  # how keys end whose rotations are six numbers (PyTorch3D)
 MOTION_X = {  # how many columns of an array (T, 322) without a name belong to what
     **{"root_orient": 3, "pose_body": 63, "pose_hand": 90, "pose_jaw": 3, "face_expr": 50},
     **{"face_shape": 100, "trans": 3, "betas": 10},
 }
 FEATURES = (263, 251)  # columns of HumanML3D's and KIT-ML's features
 EASYMOCAP = {78: 66, 87: 66}  # columns of its poses, and how many are rotation vectors
-LOOSE = 0.05  # of R R' - I, in files that hold matrices in single or half precision
+MATRIX_TOLERANCE = 0.05  # of R R' - I, in files that hold matrices in single or half precision
 MOST_NUMBERS = 30_000_000
 MOST_PEOPLE = 30  # in one frame
 DEEPEST = 6  # dictionaries in dictionaries
@@ -62,7 +67,7 @@ def table() -> tuple[PersonLine, ...]:
 @cache
 def lines_of(part: str) -> tuple[PersonLine, ...]:
     """The lines of one part; each key of rotations also as that of six numbers."""
-    ends = ("", *SIXES) if part in JOINTS else ("",)
+    ends = ("", *SIX_ENDS) if part in JOINTS else ("",)
     return tuple(
         line._replace(key=line.key + end, form="6d rows" if end else line.form)
         for line in table()
@@ -185,7 +190,7 @@ class People:
                 continue
             if not array.size:
                 self.met[line.key] = True
-                self.misfits += [f"{line.key} of shape {array.shape}"] if part in MAIN else []
+                self.misfits += [f"{line.key} of shape {array.shape}"] if part in POSES else []
                 continue
             if array.size > MOST_NUMBERS:
                 raise BadFile(f"{line.key} has {array.size:,} numbers; split the motion")
@@ -197,7 +202,7 @@ class People:
     ) -> dict[str, Track]:
         """The people whose poses stand in a dictionary itself, by the first array of each part."""
         own, notes = {**outer, **value}, []
-        main = next((one for part in MAIN for one in self._mains(value, part)), None)
+        main = next((one for part in POSES for one in self._mains(value, part)), None)
         if main is None:
             return {}
         line, lead, turned = main
@@ -325,7 +330,7 @@ def _vectors(line: PersonLine, rows: Array, each: int) -> Array:
             R = np.stack([first, second, np.cross(first, second)], axis=2)
             R = R if "columns" in line.form else R.swapaxes(1, 2)
         off = np.abs(R @ R.swapaxes(1, 2) - np.eye(3)).max(initial=0.0)
-        proper = off < LOOSE and (np.linalg.det(R) > 0).all()
+        proper = off < MATRIX_TOLERANCE and (np.linalg.det(R) > 0).all()
     if not proper:
         raise BadFile(f"{line.key} holds matrices that are no rotations")
     turned = np.full((N, J, 3), np.nan)
