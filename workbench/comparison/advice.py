@@ -21,7 +21,7 @@ def percent(interval: Interval) -> str:
     """`90% (60–98)`, and `90%` where there is no interval."""
     if math.isnan(interval.value):
         return "–"
-    if not interval.given:
+    if not interval.bounded:
         return f"{interval.value:.0%}"
     return f"{interval.value:.0%} ({100 * interval.low:.0f}–{100 * interval.high:.0f})"
 
@@ -64,12 +64,12 @@ def _failures(comparison: Comparison, solver: str) -> str:
 
 
 def _nothing_to_compare(comparison: Comparison) -> list[str]:
-    left = len(comparison.instances) - len(comparison.comparable)
-    if not left:
+    left_out = len(comparison.instances) - len(comparison.comparable)
+    if not left_out:
         return []
     why = "only one run ended and no known cost shows whether its cost is low"
     if comparison.comparable:
-        return [f"{left} of {len(comparison.instances)} starts are left out: {why}."]
+        return [f"{left_out} of {len(comparison.instances)} starts are left out: {why}."]
     return [
         f"There is nothing to compare: of each problem {why}. Compare several solvers or several "
         "starts, or give the experiment its known cost."
@@ -105,15 +105,15 @@ def _cheapest(comparison: Comparison, sound: tuple[str, ...]) -> list[str]:
     pairs = by_effort(comparison)
     test = f"sign test over {counted(len(comparison.compared), 'problem')}: p"
     level = f"corrected for all pairs; level {LEVEL:.0%}"
-    for one in ranked:
-        others = tuple(s for s in ranked if s != one)
-        if all(pairs[one, s].won for s in others):
-            worst = max(pairs[one, s].corrected for s in others)
+    for solver in ranked:
+        others = tuple(s for s in ranked if s != solver)
+        if all(pairs[solver, s].won for s in others):
+            worst = max(pairs[solver, s].corrected for s in others)
             return [
-                f"Of these, take {one}: it needed less effort than {joined(others)} on more "
+                f"Of these, take {solver}: it needed less effort than {joined(others)} on more "
                 f"problems than chance would explain ({test} = {worst:.2g}"
                 f"{' or less' if len(others) > 1 else ''}, {level}). "
-                f"Its median effort is {_worth(ranked[one])}."
+                f"Its median effort is {_worth(ranked[solver])}."
             ]
     least = min(ranked.values())
     first = tuple(s for s, effort in ranked.items() if effort == least)
@@ -173,18 +173,18 @@ def prices_sentence() -> str:
 
 def basin_sentence(comparison: Comparison, problem: str) -> str:
     """How many basins the ends of a problem fall into, and how many runs ended in the lowest."""
-    found = {i.name: comparison.end_analysis(i.name) for i in comparison.instances_of(problem)}
-    basins = [b for (i, _), b in comparison.basins.items() if i in found]
-    several = max((len(analysis.costs) for analysis in found.values()), default=0)
+    analyses = {i.name: comparison.end_analysis(i.name) for i in comparison.instances_of(problem)}
+    basins = [b for (i, _), b in comparison.basins.items() if i in analyses]
+    several = max((len(analysis.costs) for analysis in analyses.values()), default=0)
     if not basins:
         return f"{problem}: no run ended at a point of finite cost."
     if len(basins) == 1:
         return f"{problem}: only one run ended, so that no other basin is known."
-    own = len({id(analysis) for analysis in found.values()}) > 1  # data for each start
+    per_start = len({id(analysis) for analysis in analyses.values()}) > 1  # data for each start
     if several == 1:
-        each = "on each data set " if own else ""
+        each = "on each data set " if per_start else ""
         return f"{problem}: {each}all {len(basins)} ends lead to one basin."
     return (
-        f"{problem}: the ends lead to {'up to ' if own else ''}{several} basins; "
+        f"{problem}: the ends lead to {'up to ' if per_start else ''}{several} basins; "
         f"{basins.count(0)} of {len(basins)} ends lead to the lowest."
     )

@@ -21,8 +21,8 @@ from workbench.solvers.starts import one_minimum
 POLISH_SECONDS = 20.0  # at most, per end
 POLISH_TO = 1e-13  # of Problem.optimality
 STATIONARY = 1e-9  # of Problem.optimality: an end as good as this is not followed
-LOOKED_AT = 9  # basins, the lowest, that may be saddles
-GRADIENTS = 200  # at most, that are taken to find a direction along which the cost falls
+BASINS_JUDGED = 9  # basins, the lowest, that may be saddles
+MOST_GRADIENTS = 200  # at most, that are taken to find a direction along which the cost falls
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,36 +62,38 @@ def basins(
     An end is not followed further if its residual already equals that of a known minimum, or if it
     is stationary.
     """
-    found: list[list[Basin]] = []
-    where = []
+    members_of: list[list[Basin]] = []
+    numbers = []
     for end in ends:
-        basin = _at(problem, end, fixed)
-        k = _same_basin(problem, found, basin, fixed)
+        basin = _basin_at(problem, end, fixed)
+        k = _same_basin(problem, members_of, basin, fixed)
         if k is None:
             if not basin.optimality <= STATIONARY:
-                basin = _at(problem, polished(problem, end, fixed), fixed)
-                k = _same_basin(problem, found, basin, fixed)
+                basin = _basin_at(problem, polished(problem, end, fixed), fixed)
+                k = _same_basin(problem, members_of, basin, fixed)
             if k is None:
-                k = len(found)
-                found.append([])
-            found[k].append(basin)
-        where.append(k)
-    lowest = [min(members, key=lambda basin: basin.cost) for members in found]
+                k = len(members_of)
+                members_of.append([])
+            members_of[k].append(basin)
+        numbers.append(k)
+    lowest = [min(members, key=lambda basin: basin.cost) for members in members_of]
     order = sorted(range(len(lowest)), key=lambda k: lowest[k].cost)
     rank = {k: i for i, k in enumerate(order)}
-    return tuple(lowest[k] for k in order), tuple(rank[k] for k in where)
+    return tuple(lowest[k] for k in order), tuple(rank[k] for k in numbers)
 
 
-def _same_basin(problem: Problem, found: list[list[Basin]], at: Basin, fixed: Array) -> int | None:
+def _same_basin(
+    problem: Problem, members_of: list[list[Basin]], basin: Basin, fixed: Array
+) -> int | None:
     """The first basin with a member that has the same residual."""
-    for k, members in enumerate(found):
+    for k, members in enumerate(members_of):
         for member in members:
-            if one_minimum(problem, fixed, member.x, member.residual, at.residual):
+            if one_minimum(problem, fixed, member.x, member.residual, basin.residual):
                 return k
     return None
 
 
-def _at(problem: Problem, x: Array, fixed: Array) -> Basin:
+def _basin_at(problem: Problem, x: Array, fixed: Array) -> Basin:
     cost, optimality = look(problem, x, fixed)
     return Basin(x, cost, optimality, problem.residual(x, fixed))
 
@@ -106,7 +108,7 @@ def is_saddle(problem: Problem, fixed: Array, x: Array) -> bool:
             here = problem.linearize_at(x, fixed)
             rounding = problem.rounding(x, fixed, here.residual)
         end = EndPoint(problem, fixed, x, here, rounding, x, STATIONARY, lambda: None)
-        return here.finite and saddle(end, GRADIENTS) is not None
+        return here.finite and saddle(end, MOST_GRADIENTS) is not None
     except SHOWS_NOTHING:
         return False
 
@@ -152,11 +154,11 @@ def analyse_ends(setup: Setup, ends: tuple[Array, ...]) -> EndAnalysis:
     problem = setup.problem
     problem.prepare()
     fixed = problem.split(setup.start)[1]
-    found, where = basins(problem, fixed, ends)
+    lowest_first, where = basins(problem, fixed, ends)
     return EndAnalysis(
         where,
-        tuple(basin.cost for basin in found),
-        tuple(basin.optimality for basin in found),
-        tuple(is_saddle(problem, fixed, basin.x) for basin in found[:LOOKED_AT]),
-        np.array([basin.x for basin in found]),
+        tuple(basin.cost for basin in lowest_first),
+        tuple(basin.optimality for basin in lowest_first),
+        tuple(is_saddle(problem, fixed, basin.x) for basin in lowest_first[:BASINS_JUDGED]),
+        np.array([basin.x for basin in lowest_first]),
     )

@@ -33,8 +33,8 @@ def feasible(problem: Problem, x: Array, fixed: Array) -> bool:
     tolerance = ROUNDING * np.maximum(1, abs(x))
     if not ((problem.lower <= x + tolerance) & (x - tolerance <= problem.upper)).all():
         return False
-    there = problem.stacked_constraints
-    return there is None or there.violation(there.values(x, fixed)) <= 1
+    constraints = problem.stacked_constraints
+    return constraints is None or constraints.violation(constraints.values(x, fixed)) <= 1
 
 
 def look(problem: Problem, x: Array, fixed: Array) -> tuple[float, float]:
@@ -265,19 +265,19 @@ class MeteredProblem(Problem):
         return ask
 
 
-def _counted(there: ConstraintSet | None, meter: RunMeter) -> ConstraintSet | None:
+def _counted(constraints: ConstraintSet | None, meter: RunMeter) -> ConstraintSet | None:
     """A copy of constraints whose evaluations are counted."""
-    if there is None:
+    if constraints is None:
         return None
 
     def counted(kind: str, compute: Callable[..., T]) -> Callable[..., T]:
         return lambda *arguments: meter.ask({kind: 1}, lambda: compute(*arguments))
 
-    copied = copy.copy(there)
+    copied = copy.copy(constraints)
     vars(copied).update(
-        values=counted("constraint", there.values),
-        linearize=counted("constraint_jacobian", there.linearize),
-        hessian=counted("constraint_hessian", there.hessian),
+        values=counted("constraint", constraints.values),
+        linearize=counted("constraint_jacobian", constraints.linearize),
+        hessian=counted("constraint_hessian", constraints.hessian),
     )
     return copied
 

@@ -171,9 +171,9 @@ class Pool:
 @cache
 def pool() -> Pool:
     """The pool of this process. Threads share it, and a Dask worker keeps it between tasks."""
-    made = Pool()
-    atexit.register(made.close)
-    return made
+    workers = Pool()
+    atexit.register(workers.close)
+    return workers
 
 
 def answered(job: SolverJob, comparison: str) -> Stored | JobFailed:

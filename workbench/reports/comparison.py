@@ -18,7 +18,7 @@ from workbench.comparison.statistics import FEWEST, Interval, median
 from workbench.comparison.store import MARK, RUNS
 from workbench.comparison.tables import (
     evaluation_seconds,
-    ratios,
+    relative_seconds,
     seconds_of_runs,
     seconds_to,
     write_csv,
@@ -74,14 +74,14 @@ def comparison_data(comparison: Comparison) -> dict[str, Any]:
         "kind": "comparison",
         "problems": comparison.problems,
         "solvers": {
-            e.name: identity(design.budget.given(e.solver)) | {"file": e.source}
+            e.name: identity(design.budget.applied_to(e.solver)) | {"file": e.source}
             for e in comparison.design.named_solvers
         },
         "budget": asdict(design.budget),
         "seeds": design.seeds,
         "targets": comparison.taus,
         "prices": comparison.prices,
-        "measured_prices": {p: ratios(comparison, p) for p in comparison.problems},
+        "measured_prices": {p: relative_seconds(comparison, p) for p in comparison.problems},
         "starts": {name: asdict(costs) for name, costs in comparison.references.items()},
         "basins": [
             {
@@ -275,7 +275,7 @@ def problems_table(comparison: Comparison) -> Table:
     }
 
     def price(problem: str, kind: str) -> str:
-        measured = ratios(comparison, problem)[kind]
+        measured = relative_seconds(comparison, problem)[kind]
         return f"{number(comparison.prices[problem][kind], 4)} ({number(measured, 2)})"
 
     def best(problem: str) -> str:
@@ -320,7 +320,7 @@ def _effort(comparison: Comparison, solver: str, tau: float, problem: str | None
     interval = comparison.effort(solver, tau, problem)
     if np.isnan(interval.value):
         return "not counted" if comparison.starts(problem) else "–"
-    if not interval.given or np.isinf(interval.low):
+    if not interval.bounded or np.isinf(interval.low):
         return _amount(interval.value)
     return f"{_amount(interval.value)} ({_amount(interval.low)}–{_amount(interval.high)})"
 
