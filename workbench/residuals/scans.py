@@ -265,22 +265,25 @@ class Shadow:
     def distances(self, vertices: Array) -> ContactNumbers:
         """How far vertices (N, 3) m are from the shadow, and its derivative; a `Search`."""
         v = vertices - self.camera
-        far = np.maximum(np.linalg.norm(v, axis=1), np.finfo(float).tiny)
+        lengths = np.maximum(np.linalg.norm(v, axis=1), np.finfo(float).tiny)
         k = range(1, min(BUNDLES_COMPARED, len(self.begins)) + 1)
-        bundles = np.asarray(self.tree.query(v / far[:, None], k=k)[1])
+        bundles = np.asarray(self.tree.query(v / lengths[:, None], k=k)[1])
         along = np.einsum("nki,ni->nk", self.directions[bundles], v)
-        off = np.sqrt(np.maximum(far[:, None] ** 2 - along**2, 0))
-        ahead = np.maximum(self.begins[bundles] - IN_FRONT - far[:, None], 0)
-        best = np.arange(len(v)), np.argmin(np.hypot(np.maximum(off - self.beside, 0), ahead), 1)
+        offsets = np.sqrt(np.maximum(lengths[:, None] ** 2 - along**2, 0))
+        ahead = np.maximum(self.begins[bundles] - IN_FRONT - lengths[:, None], 0)
+        best = (
+            np.arange(len(v)),
+            np.argmin(np.hypot(np.maximum(offsets - self.beside, 0), ahead), 1),
+        )
         across = v - along[best][:, None] * self.directions[bundles[best]]  # of the best ray alone
         away = np.linalg.norm(across, axis=1)
-        aside, before = np.maximum(away - self.beside, 0), ahead[best]
-        distance = np.where(off[:, 0] <= self.within, np.hypot(aside, before), 0.0)
+        beyond, in_front = np.maximum(away - self.beside, 0), ahead[best]
+        distance = np.where(offsets[:, 0] <= self.within, np.hypot(beyond, in_front), 0.0)
 
         def jacobian() -> csr_array:
             outside = np.flatnonzero(distance > 0)
-            gradient = (aside / np.maximum(away, self.beside))[outside, None] * across[outside]
-            gradient -= (before / far)[outside, None] * v[outside]
+            gradient = (beyond / np.maximum(away, self.beside))[outside, None] * across[outside]
+            gradient -= (in_front / lengths)[outside, None] * v[outside]
             gradient /= distance[outside, None]
             starts = np.zeros(len(v) + 1, dtype=np.int64)
             np.cumsum(3 * (distance > 0), out=starts[1:])

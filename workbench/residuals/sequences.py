@@ -53,7 +53,7 @@ class Frames:
             self._points[key] = self.blocks.points(points, chosen)
         return self._points[key]
 
-    def stacked(self, each: Mapping[int, Column]) -> tuple[cs.MX, tuple[Points, ...]]:
+    def stacked(self, by_frame: Mapping[int, Column]) -> tuple[cs.MX, tuple[Points, ...]]:
         """Columns of single frames, stacked, and the points of frames that they read.
 
         Frames that share one expression, not only equal ones, are evaluated by one map.
@@ -61,13 +61,13 @@ class Frames:
         columns: dict[int, cs.MX] = {}
         reads: list[Points] = []
         groups: dict[int, list[int]] = {}  # of frames with the same expression
-        for t in sorted(each):
-            groups.setdefault(id(each[t][0]), []).append(t)
+        for t in sorted(by_frame):
+            groups.setdefault(id(by_frame[t][0]), []).append(t)
         for frames in map(tuple, groups.values()):
-            expression, blocks, points = each[frames[0]]
+            expression, blocks, points = by_frame[frames[0]]
             pairs = [(p, self.points(p, frames)) for p in points]
             reads += [in_all for _, in_all in pairs]
-            symbols = [(own.symbol, in_all.symbol) for own, in_all in pairs]
+            symbols = [(one.symbol, in_all.symbol) for one, in_all in pairs]
             symbols_read = {s.name() for s in cs.symvar(expression)}
             own_blocks = [block for name, block in blocks.items() if name in symbols_read]
             values = self.blocks.in_frames(expression, own_blocks, frames, symbols)
@@ -76,13 +76,13 @@ class Frames:
             columns |= zip(frames, cs.horzsplit(values), strict=True)
         return cs.vertcat(*[columns[t] for t in sorted(columns)]), tuple(reads)
 
-    def residual(self, each: "_Parts") -> Residual:
+    def residual(self, by_frame: "_Parts") -> Residual:
         """One residual of the sequence, from residuals of single frames with one name.
 
         Raises BadResidual where they differ in more than their rows, points and numbers.
         """
-        order = sorted(each)
-        parts = [each[t][0] for t in order]
+        order = sorted(by_frame)
+        parts = [by_frame[t][0] for t in order]
         first = parts[0]
         for t, part in zip(order, parts, strict=True):
             for what in ("kernel", "unit", "rows_per_point"):
@@ -92,10 +92,10 @@ class Frames:
                         f"{order[0]}; call it by another name there"
                     )
         expression, points = self.stacked(
-            {t: (part.expression, blocks, part.points) for t, (part, blocks) in each.items()}
+            {t: (part.expression, blocks, part.points) for t, (part, blocks) in by_frame.items()}
         )
-        weights, of_weights = self._weights(each)
-        domain, of_domain = self._domain(each)
+        weights, of_weights = self._weights(by_frame)
+        domain, of_domain = self._domain(by_frame)
         distinct = {id(part): part for part in parts}.values()
         reads = dict.fromkeys(name for part in distinct for name in part.reads)
         return Residual(
@@ -105,28 +105,27 @@ class Frames:
             first.unit,
             first.kernel,
             tuple({p.symbol.__hash__(): p for p in (*points, *of_weights, *of_domain)}.values()),
-            None,
-            weights,
-            tuple(self[name] for name in reads),
-            first.rows_per_point,
-            tuple(zip(order, parts, strict=True)),
-            domain,
+            weights=weights,
+            blocks=tuple(self[name] for name in reads),
+            rows_per_point=first.rows_per_point,
+            by_frame=tuple(zip(order, parts, strict=True)),
+            domain=domain,
         )
 
-    def _domain(self, each: "_Parts") -> tuple[cs.MX | None, tuple[Points, ...]]:
+    def _domain(self, by_frame: "_Parts") -> tuple[cs.MX | None, tuple[Points, ...]]:
         """The domain of all frames: ones in frames that have none."""
 
-        def own(part: Residual) -> cs.MX:
+        def domain_of(part: Residual) -> cs.MX:
             points = part.size // part.rows_per_point
             return cs.MX.ones(points) if part.domain is None else part.domain
 
-        if all(part.domain is None for part, _ in each.values()):
+        if all(part.domain is None for part, _ in by_frame.values()):
             return None, ()
-        return self._stacked_once(each, own)
+        return self._stacked_once(by_frame, domain_of)
 
-    def _weights(self, each: "_Parts") -> tuple[cs.MX | Array | None, tuple[Points, ...]]:
+    def _weights(self, by_frame: "_Parts") -> tuple[cs.MX | Array | None, tuple[Points, ...]]:
         """The weights of all frames, for points unless a frame has one for each row."""
-        parts = [each[t][0] for t in sorted(each)]
+        parts = [by_frame[t][0] for t in sorted(by_frame)]
         if all(part.weights is None for part in parts):
             return None, ()
         by_row = any(
@@ -141,17 +140,17 @@ class Frames:
             numbers = [_numbers_for_rows(part.weights, part, count(part)) for part in parts]
             return np.concatenate(numbers), ()
         return self._stacked_once(
-            each, lambda part: _symbols_for_rows(part.weights, part, count(part))
+            by_frame, lambda part: _symbols_for_rows(part.weights, part, count(part))
         )
 
     def _stacked_once(
-        self, each: "_Parts", column_of: Callable[[Residual], cs.MX]
+        self, by_frame: "_Parts", column_of: Callable[[Residual], cs.MX]
     ) -> tuple[cs.MX, tuple[Points, ...]]:
         """Columns made of the residuals of frames, once for each, so that frames stay alike."""
-        distinct = {id(part): part for part, _ in each.values()}
+        distinct = {id(part): part for part, _ in by_frame.values()}
         columns = {key: column_of(part) for key, part in distinct.items()}
         return self.stacked(
-            {t: (columns[id(part)], blocks, part.points) for t, (part, blocks) in each.items()}
+            {t: (columns[id(part)], blocks, part.points) for t, (part, blocks) in by_frame.items()}
         )
 
 
@@ -219,22 +218,7 @@ def smooth(
         raise BadResidual(f"residual {own_name!r} needs a finite sigma above zero, not {sigmas}")
 
     def between(frames: Frames) -> Residual:
-        reads: tuple[Points, ...] = ()
-        blocks: tuple[Block, ...] = ()
-        if isinstance(what, Points):
-            whole = frames.points(what)
-            values, unit, reads = whole.symbol, "m", (whole,)
-            names = what.labels or tuple(map(str, range(what.count)))
-            labels = [f", {point}, {axis}" for point in names for axis in "xyz"]
-        else:
-            block = frames[what]
-            if not block.framed:
-                raise BadResidual(
-                    f"all frames share the block {what!r}, so nothing changes between them; "
-                    "smoothness is of a block that each frame has for itself, or of points"
-                )
-            values, unit, blocks = block.symbol, block.unit, (block,)
-            labels = _entries(block)
+        values, unit, labels, reads, blocks = _moving(frames, what)
         T = frames.count
         if order >= T:
             raise BadResidual(
@@ -262,6 +246,24 @@ def smooth(
         )
 
     return between
+
+
+def _moving(
+    frames: Frames, what: str | Points
+) -> tuple[cs.MX, str, list[str], tuple[Points, ...], tuple[Block, ...]]:
+    """Values of all frames, their unit, a label of each entry of a frame, and what is read."""
+    if isinstance(what, Points):
+        in_all = frames.points(what)
+        names = what.labels or tuple(map(str, range(what.count)))
+        labels = [f", {point}, {axis}" for point in names for axis in "xyz"]
+        return in_all.symbol, "m", labels, (in_all,), ()
+    block = frames[what]
+    if not block.framed:
+        raise BadResidual(
+            f"all frames share the block {what!r}, so nothing changes between them; "
+            "smoothness is of a block that each frame has for itself, or of points"
+        )
+    return block.symbol, block.unit, _entries(block), (), (block,)
 
 
 def _entries(block: Block) -> list[str]:
