@@ -3,12 +3,12 @@
 import math
 from collections.abc import Iterable
 
-from workbench.comparison.comparison import MAIN, Comparison, by_effort
-from workbench.comparison.record import KINDS, LIMITED
+from workbench.comparison.comparison import MAIN_TAU, Comparison, by_effort
+from workbench.comparison.record import KINDS, LIMITED_KINDS
 from workbench.comparison.statistics import FEWEST, LEVEL, Interval
 from workbench.comparison.targets import (
     PRICES,
-    SOURCE,
+    PRICES_SOURCE,
     TargetOutcome,
     ended_by_clock,
     tau_text,
@@ -29,9 +29,8 @@ def percent(interval: Interval) -> str:
 def reliable(comparison: Comparison, problems: Iterable[str]) -> tuple[str, ...]:
     """The solvers that returned an answer within the target from every start of these problems."""
     starts = [i.name for p in problems for i in comparison.starts(p)]
-    return tuple(
-        s for s in comparison.solvers if all(comparison.returned_within(i, s, MAIN) for i in starts)
-    )
+    met = comparison.returned_within
+    return tuple(s for s in comparison.solvers if all(met(i, s, MAIN_TAU) for i in starts))
 
 
 def advice(comparison: Comparison) -> tuple[str, ...]:
@@ -80,13 +79,13 @@ def _met(comparison: Comparison, everywhere: tuple[str, ...]) -> str:
     """Which solvers met the target from every start, and from how many the others did."""
     count, several = len(comparison.comparable), len(comparison.compared) > 1
     starts = f"all {count} starts" if count > 1 else "the one start"
-    what = f"returned a point within the target τ = {tau_text(MAIN)} from {starts}"
+    what = f"returned a point within the target τ = {tau_text(MAIN_TAU)} from {starts}"
     if not everywhere:
         problems = " for all of these problems" if several else ""
         return f"No solver {what}, so none is advised{problems}."
     text = f"{joined(everywhere)}{' each' if len(everywhere) > 1 else ''} {what}."
     others = {
-        s: sum(comparison.returned_within(i.name, s, MAIN) for i in comparison.comparable)
+        s: sum(comparison.returned_within(i.name, s, MAIN_TAU) for i in comparison.comparable)
         for s in comparison.solvers
         if s not in everywhere
     }
@@ -98,8 +97,8 @@ def _met(comparison: Comparison, everywhere: tuple[str, ...]) -> str:
 
 def _cheapest(comparison: Comparison, sound: tuple[str, ...]) -> list[str]:
     """Which solver that always met the target needed the least effort, and how sure that is."""
-    known = comparison.all_counted(MAIN)
-    ranked = {s: comparison.effort(s, MAIN).value for s in sound if s in known}
+    known = comparison.all_counted(MAIN_TAU)
+    ranked = {s: comparison.effort(s, MAIN_TAU).value for s in sound if s in known}
     if len(ranked) < 2:
         return []
     pairs = by_effort(comparison)
@@ -162,12 +161,12 @@ def _clock(comparison: Comparison) -> list[str]:
 
 def prices_sentence() -> str:
     """At which prices effort is counted."""
-    priced = ", ".join(f"{PRICES[k].name} {PRICES[k].formula}" for k in KINDS[: LIMITED + 1])
+    priced = ", ".join(f"{PRICES[k].name} {PRICES[k].formula}" for k in KINDS[: LIMITED_KINDS + 1])
     return (
         "Effort is the number of evaluations until the target is met, each kind times a fixed "
         f"price in units of one evaluation of the residual: {priced}, for n free numbers "
-        f"(a gradient as {SOURCE}, bound it, a Jacobian as differences would give it, constraints "
-        "by convention). It does not depend on any clock."
+        f"(a gradient as {PRICES_SOURCE}, bound it, a Jacobian as differences would give it, "
+        "constraints by convention). It does not depend on any clock."
     )
 
 

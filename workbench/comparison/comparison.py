@@ -14,7 +14,7 @@ from workbench.comparison.ends import EndAnalysis
 from workbench.comparison.record import KINDS, Description, Record, RunEnding, ended
 from workbench.comparison.statistics import PairedTest, holm_corrected, paired_test
 from workbench.comparison.targets import (
-    NEARLY,
+    AT_LOWEST,
     TAUS,
     ReferenceCosts,
     TargetOutcome,
@@ -30,7 +30,7 @@ NO_ANSWER = (  # however near the lowest cost these ends are
     TargetOutcome.ALONE,
 )
 Pairs = dict[tuple[str, str], PairedTest]  # by two names, both ways round
-MAIN = 1e-5  # the target by which solvers are told apart where one number has to do
+MAIN_TAU = 1e-5  # the target by which solvers are told apart where one number has to do
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,7 +178,7 @@ class Comparison:
         fine = self.outcomes[instance, solver] not in NO_ANSWER
         return record.ending is RunEnding.RETURNED and meets and fine
 
-    def uncounted(self, instance: str, solver: str, tau: float = MAIN) -> bool:
+    def uncounted(self, instance: str, solver: str, tau: float = MAIN_TAU) -> bool:
         """Whether it is not known what a run needed to meet a target: it evaluated the graph in its
         own code, or ended at a point that meets it without asking the problem about such a point.
         """
@@ -225,7 +225,7 @@ class Comparison:
         rows, lowest = record.observed.trace, record.lowest
         end = record.cost if record.at_end else np.inf
         whole = max(reference.start - reference.best, 0.0)
-        hidden = record.observed.taken or lowest - end > NEARLY * whole
+        hidden = record.observed.taken or lowest - end > AT_LOWEST * whole
         if np.isinf(min(lowest, end)):
             return np.zeros((0, 3))
         last = (*record.observed.counts, record.observed.seconds, end if hidden else lowest)
@@ -285,7 +285,7 @@ class Comparison:
         return self._share(outcomes.count(TargetOutcome.REACHED), self.comparable)
 
 
-def by_effort(comparison: Comparison, tau: float = MAIN) -> Pairs:
+def by_effort(comparison: Comparison, tau: float = MAIN_TAU) -> Pairs:
     """All pairs of solvers by effort until a target; the tests are corrected for their number."""
     problems, names = [i.problem for i in comparison.comparable], comparison.solvers
     amounts, pairs = comparison.needed(tau), list(combinations(range(len(names)), 2))

@@ -24,13 +24,13 @@ from workbench.threads import limited_threads
 T = TypeVar("T")
 Point = tuple[Array, Array]  # free and fixed numbers
 Complete = Callable[[Array, Array], Point]
-CLOSING = 3  # evaluations after the last one that counts
-ROUNDING = 1e-9  # of a number: rounding on a bound
+CLOSING_EVALUATIONS = 3  # evaluations after the last one that counts
+BOUND_ROUNDING = 1e-9  # of a number: rounding on a bound
 
 
 def feasible(problem: Problem, x: Array, fixed: Array) -> bool:
     """Inside the bounds, and no constraint missed by more than its tolerance."""
-    tolerance = ROUNDING * np.maximum(1, abs(x))
+    tolerance = BOUND_ROUNDING * np.maximum(1, abs(x))
     if not ((problem.lower <= x + tolerance) & (x - tolerance <= problem.upper)).all():
         return False
     constraints = problem.stacked_constraints
@@ -72,7 +72,7 @@ class RunMeter:
     ) -> None:
         self.problem, self._fixed, self._log = problem, fixed, log
         self._most, self._longest = max_evaluations, max_seconds
-        self._meter = Meter(KINDS, max_evaluations + CLOSING, max_seconds + closing)
+        self._meter = Meter(KINDS, max_evaluations + CLOSING_EVALUATIONS, max_seconds + closing)
         self.paused, self.taken = self._meter.paused, log.taken
         self._spent = np.zeros(len(KINDS))
         self._not_finite, self._best = 0, np.inf

@@ -56,13 +56,13 @@ KERNELS: Mapping[str, tuple[Kernel, float]] = {  # with the sigma that suits eac
     "huber": (huber(), 0.005),
     "geman-mcclure": (geman_mcclure, 0.05),
 }
-TURN = 1.5  # how much more the root is turned than other joints
+ROOT_TURN = 1.5  # how much more the root is turned than other joints
 STARTS_IN_WORDS = {
     "zero": "the template where it is",
     "placed": "the template moved onto them",
     "procrustes": "a pose in which each part is turned onto its vertices",
 }
-DRAWS = 100  # poses of which one is taken
+POSES_DRAWN = 100  # poses of which one is taken
 
 
 def known_correspondences(
@@ -323,7 +323,7 @@ def body_points(
     fitted, rng = MODELS[model](load_skinned(body)), np.random.default_rng(seed)
     truth = bent_person(fitted, rng, 0.4)
     pose, betas, trans = fitted.blocks()
-    truth[pose.name][0] *= TURN
+    truth[pose.name][0] *= ROOT_TURN
     surface = fitted.vertices(**truth)
     indices = np.arange(0, fitted.n_vertices, 7)
     observed = _with_noise(surface[indices], 0.005, rng)
@@ -402,14 +402,14 @@ def registration(
 def self_contact(body: str = "small", seed: int = 3, noise: float = 0.01) -> Setup:
     """Fit a body to its joints, which noise of so many m moved, in a pose that penetrates itself.
 
-    The pose is the one of `DRAWS` draws of the mixture of poses whose capsules overlap most nearly
+    Of `POSES_DRAWN` draws of the mixture of poses it is the one whose capsules overlap most nearly
     by 3 cm. What remains of the overlap has a standard deviation of 1 mm.
     """
     model = load_body(body)
     if not isinstance(model, SkinnedBody):
         raise BadArgument(f"the body {body!r} has no capsules; take small or default")
     rng = np.random.default_rng(seed)
-    poses = draw_poses(shipped_mixture(), DRAWS, rng)
+    poses = draw_poses(shipped_mixture(), POSES_DRAWN, rng)
     overlap = -capsule_gaps(model, poses).min(axis=1)
     chosen = poses[int(np.argmin(abs(overlap - 0.03)))]
     pose, betas, trans = model.blocks()

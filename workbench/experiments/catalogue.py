@@ -16,8 +16,8 @@ from workbench.experiments.body_fits import (
     shape_from_landmarks,
 )
 from workbench.experiments.experiment import (
-    BESIDE,
-    ENOUGH,
+    OPTIONAL_NAMES,
+    REQUIRED_NAMES,
     Experiment,
     converted,
     parameters,
@@ -132,4 +132,4 @@ def _described(module: Any, path: Path) -> Experiment:
     for present, missing in (("problem", "start"), ("start", "problem")):
         if hasattr(module, present):
             lacks = f"it defines `{present}`, but no `{missing}`"
-    raise BadFile(f"{lacks}; it needs {ENOUGH}; {BESIDE}")
+    raise BadFile(f"{lacks}; it needs {REQUIRED_NAMES}; {OPTIONAL_NAMES}")

@@ -30,7 +30,7 @@ from workbench.fitting.setup import Setup, names
 from workbench.identity import file_digest
 
 IN_CASADI = re.compile(r"^\S*casadi\S*:\d+: (Assertion .* failed:\s*)?")  # where in its source
-COLUMNS = (
+POINTS_ARE_COLUMNS = (
     "in expressions points are columns, so that the symbol of a block of shape (N, 3) is 3 x N, as "
     "that of joints or vertices is"
 )
@@ -76,7 +76,7 @@ def _reason(error: BaseException) -> str:
     if place := IN_CASADI.match(message):
         message = message[place.end() :]
         about_shapes = "imension" in message or "shape" in message
-        return f"{message.rstrip('.')}; {COLUMNS}" if about_shapes else message
+        return f"{message.rstrip('.')}; {POINTS_ARE_COLUMNS}" if about_shapes else message
     return f"{type(error).__name__}: {message}" if message else type(error).__name__
 
 
@@ -159,10 +159,10 @@ _KINDS: dict[object, tuple[str, Callable[[Any], Any]]] = {
 
 
 # What such a file may define, for --help and for the error of one that defines nothing.
-ENOUGH = (
+REQUIRED_NAMES = (
     "`problem` and `start`, or `setup` (a Setup, or a function that returns one), or `experiment`"
 )
-BESIDE = (
+OPTIONAL_NAMES = (
     "beside `problem` and `start`, `priors` names the residuals that are not data, `body` is the "
     "body to draw, `compared` names solvers to run as well, `candidates` are residuals by name "
     "that could be measured next, and `gauges` are motions (Gauge) that change no residual"

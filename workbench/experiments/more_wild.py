@@ -227,7 +227,7 @@ NEAR_ONLY = frozenset(
         "mancino-10",
     ]
 )
-MOVED = 0.1  # of an entry of the standard start, by which random starts lie off
+START_OFFSET = 0.1  # of an entry of the standard start, by which random starts lie off
 
 
 @dataclass(frozen=True)
@@ -325,8 +325,9 @@ def more_wild(
     m = family.sizes[n]
     x = Block("x", (n,), labels=tuple(f"x{i + 1}" for i in range(n)))
     standard = family.start(n)
-    offsets = MOVED * np.random.default_rng(start).standard_normal(n) if start else np.zeros(n)
-    start_point = scale * (standard + offsets * np.where(standard == 0, 1.0, np.abs(standard)))
+    noise = np.random.default_rng(start).standard_normal(n) if start else np.zeros(n)
+    scales = np.where(standard == 0, 1.0, np.abs(standard))
+    start_point = scale * (standard + START_OFFSET * noise * scales)
     answer = None if family.answer is None else {"x": family.answer(n)}
     problem = Problem((Residual(function, family.residual(x.symbol, m), 1.0),), ("x",), blocks=(x,))
     least = LEAST.get((function, n), 0.0)

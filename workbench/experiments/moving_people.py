@@ -36,10 +36,10 @@ SWINGS = {
     "left_shoulder": -0.4,
     "right_shoulder": 0.4,
 }  # rad, forwards and backwards
-PERIOD = 8  # frames of two steps
+FRAMES_PER_CYCLE = 8  # frames of two steps
 SPEED = 0.04  # m a frame
 POSE_SIGMA, TRANS_SIGMA = 0.2, 0.05  # rad and m: the usual change from frame to frame
-FILMED = (
+FILM_IS_SYNTHETIC = (
     "the filmed body is the model itself, which swings its arms and legs, with noise in the "
     "images; nobody was filmed, and a real person is no body of the model"
 )
@@ -109,7 +109,7 @@ def body_video(
         measures=lambda values: _measures(model, values, truth),
         priors=(*(prior.name for prior in priors), "smooth pose", "smooth place"),
         compared=SECOND_ORDER,
-        synthetic=FILMED,
+        synthetic=FILM_IS_SYNTHETIC,
     )
     return with_refined_answer(setup, truth)
 
@@ -121,7 +121,7 @@ def walk(body: Body, rng: np.random.Generator, frames: int) -> Values:
     """
     pose, _, trans = (block.name for block in body.blocks())
     person = likely_person(body, rng)
-    phase = np.sin(2 * np.pi * np.arange(frames) / PERIOD)
+    phase = np.sin(2 * np.pi * np.arange(frames) / FRAMES_PER_CYCLE)
     poses = np.repeat(person[pose][None], frames, axis=0)
     for joint, angle in SWINGS.items():
         if joint in body.joint_names:
@@ -153,7 +153,7 @@ def _measures(body: Body, values: Mapping[str, Array], truth: Values) -> tuple[M
 
 
 Placed = Callable[[SkinnedBody, MarkerSet, Array, float, np.random.Generator], Array]
-WORN = (
+MARKERS_ARE_SYNTHETIC = (
     "the person is the model itself, in poses that are drawn from the pose prior, with made-up "
     "places of the markers; nobody was recorded, skin does not slide, and no marker is mislabelled"
 )
@@ -195,7 +195,7 @@ def markers(
     return replace(
         setup,
         measures=lambda values: (*true_measures(model, values, truth), *setup.measures(values)),
-        synthetic=WORN,
+        synthetic=MARKERS_ARE_SYNTHETIC,
         made_of=truth,
     )
 

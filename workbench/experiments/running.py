@@ -24,7 +24,7 @@ from workbench.solvers import DEFAULT, SOLVERS, Callback, Solution, Solver, Stat
 from workbench.solvers.starts import AS_GOOD
 from workbench.threads import limited_threads
 
-SMALLEST = 1e-16  # of the cost at the start: below it a difference of costs is rounding
+COST_ROUNDING = 1e-16  # of the cost at the start: below it a difference of costs is rounding
 
 
 def best_cost(solutions: Mapping[str, Solution]) -> float:
@@ -43,7 +43,7 @@ def relative_excess(cost: float, best: float, start: float) -> float:
     It is infinite for a cost above a best cost of 0.
     """
     above = cost - best
-    if above <= SMALLEST * start:
+    if above <= COST_ROUNDING * start:
         return 0.0
     return above / abs(best) if best else math.inf * above
 

@@ -11,9 +11,9 @@ import numpy as np
 from workbench.arrays import Array
 from workbench.comparison import Comparison, EndAnalysis, TargetOutcome
 from workbench.comparison.advice import advice, basin_sentence, percent, reliable
-from workbench.comparison.comparison import MAIN
+from workbench.comparison.comparison import MAIN_TAU
 from workbench.comparison.design import Instance
-from workbench.comparison.record import KINDS, LIMITED
+from workbench.comparison.record import KINDS, LIMITED_KINDS
 from workbench.comparison.statistics import FEWEST, Interval, median
 from workbench.comparison.store import MARK, RUNS
 from workbench.comparison.tables import (
@@ -23,7 +23,7 @@ from workbench.comparison.tables import (
     seconds_to,
     write_csv,
 )
-from workbench.comparison.targets import PRICES, SOURCE, ended_by_clock, tau_text
+from workbench.comparison.targets import PRICES, PRICES_SOURCE, ended_by_clock, tau_text
 from workbench.identity import code_version, identity
 from workbench.plots import comparison as figures
 from workbench.reports.folder import MAKER
@@ -120,7 +120,7 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
         title="Solvers compared",
         comparison=comparison,
         advice=advice(comparison),
-        main=tau_text(MAIN),
+        main=tau_text(MAIN_TAU),
         verdicts=drawn(figures.verdicts_sheet, figures.caption_verdicts, comparison),
         meanings={outcome_words(v): v.value for v in TargetOutcome},
         success=success_table(comparison),
@@ -129,7 +129,7 @@ def comparison_page(comparison: Comparison, kept: bool) -> str:
             ("evaluation of", "price"),
             tuple((PRICES[kind].name, PRICES[kind].formula) for kind in KINDS),
         ),
-        price_source=SOURCE,
+        price_source=PRICES_SOURCE,
         seconds=seconds_table(comparison),
         fewest=FEWEST,
         sure=bool(reliable(comparison, comparison.compared)) and bool(comparison.compared),
@@ -201,18 +201,18 @@ def success_table(comparison: Comparison) -> Table:
     head = [*(f"τ = {tau_text(tau)}" for tau in comparison.taus), "ended at the lowest cost"]
     several = len(comparison.compared) > 1
     if several:
-        head.append(f"problems, τ = {tau_text(MAIN)}")
+        head.append(f"problems, τ = {tau_text(MAIN_TAU)}")
 
     def shares(solver: str) -> Iterator[Interval]:
         yield from (comparison.success(solver, tau) for tau in comparison.taus)
         yield comparison.reached(solver)
         if several:
-            yield comparison.solved_problems(solver, MAIN)
+            yield comparison.solved_problems(solver, MAIN_TAU)
 
     return _by_solver(comparison, head, lambda solver: map(percent, shares(solver)))
 
 
-def effort_table(comparison: Comparison, tau: float = MAIN) -> Table:
+def effort_table(comparison: Comparison, tau: float = MAIN_TAU) -> Table:
     """The evaluations until a target was met: medians, in which failures count as infinite."""
     kinds = _asked(comparison)
     runs = comparison.comparable
@@ -229,7 +229,7 @@ def effort_table(comparison: Comparison, tau: float = MAIN) -> Table:
     return _by_solver(comparison, ["met", *(PLURAL[kind] for kind in kinds), "effort"], cells)
 
 
-def seconds_table(comparison: Comparison, tau: float = MAIN) -> Table:
+def seconds_table(comparison: Comparison, tau: float = MAIN_TAU) -> Table:
     """Seconds as they were measured, with their spread."""
 
     def cells(solver: str) -> TextRow:
@@ -259,11 +259,15 @@ def problem_table(comparison: Comparison, problem: str) -> Table:
 
     columns: Columns[str] = {
         "solver": str,
-        f"met τ = {tau_text(MAIN)}": lambda s: percent(comparison.success(s, MAIN, problem)),
-        "effort": lambda s: _effort(comparison, s, MAIN, problem),
+        f"met τ = {tau_text(MAIN_TAU)}": lambda s: percent(
+            comparison.success(s, MAIN_TAU, problem)
+        ),
+        "effort": lambda s: _effort(comparison, s, MAIN_TAU, problem),
         "lowest end": lambda s: number(lowest(s), 7),
         "how its runs ended": lambda s: _verdicts(comparison, chosen, s),
-        "measured seconds": lambda s: " / ".join(_spread(seconds_to(comparison, s, MAIN, problem))),
+        "measured seconds": lambda s: " / ".join(
+            _spread(seconds_to(comparison, s, MAIN_TAU, problem))
+        ),
     }
     return Table.of(comparison.solvers, columns, (1, 2, 3, 5))
 
@@ -307,7 +311,9 @@ def _asked(comparison: Comparison) -> tuple[str, ...]:
     seen = [record.observed for record in comparison.records.values()]
     asked = [any(s.counts[k] for s in seen) for k in range(len(KINDS))]
     return tuple(
-        kind for kind, there in zip(KINDS, asked, strict=True) if there or kind in KINDS[:LIMITED]
+        kind
+        for kind, there in zip(KINDS, asked, strict=True)
+        if there or kind in KINDS[:LIMITED_KINDS]
     )
 
 
