@@ -97,7 +97,7 @@ def touched(scan_residual: Residual, values: Mapping[str, Array], outlier: float
             f"residual {scan_residual.name!r} chooses no contacts; give one made by scan_to_model"
         )
     contacts = source.contacts(values)
-    near = contacts.found & (np.linalg.norm(contacts.numbers, axis=1) <= outlier)
+    near = contacts.in_contact & (np.linalg.norm(contacts.numbers, axis=1) <= outlier)
     rows = np.repeat(near, contacts.numbers.shape[1])[rows_of_nonzeros(contacts.jacobian)]
     columns = contacts.jacobian.indices[rows & (contacts.jacobian.data != 0)]
     is_touched = np.zeros(contacts.jacobian.shape[1] // 3, dtype=bool)
