@@ -34,6 +34,7 @@ CostGradients = Callable[[Array], tuple[Array, Array]]  # z (M, k) -> (M,), (M, 
 COMPILED_UP_TO = 80_000  # of those that vary: half a minute of the compiler's
 INTERPRETED_UP_TO = 2_000  # of them: of more, points from matrix products are faster
 EXPANDED_UP_TO = 100_000  # of the whole graph
+DIGITS = 15  # after the point, by which rows of a constant matrix are alike
 LEAST_NONZEROS = 200  # from which on a constant matrix is taken out
 SHARED = False, True  # of (z, what z does not change): the second is the same for all rows
 
@@ -288,12 +289,13 @@ def folded_cost(graph: Graph | None, places: Places, products: bool = False) -> 
     if np.count_nonzero(matrix[:, varies]) < LEAST_NONZEROS:
         varies[:] = False
     changing = matrix[:, varies].any(axis=1)
-    # the results: what z changes is y, which is computed apart, and all else is folded
-    y = cs.SX.sym("y", np.count_nonzero(changing))
+    # the results: what z changes is made of y, which is computed apart, and all else is folded
+    rows, sign, stands_for = _distinct_rows(matrix[np.ix_(changing, varies)])
+    y = cs.SX.sym("y", len(rows))
     shift = np.concatenate([np.zeros(0), *(product.shift for product in inner)])
     same = np.flatnonzero(~varies).tolist()
     results = cs.DM(shift) + cs.sparsify(cs.DM(matrix[:, ~varies])) @ u[same]
-    results[np.flatnonzero(changing).tolist()] += y
+    results[np.flatnonzero(changing).tolist()] += cs.DM(sign) * y[stands_for.tolist()]
     edges = np.cumsum([0, *(product.result.numel() for product in inner)]).tolist()
     c = f(x_with_z, fixed, *(results[a:b] for a, b in pairwise(edges)))[0]
     # what depends on x and the fixed numbers alone is a symbol in the rest
@@ -308,9 +310,20 @@ def folded_cost(graph: Graph | None, places: Places, products: bool = False) -> 
         cs.Function("cost", [z, symbols, w, y], [cs.densify(last)]),
         ConstantProduct(
             cs.Function("before", [z, symbols], [cs.densify(parts[1:]), needs_no_y]),
-            matrix[np.ix_(changing, varies)],
+            rows,
         ),
     )
+
+
+def _distinct_rows(matrix: Array) -> tuple[Array, Array, Index]:
+    """The rows without repetition, the sign of each row, and which of the distinct ones it is.
+
+    The halves of a symmetric body have the same rows, up to a sign and rounding.
+    """
+    sign = np.where(matrix.sum(axis=1) < 0, -1.0, 1.0)
+    alike = np.round(sign[:, None] * matrix, DIGITS)
+    _, first, stands_for = np.unique(alike, axis=0, return_index=True, return_inverse=True)
+    return sign[first, None] * matrix[first], sign, stands_for.ravel()
 
 
 def _extracted(parts: cs.SX, of: cs.SX, trivial: bool = False) -> tuple[cs.SX, cs.SX, cs.SX]:
