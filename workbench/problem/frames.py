@@ -96,8 +96,8 @@ DENSE_ROW = 0.25  # of its entries: a row with more nonzeros is stored with its 
 class FrameGroup:
     """F frames that have the same chain rule, `chain`; `frames` (F,) are their numbers.
 
-    `rows` (F, m), `columns` (F, n) and `given` (F, h) say where the rows, the free and the fixed
-    numbers of each frame stand among those of the sequence.
+    `rows` (F, m), `columns` (F, n) and `fixed_places` (F, h) say where the rows, the free and the
+    fixed numbers of each frame stand among those of the sequence.
     """
 
     def __init__(

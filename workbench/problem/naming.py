@@ -1,4 +1,4 @@
-"""What a problem is given, checked: names of blocks, bounds and units."""
+"""Checks of what a problem is made of: names of blocks, bounds and units."""
 
 import re
 from collections import Counter

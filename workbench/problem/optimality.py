@@ -93,17 +93,20 @@ class RowSupport:
         `parts` has for each group the support of one frame, and the rows (F, m) and the free
         numbers (F, n) of its F frames.
         """
-        kinds_of, rows_of, own, first = [], [], [], 0
-        for one, rows, columns in parts:
-            groups, single = one._groups.tocoo(), one._own.tocoo()
-            kinds = first + groups.shape[0] * np.arange(len(rows))[:, None]
-            first += groups.shape[0] * len(rows)
-            kinds_of.append((columns, kinds + one._group_of))
+        kinds_of, rows_of, own, count = [], [], [], 0
+        for support, rows, columns in parts:
+            groups, single = support._groups.tocoo(), support._own.tocoo()
+            kinds = count + groups.shape[0] * np.arange(len(rows))[:, None]
+            count += groups.shape[0] * len(rows)
+            kinds_of.append((columns, kinds + support._group_of))
             rows_of.append((kinds + groups.row, rows[:, groups.col]))
             own.append((columns[:, single.row], rows[:, single.col]))
         n, m = shape
-        each = (kinds_of, (n, first)), (rows_of, (first, m)), (own, (n, m))
-        return RowSupport(*(csr_array(SparseSum(*one).pattern) for one in each))
+        return RowSupport(
+            csr_array(SparseSum(kinds_of, (n, count)).pattern),
+            csr_array(SparseSum(rows_of, (count, m)).pattern),
+            csr_array(SparseSum(own, shape).pattern),
+        )
 
     def norms(self, rows: Array) -> Array:
         """|v| over the rows that each free number can change: (n,) for v (m,)."""
