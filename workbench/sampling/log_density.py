@@ -173,7 +173,7 @@ def refuse_flat(problem: Problem, fixed_values: Array, space: Subspace) -> None:
         equation = constraints.label(int(wrong[0]))
         raise NotSupported(
             f"constraint {equation} is an equation that depends on what is to be drawn; the points "
-            "that meet it have no volume, so no draw can lie on it. Replace it by a residual with a "
-            "sigma that says how exactly it holds, or draw entries that it does not depend on. "
+            "that meet it have no volume, so no draw can lie on it. Replace it by a residual with "
+            "a sigma that says how exactly it holds, or draw entries that it does not depend on. "
             "Where it is linear, put what it says into the residuals"
         )
