@@ -289,20 +289,9 @@ def of_markers(
         return
     pose, betas, trans = (values[block.name] for block in body.blocks())
     nominal = body.landmark(MARKERS, pose, betas, trans, marker_set.nominal)
-    opposites = [OPPOSITE_LETTER.get(label[:1], label[:1]) + label[1:] for label in names]
-    other = [names.index(label) if label in names else -1 for label in opposites]
-    torso = np.isin(np.array(body.joint_names)[marker_set.leaders(body)], TORSO) & (
-        np.array(other) >= 0
-    )
-    if torso.sum() >= FEWEST_TORSO_MARKERS:
-        rest = body.landmark(MARKERS, betas=betas, offsets=marker_set.nominal)
-        own, exchanged = (
-            _rigid_error(rest[torso], places)
-            for places in (observed[:, torso], observed[:, np.array(other)[torso]])
-        )
-        if exchanged < own / 2:
-            yield "left and right of the markers are exchanged, or the recording is mirrored"
-            return
+    if _sides_of_markers_exchanged(body, marker_set, observed, betas):
+        yield "left and right of the markers are exchanged, or the recording is mirrored"
+        return
     seen: Mask = np.asarray(np.isfinite(observed).all(axis=-1))
     off = np.linalg.norm(nominal - observed, axis=-1)  # m, (T, M)
     medians = np.array(
@@ -322,6 +311,21 @@ def of_markers(
             "body, in the median; check the labels, the marker set and the body"
         )
     yield from of_person(body, betas)
+
+
+def _sides_of_markers_exchanged(
+    body: SkinnedBody, marker_set: MarkerSet, observed: Array, betas: Array
+) -> bool:
+    """Whether the markers of the torso fit much better with left and right exchanged."""
+    names = marker_set.names
+    opposites = [OPPOSITE_LETTER.get(label[:1], label[:1]) + label[1:] for label in names]
+    other = np.array([names.index(label) if label in names else -1 for label in opposites])
+    torso = np.isin(np.array(body.joint_names)[marker_set.leaders(body)], TORSO) & (other >= 0)
+    if torso.sum() < FEWEST_TORSO_MARKERS:
+        return False
+    rest = body.landmark(MARKERS, betas=betas, offsets=marker_set.nominal)[torso]
+    own = _rigid_error(rest, observed[:, torso])
+    return _rigid_error(rest, observed[:, other[torso]]) < own / 2
 
 
 def _extent(places: Array) -> float:

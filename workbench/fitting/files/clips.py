@@ -1,6 +1,7 @@
 """A clip in files: a keypoint file for each frame or one for all, of one camera or several."""
 
 import re
+from collections.abc import Sequence
 from math import gcd
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ from workbench.reading.facts import json_in
 
 MOST_FRAMES, MOST_PEOPLE = 100_000, 100  # of a clip, and of one of its frames
 FARTHEST_STEP = 1.0  # of a person between two frames, in diagonals of the person's box
+DIFFERENT = "files list different keypoints; give one detector's"
 Frame = tuple[Path, Any]  # a file, and what it says of one frame; None for all of it
 
 
@@ -79,35 +81,44 @@ def read_clip(
     frames = range(numbers[0], numbers[-1] + 1, step)
     if len(frames) > MOST_FRAMES:
         raise BadFile(f"{root} has frames {frames[0]} to {frames[-1]}; at most {MOST_FRAMES:,}")
-    notes, films, first = [], [], None
+    notes: list[str] = []
+    films: list[Film] = []
+    keypoints: tuple[str, ...] = ()
     for i, (name, files) in enumerate(zip(names, numbered, strict=True)):
         camera = known[name] if by_name else list(known.values())[i] if known else {}
         people, more = _followed(files, frames, size or camera.get("size"), person)
         notes += more
-        seen = [one for one in people if one is not None]
-        if not seen:
-            raise BadFile(f"{cameras[i]}: no frame holds a person")
-        sizes = {one.size for one in seen}
-        if len(sizes) > 1 or None in sizes:
-            raise BadFile(
-                f"{cameras[i]}: images have the sizes {sorted(map(str, sizes))}; a clip has one, "
-                "which --size WIDTHxHEIGHT says"
-            )
-        whole = tuple(dict.fromkeys(n for one in seen for n in one.names))
-        first = first or whole
-        if {one.body for one in seen} != {seen[0].body} or not set(whole) <= set(first):
-            raise BadFile(f"{cameras[i]}: files list different keypoints; give one detector's")
-        points = np.zeros((len(frames), len(first), 3))
-        for t, one in enumerate(people):
-            if one is not None:
-                points[t, [first.index(n) for n in one.names]] = one.points
-        image = seen[0].size
-        assert image is not None
+        own_keypoints, image = _described(cameras[i], people)
+        keypoints = keypoints or own_keypoints
+        if not set(own_keypoints) <= set(keypoints):
+            raise BadFile(f"{cameras[i]}: {DIFFERENT}")
+        points = np.zeros((len(frames), len(keypoints), 3))
+        for t, detected in enumerate(people):
+            if detected is not None:
+                points[t, [keypoints.index(n) for n in detected.names]] = detected.points
         calibrated = calibration_of(camera, focal, image)
         films.append(Film(name, image, points[..., :2], points[..., 2], *calibrated))
-    assert first is not None
     notes += notes_on(calibration, known)
-    return Clip(first, tuple(films), fps, tuple(dict.fromkeys(notes)))
+    return Clip(keypoints, tuple(films), fps, tuple(dict.fromkeys(notes)))
+
+
+def _described(
+    camera: Path, people: Sequence[DetectedPerson | None]
+) -> tuple[tuple[str, ...], tuple[int, int]]:
+    """The keypoints that a camera's frames list, and the size of its images. Raises BadFile."""
+    seen = [detected for detected in people if detected is not None]
+    if not seen:
+        raise BadFile(f"{camera}: no frame holds a person")
+    image, *other_sizes = {detected.size for detected in seen}
+    if other_sizes or image is None:
+        sizes = sorted({str(detected.size) for detected in seen})
+        raise BadFile(
+            f"{camera}: images have the sizes {sizes}; a clip has one, which --size WIDTHxHEIGHT "
+            "says"
+        )
+    if len({detected.body for detected in seen}) > 1:
+        raise BadFile(f"{camera}: {DIFFERENT}")
+    return tuple(dict.fromkeys(name for detected in seen for name in detected.names)), image
 
 
 def _numbered(folder: Path) -> dict[int, Frame]:

@@ -14,8 +14,8 @@ from typing import Any
 from workbench.errors import BadFile, shown, some
 from workbench.fitting.files.layouts import HANDS, MEDIAPIPE_33
 from workbench.fitting.files.points import points_in
+from workbench.fitting.observations import SIDES
 
-SIDES = ("left", "right")
 UNSEEN = [0.0, 0.0, 0.0]
 HANDS_KEYS = ("hand_landmarks", "multi_hand_landmarks")
 POSES_KEY = "pose_landmarks"
