@@ -82,13 +82,14 @@ def effective_frames(errors: ArrayLike, known: ArrayLike | None = None) -> float
     a known error is not finite.
     """
     x = reals("the errors of a video", errors)
-    there = np.ones(x.shape, dtype=bool) if known is None else np.asarray(known, dtype=bool)
-    if x.ndim == 0 or there.shape != x.shape:
+    observed = np.ones(x.shape, dtype=bool) if known is None else np.asarray(known, dtype=bool)
+    if x.ndim == 0 or observed.shape != x.shape:
         raise BadObservation(
-            f"errors are (T, ...) and `known` has the same shape, not {x.shape} and {there.shape}"
+            f"errors are (T, ...) and `known` has the same shape, not {x.shape} and "
+            f"{observed.shape}"
         )
-    x = np.where(there, x, 0.0).reshape(len(x), -1)
-    count = there.reshape(x.shape).sum(axis=0)
+    x = np.where(observed, x, 0.0).reshape(len(x), -1)
+    count = observed.reshape(x.shape).sum(axis=0)
     used = count > 1
     if not np.isfinite(x).all() or not used.any():
         raise BadObservation(
@@ -361,7 +362,7 @@ def errors_of(problem: Problem, values: Values, data: Sequence[str]) -> tuple[Ar
     columns = []
     for name in data:
         rows = problem.rows[name]
-        frames = len(next(one for one in problem.residuals if one.name == name).by_frame)
+        frames = len(next(term for term in problem.residuals if term.name == name).by_frame)
         columns.append(residual[rows].reshape(frames, -1))
     errors = np.concatenate(columns, axis=1)
     return errors, errors != 0
@@ -374,8 +375,8 @@ def worth_of(problem: Problem, values: Values, data: Sequence[str]) -> float:
 
 def landmarks_of(moving: Moving, values: Values) -> Array:
     """The landmarks of the body in every frame, (T, M, 3) m."""
-    at = (values[block.name] for block in moving.body.blocks())
-    return np.asarray(moving.body.landmark(moving.views[0].landmarks, *at))
+    numbers = (values[block.name] for block in moving.body.blocks())
+    return np.asarray(moving.body.landmark(moving.views[0].landmarks, *numbers))
 
 
 def video_measures(moving: Moving, values: Values) -> tuple[Measure, ...]:
@@ -413,8 +414,8 @@ def _between(smoothness: Smoothness, body: Body, evidence: Block, clip: Clip) ->
     links = (pose, smoothness.pose, "smooth pose"), (trans, smoothness.place, "smooth place")
 
     def weighted(link: Between, frames: Frames) -> Residual:
-        one = link(frames)
-        return replace(one, weights=evidence.symbol, blocks=(*one.blocks, evidence))
+        residual = link(frames)
+        return replace(residual, weights=evidence.symbol, blocks=(*residual.blocks, evidence))
 
     return [
         partial(weighted, smooth(what, sigma=sigma / clip.fps**order, order=order, name=name))
@@ -458,7 +459,7 @@ def video_mean(
     times = np.arange(T)
     for name, differences in moved.items():
         each = np.reshape(differences, (len(drawn), -1)).T
-        whole = np.stack([np.interp(times, drawn, one) for one in each], axis=1)
+        whole = np.stack([np.interp(times, drawn, series) for series in each], axis=1)
         whole = gaussian_filter1d(whole, BLUR_SD * moving.fps, axis=0, mode="nearest")
         means[name] = values[name] + whole.reshape(values[name].shape)
     return means

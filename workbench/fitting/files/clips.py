@@ -60,7 +60,7 @@ def read_clip(
         )
     above_zero("a clip", fps=fps)
     inside = root.iterdir() if root.is_dir() else ()
-    inner = sorted(one for one in inside if one.is_dir() and any(one.glob("*.json")))
+    inner = sorted(path for path in inside if path.is_dir() and any(path.glob("*.json")))
     if inner and any(root.glob("*.json")):
         raise BadFile(
             f"{root} holds JSON files and folders of JSON files; give the folder of one camera, or "
@@ -73,9 +73,9 @@ def read_clip(
             f"{root} holds the frames of {len(cameras)} cameras, and {len(known)} are calibrated; "
             "give --cameras FILE with one camera for each folder"
         )
-    names = [one.name for one in cameras] if inner else list(known) or ["camera"]
+    names = [path.name for path in cameras] if inner else list(known) or ["camera"]
     by_name = {*names} <= {*known}
-    numbered = [_numbered(one) for one in cameras]
+    numbered = [_numbered(path) for path in cameras]
     numbers = sorted({n for files in numbered for n in files})
     step = gcd(*np.diff(numbers).tolist()) or 1
     frames = range(numbers[0], numbers[-1] + 1, step)
@@ -164,16 +164,16 @@ def _followed(
             best = max(people, key=lambda i: how_large(people[i].points))
             followed.append(people[best if person is None else person])
         else:
-            near = {i: _apart(last, one.points) for i, one in people.items()}
+            near = {i: _apart(last, detected.points) for i, detected in people.items()}
             i = min(near, key=lambda i: near[i])
             followed.append(people[i] if near[i] < FARTHEST_STEP else None)
             lost += followed[-1] is None
-        one = followed[-1]
-        if one is not None and (one.points[:, 2] > 0).sum() >= FEWEST_PLACING:
-            last = one.points  # fewer keypoints do not say how large a person is
+        detected = followed[-1]
+        if detected is not None and (detected.points[:, 2] > 0).sum() >= FEWEST_PLACING:
+            last = detected.points  # fewer keypoints do not say how large a person is
     alike: dict[str, list[str]] = {}  # notes on frames that say the same, whatever the numbers
-    for one in followed:
-        for note in () if one is None else one.notes:
+    for detected in followed:
+        for note in () if detected is None else detected.notes:
             alike.setdefault(re.sub(r"\d+", "", note), []).append(note)
     notes = [
         same[0] if len(same) == 1 else f"{same[0]} (and so in {len(same)} frames)"
@@ -203,7 +203,7 @@ def _people(frame: Frame, size: tuple[int, int] | None) -> dict[int, DetectedPer
             f"{path} holds {len(numbers):,} people in one image; a frame of a clip, {MOST_PEOPLE}"
         )
     people = {i: person_of(path, content, size, i) for i in numbers}
-    return {i: one for i, one in people.items() if (one.points[:, 2] > 0).any()}
+    return {i: detected for i, detected in people.items() if (detected.points[:, 2] > 0).any()}
 
 
 def _apart(last: Array, now: Array) -> float:

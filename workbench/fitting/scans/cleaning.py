@@ -44,8 +44,8 @@ def cleaned(contents: ScanContents, most: int) -> ScanContents:
             )
         contents = replace(contents, faces=faces if len(faces) else None)
     with np.errstate(invalid="ignore"):
-        there = np.asarray((np.abs(points) < LARGEST_COORDINATE).all(axis=1))  # nor NaN
-    contents = _kept(contents, there, "NaN, infinite or beyond 1e9, and left out")
+        finite = np.asarray((np.abs(points) < LARGEST_COORDINATE).all(axis=1))  # nor NaN
+    contents = _kept(contents, finite, "NaN, infinite or beyond 1e9, and left out")
     if contents.faces is None:
         nothing = np.asarray(~contents.points.any(axis=1))
         if nothing.sum() > 1:
@@ -61,14 +61,14 @@ def cleaned(contents: ScanContents, most: int) -> ScanContents:
     contents = _merged(contents)
     if len(contents.points):
         middle = np.median(contents.points, axis=0)
-        away = np.linalg.norm(contents.points - middle, axis=1)
-        near = np.asarray(away <= FAR_RATIO * np.percentile(away, 90))
+        distances = np.linalg.norm(contents.points - middle, axis=1)
+        near = np.asarray(distances <= FAR_RATIO * np.percentile(distances, 90))
         contents = _kept(contents, near, "far from all others, and left out")
     if len(contents.points) < FEWEST_POINTS:
-        said = "".join(f"; {note}" for note in contents.notes[-4:])
+        reasons = "".join(f"; {note}" for note in contents.notes[-4:])
         raise BadScan(
             f"{len(contents.points)} different points are left of it, and a scan has at least "
-            f"{FEWEST_POINTS}{said}"
+            f"{FEWEST_POINTS}{reasons}"
         )
     return contents
 
