@@ -25,8 +25,8 @@ from workbench.registration import (
     seen_starts,
     support,
 )
-from workbench.registration.free_vertices import BODY as BLOCKS
-from workbench.registration.limbs import limbs, with_limb
+from workbench.registration.free_vertices import BLOCKS
+from workbench.registration.model_fit import limbs, with_limb
 from workbench.solvers import Hypothesis, Status
 
 FIT_STAGES = (FitStage(200, 0.05, 0.10, 8, 15), FitStage(600, 0.005, 0.03, 2, 40, 0.001))

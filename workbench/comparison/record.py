@@ -25,7 +25,7 @@ KINDS = (  # of evaluations
     "constraint_jacobian",
     "constraint_hessian",
 )
-LIMITED = 4  # of them a budget limits: all but those of the constraints
+LIMITED_KINDS = 4  # of them a budget limits: all but those of the constraints
 COUNTS = slice(2, 2 + len(KINDS))
 SPENT = slice(COUNTS.stop, COUNTS.stop + len(KINDS))
 NOT_FINITE, SECONDS, TAKEN = SPENT.stop, SPENT.stop + 1, SPENT.stop + 2
@@ -251,12 +251,12 @@ class Description:
         return Description(**_read(Description, Facts(stored[0])))
 
 
-READERS = {str: Facts.text, int: Facts.whole, bool: Facts.truth, float: Facts.number}
+BY_TYPE = {str: Facts.text, int: Facts.whole, bool: Facts.truth, float: Facts.number}
 
 
 def _read(kind: type, facts: Facts) -> dict[str, Any]:
     """The plain fields of a dataclass from facts."""
-    return {f.name: READERS[f.type](facts, f.name) for f in fields(kind) if f.type in READERS}
+    return {f.name: BY_TYPE[f.type](facts, f.name) for f in fields(kind) if f.type in BY_TYPE}
 
 
 @cache

@@ -67,7 +67,7 @@ def read_markers(
     """
     check_given(unit, up)
     suffix = Path(path).suffix.lower()
-    read = READERS.get(suffix, read_marker_arrays)
+    read = MARKER_READERS.get(suffix, read_marker_arrays)
     trajectories = read(path)
     if labels is not None:
         new, notes = renamed(trajectories.labels, labels)
@@ -133,7 +133,7 @@ def holds_markers(path: str | Path) -> bool:
     """Whether a file is one of markers, by its suffix, or in an .npz by its entries."""
     suffix = Path(path).suffix.lower()
     if suffix != ".npz":
-        return suffix in READERS
+        return suffix in MARKER_READERS
     with opened(path, "file of a motion or of markers", "give another .npz") as archive:
         return "markers" in archive.headers and "trans" not in archive.headers
 
@@ -155,7 +155,7 @@ def write_markers(path: str | Path, recording: MarkerRecording) -> None:
             raise BadFile(f"markers are written as .trc or .npz, and {path} ends otherwise")
 
 
-READERS: dict[str, Callable[[str | Path], Trajectories]] = {
+MARKER_READERS: dict[str, Callable[[str | Path], Trajectories]] = {
     ".npz": read_marker_arrays,
     ".trc": read_trc,
     ".c3d": read_c3d,

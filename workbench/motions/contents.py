@@ -20,7 +20,7 @@ from workbench.arrays import Array
 from workbench.bodies.files.pickles import (
     DAMAGE,
     JOBLIB,
-    MORE,
+    MOTION_NAMES,
     STORAGE,
     STORAGES,
     Allowance,
@@ -28,7 +28,7 @@ from workbench.bodies.files.pickles import (
     PickledName,
     Records,
     Unread,
-    run,
+    interpret,
     sizes_in,
 )
 from workbench.errors import BadFile, cut
@@ -140,7 +140,7 @@ class Contents:
         if storage.name == PickledName("torch.storage", "_load_from_bytes"):
             # a mark, the version, facts, the storage, its key, how many numbers, and the numbers
             stream = io.BytesIO(storage.arguments[0].removeprefix(TORCH))
-            storage = [run(stream, MORE - {JOBLIB}) for _ in range(4)][2]
+            storage = [interpret(stream, MOTION_NAMES - {JOBLIB}) for _ in range(4)][2]
             content = stream.read()[8:]
         else:
             content = self.storages[str(storage.arguments[2])]
@@ -165,7 +165,7 @@ def _member(archive: Archive, name: str) -> Tree:
 
 
 def _pickled(content: bytes) -> Tree:
-    return run(content, MORE, MOST_INSTRUCTIONS)
+    return interpret(content, MOTION_NAMES, MOST_INSTRUCTIONS)
 
 
 @contextmanager

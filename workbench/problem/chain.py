@@ -290,7 +290,7 @@ class PointCache:
 
 
 WORTH_KEEPING = 2**20  # bytes: memory for less is quick to get
-KEPT = 2  # buffers that wait to be used again: a solver compares two linearizations
+KEPT_BUFFERS = 2  # that wait to be used again: a solver compares two linearizations
 
 
 @dataclass(frozen=True, eq=False)
@@ -329,5 +329,5 @@ class BufferPool:
 
     def _back(self, buffer: Array) -> None:
         del self._taken[id(buffer)]
-        if len(self._free) < KEPT:
+        if len(self._free) < KEPT_BUFFERS:
             self._free.append(buffer)

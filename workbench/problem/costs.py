@@ -34,7 +34,8 @@ CostGradients = Callable[[Array], tuple[Array, Array]]  # z (M, k) -> (M,), (M, 
 COMPILED_UP_TO = 80_000  # of those that vary: half a minute of the compiler's
 INTERPRETED_UP_TO = 2_000  # of them: of more, points from matrix products are faster
 EXPANDED_UP_TO = 100_000  # of the whole graph
-LEAST = 200  # elements that are not zero, from which on a constant matrix is taken out
+DIGITS = 15  # after the point, by which rows of a constant matrix are alike
+LEAST_NONZEROS = 200  # from which on a constant matrix is taken out
 SHARED = False, True  # of (z, what z does not change): the second is the same for all rows
 
 
@@ -279,14 +280,19 @@ def folded_cost(graph: Graph | None, places: Places, products: bool = False) -> 
     zeros = [cs.SX(one.result.numel(), 1) for one in out]
     u = f(put, fixed, *zeros)[1]
     varies = np.array(cs.which_depends(u, z, 1, True), dtype=bool) if out else np.zeros(0, bool)
-    if np.count_nonzero(matrix[:, varies]) < LEAST:
+    if np.count_nonzero(matrix[:, varies]) < LEAST_NONZEROS:
         varies[:] = False
     moved = matrix[:, varies].any(axis=1)  # rows; all others stay what they are
-    y = cs.SX.sym("y", np.count_nonzero(moved))
+    # the halves of a symmetric body have the same rows, up to a sign and rounding
+    rows = matrix[np.ix_(moved, varies)]
+    sign = np.where(rows.sum(axis=1) < 0, -1.0, 1.0)
+    alike = np.round(sign[:, None] * rows, DIGITS)
+    _, distinct_rows, stands_for = np.unique(alike, axis=0, return_index=True, return_inverse=True)
+    y = cs.SX.sym("y", len(distinct_rows))
     shift = np.concatenate([np.zeros(0), *(one.shift for one in out)])
     same = np.flatnonzero(~varies).tolist()
     results = cs.DM(shift) + cs.sparsify(cs.DM(matrix[:, ~varies])) @ u[same]
-    results[np.flatnonzero(moved).tolist()] += y
+    results[np.flatnonzero(moved).tolist()] += cs.DM(sign) * y[stands_for.ravel().tolist()]
     edges = np.cumsum([0, *(one.result.numel() for one in out)]).tolist()
     c = f(put, fixed, *(results[a:b] for a, b in pairwise(edges)))[0]
     parts = cs.cse(cs.vertcat(c, u[np.flatnonzero(varies).tolist()]))
@@ -300,7 +306,7 @@ def folded_cost(graph: Graph | None, places: Places, products: bool = False) -> 
         cs.Function("cost", [z, symbols, w, y], [cs.densify(last)]),
         ConstantProduct(
             cs.Function("before", [z, symbols], [cs.densify(left[1:]), made]),
-            matrix[np.ix_(moved, varies)],
+            sign[distinct_rows, None] * rows[distinct_rows],
         ),
     )
 
@@ -327,8 +333,8 @@ class _InnerProduct(NamedTuple):
 def _taken_out(expression: cs.MX, inputs: Sequence[cs.MX]) -> tuple[list[_InnerProduct], cs.MX]:
     """The products with constant matrices in an expression, and what is left in their results.
 
-    A product with fewer than LEAST elements stays where it is, and so does one whose operand needs
-    another product.
+    A product with fewer than LEAST_NONZEROS elements stays where it is, and so does one whose
+    operand needs another product.
     """
     f = cs.Function("f", list(inputs), [expression])
     nodes: list[cs.MX] = []
@@ -339,7 +345,7 @@ def _taken_out(expression: cs.MX, inputs: Sequence[cs.MX]) -> tuple[list[_InnerP
             shift, matrix, operand = (node.dep(i) for i in range(3))
             if matrix.is_constant() and shift.is_constant() and operand.shape[1] == 1:
                 A = np.array(cs.evalf(matrix))
-                if np.count_nonzero(A) >= LEAST:
+                if np.count_nonzero(A) >= LEAST_NONZEROS:
                     b = np.array(cs.evalf(shift)).ravel()
                     y = cs.MX.sym(f"y{len(nodes)}", len(A))
                     nodes.append(node)

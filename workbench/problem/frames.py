@@ -91,9 +91,8 @@ def _first(block: Block, t: int) -> int:
 
 
 Places = Sequence[PointsOfEach]  # the points of every source
-AT_ONCE = TOGETHER  # frames whose points' derivatives are kept at a time, near the processor
-MAPPED = 64  # frames that one call of a CasADi function serves at most
-FULL = 0.25  # of a row's entries: a row that reads more of its frame is stored with its zeros
+FRAMES_PER_CALL = 64  # that one call of a CasADi function serves at most
+DENSE_ROW = 0.25  # of its entries: a row with more nonzeros is stored with its zeros
 
 
 class FrameGroup:
@@ -119,7 +118,7 @@ class FrameGroup:
         arguments = [x[self.columns], fixed[self.given], *(there.points for there in places)]
         if one not in self._mapped:
             F = len(self.frames)
-            calls = -(-F // MAPPED)
+            calls = -(-F // FRAMES_PER_CALL)
             self._mapped[one] = Mapped(one.function, (False,) * len(arguments), -(-F // calls))
         return self._mapped[one](*arguments)
 
@@ -163,7 +162,7 @@ class FrameGroup:
         """The rows of a frame that read points, or a large part of its free numbers directly."""
         reads = np.bincount(self.chain.by_x.rows, minlength=self.chain.by_x.shape[0])
         by_points = [pattern.rows for pattern in self.chain.by_points]
-        full = np.flatnonzero(reads > FULL * self.chain.by_x.shape[1])
+        full = np.flatnonzero(reads > DENSE_ROW * self.chain.by_x.shape[1])
         return np.unique(np.concatenate([full, *by_points])).astype(np.int64)
 
     @cached_property
@@ -210,7 +209,7 @@ class _RowProduct:
         numbered = pattern.matrix(np.arange(1.0, len(pattern.rows) + 1)).tocsr()[rows]
         self._taken = numbered.data.astype(np.int64) - 1
         self._height = len(rows)
-        most = min(AT_ONCE, count)
+        most = min(TOGETHER, count)
         shift = np.arange(most)[:, None]
         self._indices = (numbered.indices + shift * self._wide).ravel()
         lengths = np.tile(np.diff(numbered.indptr), most)
@@ -229,8 +228,8 @@ class _RowProduct:
     def of(self, there: PointsOfEach, entries: Array) -> Iterator[tuple[slice, Array]]:
         """Some of the frames, and the products (some, rows, columns) of these."""
         k = len(self._columns)
-        for first in range(0, len(entries), AT_ONCE):
-            some = slice(first, min(first + AT_ONCE, len(entries)))
+        for first in range(0, len(entries), TOGETHER):
+            some = slice(first, min(first + TOGETHER, len(entries)))
             size = some.stop - some.start
             points = np.empty((size, self._wide, k))
             parts = {name: points[:, :, at] for name, at in self._slices.items()}
@@ -242,7 +241,7 @@ class _RowProduct:
             yield some, (D @ points.reshape(shape[1], k)).reshape(size, self._height, k)
 
 
-WORTH = 8  # numbers of a band for each entry of the Jacobian: of more, most are zero
+BAND_PER_ENTRY = 8  # numbers of a band for each entry of the Jacobian; of more, most are zero
 
 
 class FrameChain:
@@ -301,7 +300,7 @@ class FrameChain:
         if not self.sparse:
             return r, found.dense
         band = (self._order.reach + 1) * len(self._order.inner)
-        return r, found if band <= WORTH * self._stored else found.sparse
+        return r, found if band <= BAND_PER_ENTRY * self._stored else found.sparse
 
     @cached_property
     def sparse(self) -> bool:

@@ -19,7 +19,7 @@ from workbench.problem.storage import Stored, is_sparse
 # CasADi 3.8 loses the derivative of `row + scalar` by the scalar when it takes a Jacobian of more
 # columns than rows backwards: all but the first entry come out zero
 FORWARD = {"helper_options": {"ad_weight": 0.0}}
-SUMS = 3  # sums of a row's terms with random weights: in a single one they may cancel
+RANDOM_SUMS = 3  # of a row's terms with random weights: in a single one they may cancel
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,13 +114,13 @@ def term_sizes(r: cs.MX, arguments: Sequence[cs.MX]) -> cs.MX:
     """
     named, symbol, constants = _constants_named(r, arguments)
     rng = np.random.default_rng(0)  # always the same weights
-    sums = cs.MX(r.shape[0], SUMS)
+    sums = cs.MX(r.shape[0], RANDOM_SUMS)
     every = [*arguments, symbol]
     for a in every:
         if a.numel():
-            weights = rng.standard_normal((a.shape[0], SUMS * a.shape[1]))
-            sums += cs.jtimes(named, a, cs.DM(weights) * cs.repmat(a, 1, SUMS))
-    size = cs.Function("size", every, [cs.densify(cs.sum2(cs.fabs(sums)) / np.sqrt(SUMS))])
+            weights = rng.standard_normal((a.shape[0], RANDOM_SUMS * a.shape[1]))
+            sums += cs.jtimes(named, a, cs.DM(weights) * cs.repmat(a, 1, RANDOM_SUMS))
+    size = cs.Function("size", every, [cs.densify(cs.sum2(cs.fabs(sums)) / np.sqrt(RANDOM_SUMS))])
     (found,) = size.call([*arguments, cs.MX(constants)], True, False)
     return found
 

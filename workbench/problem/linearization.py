@@ -132,7 +132,7 @@ def largest_eigenpairs(
     return np.asarray(values[order]), np.asarray(vectors[:, order])
 
 
-NEGLIGIBLE = 1e-9  # the square of an entry's part in the null space up to which it has none
+NEGLIGIBLE_SHARE = 1e-9  # of an entry's unit vector in the null space, squared: as good as none
 
 
 def covariance_without(s: Array, Vt: Array, lengths: Array) -> Array:
@@ -143,7 +143,7 @@ def covariance_without(s: Array, Vt: Array, lengths: Array) -> Array:
     of v_i^2 of its unit vector in it.
     """
     half = Vt.T / s / lengths[:, None]
-    null = 1 - np.sum(Vt**2, axis=0) > NEGLIGIBLE
+    null = 1 - np.sum(Vt**2, axis=0) > NEGLIGIBLE_SHARE
     C: Array = half @ half.T
     C[null, :] = C[:, null] = np.nan
     C[null, null] = np.inf
@@ -163,8 +163,8 @@ def inverse_times(normal: Symmetric, right: Array, raised: Array | float = 0.0) 
     return np.asarray(scipy.linalg.cho_solve(lower, right))
 
 
-TOGETHER = 2**14  # rows of J in one QR: so many stay near the processor, and need little memory
-ESTIMATED = 1e-7  # of the largest singular value: the others come from J'J, with half the digits
+ROWS_AT_ONCE = 2**14  # in one QR of J: so many stay near the processor, and need little memory
+ESTIMATED_TOLERANCE = 1e-7  # of the largest singular value; from J'J they have half the digits
 
 
 @dataclass(frozen=True, eq=False)
@@ -299,8 +299,8 @@ class Linearization:
         m, n = self.shape
         d, J, k = self.lengths, self.dense, min(self.shape)
         R = np.zeros((0, n + 1))
-        for first in range(0, m, TOGETHER):  # rows above, reduced to R, and the next ones
-            rows = slice(first, min(first + TOGETHER, m))
+        for first in range(0, m, ROWS_AT_ONCE):  # rows above, reduced to R, and the next ones
+            rows = slice(first, min(first + ROWS_AT_ONCE, m))
             A = np.empty((len(R) + rows.stop - first, n + 1), order="F")
             A[: len(R)] = R
             np.divide(J[rows], d, out=A[len(R) :, :n])
@@ -360,7 +360,7 @@ class Linearization:
 
     @property
     def _relative(self) -> float:
-        return ESTIMATED if self.estimated else EPS * max(self.shape)
+        return ESTIMATED_TOLERANCE if self.estimated else EPS * max(self.shape)
 
     def step(self, damping: float = 0.0, scaling: Array | float = 1.0) -> Array:
         """The p (n,) that minimises |J p + r|^2 + damping |D p|^2, D = diag(scaling).

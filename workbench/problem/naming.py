@@ -169,11 +169,11 @@ def _limit(name: str, pair: object, side: int, block: Block) -> Array:
         raise ShapeMismatch(f"bounds of {name}", expected=block.shape, got=limit.shape) from None
 
 
-NONE = "1"  # the unit of a block of which nobody said one
-SINGLE = re.compile(r"[^\W\d_]+|[%°]")  # a unit that is not put together of others
-MOST, DEEPEST = 1_000, 100  # parts of an expression that are looked at, from its end
-SUMS = (cs.OP_ADD, cs.OP_SUB)
-SAME = (  # operations that move numbers and do not change them
+NO_UNIT = "1"  # of a block of which nobody said one
+SINGLE_UNIT = re.compile(r"[^\W\d_]+|[%°]")  # one that is not put together of others
+MOST_PARTS, DEEPEST_PART = 1_000, 100  # of an expression that are looked at, from its end
+ADDING = (cs.OP_ADD, cs.OP_SUB)
+MOVING = (  # operations that move numbers; a sign does not change a unit
     cs.OP_NEG,
     cs.OP_RESHAPE,
     cs.OP_TRANSPOSE,
@@ -193,7 +193,7 @@ def check_units(
     Both must be known, and single units, as m and mm: those of blocks whose unit is "1" are not
     known, nor those of products. N m and J are the same, and m/s less m may have left out 1 s.
     """
-    known = {b.symbol.__hash__(): (b.unit, b.name) for b in blocks.values() if b.unit != NONE}
+    known = {b.symbol.__hash__(): (b.unit, b.name) for b in blocks.values() if b.unit != NO_UNIT}
     known |= {p.symbol.__hash__(): ("m", p.name) for p in points if p.symbol.shape[0] == 3}
     if len({unit for unit, _ in known.values()}) < 2:
         return
@@ -212,16 +212,16 @@ def _measured(
 ) -> _Measured | None:
     """The unit of a part of an expression, or None where it is not known."""
     key = part.__hash__()
-    if key in seen or len(seen) >= MOST or depth >= DEEPEST:
+    if key in seen or len(seen) >= MOST_PARTS or depth >= DEEPEST_PART:
         return seen.get(key)
     if part.is_symbolic():
         return known.get(key)
     seen[key] = None  # while its own parts are looked at
     each = [_measured(part.dep(i), known, what, seen, depth + 1) for i in range(part.n_dep())]
-    if part.op() in SUMS:
+    if part.op() in ADDING:
         first, second = each
         if first and second and first[0] != second[0]:
-            if SINGLE.fullmatch(first[0]) and SINGLE.fullmatch(second[0]):
+            if SINGLE_UNIT.fullmatch(first[0]) and SINGLE_UNIT.fullmatch(second[0]):
                 raise BadResidual(
                     f"{what} adds or subtracts {first[1]!r}, in {first[0]}, and {second[1]!r}, in "
                     f"{second[0]}; give both in one unit, or convert one where it is read, as in "
@@ -230,6 +230,6 @@ def _measured(
                 )
         else:
             seen[key] = first or second
-    elif part.op() in SAME and len({one and one[0] for one in each}) == 1:
+    elif part.op() in MOVING and len({one and one[0] for one in each}) == 1:
         seen[key] = each[0]
     return seen[key]

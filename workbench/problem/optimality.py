@@ -19,7 +19,7 @@ from workbench.problem.storage import Stored, absolute, dense, row_norms
 if TYPE_CHECKING:
     from workbench.problem.linearization import Linearization
 
-FACTOR = 10.0  # of eps: a row is the end of a chain of operations, not of one
+ROUNDING_FACTOR = 10.0  # of eps: a row is the end of a chain of operations, not of one
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +127,7 @@ class RowSupport:
         return self.rows(np.ones(len(self._group_of), dtype=bool))
 
 
-ROUNDING = 1e-12  # of the sum of a row's absolute terms: a smaller violation is none
+ROUNDING_OF_ROWS = 1e-12  # of the sum of a row's absolute terms: a smaller violation is none
 
 
 class LinearLimits(NamedTuple):
@@ -205,7 +205,7 @@ def projected_sparse(target: Array, limits: LinearLimits) -> Array:
     d = np.clip(target, left, right)
     imposed = np.zeros(A.shape[0], dtype=bool)
     while True:
-        at, room = by_rows @ d, ROUNDING * (sizes @ (abs(d) + abs(target)))
+        at, room = by_rows @ d, ROUNDING_OF_ROWS * (sizes @ (abs(d) + abs(target)))
         violated = ((at < down - room) | (at > up + room)) & ~imposed
         if not violated.any():
             return np.asarray(d)
@@ -231,8 +231,8 @@ def projected_sparse(target: Array, limits: LinearLimits) -> Array:
 
 
 Box = tuple[Array, Array]
-HARMLESS = 1e-3  # of a sigma: rounding that does no harm
-IMMATERIAL = 1e-6  # of an unknown's own size: the same
+HARMLESS_ERROR = 1e-3  # of a sigma: rounding errors up to here do no harm
+HARMLESS_SHARE = 1e-6  # of an unknown's own size: the same
 
 
 def optimality(
@@ -310,7 +310,9 @@ def undetermined_by_rounding(
     It is harmless up to a thousandth of a sigma, or a millionth of x_i itself.
     """
     error, norms = _errors(here, support, rounding), here.column_norms
-    harmless = (error <= HARMLESS) | (error <= IMMATERIAL * norms * np.abs(x)) | (norms == 0)
+    harmless = (
+        (error <= HARMLESS_ERROR) | (error <= HARMLESS_SHARE * norms * np.abs(x)) | (norms == 0)
+    )
     return np.where(harmless, 0.0, error / np.where(norms > 0, norms, 1.0))
 
 

@@ -32,7 +32,7 @@ from workbench.problem.frames import FrameChain
 from workbench.problem.graph import Graph, stored
 from workbench.problem.linearization import Linearization
 from workbench.problem.naming import Bounds, check_units, flat_bounds, of_free
-from workbench.problem.optimality import FACTOR, Rounding, RowSupport, optimality
+from workbench.problem.optimality import ROUNDING_FACTOR, Rounding, RowSupport, optimality
 from workbench.problem.steps import EPS
 from workbench.problem.storage import Stored
 from workbench.residuals import Residual
@@ -269,7 +269,7 @@ class Problem(Symbolic):
         numbers, fixed numbers, constants and points. These are at least `floor` sigmas.
         """
         sizes = floor + np.abs(residual) + self._chain.term_sizes(x, fixed)
-        return Rounding(FACTOR * EPS * sizes)
+        return Rounding(ROUNDING_FACTOR * EPS * sizes)
 
     @property
     def support(self) -> RowSupport:

@@ -18,7 +18,7 @@ from scipy.sparse import bsr_array, csc_array, csr_array, diags_array
 from scipy.sparse.linalg import SuperLU, lsmr, splu
 
 from workbench.arrays import Array, Mask
-from workbench.problem.banded import BandedFactor, BandedMatrix
+from workbench.problem.banded import SMALLEST_PIVOT, BandedFactor, BandedMatrix
 from workbench.problem.storage import Symmetric, crowded, dense, scaled_sparse, unblocked
 
 if TYPE_CHECKING:
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 # SuperLU computes an LU factorization. In its symmetric mode, with pivots from the diagonal, it
 # orders columns by minimum degree and has the fill-in of Cholesky's factorization.
 SYMMETRIC = {"SymmetricMode": True}
-SMALLEST = 1e-8  # of a pivot, where the diagonal is one: below that half of the digits are lost
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +68,7 @@ def factorized(A: csc_array) -> SparseFactor | None:
     between, corner = dense(csc_array(columns[~border])), dense(csc_array(columns[border]))
     answer = between if inner is None or not border.any() else np.asarray(inner.solve(between))
     L, failed = scipy.linalg.lapack.dpotrf(corner - between.T @ answer, lower=True, clean=True)
-    if failed or np.diag(L).min(initial=1.0) ** 2 < SMALLEST:
+    if failed or np.diag(L).min(initial=1.0) ** 2 < SMALLEST_PIVOT:
         return None
     return SparseFactor(units, border, inner, between, answer, np.asarray(L))
 
@@ -83,14 +82,14 @@ def _inner(even: csc_array, part: Mask) -> SuperLU | None:
         factor = splu(S, "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=SYMMETRIC)
     except RuntimeError:  # "Factor is exactly singular"
         return None
-    return factor if factor.U.diagonal().min() >= SMALLEST else None
+    return factor if factor.U.diagonal().min() >= SMALLEST_PIVOT else None
 
 
 EPS = float(np.finfo(float).eps)
 CHOLESKY_UP_TO = 1e4  # of the condition of the columns; its square is what Cholesky meets
 UNEVEN = 1e6  # times the shortest column: a longer one would hide it among its rounding errors
-DIGITS, PRODUCTS = 1e-12, 2000  # of LSMR: its tolerances, and products at most
-SLIGHT = 1e-7  # of the longest column's square, in the units of D
+LSMR_TOLERANCE, LSMR_PRODUCTS = 1e-12, 2000  # both of its tolerances; products at most
+SLIGHT_DAMPING = 1e-7  # of the longest column's square, in the units of D
 LEAST_DAMPED = 1e-5  # inverse condition, with its damping, of columns that are dependent
 
 
@@ -176,12 +175,13 @@ def krylov(here: "Linearization", damping: float, D: Array) -> Step:
     """The shortest step by products with J and J' alone, for a sparse J with dependent columns.
 
     See Fong and Saunders, LSMR: an iterative algorithm for sparse least-squares problems, 2011.
-    After `PRODUCTS` products, the result is the best step so far, along which the cost falls.
+    After `LSMR_PRODUCTS` products, the result is the best step so far, along which the cost falls.
     """
     if damping == 0:
         D = here.lengths if here.uneven else np.ones_like(D)
     A = scaled_sparse(here.jacobian, 1 / D)
-    p = lsmr(A, -here.residual, np.sqrt(damping), DIGITS, DIGITS, conlim=0, maxiter=PRODUCTS)[0]
+    tolerances = LSMR_TOLERANCE, LSMR_TOLERANCE
+    p = lsmr(A, -here.residual, np.sqrt(damping), *tolerances, conlim=0, maxiter=LSMR_PRODUCTS)[0]
     return Step(np.asarray(p) / D, "lsmr")
 
 
@@ -204,7 +204,7 @@ def sparing(here: "Linearization", damping: float, D: Array) -> Step:
     """
     step = cholesky(here, damping, D)
     if step is None and here.estimated:
-        least = SLIGHT * float(np.max(here.column_norms / D, initial=0.0)) ** 2
+        least = SLIGHT_DAMPING * float(np.max(here.column_norms / D, initial=0.0)) ** 2
         step = cholesky(here, max(damping, least), D)
     return automatic(here, damping, D) if step is None else step
 

@@ -25,8 +25,7 @@ from workbench.fitting.scans.surface import (
 )
 from workbench.geometry.gltf import parse_glb
 from workbench.geometry.guesses import PERSON, UNITS, UP_TO_Y, Sizes, extents, unit_of, up_of
-from workbench.geometry.meshes import READERS as MESHES
-from workbench.geometry.meshes import Parts, parse_ply_and_normals, parsed_mesh
+from workbench.geometry.meshes import MESH_READERS, Parts, parse_ply_and_normals, parsed_mesh
 from workbench.geometry.point_clouds import parse_pcd, parse_xyz
 from workbench.geometry.solids import face_vectors, vertex_normals, volume
 from workbench.reading.arrays import Header, mapped_array, opened, taken_for, widened
@@ -76,9 +75,10 @@ def contents_of(path: Path, name: str | None = None) -> ScanContents:
     Raises BadFile with a sentence, or BadArgument for a name of what has no names.
     """
     suffix = path.suffix.lower()
-    if suffix not in READERS:
+    if suffix not in SCAN_READERS:
         raise BadFile(
-            f"{path}: no format of scans is called {path.suffix!r}; there are {listed(READERS)}"
+            f"{path}: no format of scans is called {path.suffix!r}; "
+            f"there are {listed(SCAN_READERS)}"
         )
     if name is not None and suffix != ".npz":
         raise BadArgument(f"{path} has no arrays with names, so that none is called {name!r}")
@@ -90,7 +90,7 @@ def contents_of(path: Path, name: str | None = None) -> ScanContents:
             )
     except OSError as error:
         raise BadFile(f"cannot read {path}: {error.strerror}") from error
-    return READERS[suffix](path, name)
+    return SCAN_READERS[suffix](path, name)
 
 
 def _parser(parse: Callable[[bytes], ScanContents]) -> "Reader":
@@ -188,12 +188,12 @@ def _npz(path: Path, name: str | None) -> ScanContents:
 
 
 Reader = Callable[[Path, str | None], ScanContents]
-READERS: dict[str, Reader] = {
+SCAN_READERS: dict[str, Reader] = {
     ".ply": _parser(_ply),
-    ".obj": _mesh(MESHES[".obj"]),
-    ".off": _mesh(MESHES[".off"]),
+    ".obj": _mesh(MESH_READERS[".obj"]),
+    ".off": _mesh(MESH_READERS[".off"]),
     ".pcd": _parser(_pcd),
-    ".stl": _mesh(MESHES[".stl"]),
+    ".stl": _mesh(MESH_READERS[".stl"]),
     ".glb": _mesh(parse_glb),
     ".npz": _npz,
     ".npy": _npy,
