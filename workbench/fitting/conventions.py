@@ -221,15 +221,15 @@ def agreeing_convention(views: Sequence[View], values: Values, names: Sequence[s
         tried.append((what, views, changed))
     tried += [(what, seen, values) for what, seen in _other_views(views, names)]
     with np.errstate(all="ignore"):
-        here, best, said = disagreement(views, values), LARGEST_DISAGREEMENT / 0.8, ""
+        here, best, phrase = disagreement(views, values), LARGEST_DISAGREEMENT / 0.8, ""
         for what, seen, changed in tried:
             off = disagreement(seen, changed)
             if off < min(0.8 * best, here / 3):
-                best, said = off, what
+                best, phrase = off, what
                 if unit := unit_of_translations(seen, changed):
-                    said = f"{what}, with translations in {unit}"
-        if said or len(views) < 3:
-            return said
+                    phrase = f"{what}, with translations in {unit}"
+        if phrase or len(views) < 3:
+            return phrase
         others = [disagreement((*views[:k], *views[k + 1 :]), values) for k in range(len(views))]
     k = int(np.argmin(np.nan_to_num(others, nan=np.inf)))
     if not others[k] < LARGEST_DISAGREEMENT:
@@ -258,5 +258,8 @@ def _conventions(extrinsics: Extrinsics) -> Iterator[tuple[str, Extrinsics]]:
     every = range(len(extrinsics))
     swapped = ([{i: j, j: i}.get(k, k) for k in every] for i, j in combinations(every, 2))
     for order in permutations(every) if len(extrinsics) <= MOST_ORDERED else swapped:
-        said = ", ".join(str(k + 1) for k in order)
-        yield f"the cameras belong to the files in the order {said}", [extrinsics[k] for k in order]
+        numbers = ", ".join(str(k + 1) for k in order)
+        yield (
+            f"the cameras belong to the files in the order {numbers}",
+            [extrinsics[k] for k in order],
+        )

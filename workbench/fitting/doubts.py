@@ -89,7 +89,7 @@ def doubts(
     body = setup.body if setup.moving is None else setup.moving.body
     moments = [] if body is None else _moments(setup, values)
     by_moment = [] if body is None else [_of_moment(body, *moment) for moment in moments]
-    wrong = _often([one for one, _ in by_moment])
+    wrong = _often([of_views for of_views, _ in by_moment])
     if wrong:  # all else follows from it
         return (*sentences, *wrong)
     sentences += _often([other for _, other in by_moment])
@@ -129,8 +129,8 @@ def _moments(setup: Setup, values: Values) -> list[tuple[Views, Values]]:
     pose, betas, trans = (block.name for block in body.blocks())
     sure = [(view.confidence > LEAST_CONFIDENCE).any(axis=1) for view in views]
     seen = np.flatnonzero(np.all(sure, axis=0))
-    at = np.unique(np.linspace(0, len(seen) - 1, FRAMES_LOOKED_AT).round().astype(int))
-    some = seen[at] if len(seen) else []
+    spread = np.unique(np.linspace(0, len(seen) - 1, FRAMES_LOOKED_AT).round().astype(int))
+    some = seen[spread] if len(seen) else []
     shapes = np.broadcast_to(values[betas], (len(values[pose]), values[betas].shape[-1]))
     return [
         (
@@ -143,11 +143,11 @@ def _moments(setup: Setup, values: Values) -> list[tuple[Views, Values]]:
 
 def _often(moments: Sequence[Said]) -> list[str]:
     """What is said of most moments, as it is said of the one in their middle."""
-    count = Counter(about for said in moments for about in said)
+    count = Counter(about for by_subject in moments for about in by_subject)
     sentences = []
     for about, n_frames in count.items():
         if n_frames > OFTEN_SHARE * len(moments):
-            alike = [said[about] for said in moments if about in said]
+            alike = [by_subject[about] for by_subject in moments if about in by_subject]
             frames = f"in {n_frames} of {len(moments)} frames " if len(moments) > 1 else ""
             sentences.append(frames + alike[len(alike) // 2])
     return sentences
@@ -281,28 +281,17 @@ def of_markers(
     scale = _extent(observed) / _extent(body.landmark(MARKERS)[None])
     if not 1 / OTHER_SIZE_RATIO < scale < OTHER_SIZE_RATIO:
         units = (w for f, w in UNIT_MISTAKES.items() if 1 / PERSON_RATIO < scale / f < PERSON_RATIO)
-        taken = next((f", as if {what}" for what in units), "")
+        mistake = next((f", as if {what}" for what in units), "")
         yield (
-            f"the markers reach {scale:.3g} times as far as those of the body{taken}; "
+            f"the markers reach {scale:.3g} times as far as those of the body{mistake}; "
             "check their unit, and whether the body is the one that wore them"
         )
         return
     pose, betas, trans = (values[block.name] for block in body.blocks())
     nominal = body.landmark(MARKERS, pose, betas, trans, marker_set.nominal)
-    opposites = [OPPOSITE_LETTER.get(label[:1], label[:1]) + label[1:] for label in names]
-    other = [names.index(label) if label in names else -1 for label in opposites]
-    torso = np.isin(np.array(body.joint_names)[marker_set.leaders(body)], TORSO) & (
-        np.array(other) >= 0
-    )
-    if torso.sum() >= FEWEST_TORSO_MARKERS:
-        rest = body.landmark(MARKERS, betas=betas, offsets=marker_set.nominal)
-        own, exchanged = (
-            _rigid_error(rest[torso], places)
-            for places in (observed[:, torso], observed[:, np.array(other)[torso]])
-        )
-        if exchanged < own / 2:
-            yield "left and right of the markers are exchanged, or the recording is mirrored"
-            return
+    if _sides_of_markers_exchanged(body, marker_set, observed, betas):
+        yield "left and right of the markers are exchanged, or the recording is mirrored"
+        return
     seen: Mask = np.asarray(np.isfinite(observed).all(axis=-1))
     off = np.linalg.norm(nominal - observed, axis=-1)  # m, (T, M)
     medians = np.array(
@@ -322,6 +311,21 @@ def of_markers(
             "body, in the median; check the labels, the marker set and the body"
         )
     yield from of_person(body, betas)
+
+
+def _sides_of_markers_exchanged(
+    body: SkinnedBody, marker_set: MarkerSet, observed: Array, betas: Array
+) -> bool:
+    """Whether the markers of the torso fit much better with left and right exchanged."""
+    names = marker_set.names
+    opposites = [OPPOSITE_LETTER.get(label[:1], label[:1]) + label[1:] for label in names]
+    other = np.array([names.index(label) if label in names else -1 for label in opposites])
+    torso = np.isin(np.array(body.joint_names)[marker_set.leaders(body)], TORSO) & (other >= 0)
+    if torso.sum() < FEWEST_TORSO_MARKERS:
+        return False
+    rest = body.landmark(MARKERS, betas=betas, offsets=marker_set.nominal)[torso]
+    own = _rigid_error(rest, observed[:, torso])
+    return _rigid_error(rest, observed[:, other[torso]]) < own / 2
 
 
 def _extent(places: Array) -> float:

@@ -62,7 +62,7 @@ def _shape_of(body: Body, pose: Array, mesh: Array) -> tuple[Array, Array]:
     B = body.n_betas
     sigma = RIGID_ERROR * np.sqrt(body.n_vertices / body.n_joints)  # m, of a vertex
     mean, *along = body.vertices(pose, np.vstack([np.zeros(B), np.eye(B)]))
-    columns = [(one - mean).ravel() for one in along]
+    columns = [(moved_vertices - mean).ravel() for moved_vertices in along]
     columns += [np.tile(axis, body.n_vertices) for axis in np.eye(3)]
     A = np.column_stack(columns) / sigma
     prior = np.eye(B, B + 3)  # none on trans
