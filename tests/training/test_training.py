@@ -34,6 +34,7 @@ from workbench.training.evaluation import (
     evaluate_held_out,
     held_out_errors,
     shape_share,
+    shapes_explained,
 )
 from workbench.training.execution import NotLowered, Progress, Report
 from workbench.training.registrations import InMemory, RegistrationSubset
@@ -90,10 +91,15 @@ def test_trained_body_has_a_card_and_round_trips(tmp_path: Path) -> None:
 
 def test_one_subject_gives_no_shape_directions() -> None:
     one, _ = draw_registrations(BODY, 1, 8, seed=4)
-    body = train(one, START, plan=without_blend_shapes(rounds=1)).body
-    assert body.n_betas == 0
-    assert not body.posedirs.any()
-    assert abs(body.J_regressor @ body.template)[0].max() < 1e-12  # about the root, as others
+    person, plan = InMemory(one.vertices[:1], one.subject[:1]), without_blend_shapes(rounds=1)
+    for multi_shape in (None, person):
+        body = train(one, START, multi_shape=multi_shape, plan=plan).body
+        assert body.n_betas == 0
+        assert not body.posedirs.any()
+        assert abs(body.J_regressor @ body.template)[0].max() < 1e-12  # about the root, as others
+    assert shapes_explained(body, person)["people_in_one_pose"] == 1
+    with pytest.raises(BadArgument, match="shape_rounds"):
+        train(one, START, multi_shape=person, plan=plan, shape_rounds=0)
 
 
 def test_confidence_may_depend_on_the_direction() -> None:
