@@ -17,8 +17,8 @@ from workbench.residuals import Residual, free_space, geman_mcclure, scaled
 from workbench.residuals.scans import BESIDE, Shadow
 
 VERTICES_KEPT_OUT = 300  # vertices of the body, drawn at random, that are kept out of empty space
-LEAST_SIGMA = 0.03  # m: as far into empty space a vertex gets without being wrong, at least
-SIGMA_FACTOR = 3.0  # times the sigma of a stage: the same, if that is more
+LEAST_SIGMA = 0.03  # m, of how far vertices are in empty space, at least
+SIGMA_FACTOR = 3.0  # times the sigma of a stage: that, if it is more
 KERNEL_REACH = 0.2  # m: the scale of the robust kernel; a limb in empty space has a long way back
 MOST_BEHIND = 0.02  # of the points of a scan may be behind a camera that looks at their middle
 

@@ -7,8 +7,8 @@ The joint cost of J scans of S people is, for registrations V_j and a model M,
 
 (Hirshberg, Loper, Rachlin and Black, Coregistration, ECCV 2012; Pons-Moll, Virtual Humans 5.1).
 With V held, this is the objective of training, and with the model held every scan is a
-registration of its own. `scan_block` says why the model's blocks take scans as soft observations,
-and `template_prior` why templates are held by edges.
+registration of its own. The package says why the model's blocks take scans as soft observations,
+and `training.priors` why templates are held by edges.
 """
 
 import hashlib
