@@ -78,7 +78,7 @@ def test_registration_folder_is_read_by_training(
     page = folder.finish([entry], [row], [failed])
     read = open_folder(tmp_path / "run", body.n_vertices, body.faces)
     assert read.rows == (row,)
-    vertices, confidence = read.one(row)
+    vertices, confidence = read.read_row(row)
     np.testing.assert_array_equal(vertices, found.registration.vertices)
     np.testing.assert_array_equal(confidence, found.registration.seen)
     start = read_start(str(tmp_path / "run" / "start.npz"))
