@@ -75,15 +75,20 @@ def files_inside(console: Console, folder: Path, kinds: Collection[str], what: s
 
     Raises BadFile if there are none. In sentences the files are `what`.
     """
-    inside = sorted(file for file in folder.iterdir() if file.is_file())
-    files = [f for f in inside if f.suffix.lower() in kinds and not f.name.startswith(".")]
+    files: list[Path] = []
+    others: list[str] = []
+    for file in sorted(file for file in folder.iterdir() if file.is_file()):
+        if file.suffix.lower() in kinds and not file.name.startswith("."):
+            files.append(file)
+        else:
+            others.append(file.name)
     if not files:
         raise BadFile(
             f"the folder {folder} holds no {what}, which are files with {listed(kinds)}; "
             "howto/formats.md lists them"
         )
-    if others := [file.name for file in inside if file not in files]:
-        say(console, f"note: not taken for {what}: {escape(some_of(others))}")
+    if others:
+        say(console, f"note: skipped, because they are no {what}: {escape(some_of(others))}")
     return files
 
 

@@ -91,8 +91,8 @@ def register(
     camera: Annotated[
         str | None,
         typer.Option(
-            help="Place x,y,z from which each scan was taken, in the file's unit and axes, if it "
-            "was one; 0,0,0 for most depth cameras."
+            help="Place x,y,z of the camera, in the file's unit and axes, if each scan was taken "
+            "from one place; 0,0,0 for most depth cameras."
         ),
     ] = None,
     array: Annotated[
@@ -115,7 +115,8 @@ def register(
         bool, typer.Option("--model-only", help="Fit the body and leave its vertices as they are.")
     ] = False,
     subjects: Annotated[
-        Path | None, typer.Option(help="Table (.csv) of file and subject, maybe gender and set.")
+        Path | None,
+        typer.Option(help="Table (.csv) of file and subject, optionally gender and set."),
     ] = None,
     workers: Workers = 1,
     dask: Dask = None,
@@ -124,7 +125,7 @@ def register(
     """Register scans: fit a body to each from many starts, then free its vertices.
 
     Writes runs/register-NAME/ with a page, the vertices (.npz) and the surface (.ply); of several
-    scans, a folder for each, for `workbench train`. After an interrupt the same command goes on.
+    scans, a folder for each, for `workbench train`. After an interrupt the same command continues.
     """
     console = Console()
     if not 0 <= boundary < math.inf:
@@ -140,7 +141,7 @@ def register(
         recipe = replace(recipe, vertex_stages=())
     if len(jobs) == 1 and not scans[0].is_dir():
         for_several = ("--subjects", "--workers", "--dask")
-        warn_unused(console, ctx, for_several, "it is for several scans, and there is one")
+        warn_unused(console, ctx, for_several, "it is for several scans")
         _register_one(console, template, body, recipe, reading, jobs[0], out)
         return
     if skeleton is not None:

@@ -97,10 +97,11 @@ def carry_out(
     compare: bool,
     out: Path,
     verbose: bool = False,
-) -> tuple[Values, Path]:
-    """Run an experiment, print its summary, and write its report: the values, and the folder.
+) -> Values:
+    """Run an experiment, print its summary, and write its report into a folder of its name.
 
-    After an interrupt the report holds what was found until then, and the exit code is 130.
+    Returns the values of all blocks. After an interrupt the report holds the best point until
+    then, and the exit code is 130.
     """
     folder = folder_to_write(out, experiment.name, experiment.source)
     with LiveTrace(console, verbose) as trace:
@@ -116,7 +117,7 @@ def carry_out(
     print_page(console, "report", write_report(outcome, folder))
     if outcome.interrupted:
         raise Interrupted("interrupted; the report holds what was found until then")
-    return outcome.values, folder
+    return outcome.values
 
 
 def prepare(

@@ -81,7 +81,7 @@ def build(title: str, pages: Path, files: Path, scratch: Path) -> Path:
             namespaces.patch_docutils(),
             namespaces.docutils_namespace(),
         ):
-            # what the libraries have to say to each other about their next versions
+            # of these libraries about each other
             warnings.simplefilter("ignore", DeprecationWarning)
             warnings.simplefilter("ignore", PendingDeprecationWarning)
             app = sphinx.Sphinx(

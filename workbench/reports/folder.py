@@ -35,7 +35,7 @@ def refuse_foreign(folder: Path, source: str | None = None) -> None:
             f"{folder} exists and holds no {SUMMARY} of a report, so it is not overwritten; "
             "move it away or choose another folder"
         )
-    before = summary.get("source", source)  # what says nothing about its source is not asked
+    before = summary.get("source", source)  # a summary without one is not compared
     if source is not None and before != source:
         held, new = (of or f"the workbench's own {folder.name}" for of in (before, source))
         raise BadFile(

@@ -83,9 +83,10 @@ class ImageFolder:
         return kept_entry(job.name, key, facts, others)
 
     def keep(self, fit: FittedImage, key: str) -> Entry:
-        """Write the fit of an image, its arrays first, and return its entry.
+        """Write the fit of an image, and return its entry.
 
-        What was there before counts no longer as soon as its facts, which hold its key, are gone.
+        Facts of before, which hold a key, are removed first, and new ones are written last, so that
+        an interrupt leaves no entry of which a part is missing.
         """
         self._path(fit.job, "json").unlink(missing_ok=True)
         values, others = fit.values, fit.others

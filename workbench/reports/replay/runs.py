@@ -287,7 +287,7 @@ def as_numbers(array: ArrayLike) -> Any:
 
 MOST_DIRECTIONS = 40
 UNSEEN_REACH = 0.5  # units along a direction that nothing holds
-LONGEST_REACH = 1.0  # units: two sigmas may be far out of the linear world
+LONGEST_REACH = 1.0  # units: two sigmas may lie far outside of the linear range
 EXACT_POINTS = 21  # at which the true change of the data is computed, from one end to the other
 LEAST_MOTION = 1e-3  # m: a direction that moves no point of the body by this much is not shown
 DRAWS = 40
