@@ -220,15 +220,7 @@ def fit_folder(
     of_work = folder.key_of_work()
     keys = {job: folder.key(job, of_work) for job in jobs}
     with executing(console, workers, dask) as executor:
-        do_missing_jobs(
-            console,
-            folder,
-            keys,
-            lambda missing: executor(work, in_parts(missing)),
-            folder.finish,
-            "images",
-            "fitted",
-        )
+        do_missing_jobs(console, folder, keys, lambda missing: executor(work, in_parts(missing)))
 
 
 def add_mean(console: Console, setup: Setup, values: Values, folder: Path) -> None:

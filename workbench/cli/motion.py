@@ -49,6 +49,10 @@ MARKER_SUFFIXES = (".npz", ".trc")  # what is written of markers
 MOTION_SUFFIXES = (".bvh", ".npz", ".glb", ".smpl")  # and of a motion
 EXACT = "exact"
 OF_MOTIONS = ("--fps", "--rate", "--body", "--page", "--tissue", "--animation")
+Rate = Annotated[
+    float | None,
+    typer.Option(callback=above_zero, help="Frames a second, if the file does not say."),
+]
 Person = Annotated[
     str | None, typer.Option(help="Which of several people in a file; else who is in most frames.")
 ]
@@ -72,10 +76,7 @@ def motion(
         float | None,
         typer.Option(callback=above_zero, help="Resample a motion to so many frames a second."),
     ] = None,
-    rate: Annotated[
-        float | None,
-        typer.Option(callback=above_zero, help="Frames a second, if the file does not say."),
-    ] = None,
+    rate: Rate = None,
     layout: Annotated[
         str,
         typer.Option(
@@ -323,10 +324,7 @@ def convert(
     sigma: Annotated[
         float, typer.Option(help="Standard deviation of the named points in mm.")
     ] = 1e3 * SIGMA,
-    rate: Annotated[
-        float | None,
-        typer.Option(callback=above_zero, help="Frames a second, if the file does not say."),
-    ] = None,
+    rate: Rate = None,
     unit: Annotated[
         str | None, typer.Option(help=f"Unit of the points ({', '.join(UNITS)}).")
     ] = None,

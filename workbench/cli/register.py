@@ -25,6 +25,7 @@ from workbench.cli.console import (
     print_page,
     rich_table,
     say,
+    say_notes,
     warn_of,
     warn_unused,
 )
@@ -57,7 +58,6 @@ from workbench.registration.coregistration.folder import open_registered
 from workbench.registration.scan_jobs import MOST
 from workbench.reports.folder import own_folder
 from workbench.reports.many import ImageFolder, RegistrationFolder
-from workbench.reports.page import Entry
 from workbench.reports.registration import (
     ARRAYS,
     begin_folder,
@@ -149,23 +149,13 @@ def register(
     rows = _rows(jobs, subjects)
     source = scans[0].resolve() if len(scans) == 1 else scans[0].resolve().parent
     folder = RegistrationFolder(
-        out / f"register-{source.name}", template, body, recipe, reading, str(source)
+        out / f"register-{source.name}", template, body, recipe, reading, str(source), rows
     )
     keys = {job: folder.key(job) for job in jobs}
     work = partial(registered, template, recipe, reading)
-
-    def finish(entries: Sequence[Entry], failed: Sequence[FailedScan]) -> Path:
-        return folder.finish(entries, [rows[entry.name] for entry in entries], failed)
-
     with executing(console, workers, dask) as executor:
         do_missing_jobs(
-            console,
-            folder,
-            keys,
-            lambda missing: ([found] for found in executor(work, missing)),
-            finish,
-            "scans",
-            "registered",
+            console, folder, keys, lambda missing: ([result] for result in executor(work, missing))
         )
 
 
@@ -198,8 +188,7 @@ def _register_one(
         )
     if isinstance(scan_fit, FailedScan):
         raise BadFile(scan_fit.reason)
-    for note in scan_fit.notes:
-        say(console, f"note: {escape(note)}")
+    say_notes(console, scan_fit.notes)
     warn_of(console, scan_fit.registration.doubts)
     console.print(rich_table(stages_table(scan_fit.registration)))
     if scan_fit.registration.measurements:
@@ -242,16 +231,13 @@ def do_missing_jobs(
     folder: ImageFolder | RegistrationFolder,
     keys: Mapping[Any, str],
     work: Callable[[Sequence[Any]], Iterable[Sequence[Any]]],
-    finish: Callable[[Sequence[Entry], Sequence[FailedFile]], Path],
-    files: str,
-    done: str,
 ) -> None:
     """Do the jobs that the folder does not hold under their keys, and finish it.
 
-    `work` yields what it found of some jobs at a time, or why a file failed; `finish` writes what
-    is over all and returns the page. In sentences, the `files` are `done`: scans are registered.
-    Exits with 1 if a file failed, and raises Interrupted after Ctrl-C.
+    `work` yields the results of some jobs at a time, or why a file failed. Exits with 1 if a file
+    failed, and raises Interrupted after Ctrl-C.
     """
+    files, done = folder.FILES, folder.DONE  # scans are registered
     kept = {job.name: folder.kept(job, key) for job, key in keys.items()}
     entries = {name: entry for name, entry in kept.items() if entry is not None}
     failed: list[FailedFile] = []
@@ -277,7 +263,7 @@ def do_missing_jobs(
                     else:
                         entries[name] = folder.keep(result, keys[result.job])
                 bars(files, len(entries) + len(failed), len(keys))
-        page = finish([entries[job.name] for job in keys if job.name in entries], failed)
+        page = folder.finish([entries[job.name] for job in keys if job.name in entries], failed)
     for name, entry in entries.items():
         warn_of(console, entry.facts.get("warnings", ()), f"{name}: ")
     print_page(console, "report", page)

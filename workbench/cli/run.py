@@ -13,7 +13,7 @@ from rich.table import Table as RichTable
 
 from workbench.blocks import Values
 from workbench.cli import Interrupted
-from workbench.cli.console import folder_to_write, print_page, rich_table, warn_of
+from workbench.cli.console import folder_to_write, print_page, rich_table, say_notes, warn_of
 from workbench.comparison.design import named_solvers
 from workbench.diagnostics import Diagnosis
 from workbench.errors import BadArgument, BadFile, joined
@@ -217,8 +217,7 @@ def print_outcome(console: Console, outcome: Outcome) -> None:
             console.print(f"[bold yellow]{escape(sentence)}[/]", highlight=False)
     if outcome.setup.synthetic:
         console.print(f"synthetic data: {escape(outcome.setup.synthetic)}", highlight=False)
-    for note in outcome.setup.notes:
-        console.print(f"note: {escape(note)}", highlight=False)
+    say_notes(console, outcome.setup.notes)
     table = RichTable(box=None, show_header=False)
     table.add_column()
     table.add_column(justify="right")

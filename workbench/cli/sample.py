@@ -13,12 +13,13 @@ from rich.markup import escape
 from workbench import sampling
 from workbench.blocks.layout import entries
 from workbench.cli import Interrupted, interrupts_say
-from workbench.cli.console import Bars, make_folder, print_page, rich_table, say, warn_of
+from workbench.cli.console import Bars, print_page, rich_table, say, warn_of
 from workbench.cli.run import Name, Out, Setting, SolverName, prepare, solve_setup, solver_named
 from workbench.fitting.measures import measured_in, person_of
 from workbench.fitting.setup import Setup
 from workbench.problem import Problem
 from workbench.reports import write_posterior
+from workbench.reports.folder import make_folder
 from workbench.reports.page import Table
 from workbench.reports.posterior import BlockPosterior, anchors, contradictions, posterior_text
 from workbench.solvers import DEFAULT

@@ -9,7 +9,6 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 from rich.console import Console
-from rich.markup import escape
 
 from workbench.bodies import SkinnedBody
 from workbench.bodies.files.saving import save_body
@@ -18,10 +17,10 @@ from workbench.cli.console import (
     Bars,
     above_zero,
     at_least_one,
-    make_folder,
     print_page,
     rich_table,
     say,
+    say_notes,
     warn_unused,
 )
 from workbench.cli.options import Workers
@@ -30,6 +29,7 @@ from workbench.errors import BadArgument, BadFile, check_known
 from workbench.motions import save_motion
 from workbench.reading.facts import json_in
 from workbench.reports import write_card
+from workbench.reports.folder import make_folder
 from workbench.reports.page import Table
 from workbench.synthetic.made_up import noisy_tubes
 from workbench.threads import limited_threads
@@ -113,7 +113,6 @@ def train(
         plan = alternation(rounds=rounds, reach=None if folder is None else reach)
     else:
         warn_unused(console, ctx, ["--reach"], "there are no blend shapes to reach anywhere")
-    make_folder(out)
     place = out / f"train-{name}{f'-{gender}' if gender else ''}"
     make_folder(place)
 
@@ -334,8 +333,7 @@ def rig(
     if len(others):
         rms = pose_rms(result.body, every[others])
         say(console, f"{1e3 * rms:.3g} mm from {len(others)} meshes that were held out (rms)")
-    for note in result.notes:
-        say(console, f"note: {escape(note)}")
+    say_notes(console, result.notes)
     print_page(console, "body", out)
     if motion is not None:
         print_page(console, "motion", motion)

@@ -12,13 +12,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from workbench.course.cells import cells
-from workbench.course.notebooks import (
-    Notebook,
-    notebook,
-    tool,
-    without_results,
-    write_notebook,
-)
+from workbench.course.notebooks import Notebook, notebook, tool, without_results, write_notebook
 from workbench.course.outline import Lecture, course, root
 from workbench.errors import BadFile
 
