@@ -92,15 +92,15 @@ def test_file_without_one_solver_is_refused(workbench: Run) -> None:
 
 
 @pytest.fixture
-def fitted(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[tuple[Setup, bool]]:
+def fitted(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Setup, bool]]:
     """What `fit` would solve, and whether with other solvers too; nothing is solved here."""
     asked: list[tuple[Setup, bool]] = []
 
     def carried_out(
         _: object, experiment: Experiment, __: object, compare: bool, *rest: object
-    ) -> tuple[Values, Path]:
+    ) -> Values:
         asked.append((experiment.setup(), compare))
-        return {}, tmp_path
+        return {}
 
     monkeypatch.setattr("workbench.cli.fit.carry_out", carried_out)
     return asked

@@ -182,13 +182,16 @@ def design(
     ] = None,
     choose: Annotated[int, typer.Option(help="How many candidates to choose.")] = 1,
     criterion: Annotated[
-        str, typer.Option(help="To be small: d (volume), a (mean variance) or e (worst direction).")
+        str,
+        typer.Option(
+            help="What to minimise: d (volume), a (mean variance) or e (worst direction)."
+        ),
     ] = "d",
     sd_of: Annotated[
         str | None,
         typer.Option(
             "--sd-of",
-            help="Instead, the standard deviation of this: "
+            help="Minimise instead the standard deviation of this: "
             f"{', '.join(QUANTITIES)}, or an entry such as trans[z].",
         ),
     ] = None,

@@ -61,7 +61,8 @@ Cameras = Annotated[
     ),
 ]
 CameraToWorld = Annotated[
-    bool, typer.Option("--camera-to-world", help="--cameras holds poses, camera to world.")
+    bool,
+    typer.Option("--camera-to-world", help="--cameras holds the cameras' poses: camera to world."),
 ]
 Size = Annotated[str | None, typer.Option(help="The image's size, WIDTHxHEIGHT in px.")]
 Focal = Annotated[
@@ -97,7 +98,10 @@ Hypotheses = Annotated[int, typer.Option(help="Number of starts for one image.")
 Video = Annotated[bool, typer.Option(help="FILES is a clip: a folder with a file for each frame.")]
 Fps = Annotated[
     float | None,
-    typer.Option(callback=above_zero, help=f"Frames a second of a clip or markers, else {FPS:g}."),
+    typer.Option(
+        callback=above_zero,
+        help=f"Frames a second: of a clip, else {FPS:g}; of markers, else their file's.",
+    ),
 ]
 
 # markers
@@ -118,7 +122,7 @@ MarkerHeight = Annotated[
 Across = Annotated[
     float | None,
     typer.Option(
-        callback=marker_length, help="Standard deviation of this height in m, such as 0.001."
+        callback=marker_length, help="Standard deviation of --marker-height in m, such as 0.001."
     ),
 ]
 

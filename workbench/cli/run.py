@@ -13,7 +13,7 @@ from rich.table import Table as RichTable
 
 from workbench.blocks import Values
 from workbench.cli import Interrupted
-from workbench.cli.console import folder_to_write, print_page, rich_table, warn_of
+from workbench.cli.console import folder_to_write, print_page, rich_table, say_notes, warn_of
 from workbench.comparison.design import named_solvers
 from workbench.diagnostics import Diagnosis
 from workbench.errors import BadArgument, BadFile, joined
@@ -97,10 +97,11 @@ def carry_out(
     compare: bool,
     out: Path,
     verbose: bool = False,
-) -> tuple[Values, Path]:
-    """Run an experiment, print its summary, and write its report: the values, and the folder.
+) -> Values:
+    """Run an experiment, print its summary, and write its report into a folder of its name.
 
-    After an interrupt the report holds what was found until then, and the exit code is 130.
+    Returns the values of all blocks. After an interrupt the report holds the best point until
+    then, and the exit code is 130.
     """
     folder = folder_to_write(out, experiment.name, experiment.source)
     with LiveTrace(console, verbose) as trace:
@@ -116,7 +117,7 @@ def carry_out(
     print_page(console, "report", write_report(outcome, folder))
     if outcome.interrupted:
         raise Interrupted("interrupted; the report holds what was found until then")
-    return outcome.values, folder
+    return outcome.values
 
 
 def prepare(
@@ -216,8 +217,7 @@ def print_outcome(console: Console, outcome: Outcome) -> None:
             console.print(f"[bold yellow]{escape(sentence)}[/]", highlight=False)
     if outcome.setup.synthetic:
         console.print(f"synthetic data: {escape(outcome.setup.synthetic)}", highlight=False)
-    for note in outcome.setup.notes:
-        console.print(f"note: {escape(note)}", highlight=False)
+    say_notes(console, outcome.setup.notes)
     table = RichTable(box=None, show_header=False)
     table.add_column()
     table.add_column(justify="right")
