@@ -296,12 +296,10 @@ def body_cameras(
     )
 
 
-def _linear_blend_skinning(body: SkinnedBody) -> SkinnedBody:
-    return replace(body, posedirs=np.zeros_like(body.posedirs), name=f"{body.name}, LBS")
-
-
 MODELS: Mapping[str, Callable[[SkinnedBody], SkinnedBody | TriangleBody]] = {
-    "lbs": _linear_blend_skinning,
+    "lbs": lambda body: replace(
+        body, posedirs=np.zeros_like(body.posedirs), name=f"{body.name}, LBS"
+    ),
     "smpl": lambda body: body,
     "scape": scape,
     "blend-scape": blend_scape,

@@ -83,9 +83,10 @@ class AnimationTrack:
         return np.asarray(_normalised(values) if self.is_rotation else values)
 
 
-def tracks_of(
-    document: GlbDocument, animation: dict[str, Any]
-) -> dict[tuple[int, str], AnimationTrack]:
+Tracks = dict[tuple[int, str], AnimationTrack]  # by node and property
+
+
+def tracks_of(document: GlbDocument, animation: dict[str, Any]) -> Tracks:
     """The tracks of an animation by node and property; others, as of morph targets, are left out.
 
     Raises ValueError for a track that does not fit together.
@@ -182,9 +183,7 @@ class Nodes:
                 number = self.parents[number]
         return tuple(number for number in self.order if number in above)
 
-    def world(
-        self, some: set[int], tracks: dict[tuple[int, str], AnimationTrack], times: Array
-    ) -> Array:
+    def world(self, some: set[int], tracks: Tracks, times: Array) -> Array:
         """The motions (S, len(some), 4, 4) of some nodes, in rising order, at times (S,) s."""
         worlds: dict[int, Array] = {}
         for number in self.above(some):
@@ -234,9 +233,7 @@ class Skin:
                 below.append(k)
         return below
 
-    def motions(
-        self, nodes: Nodes, tracks: dict[tuple[int, str], AnimationTrack], times: Array
-    ) -> Array:
+    def motions(self, nodes: Nodes, tracks: Tracks, times: Array) -> Array:
         """What takes the joints from rest to where they are, (S, K, 4, 4), at times (S,) s."""
         numbers = {*self.nodes}
         column = {number: i for i, number in enumerate(sorted(numbers))}
@@ -407,7 +404,7 @@ def _motion_of(
 
 def _animation(
     document: GlbDocument, nodes: Nodes, skin: Skin, choice: str | None
-) -> tuple[dict[tuple[int, str], AnimationTrack], tuple[str, ...]]:
+) -> tuple[Tracks, tuple[str, ...]]:
     """The tracks of one animation, the first that moves the skin unless one is chosen; sentences.
 
     Raises UnknownName for one that does not exist.
@@ -436,9 +433,7 @@ def _animation(
     raise ValueError(f"it has {which} of the joints of its skin")
 
 
-def _times(
-    tracks: dict[tuple[int, str], AnimationTrack], fps: float | None
-) -> tuple[Array, float, tuple[str, ...]]:
+def _times(tracks: Tracks, fps: float | None) -> tuple[Array, float, tuple[str, ...]]:
     """The times (T,) s of frames, their rate, and what is to be said about it."""
     first = min(float(t.times[0]) for t in tracks.values())
     last = max(float(t.times[-1]) for t in tracks.values())

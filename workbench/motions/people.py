@@ -140,51 +140,33 @@ class People:
             value = _parts_of_unnamed(value)
         if depth > DEEPEST or not isinstance(value, (dict, list)):
             return {}
+        are_images = False
         if isinstance(value, list):
             ids = self._ids(outer)
-            fits = len(ids) == len(value)
-            names = ids if fits else map(str, range(len(value)))
+            apart = apart or len(ids) == len(value) > 0
+            names = ids if len(ids) == len(value) else map(str, range(len(value)))
             items = dict(zip(names, value, strict=True))
-            return self._of_items(items, outer, apart or (fits and bool(value)), False, depth)
-        for key in value:
-            self.met.setdefault(key, False)
-        if people := self._here(value, outer, apart):
-            return people
-        meta = self._contents.plain(value.get("meta"))  # facts in mmhuman3d's HumanData
-        outer = {**outer, **_facts(value), **(_facts(meta) if isinstance(meta, dict) else {})}
-        for line in lines_of("within"):
-            inside_apart = apart or line.form == "people"
-            if people := self._below(value.get(line.key), outer, inside_apart, depth + 1):
-                self.met[line.key] = True
+        else:
+            for key in value:
+                self.met.setdefault(key, False)
+            if people := self._here(value, outer, apart):
                 return people
-        are_images = all(re.search(r"\.[a-zA-Z]{2,4}$", name) for name in value)
-        return self._of_items(value, outer, apart, are_images, depth)
-
-    def _of_items(
-        self,
-        items: Mapping[str, Tree],
-        outer: Mapping[str, Tree],
-        apart: bool,
-        are_frames: bool,
-        depth: int,
-    ) -> dict[str, Track]:
-        """Everybody below the items of a list or dictionary, which are frames or people."""
+            meta = self._contents.plain(value.get("meta"))  # facts in mmhuman3d's HumanData
+            outer = {**outer, **_facts(value), **(_facts(meta) if isinstance(meta, dict) else {})}
+            for line in lines_of("within"):
+                inside = apart or line.form == "people"
+                if people := self._below(value.get(line.key), outer, inside, depth + 1):
+                    self.met[line.key] = True
+                    return people
+            are_images = all(re.search(r"\.[a-zA-Z]{2,4}$", name) for name in value)
+            items = value
         groups = {
             name: people
             for name, item in items.items()
-            if (people := self._below(item, outer, apart or are_frames, depth + 1))
+            if (people := self._below(item, outer, apart or are_images, depth + 1))
         }
         self.met.update((name, True) for name in groups if name in self.met)
-        move = any(len(track) > 1 for group in groups.values() for track in group.values())
-        names = [name for group in groups.values() for name in group]
-        different = all(names) and len({*names}) == len(names)
-        if are_frames or not (apart or move or different):
-            return _joined(list(groups.values()))
-        return {
-            inner if inner and len(group) == 1 else f"{name} {inner}".strip(): track
-            for name, group in groups.items()
-            for inner, track in group.items()
-        }
+        return _joined(list(groups.values())) if are_images else _together(groups, apart)
 
     def _ids(self, facts: Mapping[str, Tree]) -> tuple[str, ...]:
         """The names of people that stand in a dictionary."""
@@ -361,6 +343,20 @@ def _vectors(line: PersonLine, rows: Array, width: int) -> Array:
     vectors = np.full((N, J, 3), np.nan)
     vectors[finite] = vector_from_matrix(R).reshape(-1, J, 3)
     return vectors
+
+
+def _together(groups: dict[str, dict[str, Track]], apart: bool) -> dict[str, Track]:
+    """Those of all groups as different people, unless the groups are frames that show the same."""
+    move = any(len(track) > 1 for group in groups.values() for track in group.values())
+    names = [name for group in groups.values() for name in group]
+    different = all(names) and len({*names}) == len(names)
+    if not (apart or move or different):
+        return _joined(list(groups.values()))
+    return {
+        inner if inner and len(group) == 1 else f"{name} {inner}".strip(): track
+        for name, group in groups.items()
+        for inner, track in group.items()
+    }
 
 
 def _joined(groups: list[dict[str, Track]]) -> dict[str, Track]:
