@@ -221,6 +221,10 @@ def test_damaged_motions_are_refused(tmp_path: Path) -> None:
             newer_entries(random_motion(55, XNAMES)) | {"pose_body": np.ones((6, 63))},
             "poses and pose_body say different things",
         ),
+        *(
+            (OLD | {"smpl_scaling": np.array([scale])}, "smpl_scaling is .*, and trans can only be")
+            for scale in (0.0, -1.0, np.inf)
+        ),
         (OLD | {"joint_names": np.array(["a", "a"])}, "poses has 24 joints, and joint_names 2"),
     ]:
         with pytest.raises(BadFile, match=said) as refused:

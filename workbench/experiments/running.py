@@ -167,7 +167,7 @@ def run(
     solution = solver.solve(setup.problem, setup.start, callback=callback)
     if not np.isfinite(solution.cost):
         raise WorkbenchError(
-            f"{experiment.name} has no finite cost, or no slope, where it starts: "
+            f"{experiment.name} has no finite cost, or no derivatives, where it starts: "
             f"{solution.message}"
         )
     name = called(chosen, solver, solution)

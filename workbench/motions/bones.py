@@ -110,15 +110,13 @@ def different_names(
     labels: Sequence[str], kind: str = "joint"
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Names of which each occurs once, and a note if some had to be changed: `joint_3`, `hip_2`."""
-    names: list[str] = []
-    in_use, new_names, suffixes = {*labels}, set[str](), Counter[str]()
+    in_use, names, suffixes = {*labels}, dict[str, None](), Counter[str]()
     for k, name in enumerate(labels):
         base = new = name or f"{kind}_{k}"
-        while new in new_names or (new != name and new in in_use):
+        while new in names or (new != name and new in in_use):
             suffixes[base] += 1
             new = f"{base}_{suffixes[base] + 1}"
-        new_names.add(new)
-        names.append(new)
+        names[new] = None
     changed = sum(new != old for new, old in zip(names, labels, strict=True))
     note = f"{changed} of {len(names)} {kind}s had no name or that of another, and got a number"
     return tuple(names), (note,) * bool(changed)

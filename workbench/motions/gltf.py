@@ -188,7 +188,7 @@ class Nodes:
         worlds: dict[int, Array] = {}
         for number in self.above(some):
             animated = {
-                path: track.at(times) for (node, path), track in tracks.items() if node == number
+                path: tracks[number, path].at(times) for path in LOCAL if (number, path) in tracks
             }
             local = local_motions(self.json[number], animated, len(times))
             parent = self.parents[number]

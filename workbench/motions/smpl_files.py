@@ -209,8 +209,11 @@ def _placed(
     if trans.shape[1] != 3:
         raise BadFile(f"{track.used['trans'].key} has {trans.shape[1]} columns, and needs 3")
     if "scale" in track.numbers:
-        trans = trans / (scale := float(track.numbers["scale"].flat[0]))
-        notes.append(f"trans is divided by {track.used['scale'].key}, {scale:.4g}")
+        scale, key = float(track.numbers["scale"].flat[0]), track.used["scale"].key
+        if not 0 < scale < np.inf:
+            raise BadFile(f"{key} is {scale:g}, and trans can only be divided by a number above 0")
+        trans = trans / scale
+        notes.append(f"trans is divided by {key}, {scale:.4g}")
     trans = np.broadcast_to(trans, (T, 3))
     line = track.used.get("root")
     if line is None or line.form != "origin":
