@@ -174,9 +174,9 @@ def balance_video(
 ) -> Setup:
     """Fit one shape and the poses of frames `first` to `last`, of which each `step`-th is taken.
 
-    `sigma` is in px; without one it follows the person's size (`video_fit`). Frames are told how
-    much they are worth together by their own errors. Raises BadArgument if there are fewer than two
-    frames, and UnknownName for a camera or a frame that does not exist.
+    `sigma` is in px; without one it follows the person's size. How many independent frames these
+    are worth is estimated from their errors (`video_fit`). Raises BadArgument if there are fewer
+    than two frames, and UnknownName for a camera or a frame that does not exist.
     """
     count = len(published()["keypoints"])
     if step < 1 or not 0 <= first < last < count or last - first < step:

@@ -151,7 +151,7 @@ class Nodes:
 
     @staticmethod
     def of(document: GlbDocument) -> "Nodes":
-        """The nodes of a document. Raises ValueError for those that hang on each other."""
+        """The nodes of a document. Raises ValueError if they are no trees."""
         nodes = several(document.json, "nodes")
         if len(nodes) > MOST_NODES:
             raise ValueError(
@@ -175,7 +175,7 @@ class Nodes:
         return Nodes(tuple(order), parents, nodes)
 
     def above(self, some: set[int]) -> tuple[int, ...]:
-        """These nodes and all those that they hang on, each after its parent."""
+        """These nodes and all their ancestors, each after its parent."""
         above: set[int] = set()
         for number in some:
             while number != -1 and number not in above:
@@ -278,7 +278,7 @@ def skin_of(document: GlbDocument, nodes: Nodes) -> tuple[Skin, tuple[str, ...]]
 def _tree(
     nodes: Nodes, joints: list[int], to_rest: Array, rest: Array
 ) -> tuple[Skin, tuple[str, ...]]:
-    """The largest tree of the joints: the parent of each is the next joint that it hangs on.
+    """The largest tree of the joints: the parent of each is its nearest ancestor among them.
 
     They are in the order of the skin, if each comes after its parent there.
     """

@@ -350,8 +350,8 @@ class MovingFrames:
         R, at_rest = self.turns[:, joints], self.body.joints(None, self.motion.betas)
         arms = points - at_rest[joints]
         places = np.einsum("tpij,pj->tpi", R, arms) + self.joints[:, joints]
-        pull = GRAVITY - second_differences(places, self.motion.fps)
-        return np.asarray(np.einsum("tpji,tpj->tpi", R, pull) - GRAVITY)
+        force = GRAVITY - second_differences(places, self.motion.fps)
+        return np.asarray(np.einsum("tpji,tpj->tpi", R, force) - GRAVITY)
 
 
 def first_differences(values: Array, fps: float) -> Array:
