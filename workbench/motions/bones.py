@@ -19,7 +19,7 @@ from workbench.bodies.readonly import locked
 from workbench.errors import BadArgument
 from workbench.geometry.rotation import matrix_from_vector
 
-FOLLOWS = 0.5  # the least weight with which the outermost vertex follows the last joint of a limb
+LIMB_WEIGHT = 0.5  # the least with which the outermost vertex follows the last joint of a limb
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +135,7 @@ def bones_of(body: Body, betas: Sequence[float] | Array | None = None) -> Bones:
     if isinstance(body, SkinnedBody):
         surface = body.vertices(body.bind_pose * 0, betas)
         for e, k in enumerate(last):
-            away = surface[body.weights[:, k] >= FOLLOWS] - joints[k]
+            away = surface[body.weights[:, k] >= LIMB_WEIGHT] - joints[k]
             if len(away):
                 ends[e] = away[np.linalg.norm(away, axis=1).argmax()]
     return Bones(parents, joints - above, last, ends)

@@ -174,26 +174,26 @@ class Nodes:
             raise ValueError("its nodes hang on each other in a circle")
         return Nodes(tuple(order), parents, nodes)
 
-    def above(self, some: set[int]) -> tuple[int, ...]:
+    def above(self, numbers: set[int]) -> tuple[int, ...]:
         """These nodes and all their ancestors, each after its parent."""
         above: set[int] = set()
-        for number in some:
+        for number in numbers:
             while number != -1 and number not in above:
                 above.add(number)
                 number = self.parents[number]
         return tuple(number for number in self.order if number in above)
 
-    def world(self, some: set[int], tracks: Tracks, times: Array) -> Array:
+    def world(self, numbers: set[int], tracks: Tracks, times: Array) -> Array:
         """The motions (S, len(some), 4, 4) of some nodes, in rising order, at times (S,) s."""
         worlds: dict[int, Array] = {}
-        for number in self.above(some):
+        for number in self.above(numbers):
             animated = {
                 path: tracks[number, path].at(times) for path in LOCAL if (number, path) in tracks
             }
             local = local_motions(self.json[number], animated, len(times))
             parent = self.parents[number]
             worlds[number] = local if parent == -1 else worlds[parent] @ local
-        return np.stack([worlds[number] for number in sorted(some)], axis=1)
+        return np.stack([worlds[number] for number in sorted(numbers)], axis=1)
 
 
 @dataclass(frozen=True, eq=False)

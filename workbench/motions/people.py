@@ -30,12 +30,7 @@ JOINTS: dict[str, tuple[int, ...]] = {  # how many joints an array of a part may
     **{"jaw": (1,), "eyes": (2,), "left_eye": (1,), "right_eye": (1,)},
 }
 NUMBERS = ("trans", "betas", "expression", "dmpls", "scale", "frames")  # the other parts
-SIX_ENDS = (
-    "_6d",
-    "_r6d",
-    "_rot6d",
-    "6d",
-)  # how keys end whose rotations are six numbers (PyTorch3D)
+SIXES = ("_6d", "_r6d", "_rot6d", "6d")  # how keys end whose rotations are six numbers (PyTorch3D)
 MOTION_X = {  # how many columns of an array (T, 322) without a name belong to what
     **{"root_orient": 3, "pose_body": 63, "pose_hand": 90, "pose_jaw": 3, "face_expr": 50},
     **{"face_shape": 100, "trans": 3, "betas": 10},
@@ -67,7 +62,7 @@ def table() -> tuple[PersonLine, ...]:
 @cache
 def lines_of(part: str) -> tuple[PersonLine, ...]:
     """The lines of one part; each key of rotations also as that of six numbers."""
-    ends = ("", *SIX_ENDS) if part in JOINTS else ("",)
+    ends = ("", *SIXES) if part in JOINTS else ("",)
     return tuple(
         line._replace(key=line.key + end, form="6d rows" if end else line.form)
         for line in table()

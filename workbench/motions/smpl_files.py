@@ -220,12 +220,12 @@ def _placed(
         return pose, trans
     # it turns about the origin: R (V - J_0) + J_0 + t = R V + Th with t = Th + (R - I) J_0
     R, pose = np.full((T, 3, 3), np.nan), pose.copy()
-    seen = np.isfinite(track.turns["root"][:, 0] + pose[:, 0]).all(axis=1)
-    R[seen] = matrix_from_vector(track.turns["root"][seen, 0])
-    pose[seen, 0] = (
-        Rotation.from_matrix(R[seen]) * Rotation.from_rotvec(pose[seen, 0])
+    whole = np.isfinite(track.turns["root"][:, 0] + pose[:, 0]).all(axis=1)
+    R[whole] = matrix_from_vector(track.turns["root"][whole, 0])
+    pose[whole, 0] = (
+        Rotation.from_matrix(R[whole]) * Rotation.from_rotvec(pose[whole, 0])
     ).as_rotvec()
-    pose[~seen] = np.nan
+    pose[~whole] = np.nan
     if body is None:
         notes.append(
             f"{line.key} turns the world about its origin, and trans lacks (R - I) J_0 in each "
