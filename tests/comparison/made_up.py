@@ -89,15 +89,7 @@ def comparison(
         judged.append(EndAnalysis(where, costs, (0.0,) * count, (False,) * count, points))
     described = {
         p: Description(
-            p,
-            1,
-            1,
-            False,
-            start,
-            0.0 if known else np.nan,
-            "known" if known else "",
-            False,
-            "made up",
+            p, 1, 1, False, start, 0.0 if known else np.nan, "known" if known else "", "made up"
         )
         for p in problems
     }

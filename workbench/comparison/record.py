@@ -238,7 +238,6 @@ class Description:
     start_cost: float  # the cost at the start
     known_cost: float  # the cost of the known answer; NaN if none is known
     known_source: str  # where the known answer comes from
-    certified: bool  # whether the values of the known answer are known
     question: str  # the question that the experiment asks
 
     def stored(self) -> Stored:
