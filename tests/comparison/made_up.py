@@ -37,9 +37,9 @@ def record(
     """A run that found `costs`, one after the other, each after `every` residuals more."""
     others = (0,) * (len(KINDS) - 1)
     rows = [(every * (k + 1), *others, 0.1 * (k + 1), c) for k, c in enumerate(costs)]
-    found = np.array([row for row in rows if np.isfinite(row[-1])], dtype=float).reshape(-1, ROW)
+    trace = np.array([row for row in rows if np.isfinite(row[-1])], dtype=float).reshape(-1, ROW)
     counts = every * len(costs), *others
-    seen = ObservedRun(counts, (0.0,) * len(KINDS), 0, 0.1 * len(costs), np.zeros(1), found, taken)
+    seen = ObservedRun(counts, (0.0,) * len(KINDS), 0, 0.1 * len(costs), np.zeros(1), trace, taken)
     end = costs[-1] if costs and ending is RunEnding.RETURNED else np.nan
     return Record(
         solver,
@@ -107,9 +107,9 @@ def _instance(name: str) -> Instance:
     return Instance(problem, made, "start", int(number), int(number))
 
 
-def deterministic(found: Comparison) -> tuple[str, ...]:
+def deterministic(compared: Comparison) -> tuple[str, ...]:
     """The columns of a table that a repetition gives again: all but those with times."""
-    return tuple(c for c in next(rows(found)) if not c.startswith(("seconds", "machine")))
+    return tuple(c for c in next(rows(compared)) if not c.startswith(("seconds", "machine")))
 
 
 @contextmanager
