@@ -32,7 +32,7 @@ from workbench.cli.options import Dask, Workers, executing
 from workbench.cli.register import do_missing_jobs
 from workbench.cli.run import Compare, LiveTrace, Out, carry_out, solver_named
 from workbench.environment import expanded
-from workbench.errors import BadArgument, BadFile, NotSupported
+from workbench.errors import BadArgument, BadFile, NotSupported, listed
 from workbench.experiments import Experiment
 from workbench.fitting.body_priors import apart_prior, checked_height, mixture_prior, pose_prior
 from workbench.fitting.doubts import doubts
@@ -56,7 +56,6 @@ from workbench.fitting.marker_sets import OUT, MarkerSet, known_markers, matched
 from workbench.fitting.markers import SIGMA, marker_solver, rms_of_markers
 from workbench.fitting.mosh import mosh
 from workbench.fitting.observations import Clip
-from workbench.fitting.scans.files import READERS as SCANS
 from workbench.fitting.setup import MANY, Setup
 from workbench.fitting.videos import video_fit, video_mean
 from workbench.geometry.guesses import sizes_of
@@ -109,8 +108,13 @@ def kind_of_fit(paths: list[Path], video: bool) -> str:
         kind = "a folder of images"
     elif suffix in MARKERS or suffix in READERS:
         kind = "markers" if suffix in MARKERS else "a mesh"
-    elif suffix in SCANS:
-        raise BadFile(f"{first} holds points in space; `workbench register` fits a body to a scan")
+    elif suffix not in (".json", ""):
+        raise BadFile(
+            f"{first} is nothing that is fitted: keypoints are read from .json as detectors write "
+            f"it (a picture needs one first), markers from {listed(MARKERS)}, and the body's own "
+            f"vertices from {listed(WITH_VERTEX_ORDER)}; `workbench register` takes scans, and "
+            "`workbench convert` skeletons and motions"
+        )
     if len(paths) > 1 and kind != "several cameras":
         raise BadFile(
             f"one folder, mesh or file of markers is fitted at a time, not {len(paths)}; give one"
