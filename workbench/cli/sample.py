@@ -58,7 +58,7 @@ def sample(
     experiment, setup, folder = begun(console, name, setting, out, "posterior")
     kept = out / f"{experiment.name}-draws"
     make_folder(kept)
-    at = solved(console, setup, solver_named(solver))
+    at, _ = solved(console, setup, solver_named(solver))
     problem = setup.problem
     rest = sampling.fixed if conditional else sampling.integrated
     chosen: dict[str, sampling.Names] = {}
