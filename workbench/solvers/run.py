@@ -434,10 +434,9 @@ class LinearizationCache:
         """Free the memory of the linearization and of everything measured there."""
         self._here, self._measured = None, {}
 
-    def keep(self, x: Array, here: Linearization) -> Linearization:
-        """Keep a linearization at x (n,) in place of the one before, and return it."""
+    def keep(self, x: Array, here: Linearization) -> None:
+        """Keep a linearization at x (n,) in place of the one before."""
         self._point, self._here, self._measured = x.tobytes(), here, {}
-        return here
 
     def once(self, what: str, here: Linearization, measure: Callable[[], T]) -> T:
         """The result of `measure`, which is called once for the linearization that is kept.
@@ -502,11 +501,7 @@ class RoundingNoise:
         return self._linearizations.once("optimality", here, measure)
 
     def hides(
-        self,
-        predicted: float,
-        x: Array,
-        here: Linearization,
-        moved: Mask | None = None,
+        self, predicted: float, x: Array, here: Linearization, moved: Mask | None = None
     ) -> bool:
         """Whether rounding may hide that the cost falls from x (n,) by as much as `predicted`.
 

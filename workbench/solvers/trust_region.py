@@ -109,8 +109,10 @@ class TrustRegion(Limits):
             least = SMALLEST_RADIUS * max(size, radius)
             while True:
                 steepness = float(np.linalg.norm(here.gradient))
-                damped = self._damped(problem, x, here)
-                step, damping = step_within(radius, damped, steepness, damping)
+                # nothing may hold what `_damped` returns, for that holds `here`
+                step, damping = step_within(
+                    radius, self._damped(problem, x, here), steepness, damping
+                )
                 if step is None:
                     run.stall("the columns of the Jacobian are dependent; use automatic")
                 length = float(np.linalg.norm(step.p))
