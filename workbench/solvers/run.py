@@ -47,9 +47,11 @@ MORE_STATIONARY = 0.99  # of the optimality before, at most, where costs do not 
 class Run:
     """One run of a solver: a context that ends with a Stop, after which `solution` says how.
 
-    Its methods evaluate at flat vectors and raise Stop when a limit is reached. An interrupt from
-    the keyboard also ends the run and keeps the best point: until `solution` returns, signals are
-    noted and looked at before every evaluation. Linear algebra uses WORKBENCH_THREADS threads.
+    A solver calls `begin`, then `gain_ratio` (or `cost`) at every trial point, and `move` to one
+    that it takes. These evaluate at flat vectors and count that; each point is offered to `best`,
+    and each iterate goes into the `trace`. Stop is raised when a limit is reached. An interrupt
+    from the keyboard also ends the run and keeps the best point: until `solution` returns, signals
+    are noted and looked at before every evaluation. Linear algebra uses WORKBENCH_THREADS threads.
     Raises NotSupported, before anything is evaluated, for a problem that the solver does not take.
     """
 

@@ -93,11 +93,8 @@ class TrustRegion(Limits):
     @property
     def abilities(self) -> Abilities:
         """It needs a Jacobian at every iterate, and takes bounds."""
-        return Abilities(
-            Derivative.JACOBIAN,
-            Boxes.TAKEN,
-            source="Moré 1978; Transtrum and Sethna 2012",
-        )
+        source = "Moré 1978; Transtrum and Sethna 2012"
+        return Abilities(Derivative.JACOBIAN, Boxes.TAKEN, source=source)
 
     def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         """Solve from `start`; see `Solver`. Raises NotSupported for constraints."""
