@@ -80,7 +80,7 @@ def test_other_comparisons_keep_their_workers() -> None:
 def test_worker_that_does_not_begin_ends_the_comparison(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its death says nothing of the solver."""
     workers.pool().close()
-    monkeypatch.setattr(workers, "MAIN", "raise SystemExit(3)")
+    monkeypatch.setattr(workers, "WORKER_COMMAND", "raise SystemExit(3)")
     with pytest.raises(WorkbenchError, match=r"a worker process ended before .*exit code 3"):
         compare(SLIDE, GOOD, budget=SHORT)
 

@@ -56,6 +56,25 @@ def test_transform_of_skinned_mesh_is_ignored(tmp_path: Path, own: dict[str, Any
     np.testing.assert_array_equal(moved.trans, plain.trans)
 
 
+def test_joints_of_a_skin_may_have_any_order_and_several_trees(tmp_path: Path) -> None:
+    path = tmp_path / "a.gltf"
+    write_text(path)
+    plain = read_glb(path)
+    document = json.loads(path.read_text())
+    document["skins"] = [{"joints": [3, 4, 1]}]  # bound where the nodes are
+    path.write_text(json.dumps(document))
+    motion = read_glb(path)
+    assert motion.joint_names == NAMES
+    assert motion.bones is not None
+    assert motion.bones.parents == (-1, 0, 0)
+    np.testing.assert_allclose(motion.joints(), plain.joints(), atol=1e-5)
+    document["nodes"][1]["children"].remove(4)
+    path.write_text(json.dumps(document))
+    motion = read_glb(path)
+    assert motion.joint_names == ("hips", "spine")
+    assert "joints in trees of their own are left out: leg" in motion.notes
+
+
 def test_rotations_between_keys_go_the_shortest_way(tmp_path: Path) -> None:
     (tmp_path / "a.glb").write_bytes(made())
     motion, keys = read_glb(tmp_path / "a.glb", fps=20.0), read_glb(tmp_path / "a.glb")

@@ -70,15 +70,15 @@ class Bones:
     @property
     def span(self) -> float:
         """The longest way along bones from one joint or end to another, in m, in whatever pose."""
-        far, longest = np.zeros(len(self.parents)), 0.0
-        end_lengths = zip(self.end_parents, np.linalg.norm(self.end_offsets, axis=1), strict=True)
+        reach, longest = np.zeros(len(self.parents)), 0.0  # of the bones below each joint; of all
+        ends = np.linalg.norm(self.end_offsets, axis=1)
+        for k, length in zip(self.end_parents, ends, strict=True):
+            longest, reach[k] = max(longest, reach[k] + length), max(reach[k], length)
         lengths = np.linalg.norm(self.offsets, axis=1)
-        joint_lengths = ((k, lengths[k]) for k in range(len(far) - 1, 0, -1))
-        for k, length in end_lengths:
-            longest, far[k] = max(longest, far[k] + length), max(far[k], length)
-        for k, length in joint_lengths:
-            parent, reach = self.parents[k], far[k] + length
-            longest, far[parent] = max(longest, far[parent] + reach), max(far[parent], reach)
+        for k in range(len(reach) - 1, 0, -1):
+            parent, length = self.parents[k], reach[k] + lengths[k]
+            longest = max(longest, reach[parent] + length)
+            reach[parent] = max(reach[parent], length)
         return float(longest)
 
     def joints(self, pose: ArrayLike, trans: ArrayLike) -> Array:

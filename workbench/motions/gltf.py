@@ -5,6 +5,7 @@ in that frame; nodes between joints and above them are included. Other files tha
 opened only if they are in its folder. Khronos Group, glTF 2.0 Specification, section 3.11 and
 appendix C (interpolation)."""
 
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -227,14 +228,6 @@ class Skin:
             self.rest[kept],
         )
 
-    def below(self, root: int) -> list[int]:
-        """A joint and all those below it."""
-        below = [root]
-        for k in range(root + 1, len(self.parents)):
-            if self.parents[k] in below:
-                below.append(k)
-        return below
-
     def motions(self, nodes: Nodes, tracks: Tracks, times: Array) -> Array:
         """What takes the joints from rest to where they are, (S, K, 4, 4), at times (S,) s."""
         numbers = {*self.nodes}
@@ -285,30 +278,29 @@ def _tree(
     They are in the order of the skin, if each comes after its parent there.
     """
     index_of = {number: k for k, number in enumerate(joints)}
-    order = [index_of[number] for number in nodes.order if number in index_of]
-    if all(
-        index_of[other] < k
-        for k, joint in enumerate(joints)
-        for other in nodes.above({joint})
-        if other in index_of and other != joint
-    ):
-        order = [*range(len(joints))]
-    new_index = {k: i for i, k in enumerate(order)}
-    parents = []
-    for k in order:
-        parent = nodes.parents[joints[k]]
+    ancestors = []
+    for joint in joints:
+        parent = nodes.parents[joint]
         while parent != -1 and parent not in index_of:
             parent = nodes.parents[parent]
-        parents.append(-1 if parent == -1 else new_index[index_of[parent]])
+        ancestors.append(index_of.get(parent, -1))
+    order = [*range(len(joints))]
+    if any(ancestor > k for k, ancestor in enumerate(ancestors)):
+        order = [index_of[number] for number in nodes.order if number in index_of]
+    new_index = {-1: -1, **{k: i for i, k in enumerate(order)}}
+    parents = tuple(new_index[ancestors[k]] for k in order)
     names_in_file = [str(nodes.json[joints[k]].get("name") or "")[:100] for k in order]
     names, renamed = different_names(names_in_file)
-    skin = Skin(tuple(joints[k] for k in order), tuple(parents), names, to_rest[order], rest[order])
-    roots = [i for i, parent in enumerate(parents) if parent == -1]
-    if len(roots) == 1:
+    skin = Skin(tuple(joints[k] for k in order), parents, names, to_rest[order], rest[order])
+    roots: list[int] = []
+    for i, parent in enumerate(parents):
+        roots.append(i if parent == -1 else roots[parent])
+    sizes = Counter(roots)
+    if len(sizes) == 1:
         return skin, renamed
-    subtrees = [skin.below(root) for root in roots]
-    kept = max(subtrees, key=len)
-    left_out = [name for i, name in enumerate(names) if i not in kept]
+    largest = max(sizes, key=lambda root: sizes[root])
+    kept = [i for i, root in enumerate(roots) if root == largest]
+    left_out = [name for name, root in zip(names, roots, strict=True) if root != largest]
     note = f"joints in trees of their own are left out: {some_of(left_out)}"
     return skin.only(kept), (*renamed, note)
 
