@@ -33,8 +33,8 @@ def shown(value: object, most: int = MOST_SHOWN, levels: int = 2) -> str:
         return f"{value}"
     if isinstance(value, list | tuple):
         return _items(value, most, levels)
-    held = f" of {len(value):,} entries" if isinstance(value, dict) else ""
-    return f"a {type(value).__name__}{held}"
+    size = f" of {len(value):,} entries" if isinstance(value, dict) else ""
+    return f"a {type(value).__name__}{size}"
 
 
 def _items(several: list[object] | tuple[object, ...], most: int, levels: int) -> str:
