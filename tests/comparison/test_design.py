@@ -42,7 +42,7 @@ def test_files_define_solvers(tmp_path: Path) -> None:
     two = tmp_path / "ours.py"
     two.write_text(SOLVER + "slow, fast, _hidden = Mine(), Mine(3), Mine(4)\n")
     assert [e.name for e in named_solvers(str(two))] == ["ours:slow", "ours:fast"]
-    assert Budget(max_evaluations=9).given(named.solver) == replace(
+    assert Budget(max_evaluations=9).applied_to(named.solver) == replace(
         named.solver,
         max_evaluations=9,  # type: ignore[type-var]
     )

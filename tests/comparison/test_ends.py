@@ -2,6 +2,7 @@
 
 import casadi as cs
 import numpy as np
+import pytest
 
 from tests.comparison.made_up import in_this_process
 from tests.comparison.problems import SLIDE, STARTS, Liar, angle, lost_well, slide
@@ -13,6 +14,7 @@ from workbench.comparison.ends import (
     basins,
     is_saddle,
 )
+from workbench.comparison.metered import look
 from workbench.experiments import Experiment, Setup
 
 
@@ -60,6 +62,25 @@ def test_saddles_are_told_from_wells() -> None:
     held = Problem([Residual("r", hill, 1.0)], ["x"], bounds={"x": ([0.0, -1], [0.0, 1])})
     assert is_saddle(free, np.zeros(0), np.zeros(2))
     assert not is_saddle(held, np.zeros(0), np.zeros(2))
+
+
+def test_errors_of_residuals_show_no_saddle_and_other_errors_are_raised(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def broken(*_: object) -> None:
+        raise TypeError("a mistake")
+
+    problem = slide().problem
+    with monkeypatch.context() as patch:
+        patch.setattr(Problem, "linearize_at", broken)  # as if the residual raised
+        assert not is_saddle(problem, np.zeros(0), np.zeros(2))
+        assert np.isnan(look(problem, np.zeros(2), np.zeros(0))).all()
+    monkeypatch.setattr("workbench.comparison.ends.saddle", broken)
+    monkeypatch.setattr(Problem, "optimality", broken)
+    with pytest.raises(TypeError, match="a mistake"):
+        is_saddle(problem, np.zeros(0), np.zeros(2))
+    with pytest.raises(TypeError, match="a mistake"):
+        look(problem, np.zeros(2), np.zeros(0))
 
 
 def test_ends_of_a_comparison_have_outcomes() -> None:

@@ -54,7 +54,7 @@ def test_medians_bear_infinities_and_know_what_is_unknown() -> None:
     assert np.isnan(median([]).value)
     assert np.isnan(median([1.0, np.nan, 2.0]).value)
     assert median([4.0]).value == 4
-    assert not median(np.arange(FEWEST - 1)).given
+    assert not median(np.arange(FEWEST - 1)).bounded
 
 
 SIZES: list[int] = [6, 9, 20, 101]
@@ -118,11 +118,11 @@ def test_shares_of_clustered_starts_have_no_interval() -> None:
     """They are clusters: only the share of problems has one."""
     starts = {(f"{p}, start {k}", s): [1.0] for p in "pq" for k in range(3) for s in "ab"}
     found = comparison(starts)
-    assert not found.success("a", 1e-5).given
-    assert not found.reached("a").given
-    assert found.success("a", 1e-5, "p").given
+    assert not found.success("a", 1e-5).bounded
+    assert not found.reached("a").bounded
+    assert found.success("a", 1e-5, "p").bounded
     assert found.solved_problems("a", 1e-5) == rate(2, 2)
     one = comparison({(f"p, start {k}", s): [1.0] for k in range(6) for s in "ab"})
     assert one.success("a", 1e-5) == rate(6, 6)
-    assert one.effort("a", 1e-5).given
-    assert not found.effort("a", 1e-5).given  # medians of two problems
+    assert one.effort("a", 1e-5).bounded
+    assert not found.effort("a", 1e-5).bounded  # medians of two problems

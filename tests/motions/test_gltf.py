@@ -38,6 +38,24 @@ def test_glb_of_other_programs_is_read(tmp_path: Path, option: dict[str, bool]) 
     assert ("left out at the root" in " ".join(found.notes)) == ("floor" in option)
 
 
+@pytest.mark.parametrize(
+    "own",
+    [{"rotation": [0.0, 1.0, 0.0, 0.0]}, {"scale": [0.0, 0.0, 0.0]}, {"translation": [1.0, 2, 3]}],
+)
+def test_transform_of_skinned_mesh_is_ignored(tmp_path: Path, own: dict[str, Any]) -> None:
+    for name in ("plain", "moved"):
+        write_text(tmp_path / f"{name}.gltf")
+    document = json.loads((tmp_path / "moved.gltf").read_text())
+    document["nodes"][5] |= own
+    (tmp_path / "moved.gltf").write_text(json.dumps(document))
+    plain, moved = (read_glb(tmp_path / f"{name}.gltf") for name in ("plain", "moved"))
+    assert plain.bones is not None
+    assert moved.bones is not None
+    np.testing.assert_array_equal(moved.bones.rest, plain.bones.rest)
+    np.testing.assert_array_equal(moved.pose, plain.pose)
+    np.testing.assert_array_equal(moved.trans, plain.trans)
+
+
 def test_rotations_between_keys_go_the_shortest_way(tmp_path: Path) -> None:
     (tmp_path / "a.glb").write_bytes(made())
     found, keys = read_glb(tmp_path / "a.glb", fps=20.0), read_glb(tmp_path / "a.glb")

@@ -24,7 +24,7 @@ from workbench.registration.coregistration import (
     ScansInMemory,
     State,
 )
-from workbench.registration.coregistration.coregistering import FILE, SETTINGS
+from workbench.registration.coregistration.coregistering import FILE, SIGMAS
 from workbench.registration.coregistration.scan_block import (
     OnScan,
     ScanCoupling,
@@ -50,7 +50,7 @@ from workbench.training.registrations import InMemory
 START = jointed_tube(7, 5)
 PEOPLE, EACH = 2, 3
 TERM = ScanTerm(sigma=0.002, outlier=0.01, within=0.1)
-PLAN = CoregistrationPlan(rounds=2, term=TERM, sigmas=replace(SETTINGS, data=0.002))
+PLAN = CoregistrationPlan(rounds=2, term=TERM, sigmas=replace(SIGMAS, data=0.002))
 
 
 @cache

@@ -13,9 +13,9 @@ from types import FrameType
 
 from workbench.interrupts import caused_by
 
-CLOSED = 1  # the exit code if nobody reads on, as after `| head -1`
+EXIT_PIPE_CLOSED = 1  # the exit code if nobody reads on, as after `| head -1`
 INTERRUPTED = "interrupted; every file that was written is whole"
-ONE_PRESS = 1.0  # s; signals of one kind within that time are one: the first is being obeyed
+SAME_PRESS_SECONDS = 1.0  # signals of one kind within that time are one: the first is obeyed
 
 
 class Interrupted(BaseException):
@@ -42,7 +42,7 @@ def main() -> None:
     _listen()
     code, sentence, unprinted = 0, "", None
     try:
-        with held():
+        with defer_signals():
             from workbench.cli.app import app
         app()
     except Interrupted as leaving:
@@ -71,7 +71,7 @@ def main() -> None:
         with suppress(OSError):  # what is left is printed nowhere, or Python stumbles as it ends
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     if isinstance(unprinted, BrokenPipeError):
-        code, sentence = code or CLOSED, ""
+        code, sentence = code or EXIT_PIPE_CLOSED, ""
     elif unprinted is not None:
         code, sentence = 2, f"cannot write to the standard output: {unprinted.strerror}"
     if sentence:
@@ -122,19 +122,19 @@ def interrupts_say(text: Callable[[], str]) -> Iterator[None]:
 
 
 @contextmanager
-def held() -> Iterator[None]:
+def defer_signals() -> Iterator[None]:
     """Defer Ctrl-C and SIGTERM until the block ends.
 
     Some modules swallow every exception while they are imported.
     """
     arrived: list[int] = []
-    asked = [s for s in (signal.SIGINT, signal.SIGTERM) if callable(signal.getsignal(s))]
-    before = {s: signal.signal(s, lambda number, frame: arrived.append(number)) for s in asked}
+    deferred = [s for s in (signal.SIGINT, signal.SIGTERM) if callable(signal.getsignal(s))]
+    before = {s: signal.signal(s, lambda number, frame: arrived.append(number)) for s in deferred}
     try:
         yield
     finally:
-        for each, handler in before.items():
-            signal.signal(each, handler)
+        for signal_number, handler in before.items():
+            signal.signal(signal_number, handler)
     if arrived:
         signal.raise_signal(max(arrived))  # SIGTERM before SIGINT, by the handler that is there
         raise Terminated if signal.SIGTERM in arrived else KeyboardInterrupt
@@ -149,7 +149,7 @@ def _listen() -> None:
 
     def obey(kind: type[BaseException]) -> None:
         now = time.monotonic()
-        if now - obeyed.get(kind, -ONE_PRESS) >= ONE_PRESS:
+        if now - obeyed.get(kind, -SAME_PRESS_SECONDS) >= SAME_PRESS_SECONDS:
             obeyed[kind] = now
             raise kind
 

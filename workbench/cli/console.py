@@ -76,15 +76,15 @@ def files_inside(console: Console, folder: Path, kinds: Collection[str], what: s
     Raises BadFile if there are none. In sentences the files are `what`.
     """
     inside = sorted(file for file in folder.iterdir() if file.is_file())
-    found = [f for f in inside if f.suffix.lower() in kinds and not f.name.startswith(".")]
-    if not found:
+    files = [f for f in inside if f.suffix.lower() in kinds and not f.name.startswith(".")]
+    if not files:
         raise BadFile(
             f"the folder {folder} holds no {what}, which are files with {listed(kinds)}; "
             "howto/formats.md lists them"
         )
-    if others := [file.name for file in inside if file not in found]:
+    if others := [file.name for file in inside if file not in files]:
         say(console, f"note: not taken for {what}: {escape(some_of(others))}")
-    return found
+    return files
 
 
 def rich_table(table: Table) -> RichTable:
@@ -131,9 +131,9 @@ def warn_unused(
     console: Console, ctx: typer.Context, options: Collection[str], because: str
 ) -> None:
     """Say that those of the options that were typed, be it with their defaults, change nothing."""
-    for one in ctx.command.params:
-        source = ctx.get_parameter_source(one.name or "")
-        for option in one.opts if source and source.name == "COMMANDLINE" else ():
+    for parameter in ctx.command.params:
+        source = ctx.get_parameter_source(parameter.name or "")
+        for option in parameter.opts if source and source.name == "COMMANDLINE" else ():
             if option in options:
                 warn_without_effect(console, option, because)
 

@@ -14,6 +14,7 @@ from workbench.environment import pip_install
 from workbench.errors import WorkbenchError
 from workbench.training.execution import Executor, Processes, by_backend
 
+BodyName = Annotated[str, typer.Option(help="An embedded body, or a file of your own.")]
 Fit = Annotated[
     Path | None,
     typer.Option("--from", help="Take pose and betas of a fit: its folder, or an .npz."),

@@ -28,7 +28,7 @@ from workbench.cli.console import (
     warn_of,
     warn_unused,
 )
-from workbench.cli.options import Dask, Workers, executing
+from workbench.cli.options import BodyName, Dask, Workers, executing
 from workbench.cli.run import Out
 from workbench.cli.train import Lines
 from workbench.environment import expanded
@@ -52,9 +52,9 @@ from workbench.registration.coregistration import (
     TrianglePlan,
     bent_as,
 )
-from workbench.registration.coregistration.coregistering import EDGES, FILE
+from workbench.registration.coregistration.coregistering import EDGE_SIGMA, FILE
 from workbench.registration.coregistration.folder import open_registered
-from workbench.registration.scan_jobs import MOST
+from workbench.registration.scan_jobs import MOST_POINTS
 from workbench.reports.folder import own_folder
 from workbench.reports.many import ImageFolder, RegistrationFolder
 from workbench.reports.page import Entry
@@ -69,7 +69,7 @@ from workbench.reports.run import measurements_table
 from workbench.training.execution import Execution
 from workbench.training.folder import Row, read_table
 
-NO_SCANS = (".txt", ".csv")  # in a folder these are taken for notes and tables
+TEXT_SUFFIXES = (".txt", ".csv")  # in a folder these are taken for notes and tables
 
 
 def register(
@@ -80,7 +80,7 @@ def register(
             help=f"Scans of one person each ({', '.join(SCAN_READERS)}), or folders of scans."
         ),
     ],
-    body: Annotated[str, typer.Option(help="An embedded body, or a file of your own.")] = "default",
+    body: BodyName = "default",
     unit: Annotated[
         str | None,
         typer.Option(
@@ -107,7 +107,7 @@ def register(
     ] = None,
     points: Annotated[
         int, typer.Option(help="Number of points that are used of a larger scan, at random.")
-    ] = MOST,
+    ] = MOST_POINTS,
     boundary: Annotated[
         float, typer.Option(help="Leave out points within so many m of a scan's boundary.")
     ] = 0.0,
@@ -141,7 +141,7 @@ def register(
     if len(jobs) == 1 and not scans[0].is_dir():
         for_several = ("--subjects", "--workers", "--dask")
         warn_unused(console, ctx, for_several, "it is for several scans, and there is one")
-        _one(console, template, body, recipe, reading, jobs[0], out)
+        _register_one(console, template, body, recipe, reading, jobs[0], out)
         return
     if skeleton is not None:
         raise BadArgument("--skeleton is of one scan; register the scans one by one with it")
@@ -176,7 +176,7 @@ def camera_place(text: str) -> tuple[float, float, float]:
     return numbers[0], numbers[1], numbers[2]
 
 
-def _one(
+def _register_one(
     console: Console,
     body: Body,
     name: str,
@@ -188,50 +188,52 @@ def _one(
     """Register one scan and write its folder."""
     folder = folder_to_write(out, f"register-{job.name}", str(job.path.resolve()))
     with Bars(console) as bars:
-        found = registered(
+        scan_fit = registered(
             body,
             recipe,
             reading,
             job,
             lambda at: bars(f"stage {at.stage} of {at.stages}, starts", at.start - 1, at.starts),
         )
-    if isinstance(found, FailedScan):
-        raise BadFile(found.reason)
-    for note in found.notes:
+    if isinstance(scan_fit, FailedScan):
+        raise BadFile(scan_fit.reason)
+    for note in scan_fit.notes:
         say(console, f"note: {escape(note)}")
-    warn_of(console, found.registration.doubts)
-    console.print(rich_table(stages_table(found.registration)))
-    if found.registration.measurements:
-        console.print(rich_table(measurements_table(found.registration.measurements)))
+    warn_of(console, scan_fit.registration.doubts)
+    console.print(rich_table(stages_table(scan_fit.registration)))
+    if scan_fit.registration.measurements:
+        console.print(rich_table(measurements_table(scan_fit.registration.measurements)))
     source = str(job.path.resolve())
-    print_page(console, "report", write_registration(found, folder, body=name, source=source))
+    print_page(console, "report", write_registration(scan_fit, folder, body=name, source=source))
 
 
-def _files(console: Console, given: list[Path]) -> list[Path]:
+def _files(console: Console, paths: list[Path]) -> list[Path]:
     """The files of scans that were given, those in folders in the order of their names."""
-    found: list[Path] = []
-    for path in given:
+    files: list[Path] = []
+    for path in paths:
         if not path.is_dir():
-            found.append(path)
+            files.append(path)
             continue
-        found += files_inside(console, path, {*SCAN_READERS} - {*NO_SCANS}, "scans")
-    return list(dict.fromkeys(found))
+        files += files_inside(console, path, {*SCAN_READERS} - {*TEXT_SUFFIXES}, "scans")
+    return list(dict.fromkeys(files))
 
 
 def _rows(jobs: tuple[ScanJob, ...], subjects: Path | None) -> dict[str, Row]:
     """The line of each scan in the table of subjects, by the scan's name."""
-    told = {} if subjects is None else {row.file: row for row in read_table(subjects, SCAN_READERS)}
+    listed = (
+        {} if subjects is None else {row.file: row for row in read_table(subjects, SCAN_READERS)}
+    )
     names = {job.path.name for job in jobs}
-    if unknown := [file for file in told if file not in names]:
+    if unknown := [file for file in listed if file not in names]:
         raise BadFile(f"{subjects} names files that are not among the scans: {some_of(unknown)}")
-    if told and (missing := sorted(names - set(told))):
+    if listed and (missing := sorted(names - set(listed))):
         raise BadFile(f"{subjects} has no line for {some_of(missing)}")
 
     def row(job: ScanJob) -> Row:
-        file, one = f"{job.name}/{ARRAYS}", told.get(job.path.name)
-        if one is None:
+        file, line = f"{job.name}/{ARRAYS}", listed.get(job.path.name)
+        if line is None:
             return Row(file, job.name)
-        return Row(file, one.subject, one.gender, one.set)
+        return Row(file, line.subject, line.gender, line.set)
 
     return {job.name: row(job) for job in jobs}
 
@@ -257,24 +259,24 @@ def do_missing_jobs(
     if entries:
         say(console, f"{len(entries)} of {len(keys)} {files} are {done} already")
 
-    def told() -> str:
+    def interruption() -> str:
         return (
             f"interrupted; {len(entries)} of {len(keys)} {files} are {done} in {folder.place}, and "
             "the same command continues with the others"
         )
 
-    with interrupts_say(told):
+    with interrupts_say(interruption):
         with Bars(console) as bars:
             bars(files, len(entries), len(keys))
             for some in work([job for job in keys if job.name not in entries]):
-                for found in some:
-                    name = found.job.name
-                    if isinstance(found, FailedFile):
-                        failed.append(found)
-                        why = escape(found.reason)
+                for result in some:
+                    name = result.job.name
+                    if isinstance(result, FailedFile):
+                        failed.append(result)
+                        why = escape(result.reason)
                         say(console, f"[bold yellow]not {done}:[/] {escape(name)}: {why}")
                     else:
-                        entries[name] = folder.keep(found, keys[found.job])
+                        entries[name] = folder.keep(result, keys[result.job])
                 bars(files, len(entries) + len(failed), len(keys))
         page = finish([entries[job.name] for job in keys if job.name in entries], failed)
     for name, entry in entries.items():
@@ -309,7 +311,7 @@ def coregister(
     ] = None,
     edges: Annotated[
         float, typer.Option(help="Sigma of a template's edges beyond what betas explain, in m.")
-    ] = EDGES,
+    ] = EDGE_SIGMA,
     betas: Annotated[
         int, typer.Option(callback=at_least_one, help="Number of shape directions.")
     ] = 10,
@@ -327,8 +329,8 @@ def coregister(
     for option, length in (("--coupling", coupling), ("--edges", edges)):
         if length is not None and not 0 < length < 1:
             raise BadArgument(f"{option} takes a length in m above 0 and below 1, not {length:g}")
-    given = expanded(folder)
-    body, scans = open_registered(given)
+    folder = expanded(folder)
+    body, scans = open_registered(folder)
     fits = [scans.fitted(j, body) for j in range(len(scans.rows))]
     problem: Coregistration | TriangleCoregistration
     run: Callable[..., Any]
@@ -344,14 +346,14 @@ def coregister(
         sigmas = replace(plan.sigmas, data=coupling or plan.sigmas.data)
         problem = Coregistration(body, scans, replace(plan, sigmas=sigmas))
         run = partial(problem.run, fits)
-    name = given.resolve().name.removeprefix("register-")
-    place, source = out / f"coregister-{name}", str(given.resolve())
+    name = folder.resolve().name.removeprefix("register-")
+    place, source = out / f"coregister-{name}", str(folder.resolve())
     own_folder(place, source)
     begin_folder(place, source)
     if (place / FILE).exists():
         say(console, "continuing after the last block that ended")
 
-    def told() -> str:
+    def interruption() -> str:
         if not (place / FILE).exists():
             return f"interrupted before the first block ended; there is nothing in {place} yet"
         return (
@@ -359,11 +361,11 @@ def coregister(
             "continues from there"
         )
 
-    with interrupts_say(told):
+    with interrupts_say(interruption):
         with executing(console, workers, dask) as executor:
             state = run(folder=place, execution=Execution(executor, Lines(console)))
         page = write_coregistration(body, scans, problem, state, betas, place, source)
-    for scan, told_before in scans.doubts().items():
-        warn_of(console, told_before, f"{scan}, by itself: ")
+    for scan, doubts in scans.doubts().items():
+        warn_of(console, doubts, f"{scan}, by itself: ")
     print_page(console, "body", place / "body.npz")
     print_page(console, "report", page)

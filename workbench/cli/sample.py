@@ -13,7 +13,7 @@ from workbench import sampling
 from workbench.blocks.layout import entries
 from workbench.cli import Interrupted, interrupts_say
 from workbench.cli.console import Bars, make_folder, print_page, rich_table, say, warn_of
-from workbench.cli.run import Name, Out, Setting, SolverName, begun, solved, solver_named
+from workbench.cli.run import Name, Out, Setting, SolverName, prepare, solve_setup, solver_named
 from workbench.fitting.measures import measured_in, person_of
 from workbench.fitting.setup import Setup
 from workbench.reports import write_posterior
@@ -21,8 +21,7 @@ from workbench.reports.page import Table
 from workbench.reports.posterior import BlockPosterior, anchors, contradictions, posterior_text
 from workbench.solvers import DEFAULT
 
-ENDS = (0.05, 0.95)  # of a central interval of 90 %
-NOT_CONVERGED = 1  # the exit code if a block is not usable
+EXIT_NOT_USABLE = 1  # the exit code if a block is not usable
 
 
 def sample(
@@ -55,10 +54,10 @@ def sample(
     continues from them. The exit code is 1 if a block is not usable.
     """
     console = Console()
-    experiment, setup, folder = begun(console, name, setting, out, "posterior")
+    experiment, setup, folder = prepare(console, name, setting, out, "posterior")
     kept = out / f"{experiment.name}-draws"
     make_folder(kept)
-    at = solved(console, setup, solver_named(solver))
+    values = solve_setup(console, setup, solver_named(solver))
     problem = setup.problem
     rest = sampling.fixed if conditional else sampling.integrated
     chosen: dict[str, sampling.Names] = {}
@@ -71,12 +70,12 @@ def sample(
     parts: list[BlockPosterior] = []
     interrupted = False
 
-    def left() -> str:
+    def interruption() -> str:
         if not any(kept.iterdir()):
             return "interrupted; nothing was written"
         return f"interrupted; {kept} holds the draws, and the same command continues with them"
 
-    with interrupts_say(left):
+    with interrupts_say(interruption):
         for part, names in chosen.items():
             path = kept / f"{file_of[part]}.npz"
             if fresh:
@@ -90,7 +89,7 @@ def sample(
 
                 posterior = sampling.sample(
                     problem,
-                    at,
+                    values,
                     names,
                     rest=rest,
                     walkers=walkers,
@@ -101,7 +100,7 @@ def sample(
                     callback=tell,
                 )
             approximation = sampling.laplace(
-                problem, at, names, rest=rest, seed=seed, against=posterior
+                problem, values, names, rest=rest, seed=seed, against=posterior
             )
             parts.append(BlockPosterior(part, posterior, approximation))
             say(console, escape(posterior.judgement[0].value))
@@ -125,7 +124,7 @@ def sample(
     if interrupted:
         raise Interrupted(f"interrupted; the same command continues with what {kept} holds")
     if not all(part.posterior.usable for part in parts):
-        raise typer.Exit(NOT_CONVERGED)
+        raise typer.Exit(EXIT_NOT_USABLE)
 
 
 def _names(text: str) -> tuple[str, ...]:
@@ -143,11 +142,11 @@ def _print_measurements(
     betas = free.labels_of(entries(free, body.blocks()[1].name))
     for posterior in posteriors:
         if posterior.usable and set(betas) <= set(posterior.labels):
-            found = measured_in(posterior, body)
-            rows = tuple(
-                (name, f"{np.median(m):.3f}", "{:.3f} to {:.3f}".format(*np.quantile(m, ENDS)))
-                for name, m in found.items()
-            )
+            measurements = measured_in(posterior, body)
+            rows = []
+            for name, metres in measurements.items():
+                low, median, high = np.quantile(metres, (0.05, 0.5, 0.95))
+                rows.append((name, f"{median:.3f}", f"{low:.3f} to {high:.3f}"))
             console.print("\n[bold]measurements[/]")
-            console.print(rich_table(Table(("measurement", "median, m", "90 %, m"), rows)))
+            console.print(rich_table(Table(("measurement", "median, m", "90 %, m"), tuple(rows))))
             return

@@ -44,8 +44,8 @@ from workbench.training.rigging.rig import rig as find_rig
 from workbench.training.rigging.steps import RigProgress, RigSteps, silent
 from workbench.training.training import train as train_body
 
-START = "start.npz"
-EVERY = 5.0  # s
+START_FILE = "start.npz"
+LINE_SECONDS = 5.0  # s
 
 
 def train(
@@ -62,7 +62,7 @@ def train(
         typer.Option(
             help="The template, its tree of joints and its division into segments: an embedded "
             "body, a body's file, or an .npz; "
-            f"{START} in the folder if there is one, else default."
+            f"{START_FILE} in the folder if there is one, else default."
         ),
     ] = None,
     gender: Annotated[
@@ -124,7 +124,7 @@ def train(
     place = out / f"train-{name}{f'-{gender}' if gender else ''}"
     make_folder(place)
 
-    def told() -> str:
+    def interruption() -> str:
         if not any(place.rglob(CHECKPOINT)):
             return f"interrupted; there is no checkpoint in {place}, so no result was kept"
         return (
@@ -132,7 +132,7 @@ def train(
             "command continues from there"
         )
 
-    with interrupts_say(told):
+    with interrupts_say(interruption):
         trained = train_body(
             poses,
             guess,
@@ -171,7 +171,7 @@ def _data(
             "noise; nothing here was measured"
         )
         return "made-up", *noisy_tubes(noise=0.001), None
-    own = folder / START
+    own = folder / START_FILE
     guess = read_start(start or (own if own.is_file() else "default"))
     console.print("[dim]reading every registration[/]")
     every = open_folder(folder, len(guess.template), guess.faces)
@@ -195,21 +195,21 @@ def _origin(folder: Path | None) -> dict[str, Any]:
         return {
             "provenance": ["Synthetic: random arrays on a tube with bones. Nothing was measured."]
         }
-    made = folder / CARD
-    if not made.is_file():
+    card = folder / CARD
+    if not card.is_file():
         return {"provenance": [f"Trained on the registrations in {folder.name}."]}
     try:
-        told = json_in(made)
+        data = json_in(card)
     except BadFile as error:
         raise BadFile(f"{error}; remove it or correct it") from error
-    return {"provenance": ["Synthetic: see registrations."], "registrations": told}
+    return {"provenance": ["Synthetic: see registrations."], "registrations": data}
 
 
 class Lines(Report):
     """A line for each block, and further lines within blocks that take long."""
 
     def __init__(self, console: Console) -> None:
-        self._console, self._told = console, time.monotonic()
+        self._console, self._printed = console, time.monotonic()
 
     def block(self, progress: Progress) -> None:
         """The cost before and after a block, and its terms."""
@@ -224,11 +224,11 @@ class Lines(Report):
 
     def part(self, doing: str, done: int, of: int) -> None:
         """How much of a block is done, every few seconds."""
-        if time.monotonic() - self._told > EVERY:
+        if time.monotonic() - self._printed > LINE_SECONDS:
             self._print(f"        {doing}: {done} of {of}")
 
     def _print(self, line: str) -> None:
-        self._told = time.monotonic()
+        self._printed = time.monotonic()
         self._console.print(line, highlight=False, soft_wrap=True)
 
 
@@ -307,7 +307,7 @@ def rig(
             card=card,
         )
 
-    def told() -> str:
+    def interruption() -> str:
         if not steps.arrays:
             return f"interrupted at {bars.last}; nothing was written"
         so_far = rigged(steps.so_far(), silent)
@@ -318,28 +318,28 @@ def rig(
             f"continues from {steps.path}"
         )
 
-    with interrupts_say(told), bars:
-        found = rigged(steps, bars)
-    save_body(found.body, out)
+    with interrupts_say(interruption), bars:
+        result = rigged(steps, bars)
+    save_body(result.body, out)
     steps.remove()
     if motion is not None:
         step = (rows[-1] - rows[0]) / (len(rows) - 1)  # meshes between two that were learned from
-        save_motion(motion, found.motion(fps / float(step)))
-    console.print(rich_table(_joints(found)))
-    say(console, f"{found.body.n_joints} bones; {1e3 * found.rms:.3g} mm from the meshes (rms)")
+        save_motion(motion, result.motion(fps / float(step)))
+    console.print(rich_table(_joints(result)))
+    say(console, f"{result.body.n_joints} bones; {1e3 * result.rms:.3g} mm from the meshes (rms)")
     if len(others):
-        rms = pose_rms(found.body, every[others])
+        rms = pose_rms(result.body, every[others])
         say(console, f"{1e3 * rms:.3g} mm from {len(others)} meshes that were held out (rms)")
-    for note in found.notes:
+    for note in result.notes:
         say(console, f"note: {escape(note)}")
     print_page(console, "body", out)
     if motion is not None:
         print_page(console, "motion", motion)
 
 
-def _joints(found: Rigged) -> Table:
+def _joints(rigged: Rigged) -> Table:
     """A line for each joint: its place, how well it is determined, and along what it may slide."""
-    names = found.body.joint_names
+    names = rigged.body.joint_names
     rows = tuple(
         (
             names[joint.bones[1]],
@@ -348,7 +348,7 @@ def _joints(found: Rigged) -> Table:
             " ".join(f"{10 * parted:.2g}" for parted in joint.parting[::-1]),
             " and ".join(in_words(direction) for direction in joint.free) or "-",
         )
-        for joint in found.joints
+        for joint in rigged.joints
     )
     head = ("joint of", "with", "at rest, m", "1 cm off parts them, mm", "may slide along")
     return Table(head, rows, ())

@@ -25,7 +25,7 @@ KINDS = (  # of evaluations
     "constraint_jacobian",
     "constraint_hessian",
 )
-LIMITED = 4  # of them a budget limits: all but those of the constraints
+LIMITED_KINDS = 4  # of them a budget limits: all but those of the constraints
 COUNTS = slice(2, 2 + len(KINDS))
 SPENT = slice(COUNTS.stop, COUNTS.stop + len(KINDS))
 NOT_FINITE, SECONDS, TAKEN = SPENT.stop, SPENT.stop + 1, SPENT.stop + 2

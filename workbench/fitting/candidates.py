@@ -28,8 +28,8 @@ from workbench.geometry.camera import Camera
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.residuals import Residual, keypoints, landmarks
 
-AROUND = tuple(range(0, 360, 30))  # degrees
-UP = (0, 30, 60)  # degrees
+AZIMUTHS = tuple(range(0, 360, 30))  # degrees
+ELEVATIONS = (0, 30, 60)  # degrees
 PREFIX = "candidate/"  # of the blocks of a camera that could be put up
 OWN = "own"
 
@@ -53,8 +53,8 @@ def cameras_on_a_sphere(
     centre: ArrayLike,
     *,
     distance: float = 4.0,
-    around: Sequence[float] = AROUND,
-    up: Sequence[float] = UP,
+    around: Sequence[float] = AZIMUTHS,
+    up: Sequence[float] = ELEVATIONS,
     focal: float = 1200.0,
     size: tuple[int, int] = (1000, 1000),
     sigma: float = 4.0,

@@ -15,7 +15,7 @@ HEAD = ("eye", "ear")
 LIMBS = ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
 COCO = ("nose", *(f"{side}_{part}" for part in HEAD + LIMBS for side in SIDES))
 FEET = tuple(f"{side}_{part}" for side in SIDES for part in ("big_toe", "small_toe", "heel"))
-PLACING = 4  # keypoints in an image, by which a body is placed in a frame
+FEWEST_PLACING = 4  # keypoints in an image, by which a body is placed in a frame
 
 
 class BadObservation(WorkbenchError):

@@ -19,8 +19,8 @@ from workbench.geometry.mirror import AXIAL, REFLECTION, opposites
 from workbench.geometry.rotation import nearest_rotation
 from workbench.reading.arrays import opened, read_expected, reals, texts, wholes
 
-FEWEST = 3  # keypoints, below which nothing says how a body is turned
-COLUMNS = np.outer(REFLECTION, REFLECTION)[:, :2]  # what becomes of them under S R S
+FEWEST_KEYPOINTS = 3  # keypoints, below which nothing says how a body is turned
+MIRRORED_COLUMNS = np.outer(REFLECTION, REFLECTION)[:, :2]  # what becomes of them under S R S
 FOLDER = files("workbench") / "data" / "poses"
 REGRESSOR_FILE = "regressor.npz"
 MOST_LAYERS = 9
@@ -65,7 +65,7 @@ class PoseRegressor:
         answers = self._forward(both_ways.reshape(2 * len(points), -1))
         answers = answers.reshape(2, len(points), -1)
         columns = answers[..., :6].reshape(2, -1, 3, 2)
-        columns = (columns[0] + COLUMNS * columns[1]) / (2 * self.scales[0])
+        columns = (columns[0] + MIRRORED_COLUMNS * columns[1]) / (2 * self.scales[0])
         K, other = len(self.joint_names), opposites(self.joint_names)
         turns = answers[..., 6:].reshape(2, -1, K - 1, 3) / self.scales[1:, None]
         pose = np.zeros((len(points), K, 3))
@@ -95,8 +95,8 @@ class PoseRegressor:
             )
         if not np.isfinite(points[trust > 0]).all():
             raise BadArgument("a keypoint has no finite position; give it confidence 0")
-        if ((trust > 0).sum(axis=-1) < FEWEST).any():
-            raise BadArgument(f"an image shows fewer than {FEWEST} keypoints of {M}")
+        if ((trust > 0).sum(axis=-1) < FEWEST_KEYPOINTS).any():
+            raise BadArgument(f"an image shows fewer than {FEWEST_KEYPOINTS} keypoints of {M}")
         return points, trust
 
 

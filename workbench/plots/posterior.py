@@ -12,15 +12,15 @@ from matplotlib.figure import Figure
 from workbench.arrays import Array
 from workbench.environment import optional_library
 from workbench.plots.palette import BLUE, FAINT, INK, LINES, VERMILLION
-from workbench.plots.style import drawn, house_style, plain
+from workbench.plots.style import figure_of, house_style, plain
 from workbench.sampling import Posterior
 
-MOST = 6  # entries in a corner: more cannot be read
-SHOWN = 5000  # draws
+MOST_ENTRIES = 6  # entries in a corner: more cannot be read
+MOST_DRAWS = 5000  # draws
 BESIDE_CORNER = 0.95  # inches for names and numbers, left of a corner and below it
 
 
-def widest(posterior: Posterior, most: int = MOST) -> list[int]:
+def widest(posterior: Posterior, most: int = MOST_ENTRIES) -> list[int]:
     """The numbers of at most `most` entries to show: those whose chains mix most slowly."""
     slowest = np.argsort(-posterior.mixing.times, kind="stable")
     return sorted(int(i) for i in slowest[:most])
@@ -34,7 +34,7 @@ def plot_corner(
     Contours hold 12, 39, 68 and 86 %: 1/2, 1, 3/2 and 2 sigma of a Gaussian in two dimensions.
     """
     chosen = list(entries)
-    flat = posterior.flat[:: max(1, len(posterior.flat) // SHOWN)][:, chosen]
+    flat = posterior.flat[:: max(1, len(posterior.flat) // MOST_DRAWS)][:, chosen]
     entries_of = [posterior.labels[i].replace("[", "\n[") for i in chosen]
     units = [posterior.units[i] for i in chosen]
     labels = [plain(f"{entry}\n({unit})") for entry, unit in zip(entries_of, units, strict=True)]
@@ -135,13 +135,13 @@ def caption_traces(posterior: Posterior, synthetic: bool = False) -> str:
     )
 
 
-def caption_beside_laplace(said: Sequence[str], synthetic: bool = False) -> str:
+def caption_beside_laplace(remarks: Sequence[str], synthetic: bool = False) -> str:
     """What `plot_beside_laplace` shows."""
-    agree = sum(one == "agrees" for one in said)
+    agree = sum(remark == "agrees" for remark in remarks)
     return (
-        f"Laplace's approximation agrees with the draws in {agree} of {len(said)} entries. Where a "
-        "bar sticks out of the grey band, or is not in its middle, the posterior is curved or has "
-        "several modes." + (f"{MADE_OF}: red crosses." if synthetic else "")
+        f"Laplace's approximation agrees with the draws in {agree} of {len(remarks)} entries. "
+        "Where a bar sticks out of the grey band, or is not in its middle, the posterior is curved "
+        "or has several modes." + (f"{MADE_OF}: red crosses." if synthetic else "")
     )
 
 
@@ -171,7 +171,7 @@ def beside_laplace_sheet(
     posterior: Posterior, approximation: Posterior, truth: Array | None = None
 ) -> Figure:
     """Every entry beside Laplace's approximation; `truth` (k,) is marked if it is known."""
-    return drawn(
+    return figure_of(
         partial(plot_beside_laplace, posterior, approximation, truth),
         8.0,
         1.3 + 0.2 * posterior.size,

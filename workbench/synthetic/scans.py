@@ -27,8 +27,8 @@ from workbench.synthetic.scan_effects import (
 )
 from workbench.synthetic.scanners import DepthImage, Scanner, depth_image, visible
 
-JUMP = 5.0  # steps from pixel to pixel: depths that differ by more lie on different surfaces
-THIN = 1e-6  # of the largest variance: neighbours whose second variance is less lie on a line
+LARGEST_JUMP = 5.0  # steps from pixel to pixel: depths that differ by more are of two surfaces
+LINE_VARIANCE = 1e-6  # of the largest variance: neighbours whose second is less lie on a line
 LEAST_COSINE = 0.1736  # of 80 degrees: beyond, the area behind a pixel is not known
 HOLES, CLUTTER, NOISE = range(1, 4)  # each effect has a stream of random numbers of its own
 
@@ -42,7 +42,7 @@ class Joining:
             a triangle may differ. With fewer, the scan falls into more pieces.
     """
 
-    jump: float = JUMP
+    jump: float = LARGEST_JUMP
 
     def triangles(self, pixel: Index, depth: Array, scanner: Scanner) -> Index:
         """Triangles (T, 3) of indices from 0 to M - 1 of measured pixels (M,) at depths (M,) m.
@@ -81,7 +81,7 @@ def estimated_normals(pixel: Index, depth: Array, scanner: Scanner) -> Array:
     second = np.zeros((len(pixel), 3, 3))
     for down, right in product(range(3), repeat=2):
         other = number[row + down, column + right]
-        near = np.abs(depth[other] - depth) <= JUMP * depth / scanner.focal
+        near = np.abs(depth[other] - depth) <= LARGEST_JUMP * depth / scanner.focal
         weight = ((other >= 0) & near).astype(float)
         away = (points[other] - points) * weight[:, None]
         count, first = count + weight, first + away
@@ -89,7 +89,7 @@ def estimated_normals(pixel: Index, depth: Array, scanner: Scanner) -> Array:
     mean = first / count[:, None]
     covariance = second / count[:, None, None] - mean[:, :, None] * mean[:, None, :]
     variances, axes = np.linalg.eigh(covariance)
-    plane = (count >= 3) & (variances[:, 1] > THIN * variances[:, 2])
+    plane = (count >= 3) & (variances[:, 1] > LINE_VARIANCE * variances[:, 2])
     back = -rays / np.linalg.norm(rays, axis=1, keepdims=True)
     normals = np.where(plane[:, None], axes[:, :, 0], back)
     return np.where(np.einsum("mi,mi->m", normals, back)[:, None] < 0, -normals, normals)
@@ -200,9 +200,9 @@ class SimulatedScan:
     @property
     def true_points(self) -> Array:
         """Where the rays hit the surface, (M, 3) m; NaN for clutter."""
-        found = np.einsum("mk,mki->mi", self.shares, self.surface[self.faces[self.face]])
-        found[self.clutter] = np.nan
-        return np.asarray(found)
+        points = np.einsum("mk,mki->mi", self.shares, self.surface[self.faces[self.face]])
+        points[self.clutter] = np.nan
+        return np.asarray(points)
 
     def some(self, chosen: Mask) -> "SimulatedScan":
         """The points that a mask (M,) chooses, with their truth; `seen` stays as it is.

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
-from workbench.blocks.affine import Affine, filled
+from workbench.blocks.affine import Affine, fast_to_multiply
 from workbench.blocks.points import LoopedPoints, NumericPoints, PointsAt, PointsOfEach
 
 
@@ -186,7 +186,7 @@ class ArgumentRows:
         }
         reached = [row for matrix in by.values() for row in matrix.nonzero()[0].tolist()]
         rows = np.unique(np.array(reached, dtype=np.int64))
-        onto = {n: filled(csr_array(m[rows].T)) for n, m in by.items() if m.nnz}
+        onto = {n: fast_to_multiply(csr_array(m[rows].T)) for n, m in by.items() if m.nnz}
         return ArgumentRows(len(affine.offset), rows, onto)
 
 

@@ -18,20 +18,20 @@ from workbench.geometry.camera import Camera
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.reading.facts import bounded, json_in, toml_in
 
-LARGEST = 1e6  # px: no image is wider or higher
+LARGEST_IMAGE = 1e6  # px: no image is wider or higher
 MOST_CAMERAS = 1000
 MOST_BYTES = 2**26  # of a calibration that is text; COLMAP's has the points of its images
 LONGEST_ROTATION = 2.01 * np.pi  # rad: a rotation vector that is longer is in degrees
-CENTIMETRES = 20.0, 1000.0  # how far Panoptic's cameras are from the world's origin
+CENTIMETRE_DISTANCES = 20.0, 1000.0  # how far Panoptic's cameras are from the world's origin
 LONGEST_NAME = 200  # characters, of a camera's name
-IDLE = {"calibdatasource", "panel", "node", "type", "typeid"}  # say nothing on pixels
-MATRICES = (4, 4), (3, 4)
+IDLE_KEYS = {"calibdatasource", "panel", "node", "type", "typeid"}  # say nothing on pixels
+MATRIX_SHAPES = (4, 4), (3, 4)
 SHAPES: dict[str, tuple[tuple[int, ...], ...]] = {  # also as one row of numbers
     "K": ((3, 3), (4, 4), (3, 4), (4,)),
     "distortion": (),
     "R": ((3, 3), (3,)),
-    "t": ((3,), *MATRICES),
-    **dict.fromkeys(("extrinsic", "pose", "opengl"), MATRICES),
+    "t": ((3,), *MATRIX_SHAPES),
+    **dict.fromkeys(("extrinsic", "pose", "opengl"), MATRIX_SHAPES),
 }
 COLMAP = {  # its models: the numbers of the parameters fx, fy, cx, cy, k1, k2, p1, p2
     "SIMPLE_PINHOLE": (0, 0, 1, 2),
@@ -40,19 +40,19 @@ COLMAP = {  # its models: the numbers of the parameters fx, fy, cx, cy, k1, k2, 
     "RADIAL": (0, 0, 1, 2, 3, 4),
     "OPENCV": (0, 1, 2, 3, 4, 5, 6, 7),
 }
-MATRIX = re.compile(r"rows:\s*(\d{1,6})\s+cols:\s*(\d{1,6})\s[^\[]{0,40}?data:")
-PAIRS = {"intri": "extri", "extri": "intri"}  # EasyMocap's and OpenCV's files go together
+MATRIX_HEAD = re.compile(r"rows:\s*(\d{1,6})\s+cols:\s*(\d{1,6})\s[^\[]{0,40}?data:")
+FILE_PAIRS = {"intri": "extri", "extri": "intri"}  # EasyMocap's and OpenCV's files go together
 
 Calibration = dict[str, dict[str, Any]]  # K, R, t, distortion, size and `notes` of each
 Table = Mapping[str, Any]
 
 
-def size_in(path: str | Path, where: str, given: Any) -> tuple[int, int]:
+def size_in(path: str | Path, where: str, entry: Any) -> tuple[int, int]:
     """The width and height of an image in px; `where` names it in the error. Raises BadFile."""
-    numbers = numbers_in(path, f"{where}: size", given)
-    if numbers.shape != (2,) or not ((numbers >= 1) & (numbers <= LARGEST)).all():  # nor NaN
+    numbers = numbers_in(path, f"{where}: size", entry)
+    if numbers.shape != (2,) or not ((numbers >= 1) & (numbers <= LARGEST_IMAGE)).all():  # nor NaN
         raise BadFile(
-            f"{path}: {where} has the size {shown(given)}; it must be width and height in px"
+            f"{path}: {where} has the size {shown(entry)}; it must be width and height in px"
         )
     return int(numbers[0]), int(numbers[1])
 
@@ -102,7 +102,7 @@ def read_calibration(path: str | Path, *, camera_to_world: bool = False) -> Cali
         of_it = f"of camera {shown(name)}, not read are {some(sorted(entries['unread']))}"
         cameras[name] = camera | {"notes": (*notes, of_it) if entries["unread"] else notes}
     far = [np.linalg.norm(one["t"]) for one in cameras.values() if one["t"] is not None]
-    if panoptic and far and CENTIMETRES[0] < np.median(far) < CENTIMETRES[1]:
+    if panoptic and far and CENTIMETRE_DISTANCES[0] < np.median(far) < CENTIMETRE_DISTANCES[1]:
         note = "translations are taken to be in cm, as CMU Panoptic has them"
         for camera in cameras.values():
             camera |= {"t": 0.01 * camera["t"], "notes": (note, *camera["notes"])}
@@ -162,7 +162,7 @@ def _tables(path: Path) -> tuple[list[tuple[str, Table]], bool]:
         return _colmap(path), False
     if suffix in (".yml", ".yaml", ".xml"):
         data: Any = _storage(path)
-        for own, other in PAIRS.items():
+        for own, other in FILE_PAIRS.items():
             partner = path.with_name(path.name.replace(own, other))
             if own in path.stem and partner.exists():
                 data |= _storage(partner)
@@ -182,18 +182,18 @@ def _tables(path: Path) -> tuple[list[tuple[str, Table]], bool]:
     if isinstance(data, list):
         listed = [(str(i), one) for i, one in enumerate(data)]
     numbers = {*SHAPES, "fx"}
-    found: list[tuple[str, Table]] = [
+    cameras: list[tuple[str, Table]] = [
         (str(name), {**shared, **one})
         for name, one in listed
         if isinstance(one, dict) and numbers & {*map(_key, one)}
     ]
-    if not found:
+    if not cameras:
         keys = f"it has the keys {some(map(str, data))}" if isinstance(data, dict) else shown(data)
         raise BadFile(
             f"{path} holds no cameras ({keys}); cameras are objects with K, R and t, by name or in "
             "a list, and howto/formats.md says what else is read"
         )
-    return found, panoptic
+    return cameras, panoptic
 
 
 def _plain(path: Path, name: str, table: Table) -> dict[str, Any]:
@@ -214,7 +214,7 @@ def _plain(path: Path, name: str, table: Table) -> dict[str, Any]:
             entries[known] = numbers.reshape(fitting[0]) if fitting else numbers
         elif known and value is not None:
             entries[known] = value
-        elif value is not None and re.sub(r"[\W_]", "", str(key)[:60]).lower() not in IDLE:
+        elif value is not None and re.sub(r"[\W_]", "", str(key)[:60]).lower() not in IDLE_KEYS:
             entries["unread"].append(str(key))
     if not isinstance(entries.get("name", ""), str | int):
         raise BadFile(
@@ -269,7 +269,7 @@ def _lens(path: Path, of: str, entries: Table) -> tuple[Array | None, Array]:
         K[1] = K[0] if "fy" not in entries else K[1]
     if K is not None and K.shape == (4,):
         K = np.array([[K[0], 0, K[2]], [0, K[1], K[3]], [0, 0, 1]])
-    elif K is not None and K.shape in MATRICES:
+    elif K is not None and K.shape in MATRIX_SHAPES:
         K = K[:3, :3]
     named = [entries.get(key, 0.0) for key in ("k1", "k2", "p1", "p2", "k3")]
     k = entries.get("distortion", numbers_in(path, f"distortion of {of}", named)).ravel()
@@ -280,7 +280,7 @@ def _extrinsic(path: Path, of: str, entries: Table) -> tuple[Array | None, bool]
     """A camera's extrinsics (3, 4), or None, and whether they are camera to world."""
     key = next((key for key in ("pose", "opengl", "extrinsic") if key in entries), "t")
     E = entries.get(key)
-    if E is not None and key == "t" and E.shape not in MATRICES:  # or T is the whole matrix
+    if E is not None and key == "t" and E.shape not in MATRIX_SHAPES:  # or T is the whole matrix
         R = entries.get("R")
         if R is None:
             return None, False
@@ -293,7 +293,7 @@ def _extrinsic(path: Path, of: str, entries: Table) -> tuple[Array | None, bool]
         E = np.column_stack([R, E])
     if E is None:
         return None, False
-    if E.shape not in MATRICES:
+    if E.shape not in MATRIX_SHAPES:
         raise BadFile(f"{path}: {of} has extrinsics of shape {E.shape}, not (3, 4) or (4, 4)")
     if E.shape == (4, 4) and not E[:3, 3].any() and E[3, :3].any():
         E = E.T  # of row vectors, as graphics has them: the translation is in the last row
@@ -321,9 +321,9 @@ def _storage(path: Path) -> dict[str, Any]:
         except (ElementTree.ParseError, ValueError, BadFile) as error:
             raise BadFile(f"{path} cannot be read as XML: {cut(error)}") from error
     for line in text.splitlines() if not blocks else ():
-        if found := re.match(r"([\w.\-]+)[ \t]*:(.*)", line):
-            key = found[1]
-            blocks[key] = found[2]
+        if entry := re.match(r"([\w.\-]+)[ \t]*:(.*)", line):
+            key = entry[1]
+            blocks[key] = entry[2]
         elif key and not line.startswith(("%", "#", "---")):
             blocks[key] += "\n" + line
     return {key: _value(path, key, block.strip()) for key, block in blocks.items()}
@@ -332,9 +332,9 @@ def _storage(path: Path) -> dict[str, Any]:
 def _value(path: Path, key: str, block: str) -> Any:
     """A matrix, a list, a number or a text of FileStorage."""
     try:
-        if found := MATRIX.search(block):
-            rows, cols = int(found[1]), int(found[2])
-            numbers = [float(word) for word in re.findall(r"[^\s,\[\]]+", block[found.end() :])]
+        if head := MATRIX_HEAD.search(block):
+            rows, cols = int(head[1]), int(head[2])
+            numbers = [float(word) for word in re.findall(r"[^\s,\[\]]+", block[head.end() :])]
             if len(numbers) != rows * cols:
                 raise BadFile(f"{path}: {key} holds {len(numbers)} numbers, not {rows} x {cols}")
             return {"rows": rows, "cols": cols, "data": numbers}
@@ -342,7 +342,7 @@ def _value(path: Path, key: str, block: str) -> Any:
             return re.findall(r"[^\s\[\],\"'-][^\s\[\],\"']*", block)
         return float(block)
     except ValueError as error:
-        if MATRIX.search(block):
+        if MATRIX_HEAD.search(block):
             raise BadFile(f"{path}: {key} must be numbers, not {shown(block)}") from error
         return block.strip("\"'")
 
@@ -375,7 +375,7 @@ def _of_storage(data: dict[str, Any]) -> Any:
 def _colmap(path: Path) -> list[tuple[str, Table]]:
     """The images of COLMAP's text, each a camera by its name: cameras.txt and images.txt."""
     lenses: dict[str, dict[str, Any]] = {}
-    found: list[tuple[str, Table]] = []
+    cameras: list[tuple[str, Table]] = []
     lines = [
         [line for line in _text(path.with_name(name)).splitlines() if not line.startswith("#")]
         for name in ("cameras.txt", "images.txt")
@@ -394,9 +394,9 @@ def _colmap(path: Path) -> list[tuple[str, Table]]:
             _, *numbers, camera, name = line.split(maxsplit=9)
             w, x, y, z, *t = map(float, numbers)
             R = Rotation.from_quat([x, y, z, w]).as_matrix().tolist()
-            found.append((Path(name).stem, {**lenses[camera], "R": R, "t": t}))
+            cameras.append((Path(name).stem, {**lenses[camera], "R": R, "t": t}))
     except (ValueError, IndexError, KeyError) as error:
         raise BadFile(f"{path} cannot be read as COLMAP's text: {cut(error)}") from error
-    if not found:
+    if not cameras:
         raise BadFile(f"{path} holds no cameras: images.txt names no image")
-    return found
+    return cameras

@@ -19,7 +19,7 @@ from workbench.fitting.files.keypoints import (
     person_of,
 )
 from workbench.fitting.files.points import DetectedPerson, how_large
-from workbench.fitting.observations import PLACING, Clip, Film
+from workbench.fitting.observations import FEWEST_PLACING, Clip, Film
 from workbench.reading.facts import json_in
 
 MOST_FRAMES, MOST_PEOPLE = 100_000, 100  # of a clip, and of one of its frames
@@ -118,24 +118,26 @@ def _numbered(folder: Path) -> dict[int, Frame]:
         if not parts:
             raise BadFile(f"{paths[0]} holds no frame with a person")
         return {number: (paths[0], part) for number, part in parts.items()}
-    found: dict[int, Frame] = {}
+    frames: dict[int, Frame] = {}
     for path in paths:
         number = number_in(path.name)
         if number is None:
             raise BadFile(f"{path}: the name of a frame holds its number, such as frame_012.json")
-        if number in found:
-            raise BadFile(f"{found[number][0]} and {path} have the same number, {number}; keep one")
-        found[number] = path, None
-    if not found:
+        if number in frames:
+            raise BadFile(
+                f"{frames[number][0]} and {path} have the same number, {number}; keep one"
+            )
+        frames[number] = path, None
+    if not frames:
         raise BadFile(f"{folder} holds no JSON file; a clip has one for each frame")
-    return found
+    return frames
 
 
 def _followed(
     files: dict[int, Frame], frames: range, size: tuple[int, int] | None, person: int | None
 ) -> tuple[list[DetectedPerson | None], list[str]]:
     """One person in every frame, or None, and notes."""
-    found: list[DetectedPerson | None] = []
+    followed: list[DetectedPerson | None] = []
     last: Array | None = None
     several = lost = 0
     path, part = next(iter(files.values()))
@@ -144,22 +146,22 @@ def _followed(
         people = _people(files[number], size) if number in files else {}
         several += len(people) > 1
         if not people:
-            found.append(None)
+            followed.append(None)
         elif last is None:
             if person is not None and person not in people:
                 raise UnknownName("person", str(person), map(str, people))
             best = max(people, key=lambda i: how_large(people[i].points))
-            found.append(people[best if person is None else person])
+            followed.append(people[best if person is None else person])
         else:
             near = {i: _apart(last, one.points) for i, one in people.items()}
             i = min(near, key=lambda i: near[i])
-            found.append(people[i] if near[i] < FARTHEST_STEP else None)
-            lost += found[-1] is None
-        one = found[-1]
-        if one is not None and (one.points[:, 2] > 0).sum() >= PLACING:
+            followed.append(people[i] if near[i] < FARTHEST_STEP else None)
+            lost += followed[-1] is None
+        one = followed[-1]
+        if one is not None and (one.points[:, 2] > 0).sum() >= FEWEST_PLACING:
             last = one.points  # fewer keypoints do not say how large a person is
     alike: dict[str, list[str]] = {}  # notes on frames that say the same, whatever the numbers
-    for one in found:
+    for one in followed:
         for note in () if one is None else one.notes:
             alike.setdefault(re.sub(r"\d+", "", note), []).append(note)
     notes = [
@@ -177,19 +179,19 @@ def _followed(
         )
     if lost:
         notes.append(f"{folder}: in {lost} frames nobody is near to where the person was: gaps")
-    return found, notes
+    return followed, notes
 
 
 def _people(frame: Frame, size: tuple[int, int] | None) -> dict[int, DetectedPerson]:
     """The people of a frame who have a keypoint, by their number in it."""
     path, part = frame
     content = json_in(path) if part is None else part
-    there = people_of(path, content)
-    if len(there) > MOST_PEOPLE:
+    numbers = people_of(path, content)
+    if len(numbers) > MOST_PEOPLE:
         raise BadFile(
-            f"{path} holds {len(there):,} people in one image; a frame of a clip, {MOST_PEOPLE}"
+            f"{path} holds {len(numbers):,} people in one image; a frame of a clip, {MOST_PEOPLE}"
         )
-    people = {i: person_of(path, content, size, i) for i in there}
+    people = {i: person_of(path, content, size, i) for i in numbers}
     return {i: one for i, one in people.items() if (one.points[:, 2] > 0).any()}
 
 

@@ -33,18 +33,18 @@ from workbench.reading.arrays import Header, mapped_array, opened, taken_for, wi
 POINTS = ("points", "vertices", "xyz", "positions", "scan")
 NORMALS, FACES = ("normals", "vertex_normals"), ("faces", "triangles")
 CAMERA = ("camera_position", "camera_center")
-OTHERS = ("colors", "colours", "rgb", "directions")  # of the form of points, and none
+NOT_POINTS = ("colors", "colours", "rgb", "directions")  # of the form of points, and none
 MOST_BYTES = 2**31  # of a file that is read as a whole
-UNIT = 0.05  # how far the length of a normal may be from one, for columns that nothing names
-ARRAYS = (".npz", ".npy")  # which are checked before anything is read
-FEWEST, MOST = 1_000, 500_000  # points of a cloud; a fit uses a tenth of them
+UNIT_TOLERANCE = 0.05  # how far the length of a normal may be from one, in unnamed columns
+ARRAY_SUFFIXES = (".npz", ".npy")  # which are checked before anything is read
+SMALLEST_LIMIT, USUAL_LIMIT = 1_000, 500_000  # points of a cloud; a fit uses a tenth of them
 FEWEST_PLACES = 10  # cells that an outline fills; that of a person fills thousands
-DECLARED = {".glb": ("m", "y")}  # by glTF 2.0, section 3.4
+DECLARED_BY_FORMAT = {".glb": ("m", "y")}  # by glTF 2.0, section 3.4
 
 
 def _points(headers: Mapping[str, Header], name: str | None) -> str:
     """The name of the points, which have their form and no name that speaks against it."""
-    taken = {*NORMALS, *FACES, *OTHERS}
+    taken = {*NORMALS, *FACES, *NOT_POINTS}
     candidates = [
         one
         for one, header in headers.items()
@@ -83,7 +83,7 @@ def contents_of(path: Path, name: str | None = None) -> ScanContents:
     if name is not None and suffix != ".npz":
         raise BadArgument(f"{path} has no arrays with names, so that none is called {name!r}")
     try:
-        if path.is_file() and path.stat().st_size > MOST_BYTES and suffix not in ARRAYS:
+        if path.is_file() and path.stat().st_size > MOST_BYTES and suffix not in ARRAY_SUFFIXES:
             raise BadFile(
                 f"{path} has {path.stat().st_size / 2**30:.1f} GB, and at most 2 GB are read; "
                 "give fewer points, or an .npy file"
@@ -111,23 +111,23 @@ def _ply(content: bytes) -> ScanContents:
 
 
 def _pcd(content: bytes) -> ScanContents:
-    found = parse_pcd(content)
+    cloud = parse_pcd(content)
     notes: tuple[str, ...] = ()
-    if found.unread:
-        notes = (f"not read are the fields {some(found.unread)}",)
-    if found.viewpoint is None:
+    if cloud.unread:
+        notes = (f"not read are the fields {some(cloud.unread)}",)
+    if cloud.viewpoint is None:
         notes += (
             "the file names no viewpoint, or 0 0 0, which programs write that do not know it; if "
             "the points were seen from there, give the camera's position 0 0 0",
         )
-    return ScanContents(found.points, found.normals, None, found.viewpoint, notes)
+    return ScanContents(cloud.points, cloud.normals, None, cloud.viewpoint, notes)
 
 
 def _of_columns(numbers: NDArray[Any], columns: int) -> ScanContents:
     """Points, and normals if there are six columns and the last three are of unit length."""
     points, further = widened(numbers[:, :3]), widened(numbers[:, 3:6])
     with np.errstate(all="ignore"):
-        units = np.abs(np.linalg.norm(further, axis=1) - 1) < UNIT
+        units = np.abs(np.linalg.norm(further, axis=1) - 1) < UNIT_TOLERANCE
     are_normals = further.shape[1] == 3 and units.mean() > 0.5
     read = 6 if are_normals else 3
     notes: tuple[str, ...] = ()
@@ -279,7 +279,7 @@ def read_scan(
     up: str | None = None,
     name: str | None = None,
     camera_position: ArrayLike | None = None,
-    most: int = MOST,
+    most: int = USUAL_LIMIT,
     sizes: Sizes = PERSON,
 ) -> ReadScan:
     """Read a scan of a person or of a part of one from a file, with or without faces.
@@ -298,7 +298,7 @@ def read_scan(
     Raises BadFile or BadScan for a file that holds no scan, UnknownName or BadArgument.
     """
     path = Path(path)
-    if most < FEWEST:
+    if most < SMALLEST_LIMIT:
         raise BadArgument(f"`most` must be at least 1,000 points, not {most}")
     contents = contents_of(path, name)
     if camera_position is not None:
@@ -326,7 +326,7 @@ def _read(
             "most of its points lie within a fiftieth of its size, so that the others are no part "
             "of the same thing; remove what is far away"
         )
-    metres, axis = DECLARED.get(suffix, (None, None))
+    metres, axis = DECLARED_BY_FORMAT.get(suffix, (None, None))
     size = float(extents(cells @ principal_axes(cells).T).max())
     unit, of_unit = unit_of(size, unit, metres, sizes=sizes)
     scale = UNITS[unit]

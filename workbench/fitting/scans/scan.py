@@ -13,7 +13,7 @@ from workbench.geometry.solids import face_vectors, sums_over_faces, vertex_norm
 if TYPE_CHECKING:
     import trimesh
 
-UNIT = 1e-3  # how far the length of a normal may be from 1: files may hold three digits
+UNIT_TOLERANCE = 1e-3  # how far the length of a normal may be from 1: files may hold three digits
 
 
 class BadScan(WorkbenchError):
@@ -50,7 +50,7 @@ class Scan:
         _check_finite("point", self.points)
         if self.normals is not None:
             _check_shape("normals", self.normals, (M, 3))
-            wrong = ~(np.abs(np.linalg.norm(self.normals, axis=1) - 1) <= UNIT)  # nor NaN
+            wrong = ~(np.abs(np.linalg.norm(self.normals, axis=1) - 1) <= UNIT_TOLERANCE)  # nor NaN
             if wrong.any():
                 at = int(np.argmax(wrong))
                 raise BadScan(

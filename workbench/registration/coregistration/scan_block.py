@@ -23,9 +23,9 @@ from workbench.fitting.scans.scan import Scan
 from workbench.problem import Problem
 from workbench.problem.banded import BlockMatrix
 from workbench.registration.free_vertices import (
-    CLOSE,
-    SETTLED,
-    TOGETHER,
+    CLOSE_TERM,
+    JOINT_SOLVER,
+    SETTLED_SHARE,
     VERTICES,
     ScanTerm,
     Settled,
@@ -55,9 +55,9 @@ def scan_evidence(residual: Residual, vertices: Array, coupling: float) -> tuple
         )
     N = len(vertices)
     plain = Problem((replace(residual, kernel=quadratic),), (VERTICES,))
-    here = plain.linearize({VERTICES: vertices})
-    whole, r = here.jacobian, here.residual
-    J = csr_array(whole.sparse if isinstance(whole, BlockMatrix) else whole)
+    linear = plain.linearize({VERTICES: vertices})
+    jacobian, r = linear.jacobian, linear.residual
+    J = csr_array(jacobian.sparse if isinstance(jacobian, BlockMatrix) else jacobian)
     outside = 1.0 if residual.weights is None else np.asarray(residual.weights, dtype=float)
     counts = np.broadcast_to(outside, len(r) // residual.rows_per_point)
     counts = np.repeat(counts, residual.rows_per_point)
@@ -137,7 +137,7 @@ class ScanCoupling:
     faces: Index
     area: float
     coupling: float
-    term: ScanTerm = CLOSE
+    term: ScanTerm = CLOSE_TERM
 
 
 @dataclass(frozen=True, eq=False)
@@ -178,7 +178,7 @@ def on_scans(coupled: ScanCoupling, scans: Scans, solve: bool, job: ScanBatch) -
 
     With `solve` they are found, and no cost is higher afterwards.
     """
-    estimate, found = job.estimate, []
+    estimate, results = job.estimate, []
     body = body_of_subjects(estimate, coupled.faces)
     N = estimate.templates.shape[1]
     pose, betas, trans = (block.symbol for block in body.blocks())
@@ -187,8 +187,8 @@ def on_scans(coupled: ScanCoupling, scans: Scans, solve: bool, job: ScanBatch) -
     coupling = vertices(points, block.symbol, sigma=coupled.coupling, name="coupling")
     prior = pose_prior(body)
     for i, row in enumerate(job.rows):
-        there = scans.read(row)
-        scan = coupled.term.residual(block.symbol, coupled.faces, there, coupled.area)
+        scan = scans.read(row)
+        data = coupled.term.residual(block.symbol, coupled.faces, scan, coupled.area)
         values = {
             "pose": estimate.poses[i],
             "betas": np.eye(len(estimate.templates))[job.subject[i]],
@@ -197,18 +197,18 @@ def on_scans(coupled: ScanCoupling, scans: Scans, solve: bool, job: ScanBatch) -
         }
         if solve:
             free = ("pose", "trans", VERTICES)
-            problem = Problem((scan, coupling, prior), free, blocks=(block,))
-            values |= TOGETHER.solve(problem, values, callback=Settled(SETTLED)).values
-        found.append(
+            problem = Problem((data, coupling, prior), free, blocks=(block,))
+            values |= JOINT_SOLVER.solve(problem, values, callback=Settled(SETTLED_SHARE)).values
+        results.append(
             OnScan(
                 values[VERTICES],
                 values["pose"],
                 values["trans"],
-                cost_of_scan(scan, values),
-                *scan_evidence(scan, values[VERTICES], coupled.coupling),
+                cost_of_scan(data, values),
+                *scan_evidence(data, values[VERTICES], coupled.coupling),
             )
         )
-    return found
+    return results
 
 
 def cost_of_scan(residual: Residual, values: Values) -> float:

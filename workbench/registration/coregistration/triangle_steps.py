@@ -27,8 +27,8 @@ from workbench.errors import BadArgument
 from workbench.geometry.triangles import edges
 from workbench.training.triangles import neighbour_differences
 
-FREE = 1e-6  # of the coupling: what holds the place of vertices that no scan and no edge holds
-TOLERANCE, MOST = 1e-2, 60  # of the gradient, and iterations
+PLACE_PRECISION = 1e-6  # of the coupling's: holds the place of vertices that nothing else holds
+TOLERANCE, MOST_ITERATIONS = 1e-2, 60  # of the gradient, and iterations
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,8 +110,8 @@ class PoseDeformations:
         at, e = self.here[j], self.body.arithmetic.packed.edges
         BD = at.B @ at.D
         left, middle = BD.transpose(0, 2, 1) @ BD, e.transpose(0, 2, 1) @ e
-        found = np.einsum("fab,fcd,fi,fj->facibdj", left, middle, at.twists, at.twists)
-        return np.asarray(found.reshape(len(e), 9 * at.twists.shape[1], -1))
+        products = np.einsum("fab,fcd,fi,fj->facibdj", left, middle, at.twists, at.twists)
+        return np.asarray(products.reshape(len(e), 9 * at.twists.shape[1], -1))
 
 
 Unknown = PersonDeformations | PoseDeformations
@@ -148,9 +148,9 @@ class JointStep:
     coupling: float
     body: TriangleBody
     tolerance: float = TOLERANCE
-    most: int = MOST
+    most: int = MOST_ITERATIONS
 
-    def found(self) -> tuple[Array, list[Array]]:
+    def solve(self) -> tuple[Array, list[Array]]:
         """The change (n,) of the unknown, and that (N, 3) m of the vertices of each scan."""
         u, s2 = self.unknown, self.coupling**2
         gaps = [
@@ -198,7 +198,7 @@ class JointStep:
     def _factors(self) -> list[Callable[[Array], Array]]:
         A = self.body.stitching.A
         stiff = kron(A.T @ A, eye_array(3)) / self.coupling**2
-        held = eye_array(stiff.shape[0]) * (FREE / self.coupling**2)
+        held = eye_array(stiff.shape[0]) * (PLACE_PRECISION / self.coupling**2)
         return [_solver(scan.normal + stiff + held) for scan in self.scans]
 
     def _preconditioner(self) -> Callable[[Array], Array]:
@@ -208,9 +208,13 @@ class JointStep:
             q = grams.shape[1]
             inverse = np.linalg.inv(grams + prior.diagonal().reshape(-1, q)[:, :, None] * np.eye(q))
             return lambda x: np.asarray(inverse @ x.reshape(-1, q, 1)).ravel()
-        return _solver(
-            block_diag(list(grams), format="csc") + prior + FREE * eye_array(prior.shape[0])
-        )
+        held = PLACE_PRECISION * eye_array(prior.shape[0])
+        return _solver(block_diag(list(grams), format="csc") + prior + held)
+
+
+def model_edges(surface: TriangleSurface) -> Array:
+    """The edges X_f e_fi (2 F, 3) m of the triangles of a posed body, not stitched."""
+    return np.asarray(np.einsum("fab,fib->fia", surface.B, surface.shaped).reshape(-1, 3))
 
 
 def differing(body: TriangleBody, neighbours: float) -> csr_array:
@@ -231,18 +235,18 @@ def learned_bends(body: TriangleBody, poses: Array, meshes: Array, ratio: float)
     if not 0 < ratio < np.inf:
         raise BadArgument(f"the ratio of the sigmas is above 0 m rad, not {ratio:g}")
     plain = replace(body, posedirs=np.zeros_like(body.posedirs))
-    here = [plain.arithmetic.evaluate(pose, np.zeros(body.n_betas)) for pose in poses]
-    given = PoseDeformations(plain, here, 1 / ratio, plain.posedirs)
+    surfaces = [plain.arithmetic.evaluate(pose, np.zeros(body.n_betas)) for pose in poses]
+    unknown = PoseDeformations(plain, surfaces, 1 / ratio, plain.posedirs)
     gaps = [
-        (edges(mesh, body.faces) - np.einsum("fab,fib->fia", at.B, at.shaped)).reshape(-1, 3)
-        for mesh, at in zip(meshes, here, strict=True)
+        edges(mesh, body.faces).reshape(-1, 3) - model_edges(surface)
+        for mesh, surface in zip(meshes, surfaces, strict=True)
     ]
-    T = 9 * here[0].twists.shape[1]
+    T = 9 * surfaces[0].twists.shape[1]
     grams, right = ratio**2 * np.eye(T), np.zeros(body.posedirs.size)
     for j, gap in enumerate(gaps):
-        grams, right = grams + given.grams(j), right + given.back(j, gap)
-    found = np.linalg.solve(grams, right.reshape(-1, T, 1))
-    return replace(body, posedirs=np.asarray(found).reshape(body.posedirs.shape))
+        grams, right = grams + unknown.grams(j), right + unknown.back(j, gap)
+    posedirs = np.linalg.solve(grams, right.reshape(-1, T, 1))
+    return replace(body, posedirs=np.asarray(posedirs).reshape(body.posedirs.shape))
 
 
 def _solver(A: csc_array) -> Callable[[Array], Array]:
