@@ -107,8 +107,8 @@ class UnknownName(WorkbenchError):
         self, kind: str, name: str, known: Iterable[str] = (), *, hint: str = "", more: str = ""
     ) -> None:
         names = tuple(known)
-        exists = ", ".join((listed(names), hint) if names and hint else (hint or listed(names),))
-        sentence = f"no {kind} is called {name!r}; there are {exists}"
+        choices = ", ".join((listed(names), hint) if names and hint else (hint or listed(names),))
+        sentence = f"no {kind} is called {name!r}; there are {choices}"
         super().__init__(f"{sentence} ({more})" if more else sentence)
 
 
