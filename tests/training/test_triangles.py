@@ -15,12 +15,12 @@ from builder.triangle_learning import (
     learn_pose_deformations,
 )
 from tests.bodies_made_up import tube_body
+from tests.training.symbolic_triangles import SymbolicTriangles
 from workbench.arrays import Array
 from workbench.bodies.triangles import TriangleBody, blend_scape, scape
 from workbench.errors import BadArgument
 from workbench.training.triangles import (
     PosedMeshes,
-    SymbolicTriangles,
     learn_gradient_shapes,
     neighbour_differences,
 )

@@ -77,9 +77,9 @@ class PoseSpace:
                 f"rotations are an expression (3, {len(others)}), not {rest.shape}"
             )
         flat = self.components.reshape(self.n_components, -1).T
-        own = cs.reshape(cs.MX(cs.DM(self.mean.ravel())) + cs.DM(flat) @ coefficients, 3, -1)
+        in_space = cs.reshape(cs.MX(cs.DM(self.mean.ravel())) + cs.DM(flat) @ coefficients, 3, -1)
         order = np.argsort([*rows, *others])
-        return cs.horzcat(own, rest)[:, order.tolist()]
+        return cs.horzcat(in_space, rest)[:, order.tolist()]
 
     def poses(self, body: Body, coefficients: ArrayLike) -> Array:
         """Poses (..., K, 3) rad in numbers, of coefficients (..., C); the other joints are zero."""
@@ -99,8 +99,8 @@ class PoseSpace:
 
     def coefficients(self, body: Body, poses: ArrayLike) -> Array:
         """The coefficients (..., C) of the poses in the space closest to poses (..., K, 3) rad."""
-        own = reals("poses", poses)[..., self._rows(body), :] - self.mean
-        flat = own.reshape(*own.shape[:-2], -1)
+        offsets = reals("poses", poses)[..., self._rows(body), :] - self.mean
+        flat = offsets.reshape(*offsets.shape[:-2], -1)
         return np.asarray(flat @ np.linalg.pinv(self.components.reshape(self.n_components, -1)))
 
     def _rows(self, body: Body) -> list[int]:

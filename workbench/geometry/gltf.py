@@ -227,14 +227,15 @@ def document_of(content: bytes, folder: Path | None = None) -> GlbDocument:
 def _chunks(content: bytes) -> dict[bytes, bytes]:
     """The parts of a .glb by their kind."""
     chunks: dict[bytes, bytes] = {}
-    at = 12
-    while at + 8 <= len(content):
-        length, kind = int.from_bytes(content[at : at + 4], "little"), content[at + 4 : at + 8]
-        if at + 8 + length > len(content):
+    start = 12
+    while start + 8 <= len(content):
+        length = int.from_bytes(content[start : start + 4], "little")
+        kind = content[start + 4 : start + 8]
+        if start + 8 + length > len(content):
             raise ValueError(f"a part of {length:,} bytes is cut off")
         if kind in (JSON, BINARY):  # others are to be passed over
-            chunks.setdefault(kind, content[at + 8 : at + 8 + length])
-        at += 8 + length
+            chunks.setdefault(kind, content[start + 8 : start + 8 + length])
+        start += 8 + length
     return chunks
 
 

@@ -322,12 +322,12 @@ def hands_in_file(model: ModelArrays) -> list[Hand]:
     for letter, side in (("", ""), ("l", "left"), ("r", "right")):
         prefix = f"{side}_" if side else ""
         places = {name: places_of.get(prefix + name) for name in ("wrist", *FINGER_JOINTS)}
-        known = {name: place for name, place in places.items() if place is not None}
-        if len(known) == len(places):
+        ends = {name: place for name, place in places.items() if place is not None}
+        if len(ends) == len(places):
             mean = model.extra(f"hands_mean{letter}")
             pose = np.zeros(45) if mean is None or mean.size != 45 else mean.astype(np.float64)
             said = side or (in_name[0] if len(in_name) == 1 else "")
-            hands.append(Hand(letter, said, _chirality(known, pose.reshape(15, 3))))
+            hands.append(Hand(letter, said, _chirality(ends, pose.reshape(15, 3))))
     return hands
 
 

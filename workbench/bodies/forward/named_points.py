@@ -144,8 +144,8 @@ class BlockPoints(NumericPoints):
             together = self.points.together(dict(zip(ROLES, self.plain, strict=False)), *arguments)
             if together is not None:
                 return together
-        each = [{name: values[name][i] for name in self.reads} for i in range(count)]
-        arguments = [np.array([part.value(one_set) for one_set in each]) for part in self.maps]
+        sets = [{name: values[name][i] for name in self.reads} for i in range(count)]
+        arguments = [np.array([part.value(one_set) for one_set in sets]) for part in self.maps]
         return LoopedPoints(
             [BlockPointsAt(self, here) for here in self.points.evaluate_each(*arguments)]
         )
