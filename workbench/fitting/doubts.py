@@ -340,9 +340,8 @@ def _rigid_error(rest: Array, observed: Array) -> float:
         seen = np.isfinite(places).all(axis=1)
         if seen.sum() >= FEWEST_TORSO_MARKERS:
             motion = procrustes(rest[seen], places[seen])
-            errors.append(
-                np.sqrt(np.mean((rest[seen] @ motion.R.T + motion.t - places[seen]) ** 2))
-            )
+            off = rest[seen] @ motion.R.T + motion.t - places[seen]
+            errors.append(np.sqrt(np.mean(off**2)))
     return float(np.median(errors)) if errors else np.nan
 
 
