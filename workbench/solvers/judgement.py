@@ -381,5 +381,5 @@ def flat_in_words(problem: Problem, x: Array, here: Linearization) -> str:
     null = n - here.columns(inside).scaled(1 / lengths).rank
     if null == 0:
         return ""
-    some = "1 direction changes" if null == 1 else f"{null} directions change"
-    return f" ({some} no residual here, so that other values fit as well; see a diagnosis)"
+    directions = "1 direction changes" if null == 1 else f"{null} directions change"
+    return f" ({directions} no residual here, so that other values fit as well; see a diagnosis)"

@@ -328,11 +328,11 @@ def _never_rises(end: EndPoint, running: Mask, growing: Mask) -> bool:
     """
     growth = np.where(running, _growth(end), 0.0)
     leading = np.arange(len(growth)) == np.argmax(growth)
-    way, noise = np.where(running, end.x - end.start, 0.0), end.noise
+    displacement, noise = np.where(running, end.x - end.start, 0.0), end.noise
 
     def farther(distance: float, x: Array, r: Array) -> tuple[Array, Array, bool]:
         """The next point after x (n,), its residual (m,), and whether it costs no more."""
-        to = np.where(running, end.x + distance * way, x)
+        to = np.where(running, end.x + distance * displacement, x)
         to = _others_followed(end, to, leading, noise)
         r_to = end.residual(to)
         with GUARDED:
