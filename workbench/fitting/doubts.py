@@ -144,7 +144,7 @@ def _moments(setup: Setup, values: Values) -> list[tuple[Views, Values]]:
 
 
 def _often(moments: Sequence[Said]) -> list[str]:
-    """What is said of most moments, as it is said of the one in their middle."""
+    """The sentences that hold at most moments, as the middle one of these moments has them."""
     count = Counter(about for by_subject in moments for about in by_subject)
     sentences = []
     for about, n_frames in count.items():
