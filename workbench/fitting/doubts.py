@@ -144,7 +144,7 @@ def _moments(setup: Setup, values: Values) -> list[tuple[Views, Values]]:
 
 
 def _often(moments: Sequence[Said]) -> list[str]:
-    """What is said of most moments, as it is said of the one in their middle."""
+    """The sentences that hold at most moments, as the middle one of these moments has them."""
     count = Counter(about for by_subject in moments for about in by_subject)
     sentences = []
     for about, n_frames in count.items():
@@ -357,9 +357,8 @@ def _rigid_error(rest: Array, observed: Array) -> float:
         seen = np.isfinite(places).all(axis=1)
         if seen.sum() >= FEWEST_TORSO_MARKERS:
             motion = procrustes(rest[seen], places[seen])
-            errors.append(
-                np.sqrt(np.mean((rest[seen] @ motion.R.T + motion.t - places[seen]) ** 2))
-            )
+            off = rest[seen] @ motion.R.T + motion.t - places[seen]
+            errors.append(np.sqrt(np.mean(off**2)))
     return float(np.median(errors)) if errors else np.nan
 
 

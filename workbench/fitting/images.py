@@ -403,15 +403,15 @@ def depth_interval(
 
 def depth_measures(setup: Setup, values: Values) -> tuple[Measure, ...]:
     """The distance of `depth_interval` and the ends of its interval; none where it is unknown."""
-    if (interval := depth_interval(setup, values)) is None:
+    interval = depth_interval(setup, values)
+    if interval is None:
         return ()
     name, end = "distance from the camera", "end of the 90 % interval"
-    named = (
-        (name, interval.mean),
-        (f"{name}, lower {end}", interval.low),
-        (f"{name}, upper {end}", interval.high),
+    return (
+        Measure(name, interval.mean, "m"),
+        Measure(f"{name}, lower {end}", interval.low, "m"),
+        Measure(f"{name}, upper {end}", interval.high, "m"),
     )
-    return tuple(Measure(what, metres, "m") for what, metres in named)
 
 
 def depth_spread(setup: Setup, view: View, values: Values) -> tuple[float, float, float]:

@@ -194,6 +194,7 @@ def image_jobs(files: Sequence[Path]) -> tuple[FileJob, ...]:
     return tuple(FileJob(name, path) for name, path in zip(names, files, strict=True))
 
 
-def in_parts(jobs: Sequence[FileJob], count: int = IMAGES_AT_ONCE) -> list[tuple[FileJob, ...]]:
-    """The jobs, so many at a time."""
-    return [tuple(jobs[i : i + count]) for i in range(0, len(jobs), count)]
+def in_parts(jobs: Sequence[FileJob]) -> list[tuple[FileJob, ...]]:
+    """The jobs, `IMAGES_AT_ONCE` at a time."""
+    starts = range(0, len(jobs), IMAGES_AT_ONCE)
+    return [tuple(jobs[i : i + IMAGES_AT_ONCE]) for i in starts]

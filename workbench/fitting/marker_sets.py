@@ -160,10 +160,9 @@ def _placed(body: SkinnedBody, usual: bool) -> dict[str, int]:
         direction = np.array(towards) / np.linalg.norm(towards)
         along = offset @ direction
         off = np.linalg.norm(offset - along[:, None] * direction, axis=1) - ALONG_WORTH * along
-        outside = (
-            (along > 0) & (normals @ direction > LEAST_FACING) & (side * body.template[:, 0] >= 0)
-        )
-        off[~outside | np.isin(np.arange(len(off)), list(chosen.values()))] = np.inf
+        facing = (along > 0) & (normals @ direction > LEAST_FACING)
+        usable = facing & (side * body.template[:, 0] >= 0)
+        off[~usable | np.isin(np.arange(len(off)), list(chosen.values()))] = np.inf
         chosen[name] = int(np.argmin(off))
     return chosen
 
@@ -212,10 +211,7 @@ def matched(
             "say which marker each one is (--labels MAP.csv), or give a marker set with the names "
             "of your labels (--marker-set FILE.json)"
         )
-    named, best = (
-        [subject for subject in subjects if subject],
-        max(subjects, key=lambda subject: subjects[subject]),
-    )
+    named, best = [name for name in subjects if name], subjects.most_common(1)[0][0]
     column_of: dict[str, int] = {}
     for subject in (best, *(named if len(named) == 1 else ()), ""):
         for place, meaning in enumerate(meanings):

@@ -219,13 +219,12 @@ def _paths(body: SkinnedBody) -> dict[str, MeasuredPath]:
         person.farthest(person.cut(joints[f"{side}_shoulder"], ACROSS), UP)
         for side in ("left", "right")
     ]
+    thigh = low - BELOW_CROTCH * (low - joints["right_knee"][1])
     girths = {
         "chest": person.chest((waist @ body.template)[0, 1]),
         "waist": waist,
         "hips": max(trunk, key=person.girth),
-        "thigh": person.horizontal(
-            low - BELOW_CROTCH * (low - joints["right_knee"][1]), "right_hip"
-        ),
+        "thigh": person.horizontal(thigh, "right_hip"),
         "upper arm": person.across("right_shoulder", "right_elbow", 0.5),
         "neck": min(necks, key=person.girth),
     }
@@ -309,9 +308,8 @@ class _Person:
         shoulder = self.joints["right_shoulder"]
         cuts = [self.horizontal(y, "spine3") for y in np.linspace(waist, shoulder[1], GIRTH_LEVELS)]
         points = [cut @ self.v for cut in cuts]
-        torso = [
-            k for k, p in enumerate(points) if abs(p[:, 0]).max() < ARMPIT_RATIO * abs(shoulder[0])
-        ]
+        armpit = ARMPIT_RATIO * abs(shoulder[0])
+        torso = [k for k, cut_points in enumerate(points) if abs(cut_points[:, 0]).max() < armpit]
         return cuts[max(torso, key=lambda k: points[k][:, 2].max())]
 
     def fingertip(self, side: str) -> int:

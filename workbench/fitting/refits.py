@@ -101,25 +101,19 @@ class Profile:
         other = "on the other side nothing bounds it up to"
         match low == -inf, high == inf:
             case True, True:
-                sentence = f"nothing bounds {self.entry} between {first:.4g} and {last:.4g}{unit}"
+                text = f"nothing bounds {self.entry} between {first:.4g} and {last:.4g}{unit}"
             case True, False:
-                sentence = (
-                    f"{self.entry} is below {high:.4g}{unit} {level}; {other} {first:.4g}{unit}"
-                )
+                text = f"{self.entry} is below {high:.4g}{unit} {level}; {other} {first:.4g}{unit}"
             case False, True:
-                sentence = (
-                    f"{self.entry} is above {low:.4g}{unit} {level}; {other} {last:.4g}{unit}"
-                )
+                text = f"{self.entry} is above {low:.4g}{unit} {level}; {other} {last:.4g}{unit}"
             case _:
-                sentence = f"{self.entry} is between {low:.4g} and {high:.4g}{unit} {level}"
+                text = f"{self.entry} is between {low:.4g} and {high:.4g}{unit} {level}"
         if np.isfinite(self.sd):
             a, b = self.laplace
-            sentence += f"; Laplace says {a:.4g} to {b:.4g}"
+            text += f"; Laplace says {a:.4g} to {b:.4g}"
         if self.lower is not None:
-            sentence += (
-                "; on the way there is a lower minimum, so that the fit was not at the best one"
-            )
-        return sentence
+            text += "; on the way there is a lower minimum, so that the fit was not at the best one"
+        return text
 
 
 def profile_likelihood(
@@ -165,13 +159,11 @@ def profile_likelihood(
     best = float(problem.split(start)[0][k])
     middle = (best, whole.here.cost, start)
     below, above = (_fits_on_one_side(fit, middle, sign * size, _rise(level)) for sign in (-1, 1))
-    value, costs, fits = zip(*below[::-1], middle, *above, strict=True)
+    at, costs, fits = zip(*below[::-1], middle, *above, strict=True)
     least = int(np.argmin(costs))
     lower = fits[least] if costs[least] < whole.here.cost * (1 - BETTER_SHARE) else None
     unit = problem.free.unit(k)
-    return Profile(
-        entry, unit, best, sd, level, np.array(value), np.array(costs), tuple(fits), lower
-    )
+    return Profile(entry, unit, best, sd, level, np.array(at), np.array(costs), tuple(fits), lower)
 
 
 _Fit = tuple[float, float, Values]  # the entry's value, the cost, all values
@@ -302,11 +294,11 @@ def other_minima(
     """
     if directions < 1:
         raise BadArgument(f"one direction or more is looked along, not {directions}")
-    here = diagnose_whole(problem, values)
-    sizes = here.scales.sizes
-    J = here.here.dense * sizes
-    few = (0, min(directions, J.shape[1]) - 1)
-    squares, vectors = scipy.linalg.eigh(J.T @ J, subset_by_index=few)
+    whole = diagnose_whole(problem, values)
+    sizes, first_cost = whole.scales.sizes, whole.here.cost
+    J = whole.here.dense * sizes
+    weakest = (0, min(directions, J.shape[1]) - 1)
+    squares, vectors = scipy.linalg.eigh(J.T @ J, subset_by_index=weakest)
     s, basis = np.sqrt(np.maximum(squares, 0)), vectors.T
     x, fixed = problem.split(values)
     lengths = np.minimum(START_DEVIATIONS / np.maximum(s, 1e-300), FARTHEST_START)
@@ -315,34 +307,37 @@ def other_minima(
         for d, length in zip(basis, lengths, strict=True)
         for share in START_SHARES
     ]
-    first, back = here.here.cost, 0
 
-    def apart(one: Array, other: Array) -> float:
-        """The largest difference of an entry, in characteristic scales."""
-        return float(np.abs((one - other) / sizes).max())
+    def same(a: Array, b: Array) -> bool:
+        return float(np.abs((a - b) / sizes).max()) < SAME_MINIMUM
 
-    ends: list[tuple[Array, float, int]] = []
+    came_back = 0
+    ends: list[tuple[Array, float]] = []  # points that differ, and their costs
+    counts: list[int] = []  # how many starts led to each
     for start in starts:
         solution = solver.solve(problem, problem.values(start, fixed))
         end = problem.split({**values, **solution.values})[0]
-        near = (i for i, (there, *_) in enumerate(ends) if apart(end, there) < SAME_MINIMUM)
-        if apart(end, x) < SAME_MINIMUM:
-            back += 1
-        elif (same := next(near, None)) is not None:
-            ends[same] = (*ends[same][:2], ends[same][2] + 1)
+        known = next((i for i, (point, _) in enumerate(ends) if same(end, point)), None)
+        if same(end, x):
+            came_back += 1
+        elif known is not None:
+            counts[known] += 1
         else:
-            ends.append((end, solution.cost, 1))
+            ends.append((end, solution.cost))
+            counts.append(1)
     others = []
-    for end, cost, count in ends:
+    for (end, cost), count in zip(ends, counts, strict=True):
         away = np.abs((end - x) / sizes)
         k = int(np.argmax(away))
-        there, entry = problem.values(end, fixed), problem.free.label(k)
-        others.append(OtherMinimum(there, cost - first, float(away[k]), entry, count))
-    level = SAME_COST * (1 + first)
-    valley = tuple(one for one in others if abs(one.excess) <= level)
-    minima = sorted((o for o in others if abs(o.excess) > level), key=lambda one: one.excess)
+        excess, entry = cost - first_cost, problem.free.label(k)
+        end_values = problem.values(end, fixed)
+        others.append(OtherMinimum(end_values, excess, float(away[k]), entry, count))
+    level = SAME_COST * (1 + first_cost)
+    valley = tuple(other for other in others if abs(other.excess) <= level)
+    minima = [other for other in others if abs(other.excess) > level]
+    minima.sort(key=lambda other: other.excess)
     words = tuple(in_units(d * sizes, problem.free) for d in basis)
-    return OtherMinima(len(starts), back, valley, tuple(minima), words)
+    return OtherMinima(len(starts), came_back, valley, tuple(minima), words)
 
 
 def laplace_points(
@@ -354,6 +349,4 @@ def laplace_points(
     s, V = problem.linearize(values).spectrum.determined
     x, fixed = problem.split(values)
     steps = (np.random.default_rng(seed).standard_normal((count, len(s))) / s) @ V
-    return [
-        problem.values(np.clip(x + step, problem.lower, problem.upper), fixed) for step in steps
-    ]
+    return [problem.values(np.clip(x + d, problem.lower, problem.upper), fixed) for d in steps]

@@ -23,9 +23,8 @@ from workbench.solvers.solution import Solution, Solver
 SHAPE_FRAMES = 12  # from which the shape is found
 COMPARED_POINTS = 60  # points by which frames are compared
 LOST_RATIO = 4.0  # times the cost of the frame before: a frame that may have been lost
-QUICK_SOLVER = TrustRegion(
-    max_iterations=40, gradient_tolerance=1e-3
-)  # what is observed is not better
+# a smaller change is finer than anything observed
+QUICK_SOLVER = TrustRegion(max_iterations=40, gradient_tolerance=1e-3)
 Starts = Callable[[int, Values | None], Sequence[Values]]
 Progress = Callable[[str, int, int], object]
 

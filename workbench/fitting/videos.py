@@ -8,7 +8,7 @@ posterior is found in a few frames, and its difference from the likeliest pose a
 changes slowly, is interpolated and smoothed.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -179,16 +179,7 @@ def video_fit(
     for term in terms:
         first = int(np.argmax((term.film.confidence > 0).any(axis=1)))
         common |= camera_values(term.camera, term.film.photograph(first))
-    each = []
-    for t in range(T):
-        values = body.start() | common
-        for term in terms:
-            values |= term.values(t)
-        each.append(values)
-    views = [[_view(term.film, term.camera, kind, t) for term in terms] for t in range(T)]
-    shares = {term.residual.name: term.share for term in terms}
-    own = frame.freeing(*(block.name for block in body.blocks()))  # focal lengths: of all frames
-    frames = frame_by_frame(own, body, shares, each, views, told)
+    frames = _frame_by_frame(frame, body, terms, kind, common, told)
     of_cameras = [block.name for term in terms for block in term.camera.blocks]
     names = [*of_cameras, EVIDENCE, *shared]
     problem = sequence(
@@ -196,7 +187,7 @@ def video_fit(
     )
     start = {name: np.array([values[name] for values in frames]) for name in problem.known}
     start |= {name: np.median(start[name], axis=0) for name in start if name in names}
-    data_names = tuple(shares)
+    data_names = tuple(term.residual.name for term in terms)
     if worth is None:
         worth = worth_of(problem, start, data_names) if T > 1 else 1.0
     start[EVIDENCE] = np.array([worth / T])
@@ -288,37 +279,46 @@ def _view(film: Film, camera: Camera, kind: str, frame: int | slice = slice(None
     return View(film.name, camera, film.size, kind, pixels, confidence)
 
 
-def frame_by_frame(
+def _frame_by_frame(
     frame: Problem,
     body: Body,
-    shares: Mapping[str, float],
-    each: Sequence[Values],
-    views: Sequence[Sequence[View]],
+    terms: Sequence[_FilmTerm],
+    kind: str,
+    common: Values,
     progress: Callable[[int, int], object],
 ) -> list[Values]:
     """The values of each frame; those without enough keypoints are as the last one with them.
 
-    `shares` are the sigmas of the residuals of keypoints, by their names, as shares of the height
-    of the person in the image. A frame by itself is placed in closed form, and fitted in stages
-    whose sigma falls to the last one. Raises BadObservation if no frame has enough keypoints to
-    place the body.
+    `common` are values of all frames, such as focal lengths, which are held here. A frame by itself
+    is placed in closed form, and fitted in stages whose sigma falls to the last one. Raises
+    BadObservation if no frame has enough keypoints to place the body.
     """
     own = [block.name for block in body.blocks()]
-    seen = [[v for v in some if (v.confidence > 0).sum() >= FEWEST_PLACING] for some in views]
+    T = len(terms[0].film.confidence)
+
+    def observed(t: int) -> Values:
+        values = body.start() | common
+        for term in terms:
+            values |= term.values(t)
+        return values
 
     def starts(t: int, before: Values | None) -> list[Values]:
-        if not seen[t]:
+        views = [_view(term.film, term.camera, kind, t) for term in terms]
+        views = [view for view in views if (view.confidence > 0).sum() >= FEWEST_PLACING]
+        if not views:
             return []
+        values = observed(t)
         if before is None:
-            return [each[t] | place_body(body, seen[t], each[t])]
-        return [each[t] | {name: before[name] for name in own}]
+            return [values | place_body(body, views, values)]
+        return [values | {name: before[name] for name in own}]
 
     stages = tuple(
-        SolveStage(weights={name: (share / wide) ** 2 for name, share in shares.items()})
+        SolveStage(weights={term.residual.name: (term.share / wide) ** 2 for term in terms})
         for wide in COARSE_SIGMAS
     )
+    frame = frame.freeing(*own)
     tracker = Tracker(frame, starts, stages, QUICK_SOLVER, ROUGH_SOLVER, FROM_SCRATCH_EVERY)
-    ends = tracker.frames(len(each), progress)
+    ends = tracker.frames(T, progress)
     last = next((end for end in ends if end), None)
     if last is None:
         raise BadObservation(
@@ -326,9 +326,9 @@ def frame_by_frame(
             "placed"
         )
     whole = []
-    for values, end in zip(each, ends, strict=True):
+    for t, end in enumerate(ends):
         last = end or last
-        whole.append(values | {name: last[name] for name in own})
+        whole.append(observed(t) | {name: last[name] for name in own})
     return whole
 
 

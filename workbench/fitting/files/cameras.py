@@ -125,8 +125,9 @@ def cameras_of(
     if calibration is None:
         return {}
     cameras = read_calibration(calibration, camera_to_world=camera_to_world)
+    words = {name: rf"(?<![^\W_]){re.escape(name)}(?![^\W_])" for name in cameras}
     own = [
-        [name for name in cameras if name == path.parent.name or re.search(_word(name), path.name)]
+        [name for name in cameras if name == path.parent.name or re.search(words[name], path.name)]
         for path in paths
     ]
     names = [matching[0] for matching in own if len(matching) == 1]
@@ -134,10 +135,6 @@ def cameras_of(
         return cameras
     note = f"cameras are taken by the names of the files: {some(names)}"
     return {n: cameras[n] | {"notes": (*cameras[n]["notes"], note)} for n in names}
-
-
-def _word(name: str) -> str:
-    return rf"(?<![^\W_]){re.escape(name)}(?![^\W_])"
 
 
 @cache

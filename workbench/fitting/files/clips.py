@@ -53,19 +53,8 @@ def read_clip(
     Raises BadFile, UnknownName, BadArgument or BadObservation.
     """
     root = Path(folder)
-    if not root.is_dir() and not (root.is_file() and root.suffix.lower() == ".json"):
-        raise BadFile(
-            f"{root} is no folder; a clip is a folder with a JSON file for each frame, or one "
-            ".json of AlphaPose or COCO with all of them"
-        )
     above_zero("a clip", fps=fps)
-    inside = root.iterdir() if root.is_dir() else ()
-    inner = sorted(path for path in inside if path.is_dir() and any(path.glob("*.json")))
-    if inner and any(root.glob("*.json")):
-        raise BadFile(
-            f"{root} holds JSON files and folders of JSON files; give the folder of one camera, or "
-            "one that holds nothing but a folder for each camera"
-        )
+    inner = _folders_of_cameras(root)
     cameras = inner or [root]
     known = cameras_of(cameras, calibration, camera_to_world)
     if len(known) != len(cameras) and (known or len(cameras) > 1):
@@ -100,6 +89,24 @@ def read_clip(
         films.append(Film(name, image, points[..., :2], points[..., 2], *calibrated))
     notes += notes_on(calibration, known)
     return Clip(keypoints, tuple(films), fps, tuple(dict.fromkeys(notes)))
+
+
+def _folders_of_cameras(root: Path) -> list[Path]:
+    """The folders of cameras in that of a clip; none if it holds the frames of a single camera."""
+    if root.is_file() and root.suffix.lower() == ".json":
+        return []
+    if not root.is_dir():
+        raise BadFile(
+            f"{root} is no folder; a clip is a folder with a JSON file for each frame, or one "
+            ".json of AlphaPose or COCO with all of them"
+        )
+    inner = sorted(path for path in root.iterdir() if path.is_dir() and any(path.glob("*.json")))
+    if inner and any(root.glob("*.json")):
+        raise BadFile(
+            f"{root} holds JSON files and folders of JSON files; give the folder of one camera, or "
+            "one that holds nothing but a folder for each camera"
+        )
+    return inner
 
 
 def _described(

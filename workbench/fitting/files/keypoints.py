@@ -67,29 +67,18 @@ def frames_in(data: Any) -> list[tuple[Any, Any]] | None:
     if isinstance(data, dict) and data and all(map(_has_people, data.values())):
         return [*data.items()]
     if isinstance(data, dict):
-        about = {
-            key: entry for key, entry in data.items() if key not in (*PEOPLE_KEYS, "keypoints")
-        }
+        about = {key: data[key] for key in data if key not in (*PEOPLE_KEYS, "keypoints")}
         frames = data.get("instance_info")
         if isinstance(data.get("skeleton"), dict) and isinstance(data.get("keypoints"), list):
             return [  # of easy_ViTPose: an object of people for each frame, points as v, u
-                (
-                    i,
-                    about
-                    | {
-                        "people": [{"keypoints": _v_u_exchanged(entry)} for entry in frame.values()]
-                    },
-                )
+                (i, about | {"people": [{"keypoints": _v_u_exchanged(p)} for p in frame.values()]})
                 for i, frame in enumerate(data["keypoints"])
                 if isinstance(frame, dict)
             ]
     if not isinstance(frames, list) or not frames:
         return None
     if all(map(_has_people, frames)):
-        names = [
-            next((entry[key] for key in IMAGE_KEYS if key in entry), i)
-            for i, entry in enumerate(frames)
-        ]
+        names = [next((f[key] for key in IMAGE_KEYS if key in f), i) for i, f in enumerate(frames)]
         return [(name, about | entry) for name, entry in zip(names, frames, strict=True)]
     if all(isinstance(entry, list) and all(map(_has_keypoints, entry)) for entry in frames):
         return [(i, entry) for i, entry in enumerate(frames)] if any(frames) else None
@@ -303,21 +292,17 @@ def _without_keypoints(path: str | Path, data: Any) -> str:
 
 def _names(path: str | Path, data: Any, count: int) -> tuple[str, ...]:
     """The names of so many keypoints: those that the file says, or those of the usual layout."""
-    own_names: Any = None
+    texts: Any = None
     if isinstance(data, dict):
         meta, categories = data.get("meta_info"), data.get("categories")
-        own_names = meta.get("keypoint_id2name") if isinstance(meta, dict) else data.get("skeleton")
+        texts = meta.get("keypoint_id2name") if isinstance(meta, dict) else data.get("skeleton")
         if isinstance(categories, list) and categories and isinstance(categories[0], dict):
-            own_names = categories[0].get("keypoints")
-    if isinstance(own_names, dict):
-        own_names = [*own_names.values()]
+            texts = categories[0].get("keypoints")
+    if isinstance(texts, dict):
+        texts = [*texts.values()]
     known = BODIES.get(count)
-    if (
-        isinstance(own_names, list)
-        and len(own_names) == count
-        and all(isinstance(n, str) for n in own_names)
-    ):
-        names = tuple(map(keypoint_name, own_names))
+    if isinstance(texts, list) and len(texts) == count and all(isinstance(n, str) for n in texts):
+        names = tuple(map(keypoint_name, texts))
         if known is None or any(a != b and a in KNOWN for a, b in zip(names, known, strict=True)):
             return names
     if known is None:
@@ -432,25 +417,23 @@ def read_observations(
     photographs: list[Photograph] = []
     read: list[DetectedPerson] = []
     for path, (_, camera) in zip(paths, named, strict=True):
-        detected = read_person(path, size=size or camera.get("size"), person=person)
-        if detected.size is None:
+        seen = read_person(path, size=size or camera.get("size"), person=person)
+        if seen.size is None:
             raise BadFile(
                 f"{path} does not say how large the image is; give --size WIDTHxHEIGHT in px"
             )
-        read.append(detected)
-    if len({detected.body for detected in read}) > 1:
+        read.append(seen)
+    if len({seen.body for seen in read}) > 1:
         raise BadFile("the files list different keypoints; give files of one detector")
-    names = tuple(dict.fromkeys(name for detected in read for name in detected.names))
-    for detected, (name, camera) in zip(read, named, strict=True):
-        assert detected.size is not None
+    names = tuple(dict.fromkeys(name for seen in read for name in seen.names))
+    for seen, (name, camera) in zip(read, named, strict=True):
+        assert seen.size is not None
         points = np.zeros((len(names), 3))  # hands that one file lacks have confidence 0 there
-        points[[names.index(known) for known in detected.names]] = detected.points
-        calibrated = calibration_of(camera, focal, detected.size)
-        photographs.append(
-            Photograph(name, detected.size, points[:, :2], points[:, 2], *calibrated)
-        )
+        points[[names.index(known) for known in seen.names]] = seen.points
+        calibrated = calibration_of(camera, focal, seen.size)
+        photographs.append(Photograph(name, seen.size, points[:, :2], points[:, 2], *calibrated))
     notes = (
-        *(note for detected in read for note in detected.notes),
+        *(note for seen in read for note in seen.notes),
         *notes_on(calibration, cameras),
     )
     return Observations(names, tuple(photographs), notes)

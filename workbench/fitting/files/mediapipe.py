@@ -19,15 +19,16 @@ from workbench.fitting.observations import SIDES
 UNSEEN = [0.0, 0.0, 0.0]
 HANDS_KEYS = ("hand_landmarks", "multi_hand_landmarks")
 POSES_KEY = "pose_landmarks"
+SIDE_KEYS = ("handedness", "handednesses", "multi_handedness")
 EITHER_KEY = "landmarks"  # of JavaScript: hands if there is a handedness, and poses if not
 KNOWN_KEYS = {
     *HANDS_KEYS,
     POSES_KEY,
     EITHER_KEY,
-    *("handedness", "handednesses", "multi_handedness"),
+    *SIDE_KEYS,
     *(f"{side}_hand_landmarks" for side in SIDES),
 }
-MOST_ENTRIES = 1000  # hands or bodies of one image
+MOST_LISTED = 1000  # hands or bodies of one image
 
 
 def is_mediapipe(data: Any) -> bool:
@@ -81,16 +82,9 @@ def _hands(path: str | Path, result: dict[str, Any]) -> list[tuple[str, list[lis
     hands = []
     for side in SIDES:
         if entry := result.get(f"{side}_hand_landmarks"):
-            points = _list_of_points(entry)
-            hands.append((side, _checked_points(path, f"{side}_hand_landmarks", points, 21)))
-    sides = next(
-        (
-            result[key]
-            for key in ("handedness", "handednesses", "multi_handedness")
-            if result.get(key)
-        ),
-        None,
-    )
+            points = _landmarks(entry)
+            hands.append((side, _points_of(path, f"{side}_hand_landmarks", points, 21)))
+    sides = next((result[key] for key in SIDE_KEYS if result.get(key)), None)
     keys = [key for key in (*HANDS_KEYS, *((EITHER_KEY,) if sides else ())) if result.get(key)]
     for key in keys[:1]:
         several = _checked_list(path, key, result[key])
@@ -102,9 +96,7 @@ def _hands(path: str | Path, result: dict[str, Any]) -> list[tuple[str, list[lis
             )
         for i, (hand, label) in enumerate(zip(several, named, strict=True)):
             where = f"{key}[{i}]"
-            hands.append(
-                (_side(path, where, label), _checked_points(path, where, _list_of_points(hand), 21))
-            )
+            hands.append((_side(path, where, label), _points_of(path, where, _landmarks(hand), 21)))
     return hands
 
 
@@ -114,28 +106,24 @@ def _bodies(path: str | Path, result: dict[str, Any]) -> list[list[list[float]]]
     entries = result.get(key)
     if not entries:
         return []
-    if isinstance(entries, dict) or (isinstance(entries[0], dict) and "x" in entries[0]):
+    first = entries[0] if isinstance(entries, list) else None
+    if isinstance(entries, dict) or (isinstance(first, dict) and "x" in first):
         entries = [entries]  # the one person of the older solutions, and of the holistic model
     several = _checked_list(path, key, entries)
-    return [
-        _checked_points(path, f"{key}[{i}]", _list_of_points(body), 33)
-        for i, body in enumerate(several)
-    ]
+    return [_points_of(path, f"{key}[{i}]", _landmarks(body), 33) for i, body in enumerate(several)]
 
 
-def _list_of_points(entry: Any) -> Any:
+def _landmarks(entry: Any) -> Any:
     """The list of points, which messages hold under `landmark`; of several, the first."""
     if isinstance(entry, dict):
         entry = entry.get("landmark", entry.get("landmarks"))
     return entry[0] if isinstance(entry, list) and entry and isinstance(entry[0], list) else entry
 
 
-def _checked_list(path: str | Path, key: str, entries: Any) -> list[Any]:
-    if not isinstance(entries, list) or len(entries) > MOST_ENTRIES:
-        raise BadFile(
-            f"{path}: {key} must be a list of at most {MOST_ENTRIES}, not {shown(entries)}"
-        )
-    return entries
+def _checked_list(path: str | Path, key: str, value: Any) -> list[Any]:
+    if not isinstance(value, list) or len(value) > MOST_LISTED:
+        raise BadFile(f"{path}: {key} must be a list of at most {MOST_LISTED}, not {shown(value)}")
+    return value
 
 
 def _side(path: str | Path, where: str, label: Any) -> str:
@@ -152,7 +140,7 @@ def _side(path: str | Path, where: str, label: Any) -> str:
     return side
 
 
-def _checked_points(path: str | Path, where: str, entries: Any, count: int) -> list[list[float]]:
+def _points_of(path: str | Path, where: str, entries: Any, count: int) -> list[list[float]]:
     """As many points as `count`: u and v as fractions of the image, and a confidence."""
     if not isinstance(entries, list) or len(entries) != count:
         many = f"{len(entries)} points" if isinstance(entries, list) else shown(entries)

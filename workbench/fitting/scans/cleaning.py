@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from workbench.arrays import Array, Index, Mask
-from workbench.fitting.scans.scan import BadScan, ScanContents, drawn, faces_between
+from workbench.fitting.scans.scan import BadScan, ScanContents, check_faces, drawn, faces_between
 from workbench.fitting.scans.surface import OUTLINE_CELLS, least_spread, outline
 
 LARGEST_COORDINATE = 1e9  # in the file's unit: farther out is no coordinate but damage
@@ -36,12 +36,7 @@ def cleaned(contents: ScanContents, most: int) -> ScanContents:
         raise BadScan("it holds no points")
     points, faces = contents.points, contents.faces
     if faces is not None:
-        wrong = ((faces < 0) | (faces >= len(points))).any(axis=1)
-        if wrong.any():
-            face = int(np.argmax(wrong))
-            raise BadScan(
-                f"face {face} is {faces[face].tolist()}, but there are {len(points)} points from 0"
-            )
+        check_faces(faces, len(points))
         contents = replace(contents, faces=faces if len(faces) else None)
     with np.errstate(invalid="ignore"):
         finite = np.asarray((np.abs(points) < LARGEST_COORDINATE).all(axis=1))  # nor NaN

@@ -127,8 +127,8 @@ def _of_columns(numbers: NDArray[Any], columns: int) -> ScanContents:
     """Points, and normals if there are six columns and the last three are of unit length."""
     points, further = widened(numbers[:, :3]), widened(numbers[:, 3:6])
     with np.errstate(all="ignore"):
-        units = np.abs(np.linalg.norm(further, axis=1) - 1) < UNIT_TOLERANCE
-    are_normals = further.shape[1] == 3 and units.mean() > 0.5
+        of_unit_length = np.abs(np.linalg.norm(further, axis=1) - 1) < UNIT_TOLERANCE
+    are_normals = further.shape[1] == 3 and of_unit_length.sum() > len(of_unit_length) / 2
     read = 6 if are_normals else 3
     notes: tuple[str, ...] = ()
     if are_normals:

@@ -58,7 +58,7 @@ class Scan:
                     "normals by their lengths, or leave out points whose normals are not known"
                 )
         if self.faces is not None:
-            _check_faces(self.faces, M)
+            check_faces(self.faces, M)
         if self.weights is not None:
             _check_shape("weights", self.weights, (M,))
             _check_finite("weight", self.weights)
@@ -170,7 +170,8 @@ def _check_finite(name: str, array: Array) -> None:
         raise BadScan(f"{name} {i} is {array[i].tolist()}; leave out what was not measured")
 
 
-def _check_faces(faces: Index, M: int) -> None:
+def check_faces(faces: Index, M: int) -> None:
+    """Raise BadScan unless faces (T, 3) are whole numbers of the M points."""
     if faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu":
         raise BadScan(
             f"the faces of a scan are whole numbers (T, 3), not {faces.dtype} {faces.shape}"
