@@ -3,7 +3,6 @@
     data    posed meshes, each placed freely, against the stitched triangles B_f D_f Q_f e_f
     E_Q     posedirs against zero, by a ridge
     E_D     a subject's D_f against those of the faces next to it, by a smoothness
-    S       a person's D_f at rest against the mean and the shape directions times betas
 
 (Anguelov et al., SCAPE, 2005; Hirshberg et al., Coregistration, 2012.) While D (shape) and Q (pose)
 are learned, triangles need not fit together.
@@ -19,7 +18,7 @@ from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
 from workbench.arrays import Array, Index
-from workbench.blocks import Block, Values
+from workbench.blocks import Values
 from workbench.blocks.functions import sparse_constant
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadArgument
@@ -184,22 +183,3 @@ class SymbolicTriangles:
             values[pose.name], values[betas.name] = self.posed.poses[j], np.ones(1)
             values[trans.name] = (mesh - posed).mean(axis=0)
         return values
-
-
-def shape_term(D: Array, n_betas: int) -> tuple[Residual, tuple[Block, ...]]:
-    """S: D_pf (P, F, 3, 3) of people at rest against mean_f + sum over b of S_fb beta_pb.
-
-    The unknowns are the blocks `mean` (F, 9), `directions` (n_betas, 9 F) and `betas`
-    (P, n_betas), which are returned beside the residual. Its minimum is principal component
-    analysis (Eckart and Young 1936); directions and betas are found up to an invertible matrix.
-    """
-    P, F = D.shape[:2]
-    blocks = (
-        Block("mean", (F, 9)),
-        Block("directions", (n_betas, 9 * F)),
-        Block("betas", (P, n_betas)),
-    )
-    mean, directions, betas = (block.symbol for block in blocks)
-    model = cs.repmat(cs.vec(mean), 1, P) + directions @ betas  # (9 F, P)
-    observed = cs.MX(cs.DM(D.reshape(P, 9 * F).T))
-    return Residual("S", cs.vec(model - observed), 1.0, blocks=blocks), blocks
