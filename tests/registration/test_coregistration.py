@@ -32,9 +32,7 @@ from workbench.registration.coregistration.scan_block import (
     on_scans,
     scan_evidence,
 )
-from workbench.registration.coregistration.triangle_steps import (
-    learned_bends,
-)
+from workbench.registration.coregistration.triangle_steps import learned_bends
 from workbench.registration.coregistration.triangles import (
     TriangleCoregistration,
     TrianglePlan,

@@ -44,12 +44,7 @@ from workbench.registration import (
     usual_recipe,
     with_skeleton,
 )
-from workbench.synthetic import (
-    Noise,
-    SimulatedScan,
-    scan,
-    scanners,
-)
+from workbench.synthetic import Noise, SimulatedScan, scan, scanners
 
 FIT_STAGES = (FitStage(200, 0.05, 0.10, 8, 15), FitStage(600, 0.005, 0.03, 2, 40, 0.001))
 QUICK = Recipe(FIT_STAGES, ())

@@ -11,11 +11,7 @@ from tests.tiers import few
 from workbench.arrays import Array
 from workbench.bodies.forward.posing import unpose
 from workbench.geometry.mirror import NoMirror, find_mirror
-from workbench.synthetic.made_up import (
-    draw_registrations,
-    jointed_tube,
-    random_smpl,
-)
+from workbench.synthetic.made_up import draw_registrations, jointed_tube, random_smpl
 from workbench.training.blocks import BLOCKS, BlockInput
 from workbench.training.estimate import NAMES, TERMS, Estimate, Sigmas, SkinningPass
 from workbench.training.execution import Execution, Processes

@@ -11,10 +11,7 @@ from workbench.arrays import Array
 from workbench.bodies import SkinnedBody
 from workbench.errors import BadArgument, BadFile
 from workbench.synthetic.made_up import jointed_tube, random_smpl
-from workbench.training.rigging.decomposition import (
-    bones_needed,
-    noise_of,
-)
+from workbench.training.rigging.decomposition import bones_needed, noise_of
 from workbench.training.rigging.rig import Rigged, pose_rms, rig
 from workbench.training.rigging.steps import RigProgress, RigSteps, silent
 

@@ -9,11 +9,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import lstsq
 from scipy.sparse.linalg import LinearOperator
 
-from builder.triangle_learning import (
-    LSQR,
-    Lsqr,
-    learn_pose_deformations,
-)
+from builder.triangle_learning import LSQR, Lsqr, learn_pose_deformations
 from tests.bodies_made_up import tube_body
 from tests.training.symbolic_triangles import SymbolicTriangles
 from workbench.arrays import Array

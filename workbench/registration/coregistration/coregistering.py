@@ -309,21 +309,15 @@ class Coregistration:
         KeyboardInterrupt after Ctrl-C, when the checkpoint of the last block is on disk.
         """
         first = self.first(fits)
-        digest, keep = "", Keeping()
-        state = None
-        if folder is not None:
-            digest = fingerprint(self.scans, first, self.plan)
-            state = read_state(folder, digest, first)
+        digest = fingerprint(self.scans, first, self.plan) if folder else ""
+        steps = [*("registrations", "model") * self.plan.rounds, "registrations"]
+
+        def measured(state: State) -> State:
+            return self._with(state, self._on_scans(state, execution))
+
         with limited_threads():
-            if state is None:
-                state = self._with(first, self._on_scans(first, execution))
             return in_turn(
-                state,
-                [*("registrations", "model") * self.plan.rounds, "registrations"],
-                self.costs,
-                self._step,
-                execution,
-                lambda state: keep(partial(save_state, state, folder, digest)) if folder else None,
+                first, measured, steps, self.costs, self._step, folder, digest, execution
             )
 
     def _step(
@@ -382,18 +376,24 @@ class Coregistration:
 
 
 def in_turn(
-    state: AnyState,
+    first: AnyState,
+    measured: Callable[[AnyState], AnyState],
     steps: Sequence[str],
     costs: Callable[[AnyState], dict[str, float]],
     step: Callable[[AnyState, str, float, Execution], tuple[AnyState, dict[str, float]]],
+    folder: Path | None,
+    digest: str,
     execution: Execution,
-    keep: Callable[[AnyState], object] = lambda state: None,
 ) -> AnyState:
-    """The blocks in turn, from where the log of the state ends; each is written into it.
+    """The blocks in turn, from the first state, `measured`, or from the checkpoint in the folder.
 
-    `step` is given the state, the block's name and the joint cost. Raises NotLowered if a block
-    raises that cost, and KeyboardInterrupt between two blocks.
+    Each block is written into the state's log, and the state into the folder. `step` is given the
+    state, the block's name and the joint cost. Raises NotLowered if a block raises that cost, and
+    KeyboardInterrupt between two blocks.
     """
+    stored = read_state(folder, digest, first) if folder else None
+    state: AnyState = measured(first) if stored is None else stored
+    keep = Keeping()
     started, already = time.perf_counter(), len(state.log)
     with Interrupts() as interrupts:
         for number, block in enumerate(steps[already:], start=already + 1):
@@ -404,7 +404,8 @@ def in_turn(
             entry = LogEntry(block, before, costs(moved), facts, time.perf_counter() - began)
             entry.check_lowered()
             state = replace(moved, log=(*state.log, entry))
-            keep(state)
+            if folder:
+                keep(partial(save_state, state, folder, digest))
             execution.report.block(Progress.since(started, already, number, len(steps), entry))
     return state
 

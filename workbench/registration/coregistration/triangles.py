@@ -40,8 +40,6 @@ from workbench.registration.coregistration.coregistering import (
     in_turn,
     lowered,
     median_betas,
-    read_state,
-    save_state,
 )
 from workbench.registration.coregistration.scan_block import JOB_SIZE, Scans, cost_of_scan
 from workbench.registration.coregistration.triangle_steps import (
@@ -66,7 +64,6 @@ from workbench.registration.free_vertices import (
 from workbench.residuals import Residual, stitching
 from workbench.training.execution import SERIAL, Execution, LogEntry
 from workbench.training.triangles import learn_gradient_shapes
-from workbench.writing import Keeping
 
 
 @dataclass(frozen=True)
@@ -199,10 +196,7 @@ class TriangleCoregistration:
         if a block raises the joint cost, and BadFile for a checkpoint of something else.
         """
         first = self.first(fits, vertices)
-        digest, keep, state = "", Keeping(), None
-        if folder is not None:
-            digest = fingerprint(self.scans, first, self.plan)
-            state = read_state(folder, digest, first)
+        digest = fingerprint(self.scans, first, self.plan) if folder else ""
 
         def costs(state: TriangleState) -> dict[str, float]:
             return self.costs(state, first.body)
@@ -216,14 +210,7 @@ class TriangleCoregistration:
             return lowered(state, part, costs, cost, SHARES)
 
         steps = [*self.plan.blocks, "registrations"] * self.plan.rounds
-        return in_turn(
-            self._measured(first) if state is None else state,
-            steps,
-            costs,
-            step,
-            execution,
-            lambda state: keep(partial(save_state, state, folder, digest)) if folder else None,
-        )
+        return in_turn(first, self._measured, steps, costs, step, folder, digest, execution)
 
     def costs(self, state: TriangleState, first: TriangleBody) -> dict[str, float]:
         """The joint cost of a state, by term; E_D and E_Q count from the body `first`."""
