@@ -13,7 +13,7 @@ from typing import Any
 Handler = Callable[[int, FrameType | None], Any]
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
-INSISTENT = 3  # from so many signals on, each is raised at once, wherever the program is
+RAISED_AT_ONCE_FROM = 3  # from so many signals on, each is raised at once, wherever the program is
 
 
 class _Received:
@@ -99,7 +99,7 @@ class Interrupts:
         except BaseException as error:
             received.error = error.with_traceback(None)
             received.times += 1
-            if received.safe or received.times >= INSISTENT:
+            if received.safe or received.times >= RAISED_AT_ONCE_FROM:
                 received.safe = False  # once: what follows cleans up
                 raise
 

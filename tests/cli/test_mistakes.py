@@ -27,7 +27,7 @@ from workbench.geometry.meshes import write_mesh
         ("run known-correspondences --set seed=-1", "cannot be built with seed=-1: ValueError"),
         ("run exits.py", "exits.py line 3: it ends the program (sys.exit(3))"),
         ("run broken.py", "broken.py line 1: SyntaxError"),
-        ("run nan.py", "has no finite cost, or no slope, where it starts"),
+        ("run nan.py", "has no finite cost, or no derivatives, where it starts"),
         ("fit missing.json", "cannot be read as JSON"),
         ("fit 3.json", "annotations must be a list of objects"),
         ("fit kp.json --focal nan", "--focal takes a number above 0, not nan"),

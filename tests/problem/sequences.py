@@ -140,7 +140,7 @@ def assert_numbers(problem: wb.Problem, given: wb.Values) -> wb.Linearization:
 def in_blocks_of_frames(monkeypatch: pytest.MonkeyPatch) -> None:
     """Have the Jacobian of every sequence stored by blocks, however small."""
     monkeypatch.setattr(frame_chains, "is_sparse", lambda *_: True)
-    monkeypatch.setattr(frame_chains, "WORTH", 10**9)
+    monkeypatch.setattr(frame_chains, "BAND_PER_ENTRY", 10**9)
 
 
 def both_storages(

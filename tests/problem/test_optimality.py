@@ -10,7 +10,7 @@ from tests.bodies_made_up import random_body
 from tests.tiers import few
 from workbench import Block, Constraint, Problem, Residual, residuals, solve
 from workbench.problem import storage
-from workbench.problem.graph import SUMS, term_sizes
+from workbench.problem.graph import RANDOM_SUMS, term_sizes
 from workbench.problem.optimality import (
     LinearLimits,
     Rounding,
@@ -52,8 +52,8 @@ def test_sizes_of_terms_neither_overflow_nor_vanish() -> None:
     for factor, at in ((1e155, 1.0), (1e-200, 1e200), (1e200, 0.0)):
         x = Block("x").symbol
         size = cs.Function("size", [x], [term_sizes(factor * x, [x])])(at)
-        weights = np.random.default_rng(0).standard_normal(SUMS)
-        mean = abs(weights).sum() / np.sqrt(SUMS)
+        weights = np.random.default_rng(0).standard_normal(RANDOM_SUMS)
+        mean = abs(weights).sum() / np.sqrt(RANDOM_SUMS)
         assert float(size) == pytest.approx(factor * at * mean)
 
 

@@ -168,7 +168,7 @@ def test_dependent_sparse_columns_are_damped_slightly() -> None:
     assert found.by == "sparse cholesky"
     fall, most = sparse.predicted_decrease(found.p), dense.predicted_decrease(best.p)
     assert fall == pytest.approx(most, rel=1e-6)
-    least = steps.SLIGHT * float(np.max(sparse.column_norms)) ** 2
+    least = steps.SLIGHT_DAMPING * float(np.max(sparse.column_norms)) ** 2
     np.testing.assert_allclose(found.p, steps.svd(dense, least, D).p, rtol=0, atol=1e-6)
 
 

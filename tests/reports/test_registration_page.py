@@ -80,7 +80,7 @@ def test_registration_folder_is_read_by_training(
     page = folder.finish([entry], [failed])
     read = open_folder(tmp_path / "run", body.n_vertices, body.faces)
     assert read.rows == (ROW,)
-    vertices, confidence = read.one(ROW)
+    vertices, confidence = read.read_row(ROW)
     np.testing.assert_array_equal(vertices, found.registration.vertices)
     np.testing.assert_array_equal(confidence, found.registration.seen)
     start = read_start(str(tmp_path / "run" / "start.npz"))

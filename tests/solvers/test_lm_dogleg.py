@@ -23,7 +23,7 @@ from workbench import (
 from workbench.errors import BadArgument
 from workbench.problem.steps import automatic
 from workbench.solvers import Ipopt, Sqp, chumpy, columns, identity
-from workbench.solvers.dogleg import FIRST, cauchy_point, dogleg_step
+from workbench.solvers.dogleg import FIRST_SHARE, cauchy_point, dogleg_step
 from workbench.solvers.trust_region import box_step
 
 FAR = [{"x": np.array(x)} for x in ([-1.2, 1.0], [5.0, -7.0], [-30.0, 20.0])]
@@ -269,5 +269,5 @@ def test_first_step_keeps_to_the_radius(solver: Solver, start: tuple[float, floa
     solution = solver.solve(problem, values)
     assert solution.converged
     np.testing.assert_allclose(solution.values["x"], [2.0, 1.5], rtol=1e-6)
-    radius = FIRST * np.linalg.norm(values["x"])
+    radius = FIRST_SHARE * np.linalg.norm(values["x"])
     assert solution.trace[1].step_norm <= radius * (1 + 1e-12)

@@ -27,7 +27,7 @@ from workbench import (
 )
 from workbench.errors import BadArgument, UnknownName
 from workbench.processes import FORKING
-from workbench.solvers import Iterate, Solution, SolveStage, within_bounds
+from workbench.solvers import DEFAULT, Iterate, Solution, SolveStage, within_bounds
 from workbench.solvers.starts import all_seen, further_minima
 
 OMEGA = 4.0
@@ -205,6 +205,10 @@ def test_starts_and_stages_go_on_beyond_a_saddle() -> None:
 
 
 STAGES = (("trans",), ("trans", "pose"))
+
+
+def test_stages_and_several_starts_are_solved_by_the_default_solver() -> None:
+    assert Staged(STAGES).solver == Starts(2).solver == SOLVERS[DEFAULT]
 
 
 @pytest.mark.parametrize("name", ["levenberg-marquardt", "nlopt-lbfgs"])

@@ -14,11 +14,11 @@ from workbench.cli.console import Bars, print_page, rich_table, say
 from workbench.cli.options import Dask, Workers, executing
 from workbench.cli.run import Setting, settings
 from workbench.comparison.advice import advice, prices_sentence
-from workbench.comparison.comparison import MAIN
+from workbench.comparison.comparison import MAIN_TAU
 from workbench.comparison.design import chosen
 from workbench.comparison.targets import TargetOutcome, tau_text
 from workbench.experiments import SUITES, find
-from workbench.experiments.experiment import ENOUGH
+from workbench.experiments.experiment import REQUIRED_NAMES
 from workbench.reports import write_comparison
 from workbench.reports.page import Columns, Table, number
 from workbench.solvers import DEFAULT, SOLVERS, Abilities, Boxes, Derivative
@@ -30,7 +30,7 @@ Names = Annotated[
     list[str],
     typer.Argument(
         help=f"Experiments, suites ({', '.join(SUITES)}), problems of a suite (`run --list` names "
-        f"them), and Python files, each of which defines {ENOUGH}."
+        f"them), and Python files, each of which defines {REQUIRED_NAMES}."
     ),
 ]
 Limits = comparison.Budget()
@@ -102,13 +102,13 @@ def _table(result: comparison.Comparison) -> Table:
     runs = result.comparable
 
     def cells(solver: str) -> tuple[str, ...]:
-        met = sum(result.solved(i.name, solver, MAIN) for i in runs)
+        met = sum(result.solved(i.name, solver, MAIN_TAU) for i in runs)
         lowest = sum(result.outcomes[i.name, solver] is TargetOutcome.REACHED for i in runs)
-        effort = result.effort(solver, MAIN).value
+        effort = result.effort(solver, MAIN_TAU).value
         shares = (f"{count}/{len(runs)}" if runs else "–" for count in (met, lowest))
         return solver, *shares, "unknown" if isnan(effort) else number(effort)
 
-    head = ("solver", f"met {tau_text(MAIN)}", "lowest cost", "effort")
+    head = ("solver", f"met {tau_text(MAIN_TAU)}", "lowest cost", "effort")
     return Table(head, tuple(map(cells, result.solvers)), (1, 2, 3))
 
 

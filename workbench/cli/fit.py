@@ -38,7 +38,7 @@ from workbench.fitting.body_priors import apart_prior, checked_height, mixture_p
 from workbench.fitting.doubts import doubts
 from workbench.fitting.files.clips import read_clip
 from workbench.fitting.images import (
-    SPREAD,
+    SPREAD_NOTE,
     ByHeight,
     Smplify,
     SmplifyTerms,
@@ -51,7 +51,13 @@ from workbench.fitting.jobs import ImageReading, ImageWork, image_jobs, in_parts
 from workbench.fitting.keypoints import Terms, as_marked, keypoint_fit
 from workbench.fitting.known_points import own_mesh
 from workbench.fitting.marker_files import read_markers
-from workbench.fitting.marker_sets import OUT, MarkerSet, known_markers, matched, read_marker_set
+from workbench.fitting.marker_sets import (
+    MARKER_HEIGHT,
+    MarkerSet,
+    known_markers,
+    matched,
+    read_marker_set,
+)
 from workbench.fitting.markers import SIGMA, marker_solver, rms_of_markers
 from workbench.fitting.mosh import mosh
 from workbench.fitting.observations import Clip
@@ -131,7 +137,7 @@ def fit(
         fit_folder(console, first, work, body=body, out=out, workers=workers, dask=dask)
         return
     if kind == "markers":
-        worn = Worn(marker_set, marker_height or OUT, across, labels)
+        worn = Worn(marker_set, marker_height or MARKER_HEIGHT, across, labels)
         fit_markers(console, first, model, worn, fps, sigma, chosen, out)
         return
     if kind == "a mesh":
@@ -238,14 +244,14 @@ def add_mean(console: Console, setup: Setup, values: Values, folder: Path) -> No
     blocks = [block.name for block in setup.body.blocks()]
     arrays = {name: expected.values[name] for name in (*blocks, *setup.problem.free.names)}
     arrays |= {"landmarks": expected.landmarks, "sd": expected.sd}
-    arrays |= {"names": np.array(expected.names), "sd_is": np.array(SPREAD)}
+    arrays |= {"names": np.array(expected.names), "sd_is": np.array(SPREAD_NOTE)}
     write_arrays(folder / MEAN_FILE, arrays)
     say(
         console,
         f"the mean of the posterior puts the body {1e3 * expected.moved:.0f} mm from its likeliest "
         f"place (a standard error of {1e3 * expected.error:.0f} mm, from {expected.draws} draws); "
         f"landmarks have a standard deviation of {1e3 * np.sqrt(np.mean(expected.sd**2)):.0f} mm, "
-        f"which is {SPREAD}",
+        f"which is {SPREAD_NOTE}",
     )
     print_page(console, "mean", folder / MEAN_FILE)
 
@@ -308,7 +314,7 @@ class Worn:
     """What is known of the markers that a person wears."""
 
     file: Path | None = None  # the marker set, in JSON; None for the markers whose places are known
-    height: float = OUT  # of their centres above the skin, in m
+    height: float = MARKER_HEIGHT  # of their centres above the skin, in m
     # its standard deviation in m, or None where places are uncertain in all directions
     across: float | None = None
     labels: Path | None = None  # a table of what the labels of a recording mean, or None

@@ -8,11 +8,10 @@ import typer
 
 from workbench.cli.console import above_zero
 from workbench.errors import BadArgument, BadFile
-from workbench.fitting.marker_files import READERS as MARKERS
-from workbench.fitting.marker_sets import OUT
-from workbench.fitting.scans.files import READERS as SCANS
-from workbench.geometry.meshes import READERS as MESHES
-from workbench.geometry.meshes import WITH_VERTEX_ORDER
+from workbench.fitting.marker_files import MARKER_READERS
+from workbench.fitting.marker_sets import MARKER_HEIGHT
+from workbench.fitting.scans.files import SCAN_READERS
+from workbench.geometry.meshes import MESH_READERS, WITH_VERTEX_ORDER
 from workbench.solvers import DEFAULT
 
 FPS = 30.0  # frames per second of a clip that does not say
@@ -116,7 +115,8 @@ Labels = Annotated[
 MarkerHeight = Annotated[
     float | None,
     typer.Option(
-        callback=marker_length, help=f"Height of markers above the skin in m, else {OUT:g}."
+        callback=marker_length,
+        help=f"Height of markers above the skin in m, else {MARKER_HEIGHT:g}.",
     ),
 ]
 Across = Annotated[
@@ -152,9 +152,9 @@ def kind_of_fit(paths: list[Path], video: bool) -> str:
         kind = "a clip"
     elif first.is_dir():
         kind = "a folder of images"
-    elif suffix in MARKERS or suffix in MESHES:
-        kind = "markers" if suffix in MARKERS else "a mesh"
-    elif suffix in SCANS:
+    elif suffix in MARKER_READERS or suffix in MESH_READERS:
+        kind = "markers" if suffix in MARKER_READERS else "a mesh"
+    elif suffix in SCAN_READERS:
         raise BadFile(f"{first} holds points in space; `workbench register` fits a body to a scan")
     if len(paths) > 1 and kind != "several cameras":
         raise BadFile(

@@ -35,7 +35,7 @@ from workbench.cli.train import Lines
 from workbench.environment import expanded
 from workbench.errors import BadArgument, BadFile, some_of
 from workbench.fitting.jobs import FailedFile
-from workbench.fitting.scans.files import READERS
+from workbench.fitting.scans.files import SCAN_READERS
 from workbench.geometry.guesses import UNITS
 from workbench.registration import (
     FailedScan,
@@ -53,9 +53,9 @@ from workbench.registration.coregistration import (
     TrianglePlan,
     bent_as,
 )
-from workbench.registration.coregistration.coregistering import EDGES, FILE
+from workbench.registration.coregistration.coregistering import EDGE_SIGMA, FILE
 from workbench.registration.coregistration.folder import open_registered
-from workbench.registration.scan_jobs import MOST
+from workbench.registration.scan_jobs import MOST_POINTS
 from workbench.reports.folder import own_folder
 from workbench.reports.many import ImageFolder, RegistrationFolder
 from workbench.reports.registration import (
@@ -77,7 +77,7 @@ def register(
     scans: Annotated[
         list[Path],
         typer.Argument(
-            help=f"Scans of one person each ({', '.join(READERS)}), or folders of scans."
+            help=f"Scans of one person each ({', '.join(SCAN_READERS)}), or folders of scans."
         ),
     ],
     body: BodyName = "default",
@@ -107,7 +107,7 @@ def register(
     ] = None,
     points: Annotated[
         int, typer.Option(help="Number of points that are used of a larger scan, at random.")
-    ] = MOST,
+    ] = MOST_POINTS,
     boundary: Annotated[
         float, typer.Option(help="Leave out points within so many m of a scan's boundary.")
     ] = 0.0,
@@ -204,13 +204,15 @@ def _files(console: Console, paths: list[Path]) -> list[Path]:
         if not path.is_dir():
             files.append(path)
             continue
-        files += files_inside(console, path, {*READERS} - {*TEXT_SUFFIXES}, "scans")
+        files += files_inside(console, path, {*SCAN_READERS} - {*TEXT_SUFFIXES}, "scans")
     return list(dict.fromkeys(files))
 
 
 def _rows(jobs: tuple[ScanJob, ...], subjects: Path | None) -> dict[str, Row]:
     """The line of each scan in the table of subjects, by the scan's name."""
-    listed = {} if subjects is None else {row.file: row for row in read_table(subjects, READERS)}
+    listed = (
+        {} if subjects is None else {row.file: row for row in read_table(subjects, SCAN_READERS)}
+    )
     names = {job.path.name for job in jobs}
     if unknown := [file for file in listed if file not in names]:
         raise BadFile(f"{subjects} names files that are not among the scans: {some_of(unknown)}")
@@ -296,7 +298,7 @@ def coregister(
     ] = None,
     edges: Annotated[
         float, typer.Option(help="Sigma of a template's edges beyond what betas explain, in m.")
-    ] = EDGES,
+    ] = EDGE_SIGMA,
     betas: Annotated[
         int, typer.Option(callback=at_least_one, help="Number of shape directions.")
     ] = 10,

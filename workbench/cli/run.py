@@ -20,7 +20,7 @@ from workbench.errors import BadArgument, BadFile, joined
 from workbench.experiments import EXPERIMENTS, SUITES, Experiment, find
 from workbench.experiments import run as run_experiment
 from workbench.experiments.catalogue import SUMMARIES
-from workbench.experiments.experiment import ENOUGH
+from workbench.experiments.experiment import REQUIRED_NAMES
 from workbench.experiments.running import Outcome
 from workbench.fitting.setup import Setup
 from workbench.reports import write_report
@@ -41,7 +41,7 @@ Name = Annotated[
     str,
     typer.Argument(
         help="An experiment, a problem of a suite (`run --list` names them), or a Python file that "
-        f"defines {ENOUGH}."
+        f"defines {REQUIRED_NAMES}."
     ),
 ]
 Setting = Annotated[

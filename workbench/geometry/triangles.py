@@ -163,8 +163,8 @@ class Stitching:
         the given one of the centroids (C, 3) m, or at the origin.
         """
         V = self.solve(self.edge_sums(edges))
-        wanted = np.zeros((self.n_components, 3)) if centroids is None else np.asarray(centroids)
-        return np.asarray(V + (wanted - self.centroids @ V)[self.components])
+        means = np.zeros((self.n_components, 3)) if centroids is None else np.asarray(centroids)
+        return np.asarray(V + (means - self.centroids @ V)[self.components])
 
     def solve(self, right_side: Array) -> Array:
         """The V (N, k) with A'A V = right_side (N, k), the first vertex of every component at 0."""
@@ -178,10 +178,10 @@ class Stitching:
         lu, kept = self._factors
         order = np.argsort(lu.perm_r)  # row i of the factors is row order[i] of what is kept
         L, U = (cs.MX(sparse_constant(factor)) for factor in (lu.L, lu.U))
-        found = cs.solve(U, cs.solve(L, right_side[kept[order].tolist(), :]))
+        solution = cs.solve(U, cs.solve(L, right_side[kept[order].tolist(), :]))
         place = np.full(self.n_vertices, len(kept))  # the pinned ones: a row of zeros at the end
         place[kept] = lu.perm_c
-        return cs.vertcat(found, cs.MX.zeros(1, right_side.shape[1]))[place.tolist(), :]
+        return cs.vertcat(solution, cs.MX.zeros(1, right_side.shape[1]))[place.tolist(), :]
 
     @cached_property
     def solved(self) -> Index:

@@ -24,8 +24,8 @@ from workbench.plots.style import figure_of
 from workbench.registration import OtherEnd, RegisteredScan, Registration, StageOutcome
 from workbench.registration.coregistration import Coregistration, TriangleCoregistration
 from workbench.registration.coregistration.folder import (
-    BODY,
-    SCAN,
+    BODY_FILE,
+    SCAN_FILE,
     RegisteredScans,
     beyond_betas,
     distances,
@@ -53,7 +53,7 @@ FILES = {
     "index.html": "this page",
     ARRAYS: "vertices, faces and confidence, as `workbench train` reads them; pose, betas and "
     "trans of the body; the standard deviation of each vertex",
-    SCAN: "the points that were registered, their normals and areas if they are known, for "
+    SCAN_FILE: "the points that were registered, their normals and areas if they are known, for "
     "`workbench coregister`",
     MESH: "the registered surface, with the vertices and faces of the template, in metres",
     SUMMARY: "the numbers of this page, for programs",
@@ -80,7 +80,7 @@ def write_registration(
     contents: dict[str, Content] = {
         "index.html": registration_page(registered, body),
         ARRAYS: lambda path: write_arrays(path, arrays(registration)),
-        SCAN: lambda path: write_arrays(path, points(registration.scan)),
+        SCAN_FILE: lambda path: write_arrays(path, points(registration.scan)),
         MESH: lambda path: write_mesh(path, registration.vertices, registration.faces),
     }
     return write_folder(folder, source, contents, summary(registered, body, key))
@@ -229,7 +229,7 @@ def write_coregistration(
         for name, row in zip(names, scans.rows, strict=True)
     ]
     write_file(registrations / TABLE, subjects_csv(rows))
-    for path, body in ((registrations / BODY, start), (place / LEARNED, learned)):
+    for path, body in ((registrations / BODY_FILE, start), (place / LEARNED, learned)):
         save_body(body, path)
     measured = distances(scans, start, state.vertices)
     away = beyond_betas(start, state.templates)

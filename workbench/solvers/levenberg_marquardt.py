@@ -14,13 +14,13 @@ from workbench.problem import Linearization, Problem
 from workbench.problem.steps import EPS, LinearAlgebra, automatic
 from workbench.solvers.abilities import Abilities, Boxes, Derivative
 from workbench.solvers.limits import Limits
-from workbench.solvers.run import Known, Run
+from workbench.solvers.run import Evaluated, Run
 from workbench.solvers.solution import Callback, Solution
 from workbench.solvers.trust_region import Scaling, box_step, identity
 
 FASTEST_FALL = 0.1  # of the damping in one step; the paper's 1/3 needs 4 more on a noiseless body
-SHORTER = 0.75  # of a step: the longest further one with the same Jacobian
-STIFFEST = 1e140  # of a column in the units of its step: the square, damped, is still a number
+LONGEST_FURTHER = 0.75  # of a step: the next one with the same Jacobian is no longer
+LARGEST_STIFFNESS = 1e140  # |J_i| / D_i: its square, damped, is still a number
 
 
 def eased(gain_ratio: float) -> float:
@@ -32,11 +32,11 @@ def eased(gain_ratio: float) -> float:
 
 
 class Trial(NamedTuple):
-    """A point (n,), its predicted decrease of the cost, and what is known of it."""
+    """A point (n,), its predicted decrease of the cost, and its cost and residual if known."""
 
     to: Array
     predicted: float
-    known: Known = None
+    evaluated: Evaluated | None = None
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ class LevenbergMarquardt(Limits):
         with Run("levenberg-marquardt", self, problem, start, callback) as run:
             x, here = run.x, run.linearize(run.x)
             D = self.scaling(here)
-            stiffness = np.minimum(here.column_norms / D, STIFFEST)
+            stiffness = np.minimum(here.column_norms / D, LARGEST_STIFFNESS)
             stiffest = float(np.max(stiffness**2, initial=1e-300))
             damping, growth = self.first_damping * stiffest, 2.0
             least = EPS**2 * stiffest  # where columns differ by 1e16, the shortest still count
@@ -114,13 +114,11 @@ class LevenbergMarquardt(Limits):
             while True:
                 low, high = problem.lower - x, problem.upper - x
                 step = box_step(here, damping, D, low, high, self.linear_algebra)
+                stuck = False
                 if step is not None:
                     predicted = here.predicted_decrease(step.p)
-                    if (
-                        growth == 2.0
-                        and damping > least
-                        and run.rounding_noise.hides(predicted, x, here)
-                    ):
+                    may_lower = growth == 2.0 and damping > least
+                    if may_lower and run.rounding_noise.hides(predicted, x, here):
                         damping *= FASTEST_FALL  # the decrease of a longer step may be visible
                         continue
                     trials = self._trials(run, x, here, step.p, predicted, damping, D)
@@ -136,9 +134,8 @@ class LevenbergMarquardt(Limits):
                         x, here = run.move(trial.to, damping, step.by)
                         D = np.maximum(D, self.scaling(here))
                         continue
-                if not damping <= 1e16 * stiffest or (
-                    step is not None and np.array_equal(trial.to, x)
-                ):
+                    stuck = np.array_equal(trial.to, x)
+                if stuck or not damping <= 1e16 * stiffest:
                     run.stall()
                 damping *= growth
                 growth *= 2
@@ -160,15 +157,15 @@ class LevenbergMarquardt(Limits):
         trials = [Trial(np.clip(x + p, lower, upper), predicted)]
         while len(trials) < self.steps_per_jacobian:
             to, predicted, _ = trials[-1]
-            known = run.cost_and_residual(to)
-            trials[-1] = Trial(to, predicted, known)
-            if not isfinite(known[0]):
+            cost, residual = run.cost_and_residual(to)
+            trials[-1] = Trial(to, predicted, (cost, residual))
+            if not isfinite(cost):
                 break
-            there, at_most = here.with_residual(known[1]), SHORTER * length
-            step = box_step(there, damping, D, lower - to, upper - to, self.linear_algebra)
-            if step is None or not (length := float(np.linalg.norm(D * step.p))) <= at_most:
+            further, longest = here.with_residual(residual), LONGEST_FURTHER * length
+            step = box_step(further, damping, D, lower - to, upper - to, self.linear_algebra)
+            if step is None or not (length := float(np.linalg.norm(D * step.p))) <= longest:
                 break
             p = p + step.p
             to = np.clip(x + p, lower, upper)
-            trials.append(Trial(to, predicted + there.predicted_decrease(step.p)))
+            trials.append(Trial(to, predicted + further.predicted_decrease(step.p)))
         return trials

@@ -15,19 +15,19 @@ from workbench.solvers.limits import Limits
 from workbench.solvers.run import Run
 from workbench.solvers.solution import Callback, Solution
 
-TAKEN = 1e-4  # gain ratio above which a step is taken
+LEAST_GAIN = 1e-4  # a step with a gain ratio above this is taken
 POOR, GOOD = 0.25, 0.75  # gain ratios: the region shrinks below POOR and may grow from GOOD on
-SLOW = 0.1  # of the cost: after a smaller decrease, steps follow the geodesic
-AHEAD = 0.1  # of a step: where the second derivative along it is measured
-BENT = 0.75  # of the length of a step: 2 |a| of an acceleration a that is trusted
-SHORTEST = 1e-16  # of the size of the point: a smaller region ends the run
-LEAST, MOST = 0.9, 1.1  # of the radius: a step in between is as long as the radius
-TRIALS = 20  # of dampings, before a step that is short enough is taken for want of a better one
-POWER = -0.5  # of the damping: how lengths fall with it as long as only one of them is known
-FLATTEST, STEEPEST = -0.05, -1.0  # powers; no length falls more steeply
-FAR = 1e-2, 0.2  # of a damping: below that, with one or two tried, none at all is tried next
-LARGEST = 1e280  # of dampings
-ROUNDS = 20  # of holding and releasing in a box; what is there then is feasible in any case
+SLOW_DECREASE = 0.1  # of the cost: after a smaller decrease, steps follow the geodesic
+PROBE_LENGTH = 0.1  # of a step: where the second derivative along it is measured
+LARGEST_ACCELERATION = 0.75  # 2 |a| / |p| of an acceleration a of the step p that is trusted
+SMALLEST_RADIUS = 1e-16  # of the size of the point: a smaller one ends the run
+SHORTEST_STEP, LONGEST_STEP = 0.9, 1.1  # of the radius: in between, a step is as long as that
+MOST_TRIALS = 20  # of dampings; then a step that is short enough is taken
+FIRST_POWER = -0.5  # of the damping, by which lengths fall, as long as only one of them is known
+FLATTEST, STEEPEST = -0.05, -1.0  # powers; no length falls more steeply than by -1
+UNDAMPED_BELOW = 1e-2, 0.2  # of the last damping, after one and two: no damping is tried next
+LARGEST_DAMPING = 1e280  # of dampings
+ACTIVE_SET_ROUNDS = 20  # of holding and releasing in a box; every one of them is feasible
 
 Scaling = Callable[[Linearization], Array]
 
@@ -106,7 +106,7 @@ class TrustRegion(Limits):
             size = float(np.linalg.norm(x))
             radius = self.first_radius or max(size, 1.0)
             damping, slow = 0.0, False
-            least = SHORTEST * max(size, radius)
+            least = SMALLEST_RADIUS * max(size, radius)
             while True:
                 steepness = float(np.linalg.norm(here.gradient))
                 damped = self._damped(problem, x, here)
@@ -123,8 +123,8 @@ class TrustRegion(Limits):
                 if len(run.trace) == 1:
                     radius = min(radius, length)
                 radius = next_radius(radius, length, gain_ratio, damping)
-                if gain_ratio > TAKEN:
-                    slow = gain_ratio * predicted < SLOW * here.cost
+                if gain_ratio > LEAST_GAIN:
+                    slow = gain_ratio * predicted < SLOW_DECREASE * here.cost
                     del here  # first: its memory serves the next one
                     x, here = run.move(to, damping, step.by)
                 elif radius <= least or np.array_equal(to, x):
@@ -155,12 +155,12 @@ def geodesic_acceleration(
 
     It is 0 where it is no small correction. See `TrustRegion`.
     """
-    ahead = np.clip(x + AHEAD * p, run.problem.lower, run.problem.upper)
+    ahead = np.clip(x + PROBE_LENGTH * p, run.problem.lower, run.problem.upper)
     residual = run.evaluate("residual", lambda: run.problem.residual(ahead, run.fixed))
-    r_pp = 2 / AHEAD * ((residual - here.residual) / AHEAD - here.along(p))
+    r_pp = 2 / PROBE_LENGTH * ((residual - here.residual) / PROBE_LENGTH - here.along(p))
     curved = here.with_residual(0.5 * r_pp)
     step = solve(curved, damping, np.ones(x.size)) if np.isfinite(curved.gradient).all() else None
-    if step is None or not 2 * np.linalg.norm(step.p) <= BENT * np.linalg.norm(p):
+    if step is None or not 2 * np.linalg.norm(step.p) <= LARGEST_ACCELERATION * np.linalg.norm(p):
         return np.zeros_like(p)
     return step.p
 
@@ -179,13 +179,13 @@ def step_within(
     two or three trials. `damped` is the step as a function of its damping, None where the linear
     algebra has no answer; `steepness` is the length of the gradient, and `damping` the first tried.
     """
-    longer, shorter = -1.0, min(steepness / radius, LARGEST)  # dampings that make it so
+    longer, shorter = -1.0, min(steepness / radius, LARGEST_DAMPING)  # dampings that make it so
     tried: list[tuple[float, float]] = []
     damping = min(damping, shorter)
-    for _ in range(TRIALS):
+    for _ in range(MOST_TRIALS):
         step = damped(damping)
         length = np.inf if step is None else float(np.linalg.norm(step.p)) / radius
-        if length == 0 or (length <= MOST and (length >= LEAST or damping == 0)):
+        if length == 0 or (length <= LONGEST_STEP and (length >= SHORTEST_STEP or damping == 0)):
             return step, damping
         if length > 1:
             longer = max(longer, damping)
@@ -202,12 +202,12 @@ def _guess(tried: list[tuple[float, float]], longer: float, shorter: float) -> f
     if not tried:
         return shorter / 10
     damping, length = tried[-1]
-    power = POWER
+    power = FIRST_POWER
     if len(tried) == 2 and tried[0][0] != damping:
         other, its_length = tried[0]
         power = float(np.log(length / its_length) / np.log(damping / other))
     guess = float(damping * np.float64(length) ** (-1 / np.clip(power, STEEPEST, FLATTEST)))
-    if longer < 0 and guess < FAR[len(tried) - 1] * damping:
+    if longer < 0 and guess < UNDAMPED_BELOW[len(tried) - 1] * damping:
         return 0.0
     if longer < guess < shorter:
         return guess
@@ -232,7 +232,7 @@ def box_step(
             return step
     p = np.zeros_like(g)
     by = ""
-    for _ in range(ROUNDS):
+    for _ in range(ACTIVE_SET_ROUNDS):
         if not held.all():
             if here.by_frames:  # frames stay alike; what is held stays
                 whole = solve(here.holding(held, p), damping, D)

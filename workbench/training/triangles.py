@@ -97,15 +97,16 @@ def learn_gradient_shapes(people: ArrayLike, faces: Index, n_betas: int) -> Tria
     if not 0 <= n_betas < P:
         raise BadArgument(f"{P} people tell up to {P - 1} shape directions apart, not {n_betas}")
     template = v.mean(axis=0)
-    slopes = gradient_derivatives(template, np.moveaxis(v - template, 0, 2), faces)  # (F, 3, 3, P)
-    flat = slopes.reshape(-1, P)
+    away = np.moveaxis(v - template, 0, 2)
+    gradients = gradient_derivatives(template, away, faces)  # (F, 3, 3, P)
+    flat = gradients.reshape(-1, P)
     variances, coordinates = scipy.linalg.eigh(flat.T @ flat)
     order = np.argsort(-variances)[:n_betas]
     betas = coordinates[:, order] * np.sqrt(P - 1)
     directions = flat @ coordinates[:, order] / np.sqrt(P - 1)
     return TriangleShapes(
         template,
-        directions.reshape(*slopes.shape[:3], n_betas),
+        directions.reshape(*gradients.shape[:3], n_betas),
         betas,
         variances[order] / max(variances.sum(), np.finfo(float).tiny),
     )
@@ -131,21 +132,21 @@ class SymbolicTriangles:
         """The terms of meshes whose subjects have deformations D (S, F, 3, 3) to begin with."""
         learning = body.freed("posedirs")
         subjects = (
-            replace(learning, shapedirs=(one - np.eye(3))[..., None]).freed(
+            replace(learning, shapedirs=(deformations - np.eye(3))[..., None]).freed(
                 "shapedirs", prefix=f"subject {s}/"
             )
-            for s, one in enumerate(D)
+            for s, deformations in enumerate(D)
         )
         return SymbolicTriangles(learning, tuple(subjects), posed)
 
     def data(self) -> list[Residual]:
         """The meshes against the stitched surfaces, in metres; each mesh has its own `trans`."""
-        found = []
+        residuals = []
         for j, (mesh, s) in enumerate(zip(self.posed.vertices, self.posed.person, strict=True)):
             symbols = (block.symbol for block in self.subjects[s].blocks(f"mesh {j}/"))
             points = self.subjects[s].points(*symbols)
-            found.append(vertices(points, mesh, sigma=1.0, name=f"mesh {j}"))
-        return found
+            residuals.append(vertices(points, mesh, sigma=1.0, name=f"mesh {j}"))
+        return residuals
 
     def small_posedirs(self, ridge: float) -> list[Residual]:
         """E_Q: `ridge` (m^2) times the sum of squares of posedirs per rad, as a residual."""
@@ -156,13 +157,13 @@ class SymbolicTriangles:
     def smooth_subjects(self, smoothness: float) -> list[Residual]:
         """E_D: `smoothness` (m^2) times the sum of |D_f - D_g|^2 over neighbours, as residuals."""
         tied = cs.MX(sparse_constant(neighbour_differences(self.body.faces)))
-        found = []
+        residuals = []
         for s, subject in enumerate(self.subjects):
             block = subject.free["shapedirs"]
             D = cs.reshape(block.symbol, 9, self.body.n_faces).T  # less I, which cancels
             sigma = float(1 / np.sqrt(smoothness))
-            found.append(Residual(f"E_D {s}", cs.vec(tied @ D), sigma, blocks=(block,)))
-        return found
+            residuals.append(Residual(f"E_D {s}", cs.vec(tied @ D), sigma, blocks=(block,)))
+        return residuals
 
     def problem(self, residuals: Iterable[Residual], free: Sequence[str] = ()) -> Problem:
         """A problem of some terms; without names, all blocks that they read but betas are free."""
@@ -174,15 +175,15 @@ class SymbolicTriangles:
 
     def values(self) -> Values:
         """The first values: the given poses and D, and the best translation of each mesh."""
-        found = {"posedirs": self.body.posedirs}
+        values = {"posedirs": self.body.posedirs}
         for s, subject in enumerate(self.subjects):
-            found[f"subject {s}/shapedirs"] = subject.shapedirs
+            values[f"subject {s}/shapedirs"] = subject.shapedirs
         for j, (mesh, s) in enumerate(zip(self.posed.vertices, self.posed.person, strict=True)):
             pose, betas, trans = self.subjects[s].blocks(f"mesh {j}/")
-            there = self.subjects[s].vertices(self.posed.poses[j], np.ones(1))
-            found[pose.name], found[betas.name] = self.posed.poses[j], np.ones(1)
-            found[trans.name] = (mesh - there).mean(axis=0)
-        return found
+            posed = self.subjects[s].vertices(self.posed.poses[j], np.ones(1))
+            values[pose.name], values[betas.name] = self.posed.poses[j], np.ones(1)
+            values[trans.name] = (mesh - posed).mean(axis=0)
+        return values
 
 
 def shape_term(D: Array, n_betas: int) -> tuple[Residual, tuple[Block, ...]]:

@@ -16,6 +16,7 @@ from workbench.bodies.files.layouts import STYLE
 from workbench.bodies.files.reading import LONGEST_NAME, SPARSE_PARTS
 from workbench.bodies.forward.skinning import linear_blend
 from workbench.bodies.forward.surface import rotation_elements, star_features
+from workbench.bodies.hands import FINGERS
 from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadFile
@@ -181,7 +182,6 @@ def _card(body: SkinnedBody | TriangleBody) -> str:
         ) from error
 
 
-FINGERS = ("thumb", "index", "middle", "ring", "pinky")
 # smplx's names of vertices of the left side, or the middle: the landmark that each is, and a joint
 SMPLX_VERTICES = {
     "nose": ("nose", "head"),
@@ -207,8 +207,8 @@ def vertex_ids(body: SkinnedBody) -> dict[str, int]:
     for name, (landmark, joint) in SMPLX_VERTICES.items():
         for side, letter in (("left", name[0]), ("right", "R" if name[0] == "L" else "r")):
             known = (landmark, f"{landmark}_tip", joint, "left_hand", "left_wrist")
-            ours = [one.replace("left", side) for one in known]
-            place = next((places[one] for one in ours if one in places), root)
+            keys = [key.replace("left", side) for key in known]
+            place = next((places[key] for key in keys if key in places), root)
             away = np.linalg.norm(body.template - place, axis=1)
             numbers["nose" if name == "nose" else letter + name[1:]] = int(away.argmin())
     return numbers

@@ -155,7 +155,7 @@ def joint_functions() -> dict[str, cs.Function]:
         axes.append(above_k @ cs.vertcat(skew[2, 1], skew[0, 2], skew[1, 0]))
     world = cs.horzcat(*followed(_motion(above), _square(R), place))
     bound = bound_motion(_motion(G), _square(unbind), place)
-    made = (
+    functions = (
         _function("local", _rows(turn), pose=pose),
         _function("d_local", cs.vertcat(*map(_rows, turns)), pose=pose),
         _function("placed", _square(unbind) @ place, unbind=unbind, place=place),
@@ -163,7 +163,7 @@ def joint_functions() -> dict[str, cs.Function]:
         _function("bound", _rows(bound), world=G, unbind=unbind, place=place),
         _function("axes", cs.vertcat(*axes), above=G, unbind=unbind, d_local=d_local),
     )
-    return {function.name(): function for function in made}
+    return {function.name(): function for function in functions}
 
 
 def _function(name: str, output: cs.SX, **inputs: cs.SX) -> cs.Function:

@@ -105,8 +105,8 @@ def star_features(at: Posture) -> cs.MX:
 def count_features(features: Features, K: int, B: int) -> int:
     """F, on a tree of K joints, for a person of B betas."""
     pose, bind = cs.MX.sym("pose", 3, K), cs.MX.sym("bind", 3, K)
-    found = features(Posture.of(pose, bind, cs.MX.sym("betas", B)))
-    return int(found.shape[0])
+    values = features(Posture.of(pose, bind, cs.MX.sym("betas", B)))
+    return int(values.shape[0])
 
 
 Vertices = Sequence[int] | slice

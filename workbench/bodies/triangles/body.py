@@ -119,8 +119,8 @@ class TriangleBody(Body):
             source = surface_points(Arguments(self, *symbols), self.arithmetic, self.free)
             return Points.of(source, "vertices")
         chosen = chosen_vertices(self, vertices)
-        some = np.arange(len(chosen)), np.array(chosen, dtype=np.int64)
-        selection = csr_array((np.ones(len(chosen)), some), shape=(len(chosen), self.n_vertices))
+        entries = np.arange(len(chosen)), np.array(chosen, dtype=np.int64)
+        selection = csr_array((np.ones(len(chosen)), entries), shape=(len(chosen), self.n_vertices))
         return self._means(selection, tuple(f"vertex {i}" for i in chosen), "vertices", symbols)
 
     def deformed_edges(self, pose: cs.MX, betas: cs.MX) -> cs.MX:
