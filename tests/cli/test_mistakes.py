@@ -29,6 +29,9 @@ from workbench.geometry.meshes import write_mesh
         ("run broken.py", "broken.py line 1: SyntaxError"),
         ("run nan.py", "has no finite cost, or no derivatives, where it starts"),
         ("fit missing.json", "cannot be read as JSON"),
+        ("fit walk.bvh", "`workbench convert` skeletons and motions"),
+        ("fit dlc.csv", "keypoints are read from .json as detectors write it"),
+        ("fit nobody.json", "nobody.json holds no person: its list `people` is empty"),
         ("fit 3.json", "annotations must be a list of objects"),
         ("fit kp.json --focal nan", "--focal takes a number above 0, not nan"),
         ("fit kp.json --sigma 0", "--sigma takes a number above 0"),
@@ -53,6 +56,7 @@ def test_mistake_ends_in_a_sentence_and_writes_nothing(
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "diary.txt").write_text("mine")
     (tmp_path / "3.json").write_text("3")
+    (tmp_path / "nobody.json").write_text('{"version": 1.3, "people": []}')
     (tmp_path / "exits.py").write_text("import sys\n\nsys.exit(3)\n")
     (tmp_path / "broken.py").write_text("def f(:\n")
     (tmp_path / "nan.py").write_text(

@@ -210,6 +210,7 @@ def test_damaged_motions_are_refused(tmp_path: Path) -> None:
         (OLD | {"fps": np.array(30.0)}, "rate is not one number of frames"),
         (OLD | {"trans": np.zeros((7, 3))}, "trans|poses"),
         (OLD | {"poses": np.zeros((6, 71))}, "poses has 71 columns, and three belong to each"),
+        (OLD | {"poses": np.zeros((6, 24, 4))}, "quaternions are not read"),
         (
             OLD | {"poses": np.zeros((0, 72)), "trans": np.zeros((0, 3))},
             r"poses of shape \(0, 72\) has that of no frame",
@@ -267,6 +268,15 @@ def test_arrays_of_places_are_no_motions(tmp_path: Path) -> None:
         np.save(tmp_path / "000001.npy", array)
         with pytest.raises(BadFile, match=said):
             read_motion(tmp_path / "000001.npy")
+
+
+def test_rotations_in_degrees_are_noted(tmp_path: Path) -> None:
+    turned = np.zeros((6, 72))
+    turned[:, 3] = 90.0
+    for poses, noted in ((turned, True), (np.radians(turned), False)):
+        np.savez(tmp_path / "a.npz", **OLD | {"poses": poses})
+        notes = " ".join(read_motion(tmp_path / "a.npz").notes)
+        assert ("up to 90 rad long, 14.3 whole turns" in notes) == noted
 
 
 def test_rate_and_axis_can_be_given(tmp_path: Path) -> None:

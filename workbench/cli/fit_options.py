@@ -7,10 +7,9 @@ from typing import Annotated, Literal
 import typer
 
 from workbench.cli.console import above_zero
-from workbench.errors import BadArgument, BadFile
+from workbench.errors import BadArgument, BadFile, listed
 from workbench.fitting.marker_files import MARKER_READERS
 from workbench.fitting.marker_sets import MARKER_HEIGHT
-from workbench.fitting.scans.files import SCAN_READERS
 from workbench.geometry.meshes import MESH_READERS, WITH_VERTEX_ORDER
 from workbench.solvers import DEFAULT
 
@@ -154,8 +153,13 @@ def kind_of_fit(paths: list[Path], video: bool) -> str:
         kind = "a folder of images"
     elif suffix in MARKER_READERS or suffix in MESH_READERS:
         kind = "markers" if suffix in MARKER_READERS else "a mesh"
-    elif suffix in SCAN_READERS:
-        raise BadFile(f"{first} holds points in space; `workbench register` fits a body to a scan")
+    elif suffix not in (".json", ""):
+        raise BadFile(
+            f"{first} is nothing that is fitted: keypoints are read from .json as detectors write "
+            f"it (a picture needs one first), markers from {listed(MARKER_READERS)}, and the "
+            f"body's own vertices from {listed(WITH_VERTEX_ORDER)}; `workbench register` takes "
+            "scans, and `workbench convert` skeletons and motions"
+        )
     if len(paths) > 1 and kind != "several cameras":
         raise BadFile(
             f"one folder, mesh or file of markers is fitted at a time, not {len(paths)}; give one"

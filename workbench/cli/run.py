@@ -22,6 +22,7 @@ from workbench.experiments import run as run_experiment
 from workbench.experiments.catalogue import SUMMARIES
 from workbench.experiments.experiment import REQUIRED_NAMES
 from workbench.experiments.running import Outcome
+from workbench.fitting.doubts import doubts
 from workbench.fitting.setup import Setup
 from workbench.reports import write_report
 from workbench.reports.page import Columns, Table, number
@@ -135,13 +136,16 @@ def build_setup(console: Console, experiment: Experiment) -> Setup:
     return experiment.setup()
 
 
-def solve_setup(console: Console, setup: Setup, solver: Solver) -> Values:
-    """Solve a setup, say how that ended, and return the values of all blocks at the end."""
+def solve_setup(console: Console, setup: Setup, solver: Solver) -> tuple[Values, tuple[str, ...]]:
+    """Solve a setup and say how that ended: the values of all blocks at the end, and doubts."""
     console.print("[dim]solving[/]")
     solution = solver.solve(setup.problem, setup.start)
     outcome = f"{solution.status.name}, cost {solution.cost:.6g}"
     console.print(f"[dim]{outcome}: {escape(solution.message)}[/]", soft_wrap=True)
-    return setup.start | solution.values
+    values = setup.start | solution.values
+    doubted = doubts(setup, values, solution, again=False)
+    warn_of(console, doubted)
+    return values, doubted
 
 
 def solver_named(name: str) -> Solver:
@@ -261,7 +265,8 @@ def _rank_line(what: str, d: Diagnosis) -> str:
             f"; along {d.weak_count} more, a change by a whole characteristic scale (such as 1 "
             "rad) changes the residuals by less than one sigma"
         )
-    named = [x.name for x in (*d.null_directions, *d.weak_directions) if x.joints]
+    directions = (*d.null_directions, *d.weak_directions)
+    named = [x.name.partition(":")[0] for x in directions if x.joints]  # without their entries
     short = list(dict.fromkeys(named))[:3]
     if short:
         sentence += f"; among them {', '.join(short)} (see the report)"

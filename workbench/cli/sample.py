@@ -60,7 +60,7 @@ def sample(
     experiment, setup, folder = prepare(console, name, setting, out, "posterior")
     draws = out / f"{experiment.name}-draws"
     make_folder(draws)
-    values = solve_setup(console, setup, solver_named(solver))
+    values, _ = solve_setup(console, setup, solver_named(solver))
     problem = setup.problem
     rest = sampling.fixed if conditional else sampling.integrated
     blocks = _blocks(problem, block or ())

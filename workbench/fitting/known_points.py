@@ -143,12 +143,13 @@ def own_mesh(path: str | Path, body: SkinnedBody | TriangleBody, sigma: float) -
     Raises BadFile for another number of vertices, a file format that does not keep their order
     (.stl), or a size that no person has.
     """
-    mesh = read_registered(Path(path))
+    mesh = read_registered(Path(path), points_alone=True)
     observed = mesh.vertices
     if len(observed) != body.n_vertices:
         raise BadFile(
             f"{path} has {len(observed)} vertices, but body {body.name!r} has {body.n_vertices}; "
-            "give a mesh of the body's topology, vertices in its order, or another --body"
+            "give a mesh of the body's topology, vertices in its order, or another --body; "
+            "`workbench register` takes a scan"
         )
     spread = np.linalg.norm(observed.std(axis=0)) / np.linalg.norm(body.template.std(axis=0))
     if not 1 / 3 < spread < 3:

@@ -188,7 +188,9 @@ class Nodes:
         worlds: dict[int, Array] = {}
         for number in self.above(numbers):
             animated = {
-                path: tracks[number, path].at(times) for path in LOCAL if (number, path) in tracks
+                path: tracks[number, path].at(times)
+                for path in IDENTITY
+                if (number, path) in tracks
             }
             local = local_motions(self.json[number], animated, len(times))
             parent = self.parents[number]

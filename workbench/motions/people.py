@@ -239,9 +239,12 @@ class People:
                 lead, width = array.shape[:split], prod(array.shape[split:])
                 yield line, lead, _vectors(line, array.reshape(-1, width), widths[width])
             elif array.ndim in (2, 3) and (any_joints or line.key == "poses"):
-                if prod(array.shape[1:]) % 3:
-                    columns = f"{line.key} has {prod(array.shape[1:])} columns"
-                    raise BadFile(f"{columns}, and three belong to each joint")
+                width = array.shape[-1]
+                if width % 3 or (array.ndim == 3 and width != 3):
+                    columns = f"{line.key} has {width} columns"
+                    raise BadFile(
+                        f"{columns}, and three belong to each joint; quaternions are not read"
+                    )
                 yield line, array.shape[:1], array.reshape(len(array), -1, 3)
             else:
                 self.misfits.append(f"{line.key} of shape {array.shape}")

@@ -39,6 +39,7 @@ IMPLIED = ("surface_model_type", "smplVersion", "codecVersion", "frameCount")  #
 SAME_ROTATION = 1e-3  # rad, between a pose and a part of it that stands beside it
 CLEARLY_UP = 0.5  # of how clearly the root's own y must point along an axis to say that it is up
 LARGEST_NUMBER = 1e6  # rad or m
+LONGEST_VECTOR = 4 * np.pi  # rad: what is turned by more in a vector is perhaps in degrees
 FASTEST_ROOT = 15.0  # m/s, of a root on average
 MOST_GAPS = 10  # times as many frames as there are, with those between
 ADVICE = "give a file with poses, or global_orient and body_pose, and a translation"
@@ -108,6 +109,12 @@ def read_amass(
             )
         except BadArgument as error:
             raise BadFile(str(error)) from error
+    longest = float(np.linalg.norm(motion.pose, axis=-1).max(initial=0.0))
+    if longest > LONGEST_VECTOR:
+        notes.append(
+            f"rotations are up to {longest:.3g} rad long, {longest / (2 * np.pi):.3g} whole turns; "
+            "if they are in degrees, multiply them by pi / 180"
+        )
     declared_up = "".join(own["up_axis"][:1])
     distance = np.linalg.norm(np.diff(motion.trans, axis=0), axis=1).sum()
     if not declared_up and distance > FASTEST_ROOT * len(motion) / rate:

@@ -283,6 +283,9 @@ def _people(path: str | Path, data: Any) -> tuple[Any, list[tuple[str, dict[str,
 
 def _without_keypoints(path: str | Path, data: Any) -> str:
     """Why a file is refused, with its keys."""
+    empty = [k for k in PEOPLE_KEYS if data.get(k) == []] if isinstance(data, dict) else []
+    if empty:
+        return f"{path} holds no person: its list `{empty[0]}` is empty"
     inside = data
     for _ in range(2):  # a list of people, or an object with one
         if isinstance(inside, dict):
