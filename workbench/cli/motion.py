@@ -203,7 +203,8 @@ def _say_motion(console: Console, motion: Motion, path: Path) -> None:
         f"the root travels {steps.sum():.2f} m",
     ]
     if motion.bones is not None:
-        tall = float(np.ptp(np.concatenate([motion.joints()[0], _ends(motion)[0]])[:, 1]))
+        ends = motion.bones.ends(motion.pose[:1], motion.trans[:1])
+        tall = float(np.ptp(np.concatenate([motion.joints()[0], ends[0]])[:, 1]))
         lines.append(f"its own skeleton is {tall:.2f} m tall in the first frame")
     if len(motion.betas):
         lines.append(f"{len(motion.betas)} betas, the largest {np.abs(motion.betas).max():.2f}")
@@ -214,11 +215,6 @@ def _say_motion(console: Console, motion: Motion, path: Path) -> None:
     for line in lines:
         say(console, escape(line))
     say_notes(console, motion.notes)
-
-
-def _ends(motion: Motion) -> Array:
-    assert motion.bones is not None
-    return motion.bones.ends(motion.pose[:1], motion.trans[:1])
 
 
 def _say_markers(

@@ -31,7 +31,17 @@ from workbench.registration.coregistration.folder import (
     distances,
 )
 from workbench.reports.folder import SUMMARY, Content, summary_text, write_folder
-from workbench.reports.page import Columns, Shown, Table, csv_text, number, page, plotted, shown
+from workbench.reports.page import (
+    Columns,
+    Shown,
+    Table,
+    csv_text,
+    drawn,
+    number,
+    page,
+    plotted,
+    shown,
+)
 from workbench.reports.replay import recorded_registration
 from workbench.reports.run import measurements_summary, measurements_table
 from workbench.training.folder import COLUMNS, TABLE, Row
@@ -126,17 +136,7 @@ def registration_page(registered: RegisteredScan, body: str) -> str:
         facts=_facts(registration),
         warnings=registration.doubts,
         notes=registered.notes,
-        scan=shown(
-            registered_scan_sheet(
-                registration.vertices,
-                registration.faces,
-                registration.scan.points,
-                registration.distances,
-                registration.touching,
-                registration.facing,
-            ),
-            caption_registered_scan(registration.distances, registration.touching),
-        ),
+        scan=drawn(registered_scan_sheet, caption_registered_scan, registration),
         measurements=measurements_table(registration.measurements),
         stages=stages_table(registration),
         moved=MM * float(np.linalg.norm(registration.vertices - registration.model, axis=1).mean()),
