@@ -48,7 +48,7 @@ def hand_points(
 
 FLEXION, DEVIATION, TWIST = "flexion", "radial deviation", "twist"
 ABDUCTION = "palmar abduction"
-SIDES = ("", "left_", "right_")  # before the names of a hand's joints
+SIDE_PREFIXES = ("", "left_", "right_")  # before the names of a hand's joints
 LEAST_BEND = np.radians(8)  # joints are inside of fingers: a smaller bend of their places is none
 
 
@@ -76,7 +76,7 @@ def hands_of(body: Body) -> tuple[str, ...]:
     """The prefixes of the hands whose joints a body has: `""` for a body that is a hand."""
     known = set(body.joint_names)
     own = ("wrist", *(f"{finger}{i}" for finger in FINGERS for i in (1, 2, 3)))
-    return tuple(side for side in SIDES if known >= {side + name for name in own})
+    return tuple(side for side in SIDE_PREFIXES if known >= {side + name for name in own})
 
 
 def is_hand(body: Body) -> bool:
@@ -159,8 +159,8 @@ def _unit(vector: Array) -> Array:
     return np.asarray(vector / np.linalg.norm(vector))
 
 
-HANDS = ("hands_mean", "hands_components")  # flat rotation vectors, one after another
-SIDED = (*HANDS, "hands_coeffs", "hands_deviations")  # of whole bodies, with l or r at the end
+ROTATIONS = ("hands_mean", "hands_components")  # flat rotation vectors, one after another
+SIDED = (*ROTATIONS, "hands_coeffs", "hands_deviations")  # of whole bodies, with l or r at the end
 CORNERS = [0, 2, 1]  # the order in which a mirrored face has its corners
 BY_CORNER = ("lmk_bary_coords", "dynamic_lmk_bary_coords", "ft")  # extras with a number for each
 
@@ -209,7 +209,7 @@ def _mirrored_extras(extras: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[An
             arrays.pop(what + letter, None)
             if what + other in extras:
                 rows = extras[what + other]
-                arrays[what + letter] = _turned(rows) if what in HANDS else rows
+                arrays[what + letter] = _turned(rows) if what in ROTATIONS else rows
     corners = {key: extras[key][..., CORNERS] for key in BY_CORNER if key in extras}
     return arrays | corners
 

@@ -25,10 +25,9 @@ from scipy.sparse import csr_array, vstack
 from workbench.arrays import Array, Index
 from workbench.bodies.body import Landmarks
 from workbench.bodies.capsules import Capsules
-from workbench.bodies.files.joint_names import FINGERS, joint_names
+from workbench.bodies.files.joint_names import FINGER_JOINTS, joint_names
 from workbench.bodies.forward.posing import unpose
-from workbench.bodies.hands import FINGERS as FINGER_NAMES
-from workbench.bodies.hands import mirrored
+from workbench.bodies.hands import FINGERS, mirrored
 from workbench.bodies.readonly import locked
 from workbench.bodies.skinned import SkinnedBody
 from workbench.geometry.mirror import AXIAL, REFLECTION
@@ -40,8 +39,8 @@ Hands = Mapping[str, SkinnedBody]  # by side, left before right
 MOST_JOINTS = 4  # joints that carry a vertex
 OF_BODY = 22  # the joints of SMPL without its last two, left_hand and right_hand
 WRISTS = {"left": 20, "right": 21}
-FIRST_FINGER = {"left": OF_BODY, "right": OF_BODY + len(FINGERS)}  # the number of a joint
-JOINTS = joint_names(OF_BODY + 2 * len(FINGERS))
+FIRST_FINGER = {"left": OF_BODY, "right": OF_BODY + len(FINGER_JOINTS)}  # the number of a joint
+JOINTS = joint_names(OF_BODY + 2 * len(FINGER_JOINTS))
 SIGNS = {"left": REFLECTION, "right": np.ones(3)}
 ABOUT_PARTS = ("trained_on", "pose_blend_shapes", "held_out", "betas", "pose_space")
 MADE_OF = (
@@ -148,7 +147,7 @@ def _weights(body: SkinnedBody, hands: Hands, mesh: Sewing) -> Array:
         fingers = hand.weights[:, 1:]
         by_body = _largest(weights[rows, :OF_BODY], MOST_JOINTS - np.count_nonzero(fingers, axis=1))
         weights[rows, :OF_BODY] = by_body * hand.weights[:, :1]
-        weights[rows, first : first + len(FINGERS)] = fingers
+        weights[rows, first : first + len(FINGER_JOINTS)] = fingers
     return weights
 
 
@@ -197,7 +196,7 @@ def _landmarks(
         on_skin = mesh.of_hand(side, ends.regressor)
         names.append(f"{side}_hand_root")
         rows.append(joints[[WRISTS[side]]])
-        for finger in FINGER_NAMES:
+        for finger in FINGERS:
             own = [f"{side}_{finger}{i}" for i in (1, 2, 3)]
             tips.append((f"{side}_{finger}_tip", on_skin[[ends.names.index(f"{finger}_tip")]]))
             names += [*own, tips[-1][0]]
@@ -215,7 +214,7 @@ def _capsules(body: SkinnedBody, joints: Array, slopes: Array, mesh: Sewing) -> 
         return None
     parts = body.capsules.arrays()
     number, ends, end_slopes = (parts[key].copy() for key in ("joints", "ends", "end_slopes"))
-    held = mesh.held[1 + FINGERS.index("middle1")]
+    held = mesh.held[1 + FINGER_JOINTS.index("middle1")]
     for side, before in (("left", OF_BODY), ("right", OF_BODY + 1)):
         middle, own = JOINTS.index(f"{side}_middle1"), np.flatnonzero(number == before)
         back = matrix_from_vector(held * (AXIAL if side == "left" else 1)).T

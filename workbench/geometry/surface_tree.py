@@ -220,10 +220,8 @@ class SurfaceTree:
         places = s[:, :1] * corners[:, 0] + s[:, 1:2] * corners[:, 1] + s[:, 2:] * corners[:, 2]
         places = np.where(exists[:, None], places, p)
         length = np.sqrt(dot(best.normals.T, best.normals.T))[:, None]
-        cancelled, own = (
-            length <= SHORTEST_NORMAL,
-            np.where(exists[:, None], boxes.normals[best.faces], 0),
-        )
+        own = np.where(exists[:, None], boxes.normals[best.faces], 0)
+        cancelled = length <= SHORTEST_NORMAL
         surface = np.where(cancelled, own, best.normals / np.where(cancelled, 1, length))
         side = np.where(dot((p - places).T, surface.T) < 0, -1, 1)
         distances = np.where(exists, np.sqrt(best.squares) * side, gate)

@@ -306,7 +306,7 @@ def open_arrays(path: Path) -> Iterator[Archive]:
 
 @contextmanager
 def opened(path: str | Path, what: str, do: str) -> Iterator[Archive]:
-    """The same; what is wrong with the file becomes a sentence: `PATH is no WHAT (REASON); DO`."""
+    """As `open_arrays`, with errors that are sentences: `PATH is no WHAT (REASON); DO`."""
     with taken_for(path, what, do), open_arrays(Path(path)) as archive:
         yield archive
 

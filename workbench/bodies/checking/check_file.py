@@ -30,7 +30,7 @@ from workbench.bodies.files.reading import (
     Entries,
     contents_of,
     is_npz,
-    sorted_out,
+    kept_and_left_out,
 )
 from workbench.bodies.spaces import FACE_BETAS, WITH_FACE
 from workbench.environment import expanded
@@ -117,14 +117,14 @@ def licence_of(raw: Contents) -> dict[str, str]:
 
 def left_out_of(raw: Contents) -> dict[str, str]:
     """The keys that `load_body` cannot keep, each with the reason: `is a dict, not an array`."""
-    _, left_out = sorted_out(raw, {*used_keys(raw), *OURS, *CAPSULES, MIRROR})
+    _, left_out = kept_and_left_out(raw, {*used_keys(raw), *OURS, *CAPSULES, MIRROR})
     return {line.partition(", which ")[0]: line.partition(", which ")[2] for line in left_out}
 
 
 def keys_of(raw: Contents) -> tuple[tuple[str, str, str], ...]:
     """Each key, its shape and type, and what becomes of it when the file is loaded and saved."""
     used = used_keys(raw)
-    kept, _ = sorted_out(raw, {*used, *OURS, *CAPSULES, MIRROR})
+    kept, _ = kept_and_left_out(raw, {*used, *OURS, *CAPSULES, MIRROR})
     fates = dict.fromkeys(raw, "read as the workbench's own")
     fates |= dict.fromkeys(left_out_of(raw), "left out, for the reason below")
     fates |= dict.fromkeys(kept, "kept, and saved again") | dict.fromkeys(used, "computed with")

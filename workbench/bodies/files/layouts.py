@@ -33,7 +33,7 @@ from workbench.bodies.files.reading import (
     SKINNED,
     TRIANGLES,
     Entries,
-    sorted_out,
+    kept_and_left_out,
 )
 from workbench.bodies.forward.surface import Features, rotation_elements, star_features
 from workbench.bodies.readonly import locked
@@ -64,7 +64,7 @@ def body_from(raw: Contents, name: str, where: str) -> SkinnedBody:
     N, parents = _vertices(entries), parents_from(entries)
     mirror, posedirs = _mirror(entries, N), entries.directions("posedirs", N)
     own = SKINNED if mirror is None else SKINNED | {MIRROR}
-    extras, left_out = sorted_out(raw, own)
+    extras, left_out = kept_and_left_out(raw, own)
     return SkinnedBody(
         template=locked(entries.reals("v_template")),
         shapedirs=locked(entries.directions("shapedirs", N)),
@@ -233,7 +233,7 @@ def triangle_body_from(raw: Contents, name: str, where: str) -> TriangleBody:
             f"triangle body has {', '.join(OF_TRIANGLES)}"
         )
     parents = parents_from(entries)
-    extras, left_out = sorted_out(raw, TRIANGLES)
+    extras, left_out = kept_and_left_out(raw, TRIANGLES)
     return TriangleBody(
         template=locked(entries.reals("v_template")),
         faces=entries.wholes("f"),

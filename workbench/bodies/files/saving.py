@@ -16,6 +16,7 @@ from workbench.bodies.files.layouts import STYLE
 from workbench.bodies.files.reading import LONGEST_NAME, SPARSE_PARTS
 from workbench.bodies.forward.skinning import linear_blend
 from workbench.bodies.forward.surface import rotation_elements, star_features
+from workbench.bodies.hands import FINGERS
 from workbench.bodies.skinned import SkinnedBody
 from workbench.bodies.triangles import TriangleBody
 from workbench.errors import BadFile
@@ -181,7 +182,6 @@ def _card(body: SkinnedBody | TriangleBody) -> str:
         ) from error
 
 
-FINGERS = ("thumb", "index", "middle", "ring", "pinky")
 # smplx's names of vertices of the left side, or the middle: the landmark that each is, and a joint
 SMPLX_VERTICES = {
     "nose": ("nose", "head"),

@@ -87,7 +87,7 @@ class Packing(NamedTuple):
 
     @staticmethod
     def of(body: SkinnedBody) -> Packing:
-        """What takes the least time: directions are stored as they are if the cache holds them."""
+        """The packing that takes the least time: none where a cache holds the directions."""
         arrays = body.shapedirs, body.posedirs
         if 8 * (arrays[0].size + np.count_nonzero(arrays[1])) < WORTH_NARROWING:
             return Packing()
@@ -108,7 +108,7 @@ class Packing(NamedTuple):
 
 
 def whole_step(array: Array) -> float:
-    """The number of which all entries seem to be whole multiples: the least distance of some."""
+    """The step of which all entries seem to be whole multiples: the smallest gap in a sample."""
     entries = array[array != 0]
     sample = entries[np.linspace(0, entries.size - 1, min(entries.size, SAMPLE)).astype(np.int64)]
     distances = np.diff(np.unique(np.abs(sample)), prepend=0.0)
