@@ -105,22 +105,6 @@ def worth_of_errors(x: Array, count: Array) -> float:
     return float(np.clip(squares / sums if sums > 0 else np.inf, 1, len(x)))
 
 
-def autocorrelation(errors: Array, known: Array) -> Array:
-    """The correlation r_k about zero of errors k frames apart, (T,), of all series (T, ...) pooled.
-
-    The products of all pairs of known frames are summed, and divided by the number of pairs. Lags
-    with fewer pairs than one for each series are NaN.
-    """
-    x = np.where(known, errors, 0.0).reshape(len(errors), -1)
-    observed = np.asarray(known, dtype=float).reshape(x.shape)
-    correlation = np.full(len(x), np.nan)
-    for k in range(len(x)):
-        pairs = np.sum(observed[k:] * observed[: len(x) - k])
-        if pairs >= max(1, x.shape[1] // 2):
-            correlation[k] = np.sum(x[k:] * x[: len(x) - k]) / pairs
-    return correlation / correlation[0] if correlation[0] > 0 else correlation
-
-
 @dataclass(frozen=True)
 class Smoothness:
     """What is expected of a motion, in seconds, whatever the number of frames; None for nothing.

@@ -204,24 +204,16 @@ class Run:
 
     # Iterates.
 
-    def gain_ratio(
-        self,
-        x: Array,
-        here: Linearization,
-        to: Array,
-        predicted: float,
-        evaluated: Evaluated | None = None,
-    ) -> float:
+    def gain_ratio(self, x: Array, here: Linearization, to: Array, predicted: float) -> float:
         """The actual decrease of the cost from x to another point over the `predicted` one.
 
-        That point is not evaluated if it was `evaluated` before. Where rounding hides both
-        decreases, the ratio is 1 for a more stationary point and minus infinity for others; after
-        several of these in a row, the run ends.
+        Where rounding hides both decreases, the ratio is 1 for a more stationary point and minus
+        infinity for others; after several of these in a row, the run ends.
         """
         self.check()  # a solver that tries shorter and shorter steps may never evaluate anything
         if not predicted > 0:
             return -np.inf
-        cost, residual = evaluated or self.evaluate_trial(to, here.cost)
+        cost, residual = self.evaluate_trial(to, here.cost)
         if not isfinite(cost):
             return -np.inf
         moved, fall = residual != here.residual, decrease(here.residual, residual)
