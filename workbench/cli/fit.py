@@ -289,9 +289,9 @@ def fit_video(
     values = {**setup.start, **solution.values}
     warn_of(console, doubts(setup, values, solution))
     console.print(f"{solution.status.name}: {escape(solution.message)}", highlight=False)
-    for one in setup.measures(values):
-        unit = unit_text(one.unit)
-        console.print(f"{escape(one.name)}: {one.value:.4g} {unit}".rstrip(), highlight=False)
+    for measure in setup.measures(values):
+        line = f"{measure.name}: {measure.value:.4g} {unit_text(measure.unit)}".rstrip()
+        console.print(escape(line), highlight=False)
     title = source.resolve().name
     page = write_video(setup, solution, folder, title, str(source.resolve()))
     (folder / MEAN_FILE).unlink(missing_ok=True)  # of an earlier fit

@@ -57,7 +57,7 @@ def write_scaffold(kind: str, name: str, folder: str | Path = ".") -> Path:
     template, words = TEMPLATES / f"{kind}.py", {"NAME": name}
     path = Path(folder) / f"{name}.py"
     if kind == "lecture":
-        number = 1 + max(one.number for one in course())
+        number = 1 + max(lecture.number for lecture in course())
         template, path = TEMPLATES / kind, Path(folder) / f"lec{number:02}_{name}"
         words = {
             "lec00_NAME": path.name,

@@ -152,7 +152,7 @@ def solver_named(name: str) -> Solver:
     """A solver of the catalogue, or that of a Python file. Raises UnknownName or BadFile."""
     first, *others = named_solvers((name,))
     if others:
-        several = joined([first.called, *(one.called for one in others)])
+        several = joined([first.called, *(solver.called for solver in others)])
         raise BadFile(f"{name} defines several solvers: {several}; say `solver = ...` for one")
     return first.solver
 

@@ -47,7 +47,7 @@ RULES: tuple[tuple[str, Callable[..., str]], ...] = (  # a command, and its lett
     (r"\\[td]?frac" + 2 * ARGUMENT, lambda a, b: _fraction(a, b)),
     (r"\\binom" + 2 * ARGUMENT, lambda a, b: f"({a} over {b})"),
     (r"\\sqrt" + ARGUMENT, lambda a: "√" + _whole(a)),
-    (r"\\mathcal" + ARGUMENT, lambda a: "".join(CALLIGRAPHIC.get(one, one) for one in a)),
+    (r"\\mathcal" + ARGUMENT, lambda a: "".join(CALLIGRAPHIC.get(letter, letter) for letter in a)),
     (r"\\(?:text|math\w+|operatorname|boldsymbol|underbrace)" + ARGUMENT, lambda a: a),
     *(
         (rf"\\{name}" + ARGUMENT, lambda a, accent=accent: a[:1] + accent + a[1:])

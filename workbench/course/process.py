@@ -78,7 +78,9 @@ def grade(lecture: Lecture, path: str | Path, limits: ProcessLimits | None = Non
     about = {"lecture": lecture.argument if lecture.place is None else str(lecture.place.resolve())}
     sent = ask(path, about, {name: {} for name in lecture.exercises}, limits or ProcessLimits())
     results = [
-        one for name in lecture.exercises for one in _results(lecture, name, sent.exercises[name])
+        result
+        for name in lecture.exercises
+        for result in _results(lecture, name, sent.exercises[name])
     ]
     return Grade(lecture, str(path), tuple(results), sent.trouble, sent.printed)
 
