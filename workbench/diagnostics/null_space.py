@@ -250,7 +250,7 @@ def _unnamed(d: "Diagnosis", space: NullSpace, a: Array) -> GaugeMotion:
     """A trade-off of a few numbers, or a direction that has only its entries for a name.
 
     Numbers that undo each other nearby too, or however far, are a trade-off, unless there are too
-    few rows for all. What holds to first order only says so.
+    few rows for all; one at this point alone is no gauge. What holds to first order only says so.
     """
     free, v = d.problem.free, space.basis @ a
     some = np.flatnonzero(abs(v) > PART * abs(v).max())
@@ -261,6 +261,7 @@ def _unnamed(d: "Diagnosis", space: NullSpace, a: Array) -> GaugeMotion:
     for _, basis in space.nearby if everywhere else ():
         s = np.linalg.svd(basis[some], compute_uv=False)
         everywhere &= bool(s.max(initial=0.0) >= np.sqrt(1 - space.same**2))
+    here_alone = bool(space.nearby) and not counted and not everywhere
     blocks = list(dict.fromkeys(free.block_of(int(i))[0].name for i in some))
     own = together(free, blocks)
     if (
@@ -272,7 +273,8 @@ def _unnamed(d: "Diagnosis", space: NullSpace, a: Array) -> GaugeMotion:
         return GaugeMotion("scale", f"a common factor of {listed(blocks)}", a)
     if space.exact and len(some) <= FEW and (straight or everywhere):
         among = f"within {blocks[0]}" if len(blocks) == 1 else f"of {listed(blocks)}"
-        return GaugeMotion("trade-off", f"a trade-off {among}: ", a)
+        kind = "mixed" if here_alone else "trade-off"
+        return GaugeMotion(kind, f"a trade-off {among}: ", a)
     if straight or everywhere:
         return GaugeMotion("mixed", "", a)
     return GaugeMotion("mixed", f"to first order ({change:.2g} sigma at one scale): ", a)

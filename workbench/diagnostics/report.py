@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 MOST = 12  # lines of one list
 ILL = 1e8  # condition of J from which half of the digits are gone
 NEARBY = 1e-3  # characteristic scales: how far from a point that is not finite to look again
+ROUNDED = 1e-12  # characteristic scales: a smaller value is a zero with rounding errors
 FAR = 1e3  # times a characteristic scale, or less by that: it may not be what matters
 GAUGES = {  # nouns, one and several, by the kinds of directions that are gauges
     "translation": ("translation", "translations"),
@@ -142,7 +143,7 @@ def _scales(d: "Diagnosis") -> Iterator[Finding]:
     for block in d.free.blocks:
         at = d.free.slices[block.name]
         size = float((abs(x[at]) / d.scales.sizes[at]).max(initial=0.0))
-        small = 0 < size <= 1 / FAR and block.unit in METRES
+        small = ROUNDED < size <= 1 / FAR and block.unit in METRES
         if (size >= FAR or small) and block.name not in d.given_scales:
             far.append(block.name)
     if far:
