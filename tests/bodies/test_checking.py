@@ -134,6 +134,12 @@ FAULTS: dict[str, tuple[str, Change, str, str]] = {
         "shapedirs",
         "x of shapedirs was not mirrored",
     ),
+    "weights of other joints": (
+        BODY,
+        computed("weights", lambda w: w[:, ::-1]),
+        "weights",
+        "no nearer to the vertices that they move",
+    ),
     # The default run ends here.
     "negative weights": (
         BODY,
@@ -161,7 +167,7 @@ FAULTS: dict[str, tuple[str, Change, str, str]] = {
 BESIDE = {"negative weights": {"J_regressor"}}  # faults from which others follow
 
 
-@pytest.mark.parametrize("fault", few(FAULTS, 13))
+@pytest.mark.parametrize("fault", few(FAULTS, 14))
 def test_fault_is_found_and_nothing_else_blamed(fault: str) -> None:
     base, change, part, says = FAULTS[fault]
     found = checked(base, change)

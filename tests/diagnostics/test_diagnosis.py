@@ -118,6 +118,17 @@ def linear(A: np.ndarray, *shapes: tuple[int, ...]) -> Diagnosis:
     return diagnose(problem, {block.name: np.zeros(block.shape) for block in blocks})
 
 
+def test_trade_offs_at_one_point_alone_are_no_gauges() -> None:
+    gain, rate = Block("gain", (2,), "V"), Block("rate", (2,), "1/s")
+    t = np.linspace(0, 3, 20)
+    decay = [gain.symbol[i] * cs.exp(-rate.symbol[i] * t) for i in range(2)]
+    problem = Problem((Residual("sum", decay[0] + decay[1] - 2, 0.1, "V"),), ["gain", "rate"])
+    diagnosis = diagnose(problem, {"gain": np.ones(2), "rate": np.ones(2)})
+    assert max(diagnosis.ranks_nearby) > diagnosis.rank == 2
+    assert any(one.name.startswith("a trade-off within gain") for one in diagnosis.null_directions)
+    assert not any("gauge" in finding.text for finding in diagnosis.findings)
+
+
 def test_directions_within_a_block_and_across_blocks_are_told_apart() -> None:
     rng = np.random.default_rng(0)
     A = rng.normal(size=(8, 3))

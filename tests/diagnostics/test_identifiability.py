@@ -226,3 +226,5 @@ def test_values_far_from_their_scale_are_noted() -> None:
     (note,) = notes()
     assert note.startswith("values of spot and their characteristic scales differ by a factor of")
     assert not notes(spot=1e-4)
+    at["spot"] = np.array(1e-17)  # zero, but for rounding
+    assert not notes()

@@ -235,6 +235,16 @@ def test_converted_units_are_accepted() -> None:
         assert wb.Problem([mine(expression)], free=["pose"], blocks=[block]).size
 
 
+def test_sines_of_degrees_are_refused() -> None:
+    phase = wb.Block("phase", (), "deg")
+    seen = np.linspace(0, 1, 5)
+    wave = wb.Residual("wave", cs.sin(6 * seen + phase.symbol) - seen, sigma=0.1)
+    with pytest.raises(BadResidual, match="takes the sine of 'phase', in deg; multiply it by pi"):
+        wb.Problem([wave], ["phase"], blocks=[phase])
+    turned = wb.Residual("wave", cs.cos(np.pi / 180 * phase.symbol) - seen, sigma=0.1)
+    assert wb.Problem([turned], ["phase"], blocks=[phase]).size == 5
+
+
 def test_units_of_constraints_are_checked() -> None:
     metres, seconds = wb.Block("a", (), "m"), wb.Block("b", (), "s")
     residual = wb.Residual("r", metres.symbol * seconds.symbol, sigma=1.0)

@@ -268,32 +268,31 @@ def _by_numbers(d: "Diagnosis", space: NullSpace, a: Array) -> GaugeMotion:
     """A trade-off of a few numbers, or a direction that has only its entries for a name.
 
     Numbers that undo each other nearby too, or however far, are a trade-off, unless there are too
-    few rows for all. What holds to first order only says so.
+    few rows for all; one at this point alone is no gauge. What holds to first order only says so.
     """
     free, v = d.free, space.basis @ a
     moved = np.flatnonzero(abs(v) > TAKES_PART * abs(v).max())
     change = _change_at_one_scale(d, v / space.lengths) if space.exact else 0.0
     straight = change <= INSIDE
     blocks = list(dict.fromkeys(free.block_of(int(i))[0].name for i in moved))
+    # with no more rows than the rank, some numbers undo each other at any point
+    comparable = d.constrained.rank < d.constrained.stacked.shape[0] and bool(space.nearby)
+    everywhere = comparable and _null_nearby(space, moved)
     own = together(free, blocks)
     x = space.x * space.lengths
     if space.exact and straight and own.size > 1 and _parallel(v[own], x[own]):
         return GaugeMotion("scale", f"a common factor of {listed(blocks)}", a)
-    if not straight and not _null_nearby(d, space, moved):
+    if not straight and not everywhere:
         return GaugeMotion("mixed", f"to first order ({change:.2g} sigma at one scale): ", a)
     if space.exact and len(moved) <= MOST_TRADED:
         among = f"within {blocks[0]}" if len(blocks) == 1 else f"of {listed(blocks)}"
-        return GaugeMotion("trade-off", f"a trade-off {among}: ", a)
+        kind = "mixed" if comparable and not everywhere else "trade-off"
+        return GaugeMotion(kind, f"a trade-off {among}: ", a)
     return GaugeMotion("mixed", "", a)
 
 
-def _null_nearby(d: "Diagnosis", space: NullSpace, moved: Index) -> bool:
-    """Whether at the points nearby, too, these numbers alone undo each other.
-
-    With no more rows than the rank, some numbers undo each other at any point, which says nothing.
-    """
-    if not space.nearby or d.constrained.rank >= d.constrained.stacked.shape[0]:
-        return False
+def _null_nearby(space: NullSpace, moved: Index) -> bool:
+    """Whether at the points nearby, too, these numbers alone undo each other."""
     largest = (
         np.linalg.svd(basis[moved], compute_uv=False).max(initial=0.0) for _, basis in space.nearby
     )

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 MOST_LINES = 12  # of one list
 ILL_CONDITIONED = 1e8  # condition of J from which half of the digits are gone
 NEARBY = 1e-3  # characteristic scales: how far from a point that is not finite to look again
+ROUNDED_ZERO = 1e-12  # characteristic scales: a smaller value is a zero with rounding errors
 FAR_FROM_SCALE = 1e3  # times a characteristic scale, or less by that: it may not be what matters
 GAUGES = {  # nouns, one and several, by the kinds of directions that are gauges
     "translation": ("translation", "translations"),
@@ -142,7 +143,7 @@ def _scales(d: "Diagnosis") -> Iterator[Finding]:
     for block in d.free.blocks:
         part = d.free.slices[block.name]
         size = float((abs(x[part]) / d.scales.sizes[part]).max(initial=0.0))
-        small = 0 < size <= 1 / FAR_FROM_SCALE and block.unit in METRES
+        small = ROUNDED_ZERO < size <= 1 / FAR_FROM_SCALE and block.unit in METRES
         if (size >= FAR_FROM_SCALE or small) and block.name not in d.given_scales:
             far.append(block.name)
     if far:

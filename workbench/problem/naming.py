@@ -174,6 +174,8 @@ NO_UNIT = "1"  # of a block of which nobody said one
 SINGLE_UNIT = re.compile(r"[^\W\d_]+|[%°]")  # one that is not put together of others
 MOST_PARTS, DEEPEST_PART = 1_000, 100  # of an expression that are looked at, from its end
 ADDING = (cs.OP_ADD, cs.OP_SUB)
+OF_ANGLES = {cs.OP_SIN: "sine", cs.OP_COS: "cosine", cs.OP_TAN: "tangent"}
+DEGREES = ("deg", "degree", "degrees", "°")
 MOVING = (  # operations that move numbers; a sign does not change a unit
     cs.OP_NEG,
     cs.OP_RESHAPE,
@@ -189,14 +191,16 @@ _Measured = tuple[str, str]  # a unit, and the name of the block or points that 
 def check_units(
     parts: Iterable[Residual | Constraint], blocks: Mapping[str, Block], points: Iterable[Points]
 ) -> None:
-    """Raise BadResidual if a residual or a constraint adds or subtracts different units.
+    """Raise BadResidual where different units are added or subtracted, or a sine is of degrees.
 
-    Both must be known, and single units, as m and mm: those of blocks whose unit is "1" are not
-    known, nor those of products. N m and J are the same, and m/s less m may have left out 1 s.
+    Units must be known, and those that are added single ones, as m and mm: those of blocks whose
+    unit is "1" are not known, nor those of products. N m and J are the same, and m/s less m may
+    have left out 1 s.
     """
     known = {b.symbol.__hash__(): (b.unit, b.name) for b in blocks.values() if b.unit != NO_UNIT}
     known |= {p.symbol.__hash__(): ("m", p.name) for p in points if p.symbol.shape[0] == 3}
-    if len({unit for unit, _ in known.values()}) < 2:
+    units = {unit for unit, _ in known.values()}
+    if len(units) < 2 and not units & {*DEGREES}:
         return
     for part in parts:
         if not (isinstance(part, Residual) and part.by_frame):  # its frames were looked at
@@ -231,6 +235,11 @@ def _unit_of(
                 )
         else:
             visited[key] = first or second
+    elif part.op() in OF_ANGLES and units[0] and units[0][0] in DEGREES:
+        raise BadResidual(
+            f"{what} takes the {OF_ANGLES[part.op()]} of {units[0][1]!r}, in {units[0][0]}; "
+            "multiply it by pi / 180 first, or give it in rad"
+        )
     elif part.op() in MOVING and len({unit and unit[0] for unit in units}) == 1:
         visited[key] = units[0]
     return visited[key]

@@ -187,6 +187,7 @@ SIZES = {  # m, the largest extent of a model of each family: at least, usually,
 }
 METRES = {"millimetres": 0.001, "centimetres": 0.01, "inches": 0.0254, "feet": 0.3048}
 LARGEST_SHAPE, LARGEST_POSE = 0.3, 1.0  # of the size of a model, of an entry of shapedirs, posedirs
+ELSEWHERE = 0.7  # of the usual distance of any joint: a joint that far from its own vertices
 AXES = ("x", "y", "z")
 IN_METRES = "v_template, shapedirs and posedirs"
 
@@ -197,6 +198,7 @@ def about_places(model: ModelArrays) -> Iterator[FileFinding]:
         return
     yield from _unit(model)
     yield from _axes(model)
+    yield from _columns_of_weights(model)
     faces, template = model.faces, model.template
     if faces is None or not len(faces) or faces.min() < 0 or faces.max() >= len(template):
         return
@@ -206,6 +208,26 @@ def about_places(model: ModelArrays) -> Iterator[FileFinding]:
             "The faces look inwards: seen from outside, their corners run clockwise, so that the "
             "surface is drawn inside out and its normals point into the body. Reverse the corners: "
             "f[:, ::-1]. A mirrored model needs this too.",
+        )
+
+
+def _columns_of_weights(model: ModelArrays) -> Iterator[FileFinding]:
+    """Whether joints are among the vertices that they move, or no nearer to them than others."""
+    W, template, joints = model.weights, model.template, model.joints
+    if W is None or template is None or joints is None or W.shape != (len(template), len(joints)):
+        return
+    sums = W.sum(axis=0)
+    moving = np.flatnonzero(sums > 0)
+    if len(moving) < 2:
+        return
+    middles = (W[:, moving].T @ template) / sums[moving, None]
+    away = np.linalg.norm(middles[:, None] - joints[moving], axis=2)  # vertices of k, joint l
+    if np.median(np.diag(away)) > ELSEWHERE * np.median(away):
+        yield FileFinding(
+            "weights",
+            "Joints are no nearer to the vertices that they move than to those of other joints. "
+            "The columns of weights and the rows of J_regressor are in different orders: bring "
+            "both into the order of kintree_table.",
         )
 
 
