@@ -33,8 +33,8 @@ def shown(value: object, most: int = MOST_SHOWN, levels: int = 2) -> str:
         return f"{value}"
     if isinstance(value, list | tuple):
         return _items(value, most, levels)
-    held = f" of {len(value):,} entries" if isinstance(value, dict) else ""
-    return f"a {type(value).__name__}{held}"
+    size = f" of {len(value):,} entries" if isinstance(value, dict) else ""
+    return f"a {type(value).__name__}{size}"
 
 
 def _items(several: list[object] | tuple[object, ...], most: int, levels: int) -> str:
@@ -107,8 +107,8 @@ class UnknownName(WorkbenchError):
         self, kind: str, name: str, known: Iterable[str] = (), *, hint: str = "", more: str = ""
     ) -> None:
         names = tuple(known)
-        exists = ", ".join((listed(names), hint) if names and hint else (hint or listed(names),))
-        sentence = f"no {kind} is called {name!r}; there are {exists}"
+        choices = ", ".join((listed(names), hint) if names and hint else (hint or listed(names),))
+        sentence = f"no {kind} is called {name!r}; there are {choices}"
         super().__init__(f"{sentence} ({more})" if more else sentence)
 
 

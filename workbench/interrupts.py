@@ -137,7 +137,7 @@ def caused_by(error: BaseException, kind: type[BaseException]) -> bool:
 
     C code that is interrupted during a callback raises a SystemError caused by the interrupt.
     """
-    known: BaseException | None = error
-    while known is not None and not isinstance(known, kind):
-        known = known.__cause__
-    return known is not None
+    cause: BaseException | None = error
+    while cause is not None and not isinstance(cause, kind):
+        cause = cause.__cause__
+    return cause is not None

@@ -166,8 +166,8 @@ def kill_group(pid: int) -> None:
 
 def signal_name(code: int) -> str:
     """Name the signal that ended a process with a negative exit code: `SIGKILL`, `signal 37`."""
-    known = {one.value: one.name for one in signal.Signals}
-    return known.get(-code, f"signal {-code}")
+    names = {number.value: number.name for number in signal.Signals}
+    return names.get(-code, f"signal {-code}")
 
 
 def absolute_paths() -> list[str]:

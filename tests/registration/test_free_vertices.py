@@ -17,11 +17,7 @@ from workbench.registration import (
     by_vertices,
     touched,
 )
-from workbench.registration.free_vertices import (
-    BLOCKS,
-    NEAR_TERM,
-    QUICK_VERTEX_STAGES,
-)
+from workbench.registration.free_vertices import BLOCKS, NEAR_TERM, QUICK_VERTEX_STAGES
 
 WEAK = QUICK_VERTEX_STAGES[-1]
 SMALL = load_body("small")

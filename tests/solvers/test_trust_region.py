@@ -157,7 +157,7 @@ def test_dependent_columns_do_no_harm() -> None:
 def test_a_start_that_is_nearly_zero_is_left(start: float) -> None:
     x = Block("x", (1,))
     problem = Problem([Residual("r", x.symbol + 1, 1.0)], ["x"])
-    found = TrustRegion().solve(problem, {"x": np.array([start])})
-    assert found.status.name == "CONVERGED"
-    assert found.values["x"] == pytest.approx(-1)
-    assert found.iterations <= 2
+    solution = TrustRegion().solve(problem, {"x": np.array([start])})
+    assert solution.status.name == "CONVERGED"
+    assert solution.values["x"] == pytest.approx(-1)
+    assert solution.iterations <= 2

@@ -185,7 +185,7 @@ def fit_capsules(body: SkinnedBody, people: int = 60, seed: int = 0) -> Capsules
     fitted: dict[str, Array] = {}
     for name, mask in parts_of_capsules(body).items():
         if opposite(name) in fitted and body.mirror is not None:
-            fitted[name] = SIDES[:, None] * fitted[opposite(name)]
+            fitted[name] = MIRRORED[:, None] * fitted[opposite(name)]
         elif mask.any():
             fitted[name] = _fit(body, name, mask, betas)
     return _without_overlaps(_capsules(body, fitted), betas)
@@ -194,7 +194,7 @@ def fit_capsules(body: SkinnedBody, people: int = 60, seed: int = 0) -> Capsules
 # Which ends and radius (7,) a capsule may have: a matrix (7, p) from p numbers, and the direction
 # of its first axis, if that is not the longest one of its vertices.
 Form = tuple[Array, Array | None]
-SIDES = np.concatenate([REFLECTION, REFLECTION, [1.0]])  # of a capsule and its mirror image
+MIRRORED = np.concatenate([REFLECTION, REFLECTION, [1.0]])  # of a capsule and its mirror image
 FREE: Form = (np.eye(7), None)
 UPRIGHT: Form = (np.delete(np.eye(7), (0, 3), axis=1), np.eye(3)[1])  # both ends on the midline
 ACROSS: Form = (  # one end the mirror image of the other

@@ -120,8 +120,8 @@ def read_embedded(path: Path) -> SkinnedBody:
     Raises BadFile if the file is missing or is not one, BadBody if its arrays do not fit together.
     """
     with opened(path, "embedded body", REPAIR) as archive:
-        own = HAND if "hands_mean" in archive.headers else WHOLE_BODY
-        arrays = read_expected(archive, EXPECTED | own)
+        further = HAND if "hands_mean" in archive.headers else WHOLE_BODY
+        arrays = read_expected(archive, EXPECTED | further)
         parts = _unpacked(arrays, facts_in(arrays["card"]).entries)
     return SkinnedBody(**parts, name=path.stem)
 
@@ -248,8 +248,8 @@ def sewing_of(body: str) -> Sewing:
     if body not in names:
         raise BadFile(f"full-hands.npz does not say how {body!r} holds its fingers; {REPAIR}")
     hands = {side: arrays[side] for side in ("left", "right")}
-    held = arrays["held"][names.index(body)]
-    return Sewing(arrays["origin"], arrays["faces"], arrays["mirror"], hands, held)
+    pose = arrays["held"][names.index(body)]
+    return Sewing(arrays["origin"], arrays["faces"], arrays["mirror"], hands, pose)
 
 
 Embedded = Literal[  # of these, type checkers know that they are skinned

@@ -34,8 +34,8 @@ def hand_points(
     """
     prefix = "" if side is None else f"{side}_"
     names = tuple(prefix + name for name in HAND_POINTS)
-    known = {*body.joint_names, *(body.landmarks[TIPS].names if TIPS in body.landmarks else ())}
-    if missing := [name for name in names if name not in known]:
+    available = {*body.joint_names, *(body.landmarks[TIPS].names if TIPS in body.landmarks else ())}
+    if missing := [name for name in names if name not in available]:
         raise BadBody(
             f"body {body.name!r} has no {', '.join(missing[:3])}, which a hand has; say which hand "
             "of two (side='left'), take the embedded body 'hand' or 'full-hands', or give one of "
@@ -48,7 +48,7 @@ def hand_points(
 
 FLEXION, DEVIATION, TWIST = "flexion", "radial deviation", "twist"
 ABDUCTION = "palmar abduction"
-SIDES = ("", "left_", "right_")  # before the names of a hand's joints
+SIDE_PREFIXES = ("", "left_", "right_")  # before the names of a hand's joints
 LEAST_BEND = np.radians(8)  # joints are inside of fingers: a smaller bend of their places is none
 
 
@@ -74,9 +74,9 @@ class HandMotion:
 
 def hands_of(body: Body) -> tuple[str, ...]:
     """The prefixes of the hands whose joints a body has: `""` for a body that is a hand."""
-    known = set(body.joint_names)
-    own = ("wrist", *(f"{finger}{i}" for finger in FINGERS for i in (1, 2, 3)))
-    return tuple(side for side in SIDES if known >= {side + name for name in own})
+    names = set(body.joint_names)
+    needed = ("wrist", *(f"{finger}{i}" for finger in FINGERS for i in (1, 2, 3)))
+    return tuple(side for side in SIDE_PREFIXES if names >= {side + name for name in needed})
 
 
 def is_hand(body: Body) -> bool:
@@ -137,11 +137,11 @@ def hand_motions(body: Body, side: str = "") -> tuple[HandMotion, ...]:
 
 def _tips(body: Body, side: str, at: dict[str, Array]) -> dict[str, Array]:
     """The tips of the fingers; where there are no landmarks, the last bone goes on straight."""
-    known: dict[str, Array] = {}
+    tips: dict[str, Array] = {}
     if TIPS in body.landmarks:
-        known = dict(zip(body.landmark_names(TIPS), body.landmark(TIPS), strict=True))
+        tips = dict(zip(body.landmark_names(TIPS), body.landmark(TIPS), strict=True))
     return {
-        f"{finger}_tip": known.get(f"{side}{finger}_tip", 2 * at[f"{finger}3"] - at[f"{finger}2"])
+        f"{finger}_tip": tips.get(f"{side}{finger}_tip", 2 * at[f"{finger}3"] - at[f"{finger}2"])
         for finger in FINGERS
     }
 
@@ -159,8 +159,8 @@ def _unit(vector: Array) -> Array:
     return np.asarray(vector / np.linalg.norm(vector))
 
 
-HANDS = ("hands_mean", "hands_components")  # flat rotation vectors, one after another
-SIDED = (*HANDS, "hands_coeffs", "hands_deviations")  # of whole bodies, with l or r at the end
+ROTATIONS = ("hands_mean", "hands_components")  # flat rotation vectors, one after another
+SIDED = (*ROTATIONS, "hands_coeffs", "hands_deviations")  # of whole bodies, with l or r at the end
 CORNERS = [0, 2, 1]  # the order in which a mirrored face has its corners
 BY_CORNER = ("lmk_bary_coords", "dynamic_lmk_bary_coords", "ft")  # extras with a number for each
 
@@ -209,7 +209,7 @@ def _mirrored_extras(extras: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[An
             arrays.pop(what + letter, None)
             if what + other in extras:
                 rows = extras[what + other]
-                arrays[what + letter] = _turned(rows) if what in HANDS else rows
+                arrays[what + letter] = _turned(rows) if what in ROTATIONS else rows
     corners = {key: extras[key][..., CORNERS] for key in BY_CORNER if key in extras}
     return arrays | corners
 

@@ -16,7 +16,7 @@ from workbench.errors import BadBody, NotNumbers
 
 
 def readonly(what: str, value: object) -> Array:
-    """The array as float64, contiguous and read-only; it is copied only if it is not all of that.
+    """The array as float64, contiguous and read-only; one that is so already is not copied.
 
     Raises NotNumbers.
     """
@@ -26,7 +26,7 @@ def readonly(what: str, value: object) -> Array:
 
 
 def readonly_index(what: str, value: object) -> Index:
-    """int64, in one piece and read-only; raises NotNumbers for what are no whole numbers."""
+    """The array as int64, contiguous and read-only. Raises NotNumbers unless all are whole."""
     if isinstance(value, np.ndarray) and value.dtype == np.int64 and _settled(value):
         return value
     array = numbers(what, value)

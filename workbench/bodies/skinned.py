@@ -188,8 +188,8 @@ class SkinnedBody(Body):
         symbols: tuple[cs.MX, cs.MX, cs.MX],
         displaced: tuple[Block, cs.MX] | None,
     ) -> Points:
-        at = Arguments(self, *symbols, displaced)
-        return Points.of(landmark_points(self, at, self.numeric, landmarks), name)
+        inputs = Arguments(self, *symbols, displaced)
+        return Points.of(landmark_points(self, inputs, self.numeric, landmarks), name)
 
     # Points in numbers. Any argument may have batch axes in front.
 

@@ -12,7 +12,7 @@ from workbench.arrays import Array
 from workbench.blocks import Block
 from workbench.blocks.checks import reals, texts
 from workbench.bodies.body import Body
-from workbench.bodies.files.joint_names import FINGERS, family
+from workbench.bodies.files.joint_names import FINGER_JOINTS, family
 from workbench.bodies.readonly import readonly
 from workbench.bodies.skinned import SkinnedBody
 from workbench.errors import BadArgument, BadBody, UnknownName
@@ -77,9 +77,9 @@ class PoseSpace:
                 f"rotations are an expression (3, {len(others)}), not {rest.shape}"
             )
         flat = self.components.reshape(self.n_components, -1).T
-        own = cs.reshape(cs.MX(cs.DM(self.mean.ravel())) + cs.DM(flat) @ coefficients, 3, -1)
+        in_space = cs.reshape(cs.MX(cs.DM(self.mean.ravel())) + cs.DM(flat) @ coefficients, 3, -1)
         order = np.argsort([*rows, *others])
-        return cs.horzcat(own, rest)[:, order.tolist()]
+        return cs.horzcat(in_space, rest)[:, order.tolist()]
 
     def poses(self, body: Body, coefficients: ArrayLike) -> Array:
         """Poses (..., K, 3) rad in numbers, of coefficients (..., C); the other joints are zero."""
@@ -99,8 +99,8 @@ class PoseSpace:
 
     def coefficients(self, body: Body, poses: ArrayLike) -> Array:
         """The coefficients (..., C) of the poses in the space closest to poses (..., K, 3) rad."""
-        own = reals("poses", poses)[..., self._rows(body), :] - self.mean
-        flat = own.reshape(*own.shape[:-2], -1)
+        offsets = reals("poses", poses)[..., self._rows(body), :] - self.mean
+        flat = offsets.reshape(*offsets.shape[:-2], -1)
         return np.asarray(flat @ np.linalg.pinv(self.components.reshape(self.n_components, -1)))
 
     def _rows(self, body: Body) -> list[int]:
@@ -115,7 +115,7 @@ def _check_count(what: str, count: int, available: int) -> None:
         raise BadArgument(f"there are {available} {what}; ask for 0 to so many, not {count}")
 
 
-SIDES = {"left": "l", "right": "r"}  # how keys of SMPL-H's files end
+SIDE_LETTERS = {"left": "l", "right": "r"}  # how keys of SMPL-H's files end
 
 
 def has_pose_space(body: Body) -> bool:
@@ -137,14 +137,14 @@ def pose_space(body: Body, count: int | None = None, side: str | None = None) ->
     components of a hand that are kept; None keeps all. Raises BadBody if the body has none, and
     UnknownName for another side.
     """
-    if side is not None and side not in SIDES:
-        raise UnknownName("side", str(side), SIDES)
+    if side is not None and side not in SIDE_LETTERS:
+        raise UnknownName("side", str(side), SIDE_LETTERS)
     if {"hands_meanl", "hands_meanr"} <= body.extras.keys():
         spaces = []
-        for hand in [side] if side is not None else list(SIDES):
-            fingers = {f"{hand}_{finger}" for finger in FINGERS}
+        for hand in [side] if side is not None else list(SIDE_LETTERS):
+            fingers = {f"{hand}_{finger}" for finger in FINGER_JOINTS}
             joints = tuple(name for name in body.joint_names if name in fingers)
-            spaces.append(_space(body, SIDES[hand], joints, count))
+            spaces.append(_space(body, SIDE_LETTERS[hand], joints, count))
         return _beside(spaces)
     if side is not None:
         raise BadBody(f"body {body.name!r} has one hand; ask for its pose space without a side")

@@ -13,6 +13,7 @@ from workbench.conversion.correspondence import (
     Correspondence,
     correspond,
     counted,
+    rest_pose_prior,
     sampled_vertices,
 )
 from workbench.errors import BadArgument
@@ -21,7 +22,12 @@ from workbench.fitting.known_points import from_correspondences
 from workbench.fitting.tracking import PointTracker, Progress, quiet
 from workbench.geometry.rotation import matrix_from_vector, vector_from_matrix
 from workbench.motions import Motion
-from workbench.residuals import gaussian
+
+SAMPLED_VERTICES = 1200  # vertices to which a pose is fitted
+SIGMA = 0.005  # m, of a vertex beside its place on the other body
+POSE_SIGMA = 1.0  # rad, about the rest pose: it holds only what no vertex shows
+DOUBTED_ERROR = 0.05  # m, from what a motion was made of: a farther one is doubted
+FRAMES_AT_ONCE = 25  # frames whose surfaces are in memory at once
 
 
 def vertex_parts(body: Body) -> tuple[str, ...]:
@@ -41,13 +47,6 @@ def vertex_parts(body: Body) -> tuple[str, ...]:
         else:
             names.append(below if below in BONES.values() else joint)
     return tuple(names[k] for k in body.vertex_weights.argmax(axis=1))
-
-
-SAMPLED_VERTICES = 1200  # vertices to which a pose is fitted
-SIGMA = 0.005  # m, of a vertex beside its place on the other body
-POSE_SIGMA = 1.0  # rad, about the rest pose: it holds only what no vertex shows
-DOUBTED_ERROR = 0.05  # m, from what a motion was made of: a farther one is doubted
-FRAMES_AT_ONCE = 25  # frames whose surfaces are in memory at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,13 +185,6 @@ def _tracker(
         ]
     )
     pose, betas, trans = (block.symbol for block in target.blocks())
-    prior = gaussian(
-        pose[:, 1:],
-        mean=target.bind_pose[1:],
-        covariance=POSE_SIGMA**2,
-        unit="rad",
-        name="pose prior",
-    )
 
     def starts(t: int, before: Values | None) -> list[Values]:
         if before is None or t == 0:
@@ -209,7 +201,7 @@ def _tracker(
         observed,
         counted(target, some),
         SIGMA,
-        prior,
+        rest_pose_prior(target, POSE_SIGMA),
         starts,
         own=own,
     )

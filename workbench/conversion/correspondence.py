@@ -25,7 +25,17 @@ from workbench.problem import Problem
 from workbench.residuals import Residual, gaussian, landmarks, vertices
 from workbench.solvers import TrustRegion
 
+FEWEST_COMMON = 3  # joints that two bodies have in common, by which one is placed on the other
+JOINT_SIGMA = 0.01  # m, of a joint of one body beside that of another
+SURFACE_SIGMA = 0.005  # m, of a vertex beside the closest place on another surface
+POSE_SIGMA = 0.3  # rad, between the rest poses of two bodies
+CLOSEST_ROUNDS = 8  # of closest places and a fit to them
+SAMPLED_VERTICES = 1200  # vertices by which one surface is brought onto the other
+LEAST_FACING = 0.3  # cosine between the normals of a vertex and of its place
+FARTHEST_PLACE = 0.05  # m: a vertex farther than this from the other surface has no place there
 FEWEST_OF_JOINT = 20  # vertices of each joint, or all that it has: six numbers place a rigid part
+
+Said = Callable[[str], object]
 
 
 def sampled_vertices(body: Body, count: int) -> Index:
@@ -51,18 +61,6 @@ def counted(body: Body, chosen: Index) -> Array:
     of_chosen = np.bincount(owner[chosen], minlength=body.n_joints)
     weights = of_all[owner[chosen]] / of_chosen[owner[chosen]]
     return np.asarray(weights / weights.mean())
-
-
-FEWEST_COMMON = 3  # joints that two bodies have in common, by which one is placed on the other
-JOINT_SIGMA = 0.01  # m, of a joint of one body beside that of another
-SURFACE_SIGMA = 0.005  # m, of a vertex beside the closest place on another surface
-POSE_SIGMA = 0.3  # rad, between the rest poses of two bodies
-CLOSEST_ROUNDS = 8  # of closest places and a fit to them
-SAMPLED_VERTICES = 1200  # vertices by which one surface is brought onto the other
-LEAST_FACING = 0.3  # cosine between the normals of a vertex and of its place
-FARTHEST_PLACE = 0.05  # m: a vertex farther than this from the other surface has no place there
-
-Said = Callable[[str], object]
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +167,7 @@ def _by_joints(source: Body, target: Body) -> Values:
     points = target.joint_points(pose.symbol, betas.symbol, trans.symbol)
     data = landmarks(points, observed, sigma=JOINT_SIGMA, name="joints")
     problem = Problem(
-        [replace(data, weights=seen), *_rest_priors(target)],
+        [replace(data, weights=seen), rest_pose_prior(target, POSE_SIGMA), shape_prior(target)],
         (trans.name, pose.name, betas.name),
     )
     at_rest = target.joints()
@@ -178,16 +176,10 @@ def _by_joints(source: Body, target: Body) -> Values:
     return {**start, **TrustRegion(max_iterations=50).solve(problem, start).values}
 
 
-def _rest_priors(target: Body) -> list[Residual]:
-    pose = target.blocks()[0].symbol
-    about = gaussian(
-        pose[:, 1:],
-        mean=target.bind_pose[1:],
-        covariance=POSE_SIGMA**2,
-        unit="rad",
-        name="rest pose",
-    )
-    return [about, shape_prior(target)]
+def rest_pose_prior(body: Body, sigma: float) -> Residual:
+    """Each joint but the root is as at rest, with `sigma` in rad about each axis."""
+    pose, mean = body.blocks()[0].symbol[:, 1:], body.bind_pose[1:]
+    return gaussian(pose, mean=mean, covariance=sigma**2, unit="rad", name="rest pose")
 
 
 def _to_places(body: Body, chosen: Index) -> Problem:
@@ -197,7 +189,7 @@ def _to_places(body: Body, chosen: Index) -> Problem:
     place, seen = Block("observed", (len(chosen), 3), "m"), Block("seen", (len(chosen),))
     data = vertices(points, place.symbol, sigma=SURFACE_SIGMA, name="surface")
     return Problem(
-        [replace(data, weights=seen.symbol), *_rest_priors(body)],
+        [replace(data, weights=seen.symbol), rest_pose_prior(body, POSE_SIGMA), shape_prior(body)],
         (trans.name, pose.name, betas.name),
         blocks=(place, seen),
     )

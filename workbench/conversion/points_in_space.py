@@ -1,9 +1,8 @@
 """A motion from named points in space, such as triangulated keypoints or joints of a skeleton."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import casadi as cs
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
@@ -15,6 +14,7 @@ from workbench.bodies.body import Body
 from workbench.bodies.hands import HAND_POINTS, TIPS, hand_points
 from workbench.errors import BadArgument, UnknownName, some_of
 from workbench.fitting.body_priors import pose_prior
+from workbench.fitting.hands import points_of
 from workbench.fitting.placing import moved
 from workbench.fitting.tracking import QUICK_SOLVER, PointTracker, Progress, quiet, solved
 from workbench.fitting.videos import PLACE_SIGMA, POSE_SIGMA
@@ -33,7 +33,6 @@ FREE_TURN_SIGMA = 1e3  # rad, of the root's turns: they are not smoothed
 FEWEST_POINTS = 4  # points that place a body
 FEWEST_JOINTS = 8  # joints of a skeleton, with which a body is no statue
 JOINTS, HAND = "joints", "hand"
-Placed = Callable[[cs.MX, cs.MX, cs.MX], Points]
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,10 +122,9 @@ def _from_places(
     if not len(usable):
         raise BadArgument(f"no frame shows {FEWEST_POINTS} of the points {some_of(own)}")
     counts = [(sigma / LOOSE_SIGMA) ** 2 if loose and is_elsewhere(name) else 1.0 for name in own]
-    pose_symbol, betas_symbol, trans_symbol = (block.symbol for block in body.blocks())
     tracker = PointTracker(
         body,
-        _points(body, kind)(pose_symbol, betas_symbol, trans_symbol),
+        _symbolic_points(body, kind),
         places[usable],
         np.minimum(counts, 1.0),
         sigma,
@@ -253,18 +251,18 @@ def body_points(body: Body, kind: str, pose: Array, betas: Array, trans: Array) 
     """The points (T, L, 3) m of a set of the body in numbers."""
     if kind != HAND:
         return body.landmark(kind, pose, betas, trans)
-    joints, tips = (body.landmark(name, pose, betas, trans) for name in (JOINTS, TIPS))
-    labels = (*body.joint_names, *body.landmarks[TIPS].names)
-    both = np.concatenate([joints, tips], axis=1)
-    return np.asarray(both[:, [labels.index(name) for name in HAND_POINTS]])
+    names = (block.name for block in body.blocks())
+    return points_of(body, dict(zip(names, (pose, betas, trans), strict=True)))
 
 
-def _points(body: Body, kind: str) -> Placed:
+def _symbolic_points(body: Body, kind: str) -> Points:
+    """The same points in symbols of the body's blocks."""
+    symbols = [block.symbol for block in body.blocks()]
     if kind == HAND:
-        return lambda pose, betas, trans: hand_points(body, pose, betas, trans)
+        return hand_points(body, *symbols)
     if kind == JOINTS:
-        return body.joint_points
-    return lambda pose, betas, trans: body.landmark_points(kind, pose, betas, trans)
+        return body.joint_points(*symbols)
+    return body.landmark_points(kind, *symbols)
 
 
 def _matched(

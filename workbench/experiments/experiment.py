@@ -116,24 +116,28 @@ def _kind(annotation: object) -> tuple[str, Callable[[Any], Any]]:
 
 
 def _whole(value: Any) -> int:
-    _refuse(isinstance(value, (bool, np.bool_)))
+    if isinstance(value, (bool, np.bool_)):
+        raise TypeError
     return int(value) if isinstance(value, str) else operator.index(value)
 
 
 def _real(value: Any) -> float:
-    _refuse(isinstance(value, (bool, np.bool_)) or not math.isfinite(float(value)))
+    if isinstance(value, (bool, np.bool_)) or not math.isfinite(float(value)):
+        raise TypeError
     return float(value)
 
 
 def _text(value: Any) -> Any:
-    _refuse(not isinstance(value, (str, os.PathLike)))
+    if not isinstance(value, (str, os.PathLike)):
+        raise TypeError
     return value
 
 
 def _names(value: Any) -> tuple[str, ...]:
     is_json = isinstance(value, str) and value.startswith("[")
     strings = names(json.loads(value) if is_json else value)
-    _refuse(not all(isinstance(name, str) for name in strings))
+    if not all(isinstance(name, str) for name in strings):
+        raise TypeError
     return () if strings == ("",) else strings
 
 
@@ -142,11 +146,6 @@ def _anything(value: Any) -> Any:
         return json.loads(value) if isinstance(value, str) else value
     except ValueError:
         return value
-
-
-def _refuse(wrong: bool) -> None:
-    if wrong:
-        raise TypeError
 
 
 _KINDS: dict[object, tuple[str, Callable[[Any], Any]]] = {
@@ -188,7 +187,7 @@ def run_file(path: Path, instead: str) -> tuple[ModuleType, str]:
     if folder not in sys.path:
         sys.path.insert(0, folder)
     with user_errors(source):
-        # what Python keeps of a file is that of another one of the same size and second
+        # not by the bytecode that Python keeps: a file changed within a second has the old one
         exec(compile(path.read_bytes(), source, "exec"), vars(module))
     return module, source
 

@@ -108,12 +108,12 @@ def checked_hand(body: Body) -> SkinnedBody:
     return body
 
 
-def points_of(body: SkinnedBody, values: Values) -> Array:
-    """The points `HAND_POINTS` (21, 3) m of a hand in numbers."""
-    at = [values[block.name] for block in body.blocks()]
-    every = np.concatenate([body.joints(*at), body.landmark(TIPS, *at)])
+def points_of(body: Body, values: Values) -> Array:
+    """The points `HAND_POINTS` (..., 21, 3) m of a hand in numbers."""
+    numbers = [values[block.name] for block in body.blocks()]
+    every = np.concatenate([body.joints(*numbers), body.landmark(TIPS, *numbers)], axis=-2)
     names = [*body.joint_names, *body.landmark_names(TIPS)]
-    return np.asarray(every[[names.index(name) for name in HAND_POINTS]])
+    return np.asarray(every[..., [names.index(name) for name in HAND_POINTS], :])
 
 
 def _landmarks(

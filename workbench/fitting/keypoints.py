@@ -67,11 +67,8 @@ def as_marked(names: Sequence[str]) -> Array:
     variances are m_k^2 + m^2, divided by 2 m^2, with m = 0.080. Eyes have 0.74, hips 1.18. A
     keypoint that nobody marked for COCO, such as one of a finger, has 1.
     """
-    ends = [
-        next((s for end, s in MARKED_SD.items() if name.endswith(end)), TYPICAL_SD)
-        for name in names
-    ]
-    return np.asarray(np.sqrt((np.array(ends) ** 2 + TYPICAL_SD**2) / (2 * TYPICAL_SD**2)))
+    sds = [next((s for end, s in MARKED_SD.items() if n.endswith(end)), TYPICAL_SD) for n in names]
+    return np.asarray(np.sqrt((np.array(sds) ** 2 + TYPICAL_SD**2) / (2 * TYPICAL_SD**2)))
 
 
 def usual_sigma(height: float, size: tuple[float, float]) -> float:
@@ -142,9 +139,8 @@ class KeypointProblem:
             if size is not None:
                 priors.append(focal_prior(camera, max(size)))
                 free.append(camera.focal.name)
-        return Problem([*terms, *priors], free, blocks=blocks), tuple(
-            prior.name for prior in priors
-        )
+        problem = Problem([*terms, *priors], free, blocks=blocks)
+        return problem, tuple(prior.name for prior in priors)
 
 
 def landmark_set(body: Body, observed: Collection[str] = ()) -> str:
@@ -258,8 +254,8 @@ def keypoint_fit(
         fitted = [view for view in shown.views if not view.held_out]
         best = max(fitted, key=lambda view: float(view.confidence.sum()))
         with suppress(BadArgument, BadObservation):
-            begun = regressed_start(shipped_regressor(), body, best, shown.start)
-            shown = replace(shown, start={**shown.start, **begun})
+            regressed = regressed_start(shipped_regressor(), body, best, shown.start)
+            shown = replace(shown, start={**shown.start, **regressed})
     of = KeypointProblem(body, sigmas, kernels, relative=relative)
     return shown.setup(of, question, reference, compared)
 
@@ -322,12 +318,8 @@ def placed_views(
         observed, confidence = (block.name for block in observed_blocks(camera, landmarks))
         start |= camera_values(camera, photo)
         start |= {observed: photo.pixels, confidence: photo.confidence}
-        view_held_out = photo.name in held_out
-        views.append(
-            View(
-                photo.name, camera, photo.size, kind, photo.pixels, photo.confidence, view_held_out
-            )
-        )
+        view = View(photo.name, camera, photo.size, kind, photo.pixels, photo.confidence)
+        views.append(replace(view, held_out=photo.name in held_out))
     try:
         with np.errstate(divide="raise", invalid="raise", over="raise"):
             start |= place_body(body, [view for view in views if not view.held_out], start)

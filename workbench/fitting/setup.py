@@ -111,7 +111,7 @@ def digits(found: Mapping[str, ArrayLike], certified: Mapping[str, ArrayLike]) -
 def names(named: str | Residual | Iterable[str | Residual]) -> tuple[str, ...]:
     """These names as a tuple, also if it is a single one; a residual stands for its name."""
     several = (named,) if isinstance(named, str | Residual) else named
-    return tuple(one.name if isinstance(one, Residual) else one for one in several)
+    return tuple(item.name if isinstance(item, Residual) else item for item in several)
 
 
 @dataclass(frozen=True)
@@ -256,11 +256,11 @@ class Setup:
             ("strategy", (Callable, NoneType), "a function that makes a solver out of a solver"),
         ):
             _check_kind(f"`{name}` of a setup", getattr(self, name), kind, expected)
-        for name, one in (("views", View), ("gauges", Gauge)):
-            several = getattr(self, name)
-            several = (several,) if isinstance(several, one) else several
-            several = checks.several(f"`{name}`", several, one, BadSetup)
-            object.__setattr__(self, name, several)
+        for name, entry_type in (("views", View), ("gauges", Gauge)):
+            entries = getattr(self, name)
+            entries = (entries,) if isinstance(entries, entry_type) else entries
+            entries = checks.several(f"`{name}`", entries, entry_type, BadSetup)
+            object.__setattr__(self, name, entries)
         shape = None if self.body is None else self.body.template.shape
         if self.truth is not None and shape not in (None, np.shape(self.truth)):
             raise BadSetup(

@@ -23,9 +23,8 @@ from workbench.solvers.solution import Solution, Solver
 SHAPE_FRAMES = 12  # from which the shape is found
 COMPARED_POINTS = 60  # points by which frames are compared
 LOST_RATIO = 4.0  # times the cost of the frame before: a frame that may have been lost
-QUICK_SOLVER = TrustRegion(
-    max_iterations=40, gradient_tolerance=1e-3
-)  # what is observed is not better
+# a smaller change is finer than anything observed
+QUICK_SOLVER = TrustRegion(max_iterations=40, gradient_tolerance=1e-3)
 Starts = Callable[[int, Values | None], Sequence[Values]]
 Progress = Callable[[str, int, int], object]
 
@@ -170,12 +169,12 @@ class PointTracker:
         pose, name, trans = (block.name for block in self.body.blocks())
 
         def starts(t: int, before: Values | None) -> list[Values]:
-            begun = []
+            starts_of_frame = []
             for start in self.starts(t, before):
                 shape = betas.copy()
                 shape[self.own] = start.get(name, betas)[self.own]
-                begun.append({**start, **self.data(t), name: shape})
-            return begun
+                starts_of_frame.append({**start, **self.data(t), name: shape})
+            return starts_of_frame
 
         stages = (SolveStage(weights={"points": (self.sigma / w) ** 2}) for w in self.widths)
         frame = self.frame.freeing(trans, pose, *(f"{name}[{b}]" for b in self.own))

@@ -38,11 +38,11 @@ class GlbDocument:
     def entry(self, key: str, index: Any) -> dict[str, Any]:
         """`key[index]`, an object. Raises ValueError if there is none."""
         entries = self.json.get(key)
-        exists = isinstance(entries, list) and type(index) is int and 0 <= index < len(entries)
-        if not exists or not isinstance(entries, list) or not isinstance(entries[index], dict):
-            raise ValueError(f"there is no {key}[{shown(index)}]")
-        entry: dict[str, Any] = entries[index]
-        return entry
+        if isinstance(entries, list) and type(index) is int and 0 <= index < len(entries):
+            entry = entries[index]
+            if isinstance(entry, dict):
+                return entry
+        raise ValueError(f"there is no {key}[{shown(index)}]")
 
     def values(self, index: Any, kind: str, columns: int) -> Array:
         """The numbers (count, columns) of an accessor, sparse or not, normalized if it says so.
@@ -108,8 +108,7 @@ class GlbDocument:
         self.entry("buffers", index)
         if index >= len(self.buffers):
             raise ValueError(f"buffers[{index}] has no bytes in this file")
-        number: int = index
-        return self.buffers[number]
+        return self.buffers[int(index)]
 
 
 def _dtype(accessor: dict[str, Any], kind: str, name: str) -> np.dtype[Any]:
@@ -228,14 +227,15 @@ def document_of(content: bytes, folder: Path | None = None) -> GlbDocument:
 def _chunks(content: bytes) -> dict[bytes, bytes]:
     """The parts of a .glb by their kind."""
     chunks: dict[bytes, bytes] = {}
-    at = 12
-    while at + 8 <= len(content):
-        length, kind = int.from_bytes(content[at : at + 4], "little"), content[at + 4 : at + 8]
-        if at + 8 + length > len(content):
+    start = 12
+    while start + 8 <= len(content):
+        length = int.from_bytes(content[start : start + 4], "little")
+        kind = content[start + 4 : start + 8]
+        if start + 8 + length > len(content):
             raise ValueError(f"a part of {length:,} bytes is cut off")
         if kind in (JSON, BINARY):  # others are to be passed over
-            chunks.setdefault(kind, content[at + 8 : at + 8 + length])
-        at += 8 + length
+            chunks.setdefault(kind, content[start + 8 : start + 8 + length])
+        start += 8 + length
     return chunks
 
 

@@ -235,9 +235,9 @@ def _to_head(frames: Array, names: Sequence[str]) -> Array | None:
     plain = [name.lower() for name in names]
     ends = []
     for words in (HEAD, FEET):
-        own = [i for i, name in enumerate(plain) if any(word in name for word in words)]
-        places = frames[:, own]
-        if not own or not np.isfinite(places).any(axis=(0, 1)).all():
+        columns = [i for i, name in enumerate(plain) if any(word in name for word in words)]
+        places = frames[:, columns]
+        if not columns or not np.isfinite(places).any(axis=(0, 1)).all():
             return None
         ends.append(np.nanmedian(places.reshape(len(frames), -1, 3), axis=(0, 1)))
     return np.asarray(ends[0] - ends[1])

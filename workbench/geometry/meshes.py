@@ -318,7 +318,7 @@ def _coordinate(words: list[str]) -> tuple[float, float]:
 def _texture_corner(corner: str, so_far: int) -> int:
     """The texture coordinate of `vertex/texture/normal`, from 0; -1 where there is none."""
     number = corner.partition("/")[2].partition("/")[0]
-    if not number.lstrip("-").isdecimal() or len(number) > 15 or int(number) == 0:
+    if not number.removeprefix("-").isdecimal() or len(number) > 15 or int(number) == 0:
         return -1
     return int(number) - 1 if number[0] != "-" else max(so_far + int(number), -1)
 
@@ -417,31 +417,32 @@ def _triangulated(
     head, _, body = content.partition(b"end_header\n")
     order: Literal["<", ">"] = "<" if b"binary_little" in head else ">"
     *before, last = properties
-    faces = properties.get("face", [])
-    lists = [k for k, words in enumerate(faces) if words[0] == "list"]
+    face = properties.get("face", [])
+    lists = [k for k, words in enumerate(face) if words[0] == "list"]
     others = [words for name in before for words in properties[name]]
     if last != "face" or len(lists) != 1 or any(words[0] == "list" for words in others):
         raise ValueError("it is cut off, or has lists beside the corners of its faces")
-    kinds = [words[0] for words in (*others, *faces) if words[0] != "list"] + faces[lists[0]][1:3]
-    if unknown := [kind for kind in kinds if kind not in PLY_TYPES]:
+    _, count_type, corner_type, *_ = face[lists[0]]
+    kinds = [words[0] for words in (*others, *face) if words[0] != "list"]
+    if unknown := [kind for kind in (*kinds, count_type, corner_type) if kind not in PLY_TYPES]:
         raise ValueError(f"its header names the type {shown(unknown[0])}")
 
-    def wide(several: list[list[str]]) -> int:
+    def n_bytes(several: list[list[str]]) -> int:
         return sum(PLY_TYPES[words[0]].itemsize for words in several)
 
-    n_bytes = start = sum(rows[name] * wide(properties[name]) for name in before)
-    first, rest = wide(faces[: lists[0]]), wide(faces[lists[0] + 1 :])
-    counts, corners = (PLY_TYPES[name].newbyteorder(order) for name in faces[lists[0]][1:3])
-    triangles = array("q")
+    first_face = sum(rows[name] * n_bytes(properties[name]) for name in before)
+    ahead, behind = n_bytes(face[: lists[0]]), n_bytes(face[lists[0] + 1 :])
+    counts, corners = (PLY_TYPES[name].newbyteorder(order) for name in (count_type, corner_type))
+    triangles, start = array("q"), first_face
     for _ in range(rows["face"]):
-        start += first
+        start += ahead
         k = int(np.frombuffer(body, counts, 1, start)[0])
         polygon = np.frombuffer(body, corners, k, start + counts.itemsize).tolist()
-        start += counts.itemsize + k * corners.itemsize + rest
+        start += counts.itemsize + k * corners.itemsize + behind
         if k < 3:
             raise ValueError("a face has at least 3 corners")
         triangles.extend(_fan(polygon))
-    without = head[: head.rindex(b"element face")] + b"end_header\n" + body[:n_bytes]
+    without = head[: head.rindex(b"element face")] + b"end_header\n" + body[:first_face]
     return without, np.array(triangles, dtype=np.int64).reshape(-1, 3)
 
 

@@ -91,8 +91,8 @@ def parse_pcd(content: bytes) -> PointCloudFile:
     with np.errstate(invalid="ignore"):  # NaN that signals is refused later, as other NaN
         columns = read(content, header, position + normal)
         numbers = np.column_stack(columns).astype(np.float64)
-    known = (*POSITION, *(NORMAL if normal else ()), PADDING)
-    unread = tuple(dict.fromkeys(name for name, *_ in header.fields if name not in known))
+    read_fields = (*POSITION, *(NORMAL if normal else ()), PADDING)
+    unread = tuple(dict.fromkeys(name for name, *_ in header.fields if name not in read_fields))
     points = np.ascontiguousarray(numbers[:, :3])
     return PointCloudFile(points, numbers[:, 3:] if normal else None, header.viewpoint, unread)
 
@@ -103,8 +103,8 @@ def _in_text(content: bytes, header: _Header, places: list[int]) -> list[NDArray
     lines = (line for line in text_lines(content[header.start :]) if line.strip())
     rows, numbers = list(islice(lines, 1)), np.zeros((0, len(places)))
     if rows:
-        some = islice(chain(rows, lines), min(header.n_points, len(content)) + 1)
-        numbers = np.loadtxt(some, usecols=firsts[places].tolist(), ndmin=2, comments=None)
+        points = islice(chain(rows, lines), min(header.n_points, len(content)) + 1)
+        numbers = np.loadtxt(points, usecols=firsts[places].tolist(), ndmin=2, comments=None)
     if len(numbers) != header.n_points:
         follow = "more" if len(numbers) > header.n_points else f"{len(numbers):,}"
         raise ValueError(f"its header says {header.n_points:,} POINTS, but {follow} follow")

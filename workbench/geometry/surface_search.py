@@ -43,22 +43,23 @@ class TriangleTree:
         """The order in which a mesh is split where its vertices are now."""
         F = len(faces)
         halvings = max(0, (-(-F // WIDE) - 1).bit_length())
-        each = -(-F // 2**halvings)
-        middles = np.full((2**halvings * each, 3), np.inf)
+        per_leaf = -(-F // 2**halvings)
+        middles = np.full((2**halvings * per_leaf, 3), np.inf)
         middles[:F] = vertices[faces].mean(axis=1)
         order = np.arange(len(middles))[None]
         for _ in range(halvings):
-            here = middles[order]
-            low, high = here.min(axis=1), np.where(np.isfinite(here), here, -np.inf).max(axis=1)
+            grouped = middles[order]
+            low = grouped.min(axis=1)
+            high = np.where(np.isfinite(grouped), grouped, -np.inf).max(axis=1)
             with np.errstate(invalid="ignore"):  # a group of no triangles
                 axis = np.argmax(high - low, axis=1)
-            along = np.take_along_axis(here, axis[:, None, None], axis=2)[..., 0]
+            along = np.take_along_axis(grouped, axis[:, None, None], axis=2)[..., 0]
             half = order.shape[1] // 2
             split = np.argpartition(along, half, axis=1)
             order = np.take_along_axis(order, split, axis=1).reshape(-1, half)
         order = np.sort(order, axis=1)
         leaves = np.full((len(order), WIDE), NONE)
-        leaves[:, :each] = np.where(order < F, order, NONE)
+        leaves[:, :per_leaf] = np.where(order < F, order, NONE)
         return TriangleTree(faces, len(vertices), leaves)
 
     @cached_property

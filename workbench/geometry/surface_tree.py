@@ -167,14 +167,14 @@ class SurfaceTree:
         self,
         mesh: Mesh | trimesh.Trimesh | Array,
         faces: Index | None = None,
-        way: Callable[[], SearchBackend] = quickest,
+        find_backend: Callable[[], SearchBackend] = quickest,
     ) -> None:
         mesh = Mesh.of(mesh, faces)
         if not len(mesh.faces):
             raise BadMesh("a surface without faces has no closest places; give at least one")
-        vertices = _copied(mesh.vertices)
-        self._find_backend = way  # a function, as a loaded library cannot be pickled
-        self._boxes = way().boxes(TriangleTree.of(vertices, mesh.faces), vertices)
+        vertices = _checked_copy(mesh.vertices)
+        self._find_backend = find_backend  # a function, as a loaded library cannot be pickled
+        self._boxes = find_backend().boxes(TriangleTree.of(vertices, mesh.faces), vertices)
 
     def moved(self, vertices: Array) -> SurfaceTree:
         """The same triangles with vertices (N, 3) m elsewhere: boxes refitted, no new tree.
@@ -184,7 +184,7 @@ class SurfaceTree:
         are not finite.
         """
         order = self._boxes.order
-        new = _copied(Mesh.of(vertices, order.faces[:0]).vertices)
+        new = _checked_copy(Mesh.of(vertices, order.faces[:0]).vertices)
         if len(new) != order.n_vertices:
             raise BadMesh(f"{len(new)} vertices cannot take the place of {order.n_vertices}")
         tree = object.__new__(SurfaceTree)
@@ -220,17 +220,15 @@ class SurfaceTree:
         places = s[:, :1] * corners[:, 0] + s[:, 1:2] * corners[:, 1] + s[:, 2:] * corners[:, 2]
         places = np.where(exists[:, None], places, p)
         length = np.sqrt(dot(best.normals.T, best.normals.T))[:, None]
-        cancelled, own = (
-            length <= SHORTEST_NORMAL,
-            np.where(exists[:, None], boxes.normals[best.faces], 0),
-        )
-        surface = np.where(cancelled, own, best.normals / np.where(cancelled, 1, length))
+        face_normals = np.where(exists[:, None], boxes.normals[best.faces], 0)
+        cancelled = length <= SHORTEST_NORMAL
+        surface = np.where(cancelled, face_normals, best.normals / np.where(cancelled, 1, length))
         side = np.where(dot((p - places).T, surface.T) < 0, -1, 1)
         distances = np.where(exists, np.sqrt(best.squares) * side, gate)
         return ClosestPoints(best.faces, s, places, distances, surface)
 
 
-def _copied(vertices: Array) -> Array:
+def _checked_copy(vertices: Array) -> Array:
     if (np.abs(vertices) > FARTHEST).any():
         raise BadMesh(
             f"a vertex is farther than {FARTHEST:g} m from the origin; remove or repair it"

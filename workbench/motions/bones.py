@@ -19,7 +19,7 @@ from workbench.bodies.readonly import locked
 from workbench.errors import BadArgument
 from workbench.geometry.rotation import matrix_from_vector
 
-FOLLOWS = 0.5  # the least weight with which the outermost vertex follows the last joint of a limb
+LIMB_WEIGHT = 0.5  # the least with which the outermost vertex follows the last joint of a limb
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,15 +70,15 @@ class Bones:
     @property
     def span(self) -> float:
         """The longest way along bones from one joint or end to another, in m, in whatever pose."""
-        far, longest = np.zeros(len(self.parents)), 0.0
-        end_lengths = zip(self.end_parents, np.linalg.norm(self.end_offsets, axis=1), strict=True)
+        reach, longest = np.zeros(len(self.parents)), 0.0  # of the bones below each joint; of all
+        ends = np.linalg.norm(self.end_offsets, axis=1)
+        for k, length in zip(self.end_parents, ends, strict=True):
+            longest, reach[k] = max(longest, reach[k] + length), max(reach[k], length)
         lengths = np.linalg.norm(self.offsets, axis=1)
-        joint_lengths = ((k, lengths[k]) for k in range(len(far) - 1, 0, -1))
-        for k, length in end_lengths:
-            longest, far[k] = max(longest, far[k] + length), max(far[k], length)
-        for k, length in joint_lengths:
-            parent, reach = self.parents[k], far[k] + length
-            longest, far[parent] = max(longest, far[parent] + reach), max(far[parent], reach)
+        for k in range(len(reach) - 1, 0, -1):
+            parent, length = self.parents[k], reach[k] + lengths[k]
+            longest = max(longest, reach[parent] + length)
+            reach[parent] = max(reach[parent], length)
         return float(longest)
 
     def joints(self, pose: ArrayLike, trans: ArrayLike) -> Array:
@@ -110,15 +110,13 @@ def different_names(
     labels: Sequence[str], kind: str = "joint"
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Names of which each occurs once, and a note if some had to be changed: `joint_3`, `hip_2`."""
-    names: list[str] = []
-    in_use, new_names, suffixes = {*labels}, set[str](), Counter[str]()
+    in_use, names, suffixes = {*labels}, dict[str, None](), Counter[str]()
     for k, name in enumerate(labels):
         base = new = name or f"{kind}_{k}"
-        while new in new_names or (new != name and new in in_use):
+        while new in names or (new != name and new in in_use):
             suffixes[base] += 1
             new = f"{base}_{suffixes[base] + 1}"
-        new_names.add(new)
-        names.append(new)
+        names[new] = None
     changed = sum(new != old for new, old in zip(names, labels, strict=True))
     note = f"{changed} of {len(names)} {kind}s had no name or that of another, and got a number"
     return tuple(names), (note,) * bool(changed)
@@ -137,7 +135,7 @@ def bones_of(body: Body, betas: Sequence[float] | Array | None = None) -> Bones:
     if isinstance(body, SkinnedBody):
         surface = body.vertices(body.bind_pose * 0, betas)
         for e, k in enumerate(last):
-            away = surface[body.weights[:, k] >= FOLLOWS] - joints[k]
+            away = surface[body.weights[:, k] >= LIMB_WEIGHT] - joints[k]
             if len(away):
                 ends[e] = away[np.linalg.norm(away, axis=1).argmax()]
     return Bones(parents, joints - above, last, ends)

@@ -5,6 +5,7 @@ in that frame; nodes between joints and above them are included. Other files tha
 opened only if they are in its folder. Khronos Group, glTF 2.0 Specification, section 3.11 and
 appendix C (interpolation)."""
 
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -83,9 +84,10 @@ class AnimationTrack:
         return np.asarray(_normalised(values) if self.is_rotation else values)
 
 
-def tracks_of(
-    document: GlbDocument, animation: dict[str, Any]
-) -> dict[tuple[int, str], AnimationTrack]:
+Tracks = dict[tuple[int, str], AnimationTrack]  # by node and property
+
+
+def tracks_of(document: GlbDocument, animation: dict[str, Any]) -> Tracks:
     """The tracks of an animation by node and property; others, as of morph targets, are left out.
 
     Raises ValueError for a track that does not fit together.
@@ -150,7 +152,7 @@ class Nodes:
 
     @staticmethod
     def of(document: GlbDocument) -> "Nodes":
-        """The nodes of a document. Raises ValueError for those that hang on each other."""
+        """The nodes of a document. Raises ValueError if they are no trees."""
         nodes = several(document.json, "nodes")
         if len(nodes) > MOST_NODES:
             raise ValueError(
@@ -173,28 +175,28 @@ class Nodes:
             raise ValueError("its nodes hang on each other in a circle")
         return Nodes(tuple(order), parents, nodes)
 
-    def above(self, some: set[int]) -> tuple[int, ...]:
-        """These nodes and all those that they hang on, each after its parent."""
+    def above(self, numbers: set[int]) -> tuple[int, ...]:
+        """These nodes and all their ancestors, each after its parent."""
         above: set[int] = set()
-        for number in some:
+        for number in numbers:
             while number != -1 and number not in above:
                 above.add(number)
                 number = self.parents[number]
         return tuple(number for number in self.order if number in above)
 
-    def world(
-        self, some: set[int], tracks: dict[tuple[int, str], AnimationTrack], times: Array
-    ) -> Array:
+    def world(self, numbers: set[int], tracks: Tracks, times: Array) -> Array:
         """The motions (S, len(some), 4, 4) of some nodes, in rising order, at times (S,) s."""
         worlds: dict[int, Array] = {}
-        for number in self.above(some):
+        for number in self.above(numbers):
             animated = {
-                path: track.at(times) for (node, path), track in tracks.items() if node == number
+                path: tracks[number, path].at(times)
+                for path in IDENTITY
+                if (number, path) in tracks
             }
             local = local_motions(self.json[number], animated, len(times))
             parent = self.parents[number]
             worlds[number] = local if parent == -1 else worlds[parent] @ local
-        return np.stack([worlds[number] for number in sorted(some)], axis=1)
+        return np.stack([worlds[number] for number in sorted(numbers)], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,17 +228,7 @@ class Skin:
             self.rest[kept],
         )
 
-    def below(self, root: int) -> list[int]:
-        """A joint and all those below it."""
-        below = [root]
-        for k in range(root + 1, len(self.parents)):
-            if self.parents[k] in below:
-                below.append(k)
-        return below
-
-    def motions(
-        self, nodes: Nodes, tracks: dict[tuple[int, str], AnimationTrack], times: Array
-    ) -> Array:
+    def motions(self, nodes: Nodes, tracks: Tracks, times: Array) -> Array:
         """What takes the joints from rest to where they are, (S, K, 4, 4), at times (S,) s."""
         numbers = {*self.nodes}
         column = {number: i for i, number in enumerate(sorted(numbers))}
@@ -281,35 +273,34 @@ def skin_of(document: GlbDocument, nodes: Nodes) -> tuple[Skin, tuple[str, ...]]
 def _tree(
     nodes: Nodes, joints: list[int], to_rest: Array, rest: Array
 ) -> tuple[Skin, tuple[str, ...]]:
-    """The largest tree of the joints: the parent of each is the next joint that it hangs on.
+    """The largest tree of the joints: the parent of each is its nearest ancestor among them.
 
     They are in the order of the skin, if each comes after its parent there.
     """
     index_of = {number: k for k, number in enumerate(joints)}
-    order = [index_of[number] for number in nodes.order if number in index_of]
-    if all(
-        index_of[other] < k
-        for k, joint in enumerate(joints)
-        for other in nodes.above({joint})
-        if other in index_of and other != joint
-    ):
-        order = [*range(len(joints))]
-    new_index = {k: i for i, k in enumerate(order)}
-    parents = []
-    for k in order:
-        parent = nodes.parents[joints[k]]
+    ancestors = []
+    for joint in joints:
+        parent = nodes.parents[joint]
         while parent != -1 and parent not in index_of:
             parent = nodes.parents[parent]
-        parents.append(-1 if parent == -1 else new_index[index_of[parent]])
+        ancestors.append(index_of.get(parent, -1))
+    order = [*range(len(joints))]
+    if any(ancestor > k for k, ancestor in enumerate(ancestors)):
+        order = [index_of[number] for number in nodes.order if number in index_of]
+    new_index = {-1: -1, **{k: i for i, k in enumerate(order)}}
+    parents = tuple(new_index[ancestors[k]] for k in order)
     names_in_file = [str(nodes.json[joints[k]].get("name") or "")[:100] for k in order]
     names, renamed = different_names(names_in_file)
-    skin = Skin(tuple(joints[k] for k in order), tuple(parents), names, to_rest[order], rest[order])
-    roots = [i for i, parent in enumerate(parents) if parent == -1]
-    if len(roots) == 1:
+    skin = Skin(tuple(joints[k] for k in order), parents, names, to_rest[order], rest[order])
+    roots: list[int] = []
+    for i, parent in enumerate(parents):
+        roots.append(i if parent == -1 else roots[parent])
+    sizes = Counter(roots)
+    if len(sizes) == 1:
         return skin, renamed
-    subtrees = [skin.below(root) for root in roots]
-    kept = max(subtrees, key=len)
-    left_out = [name for i, name in enumerate(names) if i not in kept]
+    largest = max(sizes, key=lambda root: sizes[root])
+    kept = [i for i, root in enumerate(roots) if root == largest]
+    left_out = [name for name, root in zip(names, roots, strict=True) if root != largest]
     note = f"joints in trees of their own are left out: {some_of(left_out)}"
     return skin.only(kept), (*renamed, note)
 
@@ -407,7 +398,7 @@ def _motion_of(
 
 def _animation(
     document: GlbDocument, nodes: Nodes, skin: Skin, choice: str | None
-) -> tuple[dict[tuple[int, str], AnimationTrack], tuple[str, ...]]:
+) -> tuple[Tracks, tuple[str, ...]]:
     """The tracks of one animation, the first that moves the skin unless one is chosen; sentences.
 
     Raises UnknownName for one that does not exist.
@@ -436,9 +427,7 @@ def _animation(
     raise ValueError(f"it has {which} of the joints of its skin")
 
 
-def _times(
-    tracks: dict[tuple[int, str], AnimationTrack], fps: float | None
-) -> tuple[Array, float, tuple[str, ...]]:
+def _times(tracks: Tracks, fps: float | None) -> tuple[Array, float, tuple[str, ...]]:
     """The times (T,) s of frames, their rate, and what is to be said about it."""
     first = min(float(t.times[0]) for t in tracks.values())
     last = max(float(t.times[-1]) for t in tracks.values())

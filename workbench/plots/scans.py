@@ -13,6 +13,7 @@ from workbench.geometry.rotation import matrix_from_vector
 from workbench.plots.body import Look, back, front, painted, side
 from workbench.plots.palette import AMOUNT, FAINT, LINES, MARKERS
 from workbench.plots.style import house_style
+from workbench.registration import Registration
 from workbench.training.execution import LogEntry
 
 MM = 1e3
@@ -31,15 +32,13 @@ def left(vertices: Array) -> Array:
 SIDES: dict[str, Look] = {"front": front, "right side": side, "back": back, "left side": left}
 
 
-def registered_scan_sheet(
-    vertices: Array, faces: Index, points: Array, distances: Array, touching: Mask, facing: float
-) -> Figure:
-    """The points of a scan (M, 3) m on the surface (N, 3) m, from four sides of the body.
+def registered_scan_sheet(registration: Registration) -> Figure:
+    """The points of a scan on the registered surface, from four sides of the body.
 
-    `distances` (M,) m give the colours of the `touching` ones; the others are grey. `facing` is
-    the angle in rad about the vertical by which the body is turned from +z.
+    Their distances give the colours of those that touch it; the others are grey.
     """
-    amounts = MM * np.abs(distances)
+    points, touching = registration.scan.points, registration.touching
+    amounts = MM * np.abs(registration.distances)
     end = 1.0
     if touching.any():
         end = float(np.ceil(np.percentile(amounts[touching], SCALE_PERCENTILE)))
@@ -47,17 +46,18 @@ def registered_scan_sheet(
     colours = np.asarray(scale.to_rgba(np.where(touching, amounts, 0.0)))
     colours[~touching] = (*to_rgb(FAINT), 1.0)
     some = np.random.default_rng(0).permutation(len(points))[:MOST_POINTS]
-    turn = matrix_from_vector([0.0, -facing, 0.0]).T
+    turn = matrix_from_vector([0.0, -registration.facing, 0.0]).T
+    vertices = registration.vertices @ turn
 
     def plot(look: Look, ax: Axes) -> None:
-        solid, dots = look(vertices @ turn), look(points[some] @ turn)
-        ax.add_collection(painted(solid[:, :2], solid, faces))
+        solid, dots = look(vertices), look(points[some] @ turn)
+        ax.add_collection(painted(solid[:, :2], solid, registration.faces))
         shown = _in_front(dots, solid)
         order = np.argsort(dots[shown, 2])
         across, up = dots[shown][order, :2].T
         ax.scatter(across, up, c=colours[some][shown][order], s=1.2, linewidths=0, rasterized=True)
 
-    figure = _four_views(plot, vertices @ turn)
+    figure = _four_views(plot, vertices)
     beyond = "max" if bool((amounts[touching] > end).any()) else "neither"
     figure.colorbar(scale, ax=figure.axes, shrink=0.8, pad=0.01, extend=beyond).set_label(
         "distance to the surface (mm)"
@@ -65,9 +65,10 @@ def registered_scan_sheet(
     return figure
 
 
-def caption_registered_scan(distances: Array, touching: Mask) -> str:
+def caption_registered_scan(registration: Registration) -> str:
     """What `registered_scan_sheet` shows."""
-    near = MM * np.abs(distances[touching])
+    touching = registration.touching
+    near = MM * np.abs(registration.distances[touching])
     if not len(near):
         return "The points of the scan over the registered surface: none of them touches it."
     half, most = np.percentile(near, [50, 95])

@@ -1,4 +1,4 @@
-"""What a problem is given, checked: names of blocks, bounds and units."""
+"""Checks of what a problem is made of: names of blocks, bounds and units."""
 
 import re
 from collections import Counter
@@ -35,18 +35,16 @@ def parts_of(
 
     Raises BadResidual, BadConstraint or BadBlock, and DuplicateResidual for a name that two have.
     """
-    found = (
-        several("the residuals of a problem", residuals, Residual, BadResidual),
-        several("the constraints of a problem", constraints, Constraint, BadConstraint),
-        several("the blocks of a problem", blocks, Block, BadBlock),
-    )
-    if not found[0]:
+    parts = several("the residuals of a problem", residuals, Residual, BadResidual)
+    limits = several("the constraints of a problem", constraints, Constraint, BadConstraint)
+    described = several("the blocks of a problem", blocks, Block, BadBlock)
+    if not parts:
         raise BadResidual("a problem needs at least one residual")
-    names = [*(r.name for r in found[0]), *(c.name for c in found[1])]
+    names = [*(part.name for part in parts), *(limit.name for limit in limits)]
     for name, count in Counter(names).items():
         if count > 1:
             raise DuplicateResidual(name)
-    return found
+    return parts, limits, described
 
 
 def rows_of(residuals: Sequence[Residual]) -> dict[str, slice]:
@@ -55,16 +53,18 @@ def rows_of(residuals: Sequence[Residual]) -> dict[str, slice]:
     return {r.name: slice(*edge) for r, edge in zip(residuals, pairwise(edges), strict=True)}
 
 
-def check_names(asked: Iterable[str], read: Collection[str], named: Iterable[Block]) -> None:
-    """Raise UnreadBlock for a name among the blocks that are `named` but not read, UnknownName for
-    one that is known from nowhere.
+def check_names(names: Iterable[str], read: Collection[str], described: Iterable[Block]) -> None:
+    """Check names of blocks or entries, which residuals or constraints must read.
+
+    Raises UnreadBlock for one of the blocks that are `described` but not read, and UnknownName for
+    a name that is known from nowhere.
     """
-    described = {block.name for block in named}
-    for entry in asked:
+    unread = {block.name for block in described}.difference(read)
+    for entry in names:
         name = block_of(entry, read)
         if name in read:
             continue
-        if name in described:
+        if name in unread:
             raise UnreadBlock(name, read)
         more = "a block that no residual and no constraint reads can be neither free nor bounded"
         raise UnknownName("block", name, read, more=more)
@@ -75,17 +75,18 @@ def free_and_fixed(known: Layout, free: Iterable[str]) -> tuple[Layout, Layout]:
 
     Raises UnknownName, or BadArgument if entries of a block are named that has none.
     """
-    taken: dict[str, set[int]] = {}
+    entries: dict[str, set[int]] = {}  # that are free, by the name of their block
     for name in free:
         block = block_of(name, known.names)
         start = known.slices[block].start
-        taken.setdefault(block, set()).update(i - start for i in places_named(known, name, "block"))
-    chosen = [
-        known[name] if len(entries) == known[name].size else Block.part(known[name], entries)
-        for name, entries in taken.items()
+        places = (place - start for place in places_named(known, name, "block"))
+        entries.setdefault(block, set()).update(places)
+    blocks = [
+        known[name] if len(places) == known[name].size else Block.part(known[name], places)
+        for name, places in entries.items()
     ]
-    whole = {block.name for block in chosen if block.whole is None}
-    return Layout(tuple(chosen)), Layout(tuple(b for b in known.blocks if b.name not in whole))
+    whole = {block.name for block in blocks if block.whole is None}
+    return Layout(tuple(blocks)), Layout(tuple(b for b in known.blocks if b.name not in whole))
 
 
 def blocks_behind(
@@ -98,10 +99,10 @@ def blocks_behind(
     points = tuple(points)
     known = {block.symbol.__hash__(): block for block in described}
     placeholders = {p.symbol.__hash__() for p in points}
-    found = [s for s in cs.symvar(stacked) if s.__hash__() not in placeholders]
-    found += [block.symbol for p in points for block in p.source.blocks]
+    symbols = [s for s in cs.symvar(stacked) if s.__hash__() not in placeholders]
+    symbols += [block.symbol for p in points for block in p.source.blocks]
     blocks: dict[str, Block] = {}
-    for symbol in {s.__hash__(): s for s in found}.values():
+    for symbol in {s.__hash__(): s for s in symbols}.values():
         if symbol.name() in blocks:
             raise TwoSymbolsOneName(symbol.name())
         blocks[symbol.name()] = known.get(symbol.__hash__()) or Block.of(symbol)
@@ -200,26 +201,26 @@ def check_units(
     for part in parts:
         if not (isinstance(part, Residual) and part.by_frame):  # its frames were looked at
             what = f"{type(part).__name__.lower()} {part.name!r}"
-            _measured(part.expression, known, what, {}, 0)
+            _unit_of(part.expression, known, what, {}, 0)
 
 
-def _measured(
+def _unit_of(
     part: cs.MX,
     known: Mapping[int, _Measured],
     what: str,
-    seen: dict[int, _Measured | None],
+    visited: dict[int, _Measured | None],
     depth: int,
 ) -> _Measured | None:
     """The unit of a part of an expression, or None where it is not known."""
     key = part.__hash__()
-    if key in seen or len(seen) >= MOST_PARTS or depth >= DEEPEST_PART:
-        return seen.get(key)
+    if key in visited or len(visited) >= MOST_PARTS or depth >= DEEPEST_PART:
+        return visited.get(key)
     if part.is_symbolic():
         return known.get(key)
-    seen[key] = None  # while its own parts are looked at
-    each = [_measured(part.dep(i), known, what, seen, depth + 1) for i in range(part.n_dep())]
+    visited[key] = None  # while its operands are looked at
+    units = [_unit_of(part.dep(i), known, what, visited, depth + 1) for i in range(part.n_dep())]
     if part.op() in ADDING:
-        first, second = each
+        first, second = units
         if first and second and first[0] != second[0]:
             if SINGLE_UNIT.fullmatch(first[0]) and SINGLE_UNIT.fullmatch(second[0]):
                 raise BadResidual(
@@ -229,7 +230,7 @@ def _measured(
                     "one"
                 )
         else:
-            seen[key] = first or second
-    elif part.op() in MOVING and len({one and one[0] for one in each}) == 1:
-        seen[key] = each[0]
-    return seen[key]
+            visited[key] = first or second
+    elif part.op() in MOVING and len({unit and unit[0] for unit in units}) == 1:
+        visited[key] = units[0]
+    return visited[key]

@@ -35,22 +35,21 @@ class SparseFactor:
 
     units: Array  # (n,) the square roots of A's diagonal
     border: Mask  # (n,) which unknowns come last; there are b of them
-    inner: SuperLU | None  # the factor of S; None where all unknowns are in the border
-    between: Array  # B (n - b, b)
-    answer: Array  # S^-1 B, (n - b, b)
+    inner: SuperLU | None  # the factor of S, A without the border; None where S is empty
+    solved: Array  # S^-1 B, (n - b, b), with B the border's columns in the rows of S
     corner: Array  # Cholesky's factor of the Schur complement, lower, (b, b)
 
     def solve(self, b: Array) -> Array:
         """The solution A^-1 b for b (n,) or (n, k)."""
         units = self.units if b.ndim == 1 else self.units[:, None]
         right = b / units
-        found = np.empty_like(right)
-        first = right[~self.border]
-        inside = first if self.inner is None else np.asarray(self.inner.solve(first))
-        rest = right[self.border] - self.answer.T @ first
-        last = scipy.linalg.cho_solve((self.corner, True), rest) if self.border.any() else rest
-        found[~self.border], found[self.border] = inside - self.answer @ last, last
-        return found / units
+        x = np.empty_like(right)
+        of_inner = right[~self.border]
+        first = of_inner if self.inner is None else np.asarray(self.inner.solve(of_inner))
+        rest = right[self.border] - self.solved.T @ of_inner
+        of_border = scipy.linalg.cho_solve((self.corner, True), rest) if self.border.any() else rest
+        x[~self.border], x[self.border] = first - self.solved @ of_border, of_border
+        return x / units
 
 
 def factorized(A: csc_array) -> SparseFactor | None:
@@ -66,11 +65,11 @@ def factorized(A: csc_array) -> SparseFactor | None:
         return None
     columns = csc_array(even[:, border])
     between, corner = dense(csc_array(columns[~border])), dense(csc_array(columns[border]))
-    answer = between if inner is None or not border.any() else np.asarray(inner.solve(between))
-    L, failed = scipy.linalg.lapack.dpotrf(corner - between.T @ answer, lower=True, clean=True)
+    solved = between if inner is None or not border.any() else np.asarray(inner.solve(between))
+    L, failed = scipy.linalg.lapack.dpotrf(corner - between.T @ solved, lower=True, clean=True)
     if failed or np.diag(L).min(initial=1.0) ** 2 < SMALLEST_PIVOT:
         return None
-    return SparseFactor(units, border, inner, between, answer, np.asarray(L))
+    return SparseFactor(units, border, inner, solved, np.asarray(L))
 
 
 def _inner(even: csc_array, part: Mask) -> SuperLU | None:
@@ -268,18 +267,18 @@ class ConjugateGradients:
         x, residual = np.zeros_like(right), right[order]
         preconditioned = inverse(residual)
         direction, square = preconditioned, float(residual @ preconditioned)
-        enough = self.tolerance**2 * square
+        least = self.tolerance**2 * square
         for _ in range(self.products):
             curved = product(direction)
             curvature = float(direction @ curved)
-            if not (square > enough and curvature > 0):
+            if not (square > least and curvature > 0):
                 break
             length = square / curvature
             x[order] += length * direction
             residual = residual - length * curved
             preconditioned = inverse(residual)
-            square, before = float(residual @ preconditioned), square
-            direction = preconditioned + (square / before) * direction
+            square, previous = float(residual @ preconditioned), square
+            direction = preconditioned + (square / previous) * direction
         return x
 
 
@@ -288,15 +287,15 @@ _Linear = Callable[[Array], Array]
 
 def _bordered(A: csc_array, border: Mask, raised: Array, size: int) -> tuple[_Linear, _Linear]:
     """Products with A + diag(raised), and with its preconditioner, with the border first."""
-    b, rest = int(border.sum()), raised[~border]
+    b, raised_inner = int(border.sum()), raised[~border]
     inner = csc_array(A if not b else csc_array(A[:, ~border])[~border])
     S = bsr_array(csr_array(inner.T), blocksize=(size, size))  # .T is S, by rows
     n = S.shape[0] // size
     rows = np.repeat(np.arange(n), np.diff(S.indptr))
-    here = rows == S.indices
+    on_diagonal = rows == S.indices
     blocks = np.zeros((n, size, size))
-    blocks[rows[here]] = S.data[here]
-    blocks += np.eye(size) * rest.reshape(n, 1, size)
+    blocks[rows[on_diagonal]] = S.data[on_diagonal]
+    blocks += np.eye(size) * raised_inner.reshape(n, 1, size)
     inverse = bsr_array((_inverse(blocks), np.arange(n), np.arange(n + 1)), shape=S.shape)
     columns = csc_array(A[:, border])
     between, corner = dense(csc_array(columns[~border])), dense(csc_array(columns[border]))
@@ -306,9 +305,9 @@ def _bordered(A: csc_array, border: Mask, raised: Array, size: int) -> tuple[_Li
     def product(x: Array) -> Array:
         outer, others = x[:b], x[b:]
         if not b:
-            return np.asarray(S @ others + rest * others)
+            return np.asarray(S @ others + raised_inner * others)
         first = corner @ outer + others @ between
-        return np.concatenate([first, between @ outer + S @ others + rest * others])
+        return np.concatenate([first, between @ outer + S @ others + raised_inner * others])
 
     def preconditioned(x: Array) -> Array:
         return np.concatenate([inverse_of_corner @ x[:b], inverse @ x[b:]])

@@ -115,8 +115,8 @@ class Header:
         # A type of no bytes, as <U0, would let any number of elements pass.
         if min(self.shape, default=1) < 0 or self.dtype.subdtype:
             raise BadFile(f"has the shape {self.shape} of {self.dtype}, which it cannot have")
-        each = 1 if self.dtype.hasobject else max(1, self.dtype.itemsize)  # of a pickle at least
-        needed = self.start + self.count * each
+        least = 1 if self.dtype.hasobject else max(1, self.dtype.itemsize)  # a pickle's are unknown
+        needed = self.start + self.count * least
         if needed > size:
             raise BadFile(f"claims {self.shape} numbers, but is shorter")
         if needed < size and not self.dtype.hasobject:
@@ -257,15 +257,15 @@ class Archive:
 
     def _fill(self, content: NDArray[np.uint8], name: str) -> None:
         """The numbers, a few at a time, so that they are in memory once."""
-        at = 0
+        n_read = 0
         with self._archive.open(self._members[name]) as stream:
             stream.read(self.headers[name].start)
-            while at < len(content):
+            while n_read < len(content):
                 piece = np.frombuffer(stream.read(PIECE_BYTES), np.uint8)
                 if not len(piece):
                     raise EOFError("it ends before its numbers do")
-                content[at : at + len(piece)] = piece
-                at += len(piece)
+                content[n_read : n_read + len(piece)] = piece
+                n_read += len(piece)
 
 
 class _InPieces:
@@ -306,7 +306,7 @@ def open_arrays(path: Path) -> Iterator[Archive]:
 
 @contextmanager
 def opened(path: str | Path, what: str, do: str) -> Iterator[Archive]:
-    """The same; what is wrong with the file becomes a sentence: `PATH is no WHAT (REASON); DO`."""
+    """As `open_arrays`, with errors that are sentences: `PATH is no WHAT (REASON); DO`."""
     with taken_for(path, what, do), open_arrays(Path(path)) as archive:
         yield archive
 
@@ -409,7 +409,7 @@ def _compare(
     empty = expected.kind is texts and kind == "f8" and not header.count  # as numpy writes []
     if not empty and kind not in expected.kind.types and kind[0] not in expected.kind.types:
         raise BadFile(f"{name} holds {header.dtype}, but must hold {expected.kind.elements}")
-    known = [
+    sizes_so_far = [
         f"{letter} = {sizes[letter][0]}, as in {sizes[letter][1]}"
         for letter in dict.fromkeys(expected.shape)
         if isinstance(letter, str) and letter in sizes
@@ -421,7 +421,7 @@ def _compare(
     if not fits:
         raise BadFile(
             f"{name} has shape {shape}, but must be {str(expected.shape).replace(chr(39), '')}"
-            f"{' with ' if known else ''}{' and '.join(known)}"
+            f"{' with ' if sizes_so_far else ''}{' and '.join(sizes_so_far)}"
         )
 
 

@@ -31,14 +31,24 @@ from workbench.registration.coregistration.folder import (
     distances,
 )
 from workbench.reports.folder import SUMMARY, Content, summary_text, write_folder
-from workbench.reports.page import Columns, Shown, Table, csv_text, number, page, plotted, shown
+from workbench.reports.page import (
+    Columns,
+    Shown,
+    Table,
+    csv_text,
+    drawn,
+    number,
+    page,
+    plotted,
+    shown,
+)
 from workbench.reports.replay import recorded_registration
 from workbench.reports.run import measurements_summary, measurements_table
 from workbench.training.folder import COLUMNS, TABLE, Row
 from workbench.writing import write_arrays, write_file
 
 ARRAYS, MESH = "registration.npz", "registration.ply"
-FORMAT = 2  # of what is kept; raise it when these files change, so that none of before is taken
+FORMAT = 2  # of what is kept; raise it when these files change, so that older ones are not reused
 FILES = {
     "index.html": "this page",
     ARRAYS: "vertices, faces and confidence, as `workbench train` reads them; pose, betas and "
@@ -126,17 +136,7 @@ def registration_page(registered: RegisteredScan, body: str) -> str:
         facts=_facts(registration),
         warnings=registration.doubts,
         notes=registered.notes,
-        scan=shown(
-            registered_scan_sheet(
-                registration.vertices,
-                registration.faces,
-                registration.scan.points,
-                registration.distances,
-                registration.touching,
-                registration.facing,
-            ),
-            caption_registered_scan(registration.distances, registration.touching),
-        ),
+        scan=drawn(registered_scan_sheet, caption_registered_scan, registration),
         measurements=measurements_table(registration.measurements),
         stages=stages_table(registration),
         moved=MM * float(np.linalg.norm(registration.vertices - registration.model, axis=1).mean()),

@@ -120,11 +120,15 @@ def ending(run: "Run", stop: Stop) -> Ending:
 
 def _at_best(run: "Run") -> tuple[Linearization, float]:
     """The linearization and the optimality at the best point of a run, which is chosen here."""
+
+    def linearized(x: Array) -> Linearization:  # without limits, because the run is over
+        return run.linearizations.at(x) or run.problem.linearize_at(x, run.fixed)
+
     best, cheapest = run.best, run.best.x
-    here = _linearized(run, cheapest)
+    here = linearized(cheapest)
     optimality = best.decide(run.rounding_noise.optimality(cheapest, here))
     if best.x is not cheapest:
-        here = _linearized(run, best.x)
+        here = linearized(best.x)
     return _wrapped(run, here, optimality)
 
 
@@ -251,12 +255,6 @@ def _changes(end: EndPoint, moved: Mask, side: float) -> Iterator[float]:
         share /= 10
 
 
-def _linearized(run: "Run", x: Array) -> Linearization:
-    """Residual and Jacobian at x (n,), evaluated without limits because the run is over."""
-    kept = run.linearizations.at(x)
-    return run.problem.linearize_at(x, run.fixed) if kept is None else kept
-
-
 def _at_saddle(end: EndPoint, beside: Saddle, result: Ending) -> Ending:
     """The direction in the words of a diagnosis, and where to start instead."""
     free, cost = end.problem.free, end.here.cost
@@ -381,5 +379,5 @@ def flat_in_words(problem: Problem, x: Array, here: Linearization) -> str:
     null = n - here.columns(inside).scaled(1 / lengths).rank
     if null == 0:
         return ""
-    some = "1 direction changes" if null == 1 else f"{null} directions change"
-    return f" ({some} no residual here, so that other values fit as well; see a diagnosis)"
+    directions = "1 direction changes" if null == 1 else f"{null} directions change"
+    return f" ({directions} no residual here, so that other values fit as well; see a diagnosis)"

@@ -65,7 +65,7 @@ class Stop(Exception):
 
 
 def stop_asked(answer: object) -> Stop | None:
-    """The Stop that the answer of a callback means: True ends a run, and nothing else does."""
+    """The Stop by which a callback ends a run, if its answer is True; None for any other."""
     if isinstance(answer, bool | np.bool_) and answer:
         return Stop(Status.STOPPED, "stopped by the callback")
     return None

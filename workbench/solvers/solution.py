@@ -152,7 +152,7 @@ class Hypothesis:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """The best point that a solver found, how it ended, and the way there.
+    """The best point that a solver found, how the run ended, and its iterates.
 
     Attributes:
         values: the values of the free blocks.
@@ -265,7 +265,7 @@ class Solution:
 
             def values(of: str, i: int | None = None) -> Values:
                 named = {name: arrays[of + name] for name in shapes}
-                return named if i is None else {name: rows[i] for name, rows in named.items()}
+                return named if i is None else {name: array[i] for name, array in named.items()}
 
             old = facts.entries  # older files lack some of the facts
             return Solution(

@@ -170,8 +170,8 @@ class Starts:
             hypotheses=hypotheses,
         )
         if cut:
-            said = best.message.startswith(reason)
-            message = whole.message if said else f"{reason}; {whole.message}"
+            says_so = best.message.startswith(reason)
+            message = whole.message if says_so else f"{reason}; {whole.message}"
             return replace(whole, status=Status.STOPPED, message=message)
         return whole
 

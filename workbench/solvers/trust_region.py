@@ -66,11 +66,11 @@ class TrustRegion(Limits):
     bounds the step is the best one that stays inside.
 
     In a long curved valley, steps along straight lines are short. So after a step that lowers the
-    cost by less than a tenth, the next one that is damped is bent: p becomes p + a with
-    (J'J + damping I) a = -1/2 J'r_pp, where r_pp, the second derivative of the residual along p, is
-    measured by one more evaluation. It stays straight if 2 |a| is more than 3/4 |p| (Transtrum and
-    Sethna, Improvements to the Levenberg-Marquardt algorithm for nonlinear least-squares
-    minimization, 2012).
+    cost by less than a tenth, the next one that is damped gets a geodesic acceleration: p becomes
+    p + a with (J'J + damping I) a = -1/2 J'r_pp, where r_pp, the second derivative of the residual
+    along p, is measured by one more evaluation. It is left out if 2 |a| is more than 3/4 |p|
+    (Transtrum and Sethna, Improvements to the Levenberg-Marquardt algorithm for nonlinear
+    least-squares minimization, 2012).
 
     Raises BadArgument for a first radius that is not positive and finite.
 
@@ -93,11 +93,8 @@ class TrustRegion(Limits):
     @property
     def abilities(self) -> Abilities:
         """It needs a Jacobian at every iterate, and takes bounds."""
-        return Abilities(
-            Derivative.JACOBIAN,
-            Boxes.TAKEN,
-            source="Moré 1978; Transtrum and Sethna 2012",
-        )
+        source = "Moré 1978; Transtrum and Sethna 2012"
+        return Abilities(Derivative.JACOBIAN, Boxes.TAKEN, source=source)
 
     def solve(self, problem: Problem, start: Values, *, callback: Callback = None) -> Solution:
         """Solve from `start`; see `Solver`. Raises NotSupported for constraints."""
@@ -109,8 +106,10 @@ class TrustRegion(Limits):
             least = SMALLEST_RADIUS * max(size, radius)
             while True:
                 steepness = float(np.linalg.norm(here.gradient))
-                damped = self._damped(problem, x, here)
-                step, damping = step_within(radius, damped, steepness, damping)
+                # nothing may hold what `_damped` returns, for that holds `here`
+                step, damping = step_within(
+                    radius, self._damped(problem, x, here), steepness, damping
+                )
                 if step is None:
                     run.stall("the columns of the Jacobian are dependent; use automatic")
                 length = float(np.linalg.norm(step.p))
@@ -151,15 +150,15 @@ def next_radius(radius: float, length: float, gain_ratio: float, damping: float)
 def geodesic_acceleration(
     run: Run, x: Array, here: Linearization, p: Array, damping: float, solve: LinearAlgebra
 ) -> Array:
-    """The a (n,) by which the residual's second derivative along the step p (n,) bends it.
+    """The geodesic acceleration a (n,) of a step p (n,); 0 where it is no small correction.
 
-    It is 0 where it is no small correction. See `TrustRegion`.
+    See `TrustRegion`.
     """
     ahead = np.clip(x + PROBE_LENGTH * p, run.problem.lower, run.problem.upper)
     residual = run.evaluate("residual", lambda: run.problem.residual(ahead, run.fixed))
     r_pp = 2 / PROBE_LENGTH * ((residual - here.residual) / PROBE_LENGTH - here.along(p))
-    curved = here.with_residual(0.5 * r_pp)
-    step = solve(curved, damping, np.ones(x.size)) if np.isfinite(curved.gradient).all() else None
+    second = here.with_residual(0.5 * r_pp)
+    step = solve(second, damping, np.ones(x.size)) if np.isfinite(second.gradient).all() else None
     if step is None or not 2 * np.linalg.norm(step.p) <= LARGEST_ACCELERATION * np.linalg.norm(p):
         return np.zeros_like(p)
     return step.p
@@ -179,7 +178,8 @@ def step_within(
     two or three trials. `damped` is the step as a function of its damping, None where the linear
     algebra has no answer; `steepness` is the length of the gradient, and `damping` the first tried.
     """
-    longer, shorter = -1.0, min(steepness / radius, LARGEST_DAMPING)  # dampings that make it so
+    # the largest damping whose step is longer than the radius, and the smallest of shorter ones
+    longer, shorter = -1.0, min(steepness / radius, LARGEST_DAMPING)
     tried: list[tuple[float, float]] = []
     damping = min(damping, shorter)
     for _ in range(MOST_TRIALS):

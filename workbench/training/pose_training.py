@@ -19,14 +19,7 @@ from workbench.geometry.mirror import Mirror
 from workbench.geometry.surface_tree import barycentric_weights
 from workbench.threads import limited_threads
 from workbench.training.blend_shapes import local_features
-from workbench.training.blocks import (
-    BLOCKS,
-    NO_LIMIT,
-    BlockInput,
-    Plan,
-    Stage,
-    alternation,
-)
+from workbench.training.blocks import BLOCKS, NO_LIMIT, BlockInput, Plan, Stage, alternation
 from workbench.training.checkpoint import TrainingCheckpoint, fingerprint, read_checkpoint
 from workbench.training.estimate import Estimate
 from workbench.training.execution import SERIAL, Execution, LogEntry, NotLowered, Progress

@@ -83,10 +83,8 @@ class InMemory:
     def read(self, some: slice) -> Batch:
         """The registrations of these rows, converted to float64 where they are something else."""
         vertices = np.asarray(self.vertices[some], dtype=np.float64)
-        if self.confidence is None:
-            confidence = np.ones(vertices.shape[:2])
-        else:
-            confidence = self.confidence[some].astype(np.float64)
+        C = self.confidence
+        confidence = np.ones(vertices.shape[:2]) if C is None else C[some].astype(np.float64)
         return Batch(some, self.subject[some], vertices, confidence)
 
 

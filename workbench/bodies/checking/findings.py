@@ -8,10 +8,11 @@ import numpy as np
 
 from workbench.arrays import Array, Index, Mask
 from workbench.bodies.checking.model_arrays import FileFinding, ModelArrays, of_all, row_name
-from workbench.bodies.files.joint_names import FINGERS, NAMES, TREES
+from workbench.bodies.files.joint_names import FINGER_JOINTS, NAMES, TREES
 from workbench.bodies.spaces import FACE_BETAS, WITH_FACE
 from workbench.bodies.validation import ROW_SUM_TOLERANCE
 from workbench.geometry.guesses import UP_TO_Y
+from workbench.geometry.mirror import opposite
 from workbench.geometry.rotation import vector_from_matrix
 from workbench.geometry.solids import volume
 
@@ -247,9 +248,9 @@ def directions(model: ModelArrays) -> dict[str, Array]:
     if joints is None or model.n_joints != len(model.names):
         return {}
     places = dict(zip(model.names, joints, strict=True))
-    left = [name for name in places if name.startswith("left_") and _other_side(name) in places]
+    left = [name for name in places if name.startswith("left_") and opposite(name) in places]
     ends = {
-        "left": (left, [_other_side(name) for name in left]),
+        "left": (left, [opposite(name) for name in left]),
         "up": (["head", "neck"], ["left_ankle", "right_ankle", "pelvis"]),
         "front": (["left_foot", "right_foot"], ["left_ankle", "right_ankle"]),
     }
@@ -259,10 +260,6 @@ def directions(model: ModelArrays) -> dict[str, Array]:
         if all(ends_of):
             ways[name] = np.mean(ends_of[0], axis=0) - np.mean(ends_of[1], axis=0)
     return {name: way for name, way in ways.items() if np.any(way)}
-
-
-def _other_side(name: str) -> str:
-    return f"right_{name.removeprefix('left_')}"
 
 
 def axis_of(way: Array) -> str:
@@ -324,18 +321,18 @@ def hands_in_file(model: ModelArrays) -> list[Hand]:
     in_name = [side for side in ("left", "right") if side in Path(model.where).stem.lower()]
     for letter, side in (("", ""), ("l", "left"), ("r", "right")):
         prefix = f"{side}_" if side else ""
-        places = {name: places_of.get(prefix + name) for name in ("wrist", *FINGERS)}
-        known = {name: place for name, place in places.items() if place is not None}
-        if len(known) == len(places):
+        places = {name: places_of.get(prefix + name) for name in ("wrist", *FINGER_JOINTS)}
+        ends = {name: place for name, place in places.items() if place is not None}
+        if len(ends) == len(places):
             mean = model.extra(f"hands_mean{letter}")
             pose = np.zeros(45) if mean is None or mean.size != 45 else mean.astype(np.float64)
             said = side or (in_name[0] if len(in_name) == 1 else "")
-            hands.append(Hand(letter, said, _chirality(known, pose.reshape(15, 3))))
+            hands.append(Hand(letter, said, _chirality(ends, pose.reshape(15, 3))))
     return hands
 
 
 def _chirality(places: Mapping[str, Array], pose: Array) -> float:
-    turns = dict(zip(FINGERS, pose, strict=True))
+    turns = dict(zip(FINGER_JOINTS, pose, strict=True))
     fingers, thumbwards = places["middle1"] - places["wrist"], places["index1"] - places["pinky1"]
     bends = [  # how small turns of its joints move the last joint of each finger
         np.cross(turns[f"{finger}{i}"], places[f"{finger}3"] - places[f"{finger}{i}"])

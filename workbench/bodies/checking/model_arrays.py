@@ -158,8 +158,8 @@ def model_arrays(raw: Contents, where: str) -> ModelArrays:
     N = None if template is None else len(template)
     K = None if table is None else table.shape[1]
     sizes = {"vertices of v_template": N, "joints of kintree_table": K}
-    known = [f"{n} {what}" for what, n in sizes.items() if n is not None]
-    of_both = f"for the {' and '.join(known) or 'vertices and joints'}"
+    counts = [f"{n} {what}" for what, n in sizes.items() if n is not None]
+    of_both = f"for the {' and '.join(counts) or 'vertices and joints'}"
     faces = array("f", entries.wholes, (None, 3), "for triangles")
     weights = array("weights", entries.reals, (N, K), of_both)
     regressor = array("J_regressor", entries.matrix, (K, N), of_both)
@@ -229,10 +229,10 @@ def _parents(table: Index | None) -> tuple[int, ...] | None:
 
 def _names(entries: Entries, K: int, parents: tuple[int, ...] | None) -> tuple[str, ...]:
     try:
-        own = entries.texts("joint_names") if "joint_names" in entries else ()
+        names = entries.texts("joint_names") if "joint_names" in entries else ()
     except BadFile:
-        own = ()
-    return own if len(own) == K else joint_names(min(K, MOST_JOINTS), parents)
+        names = ()
+    return names if len(names) == K else joint_names(min(K, MOST_JOINTS), parents)
 
 
 def used_keys(raw: Contents) -> frozenset[str]:

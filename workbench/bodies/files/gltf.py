@@ -123,8 +123,8 @@ def correctives_of(
     mixed, shares = np.zeros((T, 0)), np.zeros((T, 0))  # mixtures of poses that are the shapes
     if P.shape[1] and count != 0:
         _, sizes, turns = np.linalg.svd(np.linalg.qr(P, mode="r") @ features.T, full_matrices=False)
-        kept = int((sizes > LEAST_DIRECTION).sum())
-        used = turns[: kept if count is None else min(kept, count)].T  # columns of length one
+        rank = int((sizes > LEAST_DIRECTION).sum())
+        used = turns[: rank if count is None else min(rank, count)].T  # columns of length one
         largest = np.abs(used).max(axis=0, initial=1e-300)
         mixed, shares = used * largest, used / largest
     shapes, shares = (
@@ -132,9 +132,9 @@ def correctives_of(
     )
     total, farthest = 0.0, 0.0
     for first in range(0, T, POSES_AT_ONCE):
-        some = slice(first, first + POSES_AT_ONCE)
-        missing = (features[some] @ P.T - shares[some] @ shapes.T).reshape(-1, N, 3)
-        R = body.kinematics.motion(poses[some], people[some]).G[..., :3]
+        rows = slice(first, first + POSES_AT_ONCE)
+        missing = (features[rows] @ P.T - shares[rows] @ shapes.T).reshape(-1, N, 3)
+        R = body.kinematics.motion(poses[rows], people[rows]).G[..., :3]
         blended = (body.weights @ R.reshape(len(R), -1, 9)).reshape(-1, N, 3, 3)
         off = np.linalg.norm(np.einsum("tnij,tnj->tni", blended, missing), axis=2)
         total, farthest = total + float(off.sum()), max(farthest, float(off.max()))

@@ -33,7 +33,7 @@ from workbench.bodies.files.reading import (
     SKINNED,
     TRIANGLES,
     Entries,
-    sorted_out,
+    kept_and_left_out,
 )
 from workbench.bodies.forward.surface import Features, rotation_elements, star_features
 from workbench.bodies.readonly import locked
@@ -63,8 +63,8 @@ def body_from(raw: Contents, name: str, where: str) -> SkinnedBody:
     _check_keys(entries)
     N, parents = _vertices(entries), parents_from(entries)
     mirror, posedirs = _mirror(entries, N), entries.directions("posedirs", N)
-    own = SKINNED if mirror is None else SKINNED | {MIRROR}
-    extras, left_out = sorted_out(raw, own)
+    keys = SKINNED if mirror is None else SKINNED | {MIRROR}
+    extras, left_out = kept_and_left_out(raw, keys)
     return SkinnedBody(
         template=locked(entries.reals("v_template")),
         shapedirs=locked(entries.directions("shapedirs", N)),
@@ -93,10 +93,10 @@ def _check_keys(entries: Entries) -> None:
     missing = [key for key in REQUIRED if key not in have]
     if missing:
         instead = next((f"It looks like {what}. " for keys, what in LOOKALIKES if keys <= have), "")
-        held = some(sorted(have)) if have else "nothing"
+        contents = some(sorted(have)) if have else "nothing"
         raise BadFile(
             f"{entries.where} has no {', '.join(missing)}; it has "
-            f"{held}. {instead}A body needs {', '.join(REQUIRED)}"
+            f"{contents}. {instead}A body needs {', '.join(REQUIRED)}"
         )
     style = entries.text("bs_style", "lbs")
     if style != "lbs":
@@ -206,8 +206,8 @@ def own_card(entries: Entries, left_out: list[str]) -> dict[str, Any]:
         raise BadFile(f"{entries.where}: its card is no JSON ({error})") from error
     if not isinstance(card, dict):
         raise BadFile(f"{entries.where}: its card is a {type(card).__name__}, not an object")
-    known = card.get("left_out", [])
-    lines = [*(known if isinstance(known, list) else [known]), *left_out]
+    before = card.get("left_out", [])
+    lines = [*(before if isinstance(before, list) else [before]), *left_out]
     return card | ({"left_out": lines} if left_out else {})
 
 
@@ -233,7 +233,7 @@ def triangle_body_from(raw: Contents, name: str, where: str) -> TriangleBody:
             f"triangle body has {', '.join(OF_TRIANGLES)}"
         )
     parents = parents_from(entries)
-    extras, left_out = sorted_out(raw, TRIANGLES)
+    extras, left_out = kept_and_left_out(raw, TRIANGLES)
     return TriangleBody(
         template=locked(entries.reals("v_template")),
         faces=entries.wholes("f"),

@@ -574,10 +574,10 @@ def _sparse(reading: Records, kind: str, state: dict[str, Any], depth: int) -> c
 def _select(reading: Records, state: dict[str, Any], depth: int) -> NDArray[Any]:
     """chumpy's Select: some entries of `a`, counted row by row, in a shape of their own."""
     source = reading.numbers(state["a"], depth)
-    which = reading.numbers(state["idxs"], depth)
+    indices = reading.numbers(state["idxs"], depth)
     shape = reading.meaning(state.get("preferred_shape"), depth)
-    reading.allowance.pay((which.size + source.size,))
-    chosen: NDArray[Any] = source.ravel()[which]
+    reading.allowance.pay((indices.size + source.size,))
+    chosen: NDArray[Any] = source.ravel()[indices]
     if shape is None:
         return chosen
     sizes = sizes_in(shape, "shape")

@@ -246,7 +246,7 @@ MOST_ENTRIES = 2**24  # of all sparse matrices kept as full arrays: 128 MB of fl
 Kept = dict[str, NDArray[Any]]
 
 
-def sorted_out(raw: Contents, own: Iterable[str]) -> tuple[Kept, list[str]]:
+def kept_and_left_out(raw: Contents, own: Iterable[str]) -> tuple[Kept, list[str]]:
     """The entries that no body computes with: those that are kept, and a sentence on each other.
 
     `own` are the keys that were read; those of sets of landmarks count as well.

@@ -87,7 +87,7 @@ class Packing(NamedTuple):
 
     @staticmethod
     def of(body: SkinnedBody) -> Packing:
-        """What takes the least time: directions are stored as they are if the cache holds them."""
+        """The packing that takes the least time: none where a cache holds the directions."""
         arrays = body.shapedirs, body.posedirs
         if 8 * (arrays[0].size + np.count_nonzero(arrays[1])) < WORTH_NARROWING:
             return Packing()
@@ -108,7 +108,7 @@ class Packing(NamedTuple):
 
 
 def whole_step(array: Array) -> float:
-    """The number of which all entries seem to be whole multiples: the least distance of some."""
+    """The step of which all entries seem to be whole multiples: the smallest gap in a sample."""
     entries = array[array != 0]
     sample = entries[np.linspace(0, entries.size - 1, min(entries.size, SAMPLE)).astype(np.int64)]
     distances = np.diff(np.unique(np.abs(sample)), prepend=0.0)
@@ -168,21 +168,21 @@ class PackedVertices:
         pieces = []
         for start in range(0, N, PACKED_AT_ONCE):
             chunk = chosen[start : start + PACKED_AT_ONCE]
-            here = slice(start // lanes, start // lanes + -(-len(chunk) // lanes))
-            pieces.append((chunk, here))
+            rows = slice(start // lanes, start // lanes + -(-len(chunk) // lanes))
+            pieces.append((chunk, rows))
             of_vertex = np.concatenate([arrays.template[chunk].T, arrays.weights[chunk].T])
-            packed[here] = _grouped(of_vertex, lanes)
+            packed[rows] = _grouped(of_vertex, lanes)
             by_beta = arrays.shapedirs[chunk].transpose(2, 1, 0).reshape(3 * B, len(chunk))
-            shapes[here] = _grouped(packing.stored(by_beta, shape_step), lanes)
-            weighted[here] = (_grouped(arrays.weights[chunk].T, lanes) != 0).any(axis=2)
+            shapes[rows] = _grouped(packing.stored(by_beta, shape_step), lanes)
+            weighted[rows] = (_grouped(arrays.weights[chunk].T, lanes) != 0).any(axis=2)
             acting = (arrays.posedirs[chunk].reshape(len(chunk), 3, K - 1, 9) != 0).any(axis=(1, 3))
-            corrected[here, 1:] = _grouped(acting.T, lanes).any(axis=2)
+            corrected[rows, 1:] = _grouped(acting.T, lanes).any(axis=2)
         # Now that their number is known, the directions are written to where they will stay.
         posedirs, end = aligned_zeros((int(corrected.sum()), 27, lanes), packing.dtype), 0
-        for chunk, here in pieces:
+        for chunk, rows in pieces:
             by_joint = arrays.posedirs[chunk].reshape(len(chunk), 3, K - 1, 9)
             planar = by_joint.transpose(2, 3, 1, 0).reshape(27 * (K - 1), len(chunk))
-            joints = corrected[here, 1:]
+            joints = corrected[rows, 1:]
             directions = _grouped(planar, lanes).reshape(*joints.shape, 27, lanes)[joints]
             begin, end = end, end + len(directions)
             posedirs[begin:end] = packing.stored(directions, pose_step)

@@ -139,8 +139,8 @@ class RestPoints:
         if offsets is not None:
             displaced = csc_array((self.mass, (self.landmark, np.arange(P))), shape=(L, P))
             rest = rest + offsets @ sparse_constant(displaced)
-        own = csc_array((np.ones(P), (np.arange(P), self.joint)), shape=(P, len(G)))
-        moved = blend_points(rest, cs.DM(self.mass), G, sparse_constant(own))
+        by_joint = csc_array((np.ones(P), (np.arange(P), self.joint)), shape=(P, len(G)))
+        moved = blend_points(rest, cs.DM(self.mass), G, sparse_constant(by_joint))
         edges = np.append(self.first, P)
         means = csc_array((np.ones(P), np.arange(P), edges), shape=(P, L))
         return moved @ sparse_constant(means)
@@ -160,8 +160,8 @@ class LandmarkPoints:
     @staticmethod
     def of_joints(skeleton: Skeleton, ancestors: Array) -> LandmarkPoints:
         """The posed joints of a body."""
-        each = np.arange(len(ancestors))
-        points = RestPoints.rigid(each, skeleton.mean, skeleton.by_betas)
+        joints = np.arange(len(ancestors))
+        points = RestPoints.rigid(joints, skeleton.mean, skeleton.by_betas)
         return LandmarkPoints(points, ancestors, joints=True)
 
     def at(
@@ -239,8 +239,8 @@ class LandmarkPointsAt(PointsAtMotion):
     @cached_property
     def G(self) -> Array:
         """The motion of each rest point's joint, (..., 3, 4, P)."""
-        each = self.motion.G[..., self.of.rest_points.joint, :, :]
-        return np.ascontiguousarray(np.moveaxis(each, -3, -1))
+        motions = self.motion.G[..., self.of.rest_points.joint, :, :]
+        return np.ascontiguousarray(np.moveaxis(motions, -3, -1))
 
     @cached_property
     def moved(self) -> Array:
@@ -268,9 +268,9 @@ class LandmarkPointsAt(PointsAtMotion):
         if role == "trans":
             return _by_trans(L)
         if role == "offsets":
-            each, turned = np.arange(L), np.moveaxis(self._blended, -1, 0).swapaxes(-1, -2)
+            landmarks, turned = np.arange(L), np.moveaxis(self._blended, -1, 0).swapaxes(-1, -2)
             blocks = np.zeros((*self._blended.shape[:-3], L, 3, L, 3))
-            blocks[..., each, :, each, :] = turned
+            blocks[..., landmarks, :, landmarks, :] = turned
             return blocks.reshape(*blocks.shape[:-4], 3 * L, 3 * L)
         planar = self._by_pose(by) if role == "pose" else self._by_betas(by)
         return planar.swapaxes(-1, -2).reshape(*planar.shape[:-2], 3 * L)
@@ -320,9 +320,9 @@ class LandmarkPointsAt(PointsAtMotion):
         """The transposed derivative of the landmarks by betas, (..., B, 3, L)."""
         of, points = self.of, self.of.rest_points
         turned = self.motion.G[..., points.joint, :, :3] @ of.by_betas  # (P, 3, B)
-        own = turned if of.joints else np.add.reduceat(turned, points.first, axis=-3)
+        moved = turned if of.joints else np.add.reduceat(turned, points.first, axis=-3)
         shift = by.d_shift if of.joints else of.mass.T @ by.d_shift  # (B, L, 3)
-        return np.asarray(shift.swapaxes(-1, -2) + own.swapaxes(-1, -3))
+        return np.asarray(shift.swapaxes(-1, -2) + moved.swapaxes(-1, -3))
 
     def _turned(self, rest: Array) -> Array:
         """What changes of the rest points (..., r, 3 P) do to the landmarks, (..., r, 3, L)."""

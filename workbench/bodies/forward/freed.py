@@ -65,10 +65,10 @@ class FreedSurface(NumericPoints):
 
         It is that at random values of all blocks, at which no other entry is zero.
         """
-        own = self.own_names[name]
-        if own in BLOCKS or ("J_regressor" in self.names and own in ("template", "shapedirs")):
+        array = self.own_names[name]
+        if array in BLOCKS or ("J_regressor" in self.names and array in ("template", "shapedirs")):
             return None
-        if "weights" in self.names and own in ("joints", "J_regressor"):
+        if "weights" in self.names and array in ("joints", "J_regressor"):
             return None
         J = self._at_random.jacobian(name)
         return csc_array((np.ones(J.nnz), J.indices, J.indptr), shape=J.shape)
@@ -135,14 +135,14 @@ class FreedSurfaceAt(PointsAt):
         """j: the joints at rest, (K, 3) m."""
         if "joints" in self.arrays:
             return self.arrays["joints"]
-        own = self.of.body.rest_joints
-        return np.asarray(self._regressor @ self.person) if own is None else own
+        fixed = self.of.body.rest_joints
+        return np.asarray(self._regressor @ self.person) if fixed is None else fixed
 
     @cached_property
     def shifts(self) -> Array:
         """The last column of each joint's motion, (K, 3) m."""
-        own = (self.levers @ self.joints[:, :, None])[:, :, 0]
-        return np.asarray(self.of.kinematics.ancestors @ own)
+        steps = (self.levers @ self.joints[:, :, None])[:, :, 0]
+        return np.asarray(self.of.kinematics.ancestors @ steps)
 
     @cached_property
     def weights(self) -> Array:

@@ -70,8 +70,8 @@ class VertexChunk:
 
     def rest(self, betas: Array, features: Array) -> Array:
         """T + S betas + P f, (..., 3, n), for betas (..., B) and features (..., 9 (K - 1))."""
-        one = np.ones((*betas.shape[:-1], 1))
-        along = np.concatenate([one, betas, features[..., self.used]], axis=-1)
+        ones = np.ones((*betas.shape[:-1], 1))
+        along = np.concatenate([ones, betas, features[..., self.used]], axis=-1)
         flat = along @ self.directions  # in one product, which reads memory in order
         return np.asarray(flat.reshape(*flat.shape[:-1], 3, -1))
 

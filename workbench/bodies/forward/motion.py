@@ -246,6 +246,6 @@ class Kinematics:
         turned = crossed(L[..., 1:, :, :].swapaxes(-1, -2)) @ R  # (..., K - 1, a, 3, 3)
         by.d_features[..., 0, :, :] = 0
         by.d_features[..., 1:, :, :] = turned.reshape(*batch, K - 1, 3, 9).swapaxes(-1, -2)
-        own = ((above - turn) @ self.skeleton.by_betas).reshape(*batch, K, 3 * B)
-        shift = (self.ancestors @ own).reshape(*batch, K, 3, B)
+        changes = ((above - turn) @ self.skeleton.by_betas).reshape(*batch, K, 3 * B)
+        shift = (self.ancestors @ changes).reshape(*batch, K, 3, B)
         by.d_shift[...] = shift.swapaxes(-1, -3).swapaxes(-1, -2)

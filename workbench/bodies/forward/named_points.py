@@ -4,8 +4,8 @@ Arithmetic knows a pose, betas, a translation and perhaps offsets (`BodyPoints`)
 blocks by the names that it gives them, of which these arguments are affine maps. `BlockPoints`
 stands between the two.
 
-Where the arguments are whole blocks, derivatives are written where they belong. Otherwise they are
-written aside, and matrix products carry them on to the blocks.
+Where the arguments are whole blocks, derivatives are written where they belong. Otherwise the
+derivatives by the arguments are computed first, and multiplied by those of the affine maps.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from workbench.blocks.points import LoopedPoints, NumericPoints, PointsAt, Point
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Those `rows` of a matrix of `count` rows that are wanted, and an array for them."""
+    """Where some `rows` of a matrix of `count` rows are written: into `array`, in their order."""
 
     count: int
     rows: Index
     array: Array
 
     def __len__(self) -> int:
-        """The number of rows, including those that are not wanted."""
+        """The number of rows of the whole matrix."""
         return self.count
 
 
@@ -40,7 +40,7 @@ RowTarget = Array | Rows  # where rows are written: all, or some
 
 
 def write(into: RowTarget, rows: Array, scale: Array | float | None) -> None:
-    """Write the rows that are wanted, out of an array of all rows, each column times its scale."""
+    """Write all `rows` of a matrix or some, as `into` says, each column times its scale."""
     factor = 1.0 if scale is None else scale
     if isinstance(into, Rows):
         into.array[...] = rows[into.rows] * factor
@@ -105,14 +105,13 @@ class BodyPoints(ABC):
 class BlockPoints(NumericPoints):
     """Points on a body whose arguments are affine maps of a problem's blocks.
 
-    `wanted` has the entries by which derivatives are taken of those blocks that
-    are free in part; of all others they are taken by every entry.
+    Of a block in `wanted`, derivatives are taken by these entries alone, and otherwise by all.
     """
 
     points: BodyPoints
     maps: Maps
     wanted: Mapping[str, Index] = field(default_factory=dict)
-    _aside: dict[tuple[str, ...], dict[str, AsideRows]] = field(
+    _chains: dict[tuple[str, ...], dict[str, ArgumentRows]] = field(
         default_factory=dict, init=False, repr=False
     )
 
@@ -145,8 +144,8 @@ class BlockPoints(NumericPoints):
             together = self.points.together(dict(zip(ROLES, self.plain, strict=False)), *arguments)
             if together is not None:
                 return together
-        each = [{name: values[name][i] for name in self.reads} for i in range(count)]
-        arguments = [np.array([part.value(one_set) for one_set in each]) for part in self.maps]
+        sets = [{name: values[name][i] for name in self.reads} for i in range(count)]
+        arguments = [np.array([part.value(one_set) for one_set in sets]) for part in self.maps]
         return LoopedPoints(
             [BlockPointsAt(self, here) for here in self.points.evaluate_each(*arguments)]
         )
@@ -155,26 +154,32 @@ class BlockPoints(NumericPoints):
         """The points of M sets of values, (M, N, 3) m."""
         return self.points.evaluate_batch(*(part.value_batch(values) for part in self.maps))
 
-    def aside(self, names: tuple[str, ...]) -> dict[str, AsideRows]:
-        """By role, the rows that are written aside for the derivative by these blocks."""
-        if names not in self._aside:
+    def chain(self, names: tuple[str, ...]) -> dict[str, ArgumentRows]:
+        """By role, the numbers of arguments through which points depend on these blocks."""
+        if names not in self._chains:
             every = zip(ROLES, self.maps, strict=False)
-            parts = {role: AsideRows.of(affine, names, self.wanted) for role, affine in every}
-            self._aside[names] = {role: part for role, part in parts.items() if len(part.rows)}
-        return self._aside[names]
+            parts = {role: ArgumentRows.of(affine, names, self.wanted) for role, affine in every}
+            self._chains[names] = {role: part for role, part in parts.items() if len(part.rows)}
+        return self._chains[names]
 
 
 @dataclass(frozen=True, eq=False)
-class AsideRows:
-    """The `rows` of an argument of `count` numbers that move some blocks, and how: by block."""
+class ArgumentRows:
+    """The numbers of an argument that depend on some blocks.
+
+    Attributes:
+        count: how many numbers the argument has.
+        rows: (R,) those that depend on any of the blocks.
+        onto: by block, the transposed derivative of these by its entries, (entries, R).
+    """
 
     count: int
     rows: Index
     onto: Mapping[str, Array | csr_array]
 
     @staticmethod
-    def of(affine: Affine, names: tuple[str, ...], wanted: Mapping[str, Index]) -> AsideRows:
-        """Those by the wanted entries of the named blocks, (wanted, rows) each."""
+    def of(affine: Affine, names: tuple[str, ...], wanted: Mapping[str, Index]) -> ArgumentRows:
+        """The numbers of an affine map; of the named blocks the wanted entries alone count."""
         terms = {name: affine.terms[name] for name in names if name in affine.terms}
         by = {
             n: csr_array(m[:, wanted[n].tolist()]) if n in wanted else m for n, m in terms.items()
@@ -182,7 +187,7 @@ class AsideRows:
         reached = [row for matrix in by.values() for row in matrix.nonzero()[0].tolist()]
         rows = np.unique(np.array(reached, dtype=np.int64))
         onto = {n: fast_to_multiply(csr_array(m[rows].T)) for n, m in by.items() if m.nnz}
-        return AsideRows(len(affine.offset), rows, onto)
+        return ArgumentRows(len(affine.offset), rows, onto)
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,14 +213,14 @@ class BlockPointsAt(PointsAt):
                     targets[role] = rows if free is None else Rows(len(affine.offset), free, rows)
             self.body_points.write_jacobian(targets, scale)
         elif into:
-            parts, width = of.aside(tuple(into)), next(iter(into.values())).shape[1]
-            aside = {role: np.zeros((len(part.rows), width)) for role, part in parts.items()}
+            parts, width = of.chain(tuple(into)), next(iter(into.values())).shape[1]
+            by_role = {role: np.zeros((len(part.rows), width)) for role, part in parts.items()}
             self.body_points.write_jacobian(
-                {role: Rows(part.count, part.rows, aside[role]) for role, part in parts.items()},
+                {role: Rows(part.count, part.rows, by_role[role]) for role, part in parts.items()},
                 scale,
             )
             for name, target in into.items():
-                products = [p.onto[name] @ aside[r] for r, p in parts.items() if name in p.onto]
+                products = [p.onto[name] @ by_role[r] for r, p in parts.items() if name in p.onto]
                 target[...] = sum(products[1:], products[0]) if products else 0.0
 
     def vjp(self, cotangent: Array) -> dict[str, Array]:

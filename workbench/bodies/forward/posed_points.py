@@ -157,8 +157,8 @@ class PosedFrames:
 
     def vjps(self, cotangents: Array) -> dict[str, Array]:
         """The gradients (M, size) of cotangent (M, 3 N) . points by each block."""
-        each = zip(self.of.evaluate_each(*self.arguments), cotangents, strict=True)
-        gradients = stacked([points.vjp(cotangent) for points, cotangent in each])
+        pairs = zip(self.of.evaluate_each(*self.arguments), cotangents, strict=True)
+        gradients = stacked([points.vjp(cotangent) for points, cotangent in pairs])
         return {name: gradients[role] for role, name in self.names.items() if role in gradients}
 
 

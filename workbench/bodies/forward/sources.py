@@ -76,18 +76,18 @@ class Arguments:
     @property
     def _pairs(self) -> tuple[tuple[Block, cs.MX], ...]:
         """A block of the shape of each argument, and what stands for it."""
-        own = tuple(zip(self.body.blocks(), self.symbols, strict=True))
-        return own if self.displaced is None else (*own, self.displaced)
+        pairs = tuple(zip(self.body.blocks(), self.symbols, strict=True))
+        return pairs if self.displaced is None else (*pairs, self.displaced)
 
     def blocks(self) -> tuple[Block, ...]:
         """The block behind each symbol, the body's own (with unit and labels) where it is one."""
-        own = {b.symbol.__hash__(): b for b in self.body.known_blocks}
+        block_of = {b.symbol.__hash__(): b for b in self.body.known_blocks}
         if self.displaced is not None:
             block, value = self.displaced
-            if value.is_symbolic() and value.__hash__() not in own:
-                own[value.__hash__()] = Block.of(value, block.unit, block.labels)
+            if value.is_symbolic() and value.__hash__() not in block_of:
+                block_of[value.__hash__()] = Block.of(value, block.unit, block.labels)
         symbols = cs.symvar(cs.veccat(*(value for _, value in self._pairs)))
-        return tuple(own.get(s.__hash__()) or Block.of(s) for s in symbols)
+        return tuple(block_of.get(s.__hash__()) or Block.of(s) for s in symbols)
 
     @cached_property
     def tree(self) -> Tree | None:
@@ -264,9 +264,9 @@ def arguments_from_values(
     are computed from the blocks that `points` of this body are made from, which may be pieces of a
     pose or coefficients. None if the values do not determine them.
     """
-    own = [block.name for block in body.blocks()]
-    if all(name in values for name in own):
-        pose, betas, trans = (np.asarray(values[name], dtype=float) for name in own)
+    names = [block.name for block in body.blocks()]
+    if all(name in values for name in names):
+        pose, betas, trans = (np.asarray(values[name], dtype=float) for name in names)
         return pose, betas, trans
     for part in points:
         arguments = part.source.arguments if isinstance(part.source, BodySource) else None

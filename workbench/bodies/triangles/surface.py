@@ -108,8 +108,8 @@ class TriangleNumbers(BodyPoints):
 
     def evaluate_batch(self, poses: Array, betas: Array, trans: Array, *_: Array) -> Array:
         """The vertices (M, N, 3) m of M poses, betas and translations; stitched all at once."""
-        of, each = self.packed, zip(poses, betas, strict=True)
-        right_sides = [TriangleSurface(of, p, b, np.zeros(3)).right_side for p, b in each]
+        of, pairs = self.packed, zip(poses, betas, strict=True)
+        right_sides = [TriangleSurface(of, p, b, np.zeros(3)).right_side for p, b in pairs]
         if not right_sides:
             return np.zeros((0, of.stitching.n_vertices, 3))
         V = of.placed(np.concatenate(right_sides, axis=1)).reshape(-1, len(poses), 3)
@@ -279,8 +279,8 @@ def deformed(
     shaped = _symbol_or_numbers(of, "shapedirs", free).T @ betas
     D = _identities(F) + cs.reshape(shaped, 9, F).T  # D[:, 3 r + c]
     twists = cs.reshape(pose[:, of.near.ravel().tolist()], 3 * J, F)  # of each face
-    each = cs.reshape(cs.repmat(twists, 9, 1), 3 * J, 9 * F)  # once for each entry of its matrix
-    bent = cs.sum1(_symbol_or_numbers(of, "posedirs", free) * each)
+    spread = cs.reshape(cs.repmat(twists, 9, 1), 3 * J, 9 * F)  # once for each entry of a matrix
+    bent = cs.sum1(_symbol_or_numbers(of, "posedirs", free) * spread)
     Q = _identities(F) + cs.reshape(bent, 9, F).T  # Q[:, 3 r + c]
     edges = []
     for i in range(2):

@@ -28,7 +28,7 @@ POINTS_AT_ONCE = 20_000  # points
 SPARSE_RATIO = 2.0  # times as far from its neighbours as these from theirs: beside the surface
 BOUNDARY_NEIGHBOURS = 48  # with 24, two to five times as many points of Kinect clouds are marked
 BOUNDARY_GAP = 2 * np.pi / 3  # rad
-LOOSE_NEIGHBOURS = 8  # nearest points that are asked
+LOOSE_NEIGHBOURS = 8  # nearest points of each that are looked at
 SPACING_NEIGHBOUR = 4  # the neighbour whose distance, in the median, says how dense a scan is
 LINKED_RATIO = 2.0  # times that distance: neighbours that are nearer hang together
 LINKED_COSINE = 0.5  # cosine of the largest angle between the normals of points that hang together
@@ -117,7 +117,7 @@ def areas_of_neighbours(points: Array) -> Array:
     return np.asarray(np.minimum(areas, SPARSE_RATIO**2 * usual))
 
 
-def filled(points: Array, normals: Array) -> Array:
+def filled_normals(points: Array, normals: Array) -> Array:
     """Unit normals (M, 3); where they are zero or not finite, that of the nearest point."""
     whole = units(normals)
     known = whole.any(axis=1)
