@@ -18,8 +18,10 @@ from workbench import (
     residuals,
 )
 from workbench.blocks import Layout, Tree
-from workbench.diagnostics.gauges import INSIDE
-from workbench.diagnostics.null_space import Direction, named_by_joints
+from workbench.diagnostics.bases import null_basis, sparsest
+from workbench.diagnostics.gauges import KnownMotions, NullSpace
+from workbench.diagnostics.joint_motions import joint_motions
+from workbench.diagnostics.null_space import of_joints
 from workbench.diagnostics.rank_law import law_in_words, rank_of_observed_joints
 from workbench.geometry.rotation import matrix_from_vector
 from workbench.problem import Linearization
@@ -70,13 +72,20 @@ def jacobian_of(
     return J
 
 
-def named(J: np.ndarray, parents: tuple[int, ...], translation: bool) -> tuple[Direction, ...]:
+def null_vectors(J: np.ndarray, parents: tuple[int, ...], translation: bool) -> np.ndarray:
+    """The null vectors (n, d) of J: motions of joints, and vectors of few entries for the rest."""
     names = tuple(f"joint{k}" for k in range(len(parents)))
     pose, trans = Block("pose", (len(parents), 3), "rad", names), Block("trans", (3,), "m")
     free = Layout((pose, trans) if translation else (pose,))
-    here = Linearization(np.zeros(len(J)), J)
-    null = here.spectrum.Vt[here.spectrum.rank :].T
-    return named_by_joints(null, free, (Tree("pose", names, parents),), here, INSIDE)
+    spectrum = Linearization(np.zeros(len(J)), J).spectrum
+    null = spectrum.Vt[spectrum.rank :].T
+    known = KnownMotions(NullSpace(np.zeros(free.size), np.ones(free.size), null))
+    motions = list(
+        of_joints(list(joint_motions(free, [Tree("pose", names, parents)])), free, known)
+    )
+    rest = np.linalg.qr(null @ null_basis(known.coefficients.T, 0.5))[0]
+    others = sparsest(rest, null @ known.coefficients)
+    return np.column_stack([*(null @ motion.coefficients for motion in motions), others])
 
 
 @pytest.mark.parametrize("batch", few(range(4), 1))
@@ -96,11 +105,10 @@ def test_law_singular_values_and_names_agree(batch: int) -> None:
         law = rank_of_observed_joints(parents, joints, observed, translation=translation)
         assert law == rank, (batch, case)
 
-        found = named(J, parents, translation)
-        assert len(found) == J.shape[1] - rank, (batch, case)
-        assert {d.kind for d in found} <= {"entry", "twist", "joint", "mixed"}, (batch, case)
-        if found:
-            V = np.linalg.qr(np.column_stack([d.vector for d in found]))[0]
+        vectors = null_vectors(J, parents, translation)
+        assert vectors.shape[1] == J.shape[1] - rank, (batch, case)
+        if vectors.size:
+            V = np.linalg.qr(vectors)[0]
             null = Vt[rank:].T
             sine = np.linalg.norm(null - V @ (V.T @ null), 2)
             # null spaces of matrices that differ by rounding, eps max(m, n) s_1 at most, differ by

@@ -85,16 +85,16 @@ def joined(points: Sequence[Points], names: Sequence[str] | None = None) -> Poin
     """
     if not points:
         raise BadArgument("there are no points to join; give at least one")
-    labels = [label for some in points for label in _labels(some)]
+    labels = [label for each in points for label in _labels(each)]
     for name in names or ():
         if labels.count(name) != 1:
             raise BadArgument(
                 f"{labels.count(name)} points are called {name!r}; choose among {', '.join(labels)}"
             )
     places = range(len(labels)) if names is None else [labels.index(name) for name in names]
-    sources = tuple(some.source for some in points)
+    sources = tuple(each.source for each in points)
     order = np.array(places, dtype=np.int64)
-    return Points.of(_Joined(sources, order), " and ".join(some.name for some in points))
+    return Points.of(_Joined(sources, order), " and ".join(each.name for each in points))
 
 
 def _labels(points: Points) -> tuple[str, ...]:

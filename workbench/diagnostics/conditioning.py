@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 PARALLEL = 1e-8  # sine of the angle up to which columns are called parallel
 NEARLY_PARALLEL = 1e-3  # sine of the angle up to which columns are called nearly parallel
 MOST_LISTED = 20  # pairs, or entries of a direction
+MOST_WEAKEST = 3  # directions
 
 
 @dataclass(frozen=True)
@@ -51,16 +52,14 @@ class WeakestDirection:
     rows: tuple[int, ...]
 
 
-def parallel_columns(
-    here: Linearization, within: float = NEARLY_PARALLEL
-) -> tuple[ParallelPair, ...]:
-    """Pairs of columns whose angle has a sine of at most `within`, the nearest first."""
+def parallel_columns(here: Linearization) -> tuple[ParallelPair, ...]:
+    """Pairs of columns whose angle has a sine of at most 1e-3, the nearest first."""
     norms = here.column_norms
     read = np.flatnonzero(norms > 1e-14 * norms.max(initial=0.0))
     normal = here.columns(read).scaled(1 / norms[read]).normal
     stored = csc_array(normal) if isinstance(normal, np.ndarray) else by_nonzeros(normal)
     cosines = triu(stored, 1).tocoo()
-    near = abs(cosines.data) > np.sqrt(max(0.0, 1 - within**2)) - 1e-12
+    near = abs(cosines.data) > np.sqrt(max(0.0, 1 - NEARLY_PARALLEL**2)) - 1e-12
     i, j, size = cosines.row[near], cosines.col[near], abs(cosines.data[near])
     pairs = []
     for k in np.argsort(-size, kind="stable")[: 50 * MOST_LISTED]:
@@ -68,16 +67,18 @@ def parallel_columns(
         x, y = here.column(a) / norms[a], here.column(b) / norms[b]
         # a sine, because cosines of 1e-9 and 1e-10 are equal
         pairs.append(ParallelPair(a, b, float(min(norm(x - y), norm(x + y)))))
-    return tuple(sorted((p for p in pairs if p.sine <= within), key=lambda p: p.sine)[:MOST_LISTED])
+    return tuple(
+        sorted((p for p in pairs if p.sine <= NEARLY_PARALLEL), key=lambda p: p.sine)[:MOST_LISTED]
+    )
 
 
-def weakest(d: "Diagnosis", most: int = 3) -> tuple[WeakestDirection, ...]:
+def weakest(d: "Diagnosis") -> tuple[WeakestDirection, ...]:
     """The directions of the smallest singular values above the tolerance, under the constraints."""
     if d.sparse is not None:
-        here, vectors = d.sparse.here, d.sparse.weakest(most)[1]
+        here, vectors = d.sparse.here, d.sparse.weakest(MOST_WEAKEST)[1]
     else:
         here, spectrum = d.measured.here, d.measured.reduced.spectrum
-        smallest = slice(max(0, spectrum.rank - most), spectrum.rank)
+        smallest = slice(max(0, spectrum.rank - MOST_WEAKEST), spectrum.rank)
         vectors = spectrum.Vt[smallest][::-1].T
         vectors = d.measured.tangent @ vectors if len(d.measured.rows) else vectors
     directions = []

@@ -381,9 +381,9 @@ def diagnose(
     """
     from workbench.diagnostics.sequences import SequenceDiagnosis  # which diagnoses frames
 
-    d = _of(problem, at, priors, gauges, scales)
+    d = _diagnosis_of(problem, at, priors, gauges, scales)
     if not is_long(d.here.jacobian):
-        return _small_enough(d)
+        return _with_rank(d)
     if d.given_scales:
         raise BadArgument("a long sequence of frames chooses its own scales; leave them out")
     return SequenceDiagnosis(d.problem, d.values, d.here, d.priors, d.gauges)
@@ -398,10 +398,10 @@ def diagnose_whole(
     scales: Mapping[str, ArrayLike] | None = None,
 ) -> Diagnosis:
     """A diagnosis with singular values. Raises TooLarge for a long sequence."""
-    return _small_enough(_of(problem, at, priors, gauges, scales))
+    return _with_rank(_diagnosis_of(problem, at, priors, gauges, scales))
 
 
-def _of(
+def _diagnosis_of(
     problem: Problem,
     at: Mapping[str, ArrayLike],
     priors: str | Iterable[str],
@@ -420,9 +420,10 @@ def _of(
     )
 
 
-def _small_enough(d: Diagnosis) -> Diagnosis:
+def _with_rank(d: Diagnosis) -> Diagnosis:
+    """The diagnosis; raises TooLarge at once where its rank cannot be computed."""
     if d.here.by_frames:
         check_wide(d.here.jacobian)
     if d.here.finite and d.here.estimated:
-        _ = d.rank  # raises TooLarge at once, and not at the first question
+        _ = d.rank
     return d

@@ -294,6 +294,7 @@ def _are_points(cloud: Cloud, space: NullSpace) -> bool:
     Q = space.undone(maps, np.setdiff1d(np.arange(len(space.x)), cloud.places))
     each_map = np.eye(len(Q))
 
+    # turns about any point: with translations, and nothing else
     rigid = Q @ null_basis(Q[scale.start :], COMBINATION_TOLERANCE)
     rotation_undone = bool(np.linalg.norm(rigid[rotations]) > COMBINATION_TOLERANCE)
     if cloud.blocks[0].shape[-1] != d:  # a block for each coordinate

@@ -397,16 +397,9 @@ def turns(block: Block, places: Index, frames: Index | None) -> Generator:
     def columns(x: Array) -> Array:
         return np.asarray(inverse_left_jacobian(x[places].reshape(-1, 3)).reshape(-1, 3))
 
+    name, single = block.name, len(places) == 3
     segment = Segment("rotation", 3, lambda c: f"a rotation about {axis_of(c)}")
-    return Generator(
-        block.name,
-        (block.name,),
-        places,
-        columns,
-        (segment,),
-        others=frames,
-        needs_others=len(places) == 3,
-    )
+    return Generator(name, (name,), places, columns, (segment,), others=frames, needs_others=single)
 
 
 # Groups of numbers.

@@ -49,9 +49,8 @@ class JointNullMotion:
         v = np.linalg.norm(v.reshape(-1, free.size), axis=0)
         tree = self.tree
         least = (LIMB_TAKES_PART if self.kind == "joint" else least) * float(abs(v).max())
-        turned = [
-            k for k in range(len(tree.names)) if np.linalg.norm(v[tree.entries(k, free)]) > least
-        ]
+        turns = [float(np.linalg.norm(v[tree.entries(k, free)])) for k in range(len(tree.names))]
+        turned = [k for k, turn in enumerate(turns) if turn > least]
         names = tuple(tree.names[k] for k in turned)
         undone_by = self.undone_by
         if undone_by and np.linalg.norm(v[free.slices[undone_by]]) <= least:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from workbench.arrays import Array, Index
-from workbench.blocks import Layout, Tree
+from workbench.blocks import Layout
 from workbench.blocks.layout import in_units, signed
 from workbench.diagnostics.active_set import ConstrainedJacobian
 from workbench.diagnostics.bases import BY_LINEAR_PROGRAM, beyond, null_basis, sparsest
@@ -84,7 +84,7 @@ def null_directions(d: "Diagnosis") -> tuple[Direction, ...]:
         y = space.basis @ motion.coefficients
         y /= np.linalg.norm(y)
         v = _without_rounding(y, space.lengths, stacked, constrained.tolerance)
-        directions.append(_direction(motion, signed(v), stacked, d.here, d.free, d.scales.sizes))
+        directions.append(_direction(d, motion, signed(v)))
     return tuple(directions)
 
 
@@ -92,7 +92,7 @@ def _by_entries(d: "Diagnosis") -> Iterator[Direction]:
     """Null directions that are too many for names, each by its entries."""
     free, null = d.free, d.constrained.null
     for v in sparsest(null, np.zeros((len(null), 0))).T:
-        change, terms = float(np.linalg.norm(d.constrained.stacked.along(v))), ""
+        change = float(np.linalg.norm(d.constrained.stacked.along(v)))
         if np.count_nonzero(v) == 1:
             name = free.label(int(np.argmax(abs(v))))
             yield Direction(name, "entry", (), signed(v), change, f"+1 of {name}")
@@ -128,24 +128,8 @@ def weak_directions(d: "Diagnosis") -> tuple[Direction, ...]:
     directions = []
     for motion in motions:
         v = signed(weak @ motion.coefficients) * sizes
-        directions.append(_direction(motion, v, d.constrained.stacked, d.here, d.free, sizes))
+        directions.append(_direction(d, motion, v))
     return tuple(sorted(directions, key=lambda direction: direction.change))
-
-
-def named_by_joints(
-    basis: Array,
-    free: Layout,
-    trees: Sequence[Tree],
-    here: Linearization,
-    tolerance: float = NEARLY_INSIDE,
-) -> tuple[Direction, ...]:
-    """Directions that span an orthonormal basis (n, d), by the motions of joints near to them."""
-    space = NullSpace(np.zeros(free.size), np.ones(free.size), basis, tolerance)
-    known = KnownMotions(space)
-    motions = list(of_joints(list(joint_motions(free, trees)), free, known))
-    rest = _sparse(space, null_basis(known.coefficients.T, 0.5), known.coefficients)
-    motions += [GaugeMotion("mixed", "", a) for a in rest.T]
-    return tuple(_direction(m, signed(basis @ m.coefficients), here, here, free) for m in motions)
 
 
 def null_space(d: "Diagnosis") -> NullSpace:
@@ -315,18 +299,11 @@ def _change_at_one_scale(d: "Diagnosis", v: Array) -> float:
     return float(np.linalg.norm(after - before) / max(1.0, float(np.linalg.norm(before))))
 
 
-def _direction(
-    motion: GaugeMotion,
-    v: Array,
-    stacked: Linearization,
-    here: Linearization,
-    free: Layout,
-    scales: Array | None = None,
-) -> Direction:
-    """A motion as a vector v (n,) of the unknowns; constraints are rows of `stacked`."""
-    terms = in_units(v, free, here.column_norms, scales=scales)
+def _direction(d: "Diagnosis", motion: GaugeMotion, v: Array) -> Direction:
+    """A motion as a vector v (n,) of the unknowns."""
+    terms = in_units(v, d.free, d.here.column_norms, scales=d.scales.sizes)
     name = f"{motion.name}{terms}" if motion.name.endswith(": ") else motion.name or terms
-    change = float(np.linalg.norm(stacked.along(v)))
+    change = float(np.linalg.norm(d.constrained.stacked.along(v)))
     return Direction(name, motion.kind, motion.joints, v, change, terms)
 
 

@@ -87,7 +87,7 @@ class SingleFrames:
         """
         if not 0 <= t < self.count:
             raise BadArgument(f"there is no frame {t}: the {self.count} frames count from 0")
-        own = [one for r in self.problem.residuals for s, one in r.by_frame if s == t]
+        own = [of_frame for r in self.problem.residuals for s, of_frame in r.by_frame if s == t]
         if not own:
             raise BadArgument(f"frame {t} has no residuals of its own, and so no diagnosis")
         known = self.problem.known
@@ -350,7 +350,8 @@ class SequenceDiagnosis:
         if not missing:
             return []
         title = f"{counted(missing, 'null direction')} (no residual changes along them):"
-        return [title, *(f"  {one.described(self.count)}" for one in self.null_directions)]
+        names = [direction.described(self.count) for direction in self.null_directions]
+        return [title, *(f"  {name}" for name in names)]
 
     def _shared_unknowns(self) -> Iterator[str]:
         known, T = self.shared, self.count
@@ -413,7 +414,7 @@ class SequenceDiagnosis:
             "rank": self.rank,
             "tolerance": self.tolerance,
             "null_directions": [
-                {"directions": one.count, **vars(one)} for one in self.null_directions
+                {"directions": named.count, **vars(named)} for named in self.null_directions
             ],
             "shared": [
                 {

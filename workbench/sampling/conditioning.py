@@ -166,12 +166,12 @@ def prior_deviations(
     nothing is known beforehand. Raises UnknownName for a prior that is no residual.
     """
     here = problem.linearize(at)
-    named = entries(problem.free, names)
+    places = entries(problem.free, names)
     of_priors = here.dense[problem.rows_named(tuple(priors))]
     J = np.vstack([of_priors, rows_between(problem.lower, problem.upper, np.sqrt(12))])
     if not len(J):
-        return np.full(len(named), np.inf)
-    return np.asarray(np.sqrt(np.diag(Linearization(np.zeros(len(J)), J).covariance))[named])
+        return np.full(len(places), np.inf)
+    return _deviations(J)[places]
 
 
 def contraction(sd: Array, before: Array) -> Array:

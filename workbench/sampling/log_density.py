@@ -43,13 +43,11 @@ class LogDensity:
 
         The gradient does not know of bounds, constraints and domains.
         """
-        x = self.subspace.points(z)
+        space, x = self.subspace, self.subspace.points(z)
         with np.errstate(all="ignore"):
-            if self.subspace.entries_only:
-                cost, slope = self._slopes_of_entries(z)
-            else:
-                cost, slope = self._slopes_of_all(x)
-                slope = slope @ self.subspace.along
+            cost, slope = self._gradients(z if space.entries_only else x)
+            if not space.entries_only:
+                slope = slope @ space.along
         positive = np.isfinite(cost) & self.allows(x)
         finite = np.asarray(np.isfinite(slope).all(axis=1))
         return np.where(positive, -cost, -np.inf), np.where(finite[:, None], -slope, 0.0)
@@ -99,13 +97,11 @@ class LogDensity:
         return self.problem.costs(self.subspace.origin, self.fixed, None, self.way)
 
     @cached_property
-    def _slopes_of_entries(self) -> CostGradients:
+    def _gradients(self) -> CostGradients:
+        """Costs and their gradients by z, or by all free numbers where the rest moves with z."""
         space = self.subspace
-        return self.problem.cost_gradients(space.origin, self.fixed, space.entries)
-
-    @cached_property
-    def _slopes_of_all(self) -> CostGradients:
-        return self.problem.cost_gradients(self.subspace.origin, self.fixed, None)
+        entries = space.entries if space.entries_only else None
+        return self.problem.cost_gradients(space.origin, self.fixed, entries)
 
 
 def refuse_undefined(problem: Problem, fixed_values: Array, x: Array) -> None:

@@ -187,10 +187,9 @@ def _constrained(target: LogDensity, start: Array, residual: Vector, jacobian: V
     lengths = np.linalg.norm(jacobian(start), axis=0)
     scale = 1 / np.where(lengths > 0, lengths, 1.0)
     G, low, high = dependent_bounds(target)
-    gap = [
-        INSIDE * np.maximum(1.0, np.where(np.isfinite(side), abs(side), 0)) for side in (low, high)
-    ]
-    low, high = low + gap[0], high - gap[1]
+    sizes = [np.where(np.isfinite(side), abs(side), 0) for side in (low, high)]
+    low = low + INSIDE * np.maximum(1.0, sizes[0])
+    high = high - INSIDE * np.maximum(1.0, sizes[1])
     moving = np.zeros(0, dtype=bool)
     if constraints is not None:
         moving = ~constraints.equal  # an equation between numbers that stay is no matter of z
@@ -202,9 +201,8 @@ def _constrained(target: LogDensity, start: Array, residual: Vector, jacobian: V
         z = start + scale * u
         c = G @ z
         if constraints is not None:
-            c = np.concatenate(
-                [constraints.values(space.points(z[None])[0], target.fixed)[moving], c]
-            )
+            values = constraints.values(space.points(z[None])[0], target.fixed)
+            c = np.concatenate([values[moving], c])
         return np.concatenate([(c - low)[below], (high - c)[above]])
 
     def margins_jacobian(u: Array) -> Array:

@@ -134,20 +134,20 @@ class Posterior:
         The checks: is there a posterior at all; have the chains mixed; do the draws miss a mode;
         does Laplace's Gaussian fit; are intervals narrow because numbers are held fixed?
         """
-        of = self if self.whole is None else self.whole
-        if of.improper:
-            return Usability.IMPROPER, of.improper
-        verdict, why = of.mixing.judgement
+        judged = self if self.whole is None else self.whole
+        if judged.improper:
+            return Usability.IMPROPER, judged.improper
+        verdict, why = judged.mixing.judgement
         if verdict is not Usability.USABLE:
             return verdict, why
-        if of.missed_mode is not None:
-            mode_share, draws_share = of.missed_mode
+        if judged.missed_mode is not None:
+            mode_share, draws_share = judged.missed_mode
             return Usability.MODE_MISSED, (
                 f"least squares finds another mode with {mode_share:.0%} of the mass (by Laplace's "
                 f"approximation), where {draws_share:.1%} of the draws are. "
             ) + (
                 "Laplace's approximation is of one mode; draw with `sample`"
-                if of.mixing.exact
+                if judged.mixing.exact
                 else "Begin at the other mode and compare, or add what tells the modes apart"
             )
         if self.importance is not None and not self.importance.holds:
@@ -167,9 +167,10 @@ class Posterior:
         Nothing is known where a kernel or a mixture makes rows other than Gaussian, nor of long
         sequences.
         """
-        problem, of = self.problem, self if self.whole is None else self.whole
+        problem, judged = self.problem, self if self.whole is None else self.whole
         x, fixed_values = problem.split(self.given)
-        here = problem.linearize_at(of.subspace.points(of.modes[0].z[None])[0], fixed_values)
+        mode = judged.subspace.points(judged.modes[0].z[None])[0]
+        here = problem.linearize_at(mode, fixed_values)
         robust = [r for r in problem.residuals if r.kernel is not quadratic or r.components]
         if robust or here.by_frames:
             return ""

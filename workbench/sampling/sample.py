@@ -192,21 +192,10 @@ def sample(
     with limited_threads():
         subspace = subspace_of(problem, x, fixed_values, names, rest)
         refuse_flat(problem, fixed_values, subspace)
-        k = subspace.size
-        walkers = max(64, 2 * (k + 11)) if walkers is None else walkers
-        if walkers < 2 * k or walkers < 4 or walkers % 2:
-            raise BadArgument(
-                f"{walkers} walkers cannot move in {k} dimensions; give an even number, "
-                f"{max(4, 2 * k)} or more"
-            )
-        for name, value in (("steps", steps), ("ensembles", ensembles)):
-            if value < 1:
-                raise BadArgument(f"{name} must be 1 or more, not {value}")
-        thin = thinning(walkers, ensembles, steps, k) if thin is None else thin
-        if not 1 <= thin <= steps:
-            raise BadArgument(f"every {thin}th of {steps} steps cannot be kept; give 1 to {steps}")
-        plan = SamplerSettings(walkers, ensembles, steps, thin, seed, whole=not stop_when_usable)
-        worth_compiling = walkers * ensembles * steps >= WORTH_COMPILING
+        plan = _settings(
+            subspace.size, walkers, ensembles, steps, thin, seed, whole=not stop_when_usable
+        )
+        worth_compiling = plan.walkers * ensembles * steps >= WORTH_COMPILING
         way = compiled if worth_compiling else interpreted
         target = LogDensity(problem, fixed_values, subspace, way)
         _refuse_no_density(target)
@@ -224,6 +213,32 @@ def sample(
             remedy = f"take {LEAST_STEPS:,} steps or more, so that all free numbers are sampled"
             return replace(posterior, importance=replace(importance, remedy=remedy))
         return _with_the_rest(target, posterior, plan, callback)
+
+
+def _settings(
+    k: int,
+    walkers: int | None,
+    ensembles: int,
+    steps: int,
+    thin: int | None,
+    seed: int,
+    *,
+    whole: bool,
+) -> SamplerSettings:
+    """How to sample k entries; raises BadArgument for numbers that make no sense."""
+    walkers = max(64, 2 * (k + 11)) if walkers is None else walkers
+    if walkers < 2 * k or walkers < 4 or walkers % 2:
+        raise BadArgument(
+            f"{walkers} walkers cannot move in {k} dimensions; give an even number, "
+            f"{max(4, 2 * k)} or more"
+        )
+    for name, value in (("steps", steps), ("ensembles", ensembles)):
+        if value < 1:
+            raise BadArgument(f"{name} must be 1 or more, not {value}")
+    thin = thinning(walkers, ensembles, steps, k) if thin is None else thin
+    if not 1 <= thin <= steps:
+        raise BadArgument(f"every {thin}th of {steps} steps cannot be kept; give 1 to {steps}")
+    return SamplerSettings(walkers, ensembles, steps, thin, seed, whole)
 
 
 def _refuse_no_density(target: LogDensity) -> None:

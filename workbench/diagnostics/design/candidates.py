@@ -9,7 +9,6 @@ Design of Experiments, 2006.
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import pairwise
 
 import casadi as cs
 import numpy as np
@@ -47,10 +46,10 @@ class Candidate:
     values: Values = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        one = isinstance(self.residuals, Residual)
+        single = isinstance(self.residuals, Residual)
         residuals = several(
             "the residuals of a candidate",
-            (self.residuals,) if one else self.residuals,
+            (self.residuals,) if single else self.residuals,
             Residual,
             BadArgument,
         )
@@ -62,7 +61,7 @@ class Candidate:
     @property
     def reads(self) -> tuple[str, ...]:
         """Names of the blocks that its residuals read."""
-        return tuple(dict.fromkeys(name for one in self.residuals for name in one.reads))
+        return tuple(dict.fromkeys(name for r in self.residuals for name in r.reads))
 
 
 Given = Mapping[str, Residual | Sequence[Residual] | Candidate]
@@ -71,11 +70,11 @@ Given = Mapping[str, Residual | Sequence[Residual] | Candidate]
 def checked(candidates: Given) -> dict[str, Candidate]:
     """Every candidate as a Candidate. Raises BadArgument for none, and for what is none."""
     by_name = {}
-    for name, one in mapping("the candidates", candidates).items():
+    for name, candidate in mapping("the candidates", candidates).items():
         if not isinstance(name, str):
             raise BadArgument(f"the name of a candidate must be a string, not {name!r:.40}")
         try:
-            by_name[name] = one if isinstance(one, Candidate) else Candidate(one)
+            by_name[name] = candidate if isinstance(candidate, Candidate) else Candidate(candidate)
         except BadArgument as error:
             raise BadArgument(f"candidate {name!r}: {error}") from error
     if not by_name:
@@ -87,35 +86,34 @@ def rows_of(
     problem: Problem,
     candidates: Mapping[str, Candidate],
     values: Mapping[str, ArrayLike],
-    known_problems: dict[object, Problem],
+    cache: dict[object, Problem],
 ) -> dict[str, Array]:
     """The whitened rows (m, n) of each candidate by the problem's unknowns, at these values.
 
-    `known_problems` keeps the problems of residuals for the next point. Raises UnknownName for one
-    that reads a block of no known value, and NotFinite for one whose rows hold NaN or infinity.
+    `cache` keeps the problems that are made of residuals for the next point. Raises UnknownName for
+    a candidate that reads a block of no known value, and NotFinite for one whose rows hold NaN or
+    infinity.
     """
-    for name, one in candidates.items():
-        known = dict(values) | dict(one.values)
-        for block in one.reads:
+    for name, candidate in candidates.items():
+        known = dict(values) | dict(candidate.values)
+        for block in candidate.reads:
             if block not in known:
                 more = (
                     f"candidate {name!r} reads it; write the name of a block of the problem, or "
                     "give it a value"
                 )
                 raise UnknownName("block", block, known, more=more)
-    plain = {name: one for name, one in candidates.items() if not one.values}
-    several = [residual for one in plain.values() for residual in one.residuals]
-    J = (
-        _by_unknowns(problem, several, values, known_problems)
-        if plain
-        else np.zeros((0, problem.free.size))
-    )
-    edges = np.cumsum([0, *(sum(r.size for r in one.residuals) for one in plain.values())])
-    rows = {name: J[slice(*edge)] for name, edge in zip(plain, pairwise(edges), strict=True)}
-    for name, one in candidates.items():
+    plain = {name: candidate for name, candidate in candidates.items() if not candidate.values}
+    rows: dict[str, Array] = {}
+    if plain:  # all in one problem
+        residuals = [residual for candidate in plain.values() for residual in candidate.residuals]
+        sizes = [sum(r.size for r in candidate.residuals) for candidate in plain.values()]
+        J = _by_unknowns(problem, residuals, values, cache)
+        rows |= zip(plain, np.split(J, np.cumsum(sizes)[:-1]), strict=True)
+    for name, candidate in candidates.items():
         if name not in plain:
-            at = dict(values) | dict(one.values)
-            rows[name] = _by_unknowns(problem, one.residuals, at, known_problems)
+            at = dict(values) | dict(candidate.values)
+            rows[name] = _by_unknowns(problem, candidate.residuals, at, cache)
         if not np.isfinite(rows[name]).all():
             raise NotFinite(
                 f"candidate {name!r} has NaN or infinity in its Jacobian here; a camera may be "
@@ -128,18 +126,16 @@ def _by_unknowns(
     problem: Problem,
     residuals: Sequence[Residual],
     values: Mapping[str, ArrayLike],
-    known_problems: dict[object, Problem],
+    cache: dict[object, Problem],
 ) -> Array:
     """The whitened rows (m, n) of some residuals by the problem's unknowns."""
     key = tuple(id(residual) for residual in residuals)
-    if key not in known_problems:
+    if key not in cache:
         reads = {name for residual in residuals for name in residual.reads}
         free = [n for n in problem.free.spelled() if block_of(n, problem.free.names) in reads]
         numbered = [replace(r, name=f"{r.name} {i}") for i, r in enumerate(residuals)]
-        known_problems[key] = Problem(
-            numbered, free or sorted(reads)[:1], blocks=problem.known.values()
-        )
-    alone = known_problems[key]
+        cache[key] = Problem(numbered, free or sorted(reads)[:1], blocks=problem.known.values())
+    alone = cache[key]
     J = alone.linearize(values).dense
     rows = np.zeros((len(J), problem.free.size))
     for block in alone.free.blocks:
@@ -159,10 +155,10 @@ def with_candidates(problem: Problem, candidates: Given, names: Iterable[str]) -
     for name in texts("the names of candidates", names):
         if name not in known:
             raise UnknownName("candidate", name, known)
-        one = known[name]
-        for i, residual in enumerate(one.residuals):
-            called = f"{name} ({i + 1})" if len(one.residuals) > 1 else name
-            added.append(_with_constants(replace(residual, name=called), one.values))
+        candidate = known[name]
+        for i, residual in enumerate(candidate.residuals):
+            called = f"{name} ({i + 1})" if len(candidate.residuals) > 1 else name
+            added.append(_with_constants(replace(residual, name=called), candidate.values))
     return with_more(problem, added)
 
 

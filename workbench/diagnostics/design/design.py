@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -32,6 +32,7 @@ from workbench.diagnostics.design.search import (
     searched,
 )
 from workbench.diagnostics.diagnosis import Diagnosis, diagnose
+from workbench.diagnostics.scales import Scales
 from workbench.errors import BadArgument, some_of
 from workbench.problem import Problem
 
@@ -139,11 +140,11 @@ class MeasurementDesign:
         ]
         if self.unit == SCALES:
             lines.append("  the characteristic scales are")
-            lines += [f"    {one}" for one in self.scale_words.split("; ")]
+            lines += [f"    {words}" for words in self.scale_words.split("; ")]
         if self.undetermined:
             lines.append(f"  nothing determines {some_of(self.undetermined)}")
         lines += [f"EACH CANDIDATE BY ITSELF ({self.unit}; gain in nats)"]
-        width = max(len(one.name) for one in self.ranking)
+        width = max(len(ranked.name) for ranked in self.ranking)
         for place, ranked in enumerate(self.ranking[:MOST_SHOWN], 1):
             sees = f", sees {ranked.sees} undetermined directions" if ranked.sees else ""
             sd = self._in_words(ranked.score)
@@ -238,37 +239,20 @@ def design(
     known, several = checked(candidates), _points(values)
     if not isinstance(choose, (int, np.integer)) or not 1 <= choose <= len(known):
         raise BadArgument(f"1 to {len(known)} of the candidates can be chosen, not {choose}")
-    names, sizes, words, unit = tuple(known), [], "", ""
-    before, gradients, rows = [], [], []
-    known_problems: dict[object, Problem] = {}
-    for at in several:
-        point = _point(problem, at)
-        scales, words = point.scales.sizes, words or str(point.scales)
-        gradient, unit = _gradients(problem, criterion, at, scales, known_problems)
-        seen = rows_of(problem, known, at, known_problems)
-        left = directions_left(point, scales)
-        if left is not None:
-            gradient = combinations_left(gradient, left)
-            if not gradient.shape[1]:
-                raise BadArgument(
-                    "equations hold all that matters, so that no candidate adds to it"
-                )
-        before.append(Uncertainty.of(point.here.scaled(scales), left))
-        gradients.append(gradient)
-        rows.append({name: A * scales for name, A in seen.items()})
-        sizes.append(scales)
+    names, cache = tuple(known), dict[object, Problem]()
+    points = [_at_point(problem, known, criterion, at, cache) for at in several]
     board = Board(
-        tuple(before),
-        tuple(gradients),
+        tuple(point.before for point in points),
+        tuple(point.gradients for point in points),
         criterion.size,
-        tuple(tuple(each[name] for each in rows) for name in names),
+        tuple(tuple(point.rows[name] for point in points) for name in names),
     )
     chosen, how = searched(board, int(choose), progress)
     directions = diagnose(problem, several[0]).null_directions if null(board.before) else ()
     return MeasurementDesign(
         criterion.name,
-        unit,
-        words,
+        points[-1].unit,
+        str(points[0].scales),
         len(several),
         board.score(board.before),
         _ranking(board, names),
@@ -277,10 +261,43 @@ def design(
         how,
         tuple(direction.name for direction in directions),
         problem.free,
-        np.stack(sizes),
+        np.stack([point.scales.sizes for point in points]),
         board.before,
         board.measuring(chosen),
     )
+
+
+class _AtPoint(NamedTuple):
+    """What a design needs to know at one point, with unknowns in their characteristic scales."""
+
+    before: Uncertainty
+    gradients: Array  # (n, q) of what matters
+    unit: str  # of what matters
+    rows: dict[str, Array]  # the whitened rows (m, n) of each candidate
+    scales: Scales
+
+
+def _at_point(
+    problem: Problem,
+    candidates: Mapping[str, Candidate],
+    criterion: Criterion,
+    at: Values,
+    cache: dict[object, Problem],
+) -> _AtPoint:
+    frozen = problem.frozen(at)
+    here = linearized(frozen, at)
+    check_finite(here)
+    d = Diagnosis(frozen, frozen.read(at), here)
+    sizes = d.scales.sizes
+    gradients, unit = _gradients(problem, criterion, at, sizes, cache)
+    rows = rows_of(problem, candidates, at, cache)
+    left = directions_left(d, sizes)
+    if left is not None:
+        gradients = combinations_left(gradients, left)
+        if not gradients.shape[1]:
+            raise BadArgument("equations hold all that matters, so that no candidate adds to it")
+    before = Uncertainty.of(here.scaled(sizes), left)
+    return _AtPoint(before, gradients, unit, {n: A * sizes for n, A in rows.items()}, d.scales)
 
 
 def _points(values: object) -> list[Values]:
@@ -290,26 +307,19 @@ def _points(values: object) -> list[Values]:
     return list(several)
 
 
-def _point(problem: Problem, at: Values) -> Diagnosis:
-    held = problem.frozen(at)
-    here = linearized(held, at)
-    check_finite(here)
-    return Diagnosis(held, held.read(at), here)
-
-
 def _gradients(
     problem: Problem,
     criterion: Criterion,
     at: Values,
     scales: Array,
-    known_problems: dict[object, Problem],
+    cache: dict[object, Problem],
 ) -> tuple[Array, str]:
     """Columns (n, q) of what matters, by unknowns in their scales, and their unit."""
     quantity = criterion.quantity
     if quantity is None:
         return criterion.gradients(problem.free, scales)
-    one = {quantity.name: Candidate((quantity.residual,))}
-    rows = rows_of(problem, one, at, known_problems)[quantity.name]
+    measured = {quantity.name: Candidate((quantity.residual,))}
+    rows = rows_of(problem, measured, at, cache)[quantity.name]
     if not rows.any():
         raise BadArgument(
             f"no free number changes {quantity.name} here, so no candidate can tell more about it"
@@ -325,4 +335,4 @@ def _ranking(board: Board, names: tuple[str, ...]) -> tuple[Ranked, ...]:
         sees = null(board.before) - null(state)
         nats = [u.nats(A) for u, A in zip(board.before, board.rows[i], strict=True)]
         ranking.append(Ranked(name, board.score(state), float(np.mean(nats)), sees))
-    return tuple(sorted(ranking, key=lambda one: one.score))
+    return tuple(sorted(ranking, key=lambda ranked: ranked.score))
